@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: MIT
+# sinew_target(NAME): the compile options every target of this project shares.
+
+find_program(SINEW_CCACHE ccache)
+if(SINEW_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${SINEW_CCACHE})
+endif()
+
+function(sinew_target name)
+  target_compile_features(${name} PUBLIC cxx_std_20)
+  target_compile_options(${name} PRIVATE
+    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Woverloaded-virtual
+    # Results are hashed and compared bit for bit, so the compiler may not fuse multiplications and additions on its own.
+    -ffp-contract=off
+    $<$<BOOL:${SINEW_WARNINGS_AS_ERRORS}>:-Werror>)
+  if(SINEW_SANITIZE)
+    target_compile_options(${name} PRIVATE -fsanitize=${SINEW_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    target_link_options(${name} PUBLIC -fsanitize=${SINEW_SANITIZE})
+  endif()
+endfunction()

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: MIT
+//
+// The fixed-layout records of a package. One struct per section; docs/package-format.md describes the same bytes for
+// readers in other languages. Little-endian, IEEE 754, no implicit padding. SI units, right-handed, y up; positions
+// are relative to BodyInfo::origin.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+
+namespace sinew::formats {
+
+static_assert(std::endian::native == std::endian::little, "packages are used in place: a big-endian host needs a byte-swapping reader");
+
+inline constexpr std::array<char, 8> kMagic = {'S', 'I', 'N', 'E', 'W', '\r', '\n', '\x1a'};
+inline constexpr std::size_t kSectionAlignment = 64;
+inline constexpr std::uint32_t kNone = 0xffffffffU;  ///< "no such index" in every index field that allows it
+
+constexpr std::uint32_t fourcc(const char (&text)[5]) {
+  return std::uint32_t(std::uint8_t(text[0])) | std::uint32_t(std::uint8_t(text[1])) << 8 |
+         std::uint32_t(std::uint8_t(text[2])) << 16 | std::uint32_t(std::uint8_t(text[3])) << 24;
+}
+
+/// Bits of Header::features: what a package holds. A loader that lacks a bit it sees refuses the package.
+enum Feature : std::uint64_t {
+  kFeatureTetrahedra = 1U << 0,
+  kFeatureQuadratic = 1U << 1,           ///< at least one quadratic cluster (section AQQ9)
+  kFeatureVisual = 1U << 2,              ///< visual mesh sections
+  kFeatureBarycentric = 1U << 3,         ///< section ATBC
+  kFeatureClusterAttachment = 1U << 4,   ///< sections ATCR, ATCW
+  kFeatureIdentity = 1U << 5,            ///< sections VSRC, SVTX, SVLS, SMSH
+  kFeatureGroups = 1U << 6,              ///< sections GRUP, GRPV
+  kFeatureTextures = 1U << 7,            ///< sections VTEX, TEXB
+};
+
+struct Header {
+  std::array<char, 8> magic;
+  std::uint32_t format_version;
+  std::uint32_t header_bytes;     ///< sizeof(Header)
+  std::uint64_t features;         ///< OR of Feature
+  std::uint64_t total_bytes;      ///< size of the file
+  std::uint32_t section_count;
+  std::uint32_t reserved0;        ///< 0
+  std::uint64_t checksum;         ///< XXH3-64, seed 0, of header (this field as 0) followed by the section table
+  std::array<std::uint64_t, 2> reserved1;  ///< 0
+};
+static_assert(sizeof(Header) == 64);
+
+enum SectionFlag : std::uint32_t {
+  kSectionRequired = 1U << 0,  ///< a reader that does not know this section must refuse the package
+};
+
+/// The table follows the header at once; entries are in file order, and sections tile the rest of the file: each starts
+/// where the one before ended (rounded up to 64), the first right behind the table (rounded up to 64).
+struct SectionEntry {
+  std::uint32_t id;             ///< fourcc
+  std::uint32_t flags;          ///< OR of SectionFlag
+  std::uint64_t offset;         ///< from the start of the file; a multiple of 64
+  std::uint64_t bytes;          ///< element_count * element_bytes; the rest up to the next multiple of 64 is zero
+  std::uint64_t element_count;
+  std::uint32_t element_bytes;
+  std::uint32_t reserved0;      ///< 0
+  std::uint64_t checksum;       ///< XXH3-64, seed 0, of `bytes` rounded up to 64 (so padding is covered too)
+  std::array<std::uint64_t, 2> reserved1;  ///< 0
+};
+static_assert(sizeof(SectionEntry) == 64);
+
+/// A piece of the STRS section: UTF-8, not terminated.
+struct StringRef {
+  std::uint32_t offset;
+  std::uint32_t bytes;
+};
+static_assert(sizeof(StringRef) == 8);
+
+/// INFO, required, one record.
+struct BodyInfo {
+  std::array<double, 3> origin;        ///< metres, world position that all positions here are relative to
+  double metres_per_unit;              ///< metres per unit of length of the source
+  std::array<float, 3> bounds_min;     ///< of the visual vertices (physical ones where there is no visual mesh), metres
+  std::array<float, 3> bounds_max;
+  float diagonal;                      ///< of those bounds, metres, > 0
+  float total_mass;                    ///< kg
+  float density;                       ///< kg/m^3 that the masses were made with
+  float physical_volume;               ///< of the tetrahedra, m^3
+  float source_volume;                 ///< enclosed by the source's surface, m^3; negative where it is not defined
+  float max_rest_error;                ///< largest distance of an attached visual vertex from its rest position / diagonal
+  float min_dihedral_deg;
+  float max_dihedral_deg;
+  std::uint32_t inverted_tetrahedra;   ///< 0 in a package that `sinew bake` wrote
+  std::uint32_t reserved0;
+  StringRef name;                      ///< of the body
+  StringRef tool_version;
+  StringRef source_file;               ///< file name without folder
+  StringRef unit_source;               ///< where metres_per_unit came from, one sentence
+  StringRef settings_json;             ///< every setting of the bake as a JSON object
+};
+static_assert(sizeof(BodyInfo) == 136);
+
+/// BODY, required: separate bodies of one source, in order; together they cover all vertices, tetrahedra and clusters.
+struct BodyRange {
+  std::uint32_t first_vertex, vertex_count;
+  std::uint32_t first_tetrahedron, tetrahedron_count;
+  std::uint32_t first_cluster, cluster_count;
+  StringRef name;
+};
+static_assert(sizeof(BodyRange) == 32);
+
+/// PVTX, required: physical vertices.
+struct PhysicalVertex {
+  std::array<float, 3> rest_position;
+  float mass;  ///< kg, > 0
+};
+static_assert(sizeof(PhysicalVertex) == 16);
+
+/// TETS: four physical vertices, positively oriented: (b-a) x (c-a) . (d-a) > 0.
+struct Tetrahedron {
+  std::array<std::uint32_t, 4> vertex;
+};
+static_assert(sizeof(Tetrahedron) == 16);
+
+enum class ClusterMode : std::uint32_t { rigid = 0, linear = 1, quadratic = 2 };
+
+/// CLUS, required. Symbols as in docs/method.md §1. Lengths inside a cluster are divided by `radius`, so that q is
+/// unit-free and of order one; moments use mu normalized to sum to 1 within the cluster.
+struct Cluster {
+  StringRef name;
+  ClusterMode mode;
+  std::uint32_t body;                   ///< index into BODY
+  std::uint32_t first_member;           ///< into MEMB
+  std::uint32_t member_count;
+  std::array<float, 3> rest_center;     ///< c0, metres
+  float radius;                         ///< metres, > 0
+  float mass;                           ///< sum of m_i w_ic / W_i, kg
+  float alpha;                          ///< 0..1 for a step of 1/60 s: how much of the way to the goal a vertex goes
+  float stretch_hz;                     ///< frequency of stretch and shear, Hz; infinity = rigid, 0 = no return
+  float bend_hz;                        ///< of the squares
+  float twist_hz;                       ///< of the cross terms
+  std::uint32_t quadratic;              ///< index into AQQ9, kNone unless mode is quadratic
+  std::array<float, 6> quadratic_mean;  ///< mu-weighted means of qx^2 qy^2 qz^2 qxqy qyqz qzqx: subtracted to centre them
+  std::array<float, 6> a_qq;            ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
+};
+static_assert(sizeof(Cluster) == 112);
+
+/// MEMB, required: the members of all clusters, cluster by cluster, vertices ascending within one.
+struct Membership {
+  std::uint32_t vertex;  ///< physical vertex
+  float mu;              ///< mu_ic / sum over the cluster: sums to 1 in each cluster
+  float share;           ///< w_ic / W_i: sums to 1 over the clusters of a vertex
+};
+static_assert(sizeof(Membership) == 12);
+
+/// AQQ9: pseudo-inverse of the 9x9 moment of centred q~, lower triangle row by row (00 10 11 20 21 22 ...).
+struct QuadraticMoment {
+  std::array<float, 45> a_qq;
+};
+static_assert(sizeof(QuadraticMoment) == 180);
+
+// Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
+using Float3 = std::array<float, 3>;   ///< VPOS (metres, relative to origin), VNRM (unit)
+using Float2 = std::array<float, 2>;   ///< VUV0: u right, v up (0,0 = bottom left of the picture)
+using Color8 = std::array<std::uint8_t, 4>;     ///< VCOL: RGBA
+using Triangle = std::array<std::uint32_t, 3>;  ///< VTRI: visual vertices, counter-clockwise from outside
+
+/// VSUB: runs of triangles that share a material.
+struct SubMesh {
+  StringRef name;                ///< node and mesh of the source
+  std::uint32_t material;        ///< into VMAT, or kNone
+  std::uint32_t first_triangle;
+  std::uint32_t triangle_count;
+  std::uint32_t reserved0;
+};
+static_assert(sizeof(SubMesh) == 24);
+
+enum MaterialFlag : std::uint32_t { kMaterialDoubleSided = 1U << 0 };
+
+/// VMAT.
+struct Material {
+  StringRef name;
+  std::array<float, 4> base_color;  ///< linear RGBA, 0..1
+  std::uint32_t texture;            ///< into VTEX, or kNone
+  std::uint32_t flags;              ///< OR of MaterialFlag
+};
+static_assert(sizeof(Material) == 32);
+
+/// VTEX: a picture file (PNG, JPEG, ...) as the source had it; its bytes are TEXB[offset .. offset+bytes).
+struct Texture {
+  StringRef name;
+  StringRef mime;
+  std::uint64_t offset;
+  std::uint64_t bytes;
+};
+static_assert(sizeof(Texture) == 32);
+
+/// ATBC: barycentric attachment. x = x3 + sum_k weight[k] (x_k - x3) over the tetrahedron's vertices; weights lie
+/// outside 0..1 where the visual vertex lies outside its tetrahedron.
+struct BarycentricAttachment {
+  std::uint32_t tetrahedron;
+  std::array<float, 3> weight;
+};
+static_assert(sizeof(BarycentricAttachment) == 16);
+
+/// ATCR: the run of ATCW that attaches a visual vertex to clusters: x = sum w (F_c q~_c(X) + c_c), X = VPOS.
+struct ClusterAttachmentRange {
+  std::uint32_t first;
+  std::uint32_t count;
+};
+static_assert(sizeof(ClusterAttachmentRange) == 8);
+
+/// ATCW.
+struct ClusterAttachment {
+  std::uint32_t cluster;
+  float weight;  ///< sums to 1 for each visual vertex
+};
+static_assert(sizeof(ClusterAttachment) == 8);
+
+/// VSRC: where a visual vertex comes from.
+struct VisualIdentity {
+  std::uint32_t source_vertex;  ///< number in the source, counted over its meshes in SMSH's order
+  std::uint32_t welded;         ///< number of the point it was welded into (by position)
+};
+static_assert(sizeof(VisualIdentity) == 8);
+
+/// SVTX: the reverse, per source vertex. A source vertex no face uses has visual_count 0 and welded kNone.
+struct SourceIdentity {
+  std::uint32_t welded;
+  std::uint32_t first_visual;  ///< into SVLS (u32: visual vertices)
+  std::uint32_t visual_count;
+};
+static_assert(sizeof(SourceIdentity) == 12);
+
+/// SMSH: meshes of the source, by the names the artist gave.
+struct SourceMesh {
+  StringRef name;
+  std::uint32_t first_source_vertex;
+  std::uint32_t source_vertex_count;
+};
+static_assert(sizeof(SourceMesh) == 16);
+
+/// GRUP: named groups of the source; members (visual vertices) are GRPV[first .. first+count), ascending.
+struct Group {
+  StringRef name;
+  std::uint32_t first;
+  std::uint32_t count;
+};
+static_assert(sizeof(Group) == 16);
+
+namespace section {
+inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), bodies = fourcc("BODY"),
+                               physical_vertices = fourcc("PVTX"), tetrahedra = fourcc("TETS"),
+                               clusters = fourcc("CLUS"), memberships = fourcc("MEMB"), quadratic_moments = fourcc("AQQ9"),
+                               visual_positions = fourcc("VPOS"), visual_normals = fourcc("VNRM"), visual_uv = fourcc("VUV0"),
+                               visual_colors = fourcc("VCOL"), visual_triangles = fourcc("VTRI"), sub_meshes = fourcc("VSUB"),
+                               materials = fourcc("VMAT"), textures = fourcc("VTEX"), texture_bytes = fourcc("TEXB"),
+                               barycentric = fourcc("ATBC"), cluster_attachment_ranges = fourcc("ATCR"),
+                               cluster_attachments = fourcc("ATCW"), visual_identity = fourcc("VSRC"),
+                               source_identity = fourcc("SVTX"), source_visual_list = fourcc("SVLS"),
+                               source_meshes = fourcc("SMSH"), groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
+}  // namespace section
+
+}  // namespace sinew::formats

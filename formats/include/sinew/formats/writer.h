@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "sinew/formats/sections.h"
+
+namespace sinew::formats {
+
+/// Everything a package can hold; empty vectors become no section at all.
+struct PackageContent {
+  BodyInfo info{};
+  std::vector<char> strings;
+  std::vector<BodyRange> bodies;
+  std::vector<PhysicalVertex> physical_vertices;
+  std::vector<Tetrahedron> tetrahedra;
+  std::vector<Cluster> clusters;
+  std::vector<Membership> memberships;
+  std::vector<QuadraticMoment> quadratic_moments;
+  std::vector<Float3> visual_positions, visual_normals;
+  std::vector<Float2> visual_uvs;
+  std::vector<Color8> visual_colors;
+  std::vector<Triangle> visual_triangles;
+  std::vector<SubMesh> sub_meshes;
+  std::vector<Material> materials;
+  std::vector<Texture> textures;
+  std::vector<std::byte> texture_bytes;
+  std::vector<BarycentricAttachment> barycentric;
+  std::vector<ClusterAttachmentRange> cluster_attachment_ranges;
+  std::vector<ClusterAttachment> cluster_attachments;
+  std::vector<VisualIdentity> visual_identity;
+  std::vector<SourceIdentity> source_identity;
+  std::vector<std::uint32_t> source_visual_list;
+  std::vector<SourceMesh> source_meshes;
+  std::vector<Group> groups;
+  std::vector<std::uint32_t> group_vertices;
+
+  /// Appends text to `strings` (equal texts are stored once) and returns its reference.
+  StringRef addText(std::string_view text);
+};
+
+/// The bytes of a package: header, table, sections, checksums. Equal content gives equal bytes.
+/// Does not judge the content: PackageView::open() on the result does, and a tool should call it before it saves.
+[[nodiscard]] std::vector<std::byte> writePackage(const PackageContent& content);
+
+}  // namespace sinew::formats

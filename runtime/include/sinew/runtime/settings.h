@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string_view>
+
+namespace sinew {
+
+/// A vector: metres, or what the field's name says. Right-handed, y up.
+using Vec3 = std::array<float, 3>;
+
+/// Row-major 3x3 matrix.
+using Mat3 = std::array<float, 9>;
+
+/// A plane that bodies rest on: points x with normal . x < offset are inside it.
+struct GroundPlane {
+  bool enabled = false;
+  Vec3 normal = {0.0F, 1.0F, 0.0F};  ///< unit
+  float offset = 0.0F;               ///< metres along the normal
+  float friction = 0.6F;             ///< Coulomb coefficient, 0..; 0 = ice
+};
+
+/// Runs a loop in parallel; the default runs it in the caller's thread. An engine passes its own job system in.
+class JobSystem {
+ public:
+  virtual ~JobSystem() = default;
+  /// Calls body(begin, end) over disjoint ranges that cover 0..count, possibly at the same time, and returns when all are done.
+  /// \param grain smallest range worth a job of its own.
+  virtual void parallelFor(std::uint32_t count, std::uint32_t grain,
+                           const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) = 0;
+};
+
+/// Settings of a world; each may be changed between two steps.
+struct WorldSettings {
+  Vec3 gravity = {0.0F, -9.81F, 0.0F};  ///< m/s^2
+  GroundPlane ground;
+  /// Matching passes per step, 1..16. More spread a push further through overlapping clusters in one step, and stiffen.
+  std::uint32_t iterations = 1;
+  /// Fraction of velocity lost per second to the air, as a rate: v *= exp(-damping h). 1/s, 0..1e4.
+  float damping = 0.2F;
+  /// Rate at which motion that is not the rigid motion of a body decays (inner friction). 1/s, 0..1e4.
+  float deformation_damping = 2.0F;
+};
+
+/// What a body may override of its package when it is added.
+struct BodySettings {
+  Vec3 position = {0.0F, 0.0F, 0.0F};  ///< metres, added to the rest positions (and to the package's origin, which is dropped)
+  Mat3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< proper rotation about the package's origin, applied before position
+  float stiffness_scale = 1.0F;        ///< multiplies the frequencies of all clusters, 0..1e6
+};
+
+}  // namespace sinew

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace sinew::tools {
+
+/// One file per verb: each adds its subcommand with its options to the program and sets `exit_code` from its callback
+/// (ToolError is caught in main). Results go to stdout, everything else to stderr.
+void addBakeVerb(CLI::App& app, int& exit_code);
+void addCheckVerb(CLI::App& app, int& exit_code);
+void addInspectVerb(CLI::App& app, int& exit_code);
+void addSimulateVerb(CLI::App& app, int& exit_code);
+void addRenderVerb(CLI::App& app, int& exit_code);
+void addViewVerb(CLI::App& app, int& exit_code);
+void addHelpVerb(CLI::App& app, int& exit_code);
+
+}  // namespace sinew::tools
