@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "sinew/formats/sections.h"
+#include "tools/import/topology.h"
+#include "tools/import/visual_mesh.h"
+#include "tools/tetrahedralize/tetrahedralize.h"
+
+namespace sinew::tools {
+
+enum class AttachmentMethod { barycentric, clusters };
+
+struct AttachmentOptions {
+  AttachmentMethod method = AttachmentMethod::barycentric;
+};
+
+/// Where a visual vertex hangs on the tetrahedra. Vertices welded into one point share one place, so seams cannot open.
+struct TetrahedronPlace {
+  std::uint32_t tetrahedron = kNoIndex;
+  std::array<double, 4> weights = {0, 0, 0, 0};  ///< barycentric, sum 1; outside 0..1 where extrapolated
+  double distance = 0;                           ///< metres outside the tetrahedron, 0 inside
+};
+
+/// Finds for each visual vertex the tetrahedron of its body that holds it, or else the nearest one.
+std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
+                                                  const PhysicalMesh& physical);
+
+}  // namespace sinew::tools

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "sinew/formats/sections.h"
+#include "tools/core/finding.h"
+#include "tools/tetrahedralize/tetrahedralize.h"
+
+namespace sinew::tools {
+
+struct ClusterOptions {
+  std::array<std::uint32_t, 3> grid = {0, 0,
+                                       0};  ///< boxes along x, y, z of each body; all 0 = chosen by size and shape
+  double overlap = 0.5;                     ///< how far a box reaches into its neighbours, of its own size
+  formats::ClusterMode mode = formats::ClusterMode::quadratic;
+  double alpha = 1.0;       ///< part of the way to the goal in 1/60 s
+  double stretch_hz = 5.0;  ///< frequency of stretch and shear
+  double bend_hz = 3.0;     ///< of bending
+  double twist_hz = 3.0;    ///< of twisting
+};
+
+/// A named, weighted set of physical vertices that is matched as one (method.md §1).
+struct ClusterSource {
+  std::string name;
+  std::uint32_t body = 0;
+  formats::ClusterMode mode = formats::ClusterMode::linear;
+  std::vector<std::uint32_t> vertices;  ///< physical, ascending
+  std::vector<double> weights;          ///< w_ic, > 0
+};
+
+/// Cuts every body into a regular grid of overlapping boxes. A box whose vertices fall into several pieces of the
+/// tetrahedra becomes one cluster a piece; pieces too small to carry their mode join the neighbour they share most
+/// edges with. Every vertex is in at least one cluster; no cluster spans two bodies.
+std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterOptions& options,
+                                        std::vector<Finding>& findings);
+
+}  // namespace sinew::tools

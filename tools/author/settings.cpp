@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/settings.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <sstream>
+
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr std::array<std::string_view, 6> kUnits = {"m", "dm", "cm", "mm", "in", "ft"};
+
+std::optional<double> parseNumber(std::string_view text) {
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto result = std::from_chars(text.data(), end, value);
+  if (result.ec != std::errc() || result.ptr != end || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+bool legalUnit(const std::string& text) {
+  if (text == "auto" || std::find(kUnits.begin(), kUnits.end(), text) != kUnits.end()) return true;
+  const auto number = parseNumber(text);
+  return number && *number > 0;
+}
+
+bool legalUp(const std::string& text) { return text == "auto" || text == "y" || text == "z"; }
+
+std::string numberText(double value) {
+  std::array<char, 32> buffer{};
+  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return {buffer.data(), result.ptr};
+}
+
+// Levenshtein distance, to name the key that was probably meant.
+std::size_t editDistance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+[[noreturn]] void badValue(const Settings::Declaration& d, std::string_view text) {
+  throw ToolError(ExitCode::usage, "", "setting " + std::string(d.key) + " cannot be '" + std::string(text) + "'",
+                  "Legal: " + legalText(d) + ".");
+}
+
+bool setFromText(Settings& settings, const Settings::Declaration& d, std::string_view text) {
+  struct Visitor {
+    Settings& settings;
+    std::string_view text;
+    bool operator()(const Settings::Number& t) const {
+      const auto value = parseNumber(text);
+      if (!value || *value < t.minimum || *value > t.maximum) return false;
+      *t.value = *value;
+      return true;
+    }
+    bool operator()(const Settings::Count& t) const {
+      const auto value = parseNumber(text);
+      if (!value || *value != std::floor(*value) || *value < t.minimum || *value > t.maximum) return false;
+      *t.value = static_cast<std::uint32_t>(*value);
+      return true;
+    }
+    bool operator()(const Settings::Flag& t) const {
+      const bool yes = text == "true" || text == "on" || text == "yes" || text == "1";
+      const bool no = text == "false" || text == "off" || text == "no" || text == "0";
+      if (yes || no) *t.value = yes;
+      return yes || no;
+    }
+    bool operator()(const Settings::Choice& t) const {
+      for (std::size_t i = 0; i < t.names.size(); ++i) {
+        if (t.names[i] == text) {
+          t.set(settings, int(i));
+          return true;
+        }
+      }
+      return false;
+    }
+    bool operator()(const Settings::Text& t) const {
+      if (!t.legal(std::string(text))) return false;
+      *t.value = text;
+      return true;
+    }
+    bool operator()(const Settings::Grid& t) {
+      if (text == "auto") {
+        *t.value = {0, 0, 0};
+        return true;
+      }
+      if (!text.empty() && text.front() == '[' && text.back() == ']') text = text.substr(1, text.size() - 2);
+      std::array<std::uint32_t, 3> grid{};
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::size_t comma = text.find(',');
+        if ((comma == std::string_view::npos) != (axis == 2)) return false;
+        std::string_view part = text.substr(0, comma);
+        while (!part.empty() && part.front() == ' ') part.remove_prefix(1);
+        while (!part.empty() && part.back() == ' ') part.remove_suffix(1);
+        const auto value = parseNumber(part);
+        if (!value || *value != std::floor(*value) || *value < 1 || *value > t.maximum) return false;
+        grid[axis] = static_cast<std::uint32_t>(*value);
+        if (axis < 2) text = text.substr(comma + 1);
+      }
+      *t.value = grid;
+      return true;
+    }
+  };
+  Visitor visitor{settings, text};
+  return std::visit(visitor, d.type);
+}
+
+}  // namespace
+
+std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
+  using formats::ClusterMode;
+  return {
+      {"import.unit", "",
+       "Unit of length of the source; auto takes it from the file where the format says it, else metres.",
+       Text{&s.import.unit, legalUnit, "auto | m | dm | cm | mm | in | ft | metres per unit"}},
+      {"import.up", "",
+       "Which axis of the source points up; auto takes it from the file where the format says it, else y.",
+       Text{&s.import.up, legalUp, "auto | y | z"}},
+      {"import.weld", "diagonals", "Positions closer than this are one point; 0 welds exactly equal ones only.",
+       Number{&s.import.weld_tolerance, 0, 1e-2}},
+      {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
+       Count{&s.import.memory_megabytes, 64, 1000000}},
+      {"import.seconds", "s", "Bound on the time of the process that reads the source.",
+       Number{&s.import.seconds, 0.1, 86400}},
+      {"tetrahedra.method", "",
+       "How the solid is filled: stuffing follows the surface, grid is a cage of boxes that loses nothing, delaunay "
+       "fits best and is slow; "
+       "auto takes stuffing where it loses nothing, else grid.",
+       Choice{{"auto", "grid", "stuffing", "delaunay"},
+              [](const Settings& x) { return int(x.tetrahedra.method); },
+              [](Settings& x, int v) { x.tetrahedra.method = TetrahedraMethod(v); }}},
+      {"tetrahedra.vertices", "", "Physical vertices wanted, over all bodies; more cost more and bend finer.",
+       Count{&s.tetrahedra.target_vertices, 8, 1000000}},
+      {"tetrahedra.join", "diagonals",
+       "Parts closer than this move as one body; parts further apart are separate bodies.",
+       Number{&s.tetrahedra.join_distance, 0, 1}},
+      {"clusters.grid", "", "Boxes along x, y and z that each body is cut into; auto chooses by size and shape.",
+       Grid{&s.clusters.grid, 64}},
+      {"clusters.overlap", "boxes", "How far a box reaches into its neighbours; more is smoother and stiffer.",
+       Number{&s.clusters.overlap, 0, 1}},
+      {"clusters.mode", "",
+       "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",
+       Choice{{"rigid", "linear", "quadratic"},
+              [](const Settings& x) { return int(x.clusters.mode); },
+              [](Settings& x, int v) { x.clusters.mode = ClusterMode(v); }}},
+      {"clusters.alpha", "",
+       "Part of the way to its goal that a vertex goes in 1/60 s; below 1 adds a soft, step-dependent lag.",
+       Number{&s.clusters.alpha, 0, 1}},
+      {"clusters.stretch_hz", "Hz", "Frequency of stretch and shear: higher is stiffer, 0 never returns.",
+       Number{&s.clusters.stretch_hz, 0, 1e5}},
+      {"clusters.bend_hz", "Hz", "Frequency of bending within a quadratic cluster.",
+       Number{&s.clusters.bend_hz, 0, 1e5}},
+      {"clusters.twist_hz", "Hz", "Frequency of twisting within a quadratic cluster.",
+       Number{&s.clusters.twist_hz, 0, 1e5}},
+      {"material.density", "kg/m^3", "Density that masses are made with; water is 1000.",
+       Number{&s.material.density, 1e-3, 1e5}},
+      {"attachment.method", "",
+       "How visual vertices follow: barycentric in their tetrahedron (exact contacts and pins), or blended cluster "
+       "transforms (smoothest).",
+       Choice{{"barycentric", "clusters"},
+              [](const Settings& x) { return int(x.attachment.method); },
+              [](Settings& x, int v) { x.attachment.method = AttachmentMethod(v); }}},
+      {"package.textures", "", "Keep the texture pictures in the package.", Flag{&s.package.textures}},
+      {"package.identity", "", "Keep the maps between source vertices and visual vertices.", Flag{&s.package.identity}},
+      {"package.groups", "", "Keep the artist's named groups.", Flag{&s.package.groups}},
+  };
+}
+
+void Settings::set(std::string_view key, std::string_view text) {
+  const auto all = declarations(*this);
+  for (const Declaration& d : all) {
+    if (d.key != key) continue;
+    if (!setFromText(*this, d, text)) badValue(d, text);
+    return;
+  }
+  const auto nearest = std::min_element(all.begin(), all.end(), [&](const Declaration& a, const Declaration& b) {
+    return editDistance(a.key, key) < editDistance(b.key, key);
+  });
+  throw ToolError(ExitCode::usage, "", "there is no setting '" + std::string(key) + "'",
+                  "Did you mean " + std::string(nearest->key) + "? All settings: sinew help settings.");
+}
+
+void Settings::assign(std::string_view assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string_view::npos) {
+    throw ToolError(ExitCode::usage, "", "--set wants KEY=VALUE, not '" + std::string(assignment) + "'",
+                    "All settings: sinew help settings.");
+  }
+  set(assignment.substr(0, equals), assignment.substr(equals + 1));
+}
+
+void Settings::apply(const nlohmann::json& object, const std::string& file) {
+  for (const auto& [key, value] : object.items()) {
+    try {
+      set(key, value.is_string() ? value.get<std::string>() : value.dump());
+    } catch (const ToolError& error) {
+      const std::string text = error.what();
+      const std::size_t stop = text.find(". ");
+      throw ToolError(ExitCode::bad_input, file, text.substr(0, stop) + " (settings/" + key + ")",
+                      text.substr(stop + 2));
+    }
+  }
+}
+
+nlohmann::ordered_json Settings::toJson() const {
+  Settings copy = *this;
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (const Declaration& d : declarations(copy)) {
+    const std::string key(d.key);
+    if (const auto* number = std::get_if<Number>(&d.type))
+      json[key] = *number->value;
+    else if (const auto* count = std::get_if<Count>(&d.type))
+      json[key] = *count->value;
+    else if (const auto* flag = std::get_if<Flag>(&d.type))
+      json[key] = *flag->value;
+    else
+      json[key] = valueText(copy, d);
+  }
+  return json;
+}
+
+std::string legalText(const Settings::Declaration& d) {
+  struct Visitor {
+    std::string operator()(const Settings::Number& t) const {
+      return numberText(t.minimum) + " .. " + numberText(t.maximum);
+    }
+    std::string operator()(const Settings::Count& t) const {
+      return std::to_string(t.minimum) + " .. " + std::to_string(t.maximum);
+    }
+    std::string operator()(const Settings::Flag&) const { return "true | false"; }
+    std::string operator()(const Settings::Choice& t) const {
+      std::string text;
+      for (const auto& name : t.names) text += (text.empty() ? "" : " | ") + std::string(name);
+      return text;
+    }
+    std::string operator()(const Settings::Text& t) const { return std::string(t.form); }
+    std::string operator()(const Settings::Grid& t) const {
+      return "auto | [nx,ny,nz], each 1 .. " + std::to_string(t.maximum);
+    }
+  };
+  return std::visit(Visitor{}, d.type);
+}
+
+std::string valueText(const Settings& settings, const Settings::Declaration& d) {
+  struct Visitor {
+    const Settings& settings;
+    std::string operator()(const Settings::Number& t) const { return numberText(*t.value); }
+    std::string operator()(const Settings::Count& t) const { return std::to_string(*t.value); }
+    std::string operator()(const Settings::Flag& t) const { return *t.value ? "true" : "false"; }
+    std::string operator()(const Settings::Choice& t) const {
+      return std::string(t.names[std::size_t(t.get(settings))]);
+    }
+    std::string operator()(const Settings::Text& t) const { return *t.value; }
+    std::string operator()(const Settings::Grid& t) const {
+      const auto& g = *t.value;
+      if (g[0] == 0) return "auto";
+      return "[" + std::to_string(g[0]) + "," + std::to_string(g[1]) + "," + std::to_string(g[2]) + "]";
+    }
+  };
+  return std::visit(Visitor{settings}, d.type);
+}
+
+std::string settingsMarkdown() {
+  Settings defaults;
+  std::ostringstream out;
+  out << "# Settings of a bake\n\n"
+      << "Written by `sinew help settings --markdown` from the declarations in `tools/author/settings.cpp`; a test "
+         "compares.\n"
+      << "Give them with `--set KEY=VALUE` or in a recipe's `settings`. A length in diagonals is relative to the "
+         "bounding box's.\n\n"
+      << "| key | default | legal | unit | what it does |\n|---|---|---|---|---|\n";
+  for (const auto& d : Settings::declarations(defaults)) {
+    std::string legal = legalText(d);
+    for (std::size_t at = 0; (at = legal.find('|', at)) != std::string::npos; at += 2) legal.insert(at, "\\");
+    out << "| `" << d.key << "` | " << valueText(defaults, d) << " | " << legal << " | " << d.unit << " | "
+        << d.sentence << " |\n";
+  }
+  return out.str();
+}
+
+}  // namespace sinew::tools

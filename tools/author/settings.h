@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Every setting of a bake, declared once: recipe validation, `--set`, `sinew help settings`, docs/settings.md and the
+// windows' panels all come from Settings::declarations().
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "tools/attach/attach.h"
+#include "tools/author/clusters.h"
+#include "tools/import/import.h"
+#include "tools/tetrahedralize/tetrahedralize.h"
+
+namespace sinew::tools {
+
+struct MaterialOptions {
+  double density = 1000;  ///< kg/m^3
+};
+
+struct PackageOptions {
+  bool textures = true;  ///< embed the pictures
+  bool identity = true;  ///< source vertex <-> visual vertex maps
+  bool groups = true;    ///< the artist's named groups
+};
+
+struct Settings {
+  ImportOptions import;
+  TetrahedraOptions tetrahedra;
+  ClusterOptions clusters;
+  AttachmentOptions attachment;
+  MaterialOptions material;
+  PackageOptions package;
+
+  // How a value is held and what is legal.
+  struct Number {
+    double* value;
+    double minimum, maximum;
+  };
+  struct Count {
+    std::uint32_t* value;
+    std::uint32_t minimum, maximum;
+  };
+  struct Flag {
+    bool* value;
+  };
+  struct Choice {
+    std::vector<std::string_view> names;
+    int (*get)(const Settings&);
+    void (*set)(Settings&, int);
+  };
+  struct Text {
+    std::string* value;
+    bool (*legal)(const std::string&);
+    std::string_view form;  ///< what is legal, in words
+  };
+  struct Grid {
+    std::array<std::uint32_t, 3>* value;
+    std::uint32_t maximum;
+  };
+
+  struct Declaration {
+    std::string_view key;
+    std::string_view unit;      ///< "" where it has none
+    std::string_view sentence;  ///< what it does
+    std::variant<Number, Count, Flag, Choice, Text, Grid> type;
+  };
+
+  /// The declarations, bound to the values of `settings`.
+  static std::vector<Declaration> declarations(Settings& settings);
+
+  /// Sets a key from the command line's text. Throws ToolError(usage) that names the key, the legal range and the
+  /// nearest key.
+  void set(std::string_view key, std::string_view text);
+  /// The same from "KEY=VALUE".
+  void assign(std::string_view assignment);
+  /// Sets keys from a recipe's object {"tetrahedra.vertices": 2000, ...}. Throws ToolError(bad_input) naming `file`.
+  void apply(const nlohmann::json& object, const std::string& file);
+  /// All values, keys in order of declaration.
+  nlohmann::ordered_json toJson() const;
+};
+
+/// The legal values of a setting in words ("0 .. 1", "auto | grid | stuffing | delaunay").
+std::string legalText(const Settings::Declaration& declaration);
+/// The current value as text.
+std::string valueText(const Settings& settings, const Settings::Declaration& declaration);
+/// docs/settings.md, generated.
+std::string settingsMarkdown();
+
+}  // namespace sinew::tools
