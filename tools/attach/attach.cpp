@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/attach/attach.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using Corners = std::array<Vector3d, 4>;
+
+// Closest point of a triangle: Ericson, Real-Time Collision Detection, 5.1.5.
+Vector3d closestOnTriangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+  const Vector3d ab = b - a;
+  const Vector3d ac = c - a;
+  const Vector3d ap = p - a;
+  const double d1 = ab.dot(ap);
+  const double d2 = ac.dot(ap);
+  if (d1 <= 0 && d2 <= 0) return a;
+  const Vector3d bp = p - b;
+  const double d3 = ab.dot(bp);
+  const double d4 = ac.dot(bp);
+  if (d3 >= 0 && d4 <= d3) return b;
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return a + ab * (d1 / (d1 - d3));
+  const Vector3d cp = p - c;
+  const double d5 = ab.dot(cp);
+  const double d6 = ac.dot(cp);
+  if (d6 >= 0 && d5 <= d6) return c;
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + ac * (d2 / (d2 - d6));
+  const double va = d3 * d6 - d5 * d4;
+  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+  const double denominator = 1 / (va + vb + vc);
+  return a + ab * (vb * denominator) + ac * (vc * denominator);
+}
+
+std::array<double, 4> barycentric(const Vector3d& p, const Corners& x) {
+  Eigen::Matrix3d edges;
+  edges << x[0] - x[3], x[1] - x[3], x[2] - x[3];
+  const Vector3d w = edges.inverse() * (p - x[3]);
+  return {w[0], w[1], w[2], 1 - w.sum()};
+}
+
+double squaredDistance(const Vector3d& p, const Corners& x) {
+  const auto w = barycentric(p, x);
+  if (*std::min_element(w.begin(), w.end()) >= 0) return 0;
+  constexpr std::array<std::array<std::size_t, 3>, 4> faces = {{{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}}};
+  double best = std::numeric_limits<double>::infinity();
+  for (std::size_t f = 0; f < 4; ++f) {
+    if (w[f] >= 0) continue;  // p is on the inner side of this face, so another one is nearer
+    best = std::min(best, (closestOnTriangle(p, x[faces[f][0]], x[faces[f][1]], x[faces[f][2]]) - p).squaredNorm());
+  }
+  return best;
+}
+
+// A tree of boxes over some tetrahedra, for "which one is nearest".
+class TetrahedronTree {
+ public:
+  TetrahedronTree(const PhysicalMesh& mesh, std::uint32_t first, std::uint32_t count) : mesh_(mesh), order_(count) {
+    std::iota(order_.begin(), order_.end(), first);
+    if (count > 0) build(0, count);
+  }
+
+  std::uint32_t nearest(const Vector3d& p, double& squared_distance) const {
+    std::uint32_t best = kNoIndex;
+    squared_distance = std::numeric_limits<double>::infinity();
+    std::array<std::uint32_t, 64> stack{};
+    std::size_t top = 0;
+    stack[top++] = 0;
+    while (top > 0) {
+      const Node& node = nodes_[stack[--top]];
+      if (boxDistance(p, node) >= squared_distance) continue;
+      if (node.count > 0) {
+        for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+          const double d = squaredDistance(p, corners(order_[i]));
+          if (d < squared_distance) {
+            squared_distance = d;
+            best = order_[i];
+          }
+        }
+        continue;
+      }
+      const std::uint32_t left = node.first;
+      const std::uint32_t right = left + 1;
+      const bool left_first = boxDistance(p, nodes_[left]) <= boxDistance(p, nodes_[right]);
+      stack[top++] = left_first ? right : left;
+      stack[top++] = left_first ? left : right;
+    }
+    return best;
+  }
+
+  Corners corners(std::uint32_t t) const {
+    const auto& v = mesh_.tetrahedra[t];
+    return {mesh_.positions[v[0]], mesh_.positions[v[1]], mesh_.positions[v[2]], mesh_.positions[v[3]]};
+  }
+
+ private:
+  struct Node {
+    Vector3d low, high;
+    std::uint32_t first = 0;  // of order_ for a leaf, else the left child (the right one follows it)
+    std::uint32_t count = 0;  // 0 for an inner node
+  };
+
+  static double boxDistance(const Vector3d& p, const Node& node) {
+    return (node.low - p).cwiseMax(p - node.high).cwiseMax(0.0).squaredNorm();
+  }
+
+  void build(std::uint32_t begin, std::uint32_t end) {
+    nodes_.reserve(2 * std::size_t(end - begin));
+    nodes_.emplace_back();
+    fill(0, begin, end);
+  }
+
+  void fill(std::uint32_t index, std::uint32_t begin, std::uint32_t end) {
+    Node node;
+    node.low.setConstant(std::numeric_limits<double>::infinity());
+    node.high.setConstant(-std::numeric_limits<double>::infinity());
+    for (std::uint32_t i = begin; i < end; ++i) {
+      for (const Vector3d& x : corners(order_[i])) {
+        node.low = node.low.cwiseMin(x);
+        node.high = node.high.cwiseMax(x);
+      }
+    }
+    if (end - begin <= 4) {
+      node.first = begin;
+      node.count = end - begin;
+      nodes_[index] = node;
+      return;
+    }
+    Eigen::Index axis = 0;
+    (node.high - node.low).maxCoeff(&axis);
+    const std::uint32_t middle = begin + (end - begin) / 2;
+    const auto key = [&](std::uint32_t t) {
+      const Corners x = corners(t);
+      return std::pair((x[0] + x[1] + x[2] + x[3])[axis], t);
+    };
+    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
+                     [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
+    const auto left = std::uint32_t(nodes_.size());
+    node.first = left;
+    nodes_[index] = node;
+    nodes_.emplace_back();
+    nodes_.emplace_back();
+    fill(left, begin, middle);
+    fill(left + 1, middle, end);
+  }
+
+  const PhysicalMesh& mesh_;
+  std::vector<std::uint32_t> order_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace
+
+std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
+                                                  const PhysicalMesh& physical) {
+  // A point's body is that of the first part that uses it; a point of no part (unused, or only of degenerate faces)
+  // takes whatever is nearest.
+  std::vector<std::uint32_t> body_of(mesh.welded_positions.size(), kNoIndex);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const std::uint32_t part = topology.part_of_triangle[t];
+    if (part == kNoIndex) continue;
+    for (std::uint32_t p : mesh.weldedTriangle(t)) {
+      if (body_of[p] == kNoIndex) body_of[p] = physical.part_body[part];
+    }
+  }
+  std::vector<TetrahedronTree> trees;
+  trees.reserve(physical.bodies.size());
+  for (const PhysicalBody& body : physical.bodies)
+    trees.emplace_back(physical, body.first_tetrahedron, body.tetrahedron_count);
+
+  std::vector<TetrahedronPlace> places(mesh.welded_positions.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
+    for (std::size_t p = range.begin(); p != range.end(); ++p) {
+      const Vector3d& x = mesh.welded_positions[p];
+      double best = std::numeric_limits<double>::infinity();
+      std::uint32_t best_tetrahedron = kNoIndex;
+      for (std::uint32_t b = 0; b < trees.size(); ++b) {
+        if (body_of[p] != kNoIndex && body_of[p] != b) continue;
+        double d = 0;
+        const std::uint32_t t = trees[b].nearest(x, d);
+        if (d < best) {
+          best = d;
+          best_tetrahedron = t;
+        }
+      }
+      places[p] = {best_tetrahedron, {}, std::sqrt(best)};
+    }
+  });
+
+  // Visual vertices of one point share its tetrahedron, each with weights for its own position (they differ by less
+  // than the welding tolerance).
+  std::vector<TetrahedronPlace> result(mesh.positions.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, result.size(), 1024), [&](const auto& range) {
+    for (std::size_t v = range.begin(); v != range.end(); ++v) {
+      result[v] = places[mesh.welded[v]];
+      const auto& tet = physical.tetrahedra[result[v].tetrahedron];
+      result[v].weights = barycentric(mesh.positions[v], {physical.positions[tet[0]], physical.positions[tet[1]],
+                                                          physical.positions[tet[2]], physical.positions[tet[3]]});
+    }
+  });
+  return result;
+}
+
+}  // namespace sinew::tools
