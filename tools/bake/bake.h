@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "tools/author/recipe.h"
+#include "tools/core/progress.h"
+
+namespace sinew::tools {
+
+struct BakeResult {
+  std::vector<std::byte> package;  ///< the whole file, already opened and checked once
+  nlohmann::ordered_json report;   ///< what was done, measured, found; without times (those are Progress's)
+};
+
+/// Bakes a recipe: import -> topology -> tetrahedra -> clusters -> attachment -> package -> check.
+/// Writes nothing. Equal recipes and sources give equal bytes for any folder and number of threads.
+/// Throws ToolError where the source, a setting or the machine makes it impossible.
+BakeResult bake(const Recipe& recipe, Progress& progress);
+
+/// The stages' costs as the report shows them.
+nlohmann::ordered_json costsJson(const Progress& progress);
+
+}  // namespace sinew::tools

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/moments.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using Vector9d = Eigen::Matrix<double, 9, 1>;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
+
+// Directions whose moment is below this part of the largest cannot be told from noise in float and are dropped.
+constexpr double kRelativeCutoff = 1e-5;
+
+template <class Matrix>
+Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
+  const Eigen::SelfAdjointEigenSolver<Matrix> solver(moment);
+  const auto& values = solver.eigenvalues();
+  const double cutoff = kRelativeCutoff * values.maxCoeff();
+  Matrix inverse = Matrix::Zero();
+  rank = 0;
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (values[i] <= cutoff) continue;
+    inverse += solver.eigenvectors().col(i) * solver.eigenvectors().col(i).transpose() / values[i];
+    ++rank;
+  }
+  return inverse;
+}
+
+Eigen::Matrix<double, 6, 1> quadraticTerms(const Vector3d& q) {
+  Eigen::Matrix<double, 6, 1> terms;
+  terms << q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
+  return terms;
+}
+
+void note(std::vector<Finding>& findings, const std::string& id, const std::vector<std::string>& names,
+          const std::string& what, const std::string& cure) {
+  if (names.empty()) return;
+  Finding finding;
+  finding.id = id;
+  finding.severity = Severity::info;
+  finding.count = names.size();
+  finding.message = std::to_string(names.size()) + (names.size() == 1 ? " cluster " : " clusters ") + what;
+  for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 8); ++i)
+    finding.place += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > 8) finding.place += ", ...";
+  finding.cure = cure;
+  findings.push_back(finding);
+}
+
+}  // namespace
+
+ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
+                                  std::span<const formats::PhysicalVertex> vertices, const ClusterOptions& options,
+                                  std::vector<Finding>& findings) {
+  ClusterConstants result;
+  std::vector<double> total_weight(vertices.size(), 0);
+  for (const ClusterSource& source : sources) {
+    for (std::size_t i = 0; i < source.vertices.size(); ++i) total_weight[source.vertices[i]] += source.weights[i];
+  }
+  std::vector<std::string> flat;
+  std::vector<std::string> poor;
+  for (const ClusterSource& source : sources) {
+    formats::Cluster cluster{};
+    cluster.mode = source.mode;
+    cluster.body = source.body;
+    cluster.first_member = std::uint32_t(result.memberships.size());
+    cluster.member_count = std::uint32_t(source.vertices.size());
+    cluster.alpha = float(options.alpha);
+    cluster.stretch_hz = float(options.stretch_hz);
+    cluster.bend_hz = float(options.bend_hz);
+    cluster.twist_hz = float(options.twist_hz);
+    cluster.quadratic = formats::kNone;
+
+    const auto position = [&](std::size_t i) {
+      const auto& x = vertices[source.vertices[i]].rest_position;
+      return Vector3d(double(x[0]), double(x[1]), double(x[2]));
+    };
+    std::vector<double> mu(source.vertices.size());
+    double mass = 0;
+    Vector3d center = Vector3d::Zero();
+    for (std::size_t i = 0; i < mu.size(); ++i) {
+      const std::uint32_t v = source.vertices[i];
+      mu[i] = double(vertices[v].mass) * source.weights[i] / total_weight[v];
+      mass += mu[i];
+      center += mu[i] * position(i);
+    }
+    center /= mass;
+    double radius = 0;
+    for (std::size_t i = 0; i < mu.size(); ++i) {
+      mu[i] /= mass;
+      radius = std::max(radius, (position(i) - center).norm());
+    }
+    if (!(radius > 0)) radius = 1;  // a single vertex: any length does
+    cluster.mass = float(mass);
+    cluster.radius = float(radius);
+    cluster.rest_center = {float(center[0]), float(center[1]), float(center[2])};
+
+    const Vector3d rounded_center(double(cluster.rest_center[0]), double(cluster.rest_center[1]),
+                                  double(cluster.rest_center[2]));
+    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 6, 1> mean = Eigen::Matrix<double, 6, 1>::Zero();
+    std::vector<Vector3d> q(mu.size());
+    for (std::size_t i = 0; i < mu.size(); ++i) {
+      q[i] = (position(i) - rounded_center) / double(cluster.radius);
+      moment += mu[i] * q[i] * q[i].transpose();
+      mean += mu[i] * quadraticTerms(q[i]);
+    }
+    Eigen::Index rank = 0;
+    const Eigen::Matrix3d inverse = pseudoInverse(moment, rank);
+    cluster.a_qq = {float(inverse(0, 0)), float(inverse(1, 1)), float(inverse(2, 2)),
+                    float(inverse(0, 1)), float(inverse(1, 2)), float(inverse(2, 0))};
+    for (std::size_t k = 0; k < 6; ++k) cluster.quadratic_mean[k] = float(mean[Eigen::Index(k)]);
+    if (rank < 3 && cluster.mode != formats::ClusterMode::rigid) {
+      cluster.mode = formats::ClusterMode::rigid;
+      flat.push_back(source.name);
+    }
+    if (cluster.mode == formats::ClusterMode::quadratic) {
+      Matrix9d moment9 = Matrix9d::Zero();
+      for (std::size_t i = 0; i < mu.size(); ++i) {
+        Vector9d q9;
+        q9 << q[i], quadraticTerms(q[i]) - mean;
+        moment9 += mu[i] * q9 * q9.transpose();
+      }
+      const Matrix9d inverse9 = pseudoInverse(moment9, rank);
+      if (rank <= 3) {
+        cluster.mode = formats::ClusterMode::linear;
+        poor.push_back(source.name);
+      } else {
+        cluster.quadratic = std::uint32_t(result.quadratic_moments.size());
+        formats::QuadraticMoment packed{};
+        std::size_t at = 0;
+        for (Eigen::Index row = 0; row < 9; ++row) {
+          for (Eigen::Index column = 0; column <= row; ++column) packed.a_qq[at++] = float(inverse9(row, column));
+        }
+        result.quadratic_moments.push_back(packed);
+      }
+    }
+    for (std::size_t i = 0; i < mu.size(); ++i) {
+      const std::uint32_t v = source.vertices[i];
+      result.memberships.push_back({v, float(mu[i]), float(source.weights[i] / total_weight[v])});
+    }
+    result.clusters.push_back(cluster);
+  }
+  note(findings, "cluster-flat", flat, "lie in a plane or on a line and were made rigid",
+       "Use a coarser clusters.grid, or more physical vertices.");
+  note(findings, "cluster-poor", poor, "have too few vertices for bending and were made linear",
+       "Use a coarser clusters.grid, or more physical vertices.");
+  return result;
+}
+
+}  // namespace sinew::tools
