@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/bake.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <new>
+
+#include "sinew/formats/package.h"
+#include "sinew/formats/version.h"
+#include "sinew/formats/writer.h"
+#include "tools/attach/attach.h"
+#include "tools/bake/findings_json.h"
+#include "tools/bake/moments.h"
+#include "tools/core/error.h"
+#include "tools/import/import.h"
+#include "tools/import/topology.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using nlohmann::ordered_json;
+
+// Every vertex keeps some mass, also where its tetrahedra hardly touch the solid: this part of the body's mean.
+constexpr double kLightestVertex = 0.05;
+// Weights of a cluster attachment below this change nothing that can be seen.
+constexpr double kMinimumAttachmentWeight = 0.01;
+// Above this the package is refused: the visual mesh would not be where the artist put it (design.md).
+constexpr double kMaximumRestError = 1e-6;
+
+formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
+Vector3d rounded(const Vector3d& x) { return x.cast<float>().cast<double>(); }
+
+// Moves everything to the package's origin and onto the floats it will hold, so that what follows is computed from
+// exactly what the runtime will see.
+Vector3d moveToOrigin(VisualMesh& mesh, PhysicalMesh& physical) {
+  const Vector3d origin = 0.5 * (mesh.bounds_min + mesh.bounds_max);
+  for (Vector3d& x : mesh.positions) x = rounded(x - origin);
+  for (Vector3d& x : mesh.welded_positions) x = rounded(x - origin);
+  for (Vector3d& x : physical.positions) x = rounded(x - origin);
+  mesh.bounds_min = rounded(mesh.bounds_min - origin);
+  mesh.bounds_max = rounded(mesh.bounds_max - origin);
+  return origin;
+}
+
+double volumeOf(const PhysicalMesh& mesh, std::size_t t) {
+  const auto& v = mesh.tetrahedra[t];
+  const Vector3d& d = mesh.positions[v[3]];
+  return (mesh.positions[v[0]] - d).cross(mesh.positions[v[1]] - d).dot(mesh.positions[v[2]] - d) / -6;
+}
+
+std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, double density) {
+  std::vector<double> mass(mesh.positions.size(), 0);
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    const double quarter = density * volumeOf(mesh, t) * mesh.fill[t] / 4;
+    for (std::uint32_t v : mesh.tetrahedra[t]) mass[v] += quarter;
+  }
+  for (const PhysicalBody& body : mesh.bodies) {
+    double total = 0;
+    for (std::uint32_t v = 0; v < body.vertex_count; ++v) total += mass[body.first_vertex + v];
+    double floor = kLightestVertex * total / body.vertex_count;
+    if (!(floor > 0)) floor = density * std::max(body.volume, 1e-30) / body.vertex_count;
+    for (std::uint32_t v = 0; v < body.vertex_count; ++v) {
+      mass[body.first_vertex + v] = std::max(mass[body.first_vertex + v], floor);
+    }
+  }
+  std::vector<formats::PhysicalVertex> vertices(mass.size());
+  for (std::size_t v = 0; v < mass.size(); ++v) vertices[v] = {toFloat(mesh.positions[v]), float(mass[v])};
+  return vertices;
+}
+
+// Where the float formula of the runtime puts visual vertex v at rest.
+double restError(const formats::PackageContent& content, std::size_t v) {
+  const auto& target = content.visual_positions[v];
+  double squared = 0;
+  if (!content.barycentric.empty()) {
+    const auto& a = content.barycentric[v];
+    const auto& tet = content.tetrahedra[a.tetrahedron].vertex;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const float last = content.physical_vertices[tet[3]].rest_position[k];
+      float x = last;
+      for (std::size_t i = 0; i < 3; ++i)
+        x += a.weight[i] * (content.physical_vertices[tet[i]].rest_position[k] - last);
+      squared += std::pow(double(x) - double(target[k]), 2);
+    }
+    return std::sqrt(squared);
+  }
+  const auto& range = content.cluster_attachment_ranges[v];
+  for (std::size_t k = 0; k < 3; ++k) {
+    float x = 0;
+    for (std::uint32_t i = range.first; i < range.first + range.count; ++i) {
+      const auto& entry = content.cluster_attachments[i];
+      const formats::Cluster& cluster = content.clusters[entry.cluster];
+      const float q = (target[k] - cluster.rest_center[k]) / cluster.radius;
+      x += entry.weight * (q * cluster.radius + cluster.rest_center[k]);
+    }
+    squared += std::pow(double(x) - double(target[k]), 2);
+  }
+  return std::sqrt(squared);
+}
+
+void attachToTetrahedra(const std::vector<TetrahedronPlace>& places, formats::PackageContent& content) {
+  for (const TetrahedronPlace& place : places) {
+    content.barycentric.push_back(
+        {place.tetrahedron, {float(place.weights[0]), float(place.weights[1]), float(place.weights[2])}});
+  }
+}
+
+void attachToClusters(const std::vector<TetrahedronPlace>& places, formats::PackageContent& content) {
+  // Clusters of each physical vertex with their shares.
+  std::vector<std::vector<std::pair<std::uint32_t, double>>> of_vertex(content.physical_vertices.size());
+  for (std::uint32_t c = 0; c < content.clusters.size(); ++c) {
+    const formats::Cluster& cluster = content.clusters[c];
+    for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
+      of_vertex[content.memberships[m].vertex].emplace_back(c, double(content.memberships[m].share));
+    }
+  }
+  std::vector<std::pair<std::uint32_t, double>> weights;
+  for (const TetrahedronPlace& place : places) {
+    weights.clear();
+    double clamped_sum = 0;
+    for (double w : place.weights) clamped_sum += std::max(w, 0.0);
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double w = std::max(place.weights[k], 0.0) / clamped_sum;
+      for (const auto& [c, share] : of_vertex[content.tetrahedra[place.tetrahedron].vertex[k]]) {
+        const auto at = std::find_if(weights.begin(), weights.end(), [&](const auto& x) { return x.first == c; });
+        if (at == weights.end())
+          weights.emplace_back(c, w * share);
+        else
+          at->second += w * share;
+      }
+    }
+    std::sort(weights.begin(), weights.end());
+    std::erase_if(weights, [](const auto& x) { return x.second < kMinimumAttachmentWeight; });
+    double sum = 0;
+    for (const auto& entry : weights) sum += entry.second;
+    content.cluster_attachment_ranges.push_back(
+        {std::uint32_t(content.cluster_attachments.size()), std::uint32_t(weights.size())});
+    for (const auto& [c, w] : weights) content.cluster_attachments.push_back({c, float(w / sum)});
+  }
+}
+
+void addVisual(const VisualMesh& mesh, const PackageOptions& options, formats::PackageContent& content) {
+  for (const Vector3d& x : mesh.positions) content.visual_positions.push_back(toFloat(x));
+  for (const auto& n : mesh.normals) content.visual_normals.push_back({n[0], n[1], n[2]});
+  for (const auto& uv : mesh.uvs) content.visual_uvs.push_back({uv[0], uv[1]});
+  for (const auto& color : mesh.colors) {
+    formats::Color8 bytes{};
+    for (std::size_t k = 0; k < 4; ++k) bytes[k] = std::uint8_t(std::lround(std::clamp(color[k], 0.0F, 1.0F) * 255));
+    content.visual_colors.push_back(bytes);
+  }
+  content.visual_triangles = mesh.triangles;
+  std::vector<std::uint32_t> texture_index(mesh.textures.size(), formats::kNone);
+  if (options.textures) {
+    for (std::size_t t = 0; t < mesh.textures.size(); ++t) {
+      const TextureSource& texture = mesh.textures[t];
+      if (texture.bytes.empty()) continue;
+      texture_index[t] = std::uint32_t(content.textures.size());
+      content.textures.push_back({content.addText(texture.name), content.addText(texture.mime),
+                                  content.texture_bytes.size(), texture.bytes.size()});
+      content.texture_bytes.insert(content.texture_bytes.end(), texture.bytes.begin(), texture.bytes.end());
+    }
+  }
+  for (const MaterialSource& material : mesh.materials) {
+    content.materials.push_back({content.addText(material.name), material.base_color,
+                                 material.texture == kNoIndex ? formats::kNone : texture_index[material.texture],
+                                 material.double_sided ? std::uint32_t(formats::kMaterialDoubleSided) : 0U});
+  }
+  for (const SubMeshSource& sub : mesh.sub_meshes) {
+    const std::string name = sub.mesh.empty() || sub.mesh == sub.node ? sub.node
+                             : sub.node.empty()                       ? sub.mesh
+                                                                      : sub.node + "/" + sub.mesh;
+    content.sub_meshes.push_back({content.addText(name), sub.material == kNoIndex ? formats::kNone : sub.material,
+                                  sub.first_triangle, sub.triangle_count, 0});
+  }
+  if (options.groups) {
+    for (const GroupSource& group : mesh.groups) {
+      content.groups.push_back({content.addText(group.name), std::uint32_t(content.group_vertices.size()),
+                                std::uint32_t(group.vertices.size())});
+      content.group_vertices.insert(content.group_vertices.end(), group.vertices.begin(), group.vertices.end());
+    }
+  }
+  if (!options.identity) return;
+  content.source_identity.assign(mesh.source_vertex_count, {formats::kNone, 0, 0});
+  for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+    content.visual_identity.push_back({mesh.source_vertex[v], mesh.welded[v]});
+    formats::SourceIdentity& source = content.source_identity[mesh.source_vertex[v]];
+    source.welded = mesh.welded[v];
+    ++source.visual_count;
+  }
+  std::uint32_t first = 0;
+  for (formats::SourceIdentity& source : content.source_identity) {
+    source.first_visual = first;
+    first += source.visual_count;
+  }
+  content.source_visual_list.resize(first);
+  std::vector<std::uint32_t> filled(content.source_identity.size(), 0);
+  for (std::uint32_t v = 0; v < mesh.positions.size(); ++v) {
+    const std::uint32_t s = mesh.source_vertex[v];
+    content.source_visual_list[content.source_identity[s].first_visual + filled[s]++] = v;
+  }
+  for (const SourceMeshRange& range : mesh.source_meshes) {
+    content.source_meshes.push_back(
+        {content.addText(range.name), range.first_source_vertex, range.source_vertex_count});
+  }
+}
+
+std::string methodName(TetrahedraMethod method) {
+  switch (method) {
+    case TetrahedraMethod::grid:
+      return "grid";
+    case TetrahedraMethod::stuffing:
+      return "stuffing";
+    case TetrahedraMethod::delaunay:
+      return "delaunay";
+    case TetrahedraMethod::automatic:
+      break;
+  }
+  return "auto";
+}
+
+}  // namespace
+
+ordered_json costsJson(const Progress& progress) {
+  ordered_json stages = ordered_json::array();
+  for (const StageCost& cost : progress.costs()) {
+    stages.push_back({{"name", cost.name}, {"seconds", cost.seconds}, {"peak_megabytes", cost.peak_megabytes}});
+  }
+  return stages;
+}
+
+BakeResult bake(const Recipe& recipe, Progress& progress) {
+  const Settings& settings = recipe.settings;
+  progress.stage("import");
+  VisualMesh mesh = importVisualMesh(recipe.source, settings.import, progress);
+
+  progress.stage("topology");
+  const Topology topology = analyzeTopology(mesh);
+
+  progress.stage("tetrahedra");
+  PhysicalMesh physical = tetrahedralize(mesh, topology, settings.tetrahedra, progress);
+  const Vector3d origin = moveToOrigin(mesh, physical);
+  physical.quality = measureQuality(physical.positions, physical.tetrahedra);
+  if (physical.quality.inverted > 0) {
+    throw ToolError(
+        ExitCode::bad_input, mesh.file,
+        "its parts are too small for their distance from each other: " + std::to_string(physical.quality.inverted) +
+            " tetrahedra turn over when rounded to single precision",
+        "Bake the far parts as files of their own.");
+  }
+
+  progress.stage("clusters");
+  std::vector<Finding> findings = mesh.findings;
+  findings.insert(findings.end(), physical.findings.begin(), physical.findings.end());
+  const std::vector<ClusterSource> clusters = gridClusters(physical, settings.clusters, findings);
+
+  formats::PackageContent content;
+  content.physical_vertices = physicalVertices(physical, settings.material.density);
+  for (const auto& tetrahedron : physical.tetrahedra) content.tetrahedra.push_back({tetrahedron});
+  ClusterConstants constants = clusterConstants(clusters, content.physical_vertices, settings.clusters, findings);
+  for (std::size_t c = 0; c < clusters.size(); ++c) constants.clusters[c].name = content.addText(clusters[c].name);
+  content.clusters = std::move(constants.clusters);
+  content.memberships = std::move(constants.memberships);
+  content.quadratic_moments = std::move(constants.quadratic_moments);
+  std::uint32_t next_cluster = 0;
+  for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
+    const PhysicalBody& body = physical.bodies[b];
+    const std::uint32_t first = next_cluster;
+    while (next_cluster < clusters.size() && clusters[next_cluster].body == b) ++next_cluster;
+    content.bodies.push_back({body.first_vertex, body.vertex_count, body.first_tetrahedron, body.tetrahedron_count,
+                              first, next_cluster - first, content.addText(body.name)});
+  }
+
+  progress.stage("attachment");
+  const std::vector<TetrahedronPlace> places = placeVisualVertices(mesh, topology, physical);
+  addVisual(mesh, settings.package, content);
+  if (settings.attachment.method == AttachmentMethod::clusters)
+    attachToClusters(places, content);
+  else
+    attachToTetrahedra(places, content);
+  double rest_error = 0;
+  std::size_t worst = 0;
+  double farthest = 0;
+  for (std::size_t v = 0; v < places.size(); ++v) {
+    const double error = restError(content, v);
+    if (!(error <= rest_error)) {
+      rest_error = error;
+      worst = v;
+    }
+    farthest = std::max(farthest, places[v].distance);
+  }
+
+  progress.stage("package");
+  formats::BodyInfo& info = content.info;
+  info.origin = {origin[0], origin[1], origin[2]};
+  info.metres_per_unit = mesh.metres_per_unit;
+  info.bounds_min = toFloat(mesh.bounds_min);
+  info.bounds_max = toFloat(mesh.bounds_max);
+  info.diagonal = float(mesh.diagonal);
+  double mass = 0;
+  for (const auto& vertex : content.physical_vertices) mass += double(vertex.mass);
+  info.total_mass = float(mass);
+  info.density = float(settings.material.density);
+  double volume = 0;
+  for (std::size_t t = 0; t < physical.tetrahedra.size(); ++t) volume += volumeOf(physical, t);
+  info.physical_volume = float(volume);
+  double source_volume = 0;
+  bool volume_defined = true;
+  for (const PhysicalBody& body : physical.bodies) {
+    volume_defined = volume_defined && body.source_volume >= 0;
+    source_volume += std::max(body.source_volume, 0.0);
+  }
+  info.source_volume = volume_defined ? float(source_volume) : -1.0F;
+  info.max_rest_error = float(rest_error / mesh.diagonal);
+  info.min_dihedral_deg = float(physical.quality.min_dihedral_deg);
+  info.max_dihedral_deg = float(physical.quality.max_dihedral_deg);
+  info.name = content.addText(std::filesystem::path(mesh.file).stem().string());
+  info.tool_version = content.addText(formats::kSoftwareVersion);
+  info.source_file = content.addText(std::filesystem::path(mesh.file).filename().string());
+  info.unit_source = content.addText(mesh.unit_source);
+  const ordered_json settings_json = settings.toJson();
+  info.settings_json = content.addText(settings_json.dump());
+  if (!(rest_error <= kMaximumRestError * mesh.diagonal)) {
+    throw ToolError(ExitCode::bad_input, mesh.file,
+                    "source vertex " + std::to_string(mesh.source_vertex[worst]) + " would be attached " +
+                        std::to_string(rest_error / mesh.diagonal) + " diagonals from its place",
+                    "It lies far from the body; use --set attachment.method=clusters, or remove the stray part.");
+  }
+
+  BakeResult result;
+  result.package = formats::writePackage(content);
+  {
+    // The reader wants aligned bytes; what it accepts here is what every user will load.
+    const std::unique_ptr<std::byte, void (*)(std::byte*)> aligned(
+        static_cast<std::byte*>(::operator new(result.package.size(), std::align_val_t(formats::kSectionAlignment))),
+        [](std::byte* p) { ::operator delete(p, std::align_val_t(formats::kSectionAlignment)); });
+    std::memcpy(aligned.get(), result.package.data(), result.package.size());
+    formats::PackageView view;
+    const formats::PackageError error = formats::PackageView::open({aligned.get(), result.package.size()}, view);
+    if (!error.reason.empty()) {
+      throw ToolError(ExitCode::system, mesh.file, "the baked package does not pass its own check: " + error.reason,
+                      "This is a fault of sinew: please report it with the file.");
+    }
+  }
+
+  ordered_json& report = result.report;
+  report["source"] = mesh.file;
+  report["tool_version"] = formats::kSoftwareVersion;
+  report["format"] = mesh.format;
+  report["unit"] = {{"metres_per_unit", mesh.metres_per_unit}, {"from", mesh.unit_source}, {"up_axis", mesh.up_axis}};
+  const Vector3d size = mesh.bounds_max - mesh.bounds_min;
+  report["size_metres"] = {size[0], size[1], size[2]};
+  report["visual"] = {{"source_vertices", mesh.source_vertex_count},
+                      {"source_faces", mesh.source_face_count},
+                      {"visual_vertices", mesh.positions.size()},
+                      {"visual_triangles", mesh.triangles.size()},
+                      {"welded_vertices", mesh.welded_positions.size()},
+                      {"unreferenced_vertices", mesh.unreferenced.size()},
+                      {"parts", topology.parts.size()},
+                      {"closed", topology.closed},
+                      {"boundary_edges", topology.boundary_edges.size()},
+                      {"non_manifold_edges", topology.non_manifold_edges.size()}};
+  ordered_json bodies = ordered_json::array();
+  for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
+    const PhysicalBody& body = physical.bodies[b];
+    ordered_json entry = {{"name", body.name},
+                          {"method", methodName(body.method)},
+                          {"parts", body.parts.size()},
+                          {"physical_vertices", body.vertex_count},
+                          {"tetrahedra", body.tetrahedron_count},
+                          {"clusters", content.bodies[b].cluster_count},
+                          {"volume", body.volume}};
+    if (body.source_volume >= 0) {
+      entry["source_volume"] = body.source_volume;
+      entry["volume_ratio"] = body.volume / body.source_volume;
+    } else {
+      entry["source_volume"] = nullptr;
+    }
+    bodies.push_back(entry);
+  }
+  report["bodies"] = bodies;
+  report["physical_vertices"] = physical.positions.size();
+  report["tetrahedra"] = physical.tetrahedra.size();
+  report["tetrahedra_quality"] = {{"min_dihedral_deg", physical.quality.min_dihedral_deg},
+                                  {"max_dihedral_deg", physical.quality.max_dihedral_deg},
+                                  {"inverted", physical.quality.inverted}};
+  report["clusters"] = content.clusters.size();
+  report["memberships"] = content.memberships.size();
+  report["mass"] = mass;
+  report["attachment"] = {
+      {"method", settings.attachment.method == AttachmentMethod::clusters ? "clusters" : "barycentric"},
+      {"max_rest_error", rest_error / mesh.diagonal},
+      {"max_distance", farthest / mesh.diagonal}};
+  report["package_bytes"] = result.package.size();
+  report["findings"] = findingsJson(findings);
+  report["settings"] = settings_json;
+  progress.finish();
+  return result;
+}
+
+}  // namespace sinew::tools
