@@ -396,6 +396,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   report["package_bytes"] = result.package.size();
   report["findings"] = findingsJson(findings);
   report["settings"] = settings_json;
+  result.findings = std::move(findings);
   progress.finish();
   return result;
 }

@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "tools/author/recipe.h"
+#include "tools/core/finding.h"
 #include "tools/core/progress.h"
 
 namespace sinew::tools {
 
 struct BakeResult {
   std::vector<std::byte> package;  ///< the whole file, already opened and checked once
+  std::vector<Finding> findings;   ///< the same as in the report
   nlohmann::ordered_json report;   ///< what was done, measured, found; without times (those are Progress's)
 };
 

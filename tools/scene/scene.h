@@ -24,8 +24,9 @@ std::optional<SceneKind> sceneByName(std::string_view name);
 struct SceneOptions {
   SceneKind kind = SceneKind::drop;
   float step_seconds = 1.0F / 60;
-  std::uint32_t iterations = 0;         ///< matching passes; 0 = the scene's default
-  std::optional<float> gravity;         ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
+  std::uint32_t iterations = 0;  ///< matching passes; 0 = the scene's default
+  std::optional<float>
+      gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };
 
 /// One body of a package in one built-in scene. Lengths in the scene are relative to the rest diagonal.
@@ -42,8 +43,8 @@ class Scene {
   const World& world() const { return world_; }
   BodyId body() const { return body_; }
   const SceneOptions& options() const { return options_; }
-  double time() const { return time_; }          ///< seconds since the start
-  bool hasGround() const;                        ///< a ground plane at y = 0 is there to be drawn
+  double time() const { return time_; }                              ///< seconds since the start
+  bool hasGround() const;                                            ///< a ground plane at y = 0 is there to be drawn
   std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
 
  private:

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/inspect.h"
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <utility>
+
+namespace sinew::tools {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string sectionName(std::uint32_t id) {
+  std::string name;
+  for (int k = 0; k < 4; ++k) name += char((id >> (8 * k)) & 0xff);
+  return name;
+}
+
+const char* modeName(formats::ClusterMode mode) {
+  switch (mode) {
+    case formats::ClusterMode::rigid:
+      return "rigid";
+    case formats::ClusterMode::linear:
+      return "linear";
+    case formats::ClusterMode::quadratic:
+      return "quadratic";
+  }
+  return "unknown";
+}
+
+ordered_json vectorJson(const std::array<float, 3>& x) { return {x[0], x[1], x[2]}; }
+
+}  // namespace
+
+ordered_json inspectPackage(const formats::PackageView& package) {
+  const formats::BodyInfo& info = package.info();
+  ordered_json json;
+  json["format_version"] = package.formatVersion();
+  json["bytes"] = package.totalBytes();
+  json["sections"] = ordered_json::array();
+  for (const auto& section : package.sections())
+    json["sections"].push_back({{"name", sectionName(section.id)}, {"bytes", section.bytes}});
+  constexpr std::array<std::pair<formats::Feature, const char*>, 8> kFeatures = {{
+      {formats::kFeatureTetrahedra, "tetrahedra"},
+      {formats::kFeatureQuadratic, "quadratic"},
+      {formats::kFeatureVisual, "visual"},
+      {formats::kFeatureBarycentric, "barycentric_attachment"},
+      {formats::kFeatureClusterAttachment, "cluster_attachment"},
+      {formats::kFeatureIdentity, "identity"},
+      {formats::kFeatureGroups, "groups"},
+      {formats::kFeatureTextures, "textures"},
+  }};
+  json["features"] = ordered_json::array();
+  for (const auto& [bit, name] : kFeatures) {
+    if ((package.features() & bit) != 0) json["features"].push_back(name);
+  }
+  json["name"] = package.text(info.name);
+  json["tool_version"] = package.text(info.tool_version);
+  json["source_file"] = package.text(info.source_file);
+  json["metres_per_unit"] = info.metres_per_unit;
+  json["unit_source"] = package.text(info.unit_source);
+  json["bounds"] = {
+      {"min", vectorJson(info.bounds_min)}, {"max", vectorJson(info.bounds_max)}, {"diagonal", info.diagonal}};
+  json["origin"] = info.origin;
+  json["mass"] = info.total_mass;
+  json["physical_volume"] = info.physical_volume;
+  json["source_volume"] = info.source_volume >= 0 ? ordered_json(info.source_volume) : ordered_json(nullptr);
+  json["physical_vertices"] = package.physicalVertices().size();
+  json["tetrahedra"] = package.tetrahedra().size();
+  json["bodies"] = ordered_json::array();
+  for (const auto& body : package.bodies()) {
+    json["bodies"].push_back({{"name", package.text(body.name)},
+                              {"physical_vertices", body.vertex_count},
+                              {"tetrahedra", body.tetrahedron_count},
+                              {"clusters", body.cluster_count}});
+  }
+  json["clusters"] = ordered_json::array();
+  for (const auto& cluster : package.clusters()) {
+    json["clusters"].push_back(
+        {{"name", package.text(cluster.name)}, {"members", cluster.member_count}, {"mode", modeName(cluster.mode)}});
+  }
+  json["memberships"] = package.memberships().size();
+  json["visual_vertices"] = package.visualPositions().size();
+  json["visual_triangles"] = package.visualTriangles().size();
+  json["source_vertices"] = package.sourceIdentity().size();
+  json["groups"] = ordered_json::array();
+  for (const auto& group : package.groups()) {
+    json["groups"].push_back({{"name", package.text(group.name)}, {"visual_vertices", group.count}});
+  }
+  json["attachment"] = {{"max_rest_error", info.max_rest_error}};
+  json["tetrahedra_quality"] = {{"min_dihedral_deg", info.min_dihedral_deg},
+                                {"max_dihedral_deg", info.max_dihedral_deg},
+                                {"inverted", info.inverted_tetrahedra}};
+  return json;
+}
+
+ordered_json inspectSource(const VisualMesh& mesh, const Topology& topology) {
+  ordered_json json;
+  json["file"] = mesh.file;
+  json["format"] = mesh.format;
+  // Sub-meshes of one node and mesh differ only by material; an artist counts them as one mesh.
+  struct Part {
+    std::vector<std::uint8_t> used;
+    std::uint64_t triangles = 0;
+  };
+  std::vector<std::string> order;
+  std::map<std::string, Part> parts;
+  for (const SubMeshSource& sub : mesh.sub_meshes) {
+    const std::string name = sub.mesh.empty() ? sub.node : sub.mesh;
+    auto [at, added] = parts.try_emplace(name);
+    if (added) {
+      order.push_back(name);
+      at->second.used.assign(mesh.positions.size(), 0);
+    }
+    at->second.triangles += sub.triangle_count;
+    for (std::uint32_t t = sub.first_triangle; t < sub.first_triangle + sub.triangle_count; ++t) {
+      for (std::uint32_t v : mesh.triangles[t]) at->second.used[v] = 1;
+    }
+  }
+  json["meshes"] = ordered_json::array();
+  for (const std::string& name : order) {
+    const Part& part = parts[name];
+    ordered_json groups = ordered_json::array();
+    for (const GroupSource& group : mesh.groups) {
+      if (std::any_of(group.vertices.begin(), group.vertices.end(),
+                      [&](std::uint32_t v) { return part.used[v] != 0; })) {
+        groups.push_back(group.name);
+      }
+    }
+    json["meshes"].push_back({{"name", name},
+                              {"vertices", std::count(part.used.begin(), part.used.end(), 1)},
+                              {"triangles", part.triangles},
+                              {"uv", !mesh.uvs.empty()},
+                              {"colors", !mesh.colors.empty()},
+                              {"groups", groups},
+                              {"skin", !mesh.skin.empty()}});
+  }
+  const auto vector = [](const Eigen::Vector3d& x) { return ordered_json{x[0], x[1], x[2]}; };
+  json["bounds"] = {{"min", vector(mesh.bounds_min)}, {"max", vector(mesh.bounds_max)}, {"diagonal", mesh.diagonal}};
+  json["metres_per_unit"] = mesh.metres_per_unit;
+  json["unit_source"] = mesh.unit_source;
+  json["up_axis"] = mesh.up_axis;
+  json["source_vertices"] = mesh.source_vertex_count;
+  json["source_faces"] = mesh.source_face_count;
+  json["visual_vertices"] = mesh.positions.size();
+  json["welded_vertices"] = mesh.welded_positions.size();
+  json["components"] = topology.parts.size();
+  json["boundary_edges"] = topology.boundary_edges.size();
+  json["non_manifold_edges"] = topology.non_manifold_edges.size();
+  json["degenerate_triangles"] = topology.degenerate_triangles.size();
+  json["closed"] = topology.closed;
+  json["materials"] = ordered_json::array();
+  for (const MaterialSource& material : mesh.materials) {
+    json["materials"].push_back(
+        {{"name", material.name},
+         {"base_color", material.base_color},
+         {"texture",
+          material.texture == kNoIndex ? ordered_json(nullptr) : ordered_json(mesh.textures[material.texture].name)}});
+  }
+  json["joints"] = mesh.joints;
+  json["attributes"] = ordered_json::array();
+  for (const AttributeSource& attribute : mesh.attributes) {
+    json["attributes"].push_back({{"name", attribute.name}, {"components", attribute.components}});
+  }
+  json["morph_targets"] = ordered_json::array();
+  for (const MorphTargetSource& morph : mesh.morphs) json["morph_targets"].push_back(morph.name);
+  json["nodes"] = ordered_json::array();
+  for (const NodeSource& node : mesh.nodes) {
+    json["nodes"].push_back({{"name", node.name},
+                             {"parent", node.parent},
+                             {"properties", ordered_json::parse(node.properties_json, nullptr, false)}});
+  }
+  return json;
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What several verbs share.
+#pragma once
+
+#include <tbb/global_control.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sinew/runtime/asset.h"
+#include "tools/author/recipe.h"
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+
+/// Applies `--set KEY=VALUE` in order.
+inline void applyAssignments(Settings& settings, const std::vector<std::string>& assignments) {
+  for (const std::string& assignment : assignments) settings.assign(assignment);
+}
+
+/// Bounds the tools' threads while it lives; 0 = all.
+inline std::unique_ptr<tbb::global_control> limitThreads(unsigned threads) {
+  if (threads == 0) return nullptr;
+  return std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+}
+
+/// Loads a package or throws ToolError(bad_input).
+inline std::shared_ptr<const Asset> loadPackage(const std::string& file) {
+  auto asset = Asset::load(file);
+  if (!asset) {
+    std::string reason = asset.reason();
+    const std::string prefix = file + ": ";
+    if (reason.starts_with(prefix)) reason.erase(0, prefix.size());
+    throw ToolError(ExitCode::bad_input, file, reason, "Bake it again: sinew bake SOURCE -o " + file + ".");
+  }
+  return *asset;
+}
+
+}  // namespace sinew::tools

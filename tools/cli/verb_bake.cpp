@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+
+#include "tools/bake/bake.h"
+#include "tools/bake/findings_json.h"
+#include "tools/cli/options.h"
+#include "tools/cli/verb.h"
+#include "tools/core/atomic_file.h"
+
+namespace sinew::tools {
+namespace {
+
+struct BakeCommand {
+  std::string input;
+  std::string output;
+  std::string report_file;
+  std::vector<std::string> assignments;
+  unsigned threads = 0;
+  bool json = false;
+  bool quiet = false;
+};
+
+std::string count(std::uint64_t n, const std::string& noun) {
+  const std::string plural = noun.ends_with("ex")   ? noun.substr(0, noun.size() - 2) + "ices"
+                             : noun.ends_with("on") ? noun.substr(0, noun.size() - 2) + "a"
+                             : noun.ends_with("y")  ? noun.substr(0, noun.size() - 1) + "ies"
+                                                    : noun + "s";
+  return std::to_string(n) + " " + (n == 1 ? noun : plural);
+}
+
+void printSummary(const BakeCommand& command, const nlohmann::ordered_json& report,
+                  const std::vector<Finding>& findings, double seconds) {
+  std::printf("%s -> %s (%.0f kB, %.2f s)\n", command.input.c_str(), command.output.c_str(),
+              report["package_bytes"].get<double>() / 1000, seconds);
+  const auto& size = report["size_metres"];
+  std::printf("  size       %.4g x %.4g x %.4g m (%s)\n", size[0].get<double>(), size[1].get<double>(),
+              size[2].get<double>(), report["unit"]["from"].get<std::string>().c_str());
+  const auto& visual = report["visual"];
+  std::printf("  visual     %s, %s\n", count(visual["visual_vertices"], "vertex").c_str(),
+              count(visual["visual_triangles"], "triangle").c_str());
+  std::printf("  physical   %s, %s, dihedral angles %.1f .. %.1f degrees\n",
+              count(report["physical_vertices"], "vertex").c_str(), count(report["tetrahedra"], "tetrahedron").c_str(),
+              report["tetrahedra_quality"]["min_dihedral_deg"].get<double>(),
+              report["tetrahedra_quality"]["max_dihedral_deg"].get<double>());
+  const auto& bodies = report["bodies"];
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (b == 4 && bodies.size() > 5) {
+      std::printf("  ...        and %zu more bodies\n", bodies.size() - b);
+      break;
+    }
+    const auto& body = bodies[b];
+    const std::string volume = body.contains("volume_ratio")
+                                   ? ", " + std::to_string(int(std::lround(100 * body["volume_ratio"].get<double>()))) +
+                                         " % of the source's volume"
+                                   : ", encloses no volume";
+    std::printf("  body       %s: %s, %s%s\n", body["name"].get<std::string>().c_str(),
+                body["method"].get<std::string>().c_str(), count(body["clusters"], "cluster").c_str(), volume.c_str());
+  }
+  std::printf("  attachment rest error %.1e of the diagonal\n", report["attachment"]["max_rest_error"].get<double>());
+  std::fflush(stdout);
+  printFindings(std::cout, findings, false);
+}
+
+void runBake(const BakeCommand& command) {
+  const auto start = std::chrono::steady_clock::now();
+  Recipe recipe = recipeFor(command.input);
+  applyAssignments(recipe.settings, command.assignments);
+  requireWritable(command.output);
+  if (!command.report_file.empty()) requireWritable(command.report_file);
+  const auto limit = limitThreads(command.threads);
+  Progress progress(!command.quiet);
+  BakeResult result = bake(recipe, progress);
+  progress.stage("write");
+  writeFileAtomically(command.output, result.package);
+  progress.finish();
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.report["package"] = command.output;
+  result.report["stages"] = costsJson(progress);
+  result.report["seconds"] = seconds;
+  double peak = 0;
+  for (const StageCost& cost : progress.costs()) peak = std::max(peak, cost.peak_megabytes);
+  result.report["peak_megabytes"] = peak;
+  if (!command.report_file.empty()) writeFileAtomically(command.report_file, result.report.dump(2) + "\n");
+  if (command.json)
+    std::cout << result.report.dump(2) << "\n";
+  else if (!command.quiet)
+    printSummary(command, result.report, result.findings, seconds);
+}
+
+}  // namespace
+
+void addBakeVerb(CLI::App& app, int& exit_code) {
+  auto command = std::make_shared<BakeCommand>();
+  CLI::App* verb = app.add_subcommand(
+      "bake", "Bake a mesh (OBJ, PLY, STL, OFF, glTF, GLB, FBX, DAE, OGRE .mesh) or a recipe into a package");
+  verb->add_option("input", command->input, "The artist's mesh, or a recipe (.json)")->required();
+  verb->add_option("-o,--output", command->output, "The package to write (.sinew)")->required();
+  verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
+      ->type_name("KEY=VALUE");
+  verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
+  verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));
+  verb->add_flag("--json", command->json, "Print the report as JSON instead of the summary");
+  verb->add_flag("-q,--quiet", command->quiet, "Print nothing but errors");
+  verb->callback([command, &exit_code] {
+    runBake(*command);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <iostream>
+
+#include "tools/bake/inspect.h"
+#include "tools/cli/options.h"
+#include "tools/cli/verb.h"
+#include "tools/import/import.h"
+
+namespace sinew::tools {
+namespace {
+
+// Arrays of records become lines, everything else a "key value" line.
+void printJson(const nlohmann::ordered_json& json) {
+  for (const auto& [key, value] : json.items()) {
+    if (!value.is_array() || value.empty() || !value.front().is_object()) {
+      std::cout << key << ": " << (value.is_string() ? value.get<std::string>() : value.dump()) << "\n";
+      continue;
+    }
+    std::cout << key << ": " << value.size() << "\n";
+    std::size_t shown = 0;
+    for (const auto& record : value) {
+      if (++shown > 40) {
+        std::cout << "  ... (" << value.size() - 40 << " more; --json shows all)\n";
+        break;
+      }
+      std::cout << " ";
+      for (const auto& [name, field] : record.items()) {
+        std::cout << " " << name << "=" << (field.is_string() ? field.get<std::string>() : field.dump());
+      }
+      std::cout << "\n";
+    }
+  }
+}
+
+}  // namespace
+
+void addInspectVerb(CLI::App& app, int& exit_code) {
+  struct Command {
+    std::string file;
+    std::vector<std::string> assignments;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = app.add_subcommand("inspect", "Show what is inside a package or a source, and what each part costs");
+  verb->add_option("file", command->file, "A package (.sinew), a recipe (.json) or a mesh")->required();
+  verb->add_option("--set", command->assignments, "An import setting KEY=VALUE, for a source")->type_name("KEY=VALUE");
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    nlohmann::ordered_json json;
+    if (command->file.ends_with(".sinew")) {
+      json = inspectPackage(loadPackage(command->file)->package());
+    } else {
+      Recipe recipe = recipeFor(command->file);
+      applyAssignments(recipe.settings, command->assignments);
+      Progress progress(!command->json);
+      progress.stage("import");
+      const VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+      json = inspectSource(mesh, analyzeTopology(mesh));
+      progress.finish();
+    }
+    if (command->json)
+      std::cout << json.dump(2) << "\n";
+    else
+      printJson(json);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "tools/cli/options.h"
+#include "tools/cli/verb.h"
+#include "tools/core/atomic_file.h"
+#include "tools/scene/measure.h"
+#include "tools/scene/scene.h"
+#include "tools/scene/tbb_jobs.h"
+
+namespace sinew::tools {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct SimulateCommand {
+  std::string package;
+  std::string scene = "drop";
+  double seconds = 6;
+  double step = 1.0 / 60;
+  double gravity = std::nan("");
+  unsigned threads = 1;
+  unsigned iterations = 0;
+  bool json = false;
+  std::string output;
+};
+
+std::string objText(const World& world, BodyId body) {
+  const formats::PackageView& package = world.asset(body).package();
+  const std::vector<Vec3> positions = visualPositions(world, body);
+  std::vector<Vec3> normals(positions.size());
+  if (!normals.empty()) {
+    world.visualVertices(body, {}, {normals[0].data(), sizeof(Vec3), std::uint32_t(normals.size())});
+  }
+  std::string text = "# deformed visual mesh, metres, written by sinew simulate\n";
+  std::array<char, 128> line{};
+  const auto add = [&](const char* format, auto... values) {
+    std::snprintf(line.data(), line.size(), format, values...);
+    text += line.data();
+  };
+  for (const Vec3& x : positions) add("v %.9g %.9g %.9g\n", double(x[0]), double(x[1]), double(x[2]));
+  for (const auto& uv : package.visualUvs()) add("vt %.9g %.9g\n", double(uv[0]), double(uv[1]));
+  for (const Vec3& n : normals) add("vn %.6g %.6g %.6g\n", double(n[0]), double(n[1]), double(n[2]));
+  const bool has_uv = !package.visualUvs().empty();
+  for (const auto& t : package.visualTriangles()) {
+    const unsigned a = t[0] + 1;
+    const unsigned b = t[1] + 1;
+    const unsigned c = t[2] + 1;
+    if (has_uv)
+      add("f %u/%u/%u %u/%u/%u %u/%u/%u\n", a, a, a, b, b, b, c, c, c);
+    else
+      add("f %u//%u %u//%u %u//%u\n", a, a, b, b, c, c);
+  }
+  return text;
+}
+
+double percentile(std::vector<double> values, double part) {
+  if (values.empty()) return 0;
+  const auto at =
+      values.begin() + std::ptrdiff_t(std::min(double(values.size() - 1), std::floor(part * double(values.size()))));
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+void runSimulate(const SimulateCommand& command) {
+  const auto kind = sceneByName(command.scene);
+  if (!kind) {
+    std::string names;
+    for (const auto& name : sceneNames()) names += (names.empty() ? "" : ", ") + std::string(name);
+    throw ToolError(ExitCode::usage, "", "there is no scene '" + command.scene + "'", "Scenes: " + names + ".");
+  }
+  if (!command.output.empty()) {
+    requireWritable(command.output);
+    if (!command.output.ends_with(".obj")) {
+      throw ToolError(ExitCode::usage, command.output, "only .obj can be exported", "Name a file that ends in .obj.");
+    }
+  }
+  const auto asset = loadPackage(command.package);
+  SceneOptions options;
+  options.kind = *kind;
+  options.step_seconds = float(command.step);
+  options.iterations = command.iterations;
+  if (std::isfinite(command.gravity)) options.gravity = float(command.gravity);
+  TbbJobs jobs(command.threads);
+  Scene scene(asset, options, command.threads > 1 ? &jobs : nullptr);
+
+  const auto steps = std::uint64_t(std::llround(command.seconds / command.step));
+  std::vector<double> microseconds;
+  microseconds.reserve(steps);
+  double volume_min = 1;
+  double volume_max = 1;
+  using Clock = std::chrono::steady_clock;
+  for (std::uint64_t i = 0; i < steps; ++i) {
+    const auto before = Clock::now();
+    scene.step();
+    microseconds.push_back(std::chrono::duration<double, std::micro>(Clock::now() - before).count());
+    const double volume = measureVolumeRatio(scene.world(), scene.body());
+    volume_min = std::min(volume_min, volume);
+    volume_max = std::max(volume_max, volume);
+  }
+  double wall = 0;
+  for (double t : microseconds) wall += t / 1e6;
+  const BodyMeasure measure = measureBody(scene.world(), scene.body());
+  if (!command.output.empty()) writeFileAtomically(command.output, objText(scene.world(), scene.body()));
+
+  const auto number = [](double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); };
+  if (command.json) {
+    const ordered_json json = {
+        {"package", command.package},
+        {"scene", command.scene},
+        {"steps", steps},
+        {"step_seconds", command.step},
+        {"threads", command.threads},
+        {"wall_seconds", wall},
+        {"microseconds_per_step", {{"median", percentile(microseconds, 0.5)}, {"p99", percentile(microseconds, 0.99)}}},
+        {"finite", measure.finite},
+        {"rest_error", {{"rms", number(measure.rest_error_rms)}, {"max", number(measure.rest_error_max)}}},
+        {"rms_speed", number(measure.rms_speed)},
+        {"volume_ratio",
+         {{"min", number(volume_min)}, {"max", number(volume_max)}, {"final", number(measure.volume_ratio)}}},
+        {"lowest", number(measure.lowest)},
+        {"state_hash", measure.state_hash}};
+    std::cout << json.dump(2) << "\n";
+  } else {
+    std::printf("%s: scene %s, %llu steps of %.4g s\n", command.package.c_str(), command.scene.c_str(),
+                static_cast<unsigned long long>(steps), command.step);
+    std::printf("  time       %.1f us a step (median), %.1f us (p99)\n", percentile(microseconds, 0.5),
+                percentile(microseconds, 0.99));
+    std::printf("  rest error %.2e rms, %.2e max (of the diagonal)\n", measure.rest_error_rms, measure.rest_error_max);
+    std::printf("  speed      %.2e diagonals/s rms\n", measure.rms_speed);
+    std::printf("  volume     %.3f of the rest volume at the end (%.3f .. %.3f on the way)\n", measure.volume_ratio,
+                volume_min, volume_max);
+    std::printf("  state      %s, %s\n", measure.finite ? "finite" : "NOT FINITE", measure.state_hash.c_str());
+  }
+}
+
+}  // namespace
+
+void addSimulateVerb(CLI::App& app, int& exit_code) {
+  auto command = std::make_shared<SimulateCommand>();
+  CLI::App* verb = app.add_subcommand("simulate", "Run a built-in scene without a window");
+  verb->add_option("package", command->package, "A baked package (.sinew)")->required();
+  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch or hang")->capture_default_str();
+  verb->add_option("--seconds", command->seconds, "Simulated time")->check(CLI::Range(0.0, 1e6))->capture_default_str();
+  verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0))->capture_default_str();
+  verb->add_option("--gravity", command->gravity,
+                   "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike");
+  verb->add_option("--iterations", command->iterations, "Matching passes per step; 0 = the scene's own")
+      ->check(CLI::Range(0U, 16U));
+  verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")
+      ->check(CLI::Range(1U, 256U));
+  verb->add_option("--export", command->output, "Write the deformed visual mesh at the end (.obj)");
+  verb->add_flag("--json", command->json, "Print the measures as JSON");
+  verb->callback([command, &exit_code] {
+    runSimulate(*command);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+}  // namespace sinew::tools

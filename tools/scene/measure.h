@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "sinew/runtime/world.h"
+
+namespace sinew::tools {
+
+/// State of a body in numbers. Lengths are relative to the rest bounding-box diagonal.
+struct BodyMeasure {
+  bool finite = true;         ///< every position and velocity
+  double rest_error_rms = 0;  ///< visual vertices from the rest shape, best rigid motion of each separate body removed
+  double rest_error_max = 0;
+  double rms_speed = 0;     ///< mass-weighted, diagonals per second
+  double volume_ratio = 1;  ///< tetrahedra now / at rest
+  double lowest = 0;        ///< lowest physical vertex, y
+  std::string state_hash;   ///< XXH3-64 of positions and velocities, 16 hexadecimal digits
+};
+
+BodyMeasure measureBody(const World& world, BodyId body);
+/// Only the volume ratio: cheap enough for every step.
+double measureVolumeRatio(const World& world, BodyId body);
+/// Deformed visual positions, in the package's order.
+std::vector<Vec3> visualPositions(const World& world, BodyId body);
+
+}  // namespace sinew::tools

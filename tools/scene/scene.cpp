@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/scene/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace sinew::tools {
+namespace {
+
+constexpr std::array<std::string_view, 5> kNames = {"rest", "drop", "squash", "stretch", "hang"};
+
+// Gravity of a scene, in diagonals per second squared: a body one metre across then falls as on Earth.
+constexpr float kGravityDiagonals = 9.81F;
+// `drop` starts this far above the ground, turned by this angle so that it lands on no face flatly.
+constexpr float kDropHeight = 0.35F;
+constexpr float kDropTilt = 0.25F;
+// `squash` presses to this part of the height within kPressSeconds, holds, lets go.
+constexpr float kPressedHeight = 0.05F;
+constexpr float kPressSeconds = 0.5F;
+constexpr float kHoldSeconds = 0.25F;
+// `stretch` holds this part of the length at both ends and pulls to this factor.
+constexpr float kHeldEnds = 0.12F;
+constexpr float kStretchFactor = 1.5F;
+// `hang` holds this part of the height at the top.
+constexpr float kHeldTop = 0.1F;
+
+float smooth(float t) {
+  t = std::clamp(t, 0.0F, 1.0F);
+  return t * t * (3 - 2 * t);
+}
+
+struct Bounds {
+  Vec3 low, high;
+  float extent(std::size_t axis) const { return high[axis] - low[axis]; }
+  std::size_t longest() const {
+    std::size_t axis = 0;
+    for (std::size_t a = 1; a < 3; ++a) {
+      if (extent(a) > extent(axis)) axis = a;
+    }
+    return axis;
+  }
+};
+
+Bounds boundsOf(std::span<const Vec3> points) {
+  constexpr float inf = std::numeric_limits<float>::infinity();
+  Bounds b{{inf, inf, inf}, {-inf, -inf, -inf}};
+  for (const Vec3& p : points) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      b.low[a] = std::min(b.low[a], p[a]);
+      b.high[a] = std::max(b.high[a], p[a]);
+    }
+  }
+  return b;
+}
+
+}  // namespace
+
+std::span<const std::string_view> sceneNames() { return kNames; }
+
+std::optional<SceneKind> sceneByName(std::string_view name) {
+  const auto at = std::find(kNames.begin(), kNames.end(), name);
+  if (at == kNames.end()) return std::nullopt;
+  return SceneKind(at - kNames.begin());
+}
+
+Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, JobSystem* jobs)
+    : asset_(std::move(asset)), options_(options), world_(WorldSettings{}, jobs) {
+  reset();
+}
+
+bool Scene::hasGround() const { return options_.kind == SceneKind::drop; }
+
+void Scene::reset() {
+  if (body_ != BodyId{}) world_.removeBody(body_);
+  time_ = 0;
+  steps_ = 0;
+  pinned_.clear();
+
+  const float diagonal = asset_->package().info().diagonal;
+  WorldSettings& world = world_.settings();
+  if (options_.iterations > 0) world.iterations = options_.iterations;
+  const bool falls = options_.kind == SceneKind::drop || options_.kind == SceneKind::hang;
+  world.gravity = {0, falls ? -options_.gravity.value_or(kGravityDiagonals * diagonal) : 0.0F, 0};
+  world.ground.enabled = hasGround();
+
+  BodySettings placement;
+  if (options_.kind == SceneKind::drop) {
+    // Turned about z, then about x.
+    const float c = std::cos(kDropTilt);
+    const float s = std::sin(kDropTilt);
+    placement.rotation = {c, -s, 0, c * s, c * c, -s, s * s, s * c, c};
+  }
+  // The lowest point of the rest shape, so placed, comes to y = 0 (the ground) or the drop height above it.
+  float lowest = std::numeric_limits<float>::infinity();
+  for (const auto& vertex : asset_->package().physicalVertices()) {
+    const auto& x = vertex.rest_position;
+    lowest =
+        std::min(lowest, placement.rotation[3] * x[0] + placement.rotation[4] * x[1] + placement.rotation[5] * x[2]);
+  }
+  placement.position[1] = -lowest + (options_.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
+  auto added = world_.addBody(asset_, placement);
+  body_ = added ? *added : BodyId{};
+  const auto positions = world_.positions(body_);
+  start_.assign(positions.begin(), positions.end());
+
+  const Bounds bounds = boundsOf(start_);
+  if (options_.kind == SceneKind::hang) {
+    const float level = bounds.high[1] - kHeldTop * bounds.extent(1);
+    for (std::uint32_t v = 0; v < start_.size(); ++v) {
+      if (start_[v][1] >= level) pinned_.push_back(v);
+    }
+  } else if (options_.kind == SceneKind::stretch) {
+    const std::size_t axis = bounds.longest();
+    const float margin = kHeldEnds * bounds.extent(axis);
+    for (std::uint32_t v = 0; v < start_.size(); ++v) {
+      const float x = start_[v][axis];
+      if (x <= bounds.low[axis] + margin || x >= bounds.high[axis] - margin) pinned_.push_back(v);
+    }
+  }
+  for (std::uint32_t v : pinned_) world_.pin(body_, v, start_[v]);
+}
+
+void Scene::drive() {
+  const auto t = float(time_);
+  const Bounds bounds = boundsOf(start_);
+  if (options_.kind == SceneKind::squash && t <= kPressSeconds + kHoldSeconds) {
+    // Two plates press: every vertex follows, so the body is as flat as said and at rest when it is let go.
+    const float height = 1 + (kPressedHeight - 1) * smooth(t / kPressSeconds);
+    std::vector<Vec3> pressed = start_;
+    for (Vec3& x : pressed) x[1] = bounds.low[1] + (x[1] - bounds.low[1]) * height;
+    world_.setState(body_, pressed, {});
+  } else if (options_.kind == SceneKind::stretch && !pinned_.empty()) {
+    if (t > kPressSeconds + kHoldSeconds) {
+      world_.unpinAll(body_);
+      pinned_.clear();
+      return;
+    }
+    const std::size_t axis = bounds.longest();
+    const float middle = 0.5F * (bounds.low[axis] + bounds.high[axis]);
+    const float half_pull = 0.5F * (kStretchFactor - 1) * bounds.extent(axis) * smooth(t / kPressSeconds);
+    for (std::uint32_t v : pinned_) {
+      Vec3 target = start_[v];
+      target[axis] += start_[v][axis] > middle ? half_pull : -half_pull;
+      world_.pin(body_, v, target);
+    }
+  }
+}
+
+void Scene::step() {
+  drive();
+  world_.step(options_.step_seconds);
+  ++steps_;
+  time_ = double(steps_) * double(options_.step_seconds);
+}
+
+}  // namespace sinew::tools
