@@ -25,6 +25,9 @@ struct SectionInfo {
   bool known;
 };
 
+/// The four characters of a section's id; bytes that do not print as \xHH.
+[[nodiscard]] std::string sectionName(std::uint32_t id);
+
 /// A checked, read-only view of a package's bytes. Never copies: every span points into the bytes given to open().
 ///
 /// Guarantee: after open() succeeded, every span is aligned for its type, every index in every section is inside the

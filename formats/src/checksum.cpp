@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: MIT
+#include "checksum.h"
+
+// The only file that includes xxHash; inlined, so that nothing has to be linked.
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+namespace sinew::formats {
+
+std::uint64_t checksum(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
+
+std::uint64_t checksum(std::span<const std::byte> first, std::span<const std::byte> second) {
+  XXH3_state_t state;
+  XXH3_64bits_reset(&state);
+  XXH3_64bits_update(&state, first.data(), first.size());
+  XXH3_64bits_update(&state, second.data(), second.size());
+  return XXH3_64bits_digest(&state);
+}
+
+}  // namespace sinew::formats

@@ -1,0 +1,639 @@
+// SPDX-License-Identifier: MIT
+#include "sinew/formats/package.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+#include "checksum.h"
+#include "section_rules.h"
+#include "sinew/formats/version.h"
+
+namespace sinew::formats {
+namespace {
+
+// How far sums of rounded weights may lie from 1.
+constexpr double kSumTolerance = 1e-3;
+
+// The tests on values are branch-free (| and & instead of || and &&) so that loops over them vectorize.
+unsigned notFinite(float value) { return unsigned((std::bit_cast<std::uint32_t>(value) & 0x7f800000U) == 0x7f800000U); }
+
+template <std::size_t kCount>
+unsigned notFinite(const std::array<float, kCount>& values) {
+  unsigned bad = 0;
+  for (const float value : values) bad |= notFinite(value);
+  return bad;
+}
+
+unsigned notPositive(float value) { return unsigned(!(value > 0.0F)) | notFinite(value); }
+unsigned negativeOrNotFinite(float value) { return unsigned(!(value >= 0.0F)) | notFinite(value); }
+unsigned outsideUnit(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= 1.0F)); }
+unsigned negativeOrNan(float value) { return unsigned(!(value >= 0.0F)); }
+
+constexpr std::size_t kAllGood = std::numeric_limits<std::size_t>::max();
+
+/// Index of the first item that `bad` (branch-free, nonzero = bad) rejects, or kAllGood. One pass without early exit
+/// decides, so that it vectorizes; only a refused package pays for the search.
+template <class T, class Bad>
+std::size_t firstBad(std::span<const T> items, Bad bad) {
+  unsigned any = 0;
+  for (const T& item : items) any |= bad(item);
+  if (any == 0) return kAllGood;
+  const auto found = std::find_if(items.begin(), items.end(), [&](const T& item) { return bad(item) != 0; });
+  return static_cast<std::size_t>(found - items.begin());
+}
+
+}  // namespace
+
+std::string sectionName(std::uint32_t id) {
+  std::string name;
+  for (unsigned shift = 0; shift < 32; shift += 8) {
+    const unsigned byte = (id >> shift) & 0xffU;
+    if (byte > 0x20U && byte < 0x7fU) {
+      name += static_cast<char>(byte);
+    } else {
+      constexpr const char* kDigits = "0123456789abcdef";
+      name += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15U]};
+    }
+  }
+  return name;
+}
+
+/// Fills a PackageView from hostile bytes. Each step relies on the ones before it: frame (header, table, checksums,
+/// tiling), then the sections' presence, then every value in them. A step returns false once reason_ is set.
+class PackageReader {
+ public:
+  PackageReader(std::span<const std::byte> bytes, PackageView& view) : bytes_(bytes), view_(view) {}
+
+  bool read() {
+    return readHeader() && readTable() && checkPresence() && bindSections() && checkTexts() && checkInfo() &&
+           checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
+           checkVisualMesh() && checkMaterials() && checkAttachments() && checkIdentity() && checkGroups();
+  }
+
+  std::string reason() && { return std::move(reason_); }
+
+ private:
+  bool refuse(std::string reason) {
+    reason_ = std::move(reason);
+    return false;
+  }
+
+  bool refuse(std::uint32_t id, std::string_view what) {
+    return refuse("section " + sectionName(id) + ": " + std::string(what));
+  }
+
+  bool refuse(std::uint32_t id, std::size_t element, std::string_view what) {
+    return refuse("section " + sectionName(id) + ", element " + std::to_string(element) + ": " + std::string(what));
+  }
+
+  /// True when `bad` rejects no item; otherwise sets the reason.
+  template <class T, class Bad>
+  bool check(std::uint32_t id, std::span<const T> items, std::string_view what, Bad bad) {
+    const std::size_t index = firstBad(items, bad);
+    return index == kAllGood || refuse(id, index, what);
+  }
+
+  // ---- Frame ----
+
+  bool readHeader() {
+    if (bytes_.size() < sizeof(Header)) {
+      return refuse("not a package, or cut short: " + std::to_string(bytes_.size()) + " bytes, the header alone has " +
+                    std::to_string(sizeof(Header)));
+    }
+    if ((std::bit_cast<std::uintptr_t>(bytes_.data()) & (kSectionAlignment - 1)) != 0) {
+      return refuse("the bytes are not aligned to 64 in memory (a mistake of the calling program)");
+    }
+    std::memcpy(&header_, bytes_.data(), sizeof header_);
+    if (header_.magic != kMagic) return refuse("not a Sinew package (the first 8 bytes are not its magic)");
+    if (header_.format_version != kFormatVersion) {
+      return refuse("format version " + std::to_string(header_.format_version) + ", but this software (" +
+                    kSoftwareVersion + ") reads version " + std::to_string(kFormatVersion) +
+                    (header_.format_version > kFormatVersion ? ": use a newer version" : ": bake the package again"));
+    }
+    if (header_.header_bytes != sizeof(Header)) {
+      return refuse("header: header_bytes is " + std::to_string(header_.header_bytes) + ", must be " +
+                    std::to_string(sizeof(Header)));
+    }
+    if (header_.total_bytes != bytes_.size()) {
+      return refuse("header: the package says it has " + std::to_string(header_.total_bytes) + " bytes, but it has " +
+                    std::to_string(bytes_.size()) +
+                    (header_.total_bytes > bytes_.size() ? " (cut short)" : " (something was appended)"));
+    }
+    if (header_.reserved0 != 0 || header_.reserved1 != std::array<std::uint64_t, 2>{}) {
+      return refuse("header: a reserved field is not 0");
+    }
+    if (header_.section_count > (bytes_.size() - sizeof(Header)) / sizeof(SectionEntry)) {
+      return refuse("header: a table of " + std::to_string(header_.section_count) + " sections does not fit the file");
+    }
+    Header unsummed = header_;
+    unsummed.checksum = 0;
+    const auto table = bytes_.subspan(sizeof(Header), header_.section_count * sizeof(SectionEntry));
+    if (checksum(std::as_bytes(std::span{&unsummed, 1}), table) != header_.checksum) {
+      return refuse("header: checksum does not match (header or section table damaged)");
+    }
+    return true;
+  }
+
+  bool readTable() {
+    view_.sections_.reserve(header_.section_count);
+    std::uint64_t expected_offset = alignedSize(sizeof(Header) + header_.section_count * sizeof(SectionEntry));
+    for (std::size_t i = 0; i < header_.section_count; ++i) {
+      SectionEntry entry;
+      std::memcpy(&entry, bytes_.data() + sizeof(Header) + i * sizeof(SectionEntry), sizeof entry);
+      if (!readEntry(entry, expected_offset)) return false;
+      expected_offset += alignedSize(entry.bytes);
+    }
+    if (expected_offset != bytes_.size()) {
+      return refuse("section table: the sections end at byte " + std::to_string(expected_offset) + ", the file at " +
+                    std::to_string(bytes_.size()));
+    }
+    return true;
+  }
+
+  bool readEntry(const SectionEntry& entry, std::uint64_t expected_offset) {
+    const std::uint32_t id = entry.id;
+    if (entry.offset != expected_offset) return refuse(id, "does not start where the section before it ends");
+    // expected_offset <= size holds before every entry, so the subtraction cannot wrap, nor alignedSize() after it.
+    const std::uint64_t room = bytes_.size() - expected_offset;
+    if (entry.bytes > room || alignedSize(entry.bytes) > room) return refuse(id, "reaches beyond the end of the file");
+    if (entry.element_count == 0 || entry.element_bytes == 0) return refuse(id, "has no elements");
+    if (entry.element_count > entry.bytes / entry.element_bytes ||
+        entry.element_count * entry.element_bytes != entry.bytes) {
+      return refuse(id, "its bytes are not its number of elements times their size");
+    }
+    if (entry.reserved0 != 0 || entry.reserved1 != std::array<std::uint64_t, 2>{}) {
+      return refuse(id, "a reserved field of its table entry is not 0");
+    }
+    const auto padded = bytes_.subspan(entry.offset, alignedSize(entry.bytes));
+    if (checksum(padded) != entry.checksum) return refuse(id, "checksum does not match (damaged)");
+    for (const std::byte byte : padded.subspan(entry.bytes)) {
+      if (byte != std::byte{0}) return refuse(id, "the padding behind it is not 0");
+    }
+
+    const std::size_t rule_index = sectionRuleIndex(id);
+    const bool known = rule_index < kSectionRules.size();
+    view_.sections_.push_back({id, entry.bytes, entry.element_count, known});
+    if (!known) {
+      if ((entry.flags & kSectionRequired) == 0) return true;
+      return refuse(
+          id, std::string("required, but unknown to this software (") + kSoftwareVersion + "): use a newer version");
+    }
+    const SectionRule& rule = kSectionRules[rule_index];
+    if (entry.flags != rule.flags) return refuse(id, "its flags are not those that the format gives it");
+    if (entry.element_bytes != rule.element_bytes) {
+      return refuse(id, "elements of " + std::to_string(entry.element_bytes) + " bytes, must be " +
+                            std::to_string(rule.element_bytes));
+    }
+    if (entry.element_count >= kNone) return refuse(id, "more elements than 32-bit indices can name");
+    if (!data_[rule_index].empty()) return refuse(id, "occurs twice");
+    data_[rule_index] = bytes_.subspan(entry.offset, entry.bytes);
+    return true;
+  }
+
+  bool has(std::uint32_t id) const { return !data_[sectionRuleIndex(id)].empty(); }
+
+  bool needs(std::uint32_t id, std::uint32_t needed) {
+    return !has(id) || has(needed) || refuse(id, "needs section " + sectionName(needed) + ", which is missing");
+  }
+
+  bool checkPresence() {
+    if ((header_.features & ~kKnownFeatures) != 0) {
+      return refuse("header: a feature bit that this software (" + std::string(kSoftwareVersion) +
+                    ") does not know: use a newer version");
+    }
+    for (std::size_t i = 0; i < kSectionRules.size(); ++i) {
+      const SectionRule& rule = kSectionRules[i];
+      const bool present = !data_[i].empty();
+      if (rule.always_present && !present) return refuse(rule.id, "missing, but every package has it");
+      if (rule.feature != 0 && present != ((header_.features & rule.feature) != 0)) {
+        return refuse(rule.id, present ? "present, but its feature bit in the header is not set"
+                                       : "missing, but its feature bit in the header is set");
+      }
+    }
+    for (const std::uint32_t id :
+         {section::visual_normals, section::visual_uv, section::visual_colors, section::sub_meshes, section::materials,
+          section::barycentric, section::cluster_attachments, section::visual_identity, section::groups}) {
+      if (!needs(id, section::visual_positions)) return false;
+    }
+    if (!needs(section::texture_bytes, section::textures) || !needs(section::group_vertices, section::groups) ||
+        !needs(section::barycentric, section::tetrahedra)) {
+      return false;
+    }
+    if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
+      return refuse(section::visual_positions, "a visual mesh without an attachment (section ATBC, or ATCR and ATCW)");
+    }
+    return true;
+  }
+
+  template <class T>
+  void bind(std::uint32_t id, std::span<const T>& target) {
+    const auto data = data_[sectionRuleIndex(id)];
+    target = {reinterpret_cast<const T*>(data.data()), data.size() / sizeof(T)};
+  }
+
+  bool bindSections() {
+    std::span<const BodyInfo> info;
+    bind(section::info, info);
+    if (info.size() != 1) return refuse(section::info, "must have exactly one element");
+    view_.info_ = info.data();
+    bind(section::strings, view_.strings_);
+    bind(section::bodies, view_.bodies_);
+    bind(section::physical_vertices, view_.physical_vertices_);
+    bind(section::tetrahedra, view_.tetrahedra_);
+    bind(section::clusters, view_.clusters_);
+    bind(section::memberships, view_.memberships_);
+    bind(section::quadratic_moments, view_.quadratic_moments_);
+    bind(section::visual_positions, view_.visual_positions_);
+    bind(section::visual_normals, view_.visual_normals_);
+    bind(section::visual_uv, view_.visual_uvs_);
+    bind(section::visual_colors, view_.visual_colors_);
+    bind(section::visual_triangles, view_.visual_triangles_);
+    bind(section::sub_meshes, view_.sub_meshes_);
+    bind(section::materials, view_.materials_);
+    bind(section::textures, view_.textures_);
+    bind(section::texture_bytes, view_.texture_bytes_);
+    bind(section::barycentric, view_.barycentric_);
+    bind(section::cluster_attachment_ranges, view_.cluster_attachment_ranges_);
+    bind(section::cluster_attachments, view_.cluster_attachments_);
+    bind(section::visual_identity, view_.visual_identity_);
+    bind(section::source_identity, view_.source_identity_);
+    bind(section::source_visual_list, view_.source_visual_list_);
+    bind(section::source_meshes, view_.source_meshes_);
+    bind(section::groups, view_.groups_);
+    bind(section::group_vertices, view_.group_vertices_);
+    view_.features_ = header_.features;
+    view_.format_version_ = header_.format_version;
+    view_.total_bytes_ = header_.total_bytes;
+    return true;
+  }
+
+  // ---- Values ----
+
+  unsigned badText(StringRef ref) const {
+    return unsigned(std::uint64_t{ref.offset} + ref.bytes > view_.strings_.size());
+  }
+
+  template <class T>
+  bool checkNames(std::uint32_t id, std::span<const T> items) {
+    return check(id, items, "its name lies outside section STRS", [this](const T& item) { return badText(item.name); });
+  }
+
+  bool checkTexts() {
+    const BodyInfo& info = *view_.info_;
+    for (const StringRef ref : {info.name, info.tool_version, info.source_file, info.unit_source, info.settings_json}) {
+      if (badText(ref) != 0) return refuse(section::info, "a text lies outside section STRS");
+    }
+    return checkNames(section::bodies, view_.bodies_) && checkNames(section::clusters, view_.clusters_) &&
+           checkNames(section::sub_meshes, view_.sub_meshes_) && checkNames(section::materials, view_.materials_) &&
+           checkNames(section::textures, view_.textures_) &&
+           check(section::textures, view_.textures_, "its mime type lies outside section STRS",
+                 [this](const Texture& t) { return badText(t.mime); }) &&
+           checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_);
+  }
+
+  bool checkInfo() {
+    const BodyInfo& info = *view_.info_;
+    const auto bad = [this](const char* what) { return refuse(section::info, what); };
+    for (const double value : info.origin) {
+      if (!std::isfinite(value)) return bad("origin is not finite");
+    }
+    if (!(info.metres_per_unit > 0) || !std::isfinite(info.metres_per_unit)) {
+      return bad("metres_per_unit is not a number above 0");
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if ((notFinite(info.bounds_min[axis]) | notFinite(info.bounds_max[axis])) != 0 ||
+          info.bounds_min[axis] > info.bounds_max[axis]) {
+        return bad("bounds are not finite or not in order");
+      }
+    }
+    if (notPositive(info.diagonal) != 0) return bad("diagonal is not a number above 0");
+    if (notPositive(info.total_mass) != 0) return bad("total_mass is not a number above 0");
+    if (negativeOrNotFinite(info.density) != 0) return bad("density is negative or not finite");
+    if (negativeOrNotFinite(info.physical_volume) != 0) return bad("physical_volume is negative or not finite");
+    if (notFinite(info.source_volume) != 0) return bad("source_volume is not finite");
+    if (negativeOrNotFinite(info.max_rest_error) != 0) return bad("max_rest_error is negative or not finite");
+    if (!(info.min_dihedral_deg >= 0.0F && info.min_dihedral_deg <= info.max_dihedral_deg &&
+          info.max_dihedral_deg <= 180.0F)) {
+      return bad("dihedral angles are not in order within 0 to 180");
+    }
+    if (info.inverted_tetrahedra > view_.tetrahedra_.size()) return bad("more inverted tetrahedra than tetrahedra");
+    if (info.reserved0 != 0) return bad("a reserved field is not 0");
+    return true;
+  }
+
+  bool checkBodies() {
+    std::uint64_t vertices = 0, tetrahedra = 0, clusters = 0;
+    for (std::size_t i = 0; i < view_.bodies_.size(); ++i) {
+      const BodyRange& body = view_.bodies_[i];
+      if (body.first_vertex != vertices || body.first_tetrahedron != tetrahedra || body.first_cluster != clusters) {
+        return refuse(section::bodies, i, "a run does not start where the body before it ends");
+      }
+      if (body.vertex_count == 0 || body.cluster_count == 0) {
+        return refuse(section::bodies, i, "has no vertices or no clusters");
+      }
+      vertices += body.vertex_count;
+      tetrahedra += body.tetrahedron_count;
+      clusters += body.cluster_count;
+      if (vertices > view_.physical_vertices_.size() || tetrahedra > view_.tetrahedra_.size() ||
+          clusters > view_.clusters_.size()) {
+        return refuse(section::bodies, i, "reaches beyond the vertices, tetrahedra or clusters that there are");
+      }
+    }
+    if (vertices != view_.physical_vertices_.size() || tetrahedra != view_.tetrahedra_.size() ||
+        clusters != view_.clusters_.size()) {
+      return refuse(section::bodies, "the bodies do not cover all vertices, tetrahedra and clusters");
+    }
+    return true;
+  }
+
+  bool checkPhysicalVertices() {
+    return check(section::physical_vertices, view_.physical_vertices_, "position not finite, or mass not above 0",
+                 [](const PhysicalVertex& v) { return notFinite(v.rest_position) | notPositive(v.mass); });
+  }
+
+  bool checkTetrahedra() {
+    for (const BodyRange& body : view_.bodies_) {
+      const std::uint32_t first = body.first_vertex, count = body.vertex_count;
+      const std::size_t index = firstBad(
+          view_.tetrahedra_.subspan(body.first_tetrahedron, body.tetrahedron_count), [=](const Tetrahedron& t) {
+            const auto [a, b, c, d] = t.vertex;
+            // v - first wraps to a large number where v < first, so one comparison tests both ends.
+            return unsigned(a - first >= count) | unsigned(b - first >= count) | unsigned(c - first >= count) |
+                   unsigned(d - first >= count) | unsigned(a == b) | unsigned(a == c) | unsigned(a == d) |
+                   unsigned(b == c) | unsigned(b == d) | unsigned(c == d);
+          });
+      if (index != kAllGood) {
+        return refuse(section::tetrahedra, body.first_tetrahedron + index,
+                      "a vertex outside its body, or the same vertex twice");
+      }
+    }
+    return true;
+  }
+
+  bool checkClusters() {
+    std::uint64_t member = 0;
+    std::uint32_t quadratic = 0;
+    for (std::size_t b = 0; b < view_.bodies_.size(); ++b) {
+      const BodyRange& body = view_.bodies_[b];
+      for (std::size_t i = body.first_cluster; i < std::size_t{body.first_cluster} + body.cluster_count; ++i) {
+        const Cluster& c = view_.clusters_[i];
+        const auto bad = [&](const char* what) { return refuse(section::clusters, i, what); };
+        const auto mode = static_cast<std::uint32_t>(c.mode);
+        if (mode > static_cast<std::uint32_t>(ClusterMode::quadratic)) return bad("unknown mode");
+        if (c.body != b) return bad("is listed by another body than the one it names");
+        if (c.first_member != member) return bad("its members do not start where those of the cluster before end");
+        if (c.member_count == 0) return bad("has no members");
+        member += c.member_count;
+        if (member > view_.memberships_.size()) return bad("its members reach beyond section MEMB");
+        if (c.mode == ClusterMode::quadratic) {
+          if (c.quadratic != quadratic || c.quadratic >= view_.quadratic_moments_.size()) {
+            return bad("its moment is not the next one of section AQQ9");
+          }
+          ++quadratic;
+        } else if (c.quadratic != kNone) {
+          return bad("has a quadratic moment, but its mode is not quadratic");
+        }
+        if (notPositive(c.radius) != 0) return bad("radius is not a number above 0");
+        if (notPositive(c.mass) != 0) return bad("mass is not a number above 0");
+        if (outsideUnit(c.alpha) != 0) return bad("alpha is outside 0 to 1");
+        if ((negativeOrNan(c.stretch_hz) | negativeOrNan(c.bend_hz) | negativeOrNan(c.twist_hz)) != 0) {
+          return bad("a frequency is negative or not a number");
+        }
+        if ((notFinite(c.rest_center) | notFinite(c.quadratic_mean) | notFinite(c.a_qq)) != 0) {
+          return bad("rest_center, quadratic_mean or a_qq is not finite");
+        }
+      }
+    }
+    if (member != view_.memberships_.size()) return refuse(section::memberships, "has members of no cluster");
+    if (quadratic != view_.quadratic_moments_.size()) {
+      return refuse(section::quadratic_moments, "has moments of no cluster");
+    }
+    return check(section::quadratic_moments, view_.quadratic_moments_, "not finite",
+                 [](const QuadraticMoment& m) { return notFinite(m.a_qq); });
+  }
+
+  bool checkMemberships() {
+    std::vector<float> shares(view_.physical_vertices_.size(), 0.0F);
+    for (std::size_t i = 0; i < view_.clusters_.size(); ++i) {
+      const Cluster& cluster = view_.clusters_[i];
+      const BodyRange& body = view_.bodies_[cluster.body];
+      const std::uint64_t end = std::uint64_t{body.first_vertex} + body.vertex_count;
+      std::uint64_t lowest = body.first_vertex;
+      double mu = 0;
+      for (std::size_t k = cluster.first_member; k < std::size_t{cluster.first_member} + cluster.member_count; ++k) {
+        const Membership& m = view_.memberships_[k];
+        if (m.vertex < lowest || m.vertex >= end) {
+          return refuse(section::memberships, k, "vertex not ascending, or outside the body of its cluster");
+        }
+        lowest = std::uint64_t{m.vertex} + 1;
+        if ((outsideUnit(m.mu) | outsideUnit(m.share)) != 0) {
+          return refuse(section::memberships, k, "mu or share is outside 0 to 1");
+        }
+        mu += static_cast<double>(m.mu);
+        shares[m.vertex] += m.share;
+      }
+      if (std::abs(mu - 1.0) > kSumTolerance) {
+        return refuse(section::memberships, "mu of cluster " + std::to_string(i) + " does not sum to 1");
+      }
+    }
+    const std::size_t index = firstBad(std::span<const float>{shares}, [](float sum) {
+      return unsigned(!(std::abs(sum - 1.0F) <= static_cast<float>(kSumTolerance)));
+    });
+    return index == kAllGood || refuse(section::memberships, "the shares of physical vertex " + std::to_string(index) +
+                                                                 " over its clusters do not sum to 1");
+  }
+
+  bool sameLengthAsVisual(std::uint32_t id, std::size_t count) {
+    return count == 0 || count == view_.visual_positions_.size() ||
+           refuse(id, std::to_string(count) + " elements for " + std::to_string(view_.visual_positions_.size()) +
+                          " visual vertices");
+  }
+
+  bool checkVisualMesh() {
+    if (!sameLengthAsVisual(section::visual_normals, view_.visual_normals_.size()) ||
+        !sameLengthAsVisual(section::visual_uv, view_.visual_uvs_.size()) ||
+        !sameLengthAsVisual(section::visual_colors, view_.visual_colors_.size()) ||
+        !sameLengthAsVisual(section::barycentric, view_.barycentric_.size()) ||
+        !sameLengthAsVisual(section::cluster_attachment_ranges, view_.cluster_attachment_ranges_.size()) ||
+        !sameLengthAsVisual(section::visual_identity, view_.visual_identity_.size())) {
+      return false;
+    }
+    constexpr const char* kNotFinite = "not finite";
+    if (!check(section::visual_positions, view_.visual_positions_, kNotFinite,
+               [](const Float3& v) { return notFinite(v); }) ||
+        !check(section::visual_normals, view_.visual_normals_, kNotFinite,
+               [](const Float3& v) { return notFinite(v); }) ||
+        !check(section::visual_uv, view_.visual_uvs_, kNotFinite, [](const Float2& v) { return notFinite(v); })) {
+      return false;
+    }
+    const std::size_t vertices = view_.visual_positions_.size();
+    if (!check(section::visual_triangles, view_.visual_triangles_, "a corner is not a visual vertex",
+               [vertices](const Triangle& t) {
+                 return unsigned(t[0] >= vertices) | unsigned(t[1] >= vertices) | unsigned(t[2] >= vertices);
+               })) {
+      return false;
+    }
+    std::uint64_t triangle = 0;
+    for (std::size_t i = 0; i < view_.sub_meshes_.size(); ++i) {
+      const SubMesh& sub_mesh = view_.sub_meshes_[i];
+      if (sub_mesh.first_triangle != triangle) {
+        return refuse(section::sub_meshes, i, "does not start where the sub-mesh before it ends");
+      }
+      triangle += sub_mesh.triangle_count;
+      if (sub_mesh.material != kNone && sub_mesh.material >= view_.materials_.size()) {
+        return refuse(section::sub_meshes, i, "its material is not in section VMAT");
+      }
+      if (sub_mesh.reserved0 != 0) return refuse(section::sub_meshes, i, "a reserved field is not 0");
+    }
+    if (!view_.sub_meshes_.empty() && triangle != view_.visual_triangles_.size()) {
+      return refuse(section::sub_meshes, "the sub-meshes do not cover exactly the triangles");
+    }
+    return true;
+  }
+
+  bool checkMaterials() {
+    const std::size_t textures = view_.textures_.size();
+    if (!check(section::materials, view_.materials_, "base_color outside 0 to 1, no such texture, or unknown flag",
+               [textures](const Material& m) {
+                 unsigned bad = unsigned(m.texture != kNone) & unsigned(m.texture >= textures);
+                 for (const float channel : m.base_color) bad |= outsideUnit(channel);
+                 return bad | unsigned((m.flags & ~std::uint32_t{kMaterialDoubleSided}) != 0);
+               })) {
+      return false;
+    }
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < textures; ++i) {
+      const Texture& texture = view_.textures_[i];
+      if (texture.offset != end) {
+        return refuse(section::textures, i, "its bytes do not start where those of the texture before end");
+      }
+      if (texture.bytes > view_.texture_bytes_.size() - end) {
+        return refuse(section::textures, i, "its bytes reach beyond section TEXB");
+      }
+      end += texture.bytes;
+    }
+    return end == view_.texture_bytes_.size() || refuse(section::texture_bytes, "has bytes of no texture");
+  }
+
+  bool checkAttachments() {
+    const std::size_t tetrahedra = view_.tetrahedra_.size(), clusters = view_.clusters_.size();
+    if (!check(section::barycentric, view_.barycentric_, "no such tetrahedron, or a weight not finite",
+               [tetrahedra](const BarycentricAttachment& a) {
+                 return unsigned(a.tetrahedron >= tetrahedra) | notFinite(a.weight);
+               }) ||
+        !check(
+            section::cluster_attachments, view_.cluster_attachments_, "no such cluster, or weight not finite",
+            [clusters](const ClusterAttachment& a) { return unsigned(a.cluster >= clusters) | notFinite(a.weight); })) {
+      return false;
+    }
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < view_.cluster_attachment_ranges_.size(); ++i) {
+      const ClusterAttachmentRange& range = view_.cluster_attachment_ranges_[i];
+      if (range.first != end || range.count == 0 || range.count > view_.cluster_attachments_.size() - end) {
+        return refuse(section::cluster_attachment_ranges, i,
+                      "empty, does not start where the run before ends, or reaches beyond section ATCW");
+      }
+      double sum = 0;
+      for (const ClusterAttachment& a : view_.cluster_attachments_.subspan(range.first, range.count)) {
+        sum += static_cast<double>(a.weight);
+      }
+      if (!(std::abs(sum - 1.0) <= kSumTolerance)) {
+        return refuse(section::cluster_attachment_ranges, i, "the weights of its run in ATCW do not sum to 1");
+      }
+      end += range.count;
+    }
+    return end == view_.cluster_attachments_.size() ||
+           refuse(section::cluster_attachments, "has weights of no visual vertex");
+  }
+
+  bool checkIdentity() {
+    const std::size_t vertices = view_.visual_identity_.size(), sources = view_.source_identity_.size();
+    if (view_.source_visual_list_.size() != vertices) {
+      return refuse(section::source_visual_list, "does not have one element for each visual vertex");
+    }
+    if (!check(section::visual_identity, view_.visual_identity_, "no such source vertex or welded point",
+               [=](const VisualIdentity& v) {
+                 return unsigned(v.source_vertex >= sources) | unsigned(v.welded >= vertices);
+               }) ||
+        !check(section::source_visual_list, view_.source_visual_list_, "no such visual vertex",
+               [vertices](std::uint32_t v) { return unsigned(v >= vertices); })) {
+      return false;
+    }
+    // Runs that tile a list of as many elements as there are visual vertices, each run ascending and holding only
+    // vertices that name this source vertex: so every visual vertex occurs exactly once.
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < sources; ++i) {
+      const SourceIdentity& source = view_.source_identity_[i];
+      const auto bad = [&](const char* what) { return refuse(section::source_identity, i, what); };
+      if (source.first_visual != end) return bad("its run of SVLS does not start where the run before ends");
+      if (source.visual_count > vertices - end) return bad("its run reaches beyond section SVLS");
+      if (source.visual_count == 0) {
+        if (source.welded != kNone) return bad("names a welded point, but became no visual vertex");
+        continue;
+      }
+      for (std::uint64_t k = end; k < end + source.visual_count; ++k) {
+        const std::uint32_t v = view_.source_visual_list_[k];
+        if (view_.visual_identity_[v].source_vertex != i || (k > end && v <= view_.source_visual_list_[k - 1])) {
+          return bad("its run of SVLS is not ascending, or holds a visual vertex of another source vertex");
+        }
+      }
+      if (source.welded != view_.visual_identity_[view_.source_visual_list_[end]].welded) {
+        return bad("its welded point is not that of its first visual vertex");
+      }
+      end += source.visual_count;
+    }
+    if (end != vertices) return refuse(section::source_visual_list, "has visual vertices of no source vertex");
+
+    std::uint64_t source_vertex = 0;
+    for (std::size_t i = 0; i < view_.source_meshes_.size(); ++i) {
+      const SourceMesh& mesh = view_.source_meshes_[i];
+      if (mesh.first_source_vertex != source_vertex) {
+        return refuse(section::source_meshes, i, "does not start where the mesh before it ends");
+      }
+      source_vertex += mesh.source_vertex_count;
+    }
+    return source_vertex == sources || refuse(section::source_meshes, "the meshes do not cover the source vertices");
+  }
+
+  bool checkGroups() {
+    const std::span<const std::uint32_t> members = view_.group_vertices_;
+    const std::size_t vertices = view_.visual_positions_.size();
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < view_.groups_.size(); ++i) {
+      const Group& group = view_.groups_[i];
+      if (group.first != end || group.count > members.size() - end) {
+        return refuse(section::groups, i, "does not start where the group before ends, or reaches beyond section GRPV");
+      }
+      std::uint64_t lowest = 0;
+      for (const std::uint32_t v : members.subspan(group.first, group.count)) {
+        if (v < lowest || v >= vertices) {
+          return refuse(section::groups, i, "its vertices are not ascending, or not visual vertices");
+        }
+        lowest = std::uint64_t{v} + 1;
+      }
+      end += group.count;
+    }
+    return end == members.size() || refuse(section::group_vertices, "has vertices of no group");
+  }
+
+  std::span<const std::byte> bytes_;
+  PackageView& view_;
+  Header header_{};
+  std::array<std::span<const std::byte>, kSectionRules.size()> data_;
+  std::string reason_;
+};
+
+PackageError PackageView::open(std::span<const std::byte> bytes, PackageView& view) {
+  PackageView candidate;
+  PackageReader reader(bytes, candidate);
+  if (!reader.read()) return {std::move(reader).reason()};
+  view = std::move(candidate);
+  return {};
+}
+
+}  // namespace sinew::formats
