@@ -11,12 +11,12 @@
 namespace sinew::tools {
 
 struct ImportOptions {
-  std::string unit = "auto";            ///< "auto", "m", "dm", "cm", "mm", "in", "ft", or metres per unit as a number
-  std::string up = "auto";              ///< "auto", "y", "z"
-  double weld_tolerance = 1e-6;         ///< of the bounding-box diagonal; 0 = exactly equal positions only
-  std::uint32_t memory_megabytes = 1500;///< bound on the child process
-  double seconds = 15;                  ///< bound on the child process
-  std::filesystem::path worker;         ///< the sinew program; empty = the running program's own file
+  std::string unit = "auto";              ///< "auto", "m", "dm", "cm", "mm", "in", "ft", or metres per unit as a number
+  std::string up = "auto";                ///< "auto", "y", "z"
+  double weld_tolerance = 1e-6;           ///< of the bounding-box diagonal; 0 = exactly equal positions only
+  std::uint32_t memory_megabytes = 1500;  ///< bound on the child process
+  double seconds = 15;                    ///< bound on the child process
+  std::filesystem::path worker;           ///< the sinew program; empty = the running program's own file
 };
 
 /// Reads an artist's file in a child process and checks all that it gives back.
@@ -26,7 +26,8 @@ struct ImportOptions {
 VisualMesh importVisualMesh(const std::filesystem::path& file, const ImportOptions& options, Progress& progress);
 
 /// The child's side: reads `file`, writes its serialized scene to file descriptor `output`. Called by main() for
-/// `sinew --import-worker FILE FORMAT FD`. Returns the exit code.
+/// `sinew --import-worker FILE FORMAT FD MEGABYTES SECONDS` (the last two bound itself). Returns the exit code, or ends
+/// the process.
 int runImportWorker(int argument_count, char** arguments);
 
 }  // namespace sinew::tools

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/import/import.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <string_view>
+
+#include "tools/core/error.h"
+#include "tools/import/assemble.h"
+#include "tools/import/import_process.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "gltf", "glb", "fbx", "dae", "mesh"};
+constexpr const char* kFormatList = "OBJ, PLY, STL, OFF, glTF, GLB, FBX, DAE and OGRE .mesh";
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  return text;
+}
+
+/// Unmistakable first bytes; empty where the content does not tell.
+std::string formatByContent(std::string_view head) {
+  if (head.starts_with("glTF")) return "glb";
+  if (head.starts_with("ply\n") || head.starts_with("ply\r")) return "ply";
+  if (head.starts_with("Kaydara FBX Binary")) return "fbx";
+  if (head.find("<COLLADA") != head.npos) return "dae";
+  if (head.substr(0, 80).find("[MeshSerializer_v") != head.npos) return "mesh";
+  return "";
+}
+
+/// Checks what can be known before a child is started. \return the format.
+std::string probe(const std::filesystem::path& file, const ImportOptions& options) {
+  const std::string name = file.string();
+  const auto bad = [&](const std::string& what, const std::string& cure) {
+    return ToolError(ExitCode::bad_input, name, what, cure);
+  };
+  // O_NONBLOCK: a named pipe must not hold the program before it is refused.
+  const int fd = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) {
+    const int error = errno;
+    if (error == ENOENT || error == ENOTDIR) throw bad("there is no such file", "Check the name.");
+    throw bad(std::string("cannot be opened (") + std::strerror(error) + ")", "Check the file's permissions.");
+  }
+  struct stat facts {};
+  char head[1024] = {};
+  const bool known = fstat(fd, &facts) == 0;
+  const ssize_t held = known && S_ISREG(facts.st_mode) ? read(fd, head, sizeof head) : 0;
+  const int error = errno;
+  close(fd);
+  if (!known || held < 0) throw bad(std::string("cannot be read (") + std::strerror(error) + ")", "Check the disk.");
+  if (S_ISDIR(facts.st_mode)) throw bad("is a folder", "Name the mesh file in it.");
+  if (!S_ISREG(facts.st_mode)) throw bad("is no regular file", "Copy it into one.");
+  if (facts.st_size == 0) throw bad("is empty", "Export it again.");
+
+  std::string extension = lower(file.extension().string());
+  if (!extension.empty()) extension.erase(0, 1);
+  std::string format;
+  if (std::find(std::begin(kFormats), std::end(kFormats), extension) != std::end(kFormats)) format = extension;
+  const std::string content = formatByContent({head, std::size_t(held)});
+  if (format.empty()) format = content;
+  // A GLB named .gltf and the like: the content knows better, but only among what shares a reader.
+  if (format == "gltf" && content == "glb") format = "glb";
+  if (format.empty())
+    throw bad(extension.empty() ? "has no extension, so its format is unknown"
+                                : "has the unsupported format \"" + extension + "\"",
+              std::string("Supported are ") + kFormatList + "; export it as one of these.");
+  // A reader holds the file and what it becomes.
+  const std::uint64_t most = (std::uint64_t(options.memory_megabytes) << 20) / 2;
+  if (std::uint64_t(facts.st_size) > most)
+    throw bad("is " + std::to_string(std::uint64_t(facts.st_size) >> 20) + " MB, more than the " +
+                  std::to_string(most >> 20) + " MB that the bound on memory allows",
+              "Allow more with --set import.memory_mb=" +
+                  std::to_string((std::uint64_t(facts.st_size) >> 20) * 3 + 500) + ".");
+  return format;
+}
+
+void checkOptions(const ImportOptions& options) {
+  const auto bad = [](const std::string& what, const std::string& cure) {
+    return ToolError(ExitCode::usage, "", what, cure);
+  };
+  if (options.unit != "auto" && metresPerUnit(options.unit) == 0)
+    throw bad("the unit \"" + options.unit + "\" is unknown",
+              "Use auto, m, dm, cm, mm, in, ft, or metres per unit as a number.");
+  if (options.up != "auto" && options.up != "y" && options.up != "z")
+    throw bad("the up axis \"" + options.up + "\" is unknown", "Use auto, y or z.");
+  if (!(options.weld_tolerance >= 0 && options.weld_tolerance <= 0.1))
+    throw bad("the weld tolerance is out of range", "Use 0 to 0.1 of the diagonal.");
+  if (options.memory_megabytes < 16 || options.memory_megabytes > 1U << 22)
+    throw bad("the bound on the import's memory is out of range", "Use 16 MB to 4194304 MB.");
+  if (!(options.seconds > 0 && options.seconds <= 86400))
+    throw bad("the bound on the import's time is out of range", "Use more than 0 s and at most 86400 s.");
+}
+
+}  // namespace
+
+VisualMesh importVisualMesh(const std::filesystem::path& file, const ImportOptions& options, Progress& progress) {
+  checkOptions(options);
+  const std::string format = probe(file, options);
+  RawScene scene = readInChild(file, format, options, progress);
+  progress.fraction(0.5);
+  try {
+    return assembleVisualMesh(std::move(scene), file, format, options);
+  } catch (const std::bad_alloc&) {
+    throw ToolError(ExitCode::system, file.string(), "there is not enough memory for this mesh",
+                    "Close other programs or reduce the mesh.");
+  }
+}
+
+}  // namespace sinew::tools

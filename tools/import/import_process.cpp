@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/import/import_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <spawn.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <new>
+#include <optional>
+#include <utility>
+
+#include "tools/core/error.h"
+#include "tools/import/worker_protocol.h"
+
+extern char** environ;
+
+namespace sinew::tools {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct OutOfTime {};
+struct OutOfMemory {};
+struct StreamEnded {};
+
+class FileDescriptor {
+ public:
+  explicit FileDescriptor(int fd = -1) : fd_(fd) {}
+  ~FileDescriptor() { reset(); }
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
+  int get() const { return fd_; }
+  void reset() {
+    if (fd_ >= 0) close(fd_);
+    fd_ = -1;
+  }
+
+ private:
+  int fd_;
+};
+
+/// The child; killed and reaped at the latest when this goes.
+class Child {
+ public:
+  explicit Child(pid_t pid) : pid_(pid) {}
+  ~Child() {
+    if (pid_ <= 0) return;
+    kill(pid_, SIGKILL);
+    int status = 0;
+    while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    }
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  /// Waits until `deadline`, then kills. \return the wait status.
+  int wait(Clock::time_point deadline, double& peak_megabytes) {
+    // The stream has ended by now, so the child is a few instructions from its end and polling costs nothing.
+    rusage usage{};
+    int status = 0;
+    while (true) {
+      const pid_t done = wait4(pid_, &status, Clock::now() < deadline ? WNOHANG : 0, &usage);
+      if (done == pid_) break;
+      if (done < 0 && errno != EINTR) break;
+      if (Clock::now() >= deadline) kill(pid_, SIGKILL);
+      usleep(200);
+    }
+    pid_ = -1;
+    peak_megabytes = double(usage.ru_maxrss) / 1024.0;
+    return status;
+  }
+  void kill9() const { kill(pid_, SIGKILL); }
+
+ private:
+  pid_t pid_;
+};
+
+class PipeSource : public ByteSource {
+ public:
+  PipeSource(int fd, Clock::time_point deadline, std::uint64_t budget)
+      : fd_(fd), deadline_(deadline), budget_(budget) {}
+
+  void read(void* data, std::size_t size) override {
+    auto* out = static_cast<std::byte*>(data);
+    while (size > 0) {
+      if (held_ == used_ && size < buffer_.size()) refill();
+      if (held_ != used_) {
+        const std::size_t n = std::min(size, held_ - used_);
+        std::memcpy(out, buffer_.data() + used_, n);
+        used_ += n, out += n, size -= n;
+      } else {
+        const std::size_t n = receive(out, size);
+        out += n, size -= n;
+      }
+    }
+  }
+  void claim(std::uint64_t size) override {
+    if (size > budget_) throw OutOfMemory();
+    budget_ -= size;
+  }
+
+ private:
+  void refill() {
+    held_ = receive(buffer_.data(), buffer_.size());
+    used_ = 0;
+  }
+  std::size_t receive(std::byte* out, std::size_t size) const {
+    while (true) {
+      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline_ - Clock::now()).count();
+      if (left <= 0) throw OutOfTime();
+      pollfd wait{fd_, POLLIN, 0};
+      const int ready = poll(&wait, 1, int(std::min<std::int64_t>(left, 1000)));
+      if (ready < 0 && errno != EINTR) throw StreamEnded();
+      if (ready <= 0) continue;
+      const ssize_t n = ::read(fd_, out, size);
+      if (n > 0) return std::size_t(n);
+      if (n == 0) throw StreamEnded();
+      if (errno != EINTR && errno != EAGAIN) throw StreamEnded();
+    }
+  }
+
+  int fd_;
+  Clock::time_point deadline_;
+  std::uint64_t budget_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(1U << 16);
+  std::size_t held_ = 0;
+  std::size_t used_ = 0;
+};
+
+/// One line of printable text of a bounded length: what the child says is put before the user.
+std::string oneLine(const std::string& text) {
+  std::string out;
+  for (char c : text.substr(0, 600)) out += static_cast<unsigned char>(c) < 32 || c == 127 ? ' ' : c;
+  return out;
+}
+
+pid_t spawnWorker(const std::filesystem::path& worker, const std::filesystem::path& file, const std::string& format,
+                  const ImportOptions& options, int write_end) {
+  constexpr int kChildFd = 3;
+  std::vector<std::string> words = {worker.string(),
+                                    "--import-worker",
+                                    file.string(),
+                                    format,
+                                    std::to_string(kChildFd),
+                                    std::to_string(options.memory_megabytes),
+                                    std::to_string(options.seconds)};
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawnattr_init(&attributes);
+  posix_spawn_file_actions_adddup2(&actions, write_end, kChildFd);
+  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  if (!kSanitized) posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addclosefrom_np(&actions, kChildFd + 1);
+  // A caller may block or ignore signals; the child's limits work by them.
+  sigset_t none;
+  sigset_t defaults;
+  sigemptyset(&none);
+  sigemptyset(&defaults);
+  for (int signal : {SIGXCPU, SIGPIPE, SIGSEGV, SIGABRT, SIGINT, SIGTERM}) sigaddset(&defaults, signal);
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setsigdefault(&attributes, &defaults);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+  pid_t pid = -1;
+  const int error = posix_spawn(&pid, worker.c_str(), &actions, &attributes, arguments.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  posix_spawnattr_destroy(&attributes);
+  if (error != 0)
+    throw ToolError(ExitCode::system, file.string(),
+                    "the import worker " + worker.string() + " could not be started (" + std::strerror(error) + ")",
+                    "Check the installation.");
+  return pid;
+}
+
+}  // namespace
+
+RawScene readInChild(const std::filesystem::path& file, const std::string& format, const ImportOptions& options,
+                     Progress& progress) {
+  const std::string name = file.string();
+  const std::string memory_cure = "If the file is sound, allow more with --set import.memory_mb=" +
+                                  std::to_string(std::uint64_t(options.memory_megabytes) * 2) + ".";
+  const std::string time_cure = "If the file is sound, allow more with --set import.seconds=" +
+                                std::to_string(std::int64_t(options.seconds * 4)) + ".";
+  const std::string again = "Open it in the program that made it and export it again.";
+  const auto bad = [&](const std::string& what, const std::string& cure) {
+    return ToolError(ExitCode::bad_input, name, what, cure);
+  };
+  const std::string too_much =
+      "reading it takes more than " + std::to_string(options.memory_megabytes) + " MB of memory";
+  const std::string too_long = "reading it takes longer than " + std::to_string(std::int64_t(options.seconds)) + " s";
+
+  std::filesystem::path worker = options.worker;
+  if (worker.empty()) {
+    std::error_code error;
+    worker = std::filesystem::read_symlink("/proc/self/exe", error);
+    if (error || !std::filesystem::exists(worker, error)) worker = "/proc/self/exe";  // replaced while it runs
+  }
+  int ends[2] = {-1, -1};
+  if (pipe2(ends, O_CLOEXEC) != 0)
+    throw ToolError(ExitCode::system, name, std::string("no pipe to the import worker (") + std::strerror(errno) + ")",
+                    "Close other programs and try again.");
+  FileDescriptor read_end(ends[0]);
+  FileDescriptor write_end(ends[1]);
+  const auto deadline =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options.seconds));
+  Child child(spawnWorker(worker, file, format, options, write_end.get()));
+  write_end.reset();
+
+  RawScene scene;
+  double peak = 0;
+  bool complete = false;
+  bool late = false;
+  bool large = false;
+  std::optional<std::pair<std::string, std::string>> complaint;
+  try {
+    PipeSource source(read_end.get(), deadline, std::uint64_t(options.memory_megabytes) << 20);
+    WorkerAnswer answer{};
+    source.read(&answer, sizeof answer);
+    if (answer == WorkerAnswer::scene) {
+      readRawScene(source, scene);
+      complete = true;
+    } else if (answer == WorkerAnswer::complaint) {
+      std::array<std::string, 2> texts;
+      for (std::string& text : texts) {
+        std::uint32_t size = 0;
+        source.read(&size, sizeof size);
+        if (size > 65536) throw StreamEnded();
+        text.resize(size);
+        source.read(text.data(), size);
+      }
+      complaint = {oneLine(texts[0]), oneLine(texts[1])};
+    }
+  } catch (const OutOfTime&) {
+    late = true;
+  } catch (const OutOfMemory&) {
+    large = true;
+  } catch (const StreamEnded&) {
+  } catch (const std::bad_alloc&) {
+    large = true;
+  } catch (const std::length_error&) {
+    large = true;
+  } catch (const std::runtime_error&) {
+  }
+  if (!complete && !complaint && (late || large)) child.kill9();
+  read_end.reset();
+  const int status = child.wait(deadline + std::chrono::seconds(1), peak);
+  progress.childPeak(peak);
+
+  if (late) throw bad(too_long, time_cure);
+  if (large) throw bad(too_much, memory_cure);
+  if (complaint) throw bad(complaint->first, complaint->second.empty() ? again : complaint->second);
+  if (WIFSIGNALED(status)) {
+    const int signal = WTERMSIG(status);
+    if (signal == SIGXCPU) throw bad(too_long, time_cure);
+    if (signal == SIGINT || signal == SIGTERM)
+      throw ToolError(ExitCode::system, name, "the import was interrupted", "Run it again.");
+    if (signal == SIGKILL) throw bad(too_much + " or was stopped by the system", memory_cure);
+    throw bad(
+        "its " + format + " reader crashed on it (signal " + std::to_string(signal) + "), so it is damaged or unusual",
+        again);
+  }
+  if (WEXITSTATUS(status) == kWorkerOutOfMemory) throw bad(too_much, memory_cure);
+  if (WEXITSTATUS(status) == 127 && !complete)
+    throw ToolError(ExitCode::system, name, "the import worker " + worker.string() + " could not be started",
+                    "Check the installation.");
+  if (!complete || WEXITSTATUS(status) != 0)
+    throw bad(
+        "its " + format + " reader gave no complete scene (exit code " + std::to_string(WEXITSTATUS(status)) + ")",
+        again);
+  try {
+    validateRawScene(scene);
+  } catch (const ReadError& error) {
+    throw bad(oneLine(error.what()), error.cure().empty() ? again : error.cure());
+  }
+  return scene;
+}
+
+}  // namespace sinew::tools

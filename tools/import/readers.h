@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/import/raw_scene.h"
+
+/// The readers run in the child process. Each turns a whole file into a RawScene or throws ReadError (std::bad_alloc
+/// where memory ends). OBJ, PLY, STL, OFF and glTF are read here and not by assimp, because assimp loses what the rest
+/// of the program stands on: OBJ vertex numbers and second group names, double precision, PLY strips, glTF custom
+/// attributes, extras and quantized positions; and it crashes on broken ones.
+namespace sinew::tools {
+
+/// A file that lies beside the source (material library, glTF buffer). Empty optional where it cannot be read.
+/// \param limit in bytes; a larger file counts as unreadable.
+std::optional<std::string> readCompanionFile(const std::filesystem::path& folder, const std::string& name,
+                                             std::uint64_t limit);
+
+/// \param folder where material libraries lie.
+/// \param stem names what the file leaves without a name.
+RawScene readObj(std::string_view text, const std::filesystem::path& folder, const std::string& stem);
+/// ASCII and binary of both byte orders; faces, tristrips; colours, normals, UVs, wedge UVs; other scalars as
+/// attributes.
+RawScene readPly(std::string_view bytes, const std::string& stem);
+/// ASCII and binary; three source vertices a triangle; facet normals are left out, as they say nothing new.
+RawScene readStl(std::string_view bytes, const std::string& stem);
+/// OFF with C, N, ST prefixes, text only.
+RawScene readOff(std::string_view text, const std::string& stem);
+/// glTF 2.0, text or GLB.
+RawScene readGltf(std::string_view bytes, const std::filesystem::path& folder, const std::string& stem);
+/// FBX, DAE and OGRE through assimp.
+RawScene readWithAssimp(const std::filesystem::path& file, const std::string& format);
+
+}  // namespace sinew::tools

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/import/textures.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <fstream>
+#include <optional>
+#include <string_view>
+
+namespace sinew::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  return text;
+}
+
+bool isFile(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+/// `relative` below `folder`, each of its names without regard to case where it does not exist as written.
+std::optional<fs::path> below(const fs::path& folder, const fs::path& relative) {
+  if (isFile(folder / relative)) return folder / relative;
+  fs::path at = folder.empty() ? fs::path(".") : folder;
+  for (const fs::path& name : relative) {
+    std::error_code error;
+    if (fs::exists(at / name, error)) {
+      at /= name;
+      continue;
+    }
+    std::vector<fs::path> matches;
+    for (fs::directory_iterator it(at, error), end; !error && it != end; it.increment(error))
+      if (lower(it->path().filename().string()) == lower(name.string())) matches.push_back(it->path());
+    if (matches.empty()) return std::nullopt;
+    at = *std::min_element(matches.begin(), matches.end());
+  }
+  return isFile(at) ? std::optional(at) : std::nullopt;
+}
+
+}  // namespace
+
+std::string pictureMime(const std::vector<std::byte>& bytes, const std::string& name) {
+  const std::string_view head(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 16));
+  const auto begins = [&](std::string_view magic) { return head.starts_with(magic); };
+  if (begins("\x89PNG\r\n\x1a\n")) return "image/png";
+  if (begins("\xff\xd8\xff")) return "image/jpeg";
+  if (begins("GIF8")) return "image/gif";
+  if (begins("BM")) return "image/bmp";
+  if (begins("RIFF") && head.size() >= 12 && head.substr(8, 4) == "WEBP") return "image/webp";
+  if (begins(std::string_view("II*\0", 4)) || begins(std::string_view("MM\0*", 4))) return "image/tiff";
+  if (begins("DDS ")) return "image/vnd-ms.dds";
+  if (begins("\xabKTX 20\xbb")) return "image/ktx2";
+  if (begins("#?RADIANCE")) return "image/vnd.radiance";
+  if (begins("v/1\x01")) return "image/x-exr";
+  if (lower(name).ends_with(".tga") && bytes.size() > 18) return "image/x-tga";
+  return "";
+}
+
+TextureSource loadTexture(const RawTexture& texture, const fs::path& folder, std::vector<Finding>& findings) {
+  TextureSource out;
+  out.name = texture.name;
+  const auto complain = [&](const char* id, const std::string& message, const std::string& cure) {
+    findings.push_back(
+        {id, Severity::warning, message, 1, "", {}, texture.path.empty() ? texture.name : texture.path, cure});
+  };
+  if (texture.path.empty()) {
+    out.bytes = texture.bytes;
+  } else {
+    std::string plain = texture.path;
+    if (plain.starts_with("file://")) plain.erase(0, 7);
+    std::replace(plain.begin(), plain.end(), '\\', '/');
+    const fs::path written = fs::path(plain).lexically_normal();
+    const bool drive = plain.size() > 1 && plain[1] == ':';
+    const bool outside = drive || written.is_absolute() || written.empty() || *written.begin() == "..";
+    const fs::path last = written.filename();
+    std::optional<fs::path> found;
+    if (plain.find('\0') == plain.npos && !last.empty()) {
+      if (!outside) found = below(folder, written);
+      if (!found) found = below(folder, last);
+      if (!found) found = below(folder, fs::path("textures") / last);
+    }
+    if (!found) {
+      complain("missing-texture",
+               "the texture " + texture.path + " is missing; the material keeps its colour" +
+                   (outside ? " (a place outside the file's folder is not read)" : ""),
+               "Put " + (last.empty() ? std::string("the picture") : last.string()) + " beside the file.");
+      return out;
+    }
+    std::error_code error;
+    const std::uint64_t size = fs::file_size(*found, error);
+    if (error || size > kMaxTextureBytes) {
+      complain("texture-too-large", "the texture " + texture.path + " is larger than 64 MB and was left out",
+               "Reduce the picture.");
+      return out;
+    }
+    std::ifstream in(*found, std::ios::binary);
+    out.bytes.resize(size);
+    in.read(reinterpret_cast<char*>(out.bytes.data()), std::streamsize(size));
+    if (!in && size > 0) {
+      out.bytes.clear();
+      complain("missing-texture", "the texture " + texture.path + " cannot be read; the material keeps its colour",
+               "Check the file's permissions.");
+      return out;
+    }
+  }
+  if (out.bytes.size() > kMaxTextureBytes) {
+    out.bytes.clear();
+    complain("texture-too-large", "the texture " + out.name + " is larger than 64 MB and was left out",
+             "Reduce the picture.");
+    return out;
+  }
+  out.mime = pictureMime(out.bytes, texture.path.empty() ? texture.name : texture.path);
+  if (out.mime.empty()) {
+    out.bytes.clear();
+    complain("unknown-texture", "the texture " + out.name + " is no picture of a known kind and was left out",
+             "Save it as PNG or JPEG.");
+  }
+  return out;
+}
+
+}  // namespace sinew::tools
