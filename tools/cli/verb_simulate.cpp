@@ -124,6 +124,7 @@ void runSimulate(const SimulateCommand& command) {
         {"volume_ratio",
          {{"min", number(volume_min)}, {"max", number(volume_max)}, {"final", number(measure.volume_ratio)}}},
         {"lowest", number(measure.lowest)},
+        {"seam_gap", number(measure.seam_gap)},
         {"state_hash", measure.state_hash}};
     std::cout << json.dump(2) << "\n";
   } else {

@@ -63,6 +63,22 @@ void rigidResidual(const std::vector<Vector3d>& rest, const std::vector<Vector3d
   }
 }
 
+// How far visual vertices that one welded point split into have moved relative to the first of them.
+double seamGap(const formats::PackageView& package, const std::vector<Vec3>& visual) {
+  std::vector<std::uint32_t> first(visual.size(), formats::kNone);
+  double gap = 0;
+  for (std::uint32_t v = 0; v < package.visualIdentity().size(); ++v) {
+    std::uint32_t& f = first[package.visualIdentity()[v].welded];
+    if (f == formats::kNone) {
+      f = v;
+      continue;
+    }
+    const Vector3d rest = toDouble(package.visualPositions()[v]) - toDouble(package.visualPositions()[f]);
+    gap = std::max(gap, ((toDouble(visual[v]) - toDouble(visual[f])).norm() - rest.norm()));
+  }
+  return gap;
+}
+
 double volume(const formats::PackageView& package, auto&& position) {
   double six = 0;
   for (const auto& tet : package.tetrahedra()) {
@@ -132,6 +148,7 @@ BodyMeasure measureBody(const World& world, BodyId body) {
     }
     measure.rest_error_rms = std::sqrt(squared / double(visual.size())) / diagonal;
     measure.rest_error_max /= diagonal;
+    measure.seam_gap = seamGap(package, visual) / diagonal;
   }
 
   XXH3_state_t* state = XXH3_createState();

@@ -17,6 +17,7 @@ struct BodyMeasure {
   double rms_speed = 0;     ///< mass-weighted, diagonals per second
   double volume_ratio = 1;  ///< tetrahedra now / at rest
   double lowest = 0;        ///< lowest physical vertex, y
+  double seam_gap = 0;      ///< farthest that visual vertices of one welded point have drifted apart since rest
   std::string state_hash;   ///< XXH3-64 of positions and velocities, 16 hexadecimal digits
 };
 

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/recipe.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+class RecipeFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(testing::TempDir()) /
+              (std::string("sinew_recipe_") + testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path write(const std::string& text) {
+    const auto file = folder_ / "recipe.json";
+    std::ofstream(file) << text;
+    return file;
+  }
+  std::string errorOf(const std::string& text) {
+    try {
+      readRecipe(write(text));
+    } catch (const ToolError& error) {
+      EXPECT_EQ(error.code(), ExitCode::bad_input);
+      EXPECT_NE(std::string(error.what()).find("recipe.json"), std::string::npos);
+      return error.what();
+    }
+    return "";
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(RecipeFile, ReadsSourceBesideItselfAndSettings) {
+  const Recipe recipe = readRecipe(write(R"({
+    // comments are welcome
+    "sinew_recipe": 1, "source": "meshes/cow.obj",
+    "settings": {"tetrahedra.vertices": 700, "clusters.grid": [2, 3, 4], "package.groups": false, "import.unit": "cm"}})"));
+  EXPECT_EQ(recipe.source, folder_ / "meshes/cow.obj");
+  EXPECT_EQ(recipe.settings.tetrahedra.target_vertices, 700U);
+  EXPECT_EQ(recipe.settings.clusters.grid, (std::array<std::uint32_t, 3>{2, 3, 4}));
+  EXPECT_FALSE(recipe.settings.package.groups);
+  EXPECT_EQ(recipe.settings.import.unit, "cm");
+}
+
+TEST_F(RecipeFile, FaultsNameThePlace) {
+  EXPECT_NE(errorOf("{\n\"sinew_recipe\": 1,\n\"source\" \"x\"}").find("line 3"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 9, "source": "x.obj"})").find("version 9"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"source": "x.obj"})").find("sinew_recipe"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 1})").find("source"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 1, "source": "x.obj", "colour": 3})").find("colour"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 1, "source": 5})").find("source"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 1, "source": "x.obj", "settings": {"clusters.overlap": 7}})")
+                .find("clusters.overlap"),
+            std::string::npos);
+  EXPECT_NE(errorOf(""), "");
+  EXPECT_NE(errorOf("[]"), "");
+}
+
+}  // namespace
+}  // namespace sinew::tools
