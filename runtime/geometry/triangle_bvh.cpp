@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/geometry/triangle_bvh.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+namespace sinew::geometry {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+constexpr std::uint32_t kLeafSize = 8;
+// A tree over n triangles is at most ceil(log2 n) deep, and each level leaves one node on the stack.
+constexpr std::size_t kStackSize = 64;
+
+// Separating axis test of a triangle against a box (Akenine-Moller 2001): 3 box normals, the plane, 9 edge products.
+bool overlaps(const AlignedBox3d& box, const TriangleBvh::Corners& t) {
+  const Vector3d center = box.center(), half = box.sizes() / 2;
+  const std::array<Vector3d, 3> v = {t[0] - center, t[1] - center, t[2] - center};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = std::min({v[0][axis], v[1][axis], v[2][axis]});
+    const double high = std::max({v[0][axis], v[1][axis], v[2][axis]});
+    if (low > half[axis] || high < -half[axis]) return false;
+  }
+  const auto separates = [&](const Vector3d& axis) {
+    const double a = v[0].dot(axis), b = v[1].dot(axis), c = v[2].dot(axis);
+    const double reach = half.dot(axis.cwiseAbs());
+    return std::min({a, b, c}) > reach || std::max({a, b, c}) < -reach;
+  };
+  const std::array<Vector3d, 3> edges = {v[1] - v[0], v[2] - v[1], v[0] - v[2]};
+  if (separates(edges[0].cross(edges[1]))) return false;
+  for (const Vector3d& e : edges) {
+    if (separates({0, -e.z(), e.y()}) || separates({e.z(), 0, -e.x()}) || separates({-e.y(), e.x(), 0})) return false;
+  }
+  return true;
+}
+
+double squaredSegmentDistance(const Vector3d& p0, const Vector3d& p1, const Vector3d& q0, const Vector3d& q1) {
+  const Vector3d d1 = p1 - p0, d2 = q1 - q0, r = p0 - q0;
+  const double a = d1.squaredNorm(), e = d2.squaredNorm(), f = d2.dot(r), c = d1.dot(r), b = d1.dot(d2);
+  double s = 0, t = 0;
+  if (a > 0 && e > 0) {
+    const double denominator = a * e - b * b;
+    s = denominator > 0 ? std::clamp((b * f - c * e) / denominator, 0.0, 1.0) : 0;
+    t = (b * s + f) / e;
+    if (t < 0) {
+      t = 0;
+      s = std::clamp(-c / a, 0.0, 1.0);
+    } else if (t > 1) {
+      t = 1;
+      s = std::clamp((b - c) / a, 0.0, 1.0);
+    }
+  } else if (a > 0) {
+    s = std::clamp(-c / a, 0.0, 1.0);
+  } else if (e > 0) {
+    t = std::clamp(f / e, 0.0, 1.0);
+  }
+  return (p0 + d1 * s - q0 - d2 * t).squaredNorm();
+}
+
+// Moller & Trumbore 1997, both sides. Parameter along a-b, or -1.
+double segmentCrossing(const Vector3d& a, const Vector3d& direction, const TriangleBvh::Corners& t) {
+  const Vector3d e1 = t[1] - t[0], e2 = t[2] - t[0];
+  const Vector3d p = direction.cross(e2);
+  const double determinant = e1.dot(p);
+  if (determinant == 0) return -1;
+  const Vector3d s = a - t[0];
+  const double u = s.dot(p) / determinant;
+  if (!(u >= 0 && u <= 1)) return -1;
+  const Vector3d q = s.cross(e1);
+  const double v = direction.dot(q) / determinant;
+  if (!(v >= 0 && u + v <= 1)) return -1;
+  const double parameter = e2.dot(q) / determinant;
+  return parameter > 0 && parameter < 1 ? parameter : -1;
+}
+
+}  // namespace
+
+Vector3d closestPointOnTriangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
+  const Vector3d ab = b - a, ac = c - a, ap = p - a;
+  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
+  if (d1 <= 0 && d2 <= 0) return a;
+  const Vector3d bp = p - b;
+  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
+  if (d3 >= 0 && d4 <= d3) return b;
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return d1 - d3 > 0 ? Vector3d(a + ab * (d1 / (d1 - d3))) : a;
+  const Vector3d cp = p - c;
+  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
+  if (d6 >= 0 && d5 <= d6) return c;
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return d2 - d6 > 0 ? Vector3d(a + ac * (d2 / (d2 - d6))) : a;
+  const double va = d3 * d6 - d5 * d4;
+  const double along = (d4 - d3) + (d5 - d6);
+  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return along > 0 ? Vector3d(b + (c - b) * ((d4 - d3) / along)) : b;
+  const double sum = va + vb + vc;
+  return a + ab * (vb / sum) + ac * (vc / sum);
+}
+
+double squaredDistance(const TriangleBvh::Corners& s, const TriangleBvh::Corners& t) {
+  for (std::size_t i = 0; i < 3; ++i) {
+    if (segmentCrossing(s[i], s[(i + 1) % 3] - s[i], t) >= 0) return 0;
+    if (segmentCrossing(t[i], t[(i + 1) % 3] - t[i], s) >= 0) return 0;
+  }
+  double best = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 3; ++i) {
+    best = std::min(best, (closestPointOnTriangle(s[i], t[0], t[1], t[2]) - s[i]).squaredNorm());
+    best = std::min(best, (closestPointOnTriangle(t[i], s[0], s[1], s[2]) - t[i]).squaredNorm());
+    for (std::size_t j = 0; j < 3; ++j) {
+      best = std::min(best, squaredSegmentDistance(s[i], s[(i + 1) % 3], t[j], t[(j + 1) % 3]));
+    }
+  }
+  return best;
+}
+
+TriangleBvh::TriangleBvh(std::span<const Vector3d> positions, std::span<const Triangle> triangles) {
+  const auto count = static_cast<std::uint32_t>(triangles.size());
+  if (count == 0) return;
+  struct Item {
+    Vector3d centroid;
+    std::uint32_t triangle;
+  };
+  std::vector<Item> items(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Triangle& t = triangles[i];
+    items[i] = {(positions[t[0]] + positions[t[1]] + positions[t[2]]) / 3, i};
+  }
+  nodes_.reserve(2 * (count / (kLeafSize / 2)) + 1);
+  struct Job {
+    std::uint32_t first, count, parent;
+  };
+  constexpr std::uint32_t kNoParent = 0xffffffffU;
+  std::vector<Job> jobs = {{0, count, kNoParent}};
+  while (!jobs.empty()) {
+    const Job job = jobs.back();
+    jobs.pop_back();
+    const auto index = static_cast<std::uint32_t>(nodes_.size());
+    if (job.parent != kNoParent) nodes_[job.parent].right = index;
+    Node node;
+    node.first = job.first;
+    node.count = job.count;
+    AlignedBox3d centroids;
+    for (std::uint32_t i = job.first; i < job.first + job.count; ++i) centroids.extend(items[i].centroid);
+    nodes_.push_back(node);
+    if (job.count <= kLeafSize) continue;
+    int axis = 0;
+    centroids.sizes().maxCoeff(&axis);
+    const std::uint32_t half = job.count / 2;
+    const auto begin = items.begin() + job.first;
+    std::nth_element(begin, begin + half, begin + job.count, [axis](const Item& a, const Item& b) {
+      return a.centroid[axis] != b.centroid[axis] ? a.centroid[axis] < b.centroid[axis] : a.triangle < b.triangle;
+    });
+    jobs.push_back({job.first + half, job.count - half, index});
+    jobs.push_back({job.first, half, kNoParent});
+  }
+  order_.resize(count);
+  corners_.resize(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    order_[i] = items[i].triangle;
+    const Triangle& t = triangles[items[i].triangle];
+    corners_[i] = {positions[t[0]], positions[t[1]], positions[t[2]]};
+  }
+  for (std::size_t n = nodes_.size(); n-- > 0;) {
+    Node& node = nodes_[n];
+    if (node.right != 0) {
+      node.box = nodes_[n + 1].box.merged(nodes_[node.right].box);
+      continue;
+    }
+    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+      for (const Vector3d& corner : corners_[i]) node.box.extend(corner);
+    }
+  }
+}
+
+TriangleBvh::Hit TriangleBvh::closest(const Vector3d& point, double radius) const {
+  Hit best;
+  if (nodes_.empty()) return best;
+  double bound = radius * radius;
+  std::array<std::uint32_t, kStackSize> stack{};
+  std::size_t depth = 0;
+  stack[depth++] = 0;
+  while (depth > 0) {
+    const std::uint32_t index = stack[--depth];
+    const Node& node = nodes_[index];
+    if (node.box.squaredExteriorDistance(point) > bound) continue;
+    if (node.right == 0) {
+      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+        const Corners& t = corners_[i];
+        const Vector3d q = closestPointOnTriangle(point, t[0], t[1], t[2]);
+        const double d = (q - point).squaredNorm();
+        // Ties go to the lower number, so that the answer does not depend on the tree's shape.
+        if (d < bound || (d == bound && order_[i] < best.triangle)) {
+          bound = d;
+          best = {d, order_[i], q};
+        }
+      }
+      continue;
+    }
+    const std::uint32_t left = index + 1;
+    const bool left_nearer =
+        nodes_[left].box.squaredExteriorDistance(point) <= nodes_[node.right].box.squaredExteriorDistance(point);
+    stack[depth++] = left_nearer ? node.right : left;
+    stack[depth++] = left_nearer ? left : node.right;
+  }
+  return best;
+}
+
+bool TriangleBvh::touches(const AlignedBox3d& box) const {
+  if (nodes_.empty()) return false;
+  std::array<std::uint32_t, kStackSize> stack{};
+  std::size_t depth = 0;
+  stack[depth++] = 0;
+  while (depth > 0) {
+    const std::uint32_t index = stack[--depth];
+    const Node& node = nodes_[index];
+    if (!node.box.intersects(box)) continue;
+    if (node.right == 0) {
+      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+        if (overlaps(box, corners_[i])) return true;
+      }
+      continue;
+    }
+    stack[depth++] = node.right;
+    stack[depth++] = index + 1;
+  }
+  return false;
+}
+
+void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<double>& parameters) const {
+  parameters.clear();
+  if (nodes_.empty()) return;
+  const Vector3d direction = b - a;
+  std::array<std::uint32_t, kStackSize> stack{};
+  std::size_t depth = 0;
+  stack[depth++] = 0;
+  while (depth > 0) {
+    const std::uint32_t index = stack[--depth];
+    const Node& node = nodes_[index];
+    double low = 0, high = 1;
+    bool outside = false;
+    for (int axis = 0; axis < 3 && !outside; ++axis) {
+      if (direction[axis] == 0) {
+        outside = a[axis] < node.box.min()[axis] || a[axis] > node.box.max()[axis];
+        continue;
+      }
+      double near = (node.box.min()[axis] - a[axis]) / direction[axis];
+      double far = (node.box.max()[axis] - a[axis]) / direction[axis];
+      if (near > far) std::swap(near, far);
+      low = std::max(low, near - 1e-12);
+      high = std::min(high, far + 1e-12);
+      outside = low > high;
+    }
+    if (outside) continue;
+    if (node.right == 0) {
+      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+        const double t = segmentCrossing(a, direction, corners_[i]);
+        if (t >= 0) parameters.push_back(t);
+      }
+      continue;
+    }
+    stack[depth++] = node.right;
+    stack[depth++] = index + 1;
+  }
+  std::sort(parameters.begin(), parameters.end());
+}
+
+}  // namespace sinew::geometry

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+#include <vector>
+
+#include "runtime/geometry/triangle_bvh.h"
+
+namespace sinew::geometry {
+
+/// The generalized winding number of a surface (Jacobson et al. 2013): how many times it winds around a point; 1 inside
+/// a closed surface with outward faces, 0 outside, between the two near holes, 2 where parts overlap. Far groups of
+/// triangles are replaced by the second-order expansion of Barill et al. 2018 (eq. 13-16) about their area-weighted
+/// centre; near ones are summed exactly (van Oosterom & Strackee 1983).
+///
+/// Error: below 1e-2 with the accuracy used (a group counts as far beyond 2 of its radii); exact within a leaf, so the
+/// jump across the surface stays sharp. Cost: about 1 us a query for 10,000 triangles.
+/// Holes and self-intersections are fine. NaN or infinite positions are not.
+class WindingNumber {
+ public:
+  WindingNumber() = default;
+  /// \param closed the surface has no open edge: crossing() may then trust its triangles alone.
+  WindingNumber(std::span<const Eigen::Vector3d> positions, std::span<const Triangle> triangles, bool closed);
+
+  double at(const Eigen::Vector3d& point) const;
+  bool inside(const Eigen::Vector3d& point) const { return at(point) > 0.5; }
+
+  /// Where the segment from a point inside to a point outside leaves the solid: parameter in [0, 1].
+  /// Exact where the surface is closed; found by bisection to 1e-5 of the segment elsewhere.
+  double crossing(const Eigen::Vector3d& inside, const Eigen::Vector3d& outside) const;
+
+  const TriangleBvh& bvh() const { return bvh_; }
+  bool closed() const { return closed_; }
+
+ private:
+  /// Moments of a node's dipoles about its centre: area vectors n, offsets d.
+  struct Moments {
+    Eigen::Vector3d center;
+    double squared_reach;          ///< of far: (accuracy * radius)^2
+    Eigen::Vector3d first;         ///< sum n
+    std::array<double, 6> second;  ///< symmetric part of sum n d^T: xx yy zz xy yz zx
+    Eigen::Vector3d third_trace;   ///< contraction of sum n d d^T that meets -3 r / |r|^5
+    std::array<double, 10> third;  ///< fully symmetric part: xxx yyy zzz xxy xxz yyx yyz zzx zzy xyz
+  };
+  double expansion(const Moments& m, const Eigen::Vector3d& point) const;
+
+  TriangleBvh bvh_;
+  std::vector<Moments> moments_;
+  bool closed_ = false;
+};
+
+/// The solid angle of a triangle seen from a point, over 4 pi; positive where the point is behind it.
+double triangleWindingNumber(const Eigen::Vector3d& point, const TriangleBvh::Corners& triangle);
+
+}  // namespace sinew::geometry

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/geometry/winding_number.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/geometry/shapes.h"
+
+namespace sinew::geometry {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+
+double bruteForce(const testing::Surface& s, const Vector3d& p) {
+  double sum = 0;
+  for (const Triangle& t : s.triangles) {
+    sum += triangleWindingNumber(p, {s.positions[t[0]], s.positions[t[1]], s.positions[t[2]]});
+  }
+  return sum;
+}
+
+// Largest error over points within and well around the surface.
+double largestError(const testing::Surface& s, bool closed, std::uint64_t seed) {
+  const WindingNumber winding(s.positions, s.triangles, closed);
+  AlignedBox3d box = s.bounds();
+  const Vector3d margin = box.sizes() / 2;
+  box.extend(box.min() - margin);
+  box.extend(box.max() + margin);
+  testing::Random random(seed);
+  double worst = 0;
+  for (int i = 0; i < 1500; ++i) {
+    const Vector3d p = random.inBox(box);
+    worst = std::max(worst, std::abs(winding.at(p) - bruteForce(s, p)));
+  }
+  return worst;
+}
+
+TEST(WindingNumber, OneTriangleMatchesTheOctant) {
+  // The triangle through the unit points of the axes covers an eighth of the directions from the origin.
+  EXPECT_NEAR(triangleWindingNumber(Vector3d::Zero(), {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()}), 0.125,
+              1e-15);
+  EXPECT_NEAR(triangleWindingNumber(Vector3d::Zero(), {Vector3d::UnitY(), Vector3d::UnitX(), Vector3d::UnitZ()}),
+              -0.125, 1e-15);
+}
+
+TEST(WindingNumber, MatchesBruteForce) {
+  EXPECT_LT(largestError(testing::sphere(1, 40), true, 1), 1e-2);
+  EXPECT_LT(largestError(testing::torus(1, 0.3, 60), true, 2), 1e-2);
+  EXPECT_LT(largestError(testing::box({4, 1, 0.1}, 20), true, 3), 1e-2);
+  for (std::uint32_t seed = 1; seed < 4; ++seed) EXPECT_LT(largestError(testing::blob(seed, 40), true, seed), 1e-2);
+}
+
+TEST(WindingNumber, MatchesBruteForceOnOpenAndSelfIntersectingSurfaces) {
+  testing::Surface open = testing::sphere(1, 40);
+  open.triangles.resize(open.triangles.size() * 4 / 5);
+  EXPECT_LT(largestError(open, false, 5), 1e-2);
+  testing::Surface two = testing::sphere(1, 30);
+  two.append(testing::sphere(1, 30), {1, 0, 0});
+  EXPECT_LT(largestError(two, true, 6), 1e-2);
+  const WindingNumber winding(two.positions, two.triangles, true);
+  EXPECT_NEAR(winding.at({0.5, 0, 0}), 2, 1e-2);
+}
+
+TEST(WindingNumber, SecondOrderFallsOffFasterThanFirst) {
+  // Error of an expansion to second order falls with the fourth power of distance over size, times the field's own
+  // square: doubling the distance gains far more than the 16 of a first-order one (for an open cap, no symmetry).
+  testing::Surface cap = testing::blob(7, 24);
+  cap.triangles.resize(cap.triangles.size() / 3);
+  const WindingNumber winding(cap.positions, cap.triangles, false);
+  double near = 0, far = 0;
+  testing::Random random(8);
+  for (int i = 0; i < 200; ++i) {
+    Vector3d direction = random.inBox({Vector3d::Constant(-1), Vector3d::Constant(1)});
+    direction.normalize();
+    near = std::max(near, std::abs(winding.at(10 * direction) - bruteForce(cap, 10 * direction)));
+    far = std::max(far, std::abs(winding.at(20 * direction) - bruteForce(cap, 20 * direction)));
+  }
+  EXPECT_GT(near, 0);
+  EXPECT_LT(far, near / 20);
+}
+
+TEST(WindingNumber, HoleDoesNotMoveTheInside) {
+  testing::Surface s = testing::box({1, 1, 1}, 8);
+  s.triangles.erase(s.triangles.begin(), s.triangles.begin() + 2);
+  const WindingNumber winding(s.positions, s.triangles, false);
+  EXPECT_TRUE(winding.inside({0, 0, 0}));
+  EXPECT_TRUE(winding.inside({0.45, 0.45, 0.45}));
+  EXPECT_FALSE(winding.inside({0.55, 0.55, 0.55}));
+}
+
+TEST(WindingNumber, InsideWhereAnalyticSolidsAre) {
+  const testing::Surface ring = testing::torus(1, 0.3, 160);
+  const WindingNumber winding(ring.positions, ring.triangles, true);
+  testing::Random random(9);
+  int inside = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const Vector3d p = random.inBox(ring.bounds());
+    const double d = std::hypot(std::hypot(p.x(), p.z()) - 1, p.y());
+    if (std::abs(d - 0.3) < 1e-3) continue;  // between the torus and its triangles
+    inside += d < 0.3 ? 1 : 0;
+    EXPECT_EQ(winding.inside(p), d < 0.3);
+  }
+  EXPECT_GT(inside, 500);
+}
+
+TEST(WindingNumber, CrossingLiesOnTheSurface) {
+  for (const bool closed : {true, false}) {
+    const testing::Surface ball = testing::sphere(1, 60);
+    const WindingNumber winding(ball.positions, ball.triangles, closed);
+    testing::Random random(11);
+    for (int i = 0; i < 300; ++i) {
+      Vector3d a = random.inBox({Vector3d::Constant(-0.5), Vector3d::Constant(0.5)});
+      Vector3d b = random.inBox({Vector3d::Constant(1.1), Vector3d::Constant(2)});
+      const Vector3d hit = a + (b - a) * winding.crossing(a, b);
+      EXPECT_LT(std::sqrt(winding.bvh().closest(hit).squared_distance), 1e-4);
+    }
+  }
+}
+
+TEST(WindingNumber, CrossingOfOverlappingPartsIsTheOutermost) {
+  testing::Surface two = testing::box({2, 2, 2}, 3);
+  two.append(testing::box({2, 2, 2}, 3), {1, 0.1, 0.1});
+  const WindingNumber winding(two.positions, two.triangles, true);
+  // From (0,0,0) along x: leaves the first box at 1 while inside the second, which ends at 2.
+  EXPECT_NEAR(winding.crossing({0, 0.03, 0.01}, {4, 0.03, 0.01}), 0.5, 1e-12);
+}
+
+TEST(WindingNumber, NothingIsNeverInside) {
+  const WindingNumber winding;
+  EXPECT_EQ(winding.at({0, 0, 0}), 0);
+  EXPECT_FALSE(winding.bvh().touches({Vector3d::Constant(-1), Vector3d::Constant(1)}));
+}
+
+TEST(WindingNumber, ScaleDoesNotMatter) {
+  for (const double scale : {1e-6, 1e6}) {
+    testing::Surface s = testing::blob(2, 20);
+    for (auto& p : s.positions) p *= scale;
+    const WindingNumber winding(s.positions, s.triangles, true);
+    EXPECT_TRUE(winding.inside(Vector3d::Zero()));
+    EXPECT_FALSE(winding.inside(Vector3d(5, 5, 5) * scale));
+  }
+}
+
+TEST(TriangleBvh, ClosestMatchesBruteForce) {
+  const testing::Surface s = testing::blob(4, 20);
+  const TriangleBvh bvh(s.positions, s.triangles);
+  testing::Random random(12);
+  for (int i = 0; i < 500; ++i) {
+    const Vector3d p = random.inBox({Vector3d::Constant(-3), Vector3d::Constant(3)});
+    double best = 1e300;
+    for (const Triangle& t : s.triangles) {
+      best = std::min(
+          best, (closestPointOnTriangle(p, s.positions[t[0]], s.positions[t[1]], s.positions[t[2]]) - p).squaredNorm());
+    }
+    EXPECT_EQ(bvh.closest(p).squared_distance, best);
+  }
+}
+
+TEST(TriangleBvh, TrianglesApartAndCrossing) {
+  const TriangleBvh::Corners a = {Vector3d(0, 0, 0), Vector3d(1, 0, 0), Vector3d(0, 1, 0)};
+  EXPECT_NEAR(squaredDistance(a, {Vector3d(0, 0, 2), Vector3d(1, 0, 2), Vector3d(0, 1, 2)}), 4, 1e-15);
+  EXPECT_EQ(squaredDistance(a, {Vector3d(0.2, 0.2, -1), Vector3d(0.2, 0.2, 1), Vector3d(5, 5, 1)}), 0);
+  EXPECT_NEAR(squaredDistance(a, {Vector3d(2, 0, 0), Vector3d(3, 0, 0), Vector3d(2, 1, 0)}), 1, 1e-15);
+  // Edge against edge.
+  EXPECT_NEAR(squaredDistance(a, {Vector3d(0.5, -1, 0.5), Vector3d(0.5, 1, 0.5), Vector3d(0.5, 0, 3)}), 0.25, 1e-15);
+}
+
+}  // namespace
+}  // namespace sinew::geometry
