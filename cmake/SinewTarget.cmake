@@ -6,7 +6,14 @@ if(SINEW_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${SINEW_CCACHE})
 endif()
 
+# A translation unit with CGAL's meshing takes 3 GB to compile: never two of them at once (Ninja only; with another generator
+# use -j1 where memory is short).
+set_property(GLOBAL APPEND PROPERTY JOB_POOLS sinew_cgal=1)
+
 function(sinew_target name)
+  if(name MATCHES "^sinew_cgal_" OR name STREQUAL "sinew_topology")
+    set_target_properties(${name} PROPERTIES JOB_POOL_COMPILE sinew_cgal)
+  endif()
   target_compile_features(${name} PUBLIC cxx_std_20)
   target_compile_options(${name} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Woverloaded-virtual

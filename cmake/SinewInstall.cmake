@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+# Installs formats and runtime (headers, libraries, the package that find_package(sinew) reads) and, where the tools are
+# built, the programs. `cmake --install build/release --component sinew_runtime` installs the MIT part alone.
+include(CMakePackageConfigHelpers)
+
+set(sinew_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/sinew)
+set(sinew_libraries sinew_formats)
+if(TARGET sinew_runtime)
+  list(APPEND sinew_libraries sinew_runtime)
+endif()
+
+foreach(library IN LISTS sinew_libraries)
+  # A shared runtime finds the formats library beside it.
+  set_target_properties(${library} PROPERTIES
+    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR} INSTALL_RPATH "$ORIGIN")
+endforeach()
+
+install(TARGETS ${sinew_libraries} EXPORT sinewTargets
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT sinew_runtime
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT sinew_runtime
+  RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT sinew_runtime)
+foreach(layer IN ITEMS formats runtime)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${layer}/include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT sinew_runtime
+    FILES_MATCHING PATTERN "*.h")
+endforeach()
+install(EXPORT sinewTargets NAMESPACE sinew:: DESTINATION ${sinew_package_dir} COMPONENT sinew_runtime)
+
+configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/sinewConfig.cmake.in ${PROJECT_BINARY_DIR}/sinewConfig.cmake
+  INSTALL_DESTINATION ${sinew_package_dir})
+# Before 1.0 a minor version may break callers.
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/sinewConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/sinewConfig.cmake ${PROJECT_BINARY_DIR}/sinewConfigVersion.cmake
+  DESTINATION ${sinew_package_dir} COMPONENT sinew_runtime)
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE.md ${PROJECT_SOURCE_DIR}/LICENSES/MIT.txt
+  DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT sinew_runtime)
+
+# Every program the tools build, so that a helper process lies beside the one that starts it.
+function(sinew_install_programs directory)
+  get_property(targets DIRECTORY ${directory} PROPERTY BUILDSYSTEM_TARGETS)
+  foreach(target IN LISTS targets)
+    get_target_property(type ${target} TYPE)
+    if(type STREQUAL "EXECUTABLE")
+      install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT sinew_tools)
+    endif()
+  endforeach()
+  get_property(children DIRECTORY ${directory} PROPERTY SUBDIRECTORIES)
+  foreach(child IN LISTS children)
+    sinew_install_programs(${child})
+  endforeach()
+endfunction()
+if(SINEW_BUILD_TOOLS)
+  sinew_install_programs(${PROJECT_SOURCE_DIR}/tools)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSES/GPL-3.0-or-later.txt DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT sinew_tools)
+endif()
