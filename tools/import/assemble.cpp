@@ -24,8 +24,8 @@ namespace {
 
 constexpr double kSmallestPlausible = 1e-3;  // metres
 constexpr double kLargestPlausible = 100;
-/// Quantized weights (8 bit) miss 1 by up to a few hundredths without any fault of the artist's.
-constexpr double kWeightSumTolerance = 0.02;
+constexpr double kLargestPossible = 1e12;  // beyond it single precision overflows in squares and cubes of lengths
+constexpr double kWeightSumTolerance = 1e-3;
 
 std::string lengthText(double metres) {
   char text[64];
@@ -223,7 +223,7 @@ class Assembler {
     mesh_.bounds_min = box.min();
     mesh_.bounds_max = box.max();
     mesh_.diagonal = box.diagonal().norm();
-    if (!std::isfinite(mesh_.diagonal) || mesh_.diagonal > 1e100)
+    if (!std::isfinite(mesh_.diagonal) || mesh_.diagonal > kLargestPossible)
       fail("has vertices too far apart to compute with", "Check its coordinates.");
     if (!(mesh_.diagonal > 0))
       fail("has no size: all its faces lie in one point", "Check its coordinates and node scales.");
