@@ -34,14 +34,15 @@ namespace detail {
 /// equally near: the one closest to the previous quaternion is taken, so that R stays continuous in time.
 inline Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const Quaternion& previous) {
   Eigen::Matrix4d k;
-  k << a.trace(), a(2, 1) - a(1, 2), a(0, 2) - a(2, 0), a(1, 0) - a(0, 1),                                     //
-      a(2, 1) - a(1, 2), a(0, 0) - a(1, 1) - a(2, 2), a(0, 1) + a(1, 0), a(0, 2) + a(2, 0),                    //
-      a(0, 2) - a(2, 0), a(0, 1) + a(1, 0), a(1, 1) - a(0, 0) - a(2, 2), a(1, 2) + a(2, 1),                    //
+  k << a.trace(), a(2, 1) - a(1, 2), a(0, 2) - a(2, 0), a(1, 0) - a(0, 1),                   //
+      a(2, 1) - a(1, 2), a(0, 0) - a(1, 1) - a(2, 2), a(0, 1) + a(1, 0), a(0, 2) + a(2, 0),  //
+      a(0, 2) - a(2, 0), a(0, 1) + a(1, 0), a(1, 1) - a(0, 0) - a(2, 2), a(1, 2) + a(2, 1),  //
       a(1, 0) - a(0, 1), a(0, 2) + a(2, 0), a(1, 2) + a(2, 1), a(2, 2) - a(0, 0) - a(1, 1);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(k);
   const Eigen::Vector4d& values = solver.eigenvalues();  // ascending
-  const double tie = 2e-6 * std::max(std::abs(values[0]), std::abs(values[3]));  // a few times the rounding of a float A
-  const Eigen::Vector4d before(double(previous[0]), double(previous[1]), double(previous[2]), double(previous[3]));
+  const double tie =
+      2e-6 * std::max(std::abs(values[0]), std::abs(values[3]));  // a few times the rounding of a float A
+  const Eigen::Vector4d before = Eigen::Map<const Eigen::Vector4f>(previous.data()).cast<double>();
   Eigen::Vector4d q = Eigen::Vector4d::Zero();
   for (int i = 3; i >= 0 && values[i] >= values[3] - tie; --i) {
     q += solver.eigenvectors().col(i) * solver.eigenvectors().col(i).dot(before);
@@ -69,14 +70,16 @@ inline Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const 
 /// \param[in,out] q the previous rotation as a unit quaternion (warm start); the result.
 inline void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q) {
   const float scale = a.cwiseAbs().maxCoeff();
-  if (!(scale >= std::numeric_limits<float>::min()) || !(scale <= std::numeric_limits<float>::max()) || a.hasNaN()) return;
+  if (!(scale >= std::numeric_limits<float>::min()) || !(scale <= std::numeric_limits<float>::max()) || a.hasNaN())
+    return;
   const Eigen::Matrix3f b = a * (1.0F / scale);
   if (!b.allFinite()) {  // 1/scale overflowed
     q = detail::nearestRotationByEigenvectors(a.cast<double>() / double(scale), q);
     return;
   }
-  constexpr float kDefinite = 1e-2F;  // least pivot of J that Newton is trusted with, relative to the largest entry of a
-  constexpr float kNear = 0.5F;       // largest step, radians
+  constexpr float kDefinite =
+      1e-2F;                     // least pivot of J that Newton is trusted with, relative to the largest entry of a
+  constexpr float kNear = 0.5F;  // largest step, radians
   Quaternion iterate = q;
   for (int iteration = 0; iteration < 6; ++iteration) {
     const Eigen::Matrix3f c = rotationMatrix(iterate).transpose() * b;
@@ -105,7 +108,8 @@ inline void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q) {
     const Eigen::Vector3f s = 0.5F * step;
     Quaternion next = {w - x * s[0] - y * s[1] - z * s[2], x + w * s[0] + y * s[2] - z * s[1],
                        y + w * s[1] + z * s[0] - x * s[2], z + w * s[2] + x * s[1] - y * s[0]};
-    const float inverse = 1.0F / std::sqrt(next[0] * next[0] + next[1] * next[1] + next[2] * next[2] + next[3] * next[3]);
+    const float inverse =
+        1.0F / std::sqrt(next[0] * next[0] + next[1] * next[1] + next[2] * next[2] + next[3] * next[3]);
     for (float& component : next) component *= inverse;
     iterate = next;
     if (length2 < 1e-6F) {  // the step after this one would be about length^2: below rounding

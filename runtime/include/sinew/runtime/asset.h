@@ -11,6 +11,10 @@
 
 namespace sinew {
 
+namespace internal {
+struct RestConstants;
+}
+
 /// A loaded package: the constants that all bodies made from it share. Immutable, so safe to use from many threads.
 class Asset {
  public:
@@ -22,15 +26,21 @@ class Asset {
 
   const formats::PackageView& package() const { return view_; }
 
+  /// For the runtime itself: constants made at load.
+  const internal::RestConstants& constants() const { return *constants_; }
+
   ~Asset();
   Asset(const Asset&) = delete;
   Asset& operator=(const Asset&) = delete;
 
  private:
-  Asset() = default;
+  Asset();
+  static Result<std::shared_ptr<const Asset>> open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes,
+                                                   const std::string& prefix);
   formats::PackageView view_;
-  void* memory_ = nullptr;    // mapped or owned bytes, released by the destructor
+  void* memory_ = nullptr;  // mapped or owned bytes, released by the destructor
   std::size_t bytes_ = 0;
+  std::unique_ptr<const internal::RestConstants> constants_;
   bool mapped_ = false;
 };
 

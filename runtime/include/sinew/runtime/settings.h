@@ -26,8 +26,8 @@ struct GroundPlane {
 class JobSystem {
  public:
   virtual ~JobSystem() = default;
-  /// Calls body(begin, end) over disjoint ranges that cover 0..count, possibly at the same time, and returns when all are done.
-  /// \param grain smallest range worth a job of its own.
+  /// Calls body(begin, end) over disjoint ranges that cover 0..count, possibly at the same time, and returns when all
+  /// are done. \param grain smallest range worth a job of its own.
   virtual void parallelFor(std::uint32_t count, std::uint32_t grain,
                            const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) = 0;
 };
@@ -46,9 +46,10 @@ struct WorldSettings {
 
 /// What a body may override of its package when it is added.
 struct BodySettings {
-  Vec3 position = {0.0F, 0.0F, 0.0F};  ///< metres, added to the rest positions (and to the package's origin, which is dropped)
+  Vec3 position = {0.0F, 0.0F,
+                   0.0F};  ///< metres, added to the rest positions (and to the package's origin, which is dropped)
   Mat3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< proper rotation about the package's origin, applied before position
-  float stiffness_scale = 1.0F;        ///< multiplies the frequencies of all clusters, 0..1e6
+  float stiffness_scale = 1.0F;                 ///< multiplies the frequencies of all clusters, 0..1e6
 };
 
 }  // namespace sinew

@@ -60,6 +60,9 @@ class World {
   /// Positions (metres, world) and velocities (m/s) of the physical vertices, in the package's order.
   std::span<const Vec3> positions(BodyId body) const;
   std::span<const Vec3> velocities(BodyId body) const;
+  /// Vertices whose position or velocity was not finite (or beyond 1e15 m, 1e17 m/s) when the last step began. They
+  /// were put where their clusters had last wanted them, at rest; the rest of the body is not affected.
+  std::uint32_t repairedVertices(BodyId body) const;
   /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero).
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
 

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/clusters/stiffness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "runtime/geometry/pseudo_inverse.h"
+
+namespace sinew::internal {
+namespace {
+
+constexpr double kAlphaStep = 1.0 / 60;  // h_ref: the step that Cluster::alpha is given for
+
+// (2 pi f h)^2; infinite for a rigid class of modes.
+double stiffnessRatio(float frequency_hz, float scale, float step_seconds) {
+  if (frequency_hz == 0 || scale == 0) return 0;
+  const double phase = 2 * std::numbers::pi * double(frequency_hz) * double(scale) * double(step_seconds);
+  return phase * phase;
+}
+
+Square<3> linearMoment(const formats::Cluster& cluster) {
+  const auto& a = cluster.a_qq;
+  Square<3> result;
+  result << a[0], a[3], a[5], a[3], a[1], a[4], a[5], a[4], a[2];
+  return result;
+}
+
+Square<9> unpack(const formats::QuadraticMoment& packed) {
+  Square<9> result;
+  std::size_t k = 0;
+  for (int row = 0; row < 9; ++row) {
+    for (int column = 0; column <= row; ++column) result(row, column) = result(column, row) = packed.a_qq[k++];
+  }
+  return result;
+}
+
+// S = (M + K)^+ with K_kk' = ratio_class M_kk' inside each class of modes: the implicit step of the energy
+// 1/2 Σ_class omega² g^T M g. Symmetric, so that the torque of the match vanishes (eq. 8), and never above A_qq.
+Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>& ratios) {
+  Eigen::Matrix<double, 9, 9> sum = moment.cast<double>();
+  for (int block = 0; block < 3; ++block) {
+    const double ratio = ratios[std::size_t(block)];
+    if (std::isinf(ratio) || ratio > 1e12) {
+      sum.middleRows<3>(3 * block).setZero();
+      sum.middleCols<3>(3 * block).setZero();
+    } else {
+      sum.block<3, 3>(3 * block, 3 * block) *= 1 + ratio;
+    }
+  }
+  return geometry::equilibratedPseudoInverse<9>(sum, 1e-7).cast<float>();
+}
+
+}  // namespace
+
+float keptDeformation(float frequency_hz, float step_seconds) {
+  return float(1 / (1 + stiffnessRatio(frequency_hz, 1, step_seconds)));
+}
+
+ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t index,
+                                  float stiffness_scale, float step_seconds) {
+  const formats::Cluster& cluster = package.clusters()[index];
+  ClusterStiffness result;
+  const double missing = 1.0 - std::clamp(double(cluster.alpha), 0.0, 1.0);
+  result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
+  if (cluster.mode == formats::ClusterMode::rigid) return result;
+
+  const std::array<double, 3> ratios = {stiffnessRatio(cluster.stretch_hz, stiffness_scale, step_seconds),
+                                        stiffnessRatio(cluster.bend_hz, stiffness_scale, step_seconds),
+                                        stiffnessRatio(cluster.twist_hz, stiffness_scale, step_seconds)};
+  if (cluster.mode == formats::ClusterMode::linear) {
+    const float beta = float(1 / (1 + ratios[0]));
+    result.deforms = beta > 0;
+    result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
+    return result;
+  }
+  if (ratios[0] == ratios[1] && ratios[1] == ratios[2]) {
+    result.s = float(1 / (1 + ratios[0])) * unpack(package.quadraticMoments()[cluster.quadratic]);
+  } else {
+    result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios);
+  }
+  result.deforms = !result.s.isZero(0);
+  return result;
+}
+
+}  // namespace sinew::internal

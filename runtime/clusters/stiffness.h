@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "runtime/clusters/algebra.h"
+#include "runtime/load/rest_constants.h"
+#include "sinew/formats/package.h"
+
+namespace sinew::internal {
+
+/// What a cluster's frequencies mean for one length of step (docs/method.md §4).
+struct ClusterStiffness {
+  float alpha = 1.0F;               ///< alpha_h of eq. 9
+  bool deforms = false;             ///< false: F = R, s is zero
+  Square<9> s = Square<9>::Zero();  ///< S of eq. 8: F = [R 0] + (A_pq - R M) S; rows and columns 3.. only if quadratic
+};
+
+/// beta_h = 1 / (1 + (2 pi f h)^2), eq. 6: the part of a deformation that outlives one step.
+float keptDeformation(float frequency_hz, float step_seconds);
+
+ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
+                                  float stiffness_scale, float step_seconds);
+
+}  // namespace sinew::internal

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: MIT
+//
+// Rows on goals, docs/method.md §6. An impulse Λ (kg m) at a point with rest offset q~ in cluster c, which owns `share`
+// of it, moves the cluster's centre by share Λ / M and its moment A_pq by share Λ q~^T / (M radius): exactly what the
+// same displacement of the vertex would have done before matching. So feet carry a body however little they weigh, and
+// every force passes through the match: it turns, tips and deforms the body as the match deems right.
+#include "runtime/contact/solve.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/clusters/goal.h"
+
+namespace sinew::internal {
+namespace {
+
+// Rows give way by this part of their own response. Rows that contradict one another (a dented sole pressed flat, pins
+// set apart) then share the error instead of driving their impulses without bound.
+constexpr float kRelativeCompliance = 1e-2F;
+
+// Where a row touches a cluster, calls visit(cluster index, coefficient, rest position).
+template <class Visit>
+void forEachTerm(const Body& body, const Row& row, const Visit& visit) {
+  const formats::PackageView& package = body.package();
+  const auto at_vertex = [&](std::uint32_t vertex, float weight) {
+    const Vector3 rest = asVector(package.physicalVertices()[vertex].rest_position);
+    for (const ClusterUse& use : body.rest().usesOf(vertex)) visit(use.cluster, weight * use.share, rest);
+  };
+  if (row.point == RowPoint::physical_vertex) {
+    at_vertex(row.index, 1.0F);
+  } else if (!package.barycentric().empty()) {
+    const formats::BarycentricAttachment& attachment = package.barycentric()[row.index];
+    const auto& corners = package.tetrahedra()[attachment.tetrahedron].vertex;
+    const auto& w = attachment.weight;
+    at_vertex(corners[0], w[0]);
+    at_vertex(corners[1], w[1]);
+    at_vertex(corners[2], w[2]);
+    at_vertex(corners[3], 1.0F - w[0] - w[1] - w[2]);
+  } else if (!package.clusterAttachmentRanges().empty()) {
+    const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[row.index];
+    const Vector3 rest = asVector(package.visualPositions()[row.index]);
+    for (const formats::ClusterAttachment& attachment :
+         package.clusterAttachments().subspan(range.first, range.count)) {
+      visit(attachment.cluster, attachment.weight, rest);
+    }
+  }
+}
+
+Vector3 pointOf(const Body& body, const Row& row) {
+  Vector3 point = Vector3::Zero();
+  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& rest) {
+    point += coefficient * clusterGoal(body.package().clusters()[c], body.rest().clusters[c], body.frames[c], rest);
+  });
+  return point;
+}
+
+template <int N>
+void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& impulse,
+                 const Vector3& position, ClusterFrame& frame) {
+  const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
+  frame.center += impulse / cluster.mass;
+  frame.a_pq.leftCols<N>() += (impulse / (cluster.mass * cluster.radius)) * q.transpose();
+}
+
+void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& impulse,
+                 const Vector3& position, ClusterFrame& frame) {
+  if (cluster.mode == formats::ClusterMode::quadratic) {
+    pushMoments<9>(cluster, rest, impulse, position, frame);
+  } else {
+    pushMoments<3>(cluster, rest, impulse, position, frame);
+  }
+}
+
+// The same with the frame's F following to first order, so that later rows of the sweep see it.
+template <int N>
+void push(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
+          const ClusterResponse& response, const Vector3& impulse, const Vector3& position, ClusterFrame& frame) {
+  const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
+  const Vector3 shift = impulse / cluster.mass;
+  const Vector3 scaled = shift / cluster.radius;
+  frame.center += shift;
+  frame.a_pq.leftCols<N>() += scaled * q.transpose();
+  const Vector3 arm = cluster.radius * (geometry::rotationMatrix(frame.rotation) * q.template head<3>());
+  const Vector3 turn = response.inertia_inverse * arm.cross(impulse);
+  for (int k = 0; k < N; ++k) frame.f.col(k) += turn.cross(response.lever.col(k));
+  if (stiffness.deforms) {
+    const Monomials<N> sq = stiffness.s.topLeftCorner<N, N>() * q;
+    frame.f.leftCols<N>() += scaled * sq.transpose();
+  }
+}
+
+void push(Body& body, const Row& row, const Vector3& impulse) {
+  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+    const formats::Cluster& cluster = body.package().clusters()[c];
+    const ClusterRest& rest = body.rest().clusters[c];
+    const Vector3 part = coefficient * impulse;
+    if (cluster.mode == formats::ClusterMode::quadratic) {
+      push<9>(cluster, rest, body.stiffness[c], body.responses[c], part, position, body.frames[c]);
+    } else {
+      push<3>(cluster, rest, body.stiffness[c], body.responses[c], part, position, body.frames[c]);
+    }
+  });
+}
+
+// How R turns under a torque: the inverse of the derivative of the polar decomposition, J = tr(S) 1 - S with
+// S = sym(R^T A_pq) in place of the rigid inertia. Where the cluster is collapsed or mirrored J says nothing useful and
+// the rest shape's stands in.
+void updateResponse(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
+                    const ClusterFrame& frame, ClusterResponse& response) {
+  const Matrix3 r = geometry::rotationMatrix(frame.rotation);
+  const int n = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
+  response.lever.setZero();
+  response.lever.leftCols<3>() = r;
+  if (stiffness.deforms) {
+    if (n == 9) {
+      response.lever -= r * rest.moment * stiffness.s;
+    } else {
+      response.lever.leftCols<3>() -= r * rest.moment.leftCols<3>() * stiffness.s.topLeftCorner<3, 3>();
+    }
+  }
+  const Matrix3 c = r.transpose() * frame.a_pq.leftCols<3>();
+  const Matrix3 s = 0.5F * (c + c.transpose());
+  const float trace = rest.moment.leftCols<3>().trace();
+  const Matrix3 j = (s.trace() + 1e-3F * trace) * Matrix3::Identity() - s;
+  // J - J_rest/4 positive definite, by Sylvester's minors.
+  const Matrix3 margin = j - 0.25F * (trace * Matrix3::Identity() - rest.moment.leftCols<3>());
+  const bool sound =
+      margin(0, 0) > 0 && margin(0, 0) * margin(1, 1) - margin(0, 1) * margin(1, 0) > 0 && margin.determinant() > 0;
+  const Matrix3 inverse = sound ? Matrix3(j.inverse()) : rest.inertia_inverse;
+  response.inertia_inverse = r * inverse * r.transpose() / (cluster.mass * cluster.radius * cluster.radius);
+}
+
+Matrix3 crossMatrix(const Vector3& v) {
+  Matrix3 m;
+  m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+  return m;
+}
+
+// W: how the row's point answers to its own impulse, 1/kg (rows of one cluster do not see the others here; Gauss-Seidel
+// does).
+Matrix3 ownResponse(const Body& body, const Row& row) {
+  Matrix3 w = Matrix3::Zero();
+  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+    const formats::Cluster& cluster = body.package().clusters()[c];
+    const ClusterRest& rest = body.rest().clusters[c];
+    const ClusterResponse& response = body.responses[c];
+    const Vector3 q = restOffset(cluster, position);
+    const Matrix3 r = geometry::rotationMatrix(body.frames[c].rotation);
+    const Vector3 arm = cluster.radius * (r * (q - rest.mean.head<3>()));
+    float deformation = 0;
+    Vector3 lever;
+    if (cluster.mode == formats::ClusterMode::quadratic) {
+      const Monomials<9> monomial = monomials<9>(q) - rest.mean;
+      lever = cluster.radius * (response.lever * monomial);
+      if (body.stiffness[c].deforms) deformation = monomial.dot(body.stiffness[c].s * monomial);
+    } else {
+      const Vector3 monomial = q - rest.mean.head<3>();
+      lever = cluster.radius * (response.lever.leftCols<3>() * monomial);
+      if (body.stiffness[c].deforms) deformation = monomial.dot(body.stiffness[c].s.topLeftCorner<3, 3>() * monomial);
+    }
+    const Matrix3 turning = crossMatrix(lever) * response.inertia_inverse * crossMatrix(arm).transpose();
+    w += coefficient * coefficient *
+         (((1.0F + deformation) / cluster.mass) * Matrix3::Identity() + 0.5F * (turning + turning.transpose()));
+  });
+  return w;
+}
+
+void prepareRow(const Body& body, Row& row, float pass_seconds) {
+  const Matrix3 w = ownResponse(body, row);
+  const float mean = w.trace() / 3.0F;
+  row.compliance = kRelativeCompliance * mean;
+  if (row.kind == RowKind::contact) {
+    row.normal_response = row.normal.dot(w * row.normal) + row.compliance;
+    row.tangent_response = w.trace() - row.normal.dot(w * row.normal) + row.compliance;
+    return;
+  }
+  if (row.point == RowPoint::visual_vertex) {
+    // A critically damped spring of frequency f on the mass it feels, 1/mean, implicit: eq. 12.
+    const Pick& pick = body.picks[row.pick];
+    const float phase = 6.2831853F * pick.frequency_hz * pass_seconds;
+    row.compliance = mean / (phase * phase + 2.0F * phase);
+    const Vector3 now = row.target;  // where the point is at the start of the pass; addPickRows put it there
+    row.target = (asVector(pick.target) * phase + 2.0F * now) / (phase + 2.0F);
+  }
+  row.inverse_response = (w + row.compliance * Matrix3::Identity()).inverse();
+}
+
+// One row of a sweep. \return how far its point moved, metres.
+float relax(Body& body, Row& row) {
+  const Vector3 error = row.target - pointOf(body, row) - row.compliance * row.impulse;
+  Vector3 change;
+  if (row.kind == RowKind::hold) {
+    change = row.inverse_response * error;
+  } else {
+    const float pressed = row.normal.dot(row.impulse);
+    const float normal_error = row.normal.dot(error);
+    const float push_normal = std::max(0.0F, pressed + normal_error / row.normal_response);
+    const Vector3 old_tangent = row.impulse - pressed * row.normal;
+    Vector3 tangent = old_tangent + (error - normal_error * row.normal) / row.tangent_response;
+    const float limit = row.friction * push_normal;
+    const float length = tangent.norm();
+    if (length > limit) tangent *= length > 0 ? limit / length : 0.0F;
+    change = (push_normal - pressed) * row.normal + (tangent - old_tangent);
+  }
+  if (!change.allFinite() || change.isZero(0)) return 0;
+  row.impulse += change;
+  push(body, row, change);
+  return row.kind == RowKind::contact ? change.norm() * row.normal_response : error.norm();
+}
+
+}  // namespace
+
+void warmStartRows(Body& body) {
+  for (const Row& row : body.rows) {
+    if (row.impulse.isZero(0)) continue;
+    forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+      pushMoments(body.package().clusters()[c], body.rest().clusters[c], coefficient * row.impulse, position,
+                  body.frames[c]);
+    });
+  }
+}
+
+void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings) {
+  const formats::PackageView& package = body.package();
+  for (ClusterResponse& response : body.responses) response.used = false;
+  for (const Row& row : body.rows) {
+    forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
+  }
+  const auto for_each_used_cluster = [&](const auto& visit) {
+    for (std::uint32_t c = 0; c < body.responses.size(); ++c) {
+      if (body.responses[c].used) visit(c);
+    }
+  };
+  for_each_used_cluster([&](std::uint32_t c) {
+    updateResponse(package.clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c],
+                   body.responses[c]);
+  });
+  for (Row& row : body.rows) prepareRow(body, row, pass_seconds);
+
+  for (std::uint32_t round = 0; round < settings.rounds; ++round) {
+    for (std::uint32_t sweep = 0; sweep < settings.sweeps; ++sweep) {
+      float moved = 0;
+      for (Row& row : body.rows) moved = std::max(moved, relax(body, row));
+      if (moved < settings.tolerance) break;
+    }
+    for_each_used_cluster([&](std::uint32_t c) {
+      updateFrame(package.clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c]);
+    });
+  }
+
+  const float to_force = 1.0F / (pass_seconds * pass_seconds);
+  for (const Row& row : body.rows) {
+    Vec3& remembered = row.point == RowPoint::physical_vertex ? body.force[row.index] : body.picks[row.pick].force;
+    remembered = asArray(to_force * row.impulse);
+  }
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// How a pass solves rows.
+struct RowSolverSettings {
+  std::uint32_t rounds = 2;  ///< times the clusters are matched again to the impulses found
+  std::uint32_t sweeps = 6;  ///< projected Gauss-Seidel sweeps in each round, at most
+  float tolerance = 1e-6F;   ///< a sweep that moves no point further than this (metres) is the last of its round
+};
+
+/// Adds the rows' remembered impulses to the clusters' moments. Call between accumulateMoments and updateFrame.
+void warmStartRows(Body& body);
+
+/// Finds the impulses with which the goals of the clusters satisfy the rows, adds them to the moments and updates the
+/// frames; leaves the forces in Body::force and Pick::force for the next pass. Needs updated frames.
+void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings);
+
+}  // namespace sinew::internal

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <memory>
+
+#include "sinew/runtime/settings.h"
+
+namespace sinew {
+
+/// A job system for programs that have none of their own: a fixed set of threads that share each loop.
+/// Guarantee: a world's state does not depend on the number of threads, bit for bit.
+class ThreadPool final : public JobSystem {
+ public:
+  /// \param threads that work on a loop, the caller's included; 0 = one for each core.
+  explicit ThreadPool(std::uint32_t threads = 0);
+  ~ThreadPool() override;
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  std::uint32_t threads() const;
+
+  /// One loop at a time: not to be called from several threads, nor from inside `body`.
+  void parallelFor(std::uint32_t count, std::uint32_t grain,
+                   const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) override;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace sinew

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#include "sinew/runtime/asset.h"
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <new>
+
+#include "runtime/load/mapped_file.h"
+#include "runtime/load/rest_constants.h"
+
+namespace sinew {
+
+Asset::Asset() = default;
+
+Asset::~Asset() {
+  if (memory_ == nullptr) return;
+  if (mapped_) {
+    internal::unmapFile(memory_, bytes_);
+  } else {
+    ::operator delete(memory_, std::align_val_t(formats::kSectionAlignment));
+  }
+}
+
+Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) {
+  std::shared_ptr<Asset> asset(new Asset);
+  const internal::MappedFile file = internal::mapFile(path);
+  if (!file.reason.empty()) return Error{path + ": " + file.reason};
+  asset->memory_ = file.data;
+  asset->bytes_ = file.bytes;
+  asset->mapped_ = file.mapped;
+  return open(std::move(asset), {static_cast<const std::byte*>(file.data), file.bytes}, path + ": ");
+}
+
+Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) {
+  std::shared_ptr<Asset> asset(new Asset);
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % formats::kSectionAlignment != 0) {
+    asset->memory_ = ::operator new(bytes.size(), std::align_val_t(formats::kSectionAlignment));
+    asset->bytes_ = bytes.size();
+    std::memcpy(asset->memory_, bytes.data(), bytes.size());
+    bytes = {static_cast<const std::byte*>(asset->memory_), asset->bytes_};
+  }
+  return open(std::move(asset), bytes, "");
+}
+
+Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes,
+                                                 const std::string& prefix) {
+  const formats::PackageError error = formats::PackageView::open(bytes, asset->view_);
+  if (!error.reason.empty()) return Error{prefix + error.reason};
+  asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
+  return std::shared_ptr<const Asset>(std::move(asset));
+}
+
+}  // namespace sinew

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/load/rest_constants.h"
+
+#include <Eigen/LU>
+
+namespace sinew::internal {
+namespace {
+
+// Least inertia about any axis, relative to the largest: a straight cluster has none about itself.
+constexpr double kInertiaFloor = 1e-3;
+
+template <int N>
+void addMoments(const formats::PackageView& package, const formats::Cluster& cluster, ClusterRest& rest,
+                Square<9>* full) {
+  const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+  const auto vertices = package.physicalVertices();
+  Eigen::Matrix<double, N, 1> sum = Eigen::Matrix<double, N, 1>::Zero();
+  Eigen::Matrix<double, N, N> moment = Eigen::Matrix<double, N, N>::Zero();
+  double total = 0;
+  for (const formats::Membership& member : members) {
+    const Monomials<N> q = monomials<N>(restOffset(cluster, asVector(vertices[member.vertex].rest_position)));
+    const Eigen::Matrix<double, N, 1> wide = q.template cast<double>();
+    const double mu = double(member.mu);
+    total += mu;
+    sum += mu * wide;
+    moment.template selfadjointView<Eigen::Lower>().rankUpdate(wide, mu);
+  }
+  const Eigen::Matrix<double, N, 1> mean = sum / total;
+  moment = moment.template selfadjointView<Eigen::Lower>();
+  moment = moment / total - mean * mean.transpose();
+  rest.mean.template head<N>() = mean.template cast<float>();
+  rest.moment.template leftCols<N>() = moment.template topRows<3>().template cast<float>();
+  if constexpr (N == 9) {
+    *full = moment.template cast<float>();
+  }
+  const Eigen::Matrix3d spread = moment.template topLeftCorner<3, 3>();
+  const double trace = spread.trace();
+  if (trace > 0) {
+    const Eigen::Matrix3d inertia = trace * (1.0 + kInertiaFloor) * Eigen::Matrix3d::Identity() - spread;
+    rest.inertia_inverse = inertia.inverse().cast<float>();
+  }
+}
+
+}  // namespace
+
+RestConstants makeRestConstants(const formats::PackageView& package) {
+  RestConstants result;
+  const auto clusters = package.clusters();
+  const auto members = package.memberships();
+  result.clusters.resize(clusters.size());
+  result.full_moments.resize(package.quadraticMoments().size(), Square<9>::Zero());
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    if (clusters[c].mode == formats::ClusterMode::quadratic) {
+      addMoments<9>(package, clusters[c], result.clusters[c], &result.full_moments[clusters[c].quadratic]);
+    } else {
+      addMoments<3>(package, clusters[c], result.clusters[c], nullptr);
+    }
+  }
+
+  const std::size_t vertex_count = package.physicalVertices().size();
+  result.first_use.assign(vertex_count + 1, 0);
+  for (const formats::Membership& member : members) ++result.first_use[member.vertex + 1];
+  for (std::size_t i = 0; i < vertex_count; ++i) result.first_use[i + 1] += result.first_use[i];
+  result.uses.resize(members.size());
+  std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    for (const formats::Membership& member : members.subspan(clusters[c].first_member, clusters[c].member_count)) {
+      result.uses[next[member.vertex]++] = {std::uint32_t(c), member.share};
+    }
+  }
+  return result;
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "runtime/clusters/algebra.h"
+#include "sinew/formats/package.h"
+
+namespace sinew::internal {
+
+/// One membership as seen from its vertex.
+struct ClusterUse {
+  std::uint32_t cluster;
+  float share;  ///< w_ic / W_i
+};
+
+/// Rest-shape constants of one cluster, beside its CLUS record.
+struct ClusterRest {
+  Monomials<9> mean =
+      Monomials<9>::Zero();  ///< Σ mu q~ as floats evaluate it: subtracting it keeps goals centred to rounding
+  Columns<9> moment = Columns<9>::Zero();     ///< M = Σ mu q q~^T, what A_pq is at rest; columns 3.. only if quadratic
+  Matrix3 inertia_inverse = Matrix3::Zero();  ///< (tr(M) 1 - M)^-1 of the rest shape, floored for straight clusters
+};
+
+/// What the step wants of a package and the package does not hold in that form. One per Asset, shared by its bodies.
+struct RestConstants {
+  std::vector<ClusterRest> clusters;
+  std::vector<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries
+  std::vector<ClusterUse> uses;          ///< by vertex, clusters ascending
+  std::vector<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
+
+  std::span<const ClusterUse> usesOf(std::uint32_t vertex) const {
+    return {uses.data() + first_use[vertex], uses.data() + first_use[vertex + 1]};
+  }
+};
+
+/// One pass over the memberships, sums in double.
+RestConstants makeRestConstants(const formats::PackageView& package);
+
+}  // namespace sinew::internal

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: MIT
+//
+// One step of the world. This file alone knows the order of phases; each phase is a function of the file that its
+// section of docs/method.md names.
+#include "runtime/step/world_step.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/clusters/goal.h"
+#include "runtime/clusters/moments.h"
+#include "runtime/clusters/pins.h"
+#include "runtime/contact/ground.h"
+#include "runtime/contact/solve.h"
+#include "runtime/interact/pick.h"
+
+namespace sinew::internal {
+namespace {
+
+constexpr std::uint32_t kVerticesPerChunk = 512;
+constexpr std::uint32_t kMembersPerChunk = 1024;
+
+// Runs work(element) over a list, in parallel where there is a job system. Only a reference is captured, which
+// std::function stores in place: no allocation.
+template <class Element, class Work>
+void forEach(JobSystem* jobs, std::vector<Element>& list, const Work& work) {
+  if (jobs == nullptr) {
+    for (Element& element : list) work(element);
+    return;
+  }
+  struct Context {
+    std::vector<Element>& list;
+    const Work& work;
+  } context{list, work};
+  jobs->parallelFor(std::uint32_t(list.size()), 1, [&context](std::uint32_t begin, std::uint32_t end) {
+    for (std::uint32_t i = begin; i < end; ++i) context.work(context.list[i]);
+  });
+}
+
+// Adds the time since the last call to a phase.
+class PhaseClock {
+ public:
+  explicit PhaseClock(std::array<World::Phase, kStepPhaseCount>& phases) : phases_(phases) {}
+  void finish(StepPhase phase) {
+    const auto now = std::chrono::steady_clock::now();
+    phases_[phase].milliseconds += std::chrono::duration<double, std::milli>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  std::array<World::Phase, kStepPhaseCount>& phases_;
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+void updateStiffness(Body& body, float pass_seconds) {
+  if (body.stiffness_step == pass_seconds) return;
+  for (std::uint32_t c = 0; c < body.stiffness.size(); ++c) {
+    body.stiffness[c] = clusterStiffness(body.package(), body.rest(), c, body.settings.stiffness_scale, pass_seconds);
+  }
+  body.stiffness_step = pass_seconds;
+}
+
+void collectRows(Body& body, const WorldSettings& settings, float pass_seconds, std::uint32_t passes_left) {
+  body.rows.clear();
+  addPinRows(body, pass_seconds, passes_left);
+  if (settings.ground.enabled) addGroundRows(body, settings.ground, pass_seconds);
+  addPickRows(body, pass_seconds);
+  warmStartRows(body);
+}
+
+void matchClusters(ClusterChunk& chunk) {
+  Body& body = *chunk.body;
+  for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) {
+    updateFrame(body.package().clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c]);
+  }
+}
+
+MotionSums partSums(const StepPlan& plan, const Part& part) {
+  MotionSums sums;
+  for (std::uint32_t i = 0; i < part.chunk_count; ++i) sums.add(plan.vertices[part.first_chunk + i].sums);
+  return sums;
+}
+
+void sumMotion(StepPlan& plan, JobSystem* jobs, bool predicted) {
+  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
+    const Body& body = *chunk.body;
+    chunk.sums =
+        motionSums(body, predicted ? body.y : body.x, chunk.begin, chunk.end, plan.parts[chunk.part].reference);
+  });
+}
+
+// Deformation damping about the rigid motion of each part, and the momentum that the pass may not have changed:
+// v = (y - x) / h is not what the match, which is free of force and torque at y, would leave (docs/method.md §5).
+void settleVelocities(StepPlan& plan, JobSystem* jobs, const WorldSettings& settings, float pass_seconds) {
+  const float kept = std::exp(-settings.deformation_damping * pass_seconds);
+  sumMotion(plan, jobs, false);
+  bool any_limited = false;
+  for (Part& part : plan.parts) {
+    const MotionSums now = partSums(plan, part);
+    MotionSums wanted = now;
+    if (part.body->rows.empty()) {
+      wanted.momentum = part.before.momentum;
+      wanted.angular = part.before.angular;
+    }
+    part.found = rigidMotionOf(now, part.reference);
+    part.wanted = rigidMotionOf(wanted, part.reference);
+    part.before = wanted;
+    part.limited = false;
+    for (std::uint32_t c = 0; c < part.cluster_count; ++c) {
+      part.limited |= part.body->frames[part.first_cluster + c].limited;
+    }
+    any_limited |= part.limited;
+  }
+  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
+    const Part& part = plan.parts[chunk.part];
+    dampDeformation(*chunk.body, part.found, part.wanted, kept, chunk.begin, chunk.end);
+  });
+  if (!any_limited) return;
+  // The inelastic stop took a different part of each vertex's motion; give the part back what it lost as a whole.
+  sumMotion(plan, jobs, false);
+  for (Part& part : plan.parts) {
+    if (!part.limited) continue;
+    MotionSums defect = partSums(plan, part);
+    defect.momentum = part.before.momentum - defect.momentum;
+    defect.angular = part.before.angular - defect.angular;
+    part.wanted = rigidMotionOf(defect, part.reference);
+  }
+  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
+    const Part& part = plan.parts[chunk.part];
+    if (part.limited) addRigidMotion(*chunk.body, part.wanted, chunk.begin, chunk.end);
+  });
+}
+
+void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float h, std::uint32_t passes_left,
+          PhaseClock& clock) {
+  // Predict: velocities and positions as if every vertex were alone.
+  for (Part& part : plan.parts) {
+    if (part.cluster_count > 0) part.reference = part.body->frames[part.first_cluster].center.cast<double>();
+  }
+  forEach(jobs, plan.vertices,
+          [&](VertexChunk& chunk) { chunk.repaired += predict(*chunk.body, settings, h, chunk.begin, chunk.end); });
+  sumMotion(plan, jobs, true);
+  for (Part& part : plan.parts) part.before = partSums(plan, part);
+  clock.finish(kPredict);
+
+  // Moments of the predicted positions: all that matching wants to know of the vertices.
+  forEach(jobs, plan.clusters, [&](ClusterChunk& chunk) {
+    Body& body = *chunk.body;
+    for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) {
+      accumulateMoments(body.package(), body.rest(), c, body.y, body.frames[c]);
+    }
+  });
+  clock.finish(kMoments);
+
+  // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
+  forEach(jobs, plan.bodies, [&](Body* body) { collectRows(*body, settings, h, passes_left); });
+  clock.finish(kRows);
+
+  // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase and
+  // the next: what follows only asks frames for goals.
+  forEach(jobs, plan.clusters, matchClusters);
+  clock.finish(kMatch);
+
+  // Solve: impulses that make the goals satisfy the rows.
+  forEach(jobs, plan.bodies, [&](Body* body) {
+    if (!body->rows.empty()) solveRows(*body, h, {});
+  });
+  clock.finish(kSolve);
+
+  // Goals: vertices follow their clusters; pins and ground have the last word on positions.
+  forEach(jobs, plan.vertices,
+          [&](VertexChunk& chunk) { applyGoals(*chunk.body, settings.ground, h, chunk.begin, chunk.end); });
+  forEach(jobs, plan.bodies, [&](Body* body) { holdPins(*body, passes_left); });
+  clock.finish(kGoals);
+
+  // Velocities from positions, then damping.
+  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) { updateVelocities(*chunk.body, h, chunk.begin, chunk.end); });
+  settleVelocities(plan, jobs, settings, h);
+  clock.finish(kVelocities);
+}
+
+}  // namespace
+
+void StepPlan::rebuild(const std::vector<std::unique_ptr<Body>>& all) {
+  bodies.clear();
+  vertices.clear();
+  clusters.clear();
+  parts.clear();
+  for (const std::unique_ptr<Body>& owner : all) {
+    Body* body = owner.get();
+    if (body == nullptr) continue;
+    bodies.push_back(body);
+    const formats::PackageView& package = body->package();
+    for (const formats::BodyRange& range : package.bodies()) {
+      Part part;
+      part.body = body;
+      part.first_chunk = std::uint32_t(vertices.size());
+      part.first_cluster = range.first_cluster;
+      part.cluster_count = range.cluster_count;
+      const std::uint32_t index = std::uint32_t(parts.size());
+      for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
+        const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
+        vertices.push_back({body, index, range.first_vertex + begin, range.first_vertex + end, {}, 0});
+      }
+      part.chunk_count = std::uint32_t(vertices.size()) - part.first_chunk;
+      parts.push_back(part);
+    }
+    std::uint32_t begin = 0, members = 0;
+    const std::uint32_t cluster_count = std::uint32_t(package.clusters().size());
+    for (std::uint32_t c = 0; c < cluster_count; ++c) {
+      members += package.clusters()[c].member_count;
+      if (members >= kMembersPerChunk || c + 1 == cluster_count) {
+        clusters.push_back({body, begin, c + 1});
+        begin = c + 1;
+        members = 0;
+      }
+    }
+  }
+}
+
+void stepWorld(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float seconds,
+               std::array<World::Phase, kStepPhaseCount>& phases) {
+  phases = {{{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"velocities", 0}}};
+  PhaseClock clock(phases);
+  const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
+  const float h = seconds / float(passes);
+  for (VertexChunk& chunk : plan.vertices) chunk.repaired = 0;
+  for (Body* body : plan.bodies) {
+    updateStiffness(*body, h);
+    body->rows.reserve(body->x.size() + body->picks.size());
+    body->responses.resize(body->frames.size());
+    body->repaired = 0;
+    body->cofactors_fresh = false;
+  }
+  for (std::uint32_t left = passes; left > 0; --left) pass(plan, settings, jobs, h, left, clock);
+  for (const VertexChunk& chunk : plan.vertices) chunk.body->repaired += chunk.repaired;
+}
+
+}  // namespace sinew::internal
