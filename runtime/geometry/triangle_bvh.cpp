@@ -229,8 +229,8 @@ bool TriangleBvh::touches(const AlignedBox3d& box) const {
   return false;
 }
 
-void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<double>& parameters) const {
-  parameters.clear();
+void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<Crossing>& crossings) const {
+  crossings.clear();
   if (nodes_.empty()) return;
   const Vector3d direction = b - a;
   std::array<std::uint32_t, kStackSize> stack{};
@@ -256,15 +256,19 @@ void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<do
     if (outside) continue;
     if (node.right == 0) {
       for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-        const double t = segmentCrossing(a, direction, corners_[i]);
-        if (t >= 0) parameters.push_back(t);
+        const Corners& t = corners_[i];
+        const double parameter = segmentCrossing(a, direction, t);
+        if (parameter < 0) continue;
+        crossings.push_back({parameter, (t[1] - t[0]).cross(t[2] - t[0]).dot(direction) < 0 ? 1 : -1});
       }
       continue;
     }
     stack[depth++] = node.right;
     stack[depth++] = index + 1;
   }
-  std::sort(parameters.begin(), parameters.end());
+  std::sort(crossings.begin(), crossings.end(), [](const Crossing& p, const Crossing& q) {
+    return p.parameter != q.parameter ? p.parameter < q.parameter : p.winding < q.winding;
+  });
 }
 
 }  // namespace sinew::geometry

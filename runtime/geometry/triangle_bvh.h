@@ -34,6 +34,10 @@ class TriangleBvh {
     std::uint32_t triangle = 0xffffffffU;  ///< number as given; 0xffffffff where there is none
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
   };
+  struct Crossing {
+    double parameter = 0;  ///< along the segment, in (0, 1)
+    int winding = 0;       ///< by how much the winding number rises there: 1 on entering an outward surface, else -1
+  };
   using Corners = std::array<Eigen::Vector3d, 3>;
 
   TriangleBvh() = default;
@@ -50,8 +54,8 @@ class TriangleBvh {
   Hit closest(const Eigen::Vector3d& point, double radius = std::numeric_limits<double>::infinity()) const;
   /// Whether any triangle has a point in the box (separating axes; touching counts).
   bool touches(const Eigen::AlignedBox3d& box) const;
-  /// Parameters in (0, 1) where the segment a-b crosses triangles, ascending; one entry each triangle.
-  void crossings(const Eigen::Vector3d& a, const Eigen::Vector3d& b, std::vector<double>& parameters) const;
+  /// Where the segment a-b crosses triangles, ascending; one entry each triangle.
+  void crossings(const Eigen::Vector3d& a, const Eigen::Vector3d& b, std::vector<Crossing>& crossings) const;
 
  private:
   std::vector<Node> nodes_;

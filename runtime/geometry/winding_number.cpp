@@ -158,13 +158,13 @@ double WindingNumber::at(const Vector3d& point) const {
 double WindingNumber::crossing(const Vector3d& a, const Vector3d& b) const {
   const Vector3d direction = b - a;
   if (closed_) {
-    std::vector<double> hits;
+    std::vector<TriangleBvh::Crossing> hits;
     bvh_.crossings(a, b, hits);
     // One crossing needs no further question; with several, the first after which a point lies outside.
     for (std::size_t i = 0; i < hits.size(); ++i) {
-      if (i + 1 == hits.size()) return hits[i];
-      const double middle = (hits[i] + hits[i + 1]) / 2;
-      if (middle - hits[i] > 1e-9 && !inside(a + direction * middle)) return hits[i];
+      if (i + 1 == hits.size()) return hits[i].parameter;
+      const double middle = (hits[i].parameter + hits[i + 1].parameter) / 2;
+      if (middle - hits[i].parameter > 1e-9 && !inside(a + direction * middle)) return hits[i].parameter;
     }
   }
   double low = 0, high = 1;

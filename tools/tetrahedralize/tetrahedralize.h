@@ -24,13 +24,14 @@ struct TetrahedraOptions {
 
 /// One separate body of the source.
 struct PhysicalBody {
-  std::string name;                          ///< from its largest part's sub-mesh
+  std::string name;                                  ///< from its largest part's sub-mesh
   TetrahedraMethod method = TetrahedraMethod::grid;  ///< what was used
-  std::vector<std::uint32_t> parts;          ///< surface parts that belong to it (loose sheets included)
+  std::vector<std::uint32_t> parts;                  ///< surface parts that belong to it (loose sheets included)
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_tetrahedron = 0, tetrahedron_count = 0;
-  double volume = 0;         ///< of its tetrahedra, m^3
-  double source_volume = -1; ///< enclosed by its surface (winding number > 1/2), m^3; negative where it encloses nothing
+  double volume = 0;  ///< of its tetrahedra, m^3
+  double source_volume =
+      -1;  ///< enclosed by its surface (winding number > 1/2), m^3; negative where it encloses nothing
 };
 
 /// Tetrahedra over the angle between two faces, degrees.
@@ -43,16 +44,17 @@ struct TetrahedraQuality {
 struct PhysicalMesh {
   std::vector<Eigen::Vector3d> positions;  ///< metres, world
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
-  std::vector<double> fill;                ///< per tetrahedron: fraction that lies in the solid, 0..1 (1 where it encloses nothing)
+  std::vector<double> fill;  ///< per tetrahedron: fraction that lies in the solid, 0..1 (1 where it encloses nothing)
   std::vector<PhysicalBody> bodies;
   TetrahedraQuality quality;
-  std::vector<std::uint32_t> part_body;    ///< body of each surface part (loose sheets: the nearest body)
-  std::vector<Finding> findings;           ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
+  std::vector<std::uint32_t> part_body;  ///< body of each surface part (loose sheets: the nearest body)
+  std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
 };
 
 /// Fills a visual mesh with tetrahedra. Throws ToolError(bad_input) where the asked method cannot serve this mesh.
 /// Deterministic for any number of threads.
-PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, const TetrahedraOptions& options, Progress& progress);
+PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, const TetrahedraOptions& options,
+                            Progress& progress);
 
 /// Recomputes angles and counts inverted tetrahedra.
 TetrahedraQuality measureQuality(const std::vector<Eigen::Vector3d>& positions,

@@ -1,0 +1,497 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/tetrahedralize/bodies.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+using geometry::ParallelFor;
+using geometry::TriangleBvh;
+using geometry::WindingNumber;
+
+// An open surface whose area vectors add up to more than this fraction of its area has a mouth about as wide as itself
+// (a disc 1, a hemisphere 0.5, a cube without a lid 0.2): it encloses nothing.
+constexpr double kMostOpen = 0.35;
+// Enclosed volume over area^(3/2) (a sphere 0.094, a plate of 1:100 0.003). An open surface must enclose at least that
+// much of a plate; of a closed one only rounding is not a solid (both sides of a leaf, back to back).
+constexpr double kLeastVolumeOpen = 3e-3;
+constexpr double kLeastVolumeClosed = 1e-7;
+
+class Sets {
+ public:
+  explicit Sets(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0U); }
+  std::uint32_t find(std::uint32_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void join(std::uint32_t a, std::uint32_t b) {
+    a = find(a);
+    b = find(b);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<std::uint32_t> parent_;
+};
+
+// Triangles over welded points, neighbours turned the same way, relative to the middle of the mesh.
+struct Frame {
+  Vector3d center;
+  std::vector<Vector3d> points;
+  std::vector<Triangle> triangles;
+};
+
+Frame makeFrame(const VisualMesh& mesh, const Topology& topology) {
+  Frame frame;
+  frame.center = (mesh.bounds_min + mesh.bounds_max) / 2;
+  frame.points.reserve(mesh.welded_positions.size());
+  for (const Vector3d& p : mesh.welded_positions) frame.points.emplace_back(p - frame.center);
+  frame.triangles.resize(mesh.triangles.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) frame.triangles[t] = mesh.weldedTriangle(t);
+  for (const std::uint32_t t : topology.turned_triangles) std::swap(frame.triangles[t][1], frame.triangles[t][2]);
+  return frame;
+}
+
+// Directed edges that no opposite one cancels; none means that winding numbers are whole.
+std::vector<std::array<std::uint32_t, 2>> unbalancedEdges(std::span<const Triangle> triangles) {
+  struct Edge {
+    std::uint32_t low, high;
+    int direction;
+    bool operator<(const Edge& o) const { return low != o.low ? low < o.low : high < o.high; }
+  };
+  std::vector<Edge> edges;
+  edges.reserve(triangles.size() * 3);
+  for (const Triangle& t : triangles) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      edges.push_back({std::min(a, b), std::max(a, b), a < b ? 1 : -1});
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  std::vector<std::array<std::uint32_t, 2>> open;
+  for (std::size_t i = 0; i < edges.size();) {
+    std::size_t end = i;
+    int sum = 0;
+    for (; end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high; ++end) {
+      sum += edges[end].direction;
+    }
+    if (sum != 0) open.push_back({edges[i].low, edges[i].high});
+    i = end;
+  }
+  return open;
+}
+
+struct Enclosure {
+  double area = 0;
+  double volume = 0;    // signed; holes closed by fans about the middle of their edges
+  double openness = 0;  // |sum of area vectors| / area
+  bool balanced = false;
+  bool encloses = false;
+};
+
+Enclosure measure(const Frame& frame, std::span<const Triangle> triangles) {
+  Enclosure e;
+  const auto open = unbalancedEdges(triangles);
+  e.balanced = open.empty();
+  Vector3d apex = Vector3d::Zero();
+  if (!open.empty()) {
+    double length = 0;
+    for (const auto& edge : open) {
+      const Vector3d &a = frame.points[edge[0]], &b = frame.points[edge[1]];
+      apex += (b - a).norm() * (a + b) / 2;
+      length += (b - a).norm();
+    }
+    apex = length > 0 ? Vector3d(apex / length) : frame.points[open.front()[0]];
+  } else if (!triangles.empty()) {
+    apex = frame.points[triangles.front()[0]];
+  }
+  Vector3d sum = Vector3d::Zero();
+  for (const Triangle& t : triangles) {
+    const Vector3d a = frame.points[t[0]] - apex, b = frame.points[t[1]] - apex, c = frame.points[t[2]] - apex;
+    const Vector3d normal = (b - a).cross(c - a) / 2;
+    sum += normal;
+    e.area += normal.norm();
+    e.volume += a.dot(b.cross(c)) / 6;
+  }
+  e.openness = e.area > 0 ? sum.norm() / e.area : 1;
+  const double least = (e.balanced ? kLeastVolumeClosed : kLeastVolumeOpen) * std::pow(e.area, 1.5);
+  e.encloses = e.area > 0 && std::abs(e.volume) > least && (e.balanced || e.openness < kMostOpen);
+  return e;
+}
+
+// Where an edge has three faces, one of them is a wall through the inside or a fin outside. What lies on both sides of
+// it tells: the mean of the winding numbers is 1/2 at a surface, 1 at a wall, 0 at a fin. They are left out if that
+// leaves no open edge.
+std::vector<Triangle> withoutWallsAndFins(const Frame& frame, std::vector<Triangle> triangles) {
+  const WindingNumber winding(frame.points, triangles, false);
+  std::vector<Triangle> kept;
+  for (const Triangle& t : triangles) {
+    const Vector3d &a = frame.points[t[0]], &b = frame.points[t[1]], &c = frame.points[t[2]];
+    const Vector3d cross = (b - a).cross(c - a);
+    const double norm = cross.norm();
+    if (norm == 0) {
+      kept.push_back(t);
+      continue;
+    }
+    const Vector3d step = 1e-3 * std::sqrt(norm) * cross / norm;
+    const Vector3d middle = (a + b + c) / 3;
+    const double mean = (winding.at(middle + step) + winding.at(middle - step)) / 2;
+    if (std::abs(mean - 0.5) < 0.25) kept.push_back(t);
+  }
+  if (kept.empty() || kept.size() == triangles.size() || !unbalancedEdges(kept).empty()) return triangles;
+  return kept;
+}
+
+// Joins parts with triangles within `distance` of each other.
+void joinNearParts(const Frame& frame, const Topology& topology, double distance, Sets& sets) {
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> part;
+  for (std::uint32_t p = 0; p < topology.parts.size(); ++p) {
+    for (const std::uint32_t t : topology.parts[p].triangles) {
+      triangles.push_back(frame.triangles[t]);
+      part.push_back(p);
+    }
+  }
+  const TriangleBvh bvh(frame.points, triangles);
+  const auto& nodes = bvh.nodes();
+  // Nodes whose triangles are all of one part can be skipped as soon as that part is joined.
+  std::vector<std::uint32_t> only(nodes.size(), kNoIndex);
+  for (std::size_t n = nodes.size(); n-- > 0;) {
+    const auto& node = nodes[n];
+    if (node.right != 0) {
+      only[n] = only[n + 1] == only[node.right] ? only[n + 1] : kNoIndex;
+      continue;
+    }
+    only[n] = part[bvh.order()[node.first]];
+    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+      if (part[bvh.order()[i]] != only[n]) only[n] = kNoIndex;
+    }
+  }
+  std::vector<std::uint32_t> stack;
+  for (std::uint32_t i = 0; i < triangles.size(); ++i) {
+    const TriangleBvh::Corners& mine = bvh.corners()[i];
+    const std::uint32_t my_part = part[bvh.order()[i]];
+    AlignedBox3d box(mine[0]);
+    box.extend(mine[1]);
+    box.extend(mine[2]);
+    box.extend(Vector3d(box.min() - Vector3d::Constant(distance)));
+    box.extend(Vector3d(box.max() + Vector3d::Constant(distance)));
+    stack.assign(1, 0);
+    while (!stack.empty()) {
+      const std::uint32_t index = stack.back();
+      stack.pop_back();
+      const auto& node = nodes[index];
+      // Each pair is met from both sides: one is enough.
+      if (node.first + node.count <= i || !node.box.intersects(box)) continue;
+      if (only[index] != kNoIndex && sets.find(only[index]) == sets.find(my_part)) continue;
+      if (node.right != 0) {
+        stack.push_back(node.right);
+        stack.push_back(index + 1);
+        continue;
+      }
+      for (std::uint32_t j = std::max(node.first, i + 1); j < node.first + node.count; ++j) {
+        const std::uint32_t other = part[bvh.order()[j]];
+        if (sets.find(other) == sets.find(my_part)) continue;
+        if (geometry::squaredDistance(mine, bvh.corners()[j]) <= distance * distance) sets.join(other, my_part);
+      }
+    }
+  }
+}
+
+// Parts that touch, taken together.
+struct Group {
+  std::vector<std::uint32_t> parts, solid_parts;
+  std::vector<Triangle> triangles;  // of the solid parts (all where it encloses nothing)
+  Enclosure enclosure;
+  AlignedBox3d bounds;
+  WindingNumber winding;
+};
+
+void gather(const Topology& topology, const Frame& frame, const std::vector<std::uint32_t>& parts,
+            std::vector<Triangle>& triangles) {
+  triangles.clear();
+  for (const std::uint32_t p : parts) {
+    for (const std::uint32_t t : topology.parts[p].triangles) triangles.push_back(frame.triangles[t]);
+  }
+}
+
+Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<std::uint32_t>& parts) {
+  Group group;
+  group.parts = parts;
+  std::vector<Triangle> triangles;
+  double solid_volume = 0;
+  for (const std::uint32_t p : parts) {
+    gather(topology, frame, {p}, triangles);
+    Enclosure e = measure(frame, triangles);
+    if (!e.balanced && !topology.parts[p].manifold) {
+      triangles = withoutWallsAndFins(frame, std::move(triangles));
+      e = measure(frame, triangles);
+    }
+    if (!e.encloses) continue;
+    group.solid_parts.push_back(p);
+    group.triangles.insert(group.triangles.end(), triangles.begin(), triangles.end());
+    solid_volume += std::abs(e.volume);
+  }
+  // Patches that enclose something only together: halves of a body, a coat with its buttons.
+  gather(topology, frame, parts, triangles);
+  const Enclosure all = measure(frame, triangles);
+  if (group.solid_parts.size() < parts.size() && all.encloses && std::abs(all.volume) > 2 * solid_volume) {
+    group.solid_parts = parts;
+    group.triangles = triangles;
+  }
+  if (group.solid_parts.empty()) group.triangles = triangles;
+  group.enclosure = measure(frame, group.triangles);
+  group.enclosure.encloses = !group.solid_parts.empty();
+  for (const Triangle& t : group.triangles) {
+    for (const std::uint32_t v : t) group.bounds.extend(frame.points[v]);
+  }
+  return group;
+}
+
+// Up to `limit` points of a group, spread over its triangles.
+std::vector<Vector3d> samplePoints(const Frame& frame, const Group& group, std::size_t limit) {
+  std::vector<Vector3d> points;
+  const std::size_t step = std::max<std::size_t>(1, group.triangles.size() / limit);
+  for (std::size_t i = 0; i < group.triangles.size() && points.size() < limit; i += step) {
+    const Triangle& t = group.triangles[i];
+    points.push_back((frame.points[t[0]] + frame.points[t[1]] + frame.points[t[2]]) / 3);
+  }
+  return points;
+}
+
+// Joins groups that lie in the solid of others; turns those that are inside out. Whether a group lies in solid or in a
+// cavity is the sum over all groups around it, a cavity's shell counting -1.
+void joinNestedGroups(const Frame& frame, std::vector<Group>& groups, Sets& sets) {
+  std::vector<std::uint32_t> solids;
+  for (std::uint32_t g = 0; g < groups.size(); ++g) {
+    if (groups[g].enclosure.encloses) solids.push_back(g);
+  }
+  for (const std::uint32_t a : solids) {
+    const std::vector<Vector3d> points = samplePoints(frame, groups[a], 7);
+    double around = 0;
+    std::uint32_t innermost = kNoIndex;
+    for (const std::uint32_t b : solids) {
+      if (a == b || !groups[b].bounds.contains(groups[a].bounds)) continue;
+      if (std::abs(groups[b].enclosure.volume) <= std::abs(groups[a].enclosure.volume)) continue;
+      double mean = 0;
+      for (const Vector3d& p : points) mean += groups[b].winding.at(p) / double(points.size());
+      // A group that is inside out as a whole, lying in nothing, is turned below: count what it will be.
+      around += std::round(mean);
+      if (std::abs(mean) > 0.5 && (innermost == kNoIndex || std::abs(groups[b].enclosure.volume) <
+                                                                std::abs(groups[innermost].enclosure.volume))) {
+        innermost = b;
+      }
+    }
+    if (innermost != kNoIndex && std::abs(around) > 0.5) {
+      sets.join(a, innermost);
+    } else if (groups[a].enclosure.volume < 0) {
+      // Outermost, or in a cavity, and inside out.
+      for (Triangle& t : groups[a].triangles) std::swap(t[1], t[2]);
+      groups[a].enclosure.volume = -groups[a].enclosure.volume;
+      groups[a].winding = WindingNumber(frame.points, groups[a].triangles, groups[a].enclosure.balanced);
+    }
+  }
+}
+
+std::string bodyName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts) {
+  const std::uint32_t largest = *std::max_element(parts.begin(), parts.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return topology.parts[a].area < topology.parts[b].area;
+  });
+  const std::uint32_t triangle = topology.parts[largest].triangles.front();
+  for (const SubMeshSource& sub : mesh.sub_meshes) {
+    if (triangle < sub.first_triangle || triangle >= sub.first_triangle + sub.triangle_count) continue;
+    if (!sub.mesh.empty()) return sub.mesh;
+    if (!sub.node.empty()) return sub.node;
+  }
+  return "body";
+}
+
+// Lengths of rays inside, over a grid of rays: exact along x, sampled in y and z.
+double rayVolume(const SolidBody& body, const ParallelFor& parallel_for) {
+  constexpr std::size_t kRays = 96;
+  AlignedBox3d box = body.bounds;
+  const double margin = std::max(1e-3 * box.sizes().norm(), 1e-300);
+  const double dy = box.sizes().y() / kRays, dz = box.sizes().z() / kRays;
+  std::vector<double> row(kRays, 0);
+  parallel_for(kRays, 4, [&](std::size_t begin, std::size_t end) {
+    std::vector<TriangleBvh::Crossing> crossings;
+    for (std::size_t k = begin; k < end; ++k) {
+      for (std::size_t j = 0; j < kRays; ++j) {
+        // Off the middle of the cells, so that rays miss the edges of regular meshes.
+        const double y = box.min().y() + dy * (double(j) + 0.5137), z = box.min().z() + dz * (double(k) + 0.4893);
+        const Vector3d a(box.min().x() - margin, y, z), b(box.max().x() + margin, y, z);
+        body.winding.bvh().crossings(a, b, crossings);
+        int winding = 0;
+        double inside = 0;
+        for (std::size_t i = 0; i < crossings.size(); ++i) {
+          winding += crossings[i].winding;
+          if (winding > 0 && i + 1 < crossings.size()) inside += crossings[i + 1].parameter - crossings[i].parameter;
+        }
+        row[k] += inside * (b.x() - a.x()) * dy * dz;
+      }
+    }
+  });
+  return std::accumulate(row.begin(), row.end(), 0.0);
+}
+
+double pointVolume(const SolidBody& body, const ParallelFor& parallel_for) {
+  constexpr std::size_t kLongest = 64;
+  const Vector3d extent = body.bounds.sizes();
+  std::array<std::size_t, 3> cells{};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double share = extent.maxCoeff() > 0 ? extent[axis] / extent.maxCoeff() : 1;
+    cells[std::size_t(axis)] = std::max<std::size_t>(16, std::size_t(std::ceil(share * kLongest)));
+  }
+  std::vector<std::size_t> inside(cells[2], 0);
+  parallel_for(cells[2], 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      for (std::size_t j = 0; j < cells[1]; ++j) {
+        for (std::size_t i = 0; i < cells[0]; ++i) {
+          const Vector3d unit((double(i) + 0.5) / double(cells[0]), (double(j) + 0.5) / double(cells[1]),
+                              (double(k) + 0.5) / double(cells[2]));
+          if (body.winding.inside(body.bounds.min() + extent.cwiseProduct(unit))) ++inside[k];
+        }
+      }
+    }
+  });
+  const std::size_t total = std::accumulate(inside.begin(), inside.end(), std::size_t(0));
+  return body.bounds.volume() * double(total) / double(cells[0] * cells[1] * cells[2]);
+}
+
+void measureVolume(SolidBody& body, double divergence_volume, const ParallelFor& parallel_for) {
+  if (!body.encloses) return;
+  body.volume = body.balanced ? rayVolume(body, parallel_for) : pointVolume(body, parallel_for);
+  // The divergence theorem counts overlaps twice. Where it agrees with the sampling, it is the exact one.
+  if (body.balanced && std::abs(divergence_volume - body.volume) <= 0.02 * std::abs(divergence_volume)) {
+    body.volume = divergence_volume;
+    body.volume_exact = true;
+  }
+}
+
+}  // namespace
+
+BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
+                   const ParallelFor& parallel_for) {
+  BodySet set;
+  const auto part_count = static_cast<std::uint32_t>(topology.parts.size());
+  set.part_body.assign(part_count, kNoIndex);
+  if (part_count == 0) return set;
+  const Frame frame = makeFrame(mesh, topology);
+
+  // 1. Parts that touch are one group.
+  Sets near(part_count);
+  if (part_count > 1) joinNearParts(frame, topology, std::max(join_distance, mesh.weld_tolerance), near);
+  std::vector<std::vector<std::uint32_t>> members(part_count);
+  for (std::uint32_t p = 0; p < part_count; ++p) members[near.find(p)].push_back(p);
+  std::vector<Group> groups;
+  for (const auto& parts : members) {
+    if (!parts.empty()) groups.push_back(makeGroup(topology, frame, parts));
+  }
+  const auto group_count = static_cast<std::uint32_t>(groups.size());
+
+  // 2. Groups inside the solid of others belong to them.
+  Sets nested(group_count);
+  if (group_count > 1) {
+    for (Group& group : groups) {
+      if (group.enclosure.encloses) {
+        group.winding = WindingNumber(frame.points, group.triangles, group.enclosure.balanced);
+      }
+    }
+  }
+  joinNestedGroups(frame, groups, nested);
+
+  // 3. Groups that enclose nothing join the nearest that does.
+  const bool any = std::any_of(groups.begin(), groups.end(), [](const Group& g) { return g.enclosure.encloses; });
+  for (std::uint32_t g = 0; g < group_count && any; ++g) {
+    if (groups[g].enclosure.encloses) continue;
+    double nearest = std::numeric_limits<double>::infinity();
+    std::uint32_t target = kNoIndex;
+    const std::vector<Vector3d> points = samplePoints(frame, groups[g], 64);
+    for (std::uint32_t h = 0; h < group_count; ++h) {
+      if (!groups[h].enclosure.encloses) continue;
+      for (const Vector3d& p : points) {
+        const double d = groups[h].winding.bvh().closest(p, std::sqrt(nearest)).squared_distance;
+        if (d < nearest) {
+          nearest = d;
+          target = h;
+        }
+      }
+    }
+    if (target == kNoIndex)
+      target = std::uint32_t(
+          std::find_if(groups.begin(), groups.end(), [](const Group& x) { return x.enclosure.encloses; }) -
+          groups.begin());
+    // Not joined in `nested` by number of group: the solid stays the representative.
+    nested.join(g, target);
+    set.attached_sheets.insert(set.attached_sheets.end(), groups[g].parts.begin(), groups[g].parts.end());
+  }
+
+  // 4. Bodies, in the order of their first part.
+  std::vector<std::vector<std::uint32_t>> body_groups(group_count);
+  for (std::uint32_t g = 0; g < group_count; ++g) body_groups[nested.find(g)].push_back(g);
+  std::vector<std::uint32_t> number(frame.points.size(), kNoIndex);  // of a point in its body; cleared after each
+  for (const auto& list : body_groups) {
+    if (list.empty()) continue;
+    SolidBody body;
+    std::vector<Triangle> triangles;
+    double divergence_volume = 0;
+    for (const std::uint32_t g : list) {
+      const Group& group = groups[g];
+      body.parts.insert(body.parts.end(), group.parts.begin(), group.parts.end());
+      for (const std::uint32_t p : group.parts) {
+        if (std::find(group.solid_parts.begin(), group.solid_parts.end(), p) == group.solid_parts.end()) {
+          body.sheets.push_back(p);
+        }
+      }
+      if (group.enclosure.encloses || !any) {
+        triangles.insert(triangles.end(), group.triangles.begin(), group.triangles.end());
+      }
+      if (!group.enclosure.encloses) continue;
+      body.encloses = true;
+      divergence_volume += group.enclosure.volume;
+    }
+    std::sort(body.parts.begin(), body.parts.end());
+    std::sort(body.sheets.begin(), body.sheets.end());
+    body.name = bodyName(mesh, topology, body.parts);
+    body.balanced = body.encloses && unbalancedEdges(triangles).empty();
+
+    AlignedBox3d bounds;
+    for (const Triangle& t : triangles) {
+      for (const std::uint32_t v : t) bounds.extend(frame.points[v]);
+    }
+    body.center = frame.center + bounds.center();
+    body.bounds = AlignedBox3d(bounds.min() - bounds.center(), bounds.max() - bounds.center());
+    for (const Triangle& t : triangles) {
+      geometry::Triangle local{};
+      for (std::size_t i = 0; i < 3; ++i) {
+        std::uint32_t& n = number[t[i]];
+        if (n == kNoIndex) {
+          n = static_cast<std::uint32_t>(body.positions.size());
+          body.positions.emplace_back(frame.points[t[i]] - bounds.center());
+        }
+        local[i] = n;
+      }
+      body.triangles.push_back(local);
+      body.area += (body.positions[local[1]] - body.positions[local[0]])
+                       .cross(body.positions[local[2]] - body.positions[local[0]])
+                       .norm() /
+                   2;
+    }
+    for (const Triangle& t : triangles) {
+      for (const std::uint32_t v : t) number[v] = kNoIndex;
+    }
+    body.winding = WindingNumber(body.positions, body.triangles, body.balanced);
+    measureVolume(body, divergence_volume, parallel_for);
+    for (const std::uint32_t p : body.parts) set.part_body[p] = static_cast<std::uint32_t>(set.bodies.size());
+    set.bodies.push_back(std::move(body));
+  }
+  return set;
+}
+
+}  // namespace sinew::tools

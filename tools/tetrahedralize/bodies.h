@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "runtime/geometry/parallel.h"
+#include "runtime/geometry/winding_number.h"
+#include "tools/import/topology.h"
+#include "tools/import/visual_mesh.h"
+
+namespace sinew::tools {
+
+/// One separate body of the source before it has tetrahedra. Coordinates are relative to `center`, so that a body far
+/// from the origin loses no digits.
+struct SolidBody {
+  std::string name;
+  std::vector<std::uint32_t> parts;                  ///< of the surface, ascending, loose sheets included
+  std::vector<std::uint32_t> sheets;                 ///< those of `parts` that enclose nothing
+  bool encloses = false;                             ///< false: all its parts are sheets
+  bool balanced = false;                             ///< its surface has no open edge: winding numbers are whole
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< metres, world
+  Eigen::AlignedBox3d bounds;                        ///< of its solid parts (else of its sheets), relative to center
+  std::vector<Eigen::Vector3d> positions;            ///< relative to center
+  std::vector<geometry::Triangle> triangles;  ///< of its solid parts, outward; of its sheets where it is only these
+  geometry::WindingNumber winding;            ///< over these
+  double area = 0;                            ///< m^2
+  double volume = -1;         ///< enclosed (winding number > 1/2), m^3; negative where it encloses nothing
+  bool volume_exact = false;  ///< by the divergence theorem; else sampled
+};
+
+struct BodySet {
+  std::vector<SolidBody> bodies;
+  std::vector<std::uint32_t> part_body;
+  std::vector<std::uint32_t> attached_sheets;  ///< parts that joined the nearest body though they do not touch it
+};
+
+/// Groups surface parts into bodies. Parts within `join_distance` metres (or piercing) are one; a part inside the solid
+/// of another belongs to it, and turned inwards makes a cavity; parts that enclose nothing join the nearest body, or
+/// are bodies themselves where nothing encloses anything.
+BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
+                   const geometry::ParallelFor& parallel_for);
+
+}  // namespace sinew::tools

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/tetrahedralize/fill.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "runtime/geometry/grid_tetrahedra.h"
+#include "runtime/geometry/stuffing.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+using geometry::ParallelFor;
+using geometry::TetMesh;
+
+// Full cells have at least 30 degrees; a little above, against rounding.
+constexpr double kGridDihedral = 30.5;
+// Masses come from fill: below this a vertex of the cage could weigh nothing.
+constexpr double kLeastFill = 0.02;
+
+// Spacing at which `build` gives about `target` vertices: a few steps of the secant method on logarithms, the best one
+// met is kept. Counts jump with the spacing, so an exact hit is neither possible nor needed.
+FilledBody searchSpacing(double spacing, std::uint32_t target, const std::function<FilledBody(double)>& build) {
+  FilledBody best;
+  double best_error = std::numeric_limits<double>::infinity();
+  double last_log_spacing = 0, last_log_count = 0, slope = -2.5;
+  // What the estimate of the spacing is trusted to: thin bodies that a lattice misses must not be chased down to
+  // theirs.
+  const double finest = 0.55 * spacing, coarsest = 4 * spacing;
+  for (int step = 0; step < 8; ++step) {
+    FilledBody filled = build(spacing);
+    const double count = double(std::max<std::size_t>(filled.mesh.positions.size(), 1));
+    const double log_count = std::log(count / target), log_spacing = std::log(spacing);
+    if (step > 0 && log_spacing != last_log_spacing) {
+      slope = std::clamp((log_count - last_log_count) / (log_spacing - last_log_spacing), -3.5, -1.0);
+    }
+    last_log_spacing = log_spacing;
+    last_log_count = log_count;
+    // Too many is worse than too few: it costs at run time.
+    const double error = log_count > 0 ? 1.2 * log_count : -log_count;
+    if (error < best_error) {
+      best_error = error;
+      best = std::move(filled);
+    }
+    if (best_error < 0.1) break;
+    const double next = std::clamp(spacing * std::exp(log_count / -slope), finest, coarsest);
+    if (next == spacing) break;
+    spacing = next;
+  }
+  return best;
+}
+
+// Cells that a solid of this volume and area takes: V/h^3 inside and a layer over half of the area.
+double firstSpacing(const SolidBody& body, double target, double vertices_per_cell) {
+  const double volume = std::max(body.volume, 0.0), area = body.area;
+  double low = 1e-6 * std::sqrt(area), high = 10 * std::sqrt(area);
+  for (int i = 0; i < 60; ++i) {
+    const double h = std::sqrt(low * high);
+    const double count = vertices_per_cell * volume / (h * h * h) + 1.2 * area / (h * h);
+    (count > target ? low : high) = h;
+  }
+  return high;
+}
+
+geometry::StuffingDomain domainOf(const SolidBody& body) {
+  return {[&body](const Vector3d& p) { return body.winding.inside(p); },
+          [&body](const Vector3d& a, const Vector3d& b) { return body.winding.crossing(a, b); }};
+}
+
+// Drops pieces whose absence nothing shows: the surface near them is covered by the largest one.
+void dropCrumbs(const SolidBody& body, FilledBody& filled, const ParallelFor& parallel_for) {
+  std::vector<std::uint32_t> component;
+  const std::uint32_t count = geometry::connectedComponents(filled.mesh, component);
+  if (count < 2) return;
+  std::vector<double> volumes(count, 0);
+  for (std::size_t t = 0; t < component.size(); ++t) {
+    volumes[component[t]] += geometry::volume(filled.mesh, filled.mesh.tetrahedra[t]);
+  }
+  const auto largest = std::uint32_t(std::max_element(volumes.begin(), volumes.end()) - volumes.begin());
+  std::vector<char> keep(component.size());
+  for (std::size_t t = 0; t < component.size(); ++t) keep[t] = component[t] == largest ? 1 : 0;
+  FilledBody without = filled;
+  without.mesh = geometry::compact(filled.mesh, keep);
+  measureFill(body, filled, parallel_for);
+  measureFill(body, without, parallel_for);
+  if (without.uncovered <= filled.uncovered + 1e-3) filled = std::move(without);
+}
+
+}  // namespace
+
+FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for) {
+  const auto build = [&](double spacing) {
+    FilledBody filled;
+    AlignedBox3d bounds = body.bounds;
+    // A point or a line has no size of its own.
+    const Vector3d least = Vector3d::Constant(std::max(1e-6 * bounds.sizes().maxCoeff(), 1e-300));
+    bounds.extend(bounds.center() - least / 2);
+    bounds.extend(bounds.center() + least / 2);
+    geometry::CellGrid grid = geometry::fitGrid(bounds, spacing, kGridDihedral);
+    filled.spacing = grid.spacing.maxCoeff();
+    for (int axis = 0; axis < 3; ++axis) {
+      const double extent = grid.spacing[axis] * grid.size[std::size_t(axis)];
+      filled.widened = std::max(filled.widened, extent / bounds.sizes()[axis]);
+    }
+    geometry::keepTouchedCells(grid, body.winding.bvh(), body.encloses ? &body.winding : nullptr, parallel_for);
+    filled.bridges = static_cast<std::uint32_t>(geometry::bridgeCells(grid));
+    filled.mesh = geometry::gridTetrahedra(grid);
+    return filled;
+  };
+  FilledBody filled = searchSpacing(firstSpacing(body, target, 1), target, build);
+  measureFill(body, filled, parallel_for);
+  return filled;
+}
+
+FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for) {
+  const geometry::StuffingDomain domain = domainOf(body);
+  const auto build = [&](double spacing) {
+    FilledBody filled;
+    filled.spacing = spacing;
+    filled.mesh = geometry::stuffIsosurface(domain, body.bounds, spacing, parallel_for);
+    return filled;
+  };
+  FilledBody filled = searchSpacing(firstSpacing(body, target, 2), target, build);
+  if (filled.mesh.tetrahedra.empty()) return filled;
+  dropCrumbs(body, filled, parallel_for);
+  measureFill(body, filled, parallel_for);
+  return filled;
+}
+
+void measureFill(const SolidBody& body, FilledBody& filled, const ParallelFor& parallel_for) {
+  std::vector<std::uint32_t> component;
+  filled.components = geometry::connectedComponents(filled.mesh, component);
+  filled.volume = geometry::volume(filled.mesh);
+  filled.uncovered = 1;
+  if (filled.mesh.tetrahedra.empty()) return;
+  const std::vector<geometry::Triangle> border = geometry::boundaryFaces(filled.mesh);
+  const geometry::WindingNumber cage(filled.mesh.positions, border, true);
+  // At most some 20,000 triangles, evenly over their order.
+  const std::size_t step = std::max<std::size_t>(1, body.triangles.size() / 20000);
+  const std::size_t samples = (body.triangles.size() + step - 1) / step;
+  std::vector<double> missed(samples, 0), all(samples, 0);
+  const double reach = filled.spacing;
+  parallel_for(samples, 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t s = begin; s < end; ++s) {
+      const geometry::Triangle& t = body.triangles[s * step];
+      const Vector3d &a = body.positions[t[0]], &b = body.positions[t[1]], &c = body.positions[t[2]];
+      all[s] = (b - a).cross(c - a).norm();
+      for (const Vector3d& p :
+           {Vector3d((4 * a + b + c) / 6), Vector3d((a + 4 * b + c) / 6), Vector3d((a + b + 4 * c) / 6)}) {
+        if (cage.bvh().closest(p, reach).triangle == kNoIndex && !cage.inside(p)) missed[s] += all[s] / 3;
+      }
+    }
+  });
+  double missed_area = 0, area = 0;
+  for (std::size_t s = 0; s < samples; ++s) {
+    missed_area += missed[s];
+    area += all[s];
+  }
+  filled.uncovered = area > 0 ? missed_area / area : 0;
+}
+
+std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, const ParallelFor& parallel_for) {
+  std::vector<double> fill(mesh.tetrahedra.size(), 1);
+  if (!body.encloses) return fill;
+  // Barycentric coordinates in positive sevenths: 20 points inside.
+  std::vector<std::array<double, 4>> points;
+  for (int a = 1; a <= 4; ++a) {
+    for (int b = 1; a + b <= 5; ++b) {
+      for (int c = 1; a + b + c <= 6; ++c) points.push_back({a / 7.0, b / 7.0, c / 7.0, (7 - a - b - c) / 7.0});
+    }
+  }
+  parallel_for(fill.size(), 32, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const geometry::Tetrahedron& t = mesh.tetrahedra[i];
+      const auto& x = mesh.positions;
+      AlignedBox3d box;
+      for (const std::uint32_t v : t) box.extend(x[v]);
+      std::size_t inside = 0;
+      if (body.balanced && !body.winding.bvh().touches(box)) {
+        inside = body.winding.inside((x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4) ? points.size() : 0;
+      } else {
+        for (const auto& w : points) {
+          const Vector3d p = w[0] * x[t[0]] + w[1] * x[t[1]] + w[2] * x[t[2]] + w[3] * x[t[3]];
+          if (body.winding.inside(p)) ++inside;
+        }
+      }
+      fill[i] = std::max(kLeastFill, double(inside) / double(points.size()));
+    }
+  });
+  return fill;
+}
+
+}  // namespace sinew::tools

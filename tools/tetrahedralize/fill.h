@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "runtime/geometry/parallel.h"
+#include "runtime/geometry/tet_mesh.h"
+#include "tools/tetrahedralize/bodies.h"
+
+namespace sinew::tools {
+
+/// Tetrahedra of one body, relative to its centre.
+struct FilledBody {
+  geometry::TetMesh mesh;
+  double spacing = 0;            ///< size of a cell, metres
+  std::uint32_t components = 0;  ///< pieces that share no vertex
+  double volume = 0;             ///< m^3
+  double uncovered = 0;          ///< fraction of the surface's area further than a cell outside the tetrahedra
+  std::uint32_t bridges = 0;     ///< cells added to join pieces
+  double widened = 1;            ///< grid: largest factor by which an axis was widened to keep the angles
+};
+
+/// A cage of boxes (method `grid`). Never empty, always one piece. Widens an axis where its cells would be too flat.
+FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target_vertices,
+                        const geometry::ParallelFor& parallel_for);
+
+/// Isosurface stuffing. May be empty, in several pieces, or miss thin features: the caller looks.
+/// Pieces whose loss leaves the surface covered are removed already.
+FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target_vertices,
+                            const geometry::ParallelFor& parallel_for);
+
+/// Sets components, volume and uncovered.
+void measureFill(const SolidBody& body, FilledBody& filled, const geometry::ParallelFor& parallel_for);
+
+/// Fraction of each tetrahedron inside the solid, from 20 points each where the surface passes; at least 0.02, so that
+/// no vertex is without mass. All 1 where the body encloses nothing.
+std::vector<double> fillFractions(const SolidBody& body, const geometry::TetMesh& mesh,
+                                  const geometry::ParallelFor& parallel_for);
+
+}  // namespace sinew::tools

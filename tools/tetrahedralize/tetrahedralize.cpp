@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/tetrahedralize/tetrahedralize.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <optional>
+
+#include "tools/core/error.h"
+#include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/fill.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using geometry::TetMesh;
+
+constexpr std::uint32_t kLeastVertices = 12;  // of a body: the source's smallest cages have as many
+// What `auto` accepts from stuffing.
+constexpr double kLeastRatio = 0.85, kMostRatio = 1.15, kMostUncovered = 0.005;
+// A volume further off than this is reported.
+constexpr double kReportedRatio = 0.1;
+constexpr std::size_t kNamedBodies = 6;
+
+void parallelFor(std::size_t count, std::size_t grain, const std::function<void(std::size_t, std::size_t)>& body) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, std::max<std::size_t>(grain, 1)),
+                    [&](const tbb::blocked_range<std::size_t>& range) { body(range.begin(), range.end()); });
+}
+
+std::string text(const char* format, double value) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof buffer, format, value);
+  return buffer;
+}
+
+// The same remark about several bodies is one finding.
+struct Remark {
+  std::string id;
+  Severity severity;
+  std::string about;  // "was filled by grid"
+  std::string cure;
+  std::vector<std::string> bodies;  // name and detail of each
+};
+
+class Remarks {
+ public:
+  void add(const std::string& id, Severity severity, const std::string& about, const std::string& body,
+           const std::string& cure) {
+    auto at = std::find_if(list_.begin(), list_.end(), [&](const Remark& r) { return r.id == id && r.about == about; });
+    if (at == list_.end()) at = list_.insert(list_.end(), {id, severity, about, cure, {}});
+    at->bodies.push_back(body);
+  }
+  void report(std::vector<Finding>& findings) const {
+    for (const Remark& r : list_) {
+      Finding f;
+      f.id = r.id;
+      f.severity = r.severity;
+      f.count = r.bodies.size();
+      f.message = std::to_string(r.bodies.size()) + (r.bodies.size() == 1 ? " body " : " bodies ") + r.about + ": ";
+      for (std::size_t i = 0; i < r.bodies.size() && i < kNamedBodies; ++i)
+        f.message += (i > 0 ? "; " : "") + r.bodies[i];
+      if (r.bodies.size() > kNamedBodies) {
+        f.message += "; and " + std::to_string(r.bodies.size() - kNamedBodies) + " more";
+      }
+      f.message += ".";
+      f.place = r.bodies.front();
+      f.cure = r.cure;
+      findings.push_back(std::move(f));
+    }
+  }
+
+ private:
+  std::vector<Remark> list_;
+};
+
+// Shares the wanted vertices among the bodies: by the mean of surface and volume^(2/3), each at least a small cage.
+std::vector<std::uint32_t> shareVertices(const std::vector<SolidBody>& bodies, std::uint32_t target) {
+  std::vector<double> weight(bodies.size());
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const double from_volume = 6 * std::pow(std::max(bodies[b].volume, 0.0), 2.0 / 3.0);
+    weight[b] = bodies[b].encloses ? std::sqrt(from_volume * bodies[b].area) : bodies[b].area;
+  }
+  std::vector<std::uint32_t> share(bodies.size(), 0);
+  // Bodies that would fall below the least get it; the others share what remains.
+  double left = target;
+  std::vector<char> least(bodies.size(), 0);
+  for (bool again = true; again;) {
+    again = false;
+    double sum = 0;
+    for (std::size_t b = 0; b < bodies.size(); ++b) sum += least[b] != 0 ? 0 : weight[b];
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+      if (least[b] != 0) continue;
+      const double wanted = sum > 0 ? left * weight[b] / sum : 0;
+      if (wanted >= kLeastVertices) {
+        share[b] = std::uint32_t(wanted);
+        continue;
+      }
+      least[b] = 1;
+      share[b] = kLeastVertices;
+      left = std::max(0.0, left - kLeastVertices);
+      again = true;
+      break;
+    }
+  }
+  return share;
+}
+
+struct Choice {
+  FilledBody filled;
+  TetrahedraMethod method = TetrahedraMethod::grid;
+};
+
+double volumeRatio(const SolidBody& body, const FilledBody& filled) {
+  return body.volume > 0 ? filled.volume / body.volume : 1;
+}
+
+// Why stuffing does not serve, or nothing if it does.
+std::string complaint(const SolidBody& body, const FilledBody& filled) {
+  if (filled.mesh.tetrahedra.empty()) return "all of it is thinner than a cell of stuffing";
+  const double ratio = volumeRatio(body, filled);
+  if (filled.components > 1) return "stuffing breaks it into " + std::to_string(filled.components) + " pieces";
+  if (filled.uncovered > kMostUncovered) {
+    return "stuffing loses thin features, " + text("%.1f", 100 * filled.uncovered) + " % of the surface";
+  }
+  if (ratio < kLeastRatio || ratio > kMostRatio) {
+    return "stuffing has " + text("%.2f", ratio) + " times its volume";
+  }
+  return "";
+}
+
+Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, const std::string& file,
+                Remarks& remarks) {
+  Choice choice;
+  if (!body.encloses) {
+    if (wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay) {
+      remarks.add("tetrahedra-method", Severity::warning, "enclosed nothing and became a layer of grid cells",
+                  body.name, "Give the surface a thickness, or close it, for other methods.");
+    } else {
+      remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.name,
+                  "");
+    }
+    choice.filled = fillWithGrid(body, target, parallelFor);
+    return choice;
+  }
+  if (wanted == TetrahedraMethod::grid) {
+    choice.filled = fillWithGrid(body, target, parallelFor);
+    return choice;
+  }
+  choice.filled = fillWithStuffing(body, target, parallelFor);
+  choice.method = TetrahedraMethod::stuffing;
+  const std::string fault = complaint(body, choice.filled);
+  if (wanted == TetrahedraMethod::automatic) {
+    if (fault.empty()) {
+      remarks.add("tetrahedra-method", Severity::info, "filled by stuffing", body.name, "");
+    } else {
+      choice.filled = fillWithGrid(body, target, parallelFor);
+      choice.method = TetrahedraMethod::grid;
+      remarks.add("tetrahedra-method", Severity::info, "filled by grid", body.name + " (" + fault + ")", "");
+    }
+    return choice;
+  }
+  if (choice.filled.mesh.tetrahedra.empty()) {
+    throw ToolError(ExitCode::bad_input, file, "stuffing finds nothing of body '" + body.name + "' (" + fault + ")",
+                    "Set tetrahedra.method=grid, or raise tetrahedra.vertices.");
+  }
+  if (!fault.empty()) {
+    remarks.add("tetrahedra-thin", Severity::warning, "lost something to stuffing", body.name + " (" + fault + ")",
+                "Raise tetrahedra.vertices, or set tetrahedra.method=grid or auto.");
+  }
+  return choice;
+}
+
+// The last gate: what leaves this stage is sound, whichever way it was made.
+void validate(const PhysicalMesh& mesh, const std::string& file) {
+  const auto fail = [&](const std::string& what) {
+    throw ToolError(ExitCode::bad_input, file, "the tetrahedra came out wrong: " + what,
+                    "Set another tetrahedra.method or tetrahedra.vertices, and report this file.");
+  };
+  for (const PhysicalBody& body : mesh.bodies) {
+    if (body.tetrahedron_count == 0) fail("body '" + body.name + "' has none");
+    std::vector<char> used(body.vertex_count, 0);
+    for (std::uint32_t t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+      for (const std::uint32_t v : mesh.tetrahedra[t]) {
+        if (v < body.first_vertex || v >= body.first_vertex + body.vertex_count) fail("an index is out of its body");
+        used[v - body.first_vertex] = 1;
+      }
+    }
+    if (std::find(used.begin(), used.end(), char(0)) != used.end()) fail("a vertex is unused");
+  }
+  for (const Vector3d& p : mesh.positions) {
+    if (!p.allFinite()) fail("a position is not finite");
+  }
+  if (mesh.quality.inverted > 0) fail(std::to_string(mesh.quality.inverted) + " are inverted or flat");
+}
+
+}  // namespace
+
+TetrahedraQuality measureQuality(const std::vector<Vector3d>& positions,
+                                 const std::vector<std::array<std::uint32_t, 4>>& tetrahedra) {
+  TetrahedraQuality quality;
+  if (tetrahedra.empty()) return quality;
+  quality.min_dihedral_deg = 180;
+  for (const auto& t : tetrahedra) {
+    const Vector3d &a = positions[t[0]], &b = positions[t[1]], &c = positions[t[2]], &d = positions[t[3]];
+    // Not "> 0": NaN counts as inverted too.
+    if (!(geometry::signedVolume6(a, b, c, d) > 0)) ++quality.inverted;
+    const auto range = geometry::dihedralRange(a, b, c, d);
+    quality.min_dihedral_deg = std::min(quality.min_dihedral_deg, range[0]);
+    quality.max_dihedral_deg = std::max(quality.max_dihedral_deg, range[1]);
+  }
+  return quality;
+}
+
+PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, const TetrahedraOptions& options,
+                            Progress& progress) {
+  BodySet set = findBodies(mesh, topology, options.join_distance * mesh.diagonal, parallelFor);
+  if (set.bodies.empty()) {
+    throw ToolError(ExitCode::bad_input, mesh.file, "no triangle has an area, so there is nothing to fill",
+                    "Export a mesh with faces.");
+  }
+  PhysicalMesh result;
+  result.part_body = set.part_body;
+  const std::vector<std::uint32_t> share = shareVertices(set.bodies, options.target_vertices);
+  Remarks remarks;
+  for (std::size_t b = 0; b < set.bodies.size(); ++b) {
+    const SolidBody& body = set.bodies[b];
+    progress.fraction(double(b) / double(set.bodies.size()));
+    Choice choice = fillBody(body, options.method, share[b], mesh.file, remarks);
+    TetMesh& tets = choice.filled.mesh;
+    geometry::sortForLocality(tets);
+    const std::vector<double> fill = fillFractions(body, tets, parallelFor);
+
+    PhysicalBody physical;
+    physical.name = body.name;
+    physical.method = choice.method;
+    physical.parts = body.parts;
+    physical.first_vertex = static_cast<std::uint32_t>(result.positions.size());
+    physical.vertex_count = static_cast<std::uint32_t>(tets.positions.size());
+    physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
+    physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
+    physical.volume = choice.filled.volume;
+    physical.source_volume = body.volume;
+    for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);
+    for (auto t : tets.tetrahedra) {
+      for (std::uint32_t& v : t) v += physical.first_vertex;
+      result.tetrahedra.push_back(t);
+    }
+    result.fill.insert(result.fill.end(), fill.begin(), fill.end());
+
+    const double ratio = volumeRatio(body, choice.filled);
+    if (std::abs(ratio - 1) > kReportedRatio) {
+      remarks.add("tetrahedra-volume", Severity::warning, "whose tetrahedra do not have the volume of the source",
+                  body.name + " (" + text("%.2f", ratio) + " times)",
+                  "Masses are made from the source's volume all the same; raise tetrahedra.vertices for a closer fit.");
+    }
+    if (choice.filled.bridges > 0) {
+      remarks.add("tetrahedra-bridged", Severity::warning, "had pieces joined by cells outside the surface",
+                  body.name + " (" + std::to_string(choice.filled.bridges) + " cells)",
+                  "Lower tetrahedra.join to make the pieces bodies of their own, or connect them in the source.");
+    }
+    result.bodies.push_back(std::move(physical));
+  }
+  progress.fraction(1);
+  remarks.report(result.findings);
+  if (!set.attached_sheets.empty()) {
+    Finding f;
+    f.id = "tetrahedra-loose-sheets";
+    f.severity = Severity::info;
+    f.count = set.attached_sheets.size();
+    f.message = std::to_string(f.count) + " loose sheet" + (f.count == 1 ? "" : "s") +
+                " that enclose nothing move with the nearest body.";
+    f.place_kind = "face";
+    for (const std::uint32_t p : set.attached_sheets) {
+      if (f.places.size() == Finding::kMaxPlaces) break;
+      f.places.push_back(mesh.triangle_face[topology.parts[p].triangles.front()]);
+    }
+    f.cure = "Close them or give them a thickness if they are to be bodies of their own.";
+    result.findings.push_back(std::move(f));
+  }
+  const double count = double(result.positions.size());
+  if (count > 1.35 * options.target_vertices || count < 0.65 * options.target_vertices) {
+    Finding f;
+    f.id = "tetrahedra-count";
+    f.severity = Severity::info;
+    f.count = result.positions.size();
+    f.message = std::to_string(f.count) + " physical vertices instead of the " +
+                std::to_string(options.target_vertices) + " wanted: " + std::to_string(result.bodies.size()) +
+                (result.bodies.size() == 1 ? " body" : " bodies") + " of this shape cannot be cut closer to that.";
+    f.cure = "Set tetrahedra.vertices to what the bodies need, or join bodies with tetrahedra.join.";
+    result.findings.push_back(std::move(f));
+  }
+  result.quality = measureQuality(result.positions, result.tetrahedra);
+  validate(result, mesh.file);
+  return result;
+}
+
+}  // namespace sinew::tools
