@@ -1,0 +1,171 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The program's contract as a caller sees it: exit codes, one line on stderr, JSON and nothing else, no partial output,
+an interrupted bake that leaves nothing behind, a package that is refused whatever byte of it changes."""
+import argparse
+import json
+import os
+import pathlib
+import random
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+SINEW = None
+SPOT = None
+
+
+def run(*arguments, **options):
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
+
+
+class CommandLine(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.path = pathlib.Path(self.folder.name)
+
+    def tearDown(self):
+        self.folder.cleanup()
+
+    def bake(self, *arguments, name="spot.sinew"):
+        package = self.path / name
+        result = run("bake", SPOT, "-o", package, *arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return package
+
+    def assert_refused(self, result, code, *words):
+        self.assertEqual(result.returncode, code, result.stderr)
+        self.assertEqual(result.stdout, "")
+        self.assertTrue(result.stderr.startswith("sinew: "), result.stderr)
+        self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
+        for word in words:
+            self.assertIn(word, result.stderr)
+
+    def test_usage_errors_exit_2(self):
+        self.assert_refused(run(), 2)
+        self.assert_refused(run("bake"), 2)
+        self.assert_refused(run("fly"), 2)
+        self.assert_refused(run("bake", SPOT, "-o", self.path / "x.sinew", "--set", "clusters.overlop=1"), 2, "clusters.overlap")
+        self.assert_refused(run("bake", SPOT, "-o", self.path / "no" / "x.sinew"), 2, "does not exist")
+        package = self.bake()
+        self.assert_refused(run("simulate", package, "--scene", "dance"), 2, "squash")
+        self.assert_refused(run("simulate", package, "--step", "0"), 2)
+        self.assertEqual([p.name for p in self.path.iterdir()], ["spot.sinew"])
+
+    def test_help_and_version_exit_0(self):
+        self.assertEqual(run("--version").returncode, 0)
+        self.assertIn("bake", run("--help").stdout)
+        self.assertIn("--report", run("help", "bake").stdout)
+        self.assertIn("tetrahedra.method", run("help", "settings").stdout)
+
+    def test_missing_and_foreign_files_exit_3(self):
+        self.assert_refused(run("bake", self.path / "none.obj", "-o", self.path / "x.sinew"), 3, "none.obj")
+        text = self.path / "notes.txt"
+        text.write_text("hello")
+        self.assert_refused(run("bake", text, "-o", self.path / "x.sinew"), 3, "notes.txt")
+        fake = self.path / "fake.sinew"
+        fake.write_bytes(b"hello" * 100)
+        for verb in (["inspect"], ["simulate"], ["check"], ["render", "-o", self.path / "x.png"]):
+            self.assert_refused(run(verb[0], fake, *verb[1:]), 3, "fake.sinew")
+        self.assertFalse((self.path / "x.sinew").exists())
+        self.assertFalse((self.path / "x.png").exists())
+
+    def test_a_recipe_bakes_like_its_settings(self):
+        recipe = self.path / "cow.json"
+        recipe.write_text(json.dumps({"sinew_recipe": 1, "source": os.path.relpath(SPOT, self.path),
+                                      "settings": {"tetrahedra.vertices": 400}}))
+        out = self.path / "recipe.sinew"
+        self.assertEqual(run("bake", recipe, "-o", out).returncode, 0)
+        self.assertEqual(out.read_bytes(), self.bake("--set", "tetrahedra.vertices=400").read_bytes())
+
+    def test_the_report_tells_what_the_package_holds(self):
+        report_file = self.path / "report.json"
+        package = self.bake("--report", report_file)
+        report = json.loads(report_file.read_text())
+        inspect = json.loads(run("inspect", package, "--json").stdout)
+        self.assertEqual(report["physical_vertices"], inspect["physical_vertices"])
+        self.assertEqual(report["clusters"], len(inspect["clusters"]))
+        self.assertEqual(report["visual"]["source_vertices"], inspect["source_vertices"])
+        self.assertEqual(report["package_bytes"], package.stat().st_size)
+        self.assertLessEqual(sum(s["bytes"] for s in inspect["sections"]), inspect["bytes"])
+        stages = [s["name"] for s in report["stages"]]
+        self.assertEqual(stages, ["import", "topology", "tetrahedra", "clusters", "attachment", "package", "write"])
+        for stage in report["stages"]:
+            self.assertGreaterEqual(stage["seconds"], 0)
+            self.assertGreater(stage["peak_megabytes"], 1)
+
+    def test_json_is_one_document_and_says_what_the_contract_says(self):
+        package = self.bake()
+        result = run("simulate", package, "--scene", "rest", "--seconds", "1", "--json")
+        keys = json.loads(result.stdout)
+        for key in ("scene", "steps", "step_seconds", "wall_seconds", "microseconds_per_step", "finite", "rest_error",
+                    "rms_speed", "volume_ratio", "state_hash"):
+            self.assertIn(key, keys)
+        self.assertEqual(keys["steps"], 60)
+        self.assertLess(keys["rest_error"]["max"], 1e-5)
+        source = json.loads(run("inspect", SPOT, "--json").stdout)
+        for key in ("meshes", "bounds", "components", "boundary_edges", "non_manifold_edges", "degenerate_triangles", "closed"):
+            self.assertIn(key, source)
+        self.assertTrue(source["closed"])
+        self.assertEqual(source["source_vertices"], 2930)
+
+    def test_threads_change_nothing(self):
+        package = self.bake()
+        hashes = {json.loads(run("simulate", package, "--scene", "drop", "--seconds", "2", "--threads", n, "--json").stdout)["state_hash"]
+                  for n in (1, 2, 3)}
+        self.assertEqual(len(hashes), 1)
+
+    def test_other_settings_give_another_body(self):
+        sizes = [json.loads(run("inspect", self.bake("--set", f"tetrahedra.vertices={n}", name=f"{n}.sinew"), "--json").stdout)
+                 ["physical_vertices"] for n in (300, 3000)]
+        self.assertLess(sizes[0], 600)
+        self.assertGreater(sizes[1], 1800)
+
+    def test_a_changed_or_cut_package_is_refused(self):
+        whole = self.bake("--set", "tetrahedra.vertices=100").read_bytes()
+        rng = random.Random(5)
+        broken = self.path / "broken.sinew"
+        for _ in range(40):
+            data = bytearray(whole)
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+            broken.write_bytes(bytes(data))
+            self.assert_refused(run("inspect", broken), 3)
+        for _ in range(10):
+            broken.write_bytes(whole[:rng.randrange(len(whole))])
+            self.assert_refused(run("inspect", broken), 3)
+
+    def test_an_interrupted_bake_leaves_nothing(self):
+        for delay in (0.005, 0.02, 0.05, 0.1, 0.15):
+            process = subprocess.Popen([SINEW, "bake", SPOT, "-o", str(self.path / "x.sinew"), "--set", "tetrahedra.vertices=20000"],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            time.sleep(delay)
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=60)
+            left = [p.name for p in self.path.iterdir()]
+            self.assertIn(left, ([], ["x.sinew"]))
+            if left:  # it was faster than the signal: then the package must be whole
+                self.assertEqual(run("inspect", self.path / "x.sinew").returncode, 0)
+                (self.path / "x.sinew").unlink()
+
+    def test_a_full_disk_or_forbidden_folder_is_a_system_failure(self):
+        if os.path.exists("/dev/full"):
+            self.assertEqual(run("bake", SPOT, "-o", "/dev/full/x.sinew").returncode, 2)
+        folder = self.path / "locked"
+        folder.mkdir()
+        package = self.bake()
+        if os.geteuid() == 0:
+            return  # root may write anywhere
+        folder.chmod(0o500)
+        self.assert_refused(run("bake", SPOT, "-o", folder / "x.sinew"), 4)
+        self.assertTrue(package.exists())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sinew", required=True)
+    parser.add_argument("--spot", required=True)
+    arguments, rest = parser.parse_known_args()
+    SINEW, SPOT = arguments.sinew, arguments.spot
+    unittest.main(argv=["command_line_test", *rest], verbosity=2)
