@@ -581,9 +581,9 @@ class PackageReader {
         if (view_.visual_identity_[v].source_vertex != i || (k > end && v <= view_.source_visual_list_[k - 1])) {
           return bad("its run of SVLS is not ascending, or holds a visual vertex of another source vertex");
         }
-      }
-      if (source.welded != view_.visual_identity_[view_.source_visual_list_[end]].welded) {
-        return bad("its welded point is not that of its first visual vertex");
+        if (view_.visual_identity_[v].welded != source.welded) {
+          return bad("its welded point is not that of its visual vertices");
+        }
       }
       end += source.visual_count;
     }

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: MIT
+#include "sinew/formats/package.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "sinew/formats/version.h"
+#include "sinew/formats/writer.h"
+#include "tests/support/package_bytes.h"
+#include "tests/support/sample_package.h"
+
+namespace sinew::formats {
+namespace {
+
+using test::AlignedBytes;
+using test::reasonOf;
+using test::samplePackage;
+
+template <class T>
+void expectSameBytes(std::span<const T> read, const std::vector<T>& written, const char* what) {
+  ASSERT_EQ(read.size(), written.size()) << what;
+  EXPECT_EQ(std::memcmp(read.data(), written.data(), written.size() * sizeof(T)), 0) << what;
+}
+
+TEST(Package, RoundTripKeepsEverySection) {
+  const PackageContent content = samplePackage();
+  const AlignedBytes bytes(writePackage(content));
+  PackageView view;
+  ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+  EXPECT_EQ(view.formatVersion(), kFormatVersion);
+  EXPECT_EQ(view.totalBytes(), bytes.span().size());
+  EXPECT_EQ(view.features(), kFeatureTetrahedra | kFeatureQuadratic | kFeatureVisual | kFeatureBarycentric |
+                                 kFeatureClusterAttachment | kFeatureIdentity | kFeatureGroups | kFeatureTextures);
+  EXPECT_EQ(view.sections().size(), 26U);
+  EXPECT_EQ(std::memcmp(&view.info(), &content.info, sizeof(BodyInfo)), 0);
+  expectSameBytes(view.bodies(), content.bodies, "bodies");
+  expectSameBytes(view.physicalVertices(), content.physical_vertices, "physical vertices");
+  expectSameBytes(view.tetrahedra(), content.tetrahedra, "tetrahedra");
+  expectSameBytes(view.clusters(), content.clusters, "clusters");
+  expectSameBytes(view.memberships(), content.memberships, "memberships");
+  expectSameBytes(view.quadraticMoments(), content.quadratic_moments, "quadratic moments");
+  expectSameBytes(view.visualPositions(), content.visual_positions, "positions");
+  expectSameBytes(view.visualNormals(), content.visual_normals, "normals");
+  expectSameBytes(view.visualUvs(), content.visual_uvs, "uvs");
+  expectSameBytes(view.visualColors(), content.visual_colors, "colors");
+  expectSameBytes(view.visualTriangles(), content.visual_triangles, "triangles");
+  expectSameBytes(view.subMeshes(), content.sub_meshes, "sub-meshes");
+  expectSameBytes(view.materials(), content.materials, "materials");
+  expectSameBytes(view.textures(), content.textures, "textures");
+  expectSameBytes(view.textureBytes(), content.texture_bytes, "texture bytes");
+  expectSameBytes(view.barycentric(), content.barycentric, "barycentric");
+  expectSameBytes(view.clusterAttachmentRanges(), content.cluster_attachment_ranges, "attachment ranges");
+  expectSameBytes(view.clusterAttachments(), content.cluster_attachments, "attachments");
+  expectSameBytes(view.visualIdentity(), content.visual_identity, "visual identity");
+  expectSameBytes(view.sourceIdentity(), content.source_identity, "source identity");
+  expectSameBytes(view.sourceVisualList(), content.source_visual_list, "source visual list");
+  expectSameBytes(view.sourceMeshes(), content.source_meshes, "source meshes");
+  expectSameBytes(view.groups(), content.groups, "groups");
+  expectSameBytes(view.groupVertices(), content.group_vertices, "group vertices");
+  EXPECT_EQ(view.text(view.clusters()[0].name), "lower");
+  EXPECT_EQ(view.text(view.groups()[0].name), "tip");
+  EXPECT_EQ(view.text(view.info().unit_source), "Given by hand.");
+}
+
+TEST(Package, EqualContentGivesEqualBytes) { EXPECT_EQ(writePackage(samplePackage()), writePackage(samplePackage())); }
+
+// The golden file is what version 1 of the format looks like: a difference means that packages already out there no
+// longer read the same. SINEW_UPDATE_GOLDEN=1 writes it anew, for a new format version only.
+TEST(Package, MatchesGoldenBytes) {
+  const std::string path = std::string(SINEW_GOLDEN) + "/sample_v" + std::to_string(kFormatVersion) + ".sinew";
+  const std::vector<std::byte> bytes = writePackage(samplePackage());
+  if (std::getenv("SINEW_UPDATE_GOLDEN") != nullptr) {
+    std::ofstream(path, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  }
+  std::ifstream file(path, std::ios::binary);
+  const std::vector<char> golden{std::istreambuf_iterator<char>(file), {}};
+  ASSERT_EQ(golden.size(), bytes.size()) << path;
+  for (std::size_t i = 0; i < golden.size(); ++i) ASSERT_EQ(std::byte(golden[i]), bytes[i]) << "byte " << i;
+}
+
+TEST(Package, OnlySectionsThatAreNeededExist) {
+  PackageContent content = samplePackage();
+  PackageContent bare;
+  bare.info = content.info;
+  bare.info.inverted_tetrahedra = 0;
+  bare.strings = content.strings;
+  bare.bodies = {{0, 5, 0, 0, 0, 2, {}}};
+  bare.physical_vertices = content.physical_vertices;
+  bare.clusters = content.clusters;
+  bare.clusters[1].mode = ClusterMode::linear;
+  bare.clusters[1].quadratic = kNone;
+  bare.memberships = content.memberships;
+  const AlignedBytes bytes(writePackage(bare));
+  PackageView view;
+  ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+  EXPECT_EQ(view.sections().size(), 6U);
+  EXPECT_EQ(view.features(), 0U);
+  EXPECT_TRUE(view.tetrahedra().empty());
+  EXPECT_TRUE(view.visualPositions().empty());
+  EXPECT_EQ(view.text(view.bodies()[0].name), "");
+}
+
+TEST(Package, RefusalLeavesTheViewAsItWas) {
+  const AlignedBytes good(writePackage(samplePackage()));
+  PackageView view;
+  ASSERT_EQ(PackageView::open(good.span(), view).reason, "");
+  AlignedBytes bad(good.span());
+  bad.span().back() ^= std::byte{1};
+  EXPECT_NE(PackageView::open(bad.span(), view).reason, "");
+  EXPECT_EQ(view.clusters().data(), reinterpret_cast<const Cluster*>(
+                                        good.span().data() + test::entryOf(good.span(), section::clusters).offset));
+}
+
+TEST(Package, UnalignedBytesAreRefused) {
+  std::vector<std::byte> bytes = writePackage(samplePackage());
+  bytes.insert(bytes.begin(), std::byte{0});
+  const AlignedBytes shifted(bytes);
+  PackageView view;
+  EXPECT_NE(PackageView::open(shifted.span().subspan(1), view).reason.find("aligned"), std::string::npos);
+}
+
+TEST(Package, OtherVersionsAreNamed) {
+  for (const std::uint32_t version : {0U, kFormatVersion + 1, 0xffffffffU}) {
+    std::vector<std::byte> bytes = writePackage(samplePackage());
+    std::memcpy(bytes.data() + offsetof(Header, format_version), &version, sizeof version);
+    test::reseal(bytes);
+    const std::string reason = reasonOf(bytes);
+    EXPECT_NE(reason.find("format version " + std::to_string(version)), std::string::npos) << reason;
+    EXPECT_NE(reason.find("reads version " + std::to_string(kFormatVersion)), std::string::npos) << reason;
+  }
+}
+
+TEST(Package, UnknownOptionalSectionIsSkipped) {
+  std::vector<std::byte> bytes = writePackage(samplePackage());
+  SectionEntry entry = test::entryOf(bytes, section::visual_colors);
+  entry.id = fourcc("ZZZ9");
+  test::setEntry(bytes, section::visual_colors, entry);
+  test::reseal(bytes);
+  const AlignedBytes aligned(bytes);
+  PackageView view;
+  ASSERT_EQ(PackageView::open(aligned.span(), view).reason, "");
+  EXPECT_TRUE(view.visualColors().empty());
+  std::size_t unknown = 0;
+  for (const SectionInfo& info : view.sections()) {
+    EXPECT_EQ(info.known, info.id != entry.id);
+    unknown += info.known ? 0 : 1;
+  }
+  EXPECT_EQ(unknown, 1U);
+}
+
+TEST(Package, UnknownRequiredSectionIsNamed) {
+  std::vector<std::byte> bytes = writePackage(samplePackage());
+  SectionEntry entry = test::entryOf(bytes, section::visual_colors);
+  entry.id = fourcc("ZZZ9");
+  entry.flags = kSectionRequired;
+  test::setEntry(bytes, section::visual_colors, entry);
+  test::reseal(bytes);
+  const std::string reason = reasonOf(bytes);
+  EXPECT_NE(reason.find("ZZZ9"), std::string::npos) << reason;
+  EXPECT_NE(reason.find("newer version"), std::string::npos) << reason;
+}
+
+TEST(Package, SectionNamesPrint) {
+  EXPECT_EQ(sectionName(section::clusters), "CLUS");
+  EXPECT_EQ(sectionName(0x0041ff20), "\\x20\\xffA\\x00");
+}
+
+TEST(PackageContent, AddTextStoresEqualTextsOnce) {
+  PackageContent content;
+  const StringRef first = content.addText("belly"), other = content.addText("ear"), again = content.addText("belly");
+  EXPECT_EQ(first.offset, again.offset);
+  EXPECT_EQ(first.bytes, 5U);
+  EXPECT_EQ(other.offset, 5U);
+  EXPECT_EQ(content.addText("").bytes, 0U);
+  EXPECT_EQ(content.strings.size(), 8U);
+}
+
+}  // namespace
+}  // namespace sinew::formats

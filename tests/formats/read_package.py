@@ -1,0 +1,440 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""A second reader of packages, written from docs/package-format.md with the standard library only.
+
+    read_package.py FILE.sinew
+
+Prints what `sinew inspect --json` prints of the format. Exit codes: 0 done, 2 usage, 3 the file is not a sound package
+(the reason is on stderr, one line), 4 the file cannot be read.
+"""
+import json
+import math
+import struct
+import sys
+
+MASK = (1 << 64) - 1
+NONE = 0xFFFFFFFF
+
+# ---- Checksum (section "Checksum" of the page) ----
+
+SECRET = bytes.fromhex(
+    "b8fe6c3923a44bbe7c01812cf721ad1cded46de9839097db7240a4a4b7b3671f"
+    "cb79e64eccc0e578825ad07dccff7221b8084674f743248ee03590e6813a264c"
+    "3c2852bb91c300cb88d0658b1b532ea371644897a20df94e3819ef46a9deacd8"
+    "a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364"
+    "eac5ac8334d3ebc3c581a0fffa1363eb170ddd51b7f0da49d316552629d4689e"
+    "2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e"
+)
+P32_1, P32_2, P32_3 = 0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D
+P64_1, P64_2, P64_3 = 0x9E3779B185EBCA87, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9
+P64_4, P64_5 = 0x85EBCA77C2B2AE63, 0x27D4EB2F165667C5
+PM1, PM2 = 0x165667919E3779F9, 0x9FB21C651E98DF25
+
+
+def r32(data, at):
+    return int.from_bytes(data[at:at + 4], "little")
+
+
+def r64(data, at):
+    return int.from_bytes(data[at:at + 8], "little")
+
+
+def fold(a, b):
+    product = a * b
+    return (product & MASK) ^ (product >> 64)
+
+
+def avalanche(h):
+    h ^= h >> 37
+    h = h * PM1 & MASK
+    return h ^ (h >> 32)
+
+
+def avalanche64(h):
+    """Of the older XXH64; only inputs of 0 to 3 bytes end with it."""
+    h ^= h >> 33
+    h = h * P64_2 & MASK
+    h ^= h >> 29
+    h = h * P64_3 & MASK
+    return h ^ (h >> 32)
+
+
+def rotl(h, bits):
+    return (h << bits | h >> (64 - bits)) & MASK
+
+
+def xxh3_short(data):
+    """0 to 16 bytes: no package needs them; from the xxHash specification."""
+    n = len(data)
+    if n == 0:
+        return avalanche64(r64(SECRET, 56) ^ r64(SECRET, 64))
+    if n <= 3:
+        combined = data[0] << 16 | data[n >> 1] << 24 | data[-1] | n << 8
+        return avalanche64(combined ^ r32(SECRET, 0) ^ r32(SECRET, 4))
+    if n <= 8:
+        h = (r32(data, n - 4) + (r32(data, 0) << 32)) ^ r64(SECRET, 8) ^ r64(SECRET, 16)
+        h ^= rotl(h, 49) ^ rotl(h, 24)
+        h = h * PM2 & MASK
+        h ^= (h >> 35) + n
+        h = h * PM2 & MASK
+        return h ^ (h >> 28)
+    low = r64(data, 0) ^ r64(SECRET, 24) ^ r64(SECRET, 32)
+    high = r64(data, n - 8) ^ r64(SECRET, 40) ^ r64(SECRET, 48)
+    swapped = int.from_bytes(low.to_bytes(8, "little"), "big")
+    return avalanche((n + swapped + high + fold(low, high)) & MASK)
+
+
+def xxh3_long(data):
+    n = len(data)
+    acc = [P32_3, P64_1, P64_2, P64_3, P64_4, P32_2, P64_5, P32_1]
+    keys = [struct.unpack_from("<8Q", SECRET, 8 * t) for t in range(16)]
+    scramble_key = struct.unpack_from("<8Q", SECRET, 128)
+
+    def stripe(at, key):
+        # The low 64 bits decide; the accumulators are cut to them when they are next read.
+        v = struct.unpack_from("<8Q", data, at)
+        for k in range(8):
+            w = v[k] ^ key[k]
+            acc[k ^ 1] += v[k]
+            acc[k] += (w & 0xFFFFFFFF) * (w >> 32)
+
+    blocks = (n - 1) // 1024
+    for b in range(blocks):
+        for t in range(16):
+            stripe(1024 * b + 64 * t, keys[t])
+        for k in range(8):
+            a = acc[k] & MASK
+            acc[k] = ((a ^ a >> 47) ^ scramble_key[k]) * P32_1 & MASK
+    for t in range((n - 1 - 1024 * blocks) // 64):
+        stripe(1024 * blocks + 64 * t, keys[t])
+    stripe(n - 64, struct.unpack_from("<8Q", SECRET, 121))
+    h = n * P64_1
+    for k in range(4):
+        h += fold(acc[2 * k] & MASK ^ r64(SECRET, 11 + 16 * k), acc[2 * k + 1] & MASK ^ r64(SECRET, 19 + 16 * k))
+    return avalanche(h & MASK)
+
+
+def xxh3(data):
+    """XXH3-64, seed 0, of bytes of any length."""
+    n = len(data)
+    if n <= 16:
+        return xxh3_short(data)
+    if n > 240:
+        return xxh3_long(data)
+
+    def mix(i, j):
+        return fold(r64(data, i) ^ r64(SECRET, j), r64(data, i + 8) ^ r64(SECRET, j + 8))
+
+    h = n * P64_1
+    if n <= 128:
+        for k in range(4):
+            if k == 0 or n > 32 * k:
+                h += mix(16 * k, 32 * k) + mix(n - 16 * (k + 1), 32 * k + 16)
+        return avalanche(h & MASK)
+    h = avalanche((h + sum(mix(16 * k, 16 * k) for k in range(8))) & MASK)
+    h += sum(mix(16 * k, 16 * (k - 8) + 3) for k in range(8, n // 16)) + mix(n - 16, 119)
+    return avalanche(h & MASK)
+
+
+# ---- Frame ----
+
+class Refused(Exception):
+    """The package breaks a rule of the page."""
+
+
+HEADER = struct.Struct("<8sIIQQIIQ2Q")
+ENTRY = struct.Struct("<IIQQQIIQ2Q")
+MAGIC = b"SINEW\r\n\x1a"
+FORMAT_VERSION = 1
+REQUIRED = 1
+
+# id: (layout of a record, required flag, always present, feature bit or None)
+SECTIONS = {
+    "INFO": ("<3dd3f3f8fII2I2I2I2I2I", 1, True, None),
+    "STRS": ("<B", 1, False, None),
+    "BODY": ("<6I2I", 1, True, None),
+    "PVTX": ("<3ff", 1, True, None),
+    "TETS": ("<4I", 1, False, 0),
+    "CLUS": ("<2I4I3f6fI6f6f", 1, True, None),
+    "MEMB": ("<Iff", 1, True, None),
+    "AQQ9": ("<45f", 1, False, 1),
+    "VPOS": ("<3f", 1, False, 2),
+    "VNRM": ("<3f", 0, False, None),
+    "VUV0": ("<2f", 0, False, None),
+    "VCOL": ("<4B", 0, False, None),
+    "VTRI": ("<3I", 1, False, 2),
+    "VSUB": ("<2IIIII", 0, False, None),
+    "VMAT": ("<2I4fII", 0, False, None),
+    "VTEX": ("<2I2IQQ", 0, False, 7),
+    "TEXB": ("<B", 0, False, None),
+    "ATBC": ("<I3f", 1, False, 3),
+    "ATCR": ("<2I", 1, False, 4),
+    "ATCW": ("<If", 1, False, 4),
+    "VSRC": ("<2I", 0, False, 5),
+    "SVTX": ("<3I", 0, False, 5),
+    "SVLS": ("<I", 0, False, 5),
+    "SMSH": ("<2I2I", 0, False, 5),
+    "GRUP": ("<2I2I", 0, False, 6),
+    "GRPV": ("<I", 0, False, None),
+}
+FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
+            "textures"]
+NEEDS = [("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
+         ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP")]
+
+
+def need(condition, reason):
+    if not condition:
+        raise Refused(reason)
+
+
+def padded(size):
+    return (size + 63) // 64 * 64
+
+
+def read_frame(data):
+    """Checks header, table, checksums and tiling. Returns features, [(name, bytes)] and {name: bytes of it}."""
+    need(len(data) >= 64, "cut short: the header has 64 bytes")
+    magic, version, header_bytes, features, total, count, reserved0, checksum, r1, r2 = HEADER.unpack_from(data)
+    need(magic == MAGIC, "not a Sinew package")
+    need(version == FORMAT_VERSION, f"format version {version}, this reader reads version {FORMAT_VERSION}")
+    need(header_bytes == 64, "header: header_bytes is not 64")
+    need(total == len(data), "header: total_bytes is not the size of the file")
+    need(reserved0 == r1 == r2 == 0, "header: a reserved field is not 0")
+    need(count <= (len(data) - 64) // 64, "header: the table does not fit the file")
+    need(xxh3(data[:40] + bytes(8) + data[48:64 + 64 * count]) == checksum, "header: checksum does not match")
+    expected = 64 + 64 * count
+    listed, found = [], {}
+    for i in range(count):
+        ident, flags, offset, size, elements, element_bytes, reserved0, checksum, r1, r2 = ENTRY.unpack_from(
+            data, 64 + 64 * i)
+        name = struct.pack("<I", ident).decode("latin-1")
+        where = f"section {name!r}: "
+        need(offset == expected, where + "does not start where the one before ends")
+        need(offset + padded(size) <= len(data), where + "reaches beyond the end of the file")
+        need(elements > 0 and element_bytes > 0, where + "has no elements")
+        need(elements * element_bytes == size, where + "bytes are not elements times their size")
+        need(reserved0 == r1 == r2 == 0, where + "a reserved field is not 0")
+        expected = offset + padded(size)
+        need(xxh3(data[offset:expected]) == checksum, where + "checksum does not match")
+        need(not any(data[offset + size:expected]), where + "padding is not 0")
+        listed.append((name, size))
+        if name not in SECTIONS:
+            need(not flags & REQUIRED, where + "required, but unknown: use a newer version")
+            continue
+        layout, wanted_flags, _, _ = SECTIONS[name]
+        need(flags == wanted_flags, where + "wrong flags")
+        need(element_bytes == struct.calcsize(layout), where + "wrong element size")
+        need(elements < NONE, where + "too many elements")
+        need(name not in found, where + "occurs twice")
+        found[name] = data[offset:offset + size]
+    need(expected == len(data), "the sections do not end where the file ends")
+    need(features < 1 << len(FEATURES), "header: unknown feature bit: use a newer version")
+    for name, (_, _, always, bit) in SECTIONS.items():
+        need(name in found or not always, f"section {name}: missing")
+        need(bit is None or (name in found) == bool(features >> bit & 1), f"section {name}: disagrees with its feature")
+    for name, needed in NEEDS:
+        need(name not in found or needed in found, f"section {name}: needs section {needed}")
+    need("VPOS" not in found or "ATBC" in found or "ATCR" in found, "section VPOS: no attachment")
+    return features, listed, found
+
+
+# ---- Values ----
+
+def finite(values):
+    return all(map(math.isfinite, values))
+
+
+def tile(name, runs, total):
+    """Runs (first, count) must follow each other and end at total."""
+    end = 0
+    for i, (first, count) in enumerate(runs):
+        need(first == end, f"section {name}, element {i}: its run does not start where the one before ends")
+        end += count
+        need(end <= total, f"section {name}, element {i}: its run reaches too far")
+    need(end == total, f"section {name}: the runs do not cover everything")
+
+
+def ascending(values):
+    return all(a < b for a, b in zip(values, values[1:]))
+
+
+class Package:
+    """All records of a sound package, as tuples of numbers in the page's order."""
+
+    def __init__(self, data):
+        self.bytes = len(data)
+        self.features, self.sections, raw = read_frame(data)
+        self.strings = raw.get("STRS", b"")
+        self.texture_bytes = raw.get("TEXB", b"")
+        self.records = {name: list(struct.iter_unpack(layout, raw.get(name, b"")))
+                        for name, (layout, _, _, _) in SECTIONS.items() if name not in ("STRS", "TEXB")}
+        self.check_texts()
+        self.check_info()
+        self.check_physical()
+        self.check_clusters()
+        self.check_visual()
+        self.check_attachments()
+        self.check_identity()
+
+    def text(self, offset, size):
+        return self.strings[offset:offset + size].decode("utf-8", "replace")
+
+    def check_texts(self):
+        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
+              "SMSH": (0,), "GRUP": (0,)}
+        for name, fields in at.items():
+            for i, record in enumerate(self.records[name]):
+                for field in fields:
+                    need(record[field] + record[field + 1] <= len(self.strings),
+                         f"section {name}, element {i}: a text lies outside STRS")
+
+    def check_info(self):
+        need(len(self.records["INFO"]) == 1, "section INFO: must have one element")
+        info = self.records["INFO"][0]
+        origin, unit, low, high = info[0:3], info[3], info[4:7], info[7:10]
+        diagonal, mass, density, volume, source_volume, error, min_angle, max_angle, inverted, reserved = info[10:20]
+        need(finite(info[:18]), "section INFO: a number is not finite")
+        need(len(origin) == 3 and unit > 0 and diagonal > 0 and mass > 0, "section INFO: a number is not above 0")
+        need(all(a <= b for a, b in zip(low, high)), "section INFO: bounds are not in order")
+        need(density >= 0 and volume >= 0 and error >= 0, "section INFO: a number is negative")
+        need(0 <= min_angle <= max_angle <= 180, "section INFO: dihedral angles are out of order")
+        need(inverted <= len(self.records["TETS"]) and reserved == 0, "section INFO: inverted_tetrahedra or reserved")
+
+    def check_physical(self):
+        r = self.records
+        for first, name in ((0, "PVTX"), (2, "TETS"), (4, "CLUS")):
+            tile("BODY", [(b[first], b[first + 1]) for b in r["BODY"]], len(r[name]))
+        for i, v in enumerate(r["PVTX"]):
+            need(finite(v) and v[3] > 0, f"section PVTX, element {i}: not finite, or mass not above 0")
+        for i, body in enumerate(r["BODY"]):
+            need(body[1] > 0 and body[5] > 0, f"section BODY, element {i}: no vertices or clusters")
+            end = body[0] + body[1]
+            for k in range(body[2], body[2] + body[3]):
+                t = r["TETS"][k]
+                need(min(t) >= body[0] and max(t) < end and len(set(t)) == 4, f"section TETS, element {k}: bad vertex")
+
+    def check_clusters(self):
+        r = self.records
+        tile("CLUS", [(c[4], c[5]) for c in r["CLUS"]], len(r["MEMB"]))
+        shares = [0.0] * len(r["PVTX"])
+        quadratic = 0
+        for b, body in enumerate(r["BODY"]):
+            for i in range(body[4], body[4] + body[5]):
+                c = r["CLUS"][i]
+                where = f"section CLUS, element {i}: "
+                mode, of_body, first, count = c[2:6]
+                center, radius, mass, alpha, frequencies, moment = c[6:9], c[9], c[10], c[11], c[12:15], c[15]
+                need(mode <= 2 and of_body == b and count > 0, where + "mode, body or member_count")
+                need(moment == (quadratic if mode == 2 else NONE), where + "quadratic")
+                quadratic += mode == 2
+                need(finite(center + (radius, mass, alpha) + c[16:28]), where + "not finite")
+                need(radius > 0 and mass > 0 and 0 <= alpha <= 1, where + "radius, mass or alpha")
+                need(all(f >= 0 for f in frequencies), where + "frequency")
+                members = r["MEMB"][first:first + count]
+                vertices = [m[0] for m in members]
+                where = f"section MEMB, cluster {i}: "
+                need(ascending(vertices), where + "vertices not ascending")
+                need(vertices[0] >= body[0] and vertices[-1] < body[0] + body[1], where + "vertex of another body")
+                need(all(0 <= m[1] <= 1 and 0 <= m[2] <= 1 for m in members), where + "mu or share outside 0 to 1")
+                need(abs(sum(m[1] for m in members) - 1) <= 1e-3, where + "mu does not sum to 1")
+                for vertex, _, share in members:
+                    shares[vertex] += share
+        need(quadratic == len(r["AQQ9"]), "section AQQ9: not one element for each quadratic cluster")
+        for i, share in enumerate(shares):
+            need(abs(share - 1) <= 1e-3, f"section MEMB: shares of physical vertex {i} do not sum to 1")
+        for i, moment in enumerate(r["AQQ9"]):
+            need(finite(moment), f"section AQQ9, element {i}: not finite")
+
+    def check_visual(self):
+        r = self.records
+        vertices = len(r["VPOS"])
+        for name in ("VNRM", "VUV0", "VCOL", "ATBC", "ATCR", "VSRC"):
+            need(len(r[name]) in (0, vertices), f"section {name}: not one element for each visual vertex")
+        for name in ("VPOS", "VNRM", "VUV0"):
+            for i, record in enumerate(r[name]):
+                need(finite(record), f"section {name}, element {i}: not finite")
+        for i, triangle in enumerate(r["VTRI"]):
+            need(max(triangle) < vertices, f"section VTRI, element {i}: no such vertex")
+        if r["VSUB"]:
+            tile("VSUB", [(s[3], s[4]) for s in r["VSUB"]], len(r["VTRI"]))
+        for i, s in enumerate(r["VSUB"]):
+            need((s[2] == NONE or s[2] < len(r["VMAT"])) and s[5] == 0, f"section VSUB, element {i}: material, reserved")
+        for i, m in enumerate(r["VMAT"]):
+            need(all(0 <= c <= 1 for c in m[2:6]) and (m[6] == NONE or m[6] < len(r["VTEX"])) and m[7] <= 1,
+                 f"section VMAT, element {i}: base_color, texture or flags")
+        tile("VTEX", [(t[4], t[5]) for t in r["VTEX"]], len(self.texture_bytes))
+
+    def check_attachments(self):
+        r = self.records
+        for i, a in enumerate(r["ATBC"]):
+            need(a[0] < len(r["TETS"]) and finite(a[1:]), f"section ATBC, element {i}: tetrahedron or weight")
+        for i, a in enumerate(r["ATCW"]):
+            need(a[0] < len(r["CLUS"]) and math.isfinite(a[1]), f"section ATCW, element {i}: cluster or weight")
+        tile("ATCR", r["ATCR"], len(r["ATCW"]))
+        for i, (first, count) in enumerate(r["ATCR"]):
+            total = sum(a[1] for a in r["ATCW"][first:first + count])
+            need(count > 0 and abs(total - 1) <= 1e-3, f"section ATCR, element {i}: weights do not sum to 1")
+
+    def check_identity(self):
+        r = self.records
+        vertices = len(r["VSRC"])
+        listed = [v for (v,) in r["SVLS"]]
+        need(len(listed) == vertices, "section SVLS: not one element for each visual vertex")
+        for i, (source, welded) in enumerate(r["VSRC"]):
+            need(source < len(r["SVTX"]) and welded < vertices, f"section VSRC, element {i}: no such vertex or point")
+        tile("SVTX", [(first, count) for _, first, count in r["SVTX"]], len(listed))
+        need(all(v < vertices for v in listed), "section SVLS: no such visual vertex")
+        for i, (welded, first, count) in enumerate(r["SVTX"]):
+            run = listed[first:first + count]
+            need(count > 0 or welded == NONE, f"section SVTX, element {i}: welded, but not visual")
+            need(ascending(run) and all(r["VSRC"][v] == (i, welded) for v in run),
+                 f"section SVTX, element {i}: disagrees with VSRC")
+        tile("SMSH", [(m[2], m[3]) for m in r["SMSH"]], len(r["SVTX"]))
+        members = [v for (v,) in r["GRPV"]]
+        tile("GRUP", [(g[2], g[3]) for g in r["GRUP"]], len(members))
+        need(all(v < len(r["VPOS"]) for v in members), "section GRPV: no such visual vertex")
+        for i, g in enumerate(r["GRUP"]):
+            need(ascending(members[g[2]:g[2] + g[3]]), f"section GRUP, element {i}: vertices not ascending")
+
+    def summary(self):
+        """The keys of `sinew inspect --json`."""
+        r = self.records
+        info = r["INFO"][0]
+        return {
+            "format_version": FORMAT_VERSION,
+            "bytes": self.bytes,
+            "sections": [{"name": name, "bytes": size} for name, size in self.sections],
+            "features": [name for bit, name in enumerate(FEATURES) if self.features >> bit & 1],
+            "physical_vertices": len(r["PVTX"]),
+            "tetrahedra": len(r["TETS"]),
+            "clusters": [{"name": self.text(c[0], c[1]), "members": c[5], "mode": ("rigid", "linear", "quadratic")[c[2]]}
+                         for c in r["CLUS"]],
+            "visual_vertices": len(r["VPOS"]),
+            "visual_triangles": len(r["VTRI"]),
+            "source_vertices": len(r["SVTX"]),
+            "attachment": {"max_rest_error": info[15]},
+            "tetrahedra_quality": {"min_dihedral_deg": info[16], "max_dihedral_deg": info[17], "inverted": info[18]},
+        }
+
+
+def main():
+    if len(sys.argv) != 2:
+        print("usage: read_package.py FILE.sinew", file=sys.stderr)
+        return 2
+    try:
+        with open(sys.argv[1], "rb") as file:
+            data = file.read()
+    except OSError as error:
+        print(f"read_package: {sys.argv[1]}: {error.strerror}", file=sys.stderr)
+        return 4
+    try:
+        print(json.dumps(Package(data).summary(), indent=2))
+    except Refused as reason:
+        print(f"read_package: {sys.argv[1]}: {reason}", file=sys.stderr)
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

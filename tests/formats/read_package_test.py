@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Runs the Python reader on the golden package and on broken variants of it."""
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+import read_package  # noqa: E402
+
+GOLDEN = os.path.join(HERE, "golden", "sample_v1.sinew")
+EXPECTED = os.path.join(HERE, "golden", "sample_v1.json")
+
+
+def golden():
+    with open(GOLDEN, "rb") as file:
+        return bytearray(file.read())
+
+
+def entries(data):
+    count = struct.unpack_from("<I", data, 32)[0]
+    return [64 + 64 * i for i in range(count)]
+
+
+def reseal(data):
+    for at in entries(data):
+        offset, size = struct.unpack_from("<QQ", data, at + 8)
+        struct.pack_into("<Q", data, at + 40, read_package.xxh3(bytes(data[offset:offset + (size + 63) // 64 * 64])))
+    struct.pack_into("<Q", data, 40, 0)
+    end = 64 + 64 * len(entries(data))
+    struct.pack_into("<Q", data, 40, read_package.xxh3(bytes(data[:end])))
+
+
+def entry_of(data, name):
+    return next(at for at in entries(data) if data[at:at + 4] == name)
+
+
+def start_of(data, name):
+    return struct.unpack_from("<Q", data, entry_of(data, name) + 8)[0]
+
+
+def reason_of(data):
+    try:
+        read_package.Package(bytes(data))
+    except read_package.Refused as refused:
+        return str(refused)
+    return ""
+
+
+class Checksum(unittest.TestCase):
+    def test_every_length_class(self):
+        with open(os.path.join(HERE, "golden", "xxh3.txt"), encoding="ascii") as file:
+            lines = file.read().split("\n")[:-1]
+        self.assertGreater(len(lines), 250)
+        for line in lines:
+            size, value = line.split()
+            data = bytes(i * 131 % 251 for i in range(int(size)))
+            self.assertEqual(f"{read_package.xxh3(data):016x}", value, f"of {size} bytes")
+
+
+class Reader(unittest.TestCase):
+    def run_reader(self, data):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "a.sinew")
+            with open(path, "wb") as file:
+                file.write(data)
+            return subprocess.run([sys.executable, os.path.join(HERE, "read_package.py"), path], capture_output=True,
+                                  text=True, check=False)
+
+    def test_golden_values(self):
+        result = self.run_reader(golden())
+        self.assertEqual(result.returncode, 0, result.stderr)
+        with open(EXPECTED, encoding="utf-8") as file:
+            self.assertEqual(json.loads(result.stdout), json.load(file))
+
+    def test_program_refuses_with_exit_3_and_one_line(self):
+        cut, flipped, appended, version = golden()[:-1], golden(), golden() + b"\0", golden()
+        flipped[2000] ^= 1
+        version[8] = 2
+        for data in (b"", cut, flipped, appended, version):
+            result = self.run_reader(data)
+            self.assertEqual(result.returncode, 3)
+            self.assertEqual(result.stdout, "")
+            self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
+
+    def test_refuses_every_cut(self):
+        data = golden()
+        for size in range(len(data)):
+            self.assertNotEqual(reason_of(data[:size]), "", f"cut at {size}")
+
+    def test_refuses_every_changed_byte(self):
+        data = golden()
+        for at in range(len(data)):
+            data[at] ^= 0x80 if at % 2 else 0x01
+            self.assertNotEqual(reason_of(data), "", f"byte {at}")
+            data[at] ^= 0x80 if at % 2 else 0x01
+
+    def test_refuses_broken_rules_under_right_checksums(self):
+        nan = b"\0\0\xc0\x7f"
+        none = b"\xff\xff\xff\xff"
+        # (section, byte within it, new bytes): one of each kind of rule
+        faults = [
+            (b"INFO", 24, bytes(8)), (b"INFO", 56, nan), (b"INFO", 92, b"\1"), (b"INFO", 96, none),
+            (b"BODY", 0, b"\1"), (b"BODY", 4, b"\4"), (b"BODY", 20, b"\1"), (b"PVTX", 4, nan), (b"PVTX", 12, bytes(4)),
+            (b"TETS", 0, b"\5"), (b"TETS", 0, b"\1"), (b"CLUS", 8, b"\3"), (b"CLUS", 12, b"\1"), (b"CLUS", 16, b"\1"),
+            (b"CLUS", 20, bytes(4)), (b"CLUS", 36, bytes(4)), (b"CLUS", 48, nan), (b"CLUS", 60, bytes(4)),
+            (b"CLUS", 64, nan), (b"MEMB", 0, b"\1"), (b"MEMB", 4, nan), (b"MEMB", 8, bytes(4)), (b"AQQ9", 176, nan),
+            (b"VPOS", 0, nan), (b"VNRM", 8, nan), (b"VUV0", 4, nan), (b"VTRI", 0, b"\6"), (b"VSUB", 8, b"\2"),
+            (b"VSUB", 12, b"\1"), (b"VMAT", 8, nan), (b"VMAT", 24, b"\1"), (b"VMAT", 28, b"\2"), (b"VTEX", 16, b"\1"),
+            (b"VTEX", 24, b"\1"), (b"ATBC", 0, b"\2"), (b"ATBC", 4, nan), (b"ATCR", 4, bytes(4)), (b"ATCW", 0, b"\2"),
+            (b"ATCW", 4, nan), (b"VSRC", 0, b"\1"), (b"VSRC", 4, b"\6"), (b"SVTX", 0, b"\1"), (b"SVTX", 8, b"\2"),
+            (b"SVLS", 0, b"\6"), (b"SMSH", 12, b"\5"), (b"GRUP", 12, b"\1"), (b"GRPV", 0, b"\5"),
+        ]
+        for name, offset, new in faults:
+            data = golden()
+            at = start_of(data, name) + offset
+            self.assertNotEqual(data[at:at + len(new)], new)
+            data[at:at + len(new)] = new
+            reseal(data)
+            self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")
+
+    def test_unknown_sections(self):
+        data = golden()
+        at = entry_of(data, b"VCOL")
+        data[at:at + 4] = b"ZZZ9"
+        reseal(data)
+        self.assertEqual(reason_of(data), "")
+        data[at + 4] = read_package.REQUIRED
+        reseal(data)
+        self.assertIn("ZZZ9", reason_of(data))
+
+
+if __name__ == "__main__":
+    unittest.main()
