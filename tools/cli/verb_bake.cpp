@@ -17,6 +17,7 @@ struct BakeCommand {
   std::string output;
   std::string report_file;
   std::vector<std::string> assignments;
+  std::string unit;
   unsigned threads = 0;
   bool json = false;
   bool quiet = false;
@@ -66,6 +67,7 @@ void printSummary(const BakeCommand& command, const nlohmann::ordered_json& repo
 void runBake(const BakeCommand& command) {
   const auto start = std::chrono::steady_clock::now();
   Recipe recipe = recipeFor(command.input);
+  if (!command.unit.empty()) recipe.settings.set("import.unit", command.unit);
   applyAssignments(recipe.settings, command.assignments);
   requireWritable(command.output);
   if (!command.report_file.empty()) requireWritable(command.report_file);
@@ -99,6 +101,8 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
   verb->add_option("-o,--output", command->output, "The package to write (.sinew)")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
       ->type_name("KEY=VALUE");
+  verb->add_option("--unit", command->unit,
+                   "Unit of the source: m, dm, cm, mm, in, ft or metres per unit; the same as --set import.unit=");
   verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
   verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));
   verb->add_flag("--json", command->json, "Print the report as JSON instead of the summary");

@@ -38,12 +38,14 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
   struct Command {
     std::string file;
     std::vector<std::string> assignments;
+    std::string unit;
     bool json = false;
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = app.add_subcommand("inspect", "Show what is inside a package or a source, and what each part costs");
   verb->add_option("file", command->file, "A package (.sinew), a recipe (.json) or a mesh")->required();
   verb->add_option("--set", command->assignments, "An import setting KEY=VALUE, for a source")->type_name("KEY=VALUE");
+  verb->add_option("--unit", command->unit, "Unit of the source; the same as --set import.unit=");
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
     nlohmann::ordered_json json;
@@ -51,6 +53,7 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
       json = inspectPackage(loadPackage(command->file)->package());
     } else {
       Recipe recipe = recipeFor(command->file);
+      if (!command->unit.empty()) recipe.settings.set("import.unit", command->unit);
       applyAssignments(recipe.settings, command->assignments);
       Progress progress(!command->json);
       progress.stage("import");
