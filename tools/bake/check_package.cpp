@@ -1,0 +1,566 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/check_package.h"
+
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <optional>
+#include <string_view>
+
+#include "runtime/geometry/tet_mesh.h"
+#include "tools/bake/check_source.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using formats::Cluster;
+using formats::ClusterMode;
+using Vector9d = Eigen::Matrix<double, 9, 1>;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
+
+constexpr double kMostRestError = 1e-6;     // of the diagonal, the project's promise
+constexpr double kLeastDihedralDeg = 5;     // below, a tetrahedron is a sliver that bends nothing well
+constexpr double kAngleAgreementDeg = 0.1;  // of the recorded angles with the recomputed ones
+constexpr double kSumTolerance = 1e-4;      // of shares, mu and masses, which are sums of floats
+constexpr double kFlatMoment = 1e-5;        // the bake's own cut-off: smallest over largest spread squared
+constexpr double kMomentTolerance = 0.02;   // of M S M against M; rounding S to float costs up to 0.6 % at that cut-off
+constexpr double kMostMassRatio = 1e4;
+
+std::string number(std::uint64_t n) { return std::to_string(n); }
+std::string counted(std::uint64_t n, const char* one, const char* many) {
+  return number(n) + " " + (n == 1 ? one : many);
+}
+
+std::string rounded(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+template <class Float3>
+Vector3d wide(const Float3& x) {
+  return {double(x[0]), double(x[1]), double(x[2])};
+}
+
+Vector9d monomials(const Vector3d& q) {
+  Vector9d m;
+  m << q, q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
+  return m;
+}
+
+// What the first bytes say a picture is.
+std::optional<std::string_view> pictureMime(std::span<const std::byte> bytes) {
+  const auto starts = [&](std::string_view magic, std::size_t at = 0) {
+    if (bytes.size() < at + magic.size()) return false;
+    for (std::size_t i = 0; i < magic.size(); ++i) {
+      if (std::to_integer<unsigned char>(bytes[at + i]) != static_cast<unsigned char>(magic[i])) return false;
+    }
+    return true;
+  };
+  using namespace std::string_view_literals;
+  if (starts("\x89PNG\r\n\x1a\n"sv)) return "image/png";
+  if (starts("\xff\xd8\xff"sv)) return "image/jpeg";
+  if (starts("GIF87a"sv) || starts("GIF89a"sv)) return "image/gif";
+  if (starts("RIFF"sv) && starts("WEBP"sv, 8)) return "image/webp";
+  if (starts("BM"sv)) return "image/bmp";
+  if (starts("II*\0"sv) || starts("MM\0*"sv)) return "image/tiff";
+  if (starts("DDS "sv)) return "image/vnd-ms.dds";
+  if (starts("\xabKTX "sv)) return "image/ktx2";
+  if (starts("#?RADIANCE"sv) || starts("#?RGBE"sv)) return "image/vnd.radiance";
+  if (starts("v/1\x01"sv)) return "image/x-exr";
+  if (starts("8BPS"sv)) return "image/vnd.adobe.photoshop";
+  return std::nullopt;
+}
+
+class PackageCheck {
+ public:
+  explicit PackageCheck(const formats::PackageView& package)
+      : package_(package), diagonal_(double(package.info().diagonal)) {}
+
+  std::vector<Finding> run() {
+    tetrahedra();
+    attachments();
+    collectUses();
+    clusterSums();
+    clusterShapes();
+    clusterPieces();
+    clusterTwins();
+    masses();
+    volume();
+    bodies();
+    textures();
+    return std::move(findings_);
+  }
+
+ private:
+  Finding& add(const char* id, Severity severity, std::string message, std::uint64_t count, const char* cure) {
+    findings_.push_back({id, severity, std::move(message), count, "", {}, "", cure});
+    return findings_.back();
+  }
+  template <class Name>
+  static std::string list(const std::vector<std::uint32_t>& items, const Name& name) {
+    std::string text;
+    for (std::size_t i = 0; i < items.size() && i < 8; ++i) text += (i == 0 ? "" : ", ") + name(items[i]);
+    return items.size() > 8 ? text + ", ..." : text;
+  }
+  static std::string numbers(const char* what, const std::vector<std::uint32_t>& items) {
+    return what + (" " + list(items, [](std::uint32_t i) { return number(i); }));
+  }
+  std::string clusterNames(const std::vector<std::uint32_t>& clusters) const {
+    return "clusters " + list(clusters, [this](std::uint32_t c) {
+             const std::string_view name = package_.text(package_.clusters()[c].name);
+             return name.empty() ? number(c) : std::string(name);
+           });
+  }
+  Vector3d rest(std::uint32_t vertex) const { return wide(package_.physicalVertices()[vertex].rest_position); }
+  std::span<const formats::Membership> members(const Cluster& cluster) const {
+    return package_.memberships().subspan(cluster.first_member, cluster.member_count);
+  }
+  void placeVisual(Finding& finding, const std::vector<std::uint32_t>& visual) const {
+    if (package_.visualIdentity().empty()) {
+      finding.place = numbers("visual vertices", visual);
+      return;
+    }
+    finding.place_kind = "vertex";
+    for (const std::uint32_t v : visual) finding.places.push_back(package_.visualIdentity()[v].source_vertex);
+    std::sort(finding.places.begin(), finding.places.end());
+    finding.places.erase(std::unique(finding.places.begin(), finding.places.end()), finding.places.end());
+    finding.places.resize(std::min(finding.places.size(), Finding::kMaxPlaces));
+  }
+
+  void tetrahedra() {
+    if (package_.tetrahedra().empty()) return;
+    std::vector<std::uint32_t> inverted, slivers;
+    double least = 180, largest = 0;
+    for (std::uint32_t t = 0; t < package_.tetrahedra().size(); ++t) {
+      const auto& v = package_.tetrahedra()[t].vertex;
+      const Vector3d a = rest(v[0]), b = rest(v[1]), c = rest(v[2]), d = rest(v[3]);
+      if (!(geometry::signedVolume6(a, b, c, d) > 0)) {
+        inverted.push_back(t);
+        continue;
+      }
+      const auto range = geometry::dihedralRange(a, b, c, d);
+      least = std::min(least, range[0]);
+      largest = std::max(largest, range[1]);
+      if (range[0] < kLeastDihedralDeg) slivers.push_back(t);
+    }
+    if (!inverted.empty()) {
+      add("inverted-tetrahedra", Severity::error,
+          counted(inverted.size(), "tetrahedron has", "tetrahedra have") + " no positive volume", inverted.size(),
+          "Bake again; report the source if it happens again.")
+          .place = numbers("tetrahedra", inverted);
+      return;
+    }
+    if (!slivers.empty()) {
+      add("sliver-tetrahedra", Severity::warning,
+          counted(slivers.size(), "tetrahedron has", "tetrahedra have") + " a dihedral angle below " +
+              rounded(kLeastDihedralDeg) + " degrees (smallest " + rounded(least) + ")",
+          slivers.size(), "Bake with tetrahedra.method=stuffing, or with more physical vertices.")
+          .place = numbers("tetrahedra", slivers);
+    } else {
+      add("tetrahedra-quality", Severity::info,
+          "dihedral angles of " + counted(package_.tetrahedra().size(), "tetrahedron", "tetrahedra") + " lie between " +
+              rounded(least) + " and " + rounded(largest) + " degrees",
+          package_.tetrahedra().size(), "");
+    }
+    const formats::BodyInfo& info = package_.info();
+    if (std::abs(double(info.min_dihedral_deg) - least) > kAngleAgreementDeg ||
+        std::abs(double(info.max_dihedral_deg) - largest) > kAngleAgreementDeg || info.inverted_tetrahedra != 0) {
+      add("wrong-quality-record", Severity::warning,
+          "the package records dihedral angles of " + rounded(double(info.min_dihedral_deg)) + " to " +
+              rounded(double(info.max_dihedral_deg)) + " degrees, but they are " + rounded(least) + " to " +
+              rounded(largest),
+          1, "Bake again with this version.");
+    }
+  }
+
+  // The error of every visual vertex at rest, metres.
+  void attachments() {
+    const std::size_t count = package_.visualPositions().size();
+    if (count == 0) return;
+    const auto barycentric = package_.barycentric();
+    const auto ranges = package_.clusterAttachmentRanges();
+    if (barycentric.empty() && ranges.empty()) {
+      add("no-attachment", Severity::error, "the visual mesh hangs on nothing: there is no attachment section", 1,
+          "Bake again with this version.");
+      return;
+    }
+    std::vector<std::uint32_t> off, loose;
+    double largest = 0;
+    const auto judge = [&](std::uint32_t v, const Vector3d& position) {
+      const double error = (position - wide(package_.visualPositions()[v])).norm() / diagonal_;
+      largest = std::max(largest, error);
+      if (!(error <= kMostRestError)) off.push_back(v);
+    };
+    for (std::uint32_t v = 0; v < barycentric.size(); ++v) {
+      const auto& attachment = barycentric[v];
+      const auto& corners = package_.tetrahedra()[attachment.tetrahedron].vertex;
+      const Vector3d last = rest(corners[3]);
+      Vector3d position = last;
+      for (std::size_t k = 0; k < 3; ++k) position += double(attachment.weight[k]) * (rest(corners[k]) - last);
+      judge(v, position);
+    }
+    for (std::uint32_t v = 0; v < ranges.size(); ++v) {
+      if (ranges[v].count == 0) {
+        loose.push_back(v);
+        continue;
+      }
+      // At rest a cluster's transform is the identity: F q~ + c takes q back to where it came from.
+      Vector3d position = Vector3d::Zero();
+      for (const auto& use : package_.clusterAttachments().subspan(ranges[v].first, ranges[v].count)) {
+        const Cluster& cluster = package_.clusters()[use.cluster];
+        const Vector3d center = wide(cluster.rest_center);
+        const double radius = double(cluster.radius);
+        const Vector3d q = (wide(package_.visualPositions()[v]) - center) / radius;
+        position += double(use.weight) * (center + radius * q);
+      }
+      judge(v, position);
+    }
+    if (!loose.empty()) {
+      placeVisual(add("unattached-vertices", Severity::error,
+                      counted(loose.size(), "visual vertex hangs", "visual vertices hang") + " on nothing",
+                      loose.size(), "Bake again; report the source if it happens again."),
+                  loose);
+    }
+    if (!off.empty()) {
+      placeVisual(
+          add("attachment-error", Severity::error,
+              counted(off.size(), "visual vertex does", "visual vertices do") +
+                  " not come back to the rest position: " + rounded(largest) + " of the diagonal (1e-06 allowed)",
+              off.size(), "Bake again; report the source if it happens again."),
+          off);
+    } else {
+      add("attachment-rest-error", Severity::info,
+          "all " + number(count) + " visual vertices are attached; rest error " + rounded(largest) + " of the diagonal",
+          count, "");
+    }
+  }
+
+  void collectUses() {
+    const std::size_t vertices = package_.physicalVertices().size();
+    share_.assign(vertices, 0);
+    clusters_of_.assign(vertices, 0);
+    for (const auto& member : package_.memberships()) {
+      share_[member.vertex] += double(member.share);
+      ++clusters_of_[member.vertex];
+    }
+  }
+
+  void clusterSums() {
+    std::vector<std::uint32_t> free, bad_share, bad_mu, bad_mass, foreign;
+    for (std::uint32_t v = 0; v < share_.size(); ++v) {
+      if (clusters_of_[v] == 0) {
+        free.push_back(v);
+      } else if (!(std::abs(share_[v] - 1) <= kSumTolerance)) {
+        bad_share.push_back(v);
+      }
+    }
+    for (std::uint32_t c = 0; c < package_.clusters().size(); ++c) {
+      const Cluster& cluster = package_.clusters()[c];
+      const formats::BodyRange& body = package_.bodies()[cluster.body];
+      double mu = 0, mass = 0;
+      bool stranger = false;
+      for (const auto& member : members(cluster)) {
+        mu += double(member.mu);
+        mass += double(member.share) * double(package_.physicalVertices()[member.vertex].mass);
+        stranger = stranger || member.vertex - body.first_vertex >= body.vertex_count;
+      }
+      if (!(std::abs(mu - 1) <= kSumTolerance)) bad_mu.push_back(c);
+      if (!(std::abs(mass - double(cluster.mass)) <= kSumTolerance * mass)) bad_mass.push_back(c);
+      if (stranger) foreign.push_back(c);
+    }
+    const char* const again = "Bake again; report the recipe if it happens again.";
+    if (!free.empty()) {
+      add("vertices-without-cluster", Severity::error,
+          counted(free.size(), "physical vertex is", "physical vertices are") + " in no cluster and would fall freely",
+          free.size(), "Add a cluster that covers them, or raise clusters.overlap.")
+          .place = numbers("physical vertices", free);
+    }
+    if (!bad_share.empty()) {
+      add("wrong-shares", Severity::error,
+          "the shares of " + counted(bad_share.size(), "physical vertex do", "physical vertices do") + " not sum to 1",
+          bad_share.size(), again)
+          .place = numbers("physical vertices", bad_share);
+    }
+    if (!bad_mu.empty()) {
+      add("wrong-mu", Severity::error,
+          "the weights of " + counted(bad_mu.size(), "cluster do", "clusters do") + " not sum to 1", bad_mu.size(),
+          again)
+          .place = clusterNames(bad_mu);
+    }
+    if (!bad_mass.empty()) {
+      add("wrong-cluster-mass", Severity::error,
+          "the mass of " + counted(bad_mass.size(), "cluster is", "clusters is") + " not that of its vertices' shares",
+          bad_mass.size(), again)
+          .place = clusterNames(bad_mass);
+    }
+    if (!foreign.empty()) {
+      add("cluster-spans-bodies", Severity::warning,
+          counted(foreign.size(), "cluster holds", "clusters hold") +
+              " vertices of another body and ties the two together",
+          foreign.size(), "Split the cluster, or join the bodies by raising tetrahedra.join_distance.")
+          .place = clusterNames(foreign);
+    }
+  }
+
+  // How many vertices a mode needs before its moments can have full rank.
+  static std::uint32_t wantedMembers(ClusterMode mode) {
+    switch (mode) {
+      case ClusterMode::rigid:
+        return 3;
+      case ClusterMode::linear:
+        return 4;
+      case ClusterMode::quadratic:
+        return 10;
+    }
+    return 1;
+  }
+
+  void clusterShapes() {
+    std::vector<std::uint32_t> small, flat, wrong;
+    for (std::uint32_t c = 0; c < package_.clusters().size(); ++c) {
+      const Cluster& cluster = package_.clusters()[c];
+      if (cluster.member_count < wantedMembers(cluster.mode)) small.push_back(c);
+      const Vector3d center = wide(cluster.rest_center);
+      Matrix9d moment = Matrix9d::Zero();
+      Vector9d mean = Vector9d::Zero();
+      double total = 0;
+      for (const auto& member : members(cluster)) {
+        const Vector9d m = monomials((rest(member.vertex) - center) / double(cluster.radius));
+        moment += double(member.mu) * m * m.transpose();
+        mean += double(member.mu) * m;
+        total += double(member.mu);
+      }
+      if (!(total > 0)) continue;  // said by clusterSums
+      moment = moment / total - (mean / total) * (mean / total).transpose();
+      const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread, Eigen::EigenvaluesOnly);
+      if (cluster.mode != ClusterMode::rigid && solver.eigenvalues()[0] <= kFlatMoment * solver.eigenvalues()[2])
+        flat.push_back(c);
+      const auto& s = cluster.a_qq;
+      Eigen::Matrix3d inverse;
+      inverse << s[0], s[3], s[5], s[3], s[1], s[4], s[5], s[4], s[2];
+      bool fits = fitsMoment<Eigen::Matrix3d>(spread, inverse);
+      if (cluster.mode == ClusterMode::quadratic) {
+        Matrix9d inverse9;
+        std::size_t at = 0;
+        for (Eigen::Index row = 0; row < 9; ++row) {
+          for (Eigen::Index column = 0; column <= row; ++column) {
+            inverse9(row, column) = inverse9(column, row) =
+                double(package_.quadraticMoments()[cluster.quadratic].a_qq[at++]);
+          }
+        }
+        fits = fits && fitsMoment<Matrix9d>(moment, inverse9);
+      }
+      if (!fits) wrong.push_back(c);
+    }
+    if (!small.empty()) {
+      add("small-clusters", Severity::warning,
+          counted(small.size(), "cluster has", "clusters have") +
+              " fewer vertices than the mode can use (3 rigid, 4 linear, 10 quadratic)",
+          small.size(), "Use a coarser clusters.grid, or more physical vertices.")
+          .place = clusterNames(small);
+    }
+    if (!flat.empty()) {
+      add("flat-clusters", Severity::warning,
+          counted(flat.size(), "cluster lies", "clusters lie") +
+              " in a plane or on a line and cannot stretch out of it",
+          flat.size(), "Use a coarser clusters.grid, or make the cluster rigid.")
+          .place = clusterNames(flat);
+    }
+    if (!wrong.empty()) {
+      add("wrong-moments", Severity::error,
+          "the stored moments of " + counted(wrong.size(), "cluster do", "clusters do") + " not belong to its vertices",
+          wrong.size(), "Bake again; report the recipe if it happens again.")
+          .place = clusterNames(wrong);
+    }
+  }
+
+  // M S M = M for a pseudo-inverse S, but for what the cut-off dropped.
+  template <class Matrix>
+  static bool fitsMoment(const Matrix& moment, const Matrix& inverse) {
+    return (moment * inverse * moment - moment).norm() <= kMomentTolerance * moment.norm();
+  }
+
+  void clusterPieces() {
+    // Neighbours over the edges of tetrahedra.
+    const std::size_t vertices = package_.physicalVertices().size();
+    if (package_.tetrahedra().empty()) return;
+    std::vector<std::uint32_t> begin(vertices + 1, 0);
+    for (const auto& t : package_.tetrahedra()) {
+      for (const std::uint32_t v : t.vertex) begin[v + 1] += 3;
+    }
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    std::vector<std::uint32_t> neighbours(begin.back());
+    std::vector<std::uint32_t> next(begin.begin(), begin.end() - 1);
+    for (const auto& t : package_.tetrahedra()) {
+      for (const std::uint32_t v : t.vertex) {
+        for (const std::uint32_t w : t.vertex) {
+          if (w != v) neighbours[next[v]++] = w;
+        }
+      }
+    }
+    std::vector<std::uint32_t> member_of(vertices, kNoIndex), seen_by(vertices, kNoIndex);
+    std::vector<std::uint32_t> split, stack;
+    for (std::uint32_t c = 0; c < package_.clusters().size(); ++c) {
+      const auto list = members(package_.clusters()[c]);
+      if (list.empty()) continue;
+      for (const auto& member : list) member_of[member.vertex] = c;
+      std::size_t reached = 1;
+      seen_by[list[0].vertex] = c;
+      stack.assign(1, list[0].vertex);
+      while (!stack.empty()) {
+        const std::uint32_t v = stack.back();
+        stack.pop_back();
+        for (std::uint32_t i = begin[v]; i < begin[v + 1]; ++i) {
+          const std::uint32_t w = neighbours[i];
+          if (member_of[w] != c || seen_by[w] == c) continue;
+          seen_by[w] = c;
+          ++reached;
+          stack.push_back(w);
+        }
+      }
+      if (reached != list.size()) split.push_back(c);
+    }
+    if (split.empty()) return;
+    add("disconnected-clusters", Severity::warning,
+        counted(split.size(), "cluster consists", "clusters consist") +
+            " of pieces that no tetrahedron connects; they are matched as one",
+        split.size(), "Split the cluster where its pieces should move on their own.")
+        .place = clusterNames(split);
+  }
+
+  void clusterTwins() {
+    std::vector<std::uint32_t> order(package_.clusters().size());
+    std::iota(order.begin(), order.end(), 0U);
+    const auto compare = [&](std::uint32_t a, std::uint32_t b) {
+      const auto x = members(package_.clusters()[a]), y = members(package_.clusters()[b]);
+      const auto less = [](const formats::Membership& m, const formats::Membership& n) {
+        return m.vertex != n.vertex ? m.vertex < n.vertex : m.mu < n.mu;
+      };
+      if (std::lexicographical_compare(x.begin(), x.end(), y.begin(), y.end(), less)) return -1;
+      return std::lexicographical_compare(y.begin(), y.end(), x.begin(), x.end(), less) ? 1 : 0;
+    };
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+      const int way = compare(a, b);
+      return way != 0 ? way < 0 : a < b;
+    });
+    std::vector<std::uint32_t> twins;
+    for (std::size_t i = 1; i < order.size(); ++i) {
+      if (compare(order[i - 1], order[i]) == 0) twins.push_back(order[i]);
+    }
+    if (twins.empty()) return;
+    std::sort(twins.begin(), twins.end());
+    add("identical-clusters", Severity::warning,
+        counted(twins.size(), "cluster has", "clusters have") + " the same vertices and weights as another",
+        twins.size(), "Remove the copy: it costs time and changes nothing but the stiffness.")
+        .place = clusterNames(twins);
+  }
+
+  void masses() {
+    double least = INFINITY, largest = 0, total = 0;
+    std::uint32_t lightest = 0;
+    for (std::uint32_t v = 0; v < package_.physicalVertices().size(); ++v) {
+      const double mass = double(package_.physicalVertices()[v].mass);
+      if (mass < least) least = mass, lightest = v;
+      largest = std::max(largest, mass);
+      total += mass;
+    }
+    if (largest > kMostMassRatio * least) {
+      add("mass-ratio", Severity::warning,
+          "the heaviest physical vertex weighs " + rounded(largest / least) + " times the lightest", 1,
+          "Bake with tetrahedra.method=stuffing, or with another number of physical vertices.")
+          .place = numbers("physical vertices", {lightest});
+    }
+    const double recorded = double(package_.info().total_mass);
+    if (!(std::abs(recorded - total) <= kSumTolerance * total)) {
+      add("wrong-mass-record", Severity::warning,
+          "the package records a mass of " + rounded(recorded) + " kg, but its vertices weigh " + rounded(total) +
+              " kg",
+          1, "Bake again with this version.");
+    }
+  }
+
+  void volume() {
+    const double source = double(package_.info().source_volume), physical = double(package_.info().physical_volume);
+    if (!(source > 0)) return;
+    const double ratio = physical / source;
+    const bool far = ratio < 0.7 || ratio > 2;
+    add("volume-ratio", far ? Severity::warning : Severity::info,
+        "the tetrahedra fill " + rounded(100 * ratio) + " % of the volume that the source encloses", 1,
+        far ? "Use tetrahedra.method=stuffing or delaunay, or more physical vertices, if thin parts matter." : "");
+  }
+
+  void bodies() {
+    const auto list = package_.bodies();
+    Finding& f = add("bodies", Severity::info,
+                     counted(list.size(), "body", "bodies") + " with " +
+                         counted(package_.physicalVertices().size(), "physical vertex", "physical vertices") + ", " +
+                         counted(package_.tetrahedra().size(), "tetrahedron", "tetrahedra") + " and " +
+                         counted(package_.clusters().size(), "cluster", "clusters"),
+                     list.size(), "");
+    for (std::size_t i = 0; i < list.size() && i < 8; ++i)
+      f.place += (i == 0 ? "" : ", ") + std::string(package_.text(list[i].name));
+    if (list.size() > 8) f.place += ", ...";
+  }
+
+  void textures() {
+    std::vector<std::uint32_t> empty, unknown, mislabelled;
+    for (std::uint32_t t = 0; t < package_.textures().size(); ++t) {
+      const formats::Texture& texture = package_.textures()[t];
+      const auto bytes = package_.textureBytes().subspan(std::size_t(texture.offset), std::size_t(texture.bytes));
+      const auto mime = pictureMime(bytes);
+      if (bytes.empty()) {
+        empty.push_back(t);
+      } else if (!mime && package_.text(texture.mime) != "image/x-tga") {  // TGA has no magic
+        unknown.push_back(t);
+      } else if (mime && *mime != package_.text(texture.mime)) {
+        mislabelled.push_back(t);
+      }
+    }
+    const auto names = [&](const std::vector<std::uint32_t>& textures) {
+      return list(textures, [&](std::uint32_t t) { return std::string(package_.text(package_.textures()[t].name)); });
+    };
+    if (!empty.empty()) {
+      add("missing-texture", Severity::warning,
+          counted(empty.size(), "picture is", "pictures are") + " missing from the package", empty.size(),
+          "Put the picture beside the source and bake again.")
+          .place = names(empty);
+    }
+    if (!unknown.empty()) {
+      add("unknown-picture", Severity::warning,
+          counted(unknown.size(), "picture is", "pictures are") + " in no format this tool knows by its first bytes",
+          unknown.size(), "Save it as PNG or JPEG and bake again.")
+          .place = names(unknown);
+    }
+    if (!mislabelled.empty()) {
+      add("mislabelled-picture", Severity::warning,
+          counted(mislabelled.size(), "picture is", "pictures are") + " not of the type the package says",
+          mislabelled.size(), "Bake again with this version.")
+          .place = names(mislabelled);
+    }
+  }
+
+  const formats::PackageView& package_;
+  double diagonal_;
+  std::vector<Finding> findings_;
+  std::vector<double> share_;               // sum, per physical vertex
+  std::vector<std::uint32_t> clusters_of_;  // number, per physical vertex
+};
+
+}  // namespace
+
+std::vector<Finding> checkPackage(const formats::PackageView& package) { return PackageCheck(package).run(); }
+
+std::string packageVerdict(const std::vector<Finding>& findings) {
+  const std::string counts = countedSeverities(findings);
+  if (hasErrors(findings)) return counts + ": it should not be simulated";
+  return counts == "no findings" ? "sound: it can be simulated" : counts + ": it can be simulated";
+}
+
+}  // namespace sinew::tools
