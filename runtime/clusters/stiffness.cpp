@@ -65,9 +65,10 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
-  const std::array<double, 3> ratios = {stiffnessRatio(cluster.stretch_hz, stiffness_scale, step_seconds),
-                                        stiffnessRatio(cluster.bend_hz, stiffness_scale, step_seconds),
-                                        stiffnessRatio(cluster.twist_hz, stiffness_scale, step_seconds)};
+  const float scale = stiffness_scale * rest.clusters[index].frequency_ratio;
+  const std::array<double, 3> ratios = {stiffnessRatio(cluster.stretch_hz, scale, step_seconds),
+                                        stiffnessRatio(cluster.bend_hz, scale, step_seconds),
+                                        stiffnessRatio(cluster.twist_hz, scale, step_seconds)};
   if (cluster.mode == formats::ClusterMode::linear) {
     const float beta = float(1 / (1 + ratios[0]));
     result.deforms = beta > 0;

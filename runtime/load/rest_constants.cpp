@@ -2,6 +2,8 @@
 #include "runtime/load/rest_constants.h"
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 
 namespace sinew::internal {
 namespace {
@@ -41,6 +43,23 @@ void addMoments(const formats::PackageView& package, const formats::Cluster& clu
   }
 }
 
+// Radius of gyration of a body part, metres.
+double gyrationRadius(const formats::PackageView& package, const formats::BodyRange& range) {
+  double mass = 0;
+  Eigen::Vector3d first = Eigen::Vector3d::Zero();
+  double second = 0;
+  const auto vertices = package.physicalVertices().subspan(range.first_vertex, range.vertex_count);
+  if (vertices.empty()) return 0;
+  const Vector3 reference = asVector(vertices.front().rest_position);
+  for (const formats::PhysicalVertex& vertex : vertices) {
+    const Eigen::Vector3d d = (asVector(vertex.rest_position) - reference).cast<double>();
+    mass += double(vertex.mass);
+    first += double(vertex.mass) * d;
+    second += double(vertex.mass) * d.squaredNorm();
+  }
+  return std::sqrt(std::max(0.0, second / mass - (first / mass).squaredNorm()));
+}
+
 }  // namespace
 
 RestConstants makeRestConstants(const formats::PackageView& package) {
@@ -54,6 +73,14 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
       addMoments<9>(package, clusters[c], result.clusters[c], &result.full_moments[clusters[c].quadratic]);
     } else {
       addMoments<3>(package, clusters[c], result.clusters[c], nullptr);
+    }
+  }
+  for (const formats::BodyRange& range : package.bodies()) {
+    const double part_radius = gyrationRadius(package, range);
+    for (std::uint32_t c = range.first_cluster; c < range.first_cluster + range.cluster_count; ++c) {
+      const double trace = double(result.clusters[c].moment.leftCols<3>().trace());
+      const double radius = double(clusters[c].radius) * std::sqrt(std::max(0.0, trace));
+      if (radius > 0) result.clusters[c].frequency_ratio = float(std::max(1.0, part_radius / radius));
     }
   }
 

@@ -20,7 +20,10 @@ struct ClusterUse {
 struct ClusterRest {
   Monomials<9> mean =
       Monomials<9>::Zero();  ///< Σ mu q~ as floats evaluate it: subtracting it keeps goals centred to rounding
-  Columns<9> moment = Columns<9>::Zero();     ///< M = Σ mu q q~^T, what A_pq is at rest; columns 3.. only if quadratic
+  Columns<9> moment = Columns<9>::Zero();  ///< M = Σ mu q q~^T, what A_pq is at rest; columns 3.. only if quadratic
+  /// How much smaller than its body part the cluster is (ratio of radii of gyration), 1 or more. Frequencies are
+  /// authored for the part: cut from the same stuff, a piece of 1/n of the size rings n times as high.
+  float frequency_ratio = 1;
   Matrix3 inertia_inverse = Matrix3::Zero();  ///< (tr(M) 1 - M)^-1 of the rest shape, floored for straight clusters
 };
 

@@ -42,10 +42,11 @@ void MotionSums::add(const MotionSums& other) {
 }
 
 MotionSums motionSums(const Body& body, const std::vector<Vec3>& positions, std::uint32_t begin, std::uint32_t end,
-                      const Eigen::Vector3d& reference) {
+                      const Eigen::Vector3d& reference, double anchor_mass) {
   MotionSums sums;
   for (std::uint32_t i = begin; i < end; ++i) {
-    const double m = double(body.vertices()[i].mass);
+    const bool anchored = anchor_mass > 0 && (body.pinned[i] != 0 || body.force[i] != Vec3{});
+    const double m = double(body.vertices()[i].mass) + (anchored ? anchor_mass : 0.0);
     const Eigen::Vector3d d = asVector(positions[i]).cast<double>() - reference;
     const Eigen::Vector3d mv = m * asVector(body.v[i]).cast<double>();
     sums.mass += m;

@@ -26,9 +26,10 @@ struct RigidMotion {
   Eigen::Vector3d omega = Eigen::Vector3d::Zero();
 };
 
-/// Sums over vertices [begin, end). \param positions Body::x or Body::y.
+/// Sums over vertices [begin, end). \param positions Body::x or Body::y. \param anchor_mass added to the mass of each
+/// vertex that is pinned or pressed to the ground, kg.
 MotionSums motionSums(const Body& body, const std::vector<Vec3>& positions, std::uint32_t begin, std::uint32_t end,
-                      const Eigen::Vector3d& reference);
+                      const Eigen::Vector3d& reference, double anchor_mass);
 
 /// The rigid motion with the same linear and angular momentum. Directions without inertia (a part collapsed to a line
 /// or a point) do not turn.

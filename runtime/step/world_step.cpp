@@ -17,6 +17,9 @@
 namespace sinew::internal {
 namespace {
 
+// Weight of a support in the rigid motion of its part, in masses of the part.
+constexpr double kAnchorMass = 10;
+
 constexpr std::uint32_t kVerticesPerChunk = 512;
 constexpr std::uint32_t kMembersPerChunk = 1024;
 
@@ -81,19 +84,25 @@ MotionSums partSums(const StepPlan& plan, const Part& part) {
   return sums;
 }
 
-void sumMotion(StepPlan& plan, JobSystem* jobs, bool predicted) {
+enum class SumsOf { predicted, free, anchored };
+
+void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
     const Body& body = *chunk.body;
+    const Part& part = plan.parts[chunk.part];
+    const double anchor = what == SumsOf::anchored && !body.rows.empty() ? kAnchorMass * part.before.mass : 0.0;
     chunk.sums =
-        motionSums(body, predicted ? body.y : body.x, chunk.begin, chunk.end, plan.parts[chunk.part].reference);
+        motionSums(body, what == SumsOf::predicted ? body.y : body.x, chunk.begin, chunk.end, part.reference, anchor);
   });
 }
 
-// Deformation damping about the rigid motion of each part, and the momentum that the pass may not have changed:
+// Deformation damping about the rigid motion of each part. A part that is held or stands on something has the rigid
+// motion that its supports leave it (kAnchorMass): what it does beyond that is deformation, also a bounce on its feet.
+// Free parts get back the momentum that the pass may not have changed:
 // v = (y - x) / h is not what the match, which is free of force and torque at y, would leave (docs/method.md §5).
 void settleVelocities(StepPlan& plan, JobSystem* jobs, const WorldSettings& settings, float pass_seconds) {
   const float kept = std::exp(-settings.deformation_damping * pass_seconds);
-  sumMotion(plan, jobs, false);
+  sumMotion(plan, jobs, SumsOf::anchored);
   bool any_limited = false;
   for (Part& part : plan.parts) {
     const MotionSums now = partSums(plan, part);
@@ -116,9 +125,10 @@ void settleVelocities(StepPlan& plan, JobSystem* jobs, const WorldSettings& sett
     dampDeformation(*chunk.body, part.found, part.wanted, kept, chunk.begin, chunk.end);
   });
   if (!any_limited) return;
-  // The inelastic stop took a different part of each vertex's motion; give the part back what it lost as a whole.
-  sumMotion(plan, jobs, false);
+  // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
+  sumMotion(plan, jobs, SumsOf::free);
   for (Part& part : plan.parts) {
+    part.limited &= part.body->rows.empty();
     if (!part.limited) continue;
     MotionSums defect = partSums(plan, part);
     defect.momentum = part.before.momentum - defect.momentum;
@@ -139,7 +149,7 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   }
   forEach(jobs, plan.vertices,
           [&](VertexChunk& chunk) { chunk.repaired += predict(*chunk.body, settings, h, chunk.begin, chunk.end); });
-  sumMotion(plan, jobs, true);
+  sumMotion(plan, jobs, SumsOf::predicted);
   for (Part& part : plan.parts) part.before = partSums(plan, part);
   clock.finish(kPredict);
 
