@@ -165,7 +165,9 @@ void addVisual(const VisualMesh& mesh, const PackageOptions& options, formats::P
     }
   }
   for (const MaterialSource& material : mesh.materials) {
-    content.materials.push_back({content.addText(material.name), material.base_color,
+    std::array<float, 4> color = material.base_color;
+    for (float& channel : color) channel = std::clamp(channel, 0.0F, 1.0F);
+    content.materials.push_back({content.addText(material.name), color,
                                  material.texture == kNoIndex ? formats::kNone : texture_index[material.texture],
                                  material.double_sided ? std::uint32_t(formats::kMaterialDoubleSided) : 0U});
   }
