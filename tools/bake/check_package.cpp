@@ -26,7 +26,7 @@ using Matrix9d = Eigen::Matrix<double, 9, 9>;
 constexpr double kMostRestError = 1e-6;     // of the diagonal, the project's promise
 constexpr double kLeastDihedralDeg = 5;     // below, a tetrahedron is a sliver that bends nothing well
 constexpr double kAngleAgreementDeg = 0.1;  // of the recorded angles with the recomputed ones
-constexpr double kSumTolerance = 1e-4;      // of shares, mu and masses, which are sums of floats
+constexpr double kSumTolerance = 1e-4;      // of masses, which are sums of floats
 constexpr double kFlatMoment = 1e-5;        // the bake's own cut-off: smallest over largest spread squared
 constexpr double kMomentTolerance = 0.02;   // of M S M against M; rounding S to float costs up to 0.6 % at that cut-off
 constexpr double kMostMassRatio = 1e4;
@@ -85,8 +85,7 @@ class PackageCheck {
   std::vector<Finding> run() {
     tetrahedra();
     attachments();
-    collectUses();
-    clusterSums();
+    clusterMasses();
     clusterShapes();
     clusterPieces();
     clusterTwins();
@@ -185,12 +184,7 @@ class PackageCheck {
     if (count == 0) return;
     const auto barycentric = package_.barycentric();
     const auto ranges = package_.clusterAttachmentRanges();
-    if (barycentric.empty() && ranges.empty()) {
-      add("no-attachment", Severity::error, "the visual mesh hangs on nothing: there is no attachment section", 1,
-          "Bake again with this version.");
-      return;
-    }
-    std::vector<std::uint32_t> off, loose;
+    std::vector<std::uint32_t> off;
     double largest = 0;
     const auto judge = [&](std::uint32_t v, const Vector3d& position) {
       const double error = (position - wide(package_.visualPositions()[v])).norm() / diagonal_;
@@ -206,10 +200,6 @@ class PackageCheck {
       judge(v, position);
     }
     for (std::uint32_t v = 0; v < ranges.size(); ++v) {
-      if (ranges[v].count == 0) {
-        loose.push_back(v);
-        continue;
-      }
       // At rest a cluster's transform is the identity: F q~ + c takes q back to where it came from.
       Vector3d position = Vector3d::Zero();
       for (const auto& use : package_.clusterAttachments().subspan(ranges[v].first, ranges[v].count)) {
@@ -220,12 +210,6 @@ class PackageCheck {
         position += double(use.weight) * (center + radius * q);
       }
       judge(v, position);
-    }
-    if (!loose.empty()) {
-      placeVisual(add("unattached-vertices", Severity::error,
-                      counted(loose.size(), "visual vertex hangs", "visual vertices hang") + " on nothing",
-                      loose.size(), "Bake again; report the source if it happens again."),
-                  loose);
     }
     if (!off.empty()) {
       placeVisual(
@@ -241,71 +225,22 @@ class PackageCheck {
     }
   }
 
-  void collectUses() {
-    const std::size_t vertices = package_.physicalVertices().size();
-    share_.assign(vertices, 0);
-    clusters_of_.assign(vertices, 0);
-    for (const auto& member : package_.memberships()) {
-      share_[member.vertex] += double(member.share);
-      ++clusters_of_[member.vertex];
-    }
-  }
-
-  void clusterSums() {
-    std::vector<std::uint32_t> free, bad_share, bad_mu, bad_mass, foreign;
-    for (std::uint32_t v = 0; v < share_.size(); ++v) {
-      if (clusters_of_[v] == 0) {
-        free.push_back(v);
-      } else if (!(std::abs(share_[v] - 1) <= kSumTolerance)) {
-        bad_share.push_back(v);
-      }
-    }
+  void clusterMasses() {
+    std::vector<std::uint32_t> wrong;
     for (std::uint32_t c = 0; c < package_.clusters().size(); ++c) {
       const Cluster& cluster = package_.clusters()[c];
-      const formats::BodyRange& body = package_.bodies()[cluster.body];
-      double mu = 0, mass = 0;
-      bool stranger = false;
+      double mass = 0;
       for (const auto& member : members(cluster)) {
-        mu += double(member.mu);
         mass += double(member.share) * double(package_.physicalVertices()[member.vertex].mass);
-        stranger = stranger || member.vertex - body.first_vertex >= body.vertex_count;
       }
-      if (!(std::abs(mu - 1) <= kSumTolerance)) bad_mu.push_back(c);
-      if (!(std::abs(mass - double(cluster.mass)) <= kSumTolerance * mass)) bad_mass.push_back(c);
-      if (stranger) foreign.push_back(c);
+      if (!(std::abs(mass - double(cluster.mass)) <= kSumTolerance * mass)) wrong.push_back(c);
     }
-    const char* const again = "Bake again; report the recipe if it happens again.";
-    if (!free.empty()) {
-      add("vertices-without-cluster", Severity::error,
-          counted(free.size(), "physical vertex is", "physical vertices are") + " in no cluster and would fall freely",
-          free.size(), "Add a cluster that covers them, or raise clusters.overlap.")
-          .place = numbers("physical vertices", free);
-    }
-    if (!bad_share.empty()) {
-      add("wrong-shares", Severity::error,
-          "the shares of " + counted(bad_share.size(), "physical vertex do", "physical vertices do") + " not sum to 1",
-          bad_share.size(), again)
-          .place = numbers("physical vertices", bad_share);
-    }
-    if (!bad_mu.empty()) {
-      add("wrong-mu", Severity::error,
-          "the weights of " + counted(bad_mu.size(), "cluster do", "clusters do") + " not sum to 1", bad_mu.size(),
-          again)
-          .place = clusterNames(bad_mu);
-    }
-    if (!bad_mass.empty()) {
-      add("wrong-cluster-mass", Severity::error,
-          "the mass of " + counted(bad_mass.size(), "cluster is", "clusters is") + " not that of its vertices' shares",
-          bad_mass.size(), again)
-          .place = clusterNames(bad_mass);
-    }
-    if (!foreign.empty()) {
-      add("cluster-spans-bodies", Severity::warning,
-          counted(foreign.size(), "cluster holds", "clusters hold") +
-              " vertices of another body and ties the two together",
-          foreign.size(), "Split the cluster, or join the bodies by raising tetrahedra.join_distance.")
-          .place = clusterNames(foreign);
-    }
+    if (wrong.empty()) return;
+    add("wrong-cluster-mass", Severity::error,
+        "the recorded mass of " + counted(wrong.size(), "cluster is", "clusters is") +
+            " not that of its vertices' shares",
+        wrong.size(), "Bake again; report the recipe if it happens again.")
+        .place = clusterNames(wrong);
   }
 
   // How many vertices a mode needs before its moments can have full rank.
@@ -336,7 +271,6 @@ class PackageCheck {
         mean += double(member.mu) * m;
         total += double(member.mu);
       }
-      if (!(total > 0)) continue;  // said by clusterSums
       moment = moment / total - (mean / total) * (mean / total).transpose();
       const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
       const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread, Eigen::EigenvaluesOnly);
@@ -549,8 +483,6 @@ class PackageCheck {
   const formats::PackageView& package_;
   double diagonal_;
   std::vector<Finding> findings_;
-  std::vector<double> share_;               // sum, per physical vertex
-  std::vector<std::uint32_t> clusters_of_;  // number, per physical vertex
 };
 
 }  // namespace

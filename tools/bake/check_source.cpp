@@ -290,26 +290,57 @@ class SourceCheck {
       const std::vector<std::uint32_t>* rim;
       double width;
     };
-    std::vector<Hole> holes;
+    std::vector<Hole> holes, cracks, flaps;
     for (const auto& rim : topology_.boundary_loops) {
       if (part_at[rim[0]] == kNoIndex || is_sheet_[part_at[rim[0]]]) continue;
       Eigen::AlignedBox3d box;
       for (const std::uint32_t point : rim) box.extend(mesh_.welded_positions[point]);
-      holes.push_back({&rim, box.diagonal().norm()});
+      const std::array<std::uint32_t, 2> last = {std::min(rim.front(), rim.back()), std::max(rim.front(), rim.back())};
+      // A rim that does not come back to its start ends on an edge with further faces.
+      const bool comes_back =
+          rim.size() > 2 && std::binary_search(topology_.boundary_edges.begin(), topology_.boundary_edges.end(), last);
+      (!comes_back ? flaps : isCrack(rim) ? cracks : holes).push_back({&rim, box.diagonal().norm()});
     }
-    if (holes.empty()) return;
-    std::stable_sort(holes.begin(), holes.end(), [](const Hole& a, const Hole& b) { return a.width > b.width; });
-    std::string sizes;
-    for (std::size_t i = 0; i < holes.size() && i < 4; ++i) {
-      sizes += (i == 0 ? "" : ", ") + number(holes[i].rim->size()) + " edges " + lengthText(holes[i].width) + " across";
-    }
-    if (holes.size() > 4) sizes += ", ...";
-    Finding& f = add("open-boundary", Severity::warning,
-                     "the surface has " + counted(holes.size(), "hole", "holes") + " (" + sizes + ")", holes.size(),
-                     "Fill the hole in the program that made the file; the bake closes it by the winding number.");
-    for (const Hole& hole : holes) {
-      for (const std::uint32_t point : *hole.rim) placePoint(f, point);
-    }
+    const auto report = [&](std::vector<Hole>& list, const char* id, const char* one, const char* many,
+                            const char* cure) {
+      if (list.empty()) return;
+      std::stable_sort(list.begin(), list.end(), [](const Hole& x, const Hole& y) { return x.width > y.width; });
+      std::string sizes;
+      for (std::size_t i = 0; i < list.size() && i < 4; ++i) {
+        sizes += (i == 0 ? "" : ", ") + counted(list[i].rim->size(), "point", "points") + " on the rim, " +
+                 lengthText(list[i].width) + " across";
+      }
+      if (list.size() > 4) sizes += "; ...";
+      Finding& f = add(id, Severity::warning, "the surface has " + counted(list.size(), one, many) + " (" + sizes + ")",
+                       list.size(), cure);
+      for (const Hole& hole : list) {
+        for (const std::uint32_t point : *hole.rim) placePoint(f, point);
+      }
+    };
+    report(holes, "open-boundary", "hole", "holes",
+           "Fill the hole in the program that made the file; the bake closes it by the winding number.");
+    report(cracks, "cracks", "crack without width, where a vertex lies on another face's edge",
+           "cracks without width, where vertices lie on other faces' edges",
+           "Split the long edge at the vertex, or merge the vertex into the edge's end; the bake closes the crack.");
+    report(flaps, "open-flaps", "flap that hangs on an edge of other faces", "flaps that hang on edges of other faces",
+           "Delete the stray faces if they are not wanted.");
+  }
+
+  // All points of the rim lie on one line.
+  bool isCrack(const std::vector<std::uint32_t>& rim) const {
+    const auto farthest = [&](const Vector3d& from) {
+      Vector3d far = from;
+      for (const std::uint32_t p : rim) {
+        const Vector3d& x = mesh_.welded_positions[p];
+        if ((x - from).squaredNorm() > (far - from).squaredNorm()) far = x;
+      }
+      return far;
+    };
+    const Vector3d a = farthest(mesh_.welded_positions[rim[0]]), b = farthest(a);
+    const double length = (b - a).norm();
+    const double most = std::max(mesh_.weld_tolerance, 1e-6 * length) * length;
+    return std::all_of(rim.begin(), rim.end(),
+                       [&](std::uint32_t p) { return (mesh_.welded_positions[p] - a).cross(b - a).norm() <= most; });
   }
 
   Vector3d corner(std::uint32_t triangle, std::size_t k) const {

@@ -464,7 +464,7 @@ class Analysis {
         end = partner[far];
         if (end == kNoIndex) loop.push_back(pointOf(far));
       }
-      result_.boundary_loops.push_back(std::move(loop));
+      splitLoop(loop);
     };
     // Rims with loose ends first: started in the middle they would come out in two pieces.
     for (std::uint32_t end = 0; end < partner.size(); ++end) {
@@ -473,6 +473,25 @@ class Analysis {
     for (std::uint32_t b = 0; b < edge_count; ++b) {
       if (!seen[b]) trace(2 * b);
     }
+  }
+
+  // A walk along the surface's rim passes twice through a point where two holes touch: a loop for each.
+  void splitLoop(const std::vector<std::uint32_t>& walk) {
+    place_in_loop_.resize(mesh_.welded_positions.size(), kNoIndex);
+    std::vector<std::uint32_t> open;
+    const auto close = [&](std::size_t first) {
+      for (std::size_t i = first; i < open.size(); ++i) place_in_loop_[open[i]] = kNoIndex;
+      if (open.size() - first > 1) {
+        result_.boundary_loops.emplace_back(open.begin() + std::ptrdiff_t(first), open.end());
+      }
+      open.resize(first);
+    };
+    for (const std::uint32_t p : walk) {
+      if (place_in_loop_[p] != kNoIndex) close(place_in_loop_[p]);
+      place_in_loop_[p] = std::uint32_t(open.size());
+      open.push_back(p);
+    }
+    close(0);
   }
 
   std::uint32_t point(std::uint32_t corner) const { return points_[corner / 3][corner % 3]; }
@@ -498,6 +517,7 @@ class Analysis {
   std::vector<std::uint32_t> edge_begin_;        // into half_edges_, one more than edges
   std::vector<std::uint32_t> edge_of_;           // per corner
   std::vector<std::uint32_t> boundary_corners_;  // half-edge of each boundary edge
+  std::vector<std::uint32_t> place_in_loop_;     // per welded point, while a loop is split
   DisjointSets fans_{0};
 };
 
