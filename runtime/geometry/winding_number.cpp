@@ -157,14 +157,23 @@ double WindingNumber::at(const Vector3d& point) const {
 
 double WindingNumber::crossing(const Vector3d& a, const Vector3d& b) const {
   const Vector3d direction = b - a;
+  std::vector<TriangleBvh::Crossing> hits;
+  bvh_.crossings(a, b, hits);
   if (closed_) {
-    std::vector<TriangleBvh::Crossing> hits;
-    bvh_.crossings(a, b, hits);
     // One crossing needs no further question; with several, the first after which a point lies outside.
     for (std::size_t i = 0; i < hits.size(); ++i) {
       if (i + 1 == hits.size()) return hits[i].parameter;
       const double middle = (hits[i].parameter + hits[i + 1].parameter) / 2;
       if (middle - hits[i].parameter > 1e-9 && !inside(a + direction * middle)) return hits[i].parameter;
+    }
+  } else {
+    // Near a hole the level 1/2 leaves the triangles: ask on both sides of each.
+    for (const TriangleBvh::Crossing& hit : hits) {
+      constexpr double kAside = 1e-4;
+      if (hit.winding > 0) continue;
+      if (inside(a + direction * (hit.parameter - kAside)) && !inside(a + direction * (hit.parameter + kAside))) {
+        return hit.parameter;
+      }
     }
   }
   double low = 0, high = 1;

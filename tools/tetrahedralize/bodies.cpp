@@ -221,6 +221,30 @@ void gather(const Topology& topology, const Frame& frame, const std::vector<std:
   }
 }
 
+// Of patches that enclose something together, those it takes: the widest open ones are left out one by one while what
+// the others enclose stays nearly the same (fins on a fish of several patches).
+std::vector<std::uint32_t> withoutSheets(const Topology& topology, const Frame& frame,
+                                         const std::vector<std::uint32_t>& parts, double volume) {
+  constexpr std::size_t kMostTried = 64;
+  std::vector<std::pair<double, std::uint32_t>> open;
+  std::vector<Triangle> triangles;
+  for (const std::uint32_t p : parts) {
+    gather(topology, frame, {p}, triangles);
+    const Enclosure e = measure(frame, triangles);
+    if (!e.encloses) open.emplace_back(-e.openness, p);
+  }
+  std::sort(open.begin(), open.end());
+  std::vector<std::uint32_t> kept = parts;
+  for (std::size_t i = 0; i < open.size() && i < kMostTried; ++i) {
+    std::vector<std::uint32_t> fewer = kept;
+    fewer.erase(std::find(fewer.begin(), fewer.end(), open[i].second));
+    gather(topology, frame, fewer, triangles);
+    const Enclosure e = measure(frame, triangles);
+    if (e.encloses && std::abs(e.volume - volume) < 0.03 * std::abs(volume)) kept = std::move(fewer);
+  }
+  return kept;
+}
+
 Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<std::uint32_t>& parts) {
   Group group;
   group.parts = parts;
@@ -242,8 +266,9 @@ Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<
   gather(topology, frame, parts, triangles);
   const Enclosure all = measure(frame, triangles);
   if (group.solid_parts.size() < parts.size() && all.encloses && std::abs(all.volume) > 2 * solid_volume) {
-    group.solid_parts = parts;
-    group.triangles = triangles;
+    group.solid_parts = withoutSheets(topology, frame, parts, all.volume);
+    gather(topology, frame, group.solid_parts, group.triangles);
+    gather(topology, frame, parts, triangles);
   }
   if (group.solid_parts.empty()) group.triangles = triangles;
   group.enclosure = measure(frame, group.triangles);

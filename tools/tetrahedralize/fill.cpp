@@ -66,10 +66,80 @@ double firstSpacing(const SolidBody& body, double target, double vertices_per_ce
   return high;
 }
 
-geometry::StuffingDomain domainOf(const SolidBody& body) {
-  return {[&body](const Vector3d& p) { return body.winding.inside(p); },
-          [&body](const Vector3d& a, const Vector3d& b) { return body.winding.crossing(a, b); }};
+// Every point of space has a lattice point within this many cells (the body-centred lattice's covering radius), so a
+// feature with that much around it is caught.
+const double kCoveringRadius = std::sqrt(5.0) / 4;
+
+// How far surface samples lie outside the tetrahedra.
+struct Outside {
+  std::vector<std::uint32_t> triangles;  // with a sample further out than the reach, ascending
+  double fraction = 0;                   // of the area
+};
+
+Outside findOutside(const SolidBody& body, const TetMesh& mesh, double reach, std::size_t limit,
+                    const ParallelFor& parallel_for) {
+  Outside outside;
+  const std::vector<geometry::Triangle> border = geometry::boundaryFaces(mesh);
+  const geometry::WindingNumber cage(mesh.positions, border, true);
+  // At most `limit` triangles, evenly over their order.
+  const std::size_t step = std::max<std::size_t>(1, body.triangles.size() / limit);
+  const std::size_t samples = (body.triangles.size() + step - 1) / step;
+  std::vector<double> missed(samples, 0), all(samples, 0);
+  parallel_for(samples, 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t s = begin; s < end; ++s) {
+      const geometry::Triangle& t = body.triangles[s * step];
+      const Vector3d &a = body.positions[t[0]], &b = body.positions[t[1]], &c = body.positions[t[2]];
+      all[s] = (b - a).cross(c - a).norm();
+      for (const Vector3d& p :
+           {Vector3d((4 * a + b + c) / 6), Vector3d((a + 4 * b + c) / 6), Vector3d((a + b + 4 * c) / 6)}) {
+        if (cage.bvh().closest(p, reach).triangle == kNoIndex && !cage.inside(p)) missed[s] += all[s] / 3;
+      }
+    }
+  });
+  double missed_area = 0, area = 0;
+  for (std::size_t s = 0; s < samples; ++s) {
+    missed_area += missed[s];
+    area += all[s];
+    if (missed[s] > 0) outside.triangles.push_back(static_cast<std::uint32_t>(s * step));
+  }
+  outside.fraction = area > 0 ? missed_area / area : 0;
+  return outside;
 }
+
+// The solid, thickened around some of its triangles.
+class ThickenedSolid {
+ public:
+  explicit ThickenedSolid(const SolidBody& body) : body_(body) {}
+
+  void thicken(const std::vector<std::uint32_t>& triangles) {
+    std::vector<geometry::Triangle> thin;
+    for (const std::uint32_t t : triangles) thin.push_back(body_.triangles[t]);
+    thin_ = geometry::TriangleBvh(body_.positions, thin);
+  }
+  geometry::StuffingDomain domain(double spacing) const {
+    const double radius = kCoveringRadius * spacing;
+    return {[this, radius](const Vector3d& p) { return inside(p, radius); },
+            [this, radius](const Vector3d& a, const Vector3d& b) { return crossing(a, b, radius); }};
+  }
+
+ private:
+  bool inside(const Vector3d& p, double radius) const {
+    return body_.winding.inside(p) || thin_.closest(p, radius).triangle != kNoIndex;
+  }
+  double crossing(const Vector3d& a, const Vector3d& b, double radius) const {
+    // No point of the edge is further than its length from its end.
+    if (thin_.closest(a, radius + (b - a).norm()).triangle == kNoIndex) return body_.winding.crossing(a, b);
+    double low = 0, high = 1;
+    for (int i = 0; i < 14; ++i) {
+      const double middle = (low + high) / 2;
+      (inside(a + (b - a) * middle, radius) ? low : high) = middle;
+    }
+    return (low + high) / 2;
+  }
+
+  const SolidBody& body_;
+  geometry::TriangleBvh thin_;
+};
 
 // Drops pieces whose absence nothing shows: the surface near them is covered by the largest one.
 void dropCrumbs(const SolidBody& body, FilledBody& filled, const ParallelFor& parallel_for) {
@@ -117,14 +187,22 @@ FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const Paral
 }
 
 FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for) {
-  const geometry::StuffingDomain domain = domainOf(body);
+  ThickenedSolid solid(body);
   const auto build = [&](double spacing) {
     FilledBody filled;
     filled.spacing = spacing;
-    filled.mesh = geometry::stuffIsosurface(domain, body.bounds, spacing, parallel_for);
+    filled.mesh = geometry::stuffIsosurface(solid.domain(spacing), body.bounds, spacing, parallel_for);
     return filled;
   };
   FilledBody filled = searchSpacing(firstSpacing(body, target, 2), target, build);
+  // What lies half a cell outside would follow the body stiffly, by extrapolation: thicken it.
+  const std::size_t every = body.triangles.size();
+  const Outside lost = findOutside(body, filled.mesh, filled.spacing / 2, every, parallel_for);
+  if (lost.fraction > 1e-3) {
+    solid.thicken(lost.triangles);
+    filled = searchSpacing(filled.spacing, target, build);
+    filled.thickened = lost.fraction;
+  }
   if (filled.mesh.tetrahedra.empty()) return filled;
   dropCrumbs(body, filled, parallel_for);
   measureFill(body, filled, parallel_for);
@@ -137,30 +215,7 @@ void measureFill(const SolidBody& body, FilledBody& filled, const ParallelFor& p
   filled.volume = geometry::volume(filled.mesh);
   filled.uncovered = 1;
   if (filled.mesh.tetrahedra.empty()) return;
-  const std::vector<geometry::Triangle> border = geometry::boundaryFaces(filled.mesh);
-  const geometry::WindingNumber cage(filled.mesh.positions, border, true);
-  // At most some 20,000 triangles, evenly over their order.
-  const std::size_t step = std::max<std::size_t>(1, body.triangles.size() / 20000);
-  const std::size_t samples = (body.triangles.size() + step - 1) / step;
-  std::vector<double> missed(samples, 0), all(samples, 0);
-  const double reach = filled.spacing;
-  parallel_for(samples, 256, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t s = begin; s < end; ++s) {
-      const geometry::Triangle& t = body.triangles[s * step];
-      const Vector3d &a = body.positions[t[0]], &b = body.positions[t[1]], &c = body.positions[t[2]];
-      all[s] = (b - a).cross(c - a).norm();
-      for (const Vector3d& p :
-           {Vector3d((4 * a + b + c) / 6), Vector3d((a + 4 * b + c) / 6), Vector3d((a + b + 4 * c) / 6)}) {
-        if (cage.bvh().closest(p, reach).triangle == kNoIndex && !cage.inside(p)) missed[s] += all[s] / 3;
-      }
-    }
-  });
-  double missed_area = 0, area = 0;
-  for (std::size_t s = 0; s < samples; ++s) {
-    missed_area += missed[s];
-    area += all[s];
-  }
-  filled.uncovered = area > 0 ? missed_area / area : 0;
+  filled.uncovered = findOutside(body, filled.mesh, filled.spacing, 20000, parallel_for).fraction;
 }
 
 std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, const ParallelFor& parallel_for) {

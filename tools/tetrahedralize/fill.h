@@ -20,14 +20,16 @@ struct FilledBody {
   double uncovered = 0;          ///< fraction of the surface's area further than a cell outside the tetrahedra
   std::uint32_t bridges = 0;     ///< cells added to join pieces
   double widened = 1;            ///< grid: largest factor by which an axis was widened to keep the angles
+  double thickened = 0;          ///< stuffing: fraction of the surface area that was thickened to a cell
 };
 
 /// A cage of boxes (method `grid`). Never empty, always one piece. Widens an axis where its cells would be too flat.
 FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target_vertices,
                         const geometry::ParallelFor& parallel_for);
 
-/// Isosurface stuffing. May be empty, in several pieces, or miss thin features: the caller looks.
-/// Pieces whose loss leaves the surface covered are removed already.
+/// Isosurface stuffing. Features that slip through the lattice are thickened until it catches them: points within the
+/// lattice's covering radius of the triangles that the first try left outside count as inside. The rest follows the
+/// surface. The caller still looks at volume, components and what is uncovered.
 FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target_vertices,
                             const geometry::ParallelFor& parallel_for);
 

@@ -12,6 +12,7 @@
 
 #include "tools/core/error.h"
 #include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/delaunay.h"
 #include "tools/tetrahedralize/fill.h"
 
 namespace sinew::tools {
@@ -133,8 +134,8 @@ std::string complaint(const SolidBody& body, const FilledBody& filled) {
   return "";
 }
 
-Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, const std::string& file,
-                Remarks& remarks) {
+Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, bool crosses_itself,
+                const std::string& file, Remarks& remarks) {
   Choice choice;
   if (!body.encloses) {
     if (wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay) {
@@ -151,17 +152,51 @@ Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t ta
     choice.filled = fillWithGrid(body, target, parallelFor);
     return choice;
   }
+  if (wanted == TetrahedraMethod::delaunay) {
+    DelaunayOutcome outcome;
+    choice.filled = fillWithDelaunay(body, target, crosses_itself, parallelFor, outcome);
+    if (!choice.filled.mesh.tetrahedra.empty()) {
+      choice.method = TetrahedraMethod::delaunay;
+      remarks.add("tetrahedra-method", Severity::info, "filled by delaunay",
+                  body.name + (outcome.note.empty() ? "" : " (" + outcome.note + ")"), "");
+      if (choice.filled.uncovered > kMostUncovered) {
+        remarks.add("tetrahedra-thin", Severity::warning, "lost something to delaunay",
+                    body.name + " (" + text("%.1f", 100 * choice.filled.uncovered) + " % of the surface)",
+                    "Raise tetrahedra.vertices, or set tetrahedra.method=auto.");
+      }
+      return choice;
+    }
+    if (!outcome.only_angles) {
+      throw ToolError(ExitCode::bad_input, file,
+                      "delaunay cannot fill body '" + body.name + "' (" + outcome.reason + ")",
+                      "Set tetrahedra.method=auto, or repair what sinew check reports.");
+    }
+    remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
+                body.name + " (" + outcome.reason + ")", "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
+    return fillBody(body, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
+  }
   choice.filled = fillWithStuffing(body, target, parallelFor);
   choice.method = TetrahedraMethod::stuffing;
   const std::string fault = complaint(body, choice.filled);
   if (wanted == TetrahedraMethod::automatic) {
-    if (fault.empty()) {
-      remarks.add("tetrahedra-method", Severity::info, "filled by stuffing", body.name, "");
-    } else {
-      choice.filled = fillWithGrid(body, target, parallelFor);
-      choice.method = TetrahedraMethod::grid;
-      remarks.add("tetrahedra-method", Severity::info, "filled by grid", body.name + " (" + fault + ")", "");
+    FilledBody grid;
+    if (!fault.empty()) grid = fillWithGrid(body, target, parallelFor);
+    // Thin all over, a body gets too much volume either way: then the lesser evil.
+    const bool stays = fault.empty() || (choice.filled.components == 1 && choice.filled.uncovered <= kMostUncovered &&
+                                         std::abs(std::log(volumeRatio(body, choice.filled))) <
+                                             std::abs(std::log(volumeRatio(body, grid))));
+    std::string detail = fault;
+    if (!fault.empty() && stays) detail += ", grid " + text("%.2f", volumeRatio(body, grid));
+    if (stays && choice.filled.thickened > 0) {
+      detail += (detail.empty() ? "" : "; ") + text("%.1f", 100 * choice.filled.thickened) +
+                " % of the surface is thin and was thickened to a cell";
     }
+    if (!stays) {
+      choice.filled = std::move(grid);
+      choice.method = TetrahedraMethod::grid;
+    }
+    remarks.add("tetrahedra-method", Severity::info, stays ? "filled by stuffing" : "filled by grid",
+                body.name + (detail.empty() ? "" : " (" + detail + ")"), "");
     return choice;
   }
   if (choice.filled.mesh.tetrahedra.empty()) {
@@ -225,12 +260,23 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   }
   PhysicalMesh result;
   result.part_body = set.part_body;
+  // Only delaunay works on the surface itself.
+  std::vector<char> crosses_itself(set.bodies.size(), 0);
+  if (options.method == TetrahedraMethod::delaunay) {
+    constexpr std::size_t kMostPairs = 100000;
+    const auto pairs = findSelfIntersections(mesh, topology, kMostPairs, false);
+    for (const auto& pair : pairs) {
+      const std::uint32_t part = topology.part_of_triangle[pair.first];
+      if (part != kNoIndex) crosses_itself[set.part_body[part]] = 1;
+    }
+    if (pairs.size() >= kMostPairs) std::fill(crosses_itself.begin(), crosses_itself.end(), char(1));
+  }
   const std::vector<std::uint32_t> share = shareVertices(set.bodies, options.target_vertices);
   Remarks remarks;
   for (std::size_t b = 0; b < set.bodies.size(); ++b) {
     const SolidBody& body = set.bodies[b];
     progress.fraction(double(b) / double(set.bodies.size()));
-    Choice choice = fillBody(body, options.method, share[b], mesh.file, remarks);
+    Choice choice = fillBody(body, options.method, share[b], crosses_itself[b] != 0, mesh.file, remarks);
     TetMesh& tets = choice.filled.mesh;
     geometry::sortForLocality(tets);
     const std::vector<double> fill = fillFractions(body, tets, parallelFor);
