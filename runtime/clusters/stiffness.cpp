@@ -79,6 +79,7 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
     result.s = float(1 / (1 + ratios[0])) * unpack(package.quadraticMoments()[cluster.quadratic]);
   } else {
     result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios);
+    result.mixes_classes = true;
   }
   result.deforms = !result.s.isZero(0);
   return result;

@@ -11,6 +11,7 @@ namespace sinew::internal {
 struct ClusterStiffness {
   float alpha = 1.0F;               ///< alpha_h of eq. 9
   bool deforms = false;             ///< false: F = R, s is zero
+  bool mixes_classes = false;       ///< S is no multiple of A_qq: classes of modes differ in frequency
   Square<9> s = Square<9>::Zero();  ///< S of eq. 8: F = [R 0] + (A_pq - R M) S; rows and columns 3.. only if quadratic
 };
 
