@@ -7,10 +7,7 @@
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/import/import.h"
-#if __has_include("tools/render/defect_picture.h")
 #include "tools/render/defect_picture.h"
-#define SINEW_HAS_DEFECT_PICTURE 1
-#endif
 
 namespace sinew::tools {
 namespace {
@@ -56,12 +53,10 @@ Diagnosis checkSourceFile(const Command& command) {
   Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(mesh, analyzeTopology(mesh), options),
                       ""};
   diagnosis.verdict = sourceVerdict(diagnosis.findings);
-#ifdef SINEW_HAS_DEFECT_PICTURE
   if (!command.picture.empty()) {
     progress.stage("picture");
     renderDefects(mesh, diagnosis.findings, command.picture);
   }
-#endif
   progress.finish();
   return diagnosis;
 }
