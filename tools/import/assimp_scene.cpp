@@ -209,8 +209,11 @@ class AssimpConverter {
     if (!source_.mMetaData->Get("UnitScaleFactor", factor))
       factor = source_.mMetaData->Get("UnitScaleFactor", single) ? double(single) : 1.0;
     if (std::isfinite(factor) && factor > 0 && factor < 1e9) {
-      scene_.metres_per_unit = factor * 0.01;
       char text[96];
+      // assimp kept it in single precision; the decimal number that was written is meant, not its nearest float.
+      std::snprintf(text, sizeof text, "%.7g", factor);
+      factor = parseNumber(text).value_or(factor);
+      scene_.metres_per_unit = factor / 100;
       std::snprintf(text, sizeof text, "the FBX says UnitScaleFactor %g, so 1 unit is %g cm", factor, factor);
       scene_.unit_source = text;
     }

@@ -66,10 +66,10 @@ class Child {
     rusage usage{};
     int status = 0;
     while (true) {
-      const pid_t done = wait4(pid_, &status, Clock::now() < deadline ? WNOHANG : 0, &usage);
-      if (done == pid_) break;
-      if (done < 0 && errno != EINTR) break;
-      if (Clock::now() >= deadline) kill(pid_, SIGKILL);
+      const bool late = Clock::now() >= deadline;
+      if (late) kill(pid_, SIGKILL);
+      const pid_t done = wait4(pid_, &status, late ? 0 : WNOHANG, &usage);
+      if (done == pid_ || (done < 0 && errno != EINTR)) break;
       usleep(200);
     }
     pid_ = -1;
@@ -255,8 +255,10 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
   }
   if (!complete && !complaint && (late || large)) child.kill9();
   read_end.reset();
-  const int status = child.wait(deadline + std::chrono::seconds(1), peak);
+  const int status = child.wait(deadline, peak);
   progress.childPeak(peak);
+  late =
+      late || (!large && !complaint && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL && Clock::now() >= deadline);
 
   if (late) throw bad(too_long, time_cure);
   if (large) throw bad(too_much, memory_cure);

@@ -405,6 +405,15 @@ class GltfReader {
     return out;
   }
 
+  /// The entry of a list at the top that `user` names.
+  Value entry(const char* list, const Value& user) const {
+    const Value values = top_.get(list);
+    const std::uint64_t index = user.integer();
+    if (index >= values.size())
+      user.fail("names entry " + std::to_string(index) + " of the " + std::to_string(values.size()) + " " + list);
+    return values.at(index);
+  }
+
   /// The node's extras; what mesh, primitives and materials carry goes below "mesh", "primitives" and "materials".
   std::string properties(const Value& node) const {
     json out = json::object();
@@ -417,7 +426,7 @@ class GltfReader {
       }
     }
     if (const Value index = node.get("mesh")) {
-      const Value mesh = top_.get("meshes").at(index.integer());
+      const Value mesh = entry("meshes", index);
       if (const Value own = mesh.get("extras")) out["mesh"] = own.raw();
       const Value primitives = mesh.get("primitives");
       json list = json::array();
@@ -428,7 +437,7 @@ class GltfReader {
         any = any || own;
         list.push_back(own ? own.raw() : json::object());
         if (const Value material = primitives.at(p).get("material")) {
-          const Value source = top_.get("materials").at(material.integer());
+          const Value source = entry("materials", material);
           if (const Value its = source.get("extras"))
             materials[source.text("name", "material " + std::to_string(material.integer()))] = its.raw();
         }

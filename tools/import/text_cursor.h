@@ -96,7 +96,7 @@ inline std::optional<double> parseNumber(std::string_view word) {
     return std::nullopt;
   }
   if (stop != word.data() + word.size()) {
-    if (word.find('#') != word.npos) return std::numeric_limits<double>::quiet_NaN();  // "1.#INF", "-1.#IND"
+    if (word.find(".#") != word.npos) return std::numeric_limits<double>::quiet_NaN();  // "1.#INF", "-1.#IND"
     return std::nullopt;
   }
   if (error == std::errc::result_out_of_range)

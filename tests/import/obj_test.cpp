@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tests/import/import_fixture.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr const char* kTetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+
+class Obj : public ImportTest {};
+
+TEST_F(Obj, KeepsTheNumbersOfSourceVerticesAndFaces) {
+  // Unused vertices before, between and after; two UVs at one vertex; faces in two materials.
+  const VisualMesh mesh =
+      importFile(write("a.obj",
+                       "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 7 7 7\nv 0 1 0\nv 0 0 1\nv -9 0 0\n"
+                       "vt 0 0\nvt 1 0\nvt 0.5 1\n"
+                       "usemtl b\nf 2/1 5/2 3/3\nusemtl a\nf 2/1 3/2 6/3\nusemtl b\nf 2/3 6/2 5/1\nf 3/1 5/2 6/3\n"));
+  EXPECT_EQ(mesh.source_vertex_count, 7U);
+  EXPECT_EQ(mesh.unreferenced, (std::vector<std::uint32_t>{0, 3, 6}));
+  EXPECT_EQ(mesh.source_face_count, 4U);
+  EXPECT_EQ(mesh.welded_positions.size(), 4U);
+  // Sub-meshes in order of first use: b has faces 0, 2, 3, a has face 1.
+  ASSERT_EQ(mesh.sub_meshes.size(), 2U);
+  EXPECT_EQ(mesh.materials[mesh.sub_meshes[0].material].name, "b");
+  EXPECT_EQ(mesh.materials[mesh.sub_meshes[1].material].name, "a");
+  EXPECT_EQ(mesh.triangle_face, (std::vector<std::uint32_t>{0, 2, 3, 1}));
+  for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+    static const Eigen::Vector3d kAt[] = {{9, 9, 9}, {0, 0, 0}, {1, 0, 0}, {7, 7, 7}, {0, 1, 0}, {0, 0, 1}, {-9, 0, 0}};
+    EXPECT_EQ(mesh.positions[v], kAt[mesh.source_vertex[v]]);
+  }
+  EXPECT_EQ(mesh.bounds_max, Eigen::Vector3d(1, 1, 1));
+  EXPECT_EQ(findingOf(mesh, "unreferenced-vertices")->count, 3U);
+  EXPECT_EQ(findingOf(mesh, "missing-material")->place, "b");
+}
+
+TEST_F(Obj, UvSeamsStaySplitAndShareAWeldedPoint) {
+  const VisualMesh mesh =
+      importFile(write("a.obj",
+                       "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0.25 0.75\nvt 0.5 0.5\n"
+                       "f 1/1 2/2 3/3\nf 1/4 3/5 4/1\n"));
+  EXPECT_EQ(mesh.positions.size(), 6U);
+  EXPECT_EQ(mesh.welded_positions.size(), 4U);
+  EXPECT_EQ(findingOf(mesh, "seams")->count, 2U);
+  EXPECT_EQ(findingOf(mesh, "welded-vertices"), nullptr) << "one source vertex with two UVs is no merge";
+  const Triangle second = mesh.triangles[1];
+  EXPECT_EQ(mesh.uvs[second[0]], Eigen::Vector2f(0.25F, 0.75F));
+  EXPECT_EQ(mesh.source_vertex[second[0]], 0U);
+}
+
+TEST_F(Obj, AFaceMayBelongToSeveralGroupsAndGroupsMergeByName) {
+  const VisualMesh mesh = importFile(write(
+      "a.obj",
+      std::string("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n") +
+          "g body lip_upper\nf 1 3 2\ng body\nf 1 2 4\ng lip_upper  body lip_upper\nf 1 4 3\ng other\nf 2 3 4\n"));
+  ASSERT_EQ(mesh.groups.size(), 3U);
+  EXPECT_EQ(groupOf(mesh, "body")->triangles, (std::vector<std::uint32_t>{0, 1, 2}));
+  EXPECT_EQ(groupOf(mesh, "lip_upper")->triangles, (std::vector<std::uint32_t>{0, 2}));
+  EXPECT_EQ(groupOf(mesh, "other")->vertices, (std::vector<std::uint32_t>{1, 2, 3}));
+  EXPECT_EQ(mesh.sub_meshes.size(), 1U) << "groups do not split meshes";
+}
+
+TEST_F(Obj, ReadsEveryWayOfWriting) {
+  const VisualMesh plain = importFile(write("plain.obj", kTetrahedron));
+  const struct {
+    const char* name;
+    const char* text;
+  } kWays[] = {
+      {"crlf", "v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nv 0 0 1\r\nf 1 3 2\r\nf 1 2 4\r\nf 1 4 3\r\nf 2 3 4\r\n"},
+      {"cr", "v 0 0 0\rv 1 0 0\rv 0 1 0\rv 0 0 1\rf 1 3 2\rf 1 2 4\rf 1 4 3\rf 2 3 4\r"},
+      {"byte order mark", "\xEF\xBB\xBFv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"},
+      {"tabs", "v\t0\t0 0\n \t v 1   0\t0\nv 0 1 0\t\nv 0 0 1\nf\t1 3\t2\nf 1 2 4\nf 1 4 3\nf 2 3 4"},
+      {"comments",
+       "# v 8 8 8\nv 0 0 0 # first\nv 1 0 0\nv 0 1 0\t#\nv 0 0 1\nf 1 3 2 # f 1 1 1\nf 1 2 4\nf 1 4 3\nf 2 3 4\n#"},
+      {"continuations", "v 0 \\\n0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 \\\r\n3 \\\n2\nf 1 2 4\nf 1 4 3\nf 2 3 \\\n4\n"},
+      {"negative indices", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -1 -2\nv 0 0 1\nf -4 -3 -1\nf 1 -1 -2\nf -3 -2 -1\n"},
+      {"faces first", "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"},
+      {"number forms",
+       "v +0 0. .0e5\nv 1e0 -0 0.0\nv 0 1.0E+0 0\nv 1e-400 0 1.000000000\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"},
+      {"weights", "v 0 0 0 1\nv 1 0 0 1.0\nv 0 1 0 1\nv 0 0 1 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"},
+      {"normals without uvs",
+       "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 0 0\nf 1//1 3//1 2//1\nf 1//1 2//1 4//1\nf 1//1 4//1 3//1\nf 2//1 "
+       "3//1 4//1\n"},
+      {"trailing slashes", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1/ 3/ 2/\nf 1// 2// 4//\nf 1 4 3\nf 2 3 4\n"},
+  };
+  for (const auto& way : kWays) {
+    SCOPED_TRACE(way.name);
+    const VisualMesh mesh = importFile(write(std::string(way.name) + ".obj", way.text));
+    EXPECT_EQ(mesh.positions, plain.positions);
+    EXPECT_EQ(mesh.triangles, plain.triangles);
+    EXPECT_EQ(mesh.source_vertex, plain.source_vertex);
+  }
+}
+
+TEST_F(Obj, VertexColoursMayBeMissingInPlaces) {
+  const VisualMesh mesh = importFile(
+      write("a.obj", "v 0 0 0\nv 1 0 0 1 0.5 0.25\nv 0 1 0 0 1 0 0.5\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"));
+  ASSERT_EQ(mesh.colors.size(), 4U);
+  EXPECT_EQ(mesh.colors[0], (std::array<float, 4>{0, 0, 0, 0}));
+  EXPECT_EQ(mesh.colors[1], (std::array<float, 4>{1, 0.5F, 0.25F, 1}));
+  EXPECT_EQ(mesh.colors[2], (std::array<float, 4>{0, 1, 0, 0.5F}));
+}
+
+TEST_F(Obj, ObjectsNameRunsOfSourceVerticesAndSubMeshes) {
+  const VisualMesh mesh = importFile(write(
+      "a.obj",
+      "v 5 5 5\no first one\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 2 3 4\no second\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf 5 6 7\n"));
+  ASSERT_EQ(mesh.source_meshes.size(), 3U);
+  EXPECT_EQ(mesh.source_meshes[0].name, "a");
+  EXPECT_EQ(mesh.source_meshes[1].name, "first one");
+  EXPECT_EQ(mesh.source_meshes[2].first_source_vertex, 4U);
+  ASSERT_EQ(mesh.sub_meshes.size(), 2U);
+  EXPECT_EQ(mesh.sub_meshes[1].mesh, "second");
+}
+
+TEST_F(Obj, MaterialsAndTexturesAreFoundBesideTheFile) {
+  const std::string png = "\x89PNG\r\n\x1a\n rest";
+  write("Textures/Skin Map.PNG", png);
+  write("plain.png", png);
+  write("with blanks.mtl",
+        "newmtl skin\nKd 0.1 0.2 0.3\nd 0.5\nmap_Kd -s 1 1 1 -o 0.5 .\\textures\\skin map.png\nnewmtl unused\nmap_Kd "
+        "nowhere.png\n"
+        "newmtl gone\r\nmap_Kd C:\\Users\\me\\lost.png\r\nnewmtl absolute\nmap_Kd C:\\Users\\me\\plain.png\nnewmtl "
+        "out\nmap_Kd ../../etc/passwd\n");
+  const VisualMesh mesh =
+      importFile(write("a.obj",
+                       "mtllib with blanks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl skin\nf 1 3 2\nusemtl "
+                       "gone\nf 1 2 4\nusemtl absolute\nf 1 4 3\nusemtl out\nf 2 3 4\n"));
+  ASSERT_EQ(mesh.materials.size(), 4U) << "an unused material is none of the mesh's";
+  EXPECT_EQ(mesh.materials[0].base_color, (std::array<float, 4>{0.1F, 0.2F, 0.3F, 0.5F}));
+  EXPECT_EQ(mesh.textures[mesh.materials[0].texture].bytes.size(), png.size());
+  EXPECT_EQ(mesh.textures[mesh.materials[0].texture].mime, "image/png");
+  EXPECT_TRUE(mesh.textures[mesh.materials[1].texture].bytes.empty());
+  EXPECT_EQ(mesh.textures[mesh.materials[2].texture].bytes.size(), png.size());
+  EXPECT_TRUE(mesh.textures[mesh.materials[3].texture].bytes.empty()) << "nothing outside the folder is read";
+  EXPECT_EQ(std::count_if(mesh.findings.begin(), mesh.findings.end(),
+                          [](const Finding& f) { return f.id == "missing-texture"; }),
+            2);
+}
+
+TEST_F(Obj, AMissingLibraryIsNamed) {
+  const VisualMesh mesh = importFile(write("a.obj", std::string("mtllib lost.mtl\nusemtl x\n") + kTetrahedron));
+  EXPECT_EQ(findingOf(mesh, "missing-material-library")->place, "lost.mtl");
+}
+
+TEST_F(Obj, LinesAndPointsAreLeftOutAndCounted) {
+  const VisualMesh mesh = importFile(write("a.obj", std::string(kTetrahedron) + "l 1 2\np 1\nl 2 3 4\n"));
+  EXPECT_EQ(findingOf(mesh, "dropped-primitives")->count, 3U);
+}
+
+TEST_F(Obj, AFaceTooSmallKeepsItsNumber) {
+  const VisualMesh mesh =
+      importFile(write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf\nf 1 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"));
+  EXPECT_EQ(mesh.triangle_face, (std::vector<std::uint32_t>{2, 3, 4, 5}));
+  EXPECT_EQ(findingOf(mesh, "degenerate-faces")->places, (std::vector<std::uint32_t>{0, 1}));
+}
+
+TEST_F(Obj, FaultsAreNamedWithTheirPlace) {
+  const struct {
+    const char* name;
+    const char* text;
+    const char* part;
+  } kFaults[] = {
+      {"nan", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
+       "vertex 1 (line 2) has a coordinate that is not a finite number"},
+      {"inf", "v 0 0 0\nv 0 inf 0\nv 0 1 0\nf 1 2 3\n", "vertex 1 (line 2)"},
+      {"overflow", "v 0 0 0\nv 0 0 1\nv 0 1e999 0\nf 1 2 3\n", "vertex 2 (line 3)"},
+      {"microsoft nan", "v 0 0 0\nv 0 0 1\nv 0 -1.#IND 0\nf 1 2 3\n", "vertex 2 (line 3)"},
+      {"short", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertex 1 (line 2) has 2 coordinates"},
+      {"word", "v 0 0 0\nv 1 zero 0\nv 0 1 0\nf 1 2 3\n", "has \"zero\" where a number belongs (line 2)"},
+      {"range", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n", "face 1 names vertex 4 of 3 (line 5)"},
+      {"negative range", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n", "names vertex -4, which does not exist (line 4)"},
+      {"zero", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "(line 4)"},
+      {"huge", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999999999999999\n", "(line 4)"},
+      {"no faces", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "has no faces"},
+      {"one point", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", "has no size"},
+      {"too far", "v 1e300 0 0\nv 0 1 0\nv 0 0 0\nf 1 2 3\n", "too far apart"},
+  };
+  for (const auto& fault : kFaults) {
+    SCOPED_TRACE(fault.name);
+    expectRefusal(write(std::string(fault.name) + ".obj", fault.text), fault.part);
+  }
+}
+
+TEST_F(Obj, NamesWithBlanksAndBeyondAscii) {
+  EXPECT_EQ(importFile(write("ein schöner Kopf ☺/モデル 1.obj", kTetrahedron)).triangles.size(), 4U);
+  EXPECT_EQ(importFile(write("UPPER.OBJ", kTetrahedron)).format, "obj");
+}
+
+TEST_F(Obj, UnitsAndAxes) {
+  const auto file = write("a.obj", kTetrahedron);
+  ImportOptions options = testOptions();
+  options.unit = "cm";
+  options.up = "z";
+  const VisualMesh mesh = importFile(file, options);
+  EXPECT_DOUBLE_EQ(mesh.metres_per_unit, 0.01);
+  EXPECT_EQ(mesh.up_axis, "z");
+  // z of the file is up; its y points away from the viewer.
+  EXPECT_TRUE(mesh.positions[3].isApprox(Eigen::Vector3d(0, 0.01, 0)));
+  EXPECT_TRUE(mesh.positions[2].isApprox(Eigen::Vector3d(0, 0, -0.01)));
+  EXPECT_NEAR(volumeOf(mesh), 1e-6 / 6, 1e-15);
+  options.unit = "0.3048";
+  EXPECT_DOUBLE_EQ(importFile(file, options).metres_per_unit, 0.3048);
+  options.unit = "parsec";
+  EXPECT_NE(refusal(file, options, ExitCode::usage).find("parsec"), std::string::npos);
+}
+
+TEST_F(Obj, AnImplausibleSizeNamesTheLikelyUnit) {
+  const VisualMesh mesh =
+      importFile(write("a.obj", "v 0 0 0\nv 600 0 0\nv 0 600 0\nv 0 0 600\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"));
+  const Finding* finding = findingOf(mesh, "implausible-size");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_NE(finding->cure.find("--unit mm"), std::string::npos) << finding->cure;
+  EXPECT_EQ(findingOf(importFile(write("b.obj", kTetrahedron)), "implausible-size"), nullptr);
+}
+
+}  // namespace
+}  // namespace sinew::tools
