@@ -86,6 +86,7 @@ void Scene::reset() {
   world.ground.enabled = hasGround();
 
   BodySettings placement;
+  placement.stiffness_scale = options_.stiffness_scale;
   if (options_.kind == SceneKind::drop) {
     // Turned about z, then about x.
     const float c = std::cos(kDropTilt);

@@ -25,6 +25,7 @@ struct SceneOptions {
   SceneKind kind = SceneKind::drop;
   float step_seconds = 1.0F / 60;
   std::uint32_t iterations = 0;  ///< matching passes; 0 = the scene's default
+  float stiffness_scale = 1;     ///< multiplies the frequencies of all clusters, 0..1e6
   std::optional<float>
       gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };

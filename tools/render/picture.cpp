@@ -1,0 +1,352 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/render/picture.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+#include <string>
+
+#include "tools/render/text.h"
+#include "tools/render/video.h"
+
+namespace sinew::tools {
+
+namespace {
+
+constexpr std::array<std::string_view, 4> kOverlayNames = {"none", "physical", "clusters", "all"};
+constexpr Rgb8 kPaper = {250, 250, 251};
+constexpr Rgb8 kInk = {34, 38, 46};
+constexpr Rgb8 kGreyInk = {98, 104, 116};
+constexpr int kMargin = 20;
+constexpr int kGap = 6;
+constexpr float kFitMargin = 0.09F;
+// The hull of a motion is made from at most so many vertices and every so many steps: enough to frame it.
+constexpr std::size_t kHullVertices = 6000;
+constexpr std::uint64_t kHullSteps = 3;
+
+std::string seconds(double time) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.2f s", time);
+  return text.data();
+}
+
+std::string grouped(std::size_t number) {
+  std::string digits = std::to_string(number);
+  for (std::size_t i = digits.size(); i > 3; i -= 3) digits.insert(i - 3, " ");
+  return digits;
+}
+
+std::string counts(const formats::PackageView& package) {
+  return grouped(package.visualTriangles().size()) + " triangles, " + grouped(package.visualPositions().size()) +
+         " vertices  ·  " + grouped(package.physicalVertices().size()) + " physical vertices, " +
+         grouped(package.tetrahedra().size()) + " tetrahedra  ·  " + grouped(package.clusters().size()) +
+         (package.clusters().size() == 1 ? " cluster" : " clusters");
+}
+
+void addToHull(MotionHull& hull, const Shape& shape) {
+  const std::size_t stride = shape.positions.size() / kHullVertices + 1;
+  std::vector<Eigen::Vector3f> some;
+  for (std::size_t i = 0; i < shape.positions.size(); i += stride) some.push_back(shape.positions[i]);
+  hull.add(some);
+}
+
+// The hull in drawing units.
+std::vector<Eigen::Vector3f> scaled(std::span<const Eigen::Vector3f> points, float factor) {
+  std::vector<Eigen::Vector3f> result(points.begin(), points.end());
+  for (Eigen::Vector3f& p : result) p *= factor;
+  return result;
+}
+
+void applyOverlay(DrawSettings& settings, OverlayName overlay) {
+  settings.physical = overlay == OverlayName::physical || overlay == OverlayName::all;
+  settings.clusters = overlay == OverlayName::clusters || overlay == OverlayName::all;
+}
+
+void label(Image& picture, const std::string& text) {
+  const float size = std::clamp(static_cast<float>(picture.height) / 18.0F, 11.0F, 24.0F);
+  drawText(picture, 8, 6, size, kInk, fitText(text, size, static_cast<float>(picture.width) - 12));
+}
+
+struct Tile {
+  Shape shape;
+  Camera camera;
+  DrawSettings settings;
+  std::string label;
+};
+
+// A scene simulated once, with the shapes of the asked moments and what the whole motion covers.
+struct Take {
+  SceneKind kind = SceneKind::rest;
+  std::vector<Shape> shapes;
+  std::vector<Eigen::Vector3f> hull;  // drawing units
+  DrawSettings settings;
+};
+
+Take recordTake(const std::shared_ptr<const Asset>& asset, SceneKind kind, double step_seconds,
+                const std::vector<double>& times) {
+  SceneOptions options;
+  options.kind = kind;
+  options.step_seconds = static_cast<float>(step_seconds);
+  Scene scene(asset, options);
+  Take take;
+  take.kind = kind;
+  MotionHull hull;
+  Shape shape;
+  std::uint64_t step = 0;
+  for (const double time : times) {
+    while (scene.time() + 0.5 * step_seconds < time) {
+      scene.step();
+      if (++step % kHullSteps == 0) {
+        captureShape(scene, shape);
+        addToHull(hull, shape);
+      }
+    }
+    captureShape(scene, shape);
+    addToHull(hull, shape);
+    take.shapes.push_back(shape);
+  }
+  const float factor = 1 / asset->package().info().diagonal;
+  take.hull = scaled(hull.points(), factor);
+  take.settings.ground = scene.hasGround();
+  take.settings.shadow_center = hull.center() * factor;
+  take.settings.shadow_radius = std::max(hull.radius() * factor, 1e-3F);
+  return take;
+}
+
+std::vector<double> tileTimes(double length, int count) {
+  // Denser at the start, where things happen.
+  std::vector<double> times;
+  for (int k = 0; k < count; ++k) {
+    times.push_back(count == 1 ? length : length * std::pow(static_cast<double>(k) / (count - 1), 1.6));
+  }
+  return times;
+}
+
+Camera fitted(Camera camera, const Take& take, int width, int height) {
+  fitCamera(camera, take.hull, static_cast<float>(width) / static_cast<float>(height), kFitMargin);
+  return camera;
+}
+
+}  // namespace
+
+std::span<const std::string_view> overlayNames() { return kOverlayNames; }
+
+std::optional<OverlayName> overlayByName(std::string_view name) {
+  for (std::size_t i = 0; i < kOverlayNames.size(); ++i) {
+    if (kOverlayNames[i] == name) return static_cast<OverlayName>(i);
+  }
+  return std::nullopt;
+}
+
+double sceneSeconds(SceneKind kind) {
+  switch (kind) {
+    case SceneKind::rest:
+      return 1;
+    case SceneKind::squash:
+    case SceneKind::stretch:
+      return 2;
+    case SceneKind::drop:
+    case SceneKind::hang:
+      return 2.5;
+  }
+  return 2;
+}
+
+void captureShape(const Scene& scene, Shape& shape) {
+  const World& world = scene.world();
+  const BodyId body = scene.body();
+  const formats::PackageView& package = world.asset(body).package();
+  const std::size_t count = package.visualPositions().size();
+  shape.positions.resize(count);
+  shape.normals.resize(count);
+  if (count > 0) {
+    const auto n = static_cast<std::uint32_t>(count);
+    world.visualVertices(body, {shape.positions[0].data(), sizeof(Eigen::Vector3f), n},
+                         {shape.normals[0].data(), sizeof(Eigen::Vector3f), n});
+  }
+  const std::span<const Vec3> physical = world.positions(body);
+  shape.physical.resize(physical.size());
+  for (std::size_t i = 0; i < physical.size(); ++i)
+    shape.physical[i] = {physical[i][0], physical[i][1], physical[i][2]};
+  shape.pinned.assign(scene.pinned().begin(), scene.pinned().end());
+  shape.frames.resize(package.clusters().size());
+  for (std::size_t c = 0; c < shape.frames.size(); ++c) {
+    Vec3 center{};
+    Mat3 linear{};
+    world.clusterFrame(body, static_cast<std::uint32_t>(c), center, linear);
+    shape.frames[c].center = {center[0], center[1], center[2]};
+    for (int r = 0; r < 3; ++r) {
+      for (int k = 0; k < 3; ++k) shape.frames[c].linear(r, k) = linear[static_cast<std::size_t>(3 * r + k)];
+    }
+  }
+  shape.time = scene.time();
+}
+
+void showShape(Renderer& renderer, const Shape& shape) {
+  renderer.setShape(shape.positions, shape.normals);
+  renderer.setPhysical(shape.physical);
+  renderer.setPinned(shape.pinned);
+  renderer.setClusterFrames(shape.frames);
+}
+
+Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::string& title,
+                         const PictureOptions& options, const std::function<void(double)>& progress) {
+  const bool chosen = !options.scenes.empty();
+  const std::vector<SceneKind> kinds =
+      chosen ? options.scenes
+             : std::vector<SceneKind>{SceneKind::rest, SceneKind::squash, SceneKind::drop, SceneKind::hang};
+  const int width = options.width > 0 ? options.width : 320;
+  const int height = options.height > 0 ? options.height : 280;
+  const int frames = options.frames > 0 ? options.frames : 6;
+  const int columns = options.columns > 0 ? options.columns : frames;
+
+  std::vector<std::vector<Tile>> rows;  // a row each scene, wrapped over lines of `columns`
+  std::vector<Tile> overlay_row;
+  for (const SceneKind kind : kinds) {
+    const std::string name(sceneNames()[static_cast<std::size_t>(kind)]);
+    const double length = options.seconds > 0 ? options.seconds : sceneSeconds(kind);
+    Take take = recordTake(asset, kind, options.step_seconds, tileTimes(length, frames));
+    applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
+    take.settings.pinned = options.overlay.value_or(OverlayName::all) != OverlayName::none;
+    const Camera camera = fitted(viewCamera(options.view.value_or(ViewName::three_quarter)), take, width, height);
+    std::vector<Tile> row;
+    for (std::size_t k = 0; k < take.shapes.size(); ++k) {
+      Tile tile{take.shapes[k], camera, take.settings, name + "  " + seconds(take.shapes[k].time)};
+      if (kind == SceneKind::rest && !options.view) {
+        // Nothing moves, so the row shows all sides instead.
+        struct Side {
+          const char* name;
+          float yaw, pitch;
+        };
+        constexpr float pi = std::numbers::pi_v<float>;
+        constexpr std::array<Side, 6> kSides = {{{"three-quarter", 0.70F, 0.32F},
+                                                 {"front", 0, 0.10F},
+                                                 {"side", pi / 2, 0.10F},
+                                                 {"back", pi, 0.10F},
+                                                 {"top", 0, pi / 2 - 1e-3F},
+                                                 {"three-quarter, below", 0.70F + pi, -0.45F}}};
+        const Side& side = kSides[k % kSides.size()];
+        Camera turned;
+        turned.yaw = side.yaw;
+        turned.pitch = side.pitch;
+        tile.camera = fitted(turned, take, width, height);
+        tile.label += "  " + std::string(side.name);
+      }
+      row.push_back(std::move(tile));
+    }
+    if (!options.overlay &&
+        (kind == SceneKind::rest || kind == SceneKind::squash || kind == SceneKind::hang || chosen)) {
+      // One telling moment: the start of rest, early in a press, the end of the others.
+      const std::size_t moment = kind == SceneKind::rest                                   ? 0
+                                 : kind == SceneKind::squash || kind == SceneKind::stretch ? take.shapes.size() / 3
+                                                                                           : take.shapes.size() - 1;
+      for (const OverlayName overlay : {OverlayName::physical, OverlayName::clusters}) {
+        Tile tile{take.shapes[moment], camera, take.settings,
+                  name + "  " + seconds(take.shapes[moment].time) + "  " +
+                      (overlay == OverlayName::physical ? "physical mesh" : "clusters")};
+        applyOverlay(tile.settings, overlay);
+        overlay_row.push_back(std::move(tile));
+      }
+    }
+    rows.push_back(std::move(row));
+  }
+  if (!overlay_row.empty()) rows.push_back(std::move(overlay_row));
+
+  std::size_t lines = 0;
+  std::size_t tiles = 0;
+  const auto per_line = static_cast<std::size_t>(columns);
+  for (const auto& row : rows) {
+    lines += (row.size() + per_line - 1) / per_line;
+    tiles += row.size();
+  }
+  constexpr int kTitleHeight = 62;
+  Image sheet(2 * kMargin + columns * width + (columns - 1) * kGap,
+              kMargin + kTitleHeight + static_cast<int>(lines) * (height + kGap) - kGap + kMargin, kPaper);
+  const float room = static_cast<float>(sheet.width - 2 * kMargin);
+  drawText(sheet, kMargin, kMargin - 4, 30, kInk, fitText(title, 30, room));
+  drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package()), 17, room));
+
+  Renderer renderer(makeDrawModel(asset->package()));
+  int y = kMargin + kTitleHeight;
+  std::size_t done = 0;
+  for (const auto& row : rows) {
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      const Tile& tile = row[k];
+      showShape(renderer, tile.shape);
+      renderer.draw(tile.camera, tile.settings, width, height);
+      Image picture = renderer.read();
+      label(picture, tile.label);
+      const auto column = static_cast<int>(k % per_line);
+      if (k > 0 && column == 0) y += height + kGap;
+      sheet.paste(picture, kMargin + column * (width + kGap), y);
+      if (progress) progress(static_cast<double>(++done) / static_cast<double>(tiles));
+    }
+    y += height + kGap;
+  }
+  return sheet;
+}
+
+void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& title, const PictureOptions& options,
+                 const std::filesystem::path& file, const std::function<void(double)>& progress) {
+  const SceneKind kind = options.scenes.empty() ? SceneKind::drop : options.scenes.front();
+  const int width = options.width > 0 ? options.width : 960;
+  const int height = options.height > 0 ? options.height : 720;
+  constexpr double kFramesPerSecond = 30;
+  constexpr float kSway = 0.22F;  // rad, either way
+  const double length = options.seconds > 0  ? options.seconds
+                        : options.frames > 0 ? options.frames / kFramesPerSecond
+                                             : 4;
+  const int frames =
+      options.frames > 0 ? options.frames : std::max(1, static_cast<int>(std::lround(length * kFramesPerSecond)));
+
+  // First the motion as a whole, for the camera; then the same again, frame by frame. The runtime repeats itself
+  // exactly.
+  SceneOptions scene_options;
+  scene_options.kind = kind;
+  scene_options.step_seconds = static_cast<float>(options.step_seconds);
+  Take take = recordTake(asset, kind, options.step_seconds, {0.0, (frames - 1) / kFramesPerSecond});
+  applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
+  take.settings.pinned = options.overlay.value_or(OverlayName::all) != OverlayName::none;
+  const float aspect = static_cast<float>(width) / static_cast<float>(height);
+  Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter));
+  const float yaw = camera.yaw;
+  const Eigen::Vector3f middle = take.settings.shadow_center;
+  float distance = 0;
+  float near_plane = std::numeric_limits<float>::infinity();
+  float far_plane = 0;
+  for (const float turn : {-kSway, 0.0F, kSway}) {
+    camera.yaw = yaw + turn;
+    fitCamera(camera, take.hull, aspect, kFitMargin);
+    // Fitted about its own centre; about the middle of the motion it must be farther by at most the difference.
+    distance = std::max(distance, camera.distance + (camera.target - middle).norm());
+    near_plane = std::min(near_plane, camera.near_plane);
+    far_plane = std::max(far_plane, camera.far_plane);
+  }
+  camera.target = middle;
+  camera.distance = distance;
+  camera.near_plane = near_plane;
+  camera.far_plane = far_plane + distance;
+
+  Renderer renderer(makeDrawModel(asset->package()));
+  Scene scene(asset, scene_options);
+  VideoFile video(file, width, height, kFramesPerSecond);
+  Shape shape;
+  for (int f = 0; f < frames; ++f) {
+    const double time = f / kFramesPerSecond;
+    while (scene.time() + 0.5 * options.step_seconds < time) scene.step();
+    captureShape(scene, shape);
+    showShape(renderer, shape);
+    camera.yaw = yaw + kSway * std::sin(2 * std::numbers::pi_v<float> * static_cast<float>(f) /
+                                        static_cast<float>(std::max(frames, 2)));
+    renderer.draw(camera, take.settings, width, height);
+    Image picture = renderer.read();
+    label(picture, title + "  ·  " + std::string(sceneNames()[static_cast<std::size_t>(kind)]) + "  " + seconds(time));
+    video.add(picture);
+    if (progress) progress(static_cast<double>(f + 1) / frames);
+  }
+  video.finish();
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Contact sheets and videos of a package's built-in scenes, drawn without a display.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "tools/render/camera.h"
+#include "tools/render/image.h"
+#include "tools/render/renderer.h"
+#include "tools/scene/scene.h"
+
+namespace sinew::tools {
+
+enum class OverlayName { none, physical, clusters, all };
+/// Names in the order of the enum.
+std::span<const std::string_view> overlayNames();
+std::optional<OverlayName> overlayByName(std::string_view name);
+
+struct PictureOptions {
+  std::vector<SceneKind> scenes;       ///< empty = rest, squash, drop, hang (a video: drop)
+  double seconds = 0;                  ///< of each scene, 0..; 0 = the scene's own length
+  double step_seconds = 1.0 / 60;      ///< 1e-5..1
+  int frames = 0;                      ///< pictures of each scene, or frames of the video; 0 = 6, or 30 a second
+  int width = 0, height = 0;           ///< pixels of one picture, or of the video; 0 = 320 x 280, or 960 x 720
+  std::optional<OverlayName> overlay;  ///< nothing: none, and a sheet has a row of overlays at the end
+  std::optional<ViewName> view;        ///< nothing: three-quarter, and the scene "rest" is shown from all sides
+  int columns = 0;                     ///< pictures in a row; 0 = frames
+};
+
+/// Everything of a body that is drawn, at one moment. Lengths in metres.
+struct Shape {
+  std::vector<Eigen::Vector3f> positions, normals, physical;
+  std::vector<std::uint32_t> pinned;
+  std::vector<ClusterFrame> frames;
+  double time = 0;  ///< s
+};
+void captureShape(const Scene& scene, Shape& shape);
+void showShape(Renderer& renderer, const Shape& shape);
+
+/// Seconds of a scene in which what it shows happens.
+double sceneSeconds(SceneKind kind);
+
+/// A row of pictures a scene, labelled, over a title with the counts. Needs a current OpenGL context.
+/// \param progress called with 0..1 now and then; may be empty.
+Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::string& title,
+                         const PictureOptions& options, const std::function<void(double)>& progress);
+
+/// H.264 in mp4 of one scene, the camera swaying slightly. Nothing is left behind where it fails or is interrupted.
+/// Throws ToolError(system) where there is no encoder or the file cannot be written. Needs a current OpenGL context.
+void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& title, const PictureOptions& options,
+                 const std::filesystem::path& file, const std::function<void(double)>& progress);
+
+}  // namespace sinew::tools

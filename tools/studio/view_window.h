@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "tools/scene/scene.h"
+
+namespace sinew::tools {
+
+struct ViewOptions {
+  SceneKind scene = SceneKind::drop;
+  std::string file;          ///< the package as the user named it, for messages and the title
+  std::string screenshot;    ///< PNG of the window after `frames` frames; empty = none
+  std::uint32_t frames = 0;  ///< end after so many; 0 = when closed (with a screenshot: 60)
+  std::string state_log;     ///< a line of JSON each frame: what is grabbed, where it is, the camera; empty = none
+};
+
+/// Throws ToolError(system) that names `sinew render` where there is no display to open a window on.
+void requireDisplay(const std::string& package);
+
+/// Opens the window of `sinew view` and returns when it is closed. Throws ToolError(system) where the window or
+/// OpenGL 3.3 cannot be had.
+void runViewWindow(const std::shared_ptr<const Asset>& asset, const ViewOptions& options);
+
+}  // namespace sinew::tools
