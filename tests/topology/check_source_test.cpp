@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <regex>
 #include <set>
 
 #include "tests/support/obj_reader.h"
+#include "tools/author/settings.h"
 
 namespace sinew::tools {
 namespace {
@@ -41,6 +43,17 @@ struct Expected {
   std::set<std::string> ids;  // all warnings and errors
 };
 
+// A cure that names a setting names one that there is.
+void expectKnownSettings(const std::string& text) {
+  Settings settings;
+  std::set<std::string> keys;
+  for (const Settings::Declaration& d : Settings::declarations(settings)) keys.emplace(d.key);
+  const std::regex key("(import|tetrahedra|clusters|material|attachment|package)[.][a-z_]+");
+  for (std::sregex_iterator i(text.begin(), text.end(), key), end; i != end; ++i) {
+    EXPECT_TRUE(keys.contains(i->str())) << i->str();
+  }
+}
+
 class GeneratedSource : public ::testing::TestWithParam<Expected> {};
 
 TEST_P(GeneratedSource, HasExactlyItsFaults) {
@@ -50,6 +63,7 @@ TEST_P(GeneratedSource, HasExactlyItsFaults) {
   for (const Finding& f : findings) {
     EXPECT_FALSE(f.message.empty());
     EXPECT_LE(f.places.size(), Finding::kMaxPlaces);
+    expectKnownSettings(f.cure);
     EXPECT_TRUE(std::set<std::uint32_t>(f.places.begin(), f.places.end()).size() == f.places.size()) << f.id;
     if (f.severity != Severity::info) {
       EXPECT_FALSE(f.cure.empty()) << f.id;
@@ -178,6 +192,7 @@ TEST(CheckSource, PartsFarApartBecomeBodies) {
   ASSERT_NE(find(findings, "several-parts"), nullptr);
   ASSERT_NE(find(findings, "several-bodies"), nullptr);
   EXPECT_EQ(find(findings, "several-bodies")->count, 2U);
+  expectKnownSettings(find(findings, "several-bodies")->cure);
   EXPECT_EQ(sourceVerdict(findings), "sound: it can be baked");
 }
 

@@ -152,9 +152,9 @@ class SourceCheck {
     }
     if (const std::size_t n = faces(collapsed, places); n > 0) {
       Finding& f = add("collapsed-faces", Severity::warning,
-                       counted(n, "face is", "faces are") + " smaller than the welding tolerance (" +
-                           lengthText(mesh_.weld_tolerance) + ") and lost",
-                       n, "Lower import.weld_tolerance if that detail matters.");
+                       counted(n, "face has", "faces have") + " two corners in one place (within " +
+                           lengthText(mesh_.weld_tolerance) + ") and no area left",
+                       n, "Dissolve degenerate faces, or lower import.weld if that detail matters.");
       placeFaces(f, collapsed);
     }
   }
@@ -268,7 +268,7 @@ class SourceCheck {
       const std::size_t n = bodies_.bodies.size();
       Finding& f = add("several-bodies", Severity::info,
                        "the parts lie apart and become " + number(n) + " bodies that move on their own", n,
-                       "Raise tetrahedra.join_distance, or join the parts, if they belong together.");
+                       "Raise tetrahedra.join, or join the parts, if they belong together.");
       std::vector<std::uint32_t> triangles;
       for (const SolidBody& body : bodies_.bodies)
         triangles.push_back(topology_.parts[body.parts.front()].triangles.front());
@@ -431,7 +431,7 @@ class SourceCheck {
                 lengthText(reach) + " (" + rounded(100 * kNear) + " % of the size)",
             pairs.size(),
             "Move the sheets apart, or join them: they flicker when drawn, and share one body within "
-            "tetrahedra.join_distance.");
+            "tetrahedra.join.");
     placeFaces(f, triangles);
     f.place = partNames(parts);
   }

@@ -23,10 +23,21 @@ namespace {
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Point3 = Kernel::Point_3;
 using Point2 = Kernel::Point_2;
-using Corners = std::array<Point3, 3>;
 
-int side(const Point3& a, const Point3& b, const Point3& c, const Point3& d) {
-  return static_cast<int>(CGAL::orientation(a, b, c, d));
+struct Corner {
+  Point3 point;
+  std::uint32_t index;  // welded
+};
+using Corners = std::array<Corner, 3>;
+
+// Which side of the plane a, b, c the point d is on. Neighbours share points: asking whether these are the same spares
+// most pairs the exact arithmetic that a zero otherwise takes.
+int side(const Corner& a, const Corner& b, const Corner& c, const Corner& d) {
+  if (d.index == a.index || d.index == b.index || d.index == c.index || a.index == b.index || b.index == c.index ||
+      c.index == a.index) {
+    return 0;
+  }
+  return static_cast<int>(CGAL::orientation(a.point, b.point, c.point, d.point));
 }
 
 std::array<int, 3> sides(const Corners& plane, const Corners& t) {
@@ -59,7 +70,8 @@ bool coplanarOverlap(const Corners& a, const Corners& b) {
   for (int dropped = 0; dropped < 3; ++dropped) {
     const int u = (dropped + 1) % 3, v = (dropped + 2) % 3;
     const auto flat = [&](const Corners& t) {
-      return std::array{Point2(t[0][u], t[0][v]), Point2(t[1][u], t[1][v]), Point2(t[2][u], t[2][v])};
+      const auto drop = [&](const Corner& c) { return Point2(c.point[u], c.point[v]); };
+      return std::array{drop(t[0]), drop(t[1]), drop(t[2])};
     };
     const auto turn = [](const std::array<Point2, 3>& t) { return CGAL::orientation(t[0], t[1], t[2]); };
     std::array<Point2, 3> p = flat(a), q = flat(b);
@@ -90,9 +102,9 @@ bool pierce(const Corners& a, const Corners& b) {
   if (oneSide(sb) || pointOnly(sb)) return false;
   if (edgeOnly(sa) && edgeOnly(sb)) return false;
   const std::size_t ka = loneCorner(sa), kb = loneCorner(sb);
-  const Point3 &p1 = a[ka], &p2 = b[kb];
-  const Point3 *q1 = &a[(ka + 1) % 3], *r1 = &a[(ka + 2) % 3];
-  const Point3 *q2 = &b[(kb + 1) % 3], *r2 = &b[(kb + 2) % 3];
+  const Corner &p1 = a[ka], &p2 = b[kb];
+  const Corner *q1 = &a[(ka + 1) % 3], *r1 = &a[(ka + 2) % 3];
+  const Corner *q2 = &b[(kb + 1) % 3], *r2 = &b[(kb + 2) % 3];
   if (sa[ka] < 0) std::swap(q2, r2);
   if (sb[kb] < 0) std::swap(q1, r1);
   return side(p1, *q1, p2, *q2) < 0 && side(p1, *r1, *r2, p2) < 0;
@@ -212,7 +224,7 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> findSelfIntersections(const
     const Triangle p = mesh.weldedTriangle(t);
     const auto point = [&](std::uint32_t i) {
       const Eigen::Vector3d& x = mesh.welded_positions[i];
-      return Point3(x.x(), x.y(), x.z());
+      return Corner{Point3(x.x(), x.y(), x.z()), i};
     };
     return Corners{point(p[0]), point(p[1]), point(p[2])};
   };
