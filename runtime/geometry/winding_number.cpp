@@ -31,16 +31,37 @@ struct Sums {
   }
 };
 
+// Sum of solid angles of triangles with one arc tangent: half angles (van Oosterom & Strackee 1983, eq. 8) add up as
+// the arguments of a product of complex numbers; full turns are counted where it passes the negative real axis.
+class AngleSum {
+ public:
+  void add(const Vector3d& point, const TriangleBvh::Corners& triangle) {
+    const Vector3d a = triangle[0] - point, b = triangle[1] - point, c = triangle[2] - point;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    const double size = la * lb * lc;
+    const double numerator = a.dot(b.cross(c));
+    // In the triangle's plane the angle is 0, or undefined on the triangle itself.
+    if (numerator == 0 || size == 0) return;
+    const double y = numerator / size, x = 1 + (a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb) / size;
+    const double real = real_ * x - imaginary_ * y, imaginary = real_ * y + imaginary_ * x;
+    if (imaginary_ > 0 && y > 0 && imaginary < 0) ++turns_;
+    if (imaginary_ < 0 && y < 0 && imaginary > 0) --turns_;
+    real_ = real;
+    imaginary_ = imaginary;
+  }
+  double windingNumber() const { return std::atan2(imaginary_, real_) / (2 * kPi) + turns_; }
+
+ private:
+  double real_ = 1, imaginary_ = 0;
+  int turns_ = 0;
+};
+
 }  // namespace
 
 double triangleWindingNumber(const Vector3d& point, const TriangleBvh::Corners& triangle) {
-  const Vector3d a = triangle[0] - point, b = triangle[1] - point, c = triangle[2] - point;
-  const double la = a.norm(), lb = b.norm(), lc = c.norm();
-  const double numerator = a.dot(b.cross(c));
-  const double denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-  // The point lies in the triangle's plane: the angle is 0, or undefined where it lies on the triangle itself.
-  if (numerator == 0) return 0;
-  return std::atan2(numerator, denominator) / (2 * kPi);
+  AngleSum sum;
+  sum.add(point, triangle);
+  return sum.windingNumber();
 }
 
 WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<const Triangle> triangles, bool closed)
@@ -144,9 +165,9 @@ double WindingNumber::at(const Vector3d& point) const {
     }
     const TriangleBvh::Node& node = nodes[index];
     if (node.right == 0) {
-      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-        sum += triangleWindingNumber(point, corners[i]);
-      }
+      AngleSum angles;
+      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) angles.add(point, corners[i]);
+      sum += angles.windingNumber();
       continue;
     }
     stack[depth++] = node.right;

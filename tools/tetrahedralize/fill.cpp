@@ -221,11 +221,11 @@ void measureFill(const SolidBody& body, FilledBody& filled, const ParallelFor& p
 std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, const ParallelFor& parallel_for) {
   std::vector<double> fill(mesh.tetrahedra.size(), 1);
   if (!body.encloses) return fill;
-  // Barycentric coordinates in positive sevenths: 20 points inside.
+  // Barycentric coordinates in positive sixths: 10 points inside.
   std::vector<std::array<double, 4>> points;
-  for (int a = 1; a <= 4; ++a) {
-    for (int b = 1; a + b <= 5; ++b) {
-      for (int c = 1; a + b + c <= 6; ++c) points.push_back({a / 7.0, b / 7.0, c / 7.0, (7 - a - b - c) / 7.0});
+  for (int a = 1; a <= 3; ++a) {
+    for (int b = 1; a + b <= 4; ++b) {
+      for (int c = 1; a + b + c <= 5; ++c) points.push_back({a / 6.0, b / 6.0, c / 6.0, (6 - a - b - c) / 6.0});
     }
   }
   parallel_for(fill.size(), 32, [&](std::size_t begin, std::size_t end) {
@@ -235,8 +235,10 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, co
       AlignedBox3d box;
       for (const std::uint32_t v : t) box.extend(x[v]);
       std::size_t inside = 0;
-      if (body.balanced && !body.winding.bvh().touches(box)) {
-        inside = body.winding.inside((x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4) ? points.size() : 0;
+      const double middle = body.winding.at((x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4);
+      // Away from the triangles the winding number is whole, but for the neighbourhood of holes.
+      if ((body.balanced || std::abs(middle - 0.5) > 0.25) && !body.winding.bvh().touches(box)) {
+        inside = middle > 0.5 ? points.size() : 0;
       } else {
         for (const auto& w : points) {
           const Vector3d p = w[0] * x[t[0]] + w[1] * x[t[1]] + w[2] * x[t[2]] + w[3] * x[t[3]];
@@ -246,6 +248,10 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, co
       fill[i] = std::max(kLeastFill, double(inside) / double(points.size()));
     }
   });
+  double sum = 0;
+  for (std::size_t i = 0; i < fill.size(); ++i) sum += fill[i] * geometry::volume(mesh, mesh.tetrahedra[i]);
+  const double scale = sum > 0 && body.volume > 0 ? body.volume / sum : 1;
+  for (double& f : fill) f *= scale;
   return fill;
 }
 

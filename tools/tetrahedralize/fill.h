@@ -36,8 +36,9 @@ FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target_vertices
 /// Sets components, volume and uncovered.
 void measureFill(const SolidBody& body, FilledBody& filled, const geometry::ParallelFor& parallel_for);
 
-/// Fraction of each tetrahedron inside the solid, from 20 points each where the surface passes; at least 0.02, so that
-/// no vertex is without mass. All 1 where the body encloses nothing.
+/// Fraction of each tetrahedron inside the solid, from 10 points each where the surface passes, at least 0.02, so that
+/// no vertex is without mass; then scaled so that volume times fill adds up to the body's volume. So a cage that cuts
+/// corners has fills a little above 1. All 1 where the body encloses nothing.
 std::vector<double> fillFractions(const SolidBody& body, const geometry::TetMesh& mesh,
                                   const geometry::ParallelFor& parallel_for);
 

@@ -44,7 +44,9 @@ struct TetrahedraQuality {
 struct PhysicalMesh {
   std::vector<Eigen::Vector3d> positions;  ///< metres, world
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
-  std::vector<double> fill;  ///< per tetrahedron: fraction that lies in the solid, 0..1 (1 where it encloses nothing)
+  /// Per tetrahedron: fraction that lies in the solid, > 0, scaled a little so that volume times fill adds up to a
+  /// body's source_volume (so it can exceed 1 where the tetrahedra cut corners). 1 where the body encloses nothing.
+  std::vector<double> fill;
   std::vector<PhysicalBody> bodies;
   TetrahedraQuality quality;
   std::vector<std::uint32_t> part_body;  ///< body of each surface part (loose sheets: the nearest body)
