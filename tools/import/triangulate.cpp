@@ -58,6 +58,7 @@ void Triangulator::cut(std::span<const Eigen::Vector3d> corners, std::vector<Tri
     std::uint32_t at = start;
     const bool choose = left <= 64;
     for (std::uint32_t step = 0; step < left && work_left_ > 0; ++step, at = next_[at]) {
+      --work_left_;
       const Eigen::Vector2d& a = flat_[previous_[at]];
       const Eigen::Vector2d& b = flat_[at];
       const Eigen::Vector2d& c = flat_[next_[at]];

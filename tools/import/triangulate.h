@@ -21,7 +21,7 @@ class Triangulator {
 
  private:
   void cutQuad(std::span<const Eigen::Vector3d> corners, std::vector<Triangle>& triangles) const;
-  std::uint64_t work_left_ = 1'000'000'000;
+  std::uint64_t work_left_ = 100'000'000;  // about a second
   std::vector<Eigen::Vector2d> flat_;
   std::vector<std::uint32_t> next_;
   std::vector<std::uint32_t> previous_;
