@@ -1,0 +1,88 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Installs formats + runtime alone and uses them as a stranger does.
+
+    consumer.py SOURCE SCRATCH static|shared PACKAGE CMAKE GENERATOR COMPILER
+
+Configures SOURCE as the runtime-only preset does, installs into SCRATCH, builds tests/consumer/program and
+samples/hello_runtime against find_package(sinew), runs both on PACKAGE, and looks at what headers they saw and what
+shared libraries they need.
+"""
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+# The C and C++ runtime, and Sinew itself.
+ALLOWED_NEEDED = re.compile(r"^(libsinew_(formats|runtime)\.so|libstdc\+\+\.so|libm\.so|libgcc_s\.so|libc\.so|libpthread\.so|ld-linux)")
+FOREIGN_HEADER = re.compile(r"/(eigen3?|Eigen|xxhash\.h|tbb|oneapi|CLI|nlohmann|CGAL|assimp|opencv\d?|boost|GLFW|imgui)\b")
+
+
+def run(*command, **options):
+    done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))}\n{done.stdout}\nconsumer: exit code {done.returncode}")
+    return done.stdout
+
+
+def needed_by(binary):
+    return re.findall(r"\(NEEDED\).*\[(.+?)\]", run("readelf", "-d", binary, env=os.environ | {"LC_ALL": "C"}))
+
+
+def main():
+    source, scratch, kind, package, cmake, generator, compiler = sys.argv[1:]
+    source, scratch = Path(source), Path(scratch)
+    shutil.rmtree(scratch, ignore_errors=True)
+    prefix = scratch / "prefix"
+    common = ("-G", generator, f"-DCMAKE_CXX_COMPILER={compiler}", "-DCMAKE_BUILD_TYPE=Release")
+
+    run(cmake, "-S", source, "-B", scratch / "sinew", *common, f"-DBUILD_SHARED_LIBS={'ON' if kind == 'shared' else 'OFF'}",
+        "-DSINEW_BUILD_TOOLS=OFF", "-DSINEW_BUILD_SAMPLES=OFF", "-DSINEW_BUILD_TESTS=OFF")
+    run(cmake, "--build", scratch / "sinew")
+    run(cmake, "--install", scratch / "sinew", "--prefix", prefix)
+    # Moved, so that nothing can lean on the place it was configured for, nor on the build tree.
+    shutil.rmtree(scratch / "sinew")
+    moved = scratch / "moved"
+    prefix.rename(moved)
+
+    for config in moved.rglob("sinew*.cmake"):
+        text = config.read_text(encoding="utf-8")
+        for leak in (str(source), str(scratch)):
+            if leak in text:
+                sys.exit(f"consumer: {config.name} names {leak}")
+
+    standalone = scratch / "hello_source"
+    shutil.copytree(source / "samples" / "hello_runtime", standalone)
+    for name, folder, program in (("consumer", source / "tests" / "consumer" / "program", "consumer"),
+                                  ("hello", standalone, "sample_hello_runtime")):
+        build = scratch / name
+        run(cmake, "-S", folder, "-B", build, *common, f"-DCMAKE_PREFIX_PATH={moved}")
+        run(cmake, "--build", build)
+        print(run(build / program, package), end="")
+        libraries = needed_by(build / program)
+        sinew_shared = any(library.startswith("libsinew") for library in libraries)
+        if sinew_shared != (kind == "shared"):
+            sys.exit(f"consumer: a {kind} build that needs {libraries}")
+        for library in libraries:
+            if not ALLOWED_NEEDED.match(library):
+                sys.exit(f"consumer: {program} needs {library}")
+    for library in moved.rglob("lib*.so"):
+        for other in needed_by(library):
+            if not ALLOWED_NEEDED.match(other):
+                sys.exit(f"consumer: {library.name} needs {other}")
+
+    headers = sorted(path.relative_to(moved / "include").as_posix() for path in moved.rglob("*.h"))
+    for header in headers:  # each public header on its own
+        dependencies = run(compiler, "-std=c++20", "-M", "-I", moved / "include", "-x", "c++", moved / "include" / header)
+        foreign = [path for path in dependencies.split() if FOREIGN_HEADER.search(path.replace(str(moved), ""))]
+        if foreign:
+            sys.exit(f"consumer: {header} includes {foreign}")
+    if not headers:
+        sys.exit("consumer: no header was installed")
+    print(f"consumer: {kind}, {len(headers)} public headers, needs {', '.join(libraries)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,248 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""Fails when an include crosses a line of the map in docs/architecture.md, a file lacks its licence line, or a file
+names a place of one machine or work left undone.
+
+    layering.py ROOT        prints `file:line: [rule] what is wrong` for each finding; exit 1 if there is one
+
+Allow-lists, not deny-lists: a header this table does not know is a finding, so that a new dependency is a decision
+made here, where a reviewer sees it. layering_selftest.py shows that every rule can fail.
+"""
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+STANDARD = set("""
+algorithm any array atomic barrier bit bitset cassert cctype cerrno cfenv cfloat charconv chrono cinttypes climits clocale
+cmath codecvt compare complex concepts condition_variable coroutine csetjmp csignal cstdarg cstddef cstdint cstdio cstdlib
+cstring ctime cuchar cwchar cwctype deque exception execution filesystem format forward_list fstream functional future
+initializer_list iomanip ios iosfwd iostream istream iterator latch limits list locale map memory memory_resource mutex new
+numbers numeric optional ostream queue random ranges ratio regex scoped_allocator semaphore set shared_mutex
+source_location span sstream stack stdexcept stop_token streambuf string string_view strstream syncstream system_error
+thread tuple type_traits typeindex typeinfo unordered_map unordered_set utility valarray variant vector version
+assert.h ctype.h errno.h float.h inttypes.h limits.h math.h signal.h stdarg.h stdbool.h stddef.h stdint.h stdio.h
+stdlib.h string.h time.h
+""".split())
+
+# The third parties, by the start of the path that is included.
+THIRD_PARTIES = {
+    "xxhash": ("xxhash.h",),
+    "eigen": ("Eigen/",),
+    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/"),
+    "simd": ("immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
+    "json": ("nlohmann/",),
+    "cli11": ("CLI/",),
+    "tbb": ("tbb/", "oneapi/"),
+    "assimp": ("assimp/",),
+    "cgal": ("CGAL/", "boost/", "gmp", "mpfr"),
+    "opencv": ("opencv2/",),
+    "epoxy": ("epoxy/",),
+    "glfw": ("GLFW/",),
+    "imgui": ("imgui", "backends/imgui"),
+    "stb": ("stb_", "stb/"),
+    "gtest": ("gtest/", "gmock/"),
+}
+
+FORMATS_PUBLIC, RUNTIME_PUBLIC = "formats/include/", "runtime/include/"
+PUBLIC = (FORMATS_PUBLIC, RUNTIME_PUBLIC)
+
+
+@dataclass
+class Zone:
+    """What the files under `path` may include: `own`, starts of paths in this repository; `third`, third parties.
+    `std` is always allowed. The longest matching path decides."""
+    path: str
+    own: tuple = ()
+    third: tuple = ()
+
+
+# The parts of tools, lowest first. A part includes parts below it, never one beside or above it.
+TOOL_RANKS = {
+    "core": 0, "import": 1, "tetrahedralize": 2, "attach": 3, "author": 4, "bake": 5, "scene": 5, "render": 6,
+    "study": 7, "studio": 7, "cli": 8,
+}
+TOOL_COMMON = ("posix", "eigen", "json", "tbb")
+TOOL_THIRD = {
+    "import": ("assimp", "cgal"),
+    "tetrahedralize": ("cgal",),
+    "render": ("opencv", "epoxy", "stb", "glfw"),
+    "scene": ("xxhash",),
+    "studio": ("opencv", "epoxy", "glfw", "imgui"),
+    "cli": ("cli11",),
+}
+# Each of these sits behind the named files of its part.
+BEHIND = {
+    ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
+    ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
+    ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),
+    ("tests/", "cgal"): ("tests/topology/exact_pairs.cpp",),  # a second opinion with exact constructions
+}
+
+RUNTIME_INTERNAL = ("runtime/",)
+ZONES = [
+    Zone("formats/", own=("formats/",), third=("xxhash",)),
+    Zone("formats/include/", own=(FORMATS_PUBLIC,)),
+    Zone("runtime/", own=PUBLIC + RUNTIME_INTERNAL, third=("eigen", "simd")),
+    Zone("runtime/load/", own=PUBLIC + RUNTIME_INTERNAL, third=("eigen", "posix")),  # memory maps the package
+    Zone("runtime/geometry/", own=PUBLIC + ("runtime/geometry/",), third=("eigen", "simd")),
+    Zone("runtime/include/", own=PUBLIC),
+    Zone("samples/", own=PUBLIC + ("samples/",)),
+    Zone("tests/", own=PUBLIC + ("formats/", "runtime/", "tests/"), third=("gtest", "eigen", "xxhash", "posix")),
+] + [
+    Zone(f"tools/{part}/",
+         own=PUBLIC + ("runtime/geometry/", "runtime/clusters/", f"tools/{part}/")
+         + tuple(f"tools/{other}/" for other, below in TOOL_RANKS.items() if below < rank),
+         third=TOOL_COMMON + TOOL_THIRD.get(part, ()))
+    for part, rank in TOOL_RANKS.items()
+]
+# Tests of the tools see what they test, and may look at pictures; they never include what sits behind one file.
+MIT_TESTS = ("formats", "geometry", "runtime", "layering", "consumer", "support", "fuzz", "determinism", "assets", "golden")
+TOOL_TEST_FILES = ("tests/support/obj_reader.h",)  # shared by tests of several tools
+TOOL_TESTS = Zone("tests/", own=PUBLIC + ("formats/", "runtime/", "tools/", "tests/"),
+                  third=("gtest", "eigen", "posix", "json", "tbb", "opencv", "epoxy", "cli11", "cgal"))
+
+SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cpp", ".cc", ".inl", ".in"}
+LICENSED_SUFFIXES = SOURCE_SUFFIXES | {".py", ".cmake", ".sh", ".glsl", ".vert", ".frag", ".js", ".html"}
+TEXT_SUFFIXES = LICENSED_SUFFIXES | {".md", ".json", ".txt", ".yml", ".yaml", ".clang-tidy", ".clang-format"}
+SKIPPED_FOLDERS = {".git", "build", ".cache", "__pycache__", "LICENSES"}
+ASSETS = re.compile(r"(^|/)(assets|golden|pictures)/")
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
+SPDX = re.compile(r"SPDX-License-Identifier:\s*(\S+)")
+UNDONE = re.compile(r"\b(" + "|".join(("TO" + "DO", "FIX" + "ME", "XX" + "X", "HA" + "CK")) + r")\b")
+MACHINE = re.compile(r"(?<![\w.}])/(?:" + "|".join(("home", "work", "root", "Users", "mnt")) + r")/[\w.]")
+DRIVE = re.compile(r"\b[A-Z]:\\\\?\w")
+
+
+def is_tool_test(path):
+    parts = path.split("/")
+    return path in TOOL_TEST_FILES or (parts[0] == "tests" and len(parts) > 2 and parts[1] not in MIT_TESTS)
+
+
+def licence_of(path):
+    """The SPDX identifier that a file of this path must carry."""
+    return "GPL-3.0-or-later" if path.startswith("tools/") or is_tool_test(path) else "MIT"
+
+
+def third_party_of(header):
+    for name, starts in THIRD_PARTIES.items():
+        if header.startswith(starts):
+            return name
+    return None
+
+
+def zone_of(path):
+    if is_tool_test(path):
+        return TOOL_TESTS
+    matching = [zone for zone in ZONES if path.startswith(zone.path)]
+    return max(matching, key=lambda zone: len(zone.path), default=None)
+
+
+def resolve(root, path, header):
+    """The path in this repository that an include means, or None."""
+    candidates = [str(Path(path).parent / header), header, FORMATS_PUBLIC + header, RUNTIME_PUBLIC + header]
+    for candidate in candidates:
+        candidate = os.path.normpath(candidate).replace(os.sep, "/")
+        if not candidate.startswith("..") and (root / candidate).is_file():
+            return candidate
+    # A header that is not there (generated, or wrong): judged by what it says.
+    if header.startswith("sinew/"):
+        return ("runtime" if header.startswith("sinew/runtime/") else "formats") + "/include/" + header
+    if header.startswith(("formats/", "runtime/", "tools/", "tests/", "samples/")):
+        return header
+    return None
+
+
+def check_include(root, path, header):
+    """A (rule, message) pair, or None."""
+    zone = zone_of(path)
+    if zone is None:
+        return "zone", "no rule for this folder: add it to the table in tests/layering/layering.py"
+    own = resolve(root, path, header)
+    if own is not None:
+        if not own.startswith(zone.own):
+            return "own", f"{path.split('/')[0]} code here may not include {own} (allowed: {', '.join(zone.own)})"
+        return None
+    if header in STANDARD:
+        return None
+    third = third_party_of(header)
+    if third is None:
+        return "unknown", f"unknown header {header}: a new dependency needs a line in tests/layering/layering.py"
+    if third not in zone.third:
+        return "third", f"{header} ({third}) is not allowed under {zone.path}"
+    behind = BEHIND.get((zone.path, third))
+    if behind is not None and not any(
+            path.startswith(file[:-1]) if file.endswith("*") else path == file for file in behind):
+        return "behind", f"{header} ({third}) sits behind {', '.join(behind)} alone"
+    return None
+
+
+def is_licensed(path, text):
+    name = path.rsplit("/", 1)[-1]
+    return Path(name).suffix in LICENSED_SUFFIXES or name == "CMakeLists.txt" or text.startswith("#!")
+
+
+def check_file(root, path, text):
+    """Yields (line, rule, message) for one file."""
+    lines = text.splitlines()
+    if is_licensed(path, text):
+        found = SPDX.search("\n".join(lines[:5]))
+        wanted = licence_of(path)
+        if found is None:
+            yield 1, "licence", f"no SPDX-License-Identifier in the first lines (wanted: {wanted})"
+        elif found.group(1) != wanted:
+            yield 1, "licence", f"licence {found.group(1)}, but this folder is {wanted}"
+    for number, line in enumerate(lines, 1):
+        if Path(path).suffix in SOURCE_SUFFIXES:
+            include = INCLUDE.match(line)
+            if include:
+                finding = check_include(root, path, include.group(2))
+                if finding:
+                    yield number, *finding
+        undone = UNDONE.search(line)
+        if undone:
+            yield number, "undone", f"{undone.group(0)}: do it, or write an issue"
+        # Tests of importers hold the paths that exporters on Windows write.
+        if MACHINE.search(line) or (not path.startswith("tests/") and DRIVE.search(line)):
+            yield number, "machine", "names a place of one machine"
+
+
+def check_tree(root):
+    """All findings of a tree as sorted (path, line, rule, message), and the number of files read."""
+    root = Path(root)
+    findings, count = [], 0
+    for folder, folders, files in os.walk(root):
+        folders[:] = sorted(f for f in folders if f not in SKIPPED_FOLDERS)
+        for name in sorted(files):
+            path = (Path(folder) / name).relative_to(root).as_posix()
+            if ASSETS.search(path) or name == "CMakeUserPresets.json":
+                continue
+            with open(root / path, "rb") as file:
+                start = file.read(2)
+            textual = Path(name).suffix in TEXT_SUFFIXES or name in TEXT_SUFFIXES or start == b"#!"
+            if not textual:
+                continue
+            text = (root / path).read_text(encoding="utf-8", errors="replace")
+            count += 1
+            findings += [(path, *finding) for finding in check_file(root, path, text)]
+    return sorted(findings), count
+
+
+def main():
+    if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
+        print("layering: usage: layering.py ROOT", file=sys.stderr)
+        return 2
+    findings, count = check_tree(sys.argv[1])
+    for path, line, rule, message in findings:
+        print(f"{path}:{line}: [{rule}] {message}")
+    if count == 0:
+        print("layering: found no file to check", file=sys.stderr)
+        return 2
+    print(f"layering: {count} files, {len(findings)} findings")
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
