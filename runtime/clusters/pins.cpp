@@ -15,9 +15,12 @@ void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left) {
   }
 }
 
-void holdPins(Body& body, std::uint32_t passes_left) {
+void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
   for (const Pin& pin : body.pins) {
-    asVector(body.y[pin.vertex]) = pinPosition(asVector(body.x[pin.vertex]), asVector(pin.target), passes_left);
+    const Vector3 start = asVector(body.x[pin.vertex]);
+    const Vector3 end = pinPosition(start, asVector(pin.target), passes_left);
+    asVector(body.y[pin.vertex]) = end;
+    asVector(body.v[pin.vertex]) = (end - start) / pass_seconds;
   }
 }
 

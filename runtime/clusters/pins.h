@@ -15,6 +15,6 @@ inline Vector3 pinPosition(const Vector3& start, const Vector3& target, std::uin
 void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left);
 
 /// Puts the pinned vertices exactly where they are held.
-void holdPins(Body& body, std::uint32_t passes_left);
+void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left);
 
 }  // namespace sinew::internal

@@ -10,6 +10,9 @@
 namespace sinew::internal {
 namespace {
 
+// (2 pi f h)^2 from which on a class of modes counts as rigid: what it keeps is below the rounding of a float.
+constexpr double kRigidRatio = 1e9;
+
 constexpr double kAlphaStep = 1.0 / 60;  // h_ref: the step that Cluster::alpha is given for
 
 // (2 pi f h)^2; infinite for a rigid class of modes.
@@ -35,18 +38,21 @@ Square<9> unpack(const formats::QuadraticMoment& packed) {
   return result;
 }
 
-// S = (M + K)^+ with K_kk' = ratio_class M_kk' inside each class of modes: the implicit step of the energy
-// 1/2 Σ_class omega² g^T M g. Symmetric, so that the torque of the match vanishes (eq. 8), and never above A_qq.
+// S = (M + K)^+ with K = D M D, D = diag(2 pi f h) by class of modes: the implicit step of the energy 1/2 g^T K g.
+// Symmetric, so that the torque of the match vanishes; A_qq / (1 + (2 pi f h)^2) where all frequencies are equal.
 Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>& ratios) {
   Eigen::Matrix<double, 9, 9> sum = moment.cast<double>();
-  for (int block = 0; block < 3; ++block) {
-    const double ratio = ratios[std::size_t(block)];
-    if (std::isinf(ratio) || ratio > 1e12) {
-      sum.middleRows<3>(3 * block).setZero();
-      sum.middleCols<3>(3 * block).setZero();
-    } else {
-      sum.block<3, 3>(3 * block, 3 * block) *= 1 + ratio;
+  for (int row = 0; row < 9; ++row) {
+    for (int column = 0; column < 9; ++column) {
+      const double both =
+          std::min(ratios[std::size_t(row / 3)], kRigidRatio) * std::min(ratios[std::size_t(column / 3)], kRigidRatio);
+      sum(row, column) *= 1 + std::sqrt(both);
     }
+  }
+  for (int block = 0; block < 3; ++block) {
+    if (ratios[std::size_t(block)] < kRigidRatio) continue;
+    sum.middleRows<3>(3 * block).setZero();
+    sum.middleCols<3>(3 * block).setZero();
   }
   return geometry::equilibratedPseudoInverse<9>(sum, 1e-7).cast<float>();
 }

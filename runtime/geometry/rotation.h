@@ -70,10 +70,9 @@ inline Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const 
 /// \param[in,out] q the previous rotation as a unit quaternion (warm start); the result.
 inline void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q) {
   const float scale = a.cwiseAbs().maxCoeff();
-  if (!(scale >= std::numeric_limits<float>::min()) || !(scale <= std::numeric_limits<float>::max()) || a.hasNaN())
-    return;
+  if (!(scale > 0) || !(scale <= std::numeric_limits<float>::max()) || a.hasNaN()) return;
   const Eigen::Matrix3f b = a * (1.0F / scale);
-  if (!b.allFinite()) {  // 1/scale overflowed
+  if (!(scale >= std::numeric_limits<float>::min())) {  // 1/scale may overflow
     q = detail::nearestRotationByEigenvectors(a.cast<double>() / double(scale), q);
     return;
   }

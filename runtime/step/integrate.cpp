@@ -109,32 +109,32 @@ void applyGoals(Body& body, const GroundPlane& ground, float pass_seconds, std::
                                        body.frames[use.cluster], rest);
       moved += (use.share * body.stiffness[use.cluster].alpha) * (goal - start);
     }
-    Vector3 next = start + moved;
     if (ground.enabled) {
       // Rows hold the clusters up; what a vertex keeps of its own below the surface is taken here.
-      const float below = heightAbove(ground, next);
+      const float below = heightAbove(ground, start + moved);
       const float least = reachableHeight(heightAbove(ground, asVector(body.x[i])), diagonal, pass_seconds);
-      if (below < least) next += (least - below) * asVector(ground.normal);
+      if (below < least) moved += (least - below) * asVector(ground.normal);
     }
-    y = next;
+    // v = (y - x) / h, but from the move: far from the origin the rounding of positions must not become speed.
+    asVector(body.v[i]) += moved / pass_seconds;
+    y = start + moved;
   }
 }
 
-void updateVelocities(Body& body, float pass_seconds, std::uint32_t begin, std::uint32_t end) {
+void settleMotion(Body& body, const RigidMotion& found, const RigidMotion& wanted, bool free, float kept,
+                  float pass_seconds, std::uint32_t begin, std::uint32_t end) {
   for (std::uint32_t i = begin; i < end; ++i) {
-    asVector(body.v[i]) = (asVector(body.y[i]) - asVector(body.x[i])) / pass_seconds;
-    body.x[i] = body.y[i];
-  }
-}
-
-void dampDeformation(Body& body, const RigidMotion& found, const RigidMotion& wanted, float kept, std::uint32_t begin,
-                     std::uint32_t end) {
-  for (std::uint32_t i = begin; i < end; ++i) {
-    const Eigen::Vector3d arm = asVector(body.x[i]).cast<double>() - found.center;
+    const Eigen::Vector3d arm = asVector(body.y[i]).cast<double>() - found.center;
     const Eigen::Vector3d own = asVector(body.v[i]).cast<double>() - (found.velocity + found.omega.cross(arm));
+    const Eigen::Vector3d rigid = wanted.velocity + wanted.omega.cross(arm);
+    if (free) {
+      asVector(body.x[i]) += (double(pass_seconds) * (rigid + own)).cast<float>();
+    } else {
+      body.x[i] = body.y[i];
+    }
     float part = kept;
     for (const ClusterUse& use : body.rest().usesOf(i)) part = body.frames[use.cluster].limited ? 0.0F : part;
-    asVector(body.v[i]) = (wanted.velocity + wanted.omega.cross(arm) + double(part) * own).cast<float>();
+    asVector(body.v[i]) = (rigid + double(part) * own).cast<float>();
   }
 }
 

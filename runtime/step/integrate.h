@@ -46,16 +46,16 @@ Vector3 blendedGoal(const Body& body, std::uint32_t vertex);
 std::uint32_t predict(Body& body, const WorldSettings& settings, float pass_seconds, std::uint32_t begin,
                       std::uint32_t end);
 
-/// y += Σ share alpha_h (g - y) (docs/method.md eq. 9), then out of the ground, for vertices [begin, end).
+/// y += Σ share alpha_h (g - y) (docs/method.md eq. 9), then out of the ground; v = (y - x) / h; for vertices [begin,
+/// end).
 void applyGoals(Body& body, const GroundPlane& ground, float pass_seconds, std::uint32_t begin, std::uint32_t end);
 
-/// v = (y - x) / h, x = y for vertices [begin, end).
-void updateVelocities(Body& body, float pass_seconds, std::uint32_t begin, std::uint32_t end);
-
-/// For vertices [begin, end): what of their motion is not the part's rigid motion `found` keeps the part `kept` of
-/// itself, or nothing where a cluster was stopped by the guard (an inelastic stop); the rigid motion becomes `wanted`.
-void dampDeformation(Body& body, const RigidMotion& found, const RigidMotion& wanted, float kept, std::uint32_t begin,
-                     std::uint32_t end);
+/// Ends a pass for vertices [begin, end): x becomes y. What of their motion is not the part's rigid motion `found`
+/// keeps the part `kept` of itself, or nothing where a cluster was stopped by the guard (an inelastic stop); the rigid
+/// motion becomes `wanted`. \param free nothing touches the part: x follows the corrected velocity, so that no
+/// rounding of the match ever moves a body by itself.
+void settleMotion(Body& body, const RigidMotion& found, const RigidMotion& wanted, bool free, float kept,
+                  float pass_seconds, std::uint32_t begin, std::uint32_t end);
 
 /// Adds a rigid motion to the velocities of vertices [begin, end).
 void addRigidMotion(Body& body, const RigidMotion& motion, std::uint32_t begin, std::uint32_t end);

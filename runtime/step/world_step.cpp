@@ -84,7 +84,7 @@ MotionSums partSums(const StepPlan& plan, const Part& part) {
   return sums;
 }
 
-enum class SumsOf { predicted, free, anchored };
+enum class SumsOf { predicted, anchored, settled };
 
 void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
@@ -92,7 +92,7 @@ void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
     const Part& part = plan.parts[chunk.part];
     const double anchor = what == SumsOf::anchored && !body.rows.empty() ? kAnchorMass * part.before.mass : 0.0;
     chunk.sums =
-        motionSums(body, what == SumsOf::predicted ? body.y : body.x, chunk.begin, chunk.end, part.reference, anchor);
+        motionSums(body, what == SumsOf::settled ? body.x : body.y, chunk.begin, chunk.end, part.reference, anchor);
   });
 }
 
@@ -100,7 +100,7 @@ void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
 // motion that its supports leave it (kAnchorMass): what it does beyond that is deformation, also a bounce on its feet.
 // Free parts get back the momentum that the pass may not have changed:
 // v = (y - x) / h is not what the match, which is free of force and torque at y, would leave (docs/method.md §5).
-void settleVelocities(StepPlan& plan, JobSystem* jobs, const WorldSettings& settings, float pass_seconds) {
+void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& settings, float pass_seconds) {
   const float kept = std::exp(-settings.deformation_damping * pass_seconds);
   sumMotion(plan, jobs, SumsOf::anchored);
   bool any_limited = false;
@@ -122,11 +122,12 @@ void settleVelocities(StepPlan& plan, JobSystem* jobs, const WorldSettings& sett
   }
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
     const Part& part = plan.parts[chunk.part];
-    dampDeformation(*chunk.body, part.found, part.wanted, kept, chunk.begin, chunk.end);
+    settleMotion(*chunk.body, part.found, part.wanted, chunk.body->rows.empty(), kept, pass_seconds, chunk.begin,
+                 chunk.end);
   });
   if (!any_limited) return;
   // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
-  sumMotion(plan, jobs, SumsOf::free);
+  sumMotion(plan, jobs, SumsOf::settled);
   for (Part& part : plan.parts) {
     part.limited &= part.body->rows.empty();
     if (!part.limited) continue;
@@ -180,13 +181,12 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   // Goals: vertices follow their clusters; pins and ground have the last word on positions.
   forEach(jobs, plan.vertices,
           [&](VertexChunk& chunk) { applyGoals(*chunk.body, settings.ground, h, chunk.begin, chunk.end); });
-  forEach(jobs, plan.bodies, [&](Body* body) { holdPins(*body, passes_left); });
+  forEach(jobs, plan.bodies, [&](Body* body) { holdPins(*body, h, passes_left); });
   clock.finish(kGoals);
 
-  // Velocities from positions, then damping.
-  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) { updateVelocities(*chunk.body, h, chunk.begin, chunk.end); });
-  settleVelocities(plan, jobs, settings, h);
-  clock.finish(kVelocities);
+  // Settle: damping, momentum, and the new positions for good.
+  settleMotions(plan, jobs, settings, h);
+  clock.finish(kSettle);
 }
 
 }  // namespace
@@ -230,7 +230,7 @@ void StepPlan::rebuild(const std::vector<std::unique_ptr<Body>>& all) {
 
 void stepWorld(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float seconds,
                std::array<World::Phase, kStepPhaseCount>& phases) {
-  phases = {{{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"velocities", 0}}};
+  phases = {{{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
   PhaseClock clock(phases);
   const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
   const float h = seconds / float(passes);

@@ -49,7 +49,7 @@ struct StepPlan {
   void rebuild(const std::vector<std::unique_ptr<Body>>& all);
 };
 
-enum StepPhase : std::uint32_t { kPredict, kMoments, kRows, kMatch, kSolve, kGoals, kVelocities, kStepPhaseCount };
+enum StepPhase : std::uint32_t { kPredict, kMoments, kRows, kMatch, kSolve, kGoals, kSettle, kStepPhaseCount };
 
 /// Advances everything by one step. \param jobs may be null.
 void stepWorld(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float seconds,
