@@ -28,7 +28,7 @@ HeadlessContext::HeadlessContext() {
   if (!epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_MESA_platform_surfaceless")) {
     fail("EGL has no platform that works without a display (EGL_MESA_platform_surfaceless)");
   }
-  EGLDisplay display = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
+  EGLDisplay display = eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
   if (display == EGL_NO_DISPLAY) fail("EGL gives no display");
   if (eglInitialize(display, nullptr, nullptr) != EGL_TRUE) fail("EGL does not start");
   display_ = display;
