@@ -186,6 +186,17 @@ TEST_F(Obj, NamesWithBlanksAndBeyondAscii) {
   EXPECT_EQ(importFile(write("UPPER.OBJ", kTetrahedron)).format, "obj");
 }
 
+TEST_F(Obj, NamesOfOldExportersBecomeUtf8) {
+  // Latin-1 in a group, a material and a missing texture: reports in JSON could not carry it.
+  write("a.mtl", "newmtl H\xe4nde\nmap_Kd h\xe4nde.png\n");
+  const VisualMesh mesh =
+      importFile(write("a.obj", std::string("mtllib a.mtl\nusemtl H\xe4nde\ng \xd6hr K\xc3\xb6pfe\n") + kTetrahedron));
+  EXPECT_NE(groupOf(mesh, "\xc3\x96hr"), nullptr);
+  EXPECT_NE(groupOf(mesh, "K\xc3\xb6pfe"), nullptr) << "valid UTF-8 stays";
+  EXPECT_EQ(mesh.materials[0].name, "H\xc3\xa4nde");
+  EXPECT_EQ(findingOf(mesh, "missing-texture")->place, "h\xc3\xa4nde.png");
+}
+
 TEST_F(Obj, UnitsAndAxes) {
   const auto file = write("a.obj", kTetrahedron);
   ImportOptions options = testOptions();

@@ -138,7 +138,7 @@ class PipeSource : public ByteSource {
 std::string oneLine(const std::string& text) {
   std::string out;
   for (char c : text.substr(0, 600)) out += static_cast<unsigned char>(c) < 32 || c == 127 ? ' ' : c;
-  return out;
+  return asUtf8(out);
 }
 
 pid_t spawnWorker(const std::filesystem::path& worker, const std::filesystem::path& file, const std::string& format,
@@ -286,6 +286,7 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
   } catch (const ReadError& error) {
     throw bad(oneLine(error.what()), error.cure().empty() ? again : error.cure());
   }
+  cleanTexts(scene);
   return scene;
 }
 

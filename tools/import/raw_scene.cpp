@@ -263,6 +263,56 @@ void validateRawScene(const RawScene& scene) {
     throw ReadError("has more than 2^31 vertices or corners", "Reduce the mesh first.");
 }
 
+std::string asUtf8(const std::string& text) {
+  const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0U; };
+  bool valid = true;
+  for (std::size_t i = 0; i < text.size() && valid;) {
+    const unsigned lead = byte(i);
+    const std::size_t length = lead < 0x80                   ? 1
+                               : lead >= 0xC2 && lead < 0xE0 ? 2
+                               : lead >= 0xE0 && lead < 0xF0 ? 3
+                               : lead >= 0xF0 && lead < 0xF5 ? 4
+                                                             : 0;
+    valid = length > 0;
+    for (std::size_t k = 1; k < length; ++k) valid = valid && (byte(i + k) & 0xC0U) == 0x80;
+    // Overlong forms, surrogates and what lies beyond the last code point.
+    if (length == 3) valid = valid && !(lead == 0xE0 && byte(i + 1) < 0xA0) && !(lead == 0xED && byte(i + 1) >= 0xA0);
+    if (length == 4) valid = valid && !(lead == 0xF0 && byte(i + 1) < 0x90) && !(lead == 0xF4 && byte(i + 1) >= 0x90);
+    i += length;
+  }
+  if (valid) return text;
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const unsigned c = byte(i);
+    if (c < 0x80) {
+      out += char(c);
+    } else {
+      out += char(0xC0U | c >> 6);
+      out += char(0x80U | (c & 0x3FU));
+    }
+  }
+  return out;
+}
+
+void cleanTexts(RawScene& scene) {
+  const auto clean = [](std::string& text) { text = asUtf8(text); };
+  clean(scene.unit_source);
+  for (RawNode& node : scene.nodes) clean(node.name), clean(node.properties_json);
+  for (RawMesh& mesh : scene.meshes) {
+    clean(mesh.name);
+    for (SourceMeshRange& range : mesh.ranges) clean(range.name);
+    for (AttributeSource& attribute : mesh.attributes) clean(attribute.name);
+    for (RawMorph& morph : mesh.morphs) clean(morph.name);
+    for (RawPart& part : mesh.parts) clean(part.name);
+  }
+  for (RawMaterial& material : scene.materials) clean(material.name);
+  for (RawTexture& texture : scene.textures) clean(texture.name);
+  for (std::string& group : scene.groups) clean(group);
+  for (std::string& joint : scene.joints) clean(joint);
+  for (Finding& finding : scene.findings)
+    clean(finding.id), clean(finding.message), clean(finding.place_kind), clean(finding.place), clean(finding.cure);
+}
+
 void joinCorners(const std::vector<RawCorner>& corners, const std::vector<Eigen::Vector2f>& uvs,
                  const std::vector<Eigen::Vector3f>& normals, RawMesh& mesh) {
   struct Entry {

@@ -121,6 +121,12 @@ void readRawScene(ByteSource& source, RawScene& scene);
 /// for what no reader may return, and a message that names the vertex for a position that is not finite.
 void validateRawScene(const RawScene& scene);
 
+/// `text` where it is valid UTF-8, else its bytes taken as Latin-1 (what old exporters write), as UTF-8.
+std::string asUtf8(const std::string& text);
+/// Makes every name and message of the scene valid UTF-8, so that reports can carry them. Texture paths keep their
+/// bytes, since they are looked up on the disk.
+void cleanTexts(RawScene& scene);
+
 /// Corners with separately indexed points, UVs and normals (OBJ, PLY with wedge UVs), joined into vertices:
 /// one for each distinct (part, point, UV, normal), ordered by part, then point, then first use.
 struct RawCorner {

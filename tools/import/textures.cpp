@@ -65,8 +65,14 @@ TextureSource loadTexture(const RawTexture& texture, const fs::path& folder, std
   TextureSource out;
   out.name = texture.name;
   const auto complain = [&](const char* id, const std::string& message, const std::string& cure) {
-    findings.push_back(
-        {id, Severity::warning, message, 1, "", {}, texture.path.empty() ? texture.name : texture.path, cure});
+    findings.push_back({id,
+                        Severity::warning,
+                        message,
+                        1,
+                        "",
+                        {},
+                        asUtf8(texture.path.empty() ? texture.name : texture.path),
+                        asUtf8(cure)});
   };
   if (texture.path.empty()) {
     out.bytes = texture.bytes;
