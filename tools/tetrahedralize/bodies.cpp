@@ -205,6 +205,11 @@ void joinNearParts(const Frame& frame, const Topology& topology, double distance
 }
 
 // Parts that touch, taken together.
+// A solid of at most this part of a neighbour's volume, wholly within this part of the neighbour's diagonal of its
+// surface, moves with the neighbour.
+constexpr double kAccessoryVolume = 0.02;
+constexpr double kAccessoryReach = 0.05;
+
 struct Group {
   std::vector<std::uint32_t> parts, solid_parts;
   std::vector<Triangle> triangles;  // of the solid parts (all where it encloses nothing)
@@ -431,7 +436,31 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
   }
   joinNestedGroups(frame, groups, nested);
 
-  // 3. Groups that enclose nothing join the nearest that does.
+  // 3. Small solids close to a much larger one (a tongue, a tooth, a button) move with it: as bodies of their own they
+  // would fall off it.
+  const auto enclosedVolume = [&](std::uint32_t g) { return std::abs(groups[g].enclosure.volume); };
+  std::vector<std::uint32_t> small;
+  for (std::uint32_t g = 0; g < group_count; ++g) {
+    if (!groups[g].enclosure.encloses || nested.find(g) != g) continue;
+    for (std::uint32_t h = 0; h < group_count; ++h) {
+      if (h == g || !groups[h].enclosure.encloses || enclosedVolume(g) > kAccessoryVolume * enclosedVolume(h)) continue;
+      const double reach = kAccessoryReach * groups[h].bounds.diagonal().norm();
+      const std::vector<Vector3d> points = samplePoints(frame, groups[g], 64);
+      const bool close = std::all_of(points.begin(), points.end(), [&](const Vector3d& p) {
+        return groups[h].winding.bvh().closest(p, reach).squared_distance < reach * reach;
+      });
+      if (!close) continue;
+      small.push_back(g);
+      break;
+    }
+  }
+  for (const std::uint32_t g : small) {
+    groups[g].enclosure.encloses = false;
+    groups[g].solid_parts.clear();
+    set.attached_solids.insert(set.attached_solids.end(), groups[g].parts.begin(), groups[g].parts.end());
+  }
+
+  // 4. Groups that enclose nothing join the nearest that does.
   const bool any = std::any_of(groups.begin(), groups.end(), [](const Group& g) { return g.enclosure.encloses; });
   for (std::uint32_t g = 0; g < group_count && any; ++g) {
     if (groups[g].enclosure.encloses) continue;
@@ -454,10 +483,12 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
           groups.begin());
     // Not joined in `nested` by number of group: the solid stays the representative.
     nested.join(g, target);
-    set.attached_sheets.insert(set.attached_sheets.end(), groups[g].parts.begin(), groups[g].parts.end());
+    if (std::find(small.begin(), small.end(), g) == small.end()) {
+      set.attached_sheets.insert(set.attached_sheets.end(), groups[g].parts.begin(), groups[g].parts.end());
+    }
   }
 
-  // 4. Bodies, in the order of their first part.
+  // 5. Bodies, in the order of their first part.
   std::vector<std::vector<std::uint32_t>> body_groups(group_count);
   for (std::uint32_t g = 0; g < group_count; ++g) body_groups[nested.find(g)].push_back(g);
   std::vector<std::uint32_t> number(frame.points.size(), kNoIndex);  // of a point in its body; cleared after each

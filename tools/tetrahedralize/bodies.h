@@ -35,6 +35,7 @@ struct SolidBody {
 struct BodySet {
   std::vector<SolidBody> bodies;
   std::vector<std::uint32_t> part_body;
+  std::vector<std::uint32_t> attached_solids;  ///< parts of small solids that move with a much larger neighbour
   std::vector<std::uint32_t> attached_sheets;  ///< parts that joined the nearest body though they do not touch it
 };
 

@@ -313,21 +313,29 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   }
   progress.fraction(1);
   remarks.report(result.findings);
-  if (!set.attached_sheets.empty()) {
+  const auto reportAttached = [&](const std::vector<std::uint32_t>& parts, const char* id, const std::string& one,
+                                  const std::string& many, const char* cure) {
+    if (parts.empty()) return;
     Finding f;
-    f.id = "tetrahedra-loose-sheets";
+    f.id = id;
     f.severity = Severity::info;
-    f.count = set.attached_sheets.size();
-    f.message = std::to_string(f.count) + " loose sheet" + (f.count == 1 ? "" : "s") +
-                " that enclose nothing move with the nearest body.";
+    f.count = parts.size();
+    f.message = std::to_string(f.count) + " " + (f.count == 1 ? one : many);
     f.place_kind = "face";
-    for (const std::uint32_t p : set.attached_sheets) {
+    for (const std::uint32_t p : parts) {
       if (f.places.size() == Finding::kMaxPlaces) break;
       f.places.push_back(mesh.triangle_face[topology.parts[p].triangles.front()]);
     }
-    f.cure = "Close them or give them a thickness if they are to be bodies of their own.";
+    f.cure = cure;
     result.findings.push_back(std::move(f));
-  }
+  };
+  reportAttached(set.attached_sheets, "tetrahedra-loose-sheets",
+                 "loose sheet that encloses nothing moves with the nearest body",
+                 "loose sheets that enclose nothing move with the nearest body",
+                 "Close them or give them a thickness if they are to be bodies of their own.");
+  reportAttached(set.attached_solids, "tetrahedra-small-parts", "small part close to a much larger one moves with it",
+                 "small parts close to a much larger one move with it",
+                 "Bake them as files of their own if they are to fall by themselves.");
   const double count = double(result.positions.size());
   if (count > 1.35 * options.target_vertices || count < 0.65 * options.target_vertices) {
     Finding f;
