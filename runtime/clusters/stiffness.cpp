@@ -39,7 +39,7 @@ Square<9> unpack(const formats::QuadraticMoment& packed) {
 }
 
 // S = (M + K)^+ with K = D M D, D = diag(2 pi f h) by class of modes: the implicit step of the energy 1/2 g^T K g.
-// Symmetric, so that the torque of the match vanishes; A_qq / (1 + (2 pi f h)^2) where all frequencies are equal.
+// Symmetric; A_qq / (1 + (2 pi f h)^2) where all frequencies are equal.
 Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>& ratios) {
   Eigen::Matrix<double, 9, 9> sum = moment.cast<double>();
   for (int row = 0; row < 9; ++row) {

@@ -14,6 +14,9 @@ namespace {
 constexpr float kLargestPosition = 1e15F;  // metres
 constexpr float kLargestVelocity = 1e17F;  // m/s
 
+// A turn within one pass that the rounding of a match may cause, radians.
+constexpr double kRoundingTurn = 2e-7;
+
 bool within(const Vec3& v, float limit) {
   return std::abs(v[0]) <= limit && std::abs(v[1]) <= limit && std::abs(v[2]) <= limit;  // false for NaN
 }
@@ -123,12 +126,16 @@ void applyGoals(Body& body, const GroundPlane& ground, float pass_seconds, std::
 
 void settleMotion(Body& body, const RigidMotion& found, const RigidMotion& wanted, bool free, float kept,
                   float pass_seconds, std::uint32_t begin, std::uint32_t end) {
+  RigidMotion moved_as = wanted;
+  // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
+  if ((wanted.omega - found.omega).norm() * double(pass_seconds) > kRoundingTurn) moved_as.omega = found.omega;
   for (std::uint32_t i = begin; i < end; ++i) {
     const Eigen::Vector3d arm = asVector(body.y[i]).cast<double>() - found.center;
     const Eigen::Vector3d own = asVector(body.v[i]).cast<double>() - (found.velocity + found.omega.cross(arm));
     const Eigen::Vector3d rigid = wanted.velocity + wanted.omega.cross(arm);
     if (free) {
-      asVector(body.x[i]) += (double(pass_seconds) * (rigid + own)).cast<float>();
+      asVector(body.x[i]) +=
+          (double(pass_seconds) * (moved_as.velocity + moved_as.omega.cross(arm) + own)).cast<float>();
     } else {
       body.x[i] = body.y[i];
     }

@@ -71,6 +71,16 @@ void collectRows(Body& body, const WorldSettings& settings, float pass_seconds, 
   warmStartRows(body);
 }
 
+bool partHasRow(const Part& part) {
+  const Body& body = *part.body;
+  if (body.rows.empty()) return false;
+  const formats::BodyRange& range = body.package().bodies()[part.index];
+  return std::any_of(body.rows.begin(), body.rows.end(), [&](const Row& row) {
+    if (row.point == RowPoint::physical_vertex) return row.index - range.first_vertex < range.vertex_count;
+    return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
+  });
+}
+
 void matchClusters(ClusterChunk& chunk) {
   Body& body = *chunk.body;
   for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) {
@@ -90,7 +100,7 @@ void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
     const Body& body = *chunk.body;
     const Part& part = plan.parts[chunk.part];
-    const double anchor = what == SumsOf::anchored && !body.rows.empty() ? kAnchorMass * part.before.mass : 0.0;
+    const double anchor = what == SumsOf::anchored && !part.free ? kAnchorMass * part.before.mass : 0.0;
     chunk.sums =
         motionSums(body, what == SumsOf::settled ? body.x : body.y, chunk.begin, chunk.end, part.reference, anchor);
   });
@@ -107,7 +117,7 @@ void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& setting
   for (Part& part : plan.parts) {
     const MotionSums now = partSums(plan, part);
     MotionSums wanted = now;
-    if (part.body->rows.empty()) {
+    if (part.free) {
       wanted.momentum = part.before.momentum;
       wanted.angular = part.before.angular;
     }
@@ -122,14 +132,13 @@ void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& setting
   }
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
     const Part& part = plan.parts[chunk.part];
-    settleMotion(*chunk.body, part.found, part.wanted, chunk.body->rows.empty(), kept, pass_seconds, chunk.begin,
-                 chunk.end);
+    settleMotion(*chunk.body, part.found, part.wanted, part.free, kept, pass_seconds, chunk.begin, chunk.end);
   });
   if (!any_limited) return;
   // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
   sumMotion(plan, jobs, SumsOf::settled);
   for (Part& part : plan.parts) {
-    part.limited &= part.body->rows.empty();
+    part.limited &= part.free;
     if (!part.limited) continue;
     MotionSums defect = partSums(plan, part);
     defect.momentum = part.before.momentum - defect.momentum;
@@ -165,6 +174,7 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
 
   // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
   forEach(jobs, plan.bodies, [&](Body* body) { collectRows(*body, settings, h, passes_left); });
+  for (Part& part : plan.parts) part.free = !partHasRow(part);
   clock.finish(kRows);
 
   // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase and
@@ -204,6 +214,7 @@ void StepPlan::rebuild(const std::vector<std::unique_ptr<Body>>& all) {
     for (const formats::BodyRange& range : package.bodies()) {
       Part part;
       part.body = body;
+      part.index = std::uint32_t(&range - package.bodies().data());
       part.first_chunk = std::uint32_t(vertices.size());
       part.first_cluster = range.first_cluster;
       part.cluster_count = range.cluster_count;

@@ -31,11 +31,13 @@ struct ClusterChunk {
 /// One separate part (BODY record) of one body.
 struct Part {
   Body* body = nullptr;
+  std::uint32_t index = 0;  ///< into the package's BODY
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
   Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< near the part; sums are taken about it
   MotionSums before;                                    ///< of the predicted motion, later what the pass has to leave
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
+  bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
 
