@@ -108,9 +108,14 @@ void Scene::reset() {
 
   const Bounds bounds = boundsOf(start_);
   if (options_.kind == SceneKind::hang) {
-    const float level = bounds.high[1] - kHeldTop * bounds.extent(1);
-    for (std::uint32_t v = 0; v < start_.size(); ++v) {
-      if (start_[v][1] >= level) pinned_.push_back(v);
+    // Each separate body by its own top, or all but the highest would fall.
+    for (const auto& part : asset_->package().bodies()) {
+      const std::span<const Vec3> points = std::span(start_).subspan(part.first_vertex, part.vertex_count);
+      const Bounds own = boundsOf(points);
+      const float level = own.high[1] - kHeldTop * own.extent(1);
+      for (std::uint32_t v = 0; v < points.size(); ++v) {
+        if (points[v][1] >= level) pinned_.push_back(part.first_vertex + v);
+      }
     }
   } else if (options_.kind == SceneKind::stretch) {
     const std::size_t axis = bounds.longest();
@@ -123,20 +128,22 @@ void Scene::reset() {
   for (std::uint32_t v : pinned_) world_.pin(body_, v, start_[v]);
 }
 
-void Scene::drive() {
+bool Scene::drive() {
   const auto t = float(time_);
   const Bounds bounds = boundsOf(start_);
   if (options_.kind == SceneKind::squash && t <= kPressSeconds + kHoldSeconds) {
-    // Two plates press: every vertex follows, so the body is as flat as said and at rest when it is let go.
+    // Two plates press: every vertex is where they put it, so the body is as flat as said and at rest when it is let
+    // go.
     const float height = 1 + (kPressedHeight - 1) * smooth(t / kPressSeconds);
     std::vector<Vec3> pressed = start_;
     for (Vec3& x : pressed) x[1] = bounds.low[1] + (x[1] - bounds.low[1]) * height;
     world_.setState(body_, pressed, {});
+    return false;
   } else if (options_.kind == SceneKind::stretch && !pinned_.empty()) {
     if (t > kPressSeconds + kHoldSeconds) {
       world_.unpinAll(body_);
       pinned_.clear();
-      return;
+      return true;
     }
     const std::size_t axis = bounds.longest();
     const float middle = 0.5F * (bounds.low[axis] + bounds.high[axis]);
@@ -147,11 +154,11 @@ void Scene::drive() {
       world_.pin(body_, v, target);
     }
   }
+  return true;
 }
 
 void Scene::step() {
-  drive();
-  world_.step(options_.step_seconds);
+  if (drive()) world_.step(options_.step_seconds);
   ++steps_;
   time_ = double(steps_) * double(options_.step_seconds);
 }

@@ -49,7 +49,8 @@ class Scene {
   std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
 
  private:
-  void drive();
+  /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
+  bool drive();
   std::shared_ptr<const Asset> asset_;
   SceneOptions options_;
   World world_;

@@ -208,7 +208,7 @@ void joinNearParts(const Frame& frame, const Topology& topology, double distance
 // A solid of at most this part of a neighbour's volume, wholly within this part of the neighbour's diagonal of its
 // surface, moves with the neighbour.
 constexpr double kAccessoryVolume = 0.02;
-constexpr double kAccessoryReach = 0.05;
+constexpr double kAccessoryReach = 0.1;
 
 struct Group {
   std::vector<std::uint32_t> parts, solid_parts;
