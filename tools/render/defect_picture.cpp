@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/render/defect_picture.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -29,6 +30,7 @@ constexpr int kTileHeight = 340;
 constexpr int kColumns = 4;
 constexpr std::size_t kCloseUps = 4;
 constexpr float kFitMargin = 0.10F;
+constexpr float kLitYaw = 0.70F;  // the direction the lights are made for
 // Told apart on grey clay and for most colour-blind eyes (after Okabe and Ito 2008), repeated beyond eight.
 constexpr std::array<Rgb8, 8> kColors = {{{213, 40, 24},
                                           {0, 114, 178},
@@ -132,25 +134,36 @@ void renderDefects(const VisualMesh& mesh, const std::vector<Finding>& findings,
   const DrawModel model = makeDrawModel(mesh);
   const HeadlessContext context;
   Renderer renderer(model);
-  std::vector<Renderer::Highlight> highlights;
-  Annotation annotation;
-  annotation.points = model.positions;
-  annotation.line_width = 3;
-  for (auto mark = marks.rbegin(); mark != marks.rend(); ++mark) {  // the gravest last, on top
-    if (!mark->triangles.empty()) highlights.push_back({mark->triangles, opaque(mark->color)});
-    for (const std::uint32_t t : mark->triangles) {
-      // A dot as well: a sliver alone would be too thin to see.
-      const auto center = static_cast<std::uint32_t>(annotation.points.size());
-      const auto& v = model.triangles[t];
-      annotation.points.push_back((model.positions[v[0]] + model.positions[v[1]] + model.positions[v[2]]) / 3);
-      annotation.dots.push_back({center, opaque(mark->color)});
-      for (std::size_t k = 0; k < 3; ++k) annotation.lines.push_back({v[k], v[(k + 1) % 3], opaque(mark->color)});
+  // Marks the places of one finding, or of all warnings and errors, the gravest on top. What is only information (parts
+  // counted, settings chosen) stays in the legend: it would bury what needs a look.
+  const auto show = [&](const Mark* only) {
+    std::vector<Renderer::Highlight> highlights;
+    Annotation annotation;
+    annotation.points = model.positions;
+    annotation.line_width = only != nullptr ? 3.0F : 2.0F;
+    for (auto mark = marks.rbegin(); mark != marks.rend(); ++mark) {
+      if (only != nullptr ? &*mark != only : mark->finding->severity == Severity::info) continue;
+      if (!mark->triangles.empty()) highlights.push_back({mark->triangles, opaque(mark->color)});
+      for (const std::uint32_t t : mark->triangles) {
+        const auto& v = model.triangles[t];
+        for (std::size_t k = 0; k < 3; ++k) annotation.lines.push_back({v[k], v[(k + 1) % 3], opaque(mark->color)});
+        // Too small to see as a face: a dot as well.
+        const Eigen::Vector3f center = (model.positions[v[0]] + model.positions[v[1]] + model.positions[v[2]]) / 3;
+        const float area = (model.positions[v[1]] - model.positions[v[0]])
+                               .cross(model.positions[v[2]] - model.positions[v[0]])
+                               .norm() /
+                           2;
+        if (std::sqrt(area) > 0.02F * model.diagonal) continue;
+        annotation.dots.push_back({static_cast<std::uint32_t>(annotation.points.size()), opaque(mark->color)});
+        annotation.points.push_back(center);
+      }
+      for (const auto& e : mark->edges) annotation.lines.push_back({e[0], e[1], opaque(mark->color)});
+      for (const std::uint32_t v : mark->vertices) annotation.dots.push_back({v, opaque(mark->color)});
     }
-    for (const auto& e : mark->edges) annotation.lines.push_back({e[0], e[1], opaque(mark->color)});
-    for (const std::uint32_t v : mark->vertices) annotation.dots.push_back({v, opaque(mark->color)});
-  }
-  renderer.setHighlights(highlights);
-  renderer.setAnnotation(annotation);
+    renderer.setHighlights(highlights);
+    renderer.setAnnotation(annotation);
+  };
+  show(nullptr);
 
   std::vector<Eigen::Vector3f> drawn;
   for (const Eigen::Vector3f& p : model.positions) drawn.push_back(p / model.diagonal);
@@ -173,26 +186,35 @@ void renderDefects(const VisualMesh& mesh, const std::vector<Finding>& findings,
     camera.yaw = view.yaw;
     camera.pitch = view.pitch;
     fitCamera(camera, hull.points(), aspect, kFitMargin);
+    settings.lighting = turnedLighting(Lighting{}, camera.yaw - kLitYaw);
     renderer.draw(camera, settings, kTileWidth, kTileHeight);
     tiles.emplace_back(renderer.read(), kInk);
     drawText(tiles.back().first, 8, 6, 17, kInk, view.name);
   }
   std::size_t close_ups = 0;
   for (const Mark& mark : marks) {
-    if (mark.first_place.empty() || close_ups == kCloseUps) continue;
+    if (mark.first_place.empty() || mark.finding->severity == Severity::info || close_ups == kCloseUps) continue;
     ++close_ups;
-    // Looks at the place along the surface normal there, from a few times its size.
+    // Looks at the place along the surface normal there, from a few times the size of the faces around it.
+    std::set<std::uint32_t> place;
+    for (const std::uint32_t v : mark.first_place) place.insert(mesh.welded[v]);
     Eigen::Vector3f low = drawn[mark.first_place[0]];
     Eigen::Vector3f high = low;
-    Eigen::Vector3f normal = Eigen::Vector3f::Zero();
     for (const std::uint32_t v : mark.first_place) {
       low = low.cwiseMin(drawn[v]);
       high = high.cwiseMax(drawn[v]);
-      normal += model.normals[v];
     }
-    if (normal.norm() < 1e-3F) normal = Eigen::Vector3f(0.5F, 0.4F, 0.8F);
-    normal.normalize();
-    const float size = std::clamp(4 * (high - low).norm(), 0.08F, 0.6F);
+    Eigen::Vector3f normal = Eigen::Vector3f::Zero();
+    float around = (high - low).norm();
+    for (const Triangle& t : mesh.triangles) {
+      if (!place.contains(mesh.welded[t[0]]) && !place.contains(mesh.welded[t[1]]) &&
+          !place.contains(mesh.welded[t[2]]))
+        continue;
+      normal += (drawn[t[1]] - drawn[t[0]]).cross(drawn[t[2]] - drawn[t[0]]);
+      for (std::size_t k = 0; k < 3; ++k) around = std::max(around, (drawn[t[k]] - drawn[t[(k + 1) % 3]]).norm());
+    }
+    normal = normal.norm() > 1e-12F ? Eigen::Vector3f(normal.normalized()) : Eigen::Vector3f(0.5F, 0.4F, 0.77F);
+    const float size = std::clamp(1.6F * around, 0.04F, 0.6F);
     Camera camera;
     camera.yaw = std::atan2(normal.x(), normal.z()) + 0.35F;
     camera.pitch = std::clamp(std::asin(std::clamp(normal.y(), -1.0F, 1.0F)) + 0.2F, -1.4F, 1.4F);
@@ -200,6 +222,8 @@ void renderDefects(const VisualMesh& mesh, const std::vector<Finding>& findings,
     camera.distance = size / std::tan(camera.fov_y / 2);
     camera.near_plane = camera.distance * 0.05F;
     camera.far_plane = camera.distance + 4;
+    settings.lighting = turnedLighting(Lighting{}, camera.yaw - kLitYaw);
+    show(&mark);
     renderer.draw(camera, settings, kTileWidth, kTileHeight);
     tiles.emplace_back(renderer.read(), mark.color);
     Image& picture = tiles.back().first;

@@ -73,14 +73,21 @@ void addEdges(const formats::PackageView& package, DrawModel& model) {
 void addClusterTint(const formats::PackageView& package, DrawModel& model) {
   model.cluster_count = static_cast<std::uint32_t>(package.clusters().size());
   if (model.cluster_count == 0) return;
-  // Per physical vertex, the blend over its clusters by share.
+  // Per physical vertex, the blend over its clusters by share cubed: plain shares of many overlapping clusters are
+  // grey.
   std::vector<Eigen::Vector3f> physical(package.physicalVertices().size(), Eigen::Vector3f::Zero());
+  std::vector<float> sums(physical.size(), 0);
   for (std::uint32_t c = 0; c < model.cluster_count; ++c) {
     const formats::Cluster& cluster = package.clusters()[c];
     const Eigen::Vector3f color = toVector(distinctColor(c));
     for (const formats::Membership& m : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
-      physical[m.vertex] += m.share * color;
+      const float weight = m.share * m.share * m.share;
+      physical[m.vertex] += weight * color;
+      sums[m.vertex] += weight;
     }
+  }
+  for (std::size_t i = 0; i < physical.size(); ++i) {
+    if (sums[i] > 0) physical[i] /= sums[i];
   }
   const std::size_t count = model.positions.size();
   model.cluster_tint.assign(count, {0.5F, 0.5F, 0.5F});

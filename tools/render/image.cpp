@@ -12,6 +12,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <string_view>
 #include <system_error>
 
 #include "tools/core/atomic_file.h"
@@ -32,6 +33,28 @@ std::size_t pixelOffset(const Image& image, int x, int y) {
 [[noreturn]] void throwSystem(const std::filesystem::path& file, const std::string& what, int error) {
   throw ToolError(ExitCode::system, file.string(), what + " (" + std::strerror(error) + ")",
                   "Check that the folder exists, that you may write there, and that the disk is not full.");
+}
+
+// PNG without its ancillary chunks (colour profiles and the like, which are not used and which libpng grumbles about on
+// stderr), transparency apart. Anything else, and anything odd, comes back as it is.
+std::vector<std::uint8_t> strippedPng(std::span<const std::byte> bytes) {
+  std::vector<std::uint8_t> all(bytes.size());
+  std::memcpy(all.data(), bytes.data(), bytes.size());
+  constexpr std::array<std::uint8_t, 8> kSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+  if (all.size() < kSignature.size() || !std::equal(kSignature.begin(), kSignature.end(), all.begin())) return all;
+  std::vector<std::uint8_t> kept(kSignature.begin(), kSignature.end());
+  for (std::size_t at = kSignature.size(); at < all.size();) {
+    if (all.size() - at < 12) return all;
+    const std::size_t length =
+        std::size_t{all[at]} << 24 | std::size_t{all[at + 1]} << 16 | std::size_t{all[at + 2]} << 8 | all[at + 3];
+    if (length > all.size() - at - 12) return all;
+    const std::string_view name(reinterpret_cast<const char*>(&all[at + 4]), 4);
+    const bool ancillary = (all[at + 4] & 0x20U) != 0;
+    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(at);
+    if (!ancillary || name == "tRNS") kept.insert(kept.end(), begin, begin + static_cast<std::ptrdiff_t>(length + 12));
+    at += length + 12;
+  }
+  return kept;
 }
 
 }  // namespace
@@ -81,9 +104,7 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
   TexturePixels result;
   if (bytes.empty() || bytes.size() > kMaxTextureBytes) return result;
   try {
-    std::vector<std::uint8_t> encoded(bytes.size());
-    std::memcpy(encoded.data(), bytes.data(), bytes.size());
-    cv::Mat picture = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
+    cv::Mat picture = cv::imdecode(strippedPng(bytes), cv::IMREAD_UNCHANGED);
     if (picture.empty() || static_cast<std::int64_t>(picture.total()) > kMaxTexturePixels) return result;
     if (picture.depth() == CV_16U) {
       picture.convertTo(picture, CV_8U, 1.0 / 257.0);

@@ -21,6 +21,8 @@ constexpr Rgb8 kInk = {34, 38, 46};
 constexpr Rgb8 kGreyInk = {98, 104, 116};
 constexpr int kMargin = 20;
 constexpr int kGap = 6;
+constexpr int kLabelHeight = 22;
+constexpr float kLabelText = 15;
 constexpr float kFitMargin = 0.09F;
 // The hull of a motion is made from at most so many vertices and every so many steps: enough to frame it.
 constexpr std::size_t kHullVertices = 6000;
@@ -62,6 +64,12 @@ std::vector<Eigen::Vector3f> scaled(std::span<const Eigen::Vector3f> points, flo
 void applyOverlay(DrawSettings& settings, OverlayName overlay) {
   settings.physical = overlay == OverlayName::physical || overlay == OverlayName::all;
   settings.clusters = overlay == OverlayName::clusters || overlay == OverlayName::all;
+}
+
+// Lines and dots that suit the size of the picture.
+void scaleMarks(DrawSettings& settings, int height) {
+  settings.line_width = std::clamp(static_cast<float>(height) / 500, 0.7F, 2.0F);
+  settings.dot_size = std::clamp(static_cast<float>(height) / 65, 3.5F, 12.0F);
 }
 
 void label(Image& picture, const std::string& text) {
@@ -210,6 +218,7 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
     Take take = recordTake(asset, kind, options.step_seconds, tileTimes(length, frames));
     applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
     take.settings.pinned = options.overlay.value_or(OverlayName::all) != OverlayName::none;
+    scaleMarks(take.settings, height);
     const Camera camera = fitted(viewCamera(options.view.value_or(ViewName::three_quarter)), take, width, height);
     std::vector<Tile> row;
     for (std::size_t k = 0; k < take.shapes.size(); ++k) {
@@ -232,6 +241,8 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
         turned.yaw = side.yaw;
         turned.pitch = side.pitch;
         tile.camera = fitted(turned, take, width, height);
+        tile.settings.lighting =
+            turnedLighting(take.settings.lighting, side.yaw - viewCamera(ViewName::three_quarter).yaw);
         tile.label += "  " + std::string(side.name);
       }
       row.push_back(std::move(tile));
@@ -263,7 +274,8 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
   }
   constexpr int kTitleHeight = 62;
   Image sheet(2 * kMargin + columns * width + (columns - 1) * kGap,
-              kMargin + kTitleHeight + static_cast<int>(lines) * (height + kGap) - kGap + kMargin, kPaper);
+              kMargin + kTitleHeight + static_cast<int>(lines) * (height + kLabelHeight + kGap) - kGap + kMargin,
+              kPaper);
   const float room = static_cast<float>(sheet.width - 2 * kMargin);
   drawText(sheet, kMargin, kMargin - 4, 30, kInk, fitText(title, 30, room));
   drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package()), 17, room));
@@ -276,14 +288,16 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
       const Tile& tile = row[k];
       showShape(renderer, tile.shape);
       renderer.draw(tile.camera, tile.settings, width, height);
-      Image picture = renderer.read();
-      label(picture, tile.label);
+      const Image picture = renderer.read();
       const auto column = static_cast<int>(k % per_line);
-      if (k > 0 && column == 0) y += height + kGap;
-      sheet.paste(picture, kMargin + column * (width + kGap), y);
+      if (k > 0 && column == 0) y += height + kLabelHeight + kGap;
+      const int x = kMargin + column * (width + kGap);
+      drawText(sheet, static_cast<float>(x + 2), static_cast<float>(y + 3), kLabelText, kInk,
+               fitText(tile.label, kLabelText, static_cast<float>(width - 4)));
+      sheet.paste(picture, x, y + kLabelHeight);
       if (progress) progress(static_cast<double>(++done) / static_cast<double>(tiles));
     }
-    y += height + kGap;
+    y += height + kLabelHeight + kGap;
   }
   return sheet;
 }
@@ -310,6 +324,7 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
   take.settings.pinned = options.overlay.value_or(OverlayName::all) != OverlayName::none;
   const float aspect = static_cast<float>(width) / static_cast<float>(height);
+  scaleMarks(take.settings, height);
   Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter));
   const float yaw = camera.yaw;
   const Eigen::Vector3f middle = take.settings.shadow_center;

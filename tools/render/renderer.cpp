@@ -53,6 +53,11 @@ Eigen::Matrix4f biasMatrix() {  // clip space -1..1 to texture space 0..1
 
 }  // namespace
 
+Lighting turnedLighting(Lighting lighting, float yaw) {
+  lighting.key_direction = Eigen::AngleAxisf(yaw, Eigen::Vector3f::UnitY()) * lighting.key_direction;
+  return lighting;
+}
+
 Renderer::Renderer(const DrawModel& model)
     : scale_(1 / model.diagonal),
       parts_(model.parts),

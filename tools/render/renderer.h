@@ -16,17 +16,22 @@
 
 namespace sinew::tools {
 
-/// Lights, linear RGB. White diffuse paper in full light comes out just below white.
+/// Lights, linear RGB. A white surface that faces key light, sky and eye comes out at 0.97: nothing is burnt out but
+/// highlights.
 struct Lighting {
   Eigen::Vector3f key_direction = Eigen::Vector3f(0.42F, 0.78F, 0.47F).normalized();  ///< unit, towards the light
-  Eigen::Vector3f key_color = {0.98F, 0.95F, 0.90F};
-  Eigen::Vector3f fill_color = {0.16F, 0.17F, 0.19F};    ///< from the eye
-  Eigen::Vector3f sky_color = {0.38F, 0.41F, 0.46F};     ///< ambient from above
-  Eigen::Vector3f ground_color = {0.20F, 0.19F, 0.18F};  ///< ambient from below
-  float specular = 1.0F;                                 ///< 0 = matt
+  Eigen::Vector3f key_color = {0.62F, 0.60F, 0.57F};
+  Eigen::Vector3f fill_color = {0.12F, 0.125F, 0.135F};   ///< from the eye
+  Eigen::Vector3f sky_color = {0.25F, 0.26F, 0.28F};      ///< ambient from above
+  Eigen::Vector3f ground_color = {0.15F, 0.145F, 0.14F};  ///< ambient from below
+  float specular = 0.6F;                                  ///< 0 = matt
   Eigen::Vector3f background_top = {0.84F, 0.86F, 0.89F};
   Eigen::Vector3f background_bottom = {0.60F, 0.62F, 0.66F};
 };
+
+/// The same lights turned about the vertical by `yaw` (rad): so that a picture from behind is lit like one from the
+/// front.
+Lighting turnedLighting(Lighting lighting, float yaw);
 
 struct DrawSettings {
   bool physical = false;  ///< the tetrahedra's edges

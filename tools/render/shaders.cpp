@@ -4,19 +4,19 @@
 #define SINEW_GLSL "#version 330 core\n"
 
 // Shadow of the key light: 16 bilinear comparisons on a Vogel disc. A fixed disc, so that nothing shimmers in motion.
-#define SINEW_GLSL_SHADOW                                                       \
-  "uniform sampler2DShadow u_shadow;\n"                                         \
-  "uniform mat4 u_shadow_matrix;\n"                                             \
-  "float keyVisibility(vec3 p, float spread) {\n"                               \
-  "  vec3 s = (u_shadow_matrix * vec4(p, 1.0)).xyz;\n"                          \
-  "  if (any(greaterThan(abs(s.xy - 0.5), vec2(0.499)))) return 1.0;\n"         \
-  "  float sum = 0.0;\n"                                                        \
-  "  for (int i = 0; i < 16; ++i) {\n"                                          \
-  "    float r = sqrt((float(i) + 0.5) / 16.0) * spread;\n"                     \
-  "    float a = 2.39996323 * float(i);\n"                                      \
-  "    sum += texture(u_shadow, vec3(s.xy + r * vec2(cos(a), sin(a)), s.z));\n" \
-  "  }\n"                                                                       \
-  "  return sum / 16.0;\n"                                                      \
+#define SINEW_GLSL_SHADOW                                                              \
+  "uniform sampler2DShadow u_shadow;\n"                                                \
+  "uniform mat4 u_shadow_matrix;\n"                                                    \
+  "float keyVisibility(vec3 p, float spread) {\n"                                      \
+  "  vec3 s = (u_shadow_matrix * vec4(p, 1.0)).xyz;\n"                                 \
+  "  if (length(s.xy - 0.5) > 0.5) return 1.0;  // nothing casts a shadow out there\n" \
+  "  float sum = 0.0;\n"                                                               \
+  "  for (int i = 0; i < 16; ++i) {\n"                                                 \
+  "    float r = sqrt((float(i) + 0.5) / 16.0) * spread;\n"                            \
+  "    float a = 2.39996323 * float(i);\n"                                             \
+  "    sum += texture(u_shadow, vec3(s.xy + r * vec2(cos(a), sin(a)), s.z));\n"        \
+  "  }\n"                                                                              \
+  "  return sum / 16.0;\n"                                                             \
   "}\n"
 
 #define SINEW_GLSL_BACKGROUND                                                                               \
@@ -168,6 +168,7 @@ uniform float u_height_range;      // drawing units per depth unit
 layout(location = 0) out vec4 o_color;
 float skyVisibility(vec3 p) {
   vec3 s = (u_height_matrix * vec4(p, 1.0)).xyz;
+  if (length(s.xy - 0.5) > 0.56) return 1.0;
   float sum = 0.0;
   for (int i = 0; i < 16; ++i) {
     float r = sqrt((float(i) + 0.5) / 16.0) * 0.09;
@@ -190,7 +191,8 @@ void main() {
   float fade = 1.0 - smoothstep(0.45, 0.95, away);
   vec3 key = u_key_color * max(u_key_direction.y, 0.0);
   vec3 open = key + u_sky_color;
-  vec3 kept = key * keyVisibility(v_position + 0.003 * u_key_direction, u_shadow_spread) + u_sky_color * skyVisibility(v_position);
+  vec3 kept =
+      key * keyVisibility(v_position + 0.003 * u_key_direction, u_shadow_spread) + u_sky_color * skyVisibility(v_position);
   vec3 ratio = mix(vec3(1.0), kept / open, fade);
   float line = fade * (0.10 * grid(v_position.xz, 0.5) + 0.05 * grid(v_position.xz, 0.1));
   float edge = 1.0 - smoothstep(0.9, 1.0, away);
@@ -290,8 +292,8 @@ layout(location = 0) out vec4 o_color;
 void main() {
   float r = length(v_at);
   float cover = clamp(0.5 * u_width + 0.5 - r, 0.0, 1.0);
-  float rim = clamp(r - 0.5 * u_width + 1.8, 0.0, 1.0);
-  o_color = vec4(mix(pow(v_color.rgb, vec3(2.2)), vec3(0.02), 0.8 * rim), v_color.a * cover * u_opacity);
+  float rim = clamp(r - 0.5 * u_width + min(1.8, 0.2 * u_width), 0.0, 1.0);
+  o_color = vec4(mix(pow(v_color.rgb, vec3(2.2)), vec3(0.02), 0.7 * rim), v_color.a * cover * u_opacity);
 }
 )";
 

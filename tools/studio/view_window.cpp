@@ -202,6 +202,7 @@ class View {
       ImGui_ImplGlfw_NewFrame();
       ImGui::NewFrame();
       drawPanel(static_cast<float>(panel_pixels_) / pixels_per_unit_, static_cast<float>(window_height));
+      drawHelp(static_cast<float>(window_width), static_cast<float>(window_height));
       keys();
       mouse();
       advance(elapsed);
@@ -456,12 +457,22 @@ class View {
     row("tetrahedra", "%zu", package.tetrahedra().size());
     row("clusters", "%zu", package.clusters().size());
 
-    heading("Help");
+    ImGui::End();
+  }
+
+  // One line along the lower edge of the view.
+  void drawHelp(float window_width, float window_height) const {
+    const float left = static_cast<float>(panel_pixels_) / pixels_per_unit_;
+    ImGui::SetNextWindowPos({left, window_height}, ImGuiCond_Always, {0, 1});
+    ImGui::SetNextWindowSize({window_width - left, 0});
+    ImGui::SetNextWindowBgAlpha(0.55F);
+    ImGui::Begin("##help", nullptr,
+                 ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoInputs | ImGuiWindowFlags_NoSavedSettings |
+                     ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav);
     ImGui::PushTextWrapPos(0);
-    ImGui::TextDisabled(
-        "Drag the body to pull it. Drag beside it, or with the right button, to look around; middle button or Shift "
-        "pans, wheel zooms.");
-    ImGui::TextDisabled("Space play, N step, R reset, F fit, P physical mesh, C clusters, 1 to 5 scenes.");
+    ImGui::TextUnformatted(
+        "Drag the body: pull it.  Beside it, or right button: orbit.  Middle or Shift: pan.  Wheel: zoom.\n"
+        "Space: play   N: step   R: reset   F: fit   P: physical mesh   C: clusters   1-5: scenes");
     ImGui::PopTextWrapPos();
     ImGui::End();
   }
