@@ -13,7 +13,9 @@ struct ClusterFrame {
   geometry::Quaternion rotation = geometry::kIdentityQuaternion;  ///< R
   Columns<9> a_pq = Columns<9>::Zero();  ///< Σ mu p q~^T with p = (x - c) / radius; columns 3.. only if quadratic
   Columns<9> f = Columns<9>::Zero();     ///< F; columns 3.. only if quadratic
-  bool limited = false;                  ///< the guard against inversion moved F in the last match
+  geometry::Quaternion part_rotation =
+      geometry::kIdentityQuaternion;  ///< of the whole body part, from its clusters' moments
+  bool limited = false;               ///< the guard against inversion moved F in the last match
 };
 
 }  // namespace sinew::internal

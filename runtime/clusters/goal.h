@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <span>
+
 #include "runtime/clusters/frame.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/load/rest_constants.h"
@@ -13,7 +15,12 @@ namespace sinew::internal {
 inline constexpr float kLeastStretch = 0.1F;
 inline constexpr float kLargestStretch = 3.0F;
 
-/// R, then F, from the frame's moments (docs/method.md eq. 3, 5, 8, 10).
+/// Rotation of a body part from its clusters' moments, into ClusterFrame::part_rotation of each: what a cluster falls
+/// back to that has lost its own. \param first, count the part's clusters.
+void updatePartRotation(const formats::PackageView& package, std::uint32_t first, std::uint32_t count,
+                        std::span<ClusterFrame> frames);
+
+/// R, then F, from the frame's moments (docs/method.md eq. 3, 5, 8, 10, 11).
 void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
                  ClusterFrame& frame);
 

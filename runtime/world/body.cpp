@@ -34,7 +34,7 @@ void Body::reset() {
   repaired = 0;
   geometry::Quaternion start = geometry::kIdentityQuaternion;
   geometry::nearestRotation(rotation, start);
-  for (ClusterFrame& frame : frames) frame.rotation = start;
+  for (ClusterFrame& frame : frames) frame.rotation = frame.part_rotation = start;
   matchPositions();
 }
 

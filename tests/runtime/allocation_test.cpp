@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "sinew/runtime/thread_pool.h"
+#include "sinew/runtime/world.h"
+#include "tests/support/box_package.h"
+
+namespace {
+std::atomic<std::size_t> allocations{0};
+
+void* counted(std::size_t bytes, std::size_t alignment) {
+  ++allocations;
+  void* memory = std::aligned_alloc(alignment, (bytes + alignment - 1) / alignment * alignment);
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+}  // namespace
+
+void* operator new(std::size_t bytes) { return counted(bytes, alignof(std::max_align_t)); }
+void* operator new(std::size_t bytes, std::align_val_t alignment) { return counted(bytes, std::size_t(alignment)); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+namespace sinew::test {
+namespace {
+
+void expectNoAllocation(JobSystem* jobs) {
+  BoxOptions box;
+  box.mode = formats::ClusterMode::quadratic;
+  box.clusters = {2, 2, 2};
+  WorldSettings settings;
+  settings.ground.enabled = true;
+  World world(settings, jobs);
+  BodySettings place;
+  place.position = {0, 1, 0};
+  const BodyId body = *world.addBody(boxAsset(box), place);
+  ASSERT_TRUE(world.addBody(world.asset(body).package().info().diagonal > 0 ? boxAsset(box) : nullptr));
+  world.step(1.0F / 60);
+  world.pin(body, 3, world.positions(body)[3]);
+  const PickId pick = world.pick(body, 0, {1, 2, 0});
+  const std::size_t before = allocations;
+  ASSERT_GT(before, 0U);
+  for (int i = 0; i < 120; ++i) {
+    world.step(i % 2 == 0 ? 1.0F / 60 : 1.0F / 50);
+    world.movePick(pick, {1, 2, float(i) * 0.01F});
+    if (i == 60) world.unpinAll(body);
+  }
+  EXPECT_EQ(allocations, before);
+}
+
+TEST(Allocation, NoneInAStepAfterTheFirst) { expectNoAllocation(nullptr); }
+
+TEST(Allocation, NoneWithAThreadPool) {
+  ThreadPool pool(3);
+  expectNoAllocation(&pool);
+}
+
+}  // namespace
+}  // namespace sinew::test

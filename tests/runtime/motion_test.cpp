@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT
+//
+// Free bodies: what physics says of momentum, paths and rest.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/runtime/world_state.h"
+#include "tests/support/box_package.h"
+
+namespace sinew::test {
+namespace {
+
+using Eigen::Vector3d;
+using formats::ClusterMode;
+
+const ClusterMode kModes[] = {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic};
+
+BoxOptions overlapping(ClusterMode mode) {
+  BoxOptions box;
+  box.cells = {6, 4, 4};
+  box.size = {1.5, 1, 0.8};
+  box.clusters = {3, 2, 2};
+  box.mode = mode;
+  return box;
+}
+
+TEST(FreeBody, AtRestStaysAtRest) {
+  for (const ClusterMode mode : kModes) {
+    World world(weightless());
+    BodySettings place;
+    place.position = {0.3F, 1.7F, -2.1F};
+    const BodyId body = *world.addBody(boxAsset(overlapping(mode)), place);
+    const std::vector<Vec3> start(world.positions(body).begin(), world.positions(body).end());
+    run(world, 6);
+    double worst = 0;
+    for (std::size_t i = 0; i < start.size(); ++i) {
+      worst = std::max(worst, (wide(world.positions(body)[i]) - wide(start[i])).norm());
+    }
+    EXPECT_LT(worst / double(world.asset(body).package().info().diagonal), 2e-5) << int(mode);
+    EXPECT_LT(rmsSpeed(world, body), 1e-4) << int(mode);
+  }
+}
+
+TEST(FreeBody, FallsOnAParabola) {
+  for (const ClusterMode mode : kModes) {
+    WorldSettings settings;
+    settings.damping = 0;
+    World world(settings);
+    const BodyId body = *world.addBody(boxAsset(overlapping(mode)));
+    std::vector<Vec3> v(world.positions(body).size(), Vec3{2, 5, -1});
+    world.setState(body, std::vector<Vec3>(world.positions(body).begin(), world.positions(body).end()), v);
+    const Vector3d start = motionOf(world, body).center;
+    run(world, 1);
+    // Symplectic Euler over n passes: x = v t + g t² (n + 1) / (2 n).
+    const double n = 60 * settings.iterations;
+    const Vector3d expected = start + Vector3d(2, 5, -1) + Vector3d(0, -9.81, 0) * (n + 1) / (2 * n);
+    EXPECT_LT((motionOf(world, body).center - expected).norm(), 2e-4) << int(mode);
+    EXPECT_LT(restError(world, body).max, 1e-4) << int(mode);
+  }
+}
+
+TEST(FreeBody, KeepsMomentumWhileItTumblesAndWobbles) {
+  for (const ClusterMode mode : kModes) {
+    WorldSettings settings = weightless();
+    settings.damping = 0;
+    World world(settings);
+    const BodyId body = *world.addBody(boxAsset(overlapping(mode)));
+    std::mt19937 engine(3);
+    std::uniform_real_distribution<float> noise(-1, 1);
+    std::vector<Vec3> x, v;
+    for (const Vec3& p : world.positions(body)) {
+      x.push_back({p[0] * 1.2F + 0.1F * noise(engine), p[1] + 0.1F * noise(engine), p[2] * 0.9F});
+      const Vector3d spin = Vector3d(3, 4, -2).cross(wide(p));
+      v.push_back({float(spin[0]) + noise(engine), float(spin[1]) + 1, float(spin[2]) + noise(engine)});
+    }
+    world.setState(body, x, v);
+    const Motion before = motionOf(world, body);
+    run(world, 4);
+    const Motion after = motionOf(world, body);
+    const Vector3d spin_before = before.angular - before.center.cross(before.momentum);
+    const Vector3d spin_after = after.angular - after.center.cross(after.momentum);
+    EXPECT_LT((after.momentum - before.momentum).norm(), 1e-5 * before.momentum.norm()) << int(mode);
+    EXPECT_LT((spin_after - spin_before).norm(), 1e-4 * spin_before.norm()) << int(mode);
+  }
+}
+
+TEST(FreeBody, LosesNoEnergyToNothingAndGainsNone) {
+  // Free energy (kinetic; the shape starts at rest) never exceeds the start, whatever the step.
+  for (const float h : {1e-4F, 1.0F / 240, 1.0F / 60, 0.1F, 1.0F}) {
+    WorldSettings settings = weightless();
+    World world(settings);
+    const BodyId body = *world.addBody(boxAsset(overlapping(ClusterMode::quadratic)));
+    std::mt19937 engine(4);
+    std::normal_distribution<float> noise(0, 2);
+    std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end()), v(x.size());
+    for (Vec3& p : v) p = {noise(engine), noise(engine), noise(engine)};
+    world.setState(body, x, v);
+    const double start = motionOf(world, body).kinetic;
+    for (int i = 0; i < 200; ++i) {
+      world.step(h);
+      ASSERT_LE(motionOf(world, body).kinetic, start * 1.0001) << "h " << h << " step " << i;
+    }
+    EXPECT_TRUE(allFinite(world, body));
+  }
+}
+
+TEST(FreeBody, WorksFarFromTheOrigin) {
+  World world(weightless());
+  BodySettings place;
+  place.position = {10000, 0, -10000};
+  const BodyId body = *world.addBody(boxAsset(overlapping(ClusterMode::linear)), place);
+  run(world, 4);
+  // Floats are 1 mm apart there.
+  EXPECT_LT(restError(world, body).max, 2e-3);
+  EXPECT_LT((motionOf(world, body).center - Vector3d(10000, 0, -10000)).norm(), 0.05);
+}
+
+TEST(FreeBody, DampingDecaysAtTheStatedRate) {
+  WorldSettings settings = weightless();
+  settings.damping = 0.7F;
+  World world(settings);
+  const BodyId body = *world.addBody(boxAsset(overlapping(ClusterMode::linear)));
+  std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end()), v(x.size(), Vec3{1, 0, 0});
+  world.setState(body, x, v);
+  run(world, 2);
+  const Motion m = motionOf(world, body);
+  EXPECT_NEAR(m.momentum[0] / m.mass, std::exp(-1.4), 1e-3);
+}
+
+}  // namespace
+}  // namespace sinew::test

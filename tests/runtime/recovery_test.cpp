@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: MIT
+//
+// From any state back to the rest shape, and finite whatever comes in.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "tests/runtime/world_state.h"
+#include "tests/support/box_package.h"
+
+namespace sinew::test {
+namespace {
+
+using formats::ClusterMode;
+
+struct Recovery {
+  const char* name;
+  ClusterMode mode;
+  std::uint32_t clusters;
+};
+
+class Recover : public testing::TestWithParam<Recovery> {
+ protected:
+  Recover() : world_(weightless()) {
+    BoxOptions box;
+    box.cells = {6, 5, 4};
+    box.size = {1.5, 1, 0.7};
+    box.mode = GetParam().mode;
+    box.clusters = {GetParam().clusters, GetParam().clusters, 1};
+    body_ = *world_.addBody(boxAsset(box));
+  }
+
+  void recoverFrom(const std::function<Vec3(const Vec3&)>& deform) {
+    std::vector<Vec3> x;
+    for (const Vec3& p : world_.positions(body_)) x.push_back(deform(p));
+    world_.setState(body_, x, {});
+    for (int i = 0; i < 360; ++i) {
+      world_.step(1.0F / 60);
+      ASSERT_TRUE(allFinite(world_, body_)) << i;
+    }
+    // restError removes proper rotations only: a mirrored body would show as an error of the order of 1.
+    EXPECT_LT(restError(world_, body_).max, 1e-3);
+  }
+
+  World world_;
+  BodyId body_;
+};
+
+TEST_P(Recover, FromAPlane) {
+  recoverFrom([](const Vec3& p) { return Vec3{p[0], 0, p[2]}; });
+}
+TEST_P(Recover, FromALine) {
+  recoverFrom([](const Vec3& p) { return Vec3{p[0], 0, 0}; });
+}
+TEST_P(Recover, FromAPoint) {
+  recoverFrom([](const Vec3&) { return Vec3{0.1F, 0.2F, 0.3F}; });
+}
+TEST_P(Recover, FromItsMirrorImage) {
+  for (const std::size_t axis : {0U, 1U, 2U}) {
+    recoverFrom([axis](const Vec3& p) {
+      Vec3 q = p;
+      q[axis] = -q[axis];
+      return q;
+    });
+    world_.resetBody(body_);
+  }
+}
+TEST_P(Recover, FromInsideOut) {
+  recoverFrom([](const Vec3& p) { return Vec3{-p[0], -p[1], -p[2]}; });
+}
+TEST_P(Recover, FromAScatterOfItsOwnSize) {
+  std::mt19937 engine(11);
+  std::uniform_real_distribution<float> noise(-1, 1);
+  recoverFrom([&](const Vec3&) { return Vec3{noise(engine), noise(engine), noise(engine)}; });
+}
+TEST_P(Recover, FromStretch) {
+  recoverFrom([](const Vec3& p) { return Vec3{p[0] * 4, p[1], p[2]}; });
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Modes, Recover,
+    testing::Values(Recovery{"rigid1", ClusterMode::rigid, 1}, Recovery{"linear1", ClusterMode::linear, 1},
+                    Recovery{"quadratic1", ClusterMode::quadratic, 1}, Recovery{"rigid2", ClusterMode::rigid, 2},
+                    Recovery{"linear2", ClusterMode::linear, 2}, Recovery{"quadratic2", ClusterMode::quadratic, 2}),
+    [](const auto& tested) { return tested.param.name; });
+
+TEST(Extremes, EverythingStaysFinite) {
+  for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
+    for (const float h : {1e-5F, 1.0F / 60, 1.0F}) {
+      for (const float hz : {0.0F, 5.0F, 1e5F}) {
+        for (const float size : {1e-6F, 1.0F, 1e6F}) {
+          BoxOptions box;
+          box.mode = mode;
+          box.clusters = {2, 1, 1};
+          box.stretch_hz = box.bend_hz = box.twist_hz = hz;
+          WorldSettings settings;
+          settings.ground.enabled = true;
+          World world(settings);
+          const BodyId body = *world.addBody(boxAsset(box));
+          std::mt19937 engine(5);
+          std::normal_distribution<float> noise(0, 1);
+          std::vector<Vec3> x, v;
+          for (std::size_t i = 0; i < world.positions(body).size(); ++i) {
+            x.push_back({size * noise(engine), size * noise(engine), size * noise(engine)});
+            v.push_back({1e6F * noise(engine), 1e6F * noise(engine), 1e6F * noise(engine)});
+          }
+          world.setState(body, x, v);
+          for (int i = 0; i < 60; ++i) world.step(h);
+          EXPECT_TRUE(allFinite(world, body)) << int(mode) << " h " << h << " f " << hz << " size " << size;
+          EXPECT_EQ(world.repairedVertices(body), 0U);
+        }
+      }
+    }
+  }
+}
+
+TEST(Extremes, ALostVertexIsReportedContainedAndBroughtBack) {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+  for (const Vec3& bad : {Vec3{nan, 0, 0}, Vec3{0, inf, 0}, Vec3{1e30F, 0, 0}}) {
+    for (const bool in_velocity : {false, true}) {
+      BoxOptions box;
+      box.clusters = {2, 2, 2};
+      World world(weightless());
+      const BodyId body = *world.addBody(boxAsset(box));
+      std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end()), v(x.size());
+      (in_velocity ? v : x)[7] = bad;
+      world.setState(body, x, v);
+      world.step(1.0F / 60);
+      EXPECT_EQ(world.repairedVertices(body), 1U);
+      EXPECT_TRUE(allFinite(world, body));
+      EXPECT_LT(restError(world, body).max, 1e-4);
+      world.step(1.0F / 60);
+      EXPECT_EQ(world.repairedVertices(body), 0U);
+    }
+  }
+}
+
+TEST(DegenerateClusters, KeepTheDirectionsTheyLack) {
+  // Clusters of 1, 2, 3 vertices, of a line and of a sheet: none may collapse.
+  formats::PackageContent content = boxContent({});
+  content.clusters.clear();
+  content.memberships.clear();
+  std::vector<double> weights;
+  const auto add = [&](ClusterMode mode, const std::vector<std::uint32_t>& members) {
+    formats::Cluster cluster{};
+    cluster.name = content.info.name;
+    cluster.mode = mode;
+    cluster.first_member = std::uint32_t(content.memberships.size());
+    cluster.member_count = std::uint32_t(members.size());
+    cluster.alpha = 1;
+    cluster.stretch_hz = cluster.bend_hz = cluster.twist_hz = 5;
+    content.clusters.push_back(cluster);
+    for (const std::uint32_t v : members) {
+      content.memberships.push_back({v, 0, 0});
+      weights.push_back(1);
+    }
+  };
+  std::vector<std::uint32_t> line, sheet, all;
+  for (std::uint32_t i = 0; i < content.physical_vertices.size(); ++i) {
+    const auto& x = content.physical_vertices[i].rest_position;
+    if (x[1] < -0.49F && x[2] < -0.49F) line.push_back(i);
+    if (x[1] < -0.49F) sheet.push_back(i);
+    all.push_back(i);
+  }
+  for (const ClusterMode mode : {ClusterMode::linear, ClusterMode::quadratic}) {
+    add(mode, {4});
+    add(mode, {4, 9});
+    add(mode, {4, 9, 20});
+    add(mode, line);
+    add(mode, sheet);
+    add(mode, all);
+  }
+  computeClusterConstants(content, weights);
+  content.bodies[0].cluster_count = std::uint32_t(content.clusters.size());
+  WorldSettings settings = weightless();
+  World world(settings);
+  const BodyId body = *world.addBody(makeAsset(content));
+  run(world, 2);
+  EXPECT_LT(restError(world, body).max, 1e-4);
+  std::vector<Vec3> x;
+  for (const Vec3& p : world.positions(body)) x.push_back({p[0] * 1.3F, p[1] * 0.6F, p[2] + 0.3F * p[0]});
+  world.setState(body, x, {});
+  run(world, 6);
+  EXPECT_LT(restError(world, body).max, 1e-3);
+}
+
+}  // namespace
+}  // namespace sinew::test
