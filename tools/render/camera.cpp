@@ -12,7 +12,7 @@ namespace sinew::tools {
 namespace {
 
 constexpr std::array<std::string_view, 4> kViewNames = {"front", "side", "top", "three-quarter"};
-constexpr std::size_t kDirections = 96;
+constexpr std::size_t kDirections = 128;
 
 }  // namespace
 

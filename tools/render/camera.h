@@ -43,7 +43,7 @@ struct Camera {
 Camera viewCamera(ViewName view);
 
 /// What a motion covers: support points in evenly spread directions over all that was added. Any camera can be fitted
-/// to it afterwards; the error is below 3 % of its radius (the directions lie 14 degrees apart at most from any other).
+/// to it afterwards; the error is below 3 % of its radius (every direction lies within 13 degrees of one of them).
 class MotionHull {
  public:
   MotionHull();

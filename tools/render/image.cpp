@@ -36,7 +36,7 @@ std::size_t pixelOffset(const Image& image, int x, int y) {
 }
 
 // PNG without its ancillary chunks (colour profiles and the like, which are not used and which libpng grumbles about on
-// stderr), transparency apart. Anything else, and anything odd, comes back as it is.
+// stderr), transparency apart. Other formats come back as they are, a PNG that is cut off comes back empty.
 std::vector<std::uint8_t> strippedPng(std::span<const std::byte> bytes) {
   std::vector<std::uint8_t> all(bytes.size());
   std::memcpy(all.data(), bytes.data(), bytes.size());
@@ -44,17 +44,18 @@ std::vector<std::uint8_t> strippedPng(std::span<const std::byte> bytes) {
   if (all.size() < kSignature.size() || !std::equal(kSignature.begin(), kSignature.end(), all.begin())) return all;
   std::vector<std::uint8_t> kept(kSignature.begin(), kSignature.end());
   for (std::size_t at = kSignature.size(); at < all.size();) {
-    if (all.size() - at < 12) return all;
+    if (all.size() - at < 12) return {};
     const std::size_t length =
         std::size_t{all[at]} << 24 | std::size_t{all[at + 1]} << 16 | std::size_t{all[at + 2]} << 8 | all[at + 3];
-    if (length > all.size() - at - 12) return all;
+    if (length > all.size() - at - 12) return {};
     const std::string_view name(reinterpret_cast<const char*>(&all[at + 4]), 4);
     const bool ancillary = (all[at + 4] & 0x20U) != 0;
     const auto begin = all.begin() + static_cast<std::ptrdiff_t>(at);
     if (!ancillary || name == "tRNS") kept.insert(kept.end(), begin, begin + static_cast<std::ptrdiff_t>(length + 12));
     at += length + 12;
+    if (name == "IEND") return kept;
   }
-  return kept;
+  return {};
 }
 
 }  // namespace
@@ -104,7 +105,9 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
   TexturePixels result;
   if (bytes.empty() || bytes.size() > kMaxTextureBytes) return result;
   try {
-    cv::Mat picture = cv::imdecode(strippedPng(bytes), cv::IMREAD_UNCHANGED);
+    const std::vector<std::uint8_t> encoded = strippedPng(bytes);
+    if (encoded.empty()) return result;
+    cv::Mat picture = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
     if (picture.empty() || static_cast<std::int64_t>(picture.total()) > kMaxTexturePixels) return result;
     if (picture.depth() == CV_16U) {
       picture.convertTo(picture, CV_8U, 1.0 / 257.0);

@@ -399,6 +399,7 @@ void Renderer::drawMesh(const Camera& camera, const Eigen::Matrix4f& view_projec
   program.set("u_ground_color", light.ground_color);
   program.set("u_specular", light.specular);
   program.set("u_tint_amount", settings.clusters && has_tint_ ? 0.85F : 0.0F);
+  program.set("u_wash", settings.physical ? 0.45F : 0.0F);  // dark edges are seen on dark textures too
   program.set("u_shadow", kUnitShadow);
   program.set("u_shadow_matrix", shadow_matrix_);
   program.set("u_shadow_spread", 0.010F / height_range_);
@@ -429,6 +430,7 @@ void Renderer::drawHighlights(const Camera& camera, const Eigen::Matrix4f& view_
   program.set("u_use_color", 0);
   program.set("u_cutout", 0.0F);
   program.set("u_tint_amount", 0.0F);
+  program.set("u_wash", 0.0F);
   glBindVertexArray(highlight_array_.name());
   glEnable(GL_POLYGON_OFFSET_FILL);
   glPolygonOffset(-1, -2);

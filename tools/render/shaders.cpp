@@ -71,6 +71,7 @@ uniform sampler2D u_texture;
 uniform int u_use_texture;
 uniform int u_use_color;
 uniform float u_tint_amount;
+uniform float u_wash;
 uniform float u_shadow_spread;
 uniform float u_cutout;
 layout(location = 0) out vec4 o_color;
@@ -83,7 +84,7 @@ void main() {
     alpha = mix(1.0, clamp((texel.a - 0.5) / max(fwidth(texel.a), 1e-4) + 0.5, 0.0, 1.0), u_cutout);
   }
   if (u_use_color != 0) albedo *= v_color.rgb;
-  albedo = mix(albedo, v_tint, u_tint_amount);
+  albedo = mix(mix(albedo, v_tint, u_tint_amount), vec3(0.62), u_wash);
 
   // Lit on the side that is seen, whatever the winding or the artist's normals say: the geometric normal faces the eye,
   // and the shading normal follows it.

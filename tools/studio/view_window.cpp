@@ -37,7 +37,7 @@ constexpr float kPanelWidth = 290;  // at 100 % scale
 constexpr double kStepSeconds = 1.0 / 60;
 constexpr int kMostStepsPerFrame = 4;  // a slow machine shows slow motion instead of falling ever further behind
 constexpr std::uint32_t kScreenshotFrames = 60;
-constexpr float kPickHz = 5;
+constexpr float kPickHz = 10;
 constexpr Rgba8 kPickColor = {255, 140, 0, 255};
 
 // GLFW from start to end of the window.

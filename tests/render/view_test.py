@@ -1,0 +1,245 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The window of `sinew view`, under a virtual display, driven by a real mouse and keyboard (xdotool).
+
+The window writes what it did in each frame (--log-state); every check is against that, or against a screenshot.
+"""
+import argparse, json, math, os, pathlib, shutil, struct, subprocess, sys, tempfile, time, zlib
+
+parser = argparse.ArgumentParser()
+parser.add_argument("--sinew", required=True)
+parser.add_argument("--spot", required=True)
+parser.add_argument("--keep", help="folder for the screenshots")
+arguments = parser.parse_args()
+
+for program in ("Xvfb", "xdotool"):
+    if not shutil.which(program):
+        print(f"SKIPPED: {program} is not installed (scripts/setup installs it); the window is not tested")
+        sys.exit(77)
+
+folder = pathlib.Path(tempfile.mkdtemp(prefix="sinew_view_"))
+package = folder / "spot.sinew"
+started = []
+
+
+def fail(text):
+    raise SystemExit(f"FAILED: {text}")
+
+
+def check(condition, text):
+    if not condition:
+        fail(text)
+    print(f"ok: {text}")
+
+
+def read_png(path):
+    """Rows of RGB bytes of an 8-bit RGB PNG."""
+    data = pathlib.Path(path).read_bytes()
+    at, chunks = 8, b""
+    while at < len(data):
+        length, name = struct.unpack(">I4s", data[at:at + 8])
+        body = data[at + 8:at + 8 + length]
+        if name == b"IHDR":
+            width, height, depth, kind = struct.unpack(">IIBB", body[:10])
+        if name == b"IDAT":
+            chunks += body
+        at += 12 + length
+    assert (depth, kind) == (8, 2)
+    raw, rows, before = zlib.decompress(chunks), [], bytearray(width * 3)
+    for y in range(height):
+        start = y * (width * 3 + 1)
+        filter_kind, line = raw[start], bytearray(raw[start + 1:start + 1 + width * 3])
+        for i in range(width * 3):
+            a = line[i - 3] if i >= 3 else 0
+            b = before[i]
+            c = before[i - 3] if i >= 3 else 0
+            if filter_kind == 1:
+                line[i] = (line[i] + a) & 255
+            elif filter_kind == 2:
+                line[i] = (line[i] + b) & 255
+            elif filter_kind == 3:
+                line[i] = (line[i] + (a + b) // 2) & 255
+            elif filter_kind == 4:
+                p = a + b - c
+                pa, pb, pc = abs(p - a), abs(p - b), abs(p - c)
+                line[i] = (line[i] + (a if pa <= pb and pa <= pc else b if pb <= pc else c)) & 255
+        rows.append(bytes(line))
+        before = line
+    return width, height, rows
+
+
+class View:
+    def __init__(self, name, *options):
+        self.log = folder / f"{name}.log"
+        self.process = subprocess.Popen([arguments.sinew, "view", str(package), "--log-state", str(self.log), *options], env=environment)
+        started.append(self.process)
+
+    def state(self):
+        """The last whole line of the log."""
+        try:
+            lines = self.log.read_text().split("\n")[:-1]
+        except FileNotFoundError:
+            return None
+        return json.loads(lines[-1]) if lines else None
+
+    def wait(self, condition, what, seconds=90):
+        end = time.time() + seconds
+        while time.time() < end:
+            if self.process.poll() is not None:
+                fail(f"the window ended (exit {self.process.returncode}) while waiting: {what}")
+            state = self.state()
+            if state and condition(state):
+                if not what.endswith("more frames"):
+                    print(f"ok: {what}")
+                return state
+            time.sleep(0.05)
+        fail(f"never seen: {what}; last state {self.state()}")
+
+    def frames(self, count):
+        start = self.state()["frame"]
+        return self.wait(lambda s: s["frame"] >= start + count, f"{count} more frames")
+
+    def settle(self):
+        """Until the body's centre rests."""
+        last = self.state()
+        for _ in range(60):
+            now = self.frames(8)
+            if math.dist(last["center"], now["center"]) < 2e-4 * now["diagonal"]:
+                return now
+            last = now
+        fail("the body does not come to rest")
+
+    def end(self):
+        self.process.terminate()
+        self.process.wait(20)
+
+
+def mouse(*words):
+    subprocess.run(["xdotool", *map(str, words)], env=environment, check=True)
+
+
+def drag_to(view, start, end, steps=12):
+    for k in range(1, steps + 1):
+        mouse("mousemove", round(start[0] + (end[0] - start[0]) * k / steps), round(start[1] + (end[1] - start[1]) * k / steps))
+        view.frames(1)
+
+
+try:
+    environment = dict(os.environ, LIBGL_ALWAYS_SOFTWARE="1")
+    environment.pop("WAYLAND_DISPLAY", None)
+    environment.pop("DISPLAY", None)
+    subprocess.run([arguments.sinew, "bake", arguments.spot, "-o", str(package)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    # Without a display: one line that names what to do instead.
+    done = subprocess.run([arguments.sinew, "view", str(package)], env=environment, capture_output=True, text=True)
+    check(done.returncode == 4 and done.stderr.count("\n") == 1, "without a display it ends with exit 4 and one line")
+    check("no display" in done.stderr and f"sinew render {package} -o " in done.stderr, "the line names `sinew render`")
+
+    read_end, write_end = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1280x800x24"], pass_fds=[write_end], stderr=subprocess.DEVNULL)
+    started.append(server)
+    os.close(write_end)
+    environment["DISPLAY"] = ":" + os.read(read_end, 16).decode().strip()
+
+    # Grab, drag, let go: the hanging body follows the mouse and swings back.
+    view = View("hang", "--scene", "hang")
+    view.wait(lambda s: s["frame"] >= 3, "the window opens")
+    before = view.settle()
+    check(before["grabbed"] is None, "nothing is grabbed at first")
+    at = [round(before["center_at"][0]), round(before["center_at"][1])]
+    mouse("mousemove", *at)
+    view.frames(2)
+    mouse("mousedown", 1)
+    held = view.wait(lambda s: s["grabbed"] is not None, "pressing on the body grabs it")
+    check(math.dist(held["vertex_at"], at) < 40, "the grabbed vertex is under the mouse")
+    to = [at[0] + 140, at[1] - 40]
+    drag_to(view, at, to)
+    view.frames(25)
+    pulled = view.state()
+    moved = [pulled["target_at"][k] - held["target_at"][k] for k in range(2)]
+    check(math.dist(moved, [140, -40]) < 25, f"the target follows the mouse ({moved[0]:.0f}, {moved[1]:.0f} pixels of 140, -40)")
+    vertex = [pulled["vertex_at"][k] - held["vertex_at"][k] for k in range(2)]
+    check(vertex[0] > 0.4 * 140 and pulled["grabbed"] == held["grabbed"], f"the grabbed vertex came along ({vertex[0]:.0f} pixels right)")
+    offset = math.dist(pulled["center"], before["center"]) / before["diagonal"]
+    check(offset > 0.01, f"the body was pulled ({offset:.3f} diagonals)")
+    check(pulled["camera"] == before["camera"], "the camera stayed")
+    mouse("mouseup", 1)
+    view.wait(lambda s: s["grabbed"] is None, "releasing lets go")
+    after = view.settle()
+    left = math.dist(after["center"], before["center"]) / before["diagonal"]
+    check(left < 0.1 * offset, f"the body is back ({left:.5f} diagonals away)")
+
+    # Looking around: on the background with the left button, anywhere with the right one; the wheel zooms.
+    corner = [1230, 60]
+    mouse("mousemove", *corner)
+    view.frames(2)
+    mouse("mousedown", 1)
+    view.frames(2)
+    drag_to(view, corner, [1130, 90], 5)
+    view.frames(2)
+    turned = view.state()
+    mouse("mouseup", 1)
+    check(turned["grabbed"] is None and abs(turned["camera"]["yaw"] - after["camera"]["yaw"]) > 0.3, "dragging the background orbits")
+    view.frames(2)
+    mouse("mousemove", *[round(c) for c in view.state()["center_at"]])
+    view.frames(2)
+    mouse("mousedown", 3)
+    view.frames(2)
+    mouse("mousemove_relative", 60, 0)
+    right = view.wait(lambda s: abs(s["camera"]["yaw"] - turned["camera"]["yaw"]) > 0.2, "the right button orbits on the body too")
+    check(right["grabbed"] is None, "without grabbing it")
+    mouse("mouseup", 3)
+    mouse("click", 4)
+    view.wait(lambda s: s["camera"]["distance"] < right["camera"]["distance"] * 0.95, "the wheel zooms in")
+
+    # Keys. There is no window manager here to give the window the keyboard.
+    subprocess.run(["xdotool", "search", "--name", "^Sinew", "windowfocus"], env=environment, check=True)
+    view.frames(2)
+    mouse("key", "space")
+    paused = view.wait(lambda s: not s["playing"], "Space pauses")
+    check(view.frames(5)["steps"] == paused["steps"], "paused means no steps")
+    mouse("key", "n")
+    view.wait(lambda s: s["steps"] == paused["steps"] + 1, "N makes one step")
+    mouse("key", "r")
+    view.wait(lambda s: s["time"] == 0, "R starts again")
+    mouse("key", "p")
+    view.wait(lambda s: s["physical"], "P shows the physical mesh")
+    mouse("key", "c")
+    view.wait(lambda s: s["clusters"], "C shows the clusters")
+    mouse("key", "2")
+    view.wait(lambda s: s["scene"] == "drop", "2 chooses the scene drop")
+    view.end()
+
+    # Pictures of the window: at rest, and at the end of a drag.
+    pictures = []
+    for name, pull in (("rest", False), ("pulled", True)):
+        picture = folder / f"{name}.png"
+        view = View(name, "--scene", "hang", "--frames", "110" if pull else "40", "--screenshot", str(picture))
+        if pull:
+            state = view.wait(lambda s: s["frame"] >= 40, "40 frames")
+            at = [round(state["center_at"][0]), round(state["center_at"][1])]
+            mouse("mousemove", *at)
+            view.frames(2)
+            mouse("mousedown", 1)
+            view.frames(2)
+            drag_to(view, at, [at[0] + 180, at[1]], 8)
+        check(view.process.wait(120) == 0, f"the window ends by itself after its frames ({name})")
+        if pull:
+            mouse("mouseup", 1)
+        pictures.append(read_png(picture))
+    (width, height, rest), (_, _, pulled_rows) = pictures
+    check((width, height) == (1280, 800), "the screenshot has the window's size")
+    changed = sum(max(abs(a[3 * x + k] - b[3 * x + k]) for k in range(3)) > 40 for a, b in zip(rest, pulled_rows) for x in range(300, width))
+    check(changed > 5000, f"the pulled body looks different ({changed} pixels)")
+    orange = sum(r[3 * x] > 220 and 100 < r[3 * x + 1] < 190 and r[3 * x + 2] < 90 for r in pulled_rows for x in range(300, width))
+    check(orange > 60, f"the pull is drawn ({orange} pixels)")
+    if arguments.keep:
+        for picture in folder.glob("*.png"):
+            shutil.copy(picture, arguments.keep)
+    print("all passed")
+finally:
+    for process in reversed(started):
+        if process.poll() is None:
+            process.terminate()
+            process.wait(20)
+    shutil.rmtree(folder, ignore_errors=True)
