@@ -26,6 +26,9 @@ constexpr float kStretchFactor = 1.5F;
 // `hang` holds this part of the height at the top.
 constexpr float kHeldTop = 0.1F;
 
+// Contacts have no rolling resistance of their own, so a ball would roll on for long; in `drop` the air slows it.
+constexpr float kDropDamping = 0.6F;
+
 float smooth(float t) {
   t = std::clamp(t, 0.0F, 1.0F);
   return t * t * (3 - 2 * t);
@@ -84,6 +87,7 @@ void Scene::reset() {
   const bool falls = options_.kind == SceneKind::drop || options_.kind == SceneKind::hang;
   world.gravity = {0, falls ? -options_.gravity.value_or(kGravityDiagonals * diagonal) : 0.0F, 0};
   world.ground.enabled = hasGround();
+  if (options_.kind == SceneKind::drop) world.damping = kDropDamping;
 
   BodySettings placement;
   placement.stiffness_scale = options_.stiffness_scale;
