@@ -161,6 +161,16 @@ struct LogFile {
 
 class View {
  public:
+  // A tap shorter than a frame would be lost if keys were only looked at once a frame. Installed before Dear ImGui's
+  // own callbacks, which pass events on.
+  static void listenForKeys(GLFWwindow* window) {
+    glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int) {
+      auto* view = static_cast<View*>(glfwGetWindowUserPointer(from));
+      if (view == nullptr || action == GLFW_RELEASE || (action == GLFW_REPEAT && key != GLFW_KEY_N)) return;
+      view->key_presses_.push_back(key);
+    });
+  }
+
   View(GLFWwindow* window, std::shared_ptr<const Asset> asset, const ViewOptions& options, float scale)
       : window_(window),
         asset_(std::move(asset)),
@@ -171,7 +181,11 @@ class View {
         renderer_(makeDrawModel(asset_->package())),
         log_(options.state_log) {
     startScene(options.scene);
+    glfwSetWindowUserPointer(window_, this);
   }
+  ~View() { glfwSetWindowUserPointer(window_, nullptr); }
+  View(const View&) = delete;
+  View& operator=(const View&) = delete;
 
   void run() {
     const std::uint32_t last_frame = options_.frames > 0           ? options_.frames
@@ -268,7 +282,7 @@ class View {
   }
 
   void advance(double elapsed) {
-    if (single_step_) stepOnce();
+    for (; single_steps_ > 0; --single_steps_) stepOnce();
     if (playing_) {
       owed_seconds_ = std::min(owed_seconds_ + elapsed, kMostStepsPerFrame * kStepSeconds);
       while (owed_seconds_ >= kStepSeconds) {
@@ -276,27 +290,42 @@ class View {
         owed_seconds_ -= kStepSeconds;
       }
     }
-    single_step_ = false;
     captureShape(*scene_, shape_);
   }
 
   void keys() {
-    const ImGuiIO& io = ImGui::GetIO();
-    if (io.WantTextInput) return;
-    if (ImGui::IsKeyPressed(GLFW_KEY_SPACE, false)) playing_ = !playing_;
-    if (ImGui::IsKeyPressed(GLFW_KEY_N, true)) stepPaused();
-    if (ImGui::IsKeyPressed(GLFW_KEY_R, false)) startScene(scene_->options().kind);
-    if (ImGui::IsKeyPressed(GLFW_KEY_F, false)) fit();
-    if (ImGui::IsKeyPressed(GLFW_KEY_P, false)) show_physical_ = !show_physical_;
-    if (ImGui::IsKeyPressed(GLFW_KEY_C, false)) show_clusters_ = !show_clusters_;
-    for (int k = 0; k < static_cast<int>(sceneNames().size()); ++k) {
-      if (ImGui::IsKeyPressed(GLFW_KEY_1 + k, false)) startScene(static_cast<SceneKind>(k));
+    for (const int key : std::exchange(key_presses_, {})) {
+      if (ImGui::GetIO().WantTextInput) continue;  // it was typed into a field
+      switch (key) {
+        case GLFW_KEY_SPACE:
+          playing_ = !playing_;
+          break;
+        case GLFW_KEY_N:
+          stepPaused();
+          break;
+        case GLFW_KEY_R:
+          startScene(scene_->options().kind);
+          break;
+        case GLFW_KEY_F:
+          fit();
+          break;
+        case GLFW_KEY_P:
+          show_physical_ = !show_physical_;
+          break;
+        case GLFW_KEY_C:
+          show_clusters_ = !show_clusters_;
+          break;
+        default:
+          if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + static_cast<int>(sceneNames().size())) {
+            startScene(static_cast<SceneKind>(key - GLFW_KEY_1));
+          }
+      }
     }
   }
 
   void stepPaused() {
     playing_ = false;
-    single_step_ = true;
+    ++single_steps_;
   }
 
   // The mouse in pixels of the drawn view.
@@ -547,7 +576,8 @@ class View {
   Camera camera_;
   Vec3 base_gravity_{};
 
-  bool playing_ = true, single_step_ = false;
+  bool playing_ = true;
+  int single_steps_ = 0;
   bool show_physical_ = false, show_clusters_ = false, show_pinned_ = true;
   float gravity_ = 1, damping_ = 0, deformation_damping_ = 0, stiffness_ = 1;
   int iterations_ = 1;
@@ -556,6 +586,7 @@ class View {
 
   int framebuffer_width_ = 0, framebuffer_height_ = 0, panel_pixels_ = 0, view_width_ = 0, view_height_ = 0;
   float pixels_per_unit_ = 1;
+  std::vector<int> key_presses_;
   Drag drag_ = Drag::none;
   std::optional<std::uint32_t> grabbed_;  // visual vertex
   PickId pick_;
@@ -595,6 +626,7 @@ void runViewWindow(const std::shared_ptr<const Asset>& asset, const ViewOptions&
   glfwGetWindowSize(window.get(), &window_width, nullptr);
   // Where window units are pixels (X11) the content scale enlarges text and panels; elsewhere the system does.
   const float scale = std::clamp(framebuffer_width > window_width ? 1.0F : scale_x, 1.0F, 4.0F);
+  View::listenForKeys(window.get());
   const Gui gui(window.get(), scale);
   View view(window.get(), asset, options, scale);
   view.run();
