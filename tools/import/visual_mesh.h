@@ -83,12 +83,12 @@ struct MorphTargetSource {
 /// counter-clockwise, positions welded. Visual vertices keep the artist's identity; nothing is dropped silently.
 struct VisualMesh {
   // Visual vertices: unique combinations of source vertex, UV, normal, colour and sub-mesh.
-  std::vector<Eigen::Vector3d> positions;     ///< metres, world
-  std::vector<Eigen::Vector3f> normals;       ///< unit; computed (area-weighted over welded points) where absent
-  std::vector<Eigen::Vector2f> uvs;           ///< first UV set, v up; empty where no sub-mesh has one
-  std::vector<std::array<float, 4>> colors;   ///< first colour set, linear RGBA; empty where none
-  std::vector<Triangle> triangles;            ///< visual vertices; degenerate ones stay (they are drawn by nobody)
-  std::vector<std::uint32_t> triangle_face;   ///< source face (polygon) of each triangle, counted over the file from 0
+  std::vector<Eigen::Vector3d> positions;    ///< metres, world
+  std::vector<Eigen::Vector3f> normals;      ///< unit; computed (area-weighted over welded points) where absent
+  std::vector<Eigen::Vector2f> uvs;          ///< first UV set, v up; empty where no sub-mesh has one
+  std::vector<std::array<float, 4>> colors;  ///< first colour set, linear RGBA; empty where none
+  std::vector<Triangle> triangles;           ///< visual vertices; degenerate ones stay (they are drawn by nobody)
+  std::vector<std::uint32_t> triangle_face;  ///< source face (polygon) of each triangle, counted over the file from 0
   std::vector<SubMeshSource> sub_meshes;
   std::vector<MaterialSource> materials;
   std::vector<TextureSource> textures;
@@ -104,7 +104,7 @@ struct VisualMesh {
   std::uint32_t source_face_count = 0;
   std::vector<std::uint32_t> source_vertex;  ///< per visual vertex
   std::vector<SourceMeshRange> source_meshes;
-  std::vector<std::uint32_t> unreferenced;   ///< source vertices no face uses, ascending
+  std::vector<std::uint32_t> unreferenced;  ///< source vertices no face uses, ascending
 
   // Welded points: visual vertices of (nearly) equal position are one point.
   std::vector<Eigen::Vector3d> welded_positions;  ///< metres
@@ -112,14 +112,14 @@ struct VisualMesh {
   double weld_tolerance = 0;                      ///< metres
 
   // Where it came from.
-  std::string file;               ///< as the user named it
-  std::string format;             ///< "obj", "glb", ...
+  std::string file;    ///< as the user named it
+  std::string format;  ///< "obj", "glb", ...
   double metres_per_unit = 1;
-  std::string unit_source;        ///< one sentence: where that came from
-  std::string up_axis = "y";      ///< of the source
+  std::string unit_source;                               ///< one sentence: where that came from
+  std::string up_axis = "y";                             ///< of the source
   Eigen::Vector3d bounds_min = Eigen::Vector3d::Zero();  ///< of vertices that faces use, metres
   Eigen::Vector3d bounds_max = Eigen::Vector3d::Zero();
-  double diagonal = 0;            ///< of those bounds, metres
+  double diagonal = 0;  ///< of those bounds, metres
   bool had_normals = false;
   std::vector<Finding> findings;  ///< what import repaired, dropped or doubts
 

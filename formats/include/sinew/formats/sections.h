@@ -12,7 +12,8 @@
 
 namespace sinew::formats {
 
-static_assert(std::endian::native == std::endian::little, "packages are used in place: a big-endian host needs a byte-swapping reader");
+static_assert(std::endian::native == std::endian::little,
+              "packages are used in place: a big-endian host needs a byte-swapping reader");
 
 inline constexpr std::array<char, 8> kMagic = {'S', 'I', 'N', 'E', 'W', '\r', '\n', '\x1a'};
 inline constexpr std::size_t kSectionAlignment = 64;
@@ -26,24 +27,24 @@ constexpr std::uint32_t fourcc(const char (&text)[5]) {
 /// Bits of Header::features: what a package holds. A loader that lacks a bit it sees refuses the package.
 enum Feature : std::uint64_t {
   kFeatureTetrahedra = 1U << 0,
-  kFeatureQuadratic = 1U << 1,           ///< at least one quadratic cluster (section AQQ9)
-  kFeatureVisual = 1U << 2,              ///< visual mesh sections
-  kFeatureBarycentric = 1U << 3,         ///< section ATBC
-  kFeatureClusterAttachment = 1U << 4,   ///< sections ATCR, ATCW
-  kFeatureIdentity = 1U << 5,            ///< sections VSRC, SVTX, SVLS, SMSH
-  kFeatureGroups = 1U << 6,              ///< sections GRUP, GRPV
-  kFeatureTextures = 1U << 7,            ///< sections VTEX, TEXB
+  kFeatureQuadratic = 1U << 1,          ///< at least one quadratic cluster (section AQQ9)
+  kFeatureVisual = 1U << 2,             ///< visual mesh sections
+  kFeatureBarycentric = 1U << 3,        ///< section ATBC
+  kFeatureClusterAttachment = 1U << 4,  ///< sections ATCR, ATCW
+  kFeatureIdentity = 1U << 5,           ///< sections VSRC, SVTX, SVLS, SMSH
+  kFeatureGroups = 1U << 6,             ///< sections GRUP, GRPV
+  kFeatureTextures = 1U << 7,           ///< sections VTEX, TEXB
 };
 
 struct Header {
   std::array<char, 8> magic;
   std::uint32_t format_version;
-  std::uint32_t header_bytes;     ///< sizeof(Header)
-  std::uint64_t features;         ///< OR of Feature
-  std::uint64_t total_bytes;      ///< size of the file
+  std::uint32_t header_bytes;  ///< sizeof(Header)
+  std::uint64_t features;      ///< OR of Feature
+  std::uint64_t total_bytes;   ///< size of the file
   std::uint32_t section_count;
-  std::uint32_t reserved0;        ///< 0
-  std::uint64_t checksum;         ///< XXH3-64, seed 0, of header (this field as 0) followed by the section table
+  std::uint32_t reserved0;  ///< 0
+  std::uint64_t checksum;   ///< XXH3-64, seed 0, of header (this field as 0) followed by the section table
   std::array<std::uint64_t, 2> reserved1;  ///< 0
 };
 static_assert(sizeof(Header) == 64);
@@ -55,14 +56,14 @@ enum SectionFlag : std::uint32_t {
 /// The table follows the header at once; entries are in file order, and sections tile the rest of the file: each starts
 /// where the one before ended (rounded up to 64), the first right behind the table (rounded up to 64).
 struct SectionEntry {
-  std::uint32_t id;             ///< fourcc
-  std::uint32_t flags;          ///< OR of SectionFlag
-  std::uint64_t offset;         ///< from the start of the file; a multiple of 64
-  std::uint64_t bytes;          ///< element_count * element_bytes; the rest up to the next multiple of 64 is zero
+  std::uint32_t id;      ///< fourcc
+  std::uint32_t flags;   ///< OR of SectionFlag
+  std::uint64_t offset;  ///< from the start of the file; a multiple of 64
+  std::uint64_t bytes;   ///< element_count * element_bytes; the rest up to the next multiple of 64 is zero
   std::uint64_t element_count;
   std::uint32_t element_bytes;
-  std::uint32_t reserved0;      ///< 0
-  std::uint64_t checksum;       ///< XXH3-64, seed 0, of `bytes` rounded up to 64 (so padding is covered too)
+  std::uint32_t reserved0;                 ///< 0
+  std::uint64_t checksum;                  ///< XXH3-64, seed 0, of `bytes` rounded up to 64 (so padding is covered too)
   std::array<std::uint64_t, 2> reserved1;  ///< 0
 };
 static_assert(sizeof(SectionEntry) == 64);
@@ -76,25 +77,25 @@ static_assert(sizeof(StringRef) == 8);
 
 /// INFO, required, one record.
 struct BodyInfo {
-  std::array<double, 3> origin;        ///< metres, world position that all positions here are relative to
-  double metres_per_unit;              ///< metres per unit of length of the source
-  std::array<float, 3> bounds_min;     ///< of the visual vertices (physical ones where there is no visual mesh), metres
+  std::array<double, 3> origin;     ///< metres, world position that all positions here are relative to
+  double metres_per_unit;           ///< metres per unit of length of the source
+  std::array<float, 3> bounds_min;  ///< of the visual vertices (physical ones where there is no visual mesh), metres
   std::array<float, 3> bounds_max;
-  float diagonal;                      ///< of those bounds, metres, > 0
-  float total_mass;                    ///< kg
-  float density;                       ///< kg/m^3 that the masses were made with
-  float physical_volume;               ///< of the tetrahedra, m^3
-  float source_volume;                 ///< enclosed by the source's surface, m^3; negative where it is not defined
-  float max_rest_error;                ///< largest distance of an attached visual vertex from its rest position / diagonal
+  float diagonal;         ///< of those bounds, metres, > 0
+  float total_mass;       ///< kg
+  float density;          ///< kg/m^3 that the masses were made with
+  float physical_volume;  ///< of the tetrahedra, m^3
+  float source_volume;    ///< enclosed by the source's surface, m^3; negative where it is not defined
+  float max_rest_error;   ///< largest distance of an attached visual vertex from its rest position / diagonal
   float min_dihedral_deg;
   float max_dihedral_deg;
-  std::uint32_t inverted_tetrahedra;   ///< 0 in a package that `sinew bake` wrote
+  std::uint32_t inverted_tetrahedra;  ///< 0 in a package that `sinew bake` wrote
   std::uint32_t reserved0;
-  StringRef name;                      ///< of the body
+  StringRef name;  ///< of the body
   StringRef tool_version;
-  StringRef source_file;               ///< file name without folder
-  StringRef unit_source;               ///< where metres_per_unit came from, one sentence
-  StringRef settings_json;             ///< every setting of the bake as a JSON object
+  StringRef source_file;    ///< file name without folder
+  StringRef unit_source;    ///< where metres_per_unit came from, one sentence
+  StringRef settings_json;  ///< every setting of the bake as a JSON object
 };
 static_assert(sizeof(BodyInfo) == 136);
 
@@ -127,19 +128,20 @@ enum class ClusterMode : std::uint32_t { rigid = 0, linear = 1, quadratic = 2 };
 struct Cluster {
   StringRef name;
   ClusterMode mode;
-  std::uint32_t body;                   ///< index into BODY
-  std::uint32_t first_member;           ///< into MEMB
+  std::uint32_t body;          ///< index into BODY
+  std::uint32_t first_member;  ///< into MEMB
   std::uint32_t member_count;
-  std::array<float, 3> rest_center;     ///< c0, metres
-  float radius;                         ///< metres, > 0
-  float mass;                           ///< sum of m_i w_ic / W_i, kg
-  float alpha;                          ///< 0..1 for a step of 1/60 s: how much of the way to the goal a vertex goes
-  float stretch_hz;                     ///< frequency of stretch and shear, Hz; infinity = rigid, 0 = no return
-  float bend_hz;                        ///< of the squares
-  float twist_hz;                       ///< of the cross terms
-  std::uint32_t quadratic;              ///< index into AQQ9, kNone unless mode is quadratic
-  std::array<float, 6> quadratic_mean;  ///< mu-weighted means of qx^2 qy^2 qz^2 qxqy qyqz qzqx: subtracted to centre them
-  std::array<float, 6> a_qq;            ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
+  std::array<float, 3> rest_center;  ///< c0, metres
+  float radius;                      ///< metres, > 0
+  float mass;                        ///< sum of m_i w_ic / W_i, kg
+  float alpha;                       ///< 0..1 for a step of 1/60 s: how much of the way to the goal a vertex goes
+  float stretch_hz;                  ///< frequency of stretch and shear, Hz; infinity = rigid, 0 = no return
+  float bend_hz;                     ///< of the squares
+  float twist_hz;                    ///< of the cross terms
+  std::uint32_t quadratic;           ///< index into AQQ9, kNone unless mode is quadratic
+  std::array<float, 6>
+      quadratic_mean;         ///< mu-weighted means of qx^2 qy^2 qz^2 qxqy qyqz qzqx: subtracted to centre them
+  std::array<float, 6> a_qq;  ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
 };
 static_assert(sizeof(Cluster) == 112);
 
@@ -158,15 +160,15 @@ struct QuadraticMoment {
 static_assert(sizeof(QuadraticMoment) == 180);
 
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
-using Float3 = std::array<float, 3>;   ///< VPOS (metres, relative to origin), VNRM (unit)
-using Float2 = std::array<float, 2>;   ///< VUV0: u right, v up (0,0 = bottom left of the picture)
+using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
+using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
 using Color8 = std::array<std::uint8_t, 4>;     ///< VCOL: RGBA
 using Triangle = std::array<std::uint32_t, 3>;  ///< VTRI: visual vertices, counter-clockwise from outside
 
 /// VSUB: runs of triangles that share a material.
 struct SubMesh {
-  StringRef name;                ///< node and mesh of the source
-  std::uint32_t material;        ///< into VMAT, or kNone
+  StringRef name;          ///< node and mesh of the source
+  std::uint32_t material;  ///< into VMAT, or kNone
   std::uint32_t first_triangle;
   std::uint32_t triangle_count;
   std::uint32_t reserved0;
@@ -249,14 +251,16 @@ static_assert(sizeof(Group) == 16);
 namespace section {
 inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), bodies = fourcc("BODY"),
                                physical_vertices = fourcc("PVTX"), tetrahedra = fourcc("TETS"),
-                               clusters = fourcc("CLUS"), memberships = fourcc("MEMB"), quadratic_moments = fourcc("AQQ9"),
-                               visual_positions = fourcc("VPOS"), visual_normals = fourcc("VNRM"), visual_uv = fourcc("VUV0"),
-                               visual_colors = fourcc("VCOL"), visual_triangles = fourcc("VTRI"), sub_meshes = fourcc("VSUB"),
-                               materials = fourcc("VMAT"), textures = fourcc("VTEX"), texture_bytes = fourcc("TEXB"),
-                               barycentric = fourcc("ATBC"), cluster_attachment_ranges = fourcc("ATCR"),
-                               cluster_attachments = fourcc("ATCW"), visual_identity = fourcc("VSRC"),
-                               source_identity = fourcc("SVTX"), source_visual_list = fourcc("SVLS"),
-                               source_meshes = fourcc("SMSH"), groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
+                               clusters = fourcc("CLUS"), memberships = fourcc("MEMB"),
+                               quadratic_moments = fourcc("AQQ9"), visual_positions = fourcc("VPOS"),
+                               visual_normals = fourcc("VNRM"), visual_uv = fourcc("VUV0"),
+                               visual_colors = fourcc("VCOL"), visual_triangles = fourcc("VTRI"),
+                               sub_meshes = fourcc("VSUB"), materials = fourcc("VMAT"), textures = fourcc("VTEX"),
+                               texture_bytes = fourcc("TEXB"), barycentric = fourcc("ATBC"),
+                               cluster_attachment_ranges = fourcc("ATCR"), cluster_attachments = fourcc("ATCW"),
+                               visual_identity = fourcc("VSRC"), source_identity = fourcc("SVTX"),
+                               source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
+                               groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
 }  // namespace section
 
 }  // namespace sinew::formats
