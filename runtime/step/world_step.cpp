@@ -123,6 +123,8 @@ void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& setting
     }
     part.found = rigidMotionOf(now, part.reference);
     part.wanted = rigidMotionOf(wanted, part.reference);
+    // Soft things do not roll or swing for ever: turning on a support flexes it.
+    if (!part.free) part.wanted.omega *= double(kept);
     part.before = wanted;
     part.limited = false;
     for (std::uint32_t c = 0; c < part.cluster_count; ++c) {

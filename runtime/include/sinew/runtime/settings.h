@@ -43,7 +43,8 @@ struct WorldSettings {
   /// Fraction of velocity lost per second to the air, as a rate: v *= exp(-damping h). 1/s, 0..1e4.
   float damping = 0.2F;
   /// Rate at which motion that is not the rigid motion of a body part decays (inner friction); a part that stands or is
-  /// held has the rigid motion that its supports leave it. 1/s, 0..1e4.
+  /// held has the rigid motion that its supports leave it, and turning on them decays too. 1/s,
+  /// 0..1e4.
   float deformation_damping = 2.0F;
 };
 
