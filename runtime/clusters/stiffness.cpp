@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/clusters/stiffness.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -13,6 +14,7 @@ namespace {
 // (2 pi f h)^2 from which on a class of modes counts as rigid: what it keeps is below the rounding of a float.
 constexpr double kRigidRatio = 1e9;
 
+constexpr float kSlender = 0.02F;        // least to largest moment: a bar seven times as long as thick
 constexpr double kAlphaStep = 1.0 / 60;  // h_ref: the step that Cluster::alpha is given for
 
 // (2 pi f h)^2; infinite for a rigid class of modes.
@@ -57,6 +59,14 @@ Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>&
   return geometry::equilibratedPseudoInverse<9>(sum, 1e-7).cast<float>();
 }
 
+// Whether a cluster is so thin that its classes of modes cannot be told apart under a load: a wire's bend turns it
+// about its own axis, where it has next to no inertia, and contacts then drove it without bound.
+bool isSlender(const ClusterRest& rest) {
+  const Square<3> moment = rest.moment.leftCols<3>();
+  const Eigen::SelfAdjointEigenSolver<Square<3>> solver(moment, Eigen::EigenvaluesOnly);
+  return solver.eigenvalues()[0] < kSlender * solver.eigenvalues()[2];
+}
+
 }  // namespace
 
 float keptDeformation(float frequency_hz, float step_seconds) {
@@ -81,7 +91,8 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
     result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
     return result;
   }
-  if (ratios[0] == ratios[1] && ratios[1] == ratios[2]) {
+  const bool equal = ratios[0] == ratios[1] && ratios[1] == ratios[2];
+  if (equal || isSlender(rest.clusters[index])) {
     result.s = float(1 / (1 + ratios[0])) * unpack(package.quadraticMoments()[cluster.quadratic]);
   } else {
     result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios);

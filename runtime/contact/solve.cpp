@@ -17,7 +17,7 @@ namespace {
 
 // Rows give way by this part of their own response. Rows that contradict one another (a dented sole pressed flat, pins
 // set apart) then share the error instead of driving their impulses without bound.
-constexpr float kRelativeCompliance = 1e-2F;
+constexpr float kRelativeCompliance = 1e-1F;
 // Many pins on few clusters are nearly redundant: stiffer than this, the sweeps of one pass leave an error that the
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;

@@ -19,9 +19,9 @@ struct ClusterOptions {
   double overlap = 0.5;                     ///< how far a box reaches into its neighbours, of its own size
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
   double alpha = 1.0;        ///< part of the way to the goal in 1/60 s
-  double stretch_hz = 12.0;  ///< frequency of stretch and shear
-  double bend_hz = 6.0;      ///< of bending
-  double twist_hz = 6.0;     ///< of twisting
+  double stretch_hz = 10.0;  ///< frequency of stretch and shear
+  double bend_hz = 10.0;     ///< of bending
+  double twist_hz = 10.0;    ///< of twisting
 };
 
 /// A named, weighted set of physical vertices that is matched as one (method.md §1).
