@@ -23,6 +23,7 @@ using geometry::TetMesh;
 
 constexpr std::uint32_t kLeastVertices = 12;  // of a body: the source's smallest cages have as many
 // What `auto` accepts from stuffing.
+constexpr std::uint32_t kLeastBudget = 64;  // below this every method overshoots
 constexpr double kLeastRatio = 0.85, kMostRatio = 1.15, kMostUncovered = 0.005;
 // A volume further off than this is reported.
 constexpr double kReportedRatio = 0.1;
@@ -180,12 +181,19 @@ Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t ta
   const std::string fault = complaint(body, choice.filled);
   if (wanted == TetrahedraMethod::automatic) {
     FilledBody grid;
-    if (!fault.empty()) grid = fillWithGrid(body, target, parallelFor);
+    // A long thin body (a wire) forces the lattice far below the spacing that the budget allows.
+    const std::size_t count = choice.filled.mesh.positions.size();
+    const bool too_many = target >= kLeastBudget && count > 2 * std::size_t(target);
+    if (!fault.empty() || too_many) grid = fillWithGrid(body, target, parallelFor);
+    const bool grid_saves = too_many && !grid.mesh.tetrahedra.empty() && 2 * grid.mesh.positions.size() < count;
     // Thin all over, a body gets too much volume either way: then the lesser evil.
-    const bool stays = fault.empty() || (choice.filled.components == 1 && choice.filled.uncovered <= kMostUncovered &&
-                                         std::abs(std::log(volumeRatio(body, choice.filled))) <
-                                             std::abs(std::log(volumeRatio(body, grid))));
+    const bool stays =
+        !grid_saves && (fault.empty() || (choice.filled.components == 1 && choice.filled.uncovered <= kMostUncovered &&
+                                          std::abs(std::log(volumeRatio(body, choice.filled))) <
+                                              std::abs(std::log(volumeRatio(body, grid)))));
     std::string detail = fault;
+    if (grid_saves)
+      detail += (detail.empty() ? "" : ", ") + std::string("stuffing needs ") + std::to_string(count) + " vertices";
     if (!fault.empty() && stays) detail += ", grid " + text("%.2f", volumeRatio(body, grid));
     if (stays && choice.filled.thickened > 0) {
       detail += (detail.empty() ? "" : "; ") + text("%.1f", 100 * choice.filled.thickened) +
