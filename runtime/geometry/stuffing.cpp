@@ -69,7 +69,8 @@ class Stuffing {
       if (c[axis] < 0 || c[axis] / 2 >= points_[axis]) return kNone;
     }
     const std::size_t base = (c.x() & 1) != 0 ? per_lattice_ : 0;
-    const auto index = std::size_t((c.z() / 2 * points_.y() + c.y() / 2) * points_.x() + c.x() / 2);
+    const auto at = [](int i) { return std::size_t(i); };
+    const std::size_t index = (at(c.z() / 2) * at(points_.y()) + at(c.y() / 2)) * at(points_.x()) + at(c.x() / 2);
     return static_cast<std::uint32_t>(base + index);
   }
   Vector3d latticePosition(const Vector3i& c) const { return origin_ + half_ * c.cast<double>(); }

@@ -15,7 +15,7 @@ class ToolError : public std::runtime_error {
   /// \param file the user's file, as they named it; may be empty.
   /// \param what one sentence without a final full stop: what is wrong, with the place in brackets.
   /// \param cure one sentence with a final full stop: what to do.
-  ToolError(ExitCode code, std::string file, const std::string& what, const std::string& cure)
+  ToolError(ExitCode code, const std::string& file, const std::string& what, const std::string& cure)
       : std::runtime_error((file.empty() ? "" : file + ": ") + what + ". " + cure), code_(code) {}
   ExitCode code() const { return code_; }
 

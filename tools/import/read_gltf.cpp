@@ -42,7 +42,7 @@ class Value {
     return {at == json_->end() ? nullptr : &*at, path_ + "/" + key};
   }
   Value need(const char* key) const {
-    const Value value = get(key);
+    Value value = get(key);
     if (!value) value.fail("the JSON lacks a required entry");
     return value;
   }

@@ -186,7 +186,7 @@ void captureShape(const Scene& scene, Shape& shape) {
     world.clusterFrame(body, static_cast<std::uint32_t>(c), center, linear);
     shape.frames[c].center = {center[0], center[1], center[2]};
     for (int r = 0; r < 3; ++r) {
-      for (int k = 0; k < 3; ++k) shape.frames[c].linear(r, k) = linear[static_cast<std::size_t>(3 * r + k)];
+      for (int k = 0; k < 3; ++k) shape.frames[c].linear(r, k) = linear[3 * std::size_t(r) + std::size_t(k)];
     }
   }
   shape.time = scene.time();
