@@ -37,7 +37,7 @@ Vector3d rounded(const Vector3d& x) { return x.cast<float>().cast<double>(); }
 // Moves everything to the package's origin and onto the floats it will hold, so that what follows is computed from
 // exactly what the runtime will see.
 Vector3d moveToOrigin(VisualMesh& mesh, PhysicalMesh& physical) {
-  const Vector3d origin = 0.5 * (mesh.bounds_min + mesh.bounds_max);
+  Vector3d origin = 0.5 * (mesh.bounds_min + mesh.bounds_max);
   for (Vector3d& x : mesh.positions) x = rounded(x - origin);
   for (Vector3d& x : mesh.welded_positions) x = rounded(x - origin);
   for (Vector3d& x : physical.positions) x = rounded(x - origin);
@@ -126,7 +126,8 @@ void attachToClusters(const std::vector<TetrahedronPlace>& places, formats::Pack
     for (std::size_t k = 0; k < 4; ++k) {
       const double w = std::max(place.weights[k], 0.0) / clamped_sum;
       for (const auto& [c, share] : of_vertex[content.tetrahedra[place.tetrahedron].vertex[k]]) {
-        const auto at = std::find_if(weights.begin(), weights.end(), [&](const auto& x) { return x.first == c; });
+        const auto at =
+            std::find_if(weights.begin(), weights.end(), [wanted = c](const auto& x) { return x.first == wanted; });
         if (at == weights.end())
           weights.emplace_back(c, w * share);
         else

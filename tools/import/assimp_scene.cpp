@@ -352,6 +352,8 @@ class AssimpConverter {
     }
     const auto same = [&](unsigned a, unsigned b) {
       const auto equal = [&](const auto* values) {
+        // Bit for bit on purpose; these hold floats and no padding.
+        // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
         return !values || std::memcmp(values + a, values + b, sizeof *values) == 0;
       };
       if (!equal(mesh.mNormals)) return false;

@@ -100,7 +100,7 @@ void drawText(Image& image, float x, float y, float size, Rgb8 color, std::strin
       const int top = static_cast<int>(std::round(y) + line.ascent) + y0;
       for (int row = 0; row < height; ++row) {
         for (int column = 0; column < width; ++column) {
-          const unsigned char value = coverage[static_cast<std::size_t>(row * width + column)];
+          const unsigned char value = coverage[std::size_t(row) * std::size_t(width) + std::size_t(column)];
           if (value != 0) image.blend(left + column, top + row, color, static_cast<float>(value) / 255.0F);
         }
       }
