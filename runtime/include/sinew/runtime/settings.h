@@ -45,7 +45,7 @@ struct WorldSettings {
   /// Rate at which motion that is not the rigid motion of a body part decays (inner friction); a part that stands or is
   /// held has the rigid motion that its supports leave it, and turning on them decays too. 1/s,
   /// 0..1e4.
-  float deformation_damping = 2.0F;
+  float deformation_damping = 4.0F;
 };
 
 /// What a body may override of its package when it is added.
