@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+//
+// Eight floats that compute together, and the small algebra on them that kernels are written in. The compiler lowers
+// them to what a translation unit is compiled for (two SSE registers, one AVX register, two of NEON or WASM SIMD), so
+// there is one source for all instruction sets and the results are the same bit for bit: the same eight lanes, the same
+// order of operations, no fused multiply-add (-ffp-contract=off), only operations that IEEE 754 rounds exactly.
+//
+// The algebra is written on a type F, Float8 or float or double: tests run it on doubles.
+//
+// Kernel files include nothing but this header and plain structs, and live in namespace SINEW_KERNELS, one for each
+// instruction set: an inline function compiled for AVX must never be what another file's call links to.
+#pragma once
+
+#include <cstdint>
+
+#if defined(__SSE4_1__)
+#include <immintrin.h>
+#endif
+
+#ifndef SINEW_KERNELS
+#define SINEW_KERNELS baseline  // what the compiler's own flags say
+#endif
+#define SINEW_INLINE [[gnu::always_inline]] inline
+
+namespace sinew::internal::SINEW_KERNELS {
+
+using Float8 = float __attribute__((vector_size(32)));
+using Int8 = std::int32_t __attribute__((vector_size(32)));  ///< also masks: -1 where true
+using Float4 = float __attribute__((vector_size(16)));
+
+inline constexpr std::uint32_t kLanes = 8;
+
+// A float as any F.
+template <class F>
+SINEW_INLINE F splat(float value) {
+  return F{} + value;
+}
+
+// Unaligned loads and stores.
+SINEW_INLINE Float8 load8(const float* p) {
+  Float8 result;
+  __builtin_memcpy(&result, p, sizeof result);
+  return result;
+}
+SINEW_INLINE void store8(float* p, Float8 value) { __builtin_memcpy(p, &value, sizeof value); }
+SINEW_INLINE Float4 load4(const float* p) {
+  Float4 result;
+  __builtin_memcpy(&result, p, sizeof result);
+  return result;
+}
+SINEW_INLINE void store4(float* p, Float4 value) { __builtin_memcpy(p, &value, sizeof value); }
+
+// select(mask, a, b): a where the mask is true. For scalars the mask is a bool.
+SINEW_INLINE Float8 select(Int8 mask, Float8 a, Float8 b) { return Float8((mask & Int8(a)) | (~mask & Int8(b))); }
+SINEW_INLINE float select(bool mask, float a, float b) { return mask ? a : b; }
+SINEW_INLINE double select(bool mask, double a, double b) { return mask ? a : b; }
+
+SINEW_INLINE Int8 both(Int8 a, Int8 b) { return a & b; }
+SINEW_INLINE bool both(bool a, bool b) { return a && b; }
+SINEW_INLINE Int8 either(Int8 a, Int8 b) { return a | b; }
+SINEW_INLINE bool either(bool a, bool b) { return a || b; }
+SINEW_INLINE Int8 no(Int8 a) { return ~a; }
+SINEW_INLINE bool no(bool a) { return !a; }
+
+SINEW_INLINE bool any(Int8 mask) {
+#if defined(__AVX__)
+  return _mm256_movemask_ps(__m256(Float8(mask))) != 0;
+#else
+  const std::int32_t bits = mask[0] | mask[1] | mask[2] | mask[3] | mask[4] | mask[5] | mask[6] | mask[7];
+  return bits != 0;
+#endif
+}
+SINEW_INLINE bool any(bool mask) { return mask; }
+
+// Of a and b where either is not a number: b.
+template <class F>
+SINEW_INLINE F smaller(F a, F b) {
+  return select(a < b, a, b);
+}
+template <class F>
+SINEW_INLINE F larger(F a, F b) {
+  return select(a > b, a, b);
+}
+template <class F>
+SINEW_INLINE F clamped(F value, F low, F high) {
+  return smaller(larger(value, low), high);
+}
+
+SINEW_INLINE Float8 absolute(Float8 a) { return Float8(Int8(a) & 0x7fffffff); }
+SINEW_INLINE float absolute(float a) { return __builtin_fabsf(a); }
+SINEW_INLINE double absolute(double a) { return __builtin_fabs(a); }
+
+SINEW_INLINE Float8 squareRoot(Float8 a) {
+#if defined(__AVX__)
+  return Float8(_mm256_sqrt_ps(__m256(a)));
+#else
+  Float8 result;
+  for (int i = 0; i < 8; ++i) result[i] = __builtin_sqrtf(a[i]);
+  return result;
+#endif
+}
+SINEW_INLINE float squareRoot(float a) { return __builtin_sqrtf(a); }
+SINEW_INLINE double squareRoot(double a) { return __builtin_sqrt(a); }
+
+template <class F>
+struct Vec3Of {
+  F x, y, z;
+};
+
+template <class F>
+SINEW_INLINE Vec3Of<F> operator+(const Vec3Of<F>& a, const Vec3Of<F>& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class F>
+SINEW_INLINE Vec3Of<F> operator-(const Vec3Of<F>& a, const Vec3Of<F>& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+template <class F>
+SINEW_INLINE Vec3Of<F> operator*(F s, const Vec3Of<F>& a) {
+  return {s * a.x, s * a.y, s * a.z};
+}
+template <class F>
+SINEW_INLINE F dot(const Vec3Of<F>& a, const Vec3Of<F>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+template <class F>
+SINEW_INLINE Vec3Of<F> cross(const Vec3Of<F>& a, const Vec3Of<F>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+/// Column by column: column k is (m[3k], m[3k+1], m[3k+2]), as Eigen stores it.
+template <class F>
+struct Mat3Of {
+  F m[9];
+  SINEW_INLINE F& operator()(int row, int column) { return m[3 * column + row]; }
+  SINEW_INLINE const F& operator()(int row, int column) const { return m[3 * column + row]; }
+};
+
+template <class F>
+SINEW_INLINE Mat3Of<F> identity() {
+  const F zero{}, one = splat<F>(1.0F);
+  return {{one, zero, zero, zero, one, zero, zero, zero, one}};
+}
+template <class F>
+SINEW_INLINE Mat3Of<F> operator*(const Mat3Of<F>& a, const Mat3Of<F>& b) {
+  Mat3Of<F> c;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) c(i, j) = a(i, 0) * b(0, j) + a(i, 1) * b(1, j) + a(i, 2) * b(2, j);
+  }
+  return c;
+}
+/// a^T b.
+template <class F>
+SINEW_INLINE Mat3Of<F> transposedTimes(const Mat3Of<F>& a, const Mat3Of<F>& b) {
+  Mat3Of<F> c;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) c(i, j) = a(0, i) * b(0, j) + a(1, i) * b(1, j) + a(2, i) * b(2, j);
+  }
+  return c;
+}
+template <class F>
+SINEW_INLINE Vec3Of<F> operator*(const Mat3Of<F>& a, const Vec3Of<F>& v) {
+  return {a(0, 0) * v.x + a(0, 1) * v.y + a(0, 2) * v.z, a(1, 0) * v.x + a(1, 1) * v.y + a(1, 2) * v.z,
+          a(2, 0) * v.x + a(2, 1) * v.y + a(2, 2) * v.z};
+}
+template <class F>
+SINEW_INLINE Mat3Of<F> transposed(const Mat3Of<F>& a) {
+  return {{a.m[0], a.m[3], a.m[6], a.m[1], a.m[4], a.m[7], a.m[2], a.m[5], a.m[8]}};
+}
+template <class F>
+SINEW_INLINE F determinant(const Mat3Of<F>& a) {
+  return a(0, 0) * (a(1, 1) * a(2, 2) - a(1, 2) * a(2, 1)) - a(0, 1) * (a(1, 0) * a(2, 2) - a(1, 2) * a(2, 0)) +
+         a(0, 2) * (a(1, 0) * a(2, 1) - a(1, 1) * a(2, 0));
+}
+template <class F>
+SINEW_INLINE F squaredNorm(const Mat3Of<F>& a) {
+  F sum = a.m[0] * a.m[0];
+  for (int k = 1; k < 9; ++k) sum = sum + a.m[k] * a.m[k];
+  return sum;
+}
+template <class F, class Mask>
+SINEW_INLINE Mat3Of<F> select(Mask mask, const Mat3Of<F>& a, const Mat3Of<F>& b) {
+  Mat3Of<F> c;
+  for (int k = 0; k < 9; ++k) c.m[k] = select(mask, a.m[k], b.m[k]);
+  return c;
+}
+
+/// Unit quaternion w, x, y, z.
+template <class F>
+struct QuaternionOf {
+  F w, x, y, z;
+};
+
+template <class F>
+SINEW_INLINE Mat3Of<F> rotationMatrix(const QuaternionOf<F>& q) {
+  const F one = splat<F>(1.0F), two = splat<F>(2.0F);
+  Mat3Of<F> r;
+  r(0, 0) = one - two * (q.y * q.y + q.z * q.z);
+  r(0, 1) = two * (q.x * q.y - q.w * q.z);
+  r(0, 2) = two * (q.x * q.z + q.w * q.y);
+  r(1, 0) = two * (q.x * q.y + q.w * q.z);
+  r(1, 1) = one - two * (q.x * q.x + q.z * q.z);
+  r(1, 2) = two * (q.y * q.z - q.w * q.x);
+  r(2, 0) = two * (q.x * q.z - q.w * q.y);
+  r(2, 1) = two * (q.y * q.z + q.w * q.x);
+  r(2, 2) = one - two * (q.x * q.x + q.y * q.y);
+  return r;
+}
+
+}  // namespace sinew::internal::SINEW_KERNELS
