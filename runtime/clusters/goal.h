@@ -5,15 +5,11 @@
 
 #include "runtime/clusters/frame.h"
 #include "runtime/clusters/stiffness.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/load/rest_constants.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
-
-/// Least and largest stretch a cluster's goal may have along any direction. Not authored limits but a guard: what is
-/// squashed or mirrored past it comes back on the right side.
-inline constexpr float kLeastStretch = 0.1F;
-inline constexpr float kLargestStretch = 3.0F;
 
 /// Rotation of a body part from its clusters' moments, into ClusterFrame::part_rotation of each: what a cluster falls
 /// back to that has lost its own. \param first, count the part's clusters.

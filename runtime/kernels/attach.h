@@ -6,16 +6,14 @@
 #pragma once
 
 #include "runtime/kernels/attach_layout.h"
-#include "runtime/kernels/lanes.h"
+#include "runtime/kernels/shuffles.h"
 
 namespace sinew::internal::SINEW_KERNELS {
 
 #define SINEW_INLINE_LAMBDA __attribute__((always_inline))
 
-using Int4 = std::int32_t __attribute__((vector_size(16)));
-
 SINEW_INLINE Float4 splat4(float value) { return Float4{value, value, value, value}; }
-SINEW_INLINE Float8 splat8(float v) { return Float8{v, v, v, v, v, v, v, v}; }
+SINEW_INLINE Float8 splat8(float v) { return joined(splat4(v), splat4(v)); }
 #if defined(__AVX512F__)
 using Float16 = float __attribute__((vector_size(64)));
 SINEW_INLINE Float16 splat16(float v) { return Float16{v, v, v, v, v, v, v, v, v, v, v, v, v, v, v, v}; }
@@ -26,10 +24,17 @@ SINEW_INLINE Float16 load16(const float* p) {
 }
 #endif
 template <int K>
-SINEW_INLINE Float4 lane(Float4 v) {
-  return __builtin_shufflevector(v, v, K, K, K, K);
+SINEW_INLINE Float4 spread(Float4 v) {
+  return SINEW_SHUFFLE(v, v, K, K, K, K);
 }
-SINEW_INLINE Float4 select(Int4 mask, Float4 a, Float4 b) { return Float4((mask & Int4(a)) | (~mask & Int4(b))); }
+template <int I, int K>
+SINEW_INLINE Float8 spreadPair(Float4 v) {
+#if defined(__AVX__)
+  return SINEW_SHUFFLE(v, v, I, I, I, I, K, K, K, K);
+#else
+  return joined(spread<I>(v), spread<K>(v));
+#endif
+}
 SINEW_INLINE Float4 absolute(Float4 a) { return Float4(Int4(a) & 0x7fffffff); }
 SINEW_INLINE bool any(Int4 mask) {
 #if defined(__SSE4_1__)
@@ -38,14 +43,6 @@ SINEW_INLINE bool any(Int4 mask) {
   return (mask[0] | mask[1] | mask[2] | mask[3]) != 0;
 #endif
 }
-SINEW_INLINE Float4 squareRoot(Float4 a) {
-#if defined(__SSE4_1__)
-  return Float4(_mm_sqrt_ps(__m128(a)));
-#else
-  return Float4{__builtin_sqrtf(a[0]), __builtin_sqrtf(a[1]), __builtin_sqrtf(a[2]), __builtin_sqrtf(a[3])};
-#endif
-}
-
 // Three floats, without touching what lies behind them.
 SINEW_INLINE Float4 load3(const float* p) {
 #if defined(__SSE4_1__)
@@ -71,10 +68,10 @@ SINEW_INLINE void store3(std::byte* p, Float4 v) {
 SINEW_INLINE void storeQuad(const OutputStream& out, std::uint32_t i, const Float4 (&v)[4]) {
   std::byte* p = out.data + std::size_t(i) * out.stride;
   if (out.stride == 12) {
-    const Float4 a = __builtin_shufflevector(v[0], v[1], 0, 1, 2, 4);
-    const Float4 b = __builtin_shufflevector(v[1], v[2], 1, 2, 4, 5);
-    const Float4 z = __builtin_shufflevector(v[2], v[3], 2, 2, 4, 4);
-    const Float4 c = __builtin_shufflevector(z, v[3], 0, 2, 5, 6);
+    const Float4 a = SINEW_SHUFFLE(v[0], v[1], 0, 1, 2, 4);
+    const Float4 b = SINEW_SHUFFLE(v[1], v[2], 1, 2, 4, 5);
+    const Float4 z = SINEW_SHUFFLE(v[2], v[3], 2, 2, 4, 4);
+    const Float4 c = SINEW_SHUFFLE(z, v[3], 0, 2, 5, 6);
     __builtin_memcpy(p, &a, 16);
     __builtin_memcpy(p + 16, &b, 16);
     __builtin_memcpy(p + 32, &c, 16);
@@ -88,19 +85,19 @@ SINEW_INLINE void storeQuad(const OutputStream& out, std::uint32_t i, const Floa
 
 // The four sums x + y + z.
 SINEW_INLINE Float4 sumsOfQuad(Float4 a, Float4 b, Float4 c, Float4 d) {
-  const Float4 ab_low = __builtin_shufflevector(a, b, 0, 4, 1, 5);  // ax bx ay by
-  const Float4 cd_low = __builtin_shufflevector(c, d, 0, 4, 1, 5);
-  const Float4 ab_high = __builtin_shufflevector(a, b, 2, 6, 3, 7);  // az bz
-  const Float4 cd_high = __builtin_shufflevector(c, d, 2, 6, 3, 7);
-  const Float4 x = __builtin_shufflevector(ab_low, cd_low, 0, 1, 4, 5);
-  const Float4 y = __builtin_shufflevector(ab_low, cd_low, 2, 3, 6, 7);
-  const Float4 z = __builtin_shufflevector(ab_high, cd_high, 0, 1, 4, 5);
+  const Float4 ab_low = SINEW_SHUFFLE(a, b, 0, 4, 1, 5);  // ax bx ay by
+  const Float4 cd_low = SINEW_SHUFFLE(c, d, 0, 4, 1, 5);
+  const Float4 ab_high = SINEW_SHUFFLE(a, b, 2, 6, 3, 7);  // az bz
+  const Float4 cd_high = SINEW_SHUFFLE(c, d, 2, 6, 3, 7);
+  const Float4 x = SINEW_SHUFFLE(ab_low, cd_low, 0, 1, 4, 5);
+  const Float4 y = SINEW_SHUFFLE(ab_low, cd_low, 2, 3, 6, 7);
+  const Float4 z = SINEW_SHUFFLE(ab_high, cd_high, 0, 1, 4, 5);
   return (x + y) + z;
 }
 
 SINEW_INLINE Float4 cross(Float4 a, Float4 b) {
-  const Float4 c = a * __builtin_shufflevector(b, b, 1, 2, 0, 3) - __builtin_shufflevector(a, a, 1, 2, 0, 3) * b;
-  return __builtin_shufflevector(c, c, 1, 2, 0, 3);
+  const Float4 c = a * SINEW_SHUFFLE(b, b, 1, 2, 0, 3) - SINEW_SHUFFLE(a, a, 1, 2, 0, 3) * b;
+  return SINEW_SHUFFLE(c, c, 1, 2, 0, 3);
 }
 
 // v scaled to unit length; where that cannot be told (nothing left, overflow, not a number) `fallback`, or up.
@@ -124,10 +121,10 @@ SINEW_INLINE bool scalesOfQuad(const Float4 (&v)[4], Float4& scale) {
   return !any(~sound);
 }
 SINEW_INLINE void scaleQuad(Float4 (&v)[4], Float4 scale) {
-  v[0] *= lane<0>(scale);
-  v[1] *= lane<1>(scale);
-  v[2] *= lane<2>(scale);
-  v[3] *= lane<3>(scale);
+  v[0] *= spread<0>(scale);
+  v[1] *= spread<1>(scale);
+  v[2] *= spread<2>(scale);
+  v[3] *= spread<3>(scale);
 }
 
 // Four normals to unit length. \param rest_normals what to keep where there is no direction left.
@@ -157,10 +154,10 @@ SINEW_INLINE void orthonormalizeQuad(Float4 (&t)[4], const Float4 (&n)[4]) {
   bool sound = scalesOfQuad(left, scale);
   scaleQuad(left, scale);
   const Float4 along = sumsOfQuad(left[0] * n[0], left[1] * n[1], left[2] * n[2], left[3] * n[3]);
-  left[0] -= lane<0>(along) * n[0];
-  left[1] -= lane<1>(along) * n[1];
-  left[2] -= lane<2>(along) * n[2];
-  left[3] -= lane<3>(along) * n[3];
+  left[0] -= spread<0>(along) * n[0];
+  left[1] -= spread<1>(along) * n[1];
+  left[2] -= spread<2>(along) * n[2];
+  left[3] -= spread<3>(along) * n[3];
   sound &= scalesOfQuad(left, left_scale) && !any(left_scale > splat4(1e3F));
   if (sound) [[likely]] {
     scaleQuad(left, left_scale);
@@ -190,16 +187,13 @@ inline bool fillSlotFrames(const float* positions, const SlotCorners* corners, S
   return !any(bad);
 }
 
-SINEW_INLINE Float4 low4(Float8 v) { return __builtin_shufflevector(v, v, 0, 1, 2, 3); }
-SINEW_INLINE Float4 high4(Float8 v) { return __builtin_shufflevector(v, v, 4, 5, 6, 7); }
-
 SINEW_INLINE Float4 attachedPoint(const AttachmentRecord& record, const SlotFrame* frames) {
   const float* frame = frames[record.slot].column[0];
   const Float4 weights = load4(record.weight);  // the slot in the last lane
-  const Float4 w = __builtin_shufflevector(weights, splat4(1.0F), 0, 1, 2, 7);
-  const Float8 sum = __builtin_shufflevector(w, w, 0, 0, 0, 0, 1, 1, 1, 1) * load8(frame) +
-                     __builtin_shufflevector(w, w, 2, 2, 2, 2, 3, 3, 3, 3) * load8(frame + 8);
-  return low4(sum) + high4(sum);
+  const Float4 w = SINEW_SHUFFLE(weights, splat4(1.0F), 0, 1, 2, 7);
+  const Float8 sum = spreadPair<0, 1>(w) * load8(frame) +
+                     spreadPair<2, 3>(w) * load8(frame + 8);
+  return lowHalf(sum) + highHalf(sum);
 }
 
 /// Positions of visual vertices [begin, end).
@@ -221,14 +215,14 @@ SINEW_INLINE Float4 clusterOffset(const ClusterColumns& cluster, Float4 rest) {
 }
 
 SINEW_INLINE Float4 clusterPoint(const ClusterColumns& cluster, Float4 rest) {
-  const Float4 q = clusterOffset(cluster, rest), x = lane<0>(q), y = lane<1>(q), z = lane<2>(q);
+  const Float4 q = clusterOffset(cluster, rest), x = spread<0>(q), y = spread<1>(q), z = spread<2>(q);
   Float4 p = (load4(cluster.column[0]) + x * load4(cluster.column[1])) +
              (y * load4(cluster.column[2]) + z * load4(cluster.column[3]));
   if (cluster.quadratic != 0) {
-    const Float4 squares = q * q, mixed = q * __builtin_shufflevector(q, q, 1, 2, 0, 3);  // xx yy zz, xy yz zx
-    p += (lane<0>(squares) * load4(cluster.column[4]) + lane<1>(squares) * load4(cluster.column[5])) +
-         (lane<2>(squares) * load4(cluster.column[6]) + lane<0>(mixed) * load4(cluster.column[7])) +
-         (lane<1>(mixed) * load4(cluster.column[8]) + lane<2>(mixed) * load4(cluster.column[9]));
+    const Float4 squares = q * q, mixed = q * SINEW_SHUFFLE(q, q, 1, 2, 0, 3);  // xx yy zz, xy yz zx
+    p += (spread<0>(squares) * load4(cluster.column[4]) + spread<1>(squares) * load4(cluster.column[5])) +
+         (spread<2>(squares) * load4(cluster.column[6]) + spread<0>(mixed) * load4(cluster.column[7])) +
+         (spread<1>(mixed) * load4(cluster.column[8]) + spread<2>(mixed) * load4(cluster.column[9]));
   }
   return p;
 }
@@ -241,7 +235,7 @@ struct Columns3 {
 SINEW_INLINE Columns3 clusterSlope(const ClusterColumns& cluster, Float4 rest) {
   Columns3 g = {load4(cluster.column[1]), load4(cluster.column[2]), load4(cluster.column[3])};
   if (cluster.quadratic != 0) {
-    const Float4 q = clusterOffset(cluster, rest), x = lane<0>(q), y = lane<1>(q), z = lane<2>(q);
+    const Float4 q = clusterOffset(cluster, rest), x = spread<0>(q), y = spread<1>(q), z = spread<2>(q);
     const Float4 xy = load4(cluster.column[7]), yz = load4(cluster.column[8]), zx = load4(cluster.column[9]);
     g.x += ((x + x) * load4(cluster.column[4]) + y * xy) + z * zx;
     g.y += ((y + y) * load4(cluster.column[5]) + x * xy) + z * yz;
@@ -284,7 +278,7 @@ inline void fillGradients(const float* rest, const std::uint32_t* first_use, con
 }
 
 SINEW_INLINE Float4 times(const Columns3& m, Float4 v) {
-  return (lane<0>(v) * m.x + lane<1>(v) * m.y) + lane<2>(v) * m.z;
+  return (spread<0>(v) * m.x + spread<1>(v) * m.y) + spread<2>(v) * m.z;
 }
 
 // (Σ w_k M_k) v over the corners of an attachment, w_3 = 1 - w_0 - w_1 - w_2.
@@ -298,14 +292,14 @@ SINEW_INLINE Float4 blendCorners(const AttachmentRecord& record, const SlotCorne
 #if defined(__AVX512F__)
   const Float16 sum = (splat16(w[0]) * load16(m0) + splat16(w[1]) * load16(m1)) +
                       (splat16(w[2]) * load16(m2) + splat16(last) * load16(m3));
-  const Float4 x = __builtin_shufflevector(sum, sum, 0, 1, 2, 3), y = __builtin_shufflevector(sum, sum, 4, 5, 6, 7),
-               z = __builtin_shufflevector(sum, sum, 8, 9, 10, 11);
+  const Float4 x = SINEW_SHUFFLE(sum, sum, 0, 1, 2, 3), y = SINEW_SHUFFLE(sum, sum, 4, 5, 6, 7),
+               z = SINEW_SHUFFLE(sum, sum, 8, 9, 10, 11);
 #else
   const Float8 xy = (splat8(w[0]) * load8(m0) + splat8(w[1]) * load8(m1)) +
                     (splat8(w[2]) * load8(m2) + splat8(last) * load8(m3));
   const Float4 z = (splat4(w[0]) * load4(m0 + 8) + splat4(w[1]) * load4(m1 + 8)) +
                    (splat4(w[2]) * load4(m2 + 8) + splat4(last) * load4(m3 + 8));
-  const Float4 x = low4(xy), y = high4(xy);
+  const Float4 x = lowHalf(xy), y = highHalf(xy);
 #endif
   return (splat4(v[0]) * x + splat4(v[1]) * y) + splat4(v[2]) * z;
 }
@@ -418,6 +412,26 @@ inline void growBounds(const float* points, std::uint32_t count, float* low, flo
     low[k] = least[k];
     high[k] = most[k];
   }
+}
+
+inline constexpr AttachKernels attachTable() {
+  return {fillSlotFrames,
+          fillGradients,
+          writeAttachedPositions,
+          [](const AttachmentRecord* records, const SlotCorners* corners, const PaddedMatrix* cofactors,
+             const PaddedMatrix* gradients, const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
+             std::uint32_t end, OutputStream normals, OutputStream tangents) {
+            const auto write = tangents.data != nullptr ? writeAttachedDirections<true> : writeAttachedDirections<false>;
+            write(records, corners, cofactors, gradients, rest_normals, rest_tangents, begin, end, normals, tangents);
+          },
+          writeBlendedPositions,
+          [](const float* rest, const BlendRun* runs, const BlendTerm* terms, const ClusterColumns* clusters,
+             const float* rest_normals, const float* rest_tangents, std::uint32_t begin, std::uint32_t end,
+             OutputStream normals, OutputStream tangents) {
+            const auto write = tangents.data != nullptr ? writeBlendedDirections<true> : writeBlendedDirections<false>;
+            write(rest, runs, terms, clusters, rest_normals, rest_tangents, begin, end, normals, tangents);
+          },
+          growBounds};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

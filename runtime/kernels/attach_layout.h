@@ -58,4 +58,25 @@ struct OutputStream {
   std::size_t stride;
 };
 
+/// The attachment kernels of one instruction set; runtime/kernels/attach.h says what each does.
+struct AttachKernels {
+  bool (*slot_frames)(const float* positions, const SlotCorners* corners, SlotFrame* frames, std::uint32_t begin,
+                      std::uint32_t end);
+  void (*gradients)(const float* rest, const std::uint32_t* first_use, const BlendTerm* terms,
+                    const ClusterColumns* clusters, PaddedMatrix* gradients, PaddedMatrix* cofactors,
+                    std::uint32_t begin, std::uint32_t end);
+  void (*attached_positions)(const AttachmentRecord* records, const SlotFrame* frames, std::uint32_t begin,
+                             std::uint32_t end, OutputStream out);
+  void (*attached_directions)(const AttachmentRecord* records, const SlotCorners* corners,
+                              const PaddedMatrix* cofactors, const PaddedMatrix* gradients, const float* rest_normals,
+                              const float* rest_tangents, std::uint32_t begin, std::uint32_t end, OutputStream normals,
+                              OutputStream tangents);
+  void (*blended_positions)(const float* rest, const BlendRun* runs, const BlendTerm* terms,
+                            const ClusterColumns* clusters, std::uint32_t begin, std::uint32_t end, OutputStream out);
+  void (*blended_directions)(const float* rest, const BlendRun* runs, const BlendTerm* terms,
+                             const ClusterColumns* clusters, const float* rest_normals, const float* rest_tangents,
+                             std::uint32_t begin, std::uint32_t end, OutputStream normals, OutputStream tangents);
+  void (*bounds)(const float* points, std::uint32_t count, float* low, float* high);
+};
+
 }  // namespace sinew::internal

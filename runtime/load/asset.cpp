@@ -4,14 +4,23 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <mutex>
 #include <new>
+#include <vector>
 
+#include "runtime/attach/visual_constants.h"
 #include "runtime/load/mapped_file.h"
 #include "runtime/load/rest_constants.h"
 
 namespace sinew {
 
-Asset::Asset() = default;
+struct Asset::Lazy {
+  std::once_flag visual_made, tangents_made;
+  internal::VisualConstants visual;
+  std::vector<std::array<float, 4>> tangents;
+};
+
+Asset::Asset() : lazy_(std::make_unique<Lazy>()) {}
 
 Asset::~Asset() {
   if (memory_ == nullptr) return;
@@ -49,6 +58,24 @@ Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, s
   if (!error.reason.empty()) return Error{prefix + error.reason};
   asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
   return std::shared_ptr<const Asset>(std::move(asset));
+}
+
+const internal::VisualConstants& Asset::visualConstants() const {
+  std::call_once(lazy_->visual_made, [this] { lazy_->visual = internal::makeVisualConstants(view_); });
+  return lazy_->visual;
+}
+
+std::span<const Vec3> Asset::restNormals() const {
+  return view_.visualNormals().empty() ? std::span<const Vec3>(visualConstants().made_normals) : view_.visualNormals();
+}
+
+std::span<const std::array<float, 4>> Asset::restTangents() const {
+  std::call_once(lazy_->tangents_made, [this] { lazy_->tangents = internal::makeTangents(view_, restNormals()); });
+  return lazy_->tangents;
+}
+
+std::span<const VertexRun> Asset::subMeshVertices(std::uint32_t sub_mesh) const {
+  return sub_mesh < view_.subMeshes().size() ? visualConstants().runsOf(sub_mesh) : std::span<const VertexRun>();
 }
 
 }  // namespace sinew

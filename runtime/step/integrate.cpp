@@ -10,10 +10,6 @@
 namespace sinew::internal {
 namespace {
 
-// Beyond these a state counts as lost: floats could no longer square or difference it.
-constexpr float kLargestPosition = 1e15F;  // metres
-constexpr float kLargestVelocity = 1e17F;  // m/s
-
 // A turn within one pass that the rounding of a match may cause, radians.
 constexpr double kRoundingTurn = 2e-7;
 

@@ -206,12 +206,12 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
 
 }  // namespace
 
-void StepPlan::rebuild(const std::vector<std::unique_ptr<Body>>& all) {
+void StepPlan::rebuild(const BodyList& all) {
   bodies.clear();
   vertices.clear();
   clusters.clear();
   parts.clear();
-  for (const std::unique_ptr<Body>& owner : all) {
+  for (const BodyPointer& owner : all) {
     Body* body = owner.get();
     if (body == nullptr) continue;
     bodies.push_back(body);
@@ -256,7 +256,6 @@ void stepWorld(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, f
     body->rows.reserve(body->x.size() + body->picks.size());
     body->responses.resize(body->frames.size());
     body->repaired = 0;
-    body->cofactors_fresh = false;
   }
   for (std::uint32_t left = passes; left > 0; --left) pass(plan, settings, jobs, h, left, clock);
   for (const VertexChunk& chunk : plan.vertices) chunk.body->repaired += chunk.repaired;

@@ -48,7 +48,7 @@ struct StepPlan {
   std::vector<ClusterChunk> clusters;
   std::vector<Part> parts;
 
-  void rebuild(const std::vector<std::unique_ptr<Body>>& all);
+  void rebuild(const BodyList& all);
 };
 
 enum StepPhase : std::uint32_t { kPredict, kMoments, kRows, kMatch, kSolve, kGoals, kSettle, kStepPhaseCount };

@@ -7,8 +7,8 @@
 
 namespace sinew::internal {
 
-Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings)
-    : asset(std::move(source)), settings(body_settings) {
+Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::pmr::memory_resource* memory)
+    : asset(std::move(source)), settings(body_settings), history(memory) {
   const std::size_t vertex_count = vertices().size(), cluster_count = package().clusters().size();
   x.resize(vertex_count);
   v.resize(vertex_count);
@@ -48,7 +48,6 @@ void Body::matchPositions() {
                 frames[c]);
     frames[c].limited = false;
   }
-  cofactors_fresh = false;
 }
 
 }  // namespace sinew::internal

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "runtime/attach/history.h"
 #include "runtime/clusters/frame.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/contact/row.h"
@@ -32,7 +33,8 @@ struct Pick {
 
 /// State of one body. Constants stay in the asset.
 struct Body {
-  Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings);
+  Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings,
+       std::pmr::memory_resource* memory = std::pmr::get_default_resource());
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }
@@ -67,9 +69,18 @@ struct Body {
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 
-  // Scratch of the attachment: cofactors of the deformation gradient by physical vertex, valid if `fresh`.
-  mutable std::vector<Matrix3> cofactors;
-  mutable bool cofactors_fresh = false;
+  History history;  ///< for motion vectors
 };
+
+/// Bodies of a world by BodyId. They live in its memory resource.
+struct BodyRelease {
+  std::pmr::memory_resource* memory = nullptr;
+  void operator()(Body* body) const {
+    body->~Body();
+    memory->deallocate(body, sizeof(Body), alignof(Body));
+  }
+};
+using BodyPointer = std::unique_ptr<Body, BodyRelease>;
+using BodyList = std::pmr::vector<BodyPointer>;
 
 }  // namespace sinew::internal

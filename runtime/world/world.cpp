@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdarg>
+#include <cstdio>
 #include <vector>
 
-#include "runtime/attach/visual.h"
-#include "runtime/step/world_step.h"
+#include "runtime/world/world_impl.h"
 
 namespace sinew {
 
@@ -15,32 +16,93 @@ using internal::asArray;
 using internal::asVector;
 using internal::Body;
 
-struct World::Impl {
-  WorldSettings settings;
-  JobSystem* jobs = nullptr;
-  std::vector<std::unique_ptr<Body>> bodies;  // by BodyId; null where removed, since ids are never used again
-  internal::StepPlan plan;
-  std::array<Phase, internal::kStepPhaseCount> phases{};
-  std::uint32_t next_pick = 0;
+World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& resources)
+    : settings(world_settings),
+      memory(resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource()),
+      jobs(resources.jobs),
+      log(resources.log),
+      bodies(memory),
+      visual(memory) {}
 
-  Body* find(BodyId id) const { return id.value < bodies.size() ? bodies[id.value].get() : nullptr; }
+Body* World::Impl::find(BodyId id, const char* call) const {
+  Body* body = find(id);
+  if (body == nullptr) tell(LogSeverity::error, "%s: there is no body %u in this world", call, id.value);
+  return body;
+}
 
-  // The body and place of a pick; (nullptr, 0) where it was let go.
-  std::pair<Body*, std::size_t> findPick(PickId id) const {
-    for (const std::unique_ptr<Body>& body : bodies) {
-      if (body == nullptr) continue;
-      for (std::size_t i = 0; i < body->picks.size(); ++i) {
-        if (body->picks[i].id == id.value) return {body.get(), i};
-      }
+std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
+  for (const internal::BodyPointer& body : bodies) {
+    if (body == nullptr) continue;
+    for (std::size_t i = 0; i < body->picks.size(); ++i) {
+      if (body->picks[i].id == id.value) return {body.get(), i};
     }
-    return {nullptr, 0};
   }
+  return {nullptr, 0};
+}
+
+void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
+  if (log == nullptr) return;
+  char line[256];
+  std::va_list arguments;
+  va_start(arguments, format);
+  const int length = std::vsnprintf(line, sizeof line, format, arguments);
+  va_end(arguments);
+  if (length > 0) log->write(severity, {line, std::min(std::size_t(length), sizeof line - 1)});
+}
+
+namespace {
+
+bool finite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
+
+// The settings that step() is to use, all in range, and what it made of those that were not.
+struct CheckedSettings {
+  WorldSettings settings;
+  std::uint32_t wrong = 0;         // a bit each
+  const char* name = nullptr;      // of the first one that is wrong
 };
 
-World::World(const WorldSettings& settings, JobSystem* jobs) : impl_(std::make_unique<Impl>()) {
-  impl_->settings = settings;
-  impl_->jobs = jobs;
+CheckedSettings checked(const WorldSettings& given) {
+  CheckedSettings result = {given, 0, nullptr};
+  std::uint32_t bit = 1;
+  const auto check = [&](const char* name, bool sound, auto& value, const auto& instead) {
+    if (!sound) {
+      value = instead;
+      result.wrong |= bit;
+      if (result.name == nullptr) result.name = name;
+    }
+    bit <<= 1;
+  };
+  WorldSettings& s = result.settings;
+  const auto in_range = [&](const char* name, float& value) {
+    const float instead = value > 0 ? 1e4F : 0.0F;  // not a number: 0
+    check(name, value >= 0 && value <= 1e4F, value, instead);
+  };
+  check("gravity", finite(s.gravity), s.gravity, Vec3{0, 0, 0});
+  check("iterations", s.iterations >= 1 && s.iterations <= 16, s.iterations, std::clamp(s.iterations, 1U, 16U));
+  in_range("damping", s.damping);
+  in_range("deformation_damping", s.deformation_damping);
+  in_range("ground.friction", s.ground.friction);
+  if (s.ground.enabled) {
+    const float length = asVector(s.ground.normal).norm();
+    check("ground.normal", std::abs(length - 1.0F) < 1e-3F && std::isfinite(s.ground.offset), s.ground.enabled, false);
+  }
+  return result;
 }
+
+}  // namespace
+
+void World::Release::operator()(Impl* impl) const {
+  std::pmr::memory_resource* memory = impl->memory;
+  impl->~Impl();
+  memory->deallocate(impl, sizeof(Impl), alignof(Impl));
+}
+
+World::World(const WorldSettings& settings, const WorldResources& resources) {
+  std::pmr::memory_resource* memory =
+      resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource();
+  impl_.reset(new (memory->allocate(sizeof(Impl), alignof(Impl))) Impl(settings, resources));
+}
+World::World(const WorldSettings& settings, JobSystem* jobs) : World(settings, WorldResources{nullptr, jobs, nullptr}) {}
 World::~World() = default;
 World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
@@ -62,26 +124,70 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
   if (!(settings.stiffness_scale >= 0) || !finite(settings.stiffness_scale)) {
     return Error{"addBody: BodySettings::stiffness_scale must be 0 or more"};
   }
-  impl_->bodies.push_back(std::make_unique<Body>(std::move(asset), settings));
-  impl_->plan.rebuild(impl_->bodies);
-  return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
+  return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
+    std::pmr::memory_resource* memory = impl_->memory;
+    impl_->bodies.reserve(impl_->bodies.size() + 1);
+    void* place = memory->allocate(sizeof(Body), alignof(Body));
+    Body* body = nullptr;
+    try {
+      body = new (place) Body(std::move(asset), settings, memory);
+    } catch (...) {
+      memory->deallocate(place, sizeof(Body), alignof(Body));
+      throw;
+    }
+    impl_->bodies.push_back(internal::BodyPointer(body, internal::BodyRelease{memory}));
+    keepHistory(*body);
+    impl_->plan.rebuild(impl_->bodies);
+    return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
+  });
 }
 
 void World::removeBody(BodyId id) {
-  if (impl_->find(id) == nullptr) return;
+  Body* body = impl_->find(id, "removeBody");
+  if (body == nullptr) return;
+  impl_->changed(*body);
   impl_->bodies[id.value].reset();
   impl_->plan.rebuild(impl_->bodies);
 }
 
+bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
+
 void World::resetBody(BodyId id) {
-  if (Body* body = impl_->find(id)) body->reset();
+  Body* body = impl_->find(id, "resetBody");
+  if (body == nullptr) return;
+  body->reset();
+  keepHistory(*body);
+  impl_->changed(*body);
 }
 
 const Asset& World::asset(BodyId id) const { return *impl_->bodies[id.value]->asset; }
 
 void World::step(float seconds) {
-  if (!(seconds > 0) || !std::isfinite(seconds)) return;
-  internal::stepWorld(impl_->plan, impl_->settings, impl_->jobs, seconds, impl_->phases);
+  if (!(seconds > 0) || !std::isfinite(seconds)) {
+    impl_->tell(LogSeverity::error, "step: %g is not a length of time; nothing was done", double(seconds));
+    return;
+  }
+  const CheckedSettings settings = checked(impl_->settings);
+  if (settings.wrong != impl_->settings_told && settings.wrong != 0) {
+    impl_->tell(LogSeverity::warning, "step: WorldSettings::%s is out of range; the nearest legal value is used",
+                settings.name);
+  }
+  impl_->settings_told = settings.wrong;
+  impl_->visual.invalidate();
+  impl_->guarded("step", false, [&] {
+    for (const internal::BodyPointer& body : impl_->bodies) {
+      if (body != nullptr) keepHistory(*body);
+    }
+    internal::stepWorld(impl_->plan, settings.settings, impl_->jobs, seconds, impl_->phases);
+    return true;
+  });
+  for (std::uint32_t i = 0; i < impl_->bodies.size(); ++i) {
+    const Body* body = impl_->bodies[i].get();
+    if (body == nullptr || body->repaired == 0) continue;
+    impl_->tell(LogSeverity::warning,
+                "step: body %u had %u vertices whose state was lost (not finite, or beyond 1e15 m); they were put back", i,
+                body->repaired);
+  }
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
@@ -100,18 +206,25 @@ std::uint32_t World::repairedVertices(BodyId id) const {
 }
 
 void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const Vec3> velocities) {
-  Body* body = impl_->find(id);
-  if (body == nullptr || positions.size() != body->x.size()) return;
-  if (!velocities.empty() && velocities.size() != body->x.size()) return;
-  body->x.assign(positions.begin(), positions.end());
+  Body* body = impl_->find(id, "setState");
+  if (body == nullptr) return;
+  const std::size_t count = body->vertices().size();
+  if (positions.size() != count || (!velocities.empty() && velocities.size() != count)) {
+    impl_->tell(LogSeverity::error, "setState: %zu positions and %zu velocities for a body of %zu vertices",
+                positions.size(), velocities.size(), count);
+    return;
+  }
+  std::copy(positions.begin(), positions.end(), body->x.begin());
   if (velocities.empty()) {
     std::fill(body->v.begin(), body->v.end(), Vec3{});
   } else {
-    body->v.assign(velocities.begin(), velocities.end());
+    std::copy(velocities.begin(), velocities.end(), body->v.begin());
   }
   std::fill(body->force.begin(), body->force.end(), Vec3{});
   for (internal::Pick& pick : body->picks) pick.force = {};
   body->matchPositions();
+  keepHistory(*body);
+  impl_->changed(*body);
 }
 
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
@@ -147,17 +260,31 @@ void World::unpinAll(BodyId id) {
 }
 
 PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz) {
-  Body* body = impl_->find(id);
-  if (body == nullptr || visual_vertex >= body->package().visualPositions().size()) return {};
-  const PickId pick{impl_->next_pick++};
-  body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
-  body->rows.reserve(body->x.size() + body->picks.size());
-  return pick;
+  Body* body = impl_->find(id, "pick");
+  if (body == nullptr) return {};
+  if (visual_vertex >= body->package().visualPositions().size()) {
+    impl_->tell(LogSeverity::error, "pick: body %u has no visual vertex %u", id.value, visual_vertex);
+    return {};
+  }
+  if (!finite(target) || std::isnan(frequency_hz)) {
+    impl_->tell(LogSeverity::error, "pick: target or frequency is not finite");
+    return {};
+  }
+  return impl_->guarded("pick", PickId{}, [&] {
+    const PickId pick{impl_->next_pick};
+    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
+    ++impl_->next_pick;
+    return pick;
+  });
 }
 
 void World::movePick(PickId id, Vec3 target) {
   const auto [body, index] = impl_->findPick(id);
-  if (body != nullptr) body->picks[index].target = target;
+  if (body == nullptr || !finite(target)) {
+    impl_->tell(LogSeverity::error, body == nullptr ? "movePick: there is no such pick" : "movePick: target is not finite");
+    return;
+  }
+  body->picks[index].target = target;
 }
 
 void World::releasePick(PickId id) {
@@ -165,30 +292,11 @@ void World::releasePick(PickId id) {
   if (body != nullptr) body->picks.erase(body->picks.begin() + std::ptrdiff_t(index));
 }
 
-void World::visualVertices(BodyId id, StridedFloat3 positions, StridedFloat3 normals) const {
-  const Body* body = impl_->find(id);
-  if (body == nullptr) return;
-  const formats::PackageView& package = body->package();
-  const std::uint32_t visual_count = std::uint32_t(package.visualPositions().size());
-  if (package.visualNormals().empty()) normals.data = nullptr;
-  const auto parallel = [this](std::uint32_t count, std::uint32_t grain, const auto& work) {
-    if (impl_->jobs == nullptr) {
-      work(0U, count);
-    } else {
-      impl_->jobs->parallelFor(count, grain, [&work](std::uint32_t begin, std::uint32_t end) { work(begin, end); });
-    }
-  };
-  if (normals.data != nullptr && !body->cofactors_fresh) {
-    body->cofactors.resize(body->x.size());
-    parallel(std::uint32_t(body->x.size()), 1024,
-             [body](std::uint32_t begin, std::uint32_t end) { updateCofactors(*body, begin, end); });
-    body->cofactors_fresh = true;
-  }
-  std::uint32_t count = 0;
-  if (positions.data != nullptr) count = std::max(count, std::min(positions.count, visual_count));
-  if (normals.data != nullptr) count = std::max(count, std::min(normals.count, visual_count));
-  parallel(count, 4096,
-           [&](std::uint32_t begin, std::uint32_t end) { writeVisual(*body, begin, end, positions, normals); });
+std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
+  const Body* body = impl_->find(id, "picks");
+  if (body == nullptr) return 0;
+  for (std::size_t i = 0; i < std::min(ids.size(), body->picks.size()); ++i) ids[i] = {body->picks[i].id};
+  return body->picks.size();
 }
 
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {

@@ -54,6 +54,8 @@ struct BodySettings {
                    0.0F};  ///< metres, added to the rest positions (and to the package's origin, which is dropped)
   Mat3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< proper rotation about the package's origin, applied before position
   float stiffness_scale = 1.0F;                 ///< multiplies the frequencies of all clusters, 0..1e6
+  bool keep_previous = false;  ///< keeps the positions before each step, for VisualOutput::previous_positions; costs
+                               ///< 12 bytes a physical vertex and their copy
 };
 
 }  // namespace sinew
