@@ -8,7 +8,6 @@
 #include "runtime/attach/visual_constants.h"
 #include "runtime/clusters/goal.h"
 #include "runtime/kernels/kernels.h"
-#include "runtime/step/integrate.h"
 
 namespace sinew::internal {
 namespace {
@@ -42,7 +41,7 @@ SlotFrame mendedFrame(const Body& body, std::span<const Vec3> positions, const S
   std::array<Vector3, 4> p;
   for (std::size_t k = 0; k < 4; ++k) {
     const std::uint32_t vertex = corners.vertex[k];
-    p[k] = usable(positions[vertex]) ? Vector3(asVector(positions[vertex])) : blendedGoal(body, vertex);
+    p[k] = usable(positions[vertex]) ? Vector3(asVector(positions[vertex])) : body.blendedGoal(vertex);
   }
   SlotFrame frame = {};
   for (std::size_t k = 0; k < 4; ++k) {
@@ -97,14 +96,14 @@ Vector3 attachedPosition(const Body& body, std::uint32_t vertex, std::span<const
   Vector3 sum = Vector3::Zero();
   for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
     sum += use.weight * clusterGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster],
-                                    body.frames[use.cluster], rest);
+                                    loadFrame(body.blocks, use.cluster), rest);
   }
   return sum;
 }
 
 ClusterColumns clusterColumns(const Body& body, std::uint32_t index) {
   const formats::Cluster& cluster = body.package().clusters()[index];
-  const ClusterFrame& frame = body.frames[index];
+  const ClusterFrame frame = loadFrame(body.blocks, index);
   ClusterColumns result = {};
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
   const int columns = quadratic ? 9 : 3;
@@ -124,7 +123,7 @@ void keepHistory(Body& body) {
   History& history = body.history;
   history.positions.resize(body.vertices().size());
   for (std::uint32_t i = 0; i < history.positions.size(); ++i) {
-    history.positions[i] = usable(body.x[i]) ? body.x[i] : asArray(blendedGoal(body, i));
+    history.positions[i] = usable(body.x[i]) ? body.x[i] : asArray(body.blendedGoal(i));
   }
   if (body.package().visualPositions().empty() || hangsOnTetrahedra(body)) return;
   history.columns.resize(body.package().clusters().size());

@@ -31,7 +31,7 @@ Asset::~Asset() {
   }
 }
 
-Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) {
+Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) try {
   std::shared_ptr<Asset> asset(new Asset);
   const internal::MappedFile file = internal::mapFile(path);
   if (!file.reason.empty()) return Error{path + ": " + file.reason};
@@ -39,9 +39,11 @@ Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) {
   asset->bytes_ = file.bytes;
   asset->mapped_ = file.mapped;
   return open(std::move(asset), {static_cast<const std::byte*>(file.data), file.bytes}, path + ": ");
+} catch (const std::bad_alloc&) {
+  return Error{path + ": out of memory"};
 }
 
-Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) {
+Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) try {
   std::shared_ptr<Asset> asset(new Asset);
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % formats::kSectionAlignment != 0) {
     asset->memory_ = ::operator new(bytes.size(), std::align_val_t(formats::kSectionAlignment));
@@ -50,12 +52,17 @@ Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte
     bytes = {static_cast<const std::byte*>(asset->memory_), asset->bytes_};
   }
   return open(std::move(asset), bytes, "");
+} catch (const std::bad_alloc&) {
+  return Error{"out of memory"};
 }
 
 Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes,
                                                  const std::string& prefix) {
   const formats::PackageError error = formats::PackageView::open(bytes, asset->view_);
   if (!error.reason.empty()) return Error{prefix + error.reason};
+  formats::Header header;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  asset->checksum_ = header.checksum;
   asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
   return std::shared_ptr<const Asset>(std::move(asset));
 }

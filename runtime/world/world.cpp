@@ -22,7 +22,15 @@ World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& res
       jobs(resources.jobs),
       log(resources.log),
       bodies(memory),
+      step_scratch(memory),
       visual(memory) {}
+
+std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& asset, float scale) const {
+  for (const internal::BodyPointer& body : bodies) {
+    if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
+  }
+  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(), scale);
+}
 
 Body* World::Impl::find(BodyId id, const char* call) const {
   Body* body = find(id);
@@ -130,14 +138,14 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
     void* place = memory->allocate(sizeof(Body), alignof(Body));
     Body* body = nullptr;
     try {
-      body = new (place) Body(std::move(asset), settings, memory);
+      auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
+      body = new (place) Body(std::move(asset), settings, std::move(stiffness), memory);
     } catch (...) {
       memory->deallocate(place, sizeof(Body), alignof(Body));
       throw;
     }
     impl_->bodies.push_back(internal::BodyPointer(body, internal::BodyRelease{memory}));
     keepHistory(*body);
-    impl_->plan.rebuild(impl_->bodies);
     return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
   });
 }
@@ -147,7 +155,6 @@ void World::removeBody(BodyId id) {
   if (body == nullptr) return;
   impl_->changed(*body);
   impl_->bodies[id.value].reset();
-  impl_->plan.rebuild(impl_->bodies);
 }
 
 bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
@@ -178,7 +185,11 @@ void World::step(float seconds) {
     for (const internal::BodyPointer& body : impl_->bodies) {
       if (body != nullptr) keepHistory(*body);
     }
-    internal::stepWorld(impl_->plan, settings.settings, impl_->jobs, seconds, impl_->phases);
+    internal::StepTimes times = {};
+    const bool measured = settings.settings.measure_phases;
+    internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds,
+                        measured ? &times : nullptr);
+    for (std::size_t k = 0; k < times.size(); ++k) impl_->phases[k].milliseconds = measured ? times[k] : 0;
     return true;
   });
   for (std::uint32_t i = 0; i < impl_->bodies.size(); ++i) {
@@ -192,12 +203,12 @@ void World::step(float seconds) {
 
 std::span<const Vec3> World::positions(BodyId id) const {
   const Body* body = impl_->find(id);
-  return body != nullptr ? std::span<const Vec3>(body->x) : std::span<const Vec3>();
+  return body != nullptr ? std::span<const Vec3>(body->x.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::span<const Vec3> World::velocities(BodyId id) const {
   const Body* body = impl_->find(id);
-  return body != nullptr ? std::span<const Vec3>(body->v) : std::span<const Vec3>();
+  return body != nullptr ? std::span<const Vec3>(body->v.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::uint32_t World::repairedVertices(BodyId id) const {
@@ -229,7 +240,7 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
 
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
   Body* body = impl_->find(id);
-  if (body == nullptr || vertex >= body->x.size()) return;
+  if (body == nullptr || vertex >= body->vertexCount()) return;
   const auto place = std::lower_bound(body->pins.begin(), body->pins.end(), vertex,
                                       [](const internal::Pin& pin, std::uint32_t v) { return pin.vertex < v; });
   if (place != body->pins.end() && place->vertex == vertex) {
@@ -243,7 +254,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
 
 void World::unpin(BodyId id, std::uint32_t vertex) {
   Body* body = impl_->find(id);
-  if (body == nullptr || vertex >= body->x.size() || body->pinned[vertex] == 0) return;
+  if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
   std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   body->pinned[vertex] = 0;
   body->force[vertex] = {};
@@ -309,7 +320,7 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   }
   double mass = 0;
   Eigen::Vector3d center = Eigen::Vector3d::Zero(), rest_center = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < body->x.size(); ++i) {
+  for (std::size_t i = 0; i < body->vertexCount(); ++i) {
     const double m = double(body->vertices()[i].mass);
     mass += m;
     center += m * asVector(body->x[i]).cast<double>();
@@ -318,7 +329,7 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   center /= mass;
   rest_center /= mass;
   Eigen::Matrix3d a_pq = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < body->x.size(); ++i) {
+  for (std::size_t i = 0; i < body->vertexCount(); ++i) {
     a_pq += double(body->vertices()[i].mass) * (asVector(body->x[i]).cast<double>() - center) *
             (asVector(body->vertices()[i].rest_position).cast<double>() - rest_center).transpose();
   }
@@ -331,10 +342,11 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
   const Body* body = impl_->find(id);
-  if (body == nullptr || cluster >= body->frames.size()) return;
-  center = asArray(body->frames[cluster].center);
+  if (body == nullptr || cluster >= body->clusterCount()) return;
+  const internal::ClusterFrame frame = internal::loadFrame(body->blocks, cluster);
+  center = asArray(frame.center);
   Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(linear.data());
-  result = body->frames[cluster].f.leftCols<3>();
+  result = frame.f.leftCols<3>();
 }
 
 std::span<const World::Phase> World::lastStepPhases() const { return impl_->phases; }

@@ -26,6 +26,9 @@ struct World::Impl {
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
 
+  /// The stiffness that bodies of an asset with the same scale share.
+  std::shared_ptr<internal::StiffnessSet> stiffnessOf(const Asset& asset, float scale) const;
+
   /// One line to the log sink, printf-style; no allocation.
   [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;
 
@@ -54,8 +57,9 @@ struct World::Impl {
   JobSystem* jobs;
   LogSink* log;
   internal::BodyList bodies;  ///< by BodyId; null where removed, since ids are never used again
-  internal::StepPlan plan;
-  std::array<Phase, internal::kStepPhaseCount> phases{};
+  internal::StepScratch step_scratch;
+  std::array<Phase, internal::kStepPhaseCount> phases = {
+      {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
   std::uint32_t next_pick = 0;
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
   mutable internal::VisualScratch visual;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
@@ -30,6 +31,9 @@ class SINEW_API Asset {
 
   const formats::PackageView& package() const { return view_; }
 
+  /// Tells packages apart: the checksum in the file's header, which covers all of its bytes.
+  std::uint64_t checksum() const { return checksum_; }
+
   /// The visual vertices that a sub-mesh's triangles use: runs, ascending. Empty for an unknown sub-mesh.
   std::span<const VertexRun> subMeshVertices(std::uint32_t sub_mesh) const;
 
@@ -54,6 +58,7 @@ class SINEW_API Asset {
   struct Lazy;
   std::unique_ptr<Lazy> lazy_;
   bool mapped_ = false;
+  std::uint64_t checksum_ = 0;
 };
 
 }  // namespace sinew

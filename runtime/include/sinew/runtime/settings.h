@@ -30,6 +30,9 @@ class JobSystem {
   /// are done. \param grain smallest range worth a job of its own.
   virtual void parallelFor(std::uint32_t count, std::uint32_t grain,
                            const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) = 0;
+  /// Jobs that may run at the same time, about: scratch memory is kept for so many bodies. More threads than that find
+  /// nothing to do where there are only small bodies.
+  virtual std::uint32_t concurrency() const { return 16; }
 };
 
 /// Settings of a world; each may be changed between two steps.
@@ -46,6 +49,8 @@ struct WorldSettings {
   /// held has the rigid motion that its supports leave it, and turning on them decays too. 1/s,
   /// 0..1e4.
   float deformation_damping = 4.0F;
+  /// Fills World::lastStepPhases, for profiling; costs up to a microsecond a body.
+  bool measure_phases = false;
 };
 
 /// What a body may override of its package when it is added.

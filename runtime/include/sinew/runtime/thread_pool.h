@@ -19,6 +19,7 @@ class SINEW_API ThreadPool final : public JobSystem {
   ThreadPool& operator=(const ThreadPool&) = delete;
 
   std::uint32_t threads() const;
+  std::uint32_t concurrency() const override { return threads(); }
 
   /// One loop at a time: not to be called from several threads, nor from inside `body`.
   void parallelFor(std::uint32_t count, std::uint32_t grain,
