@@ -346,7 +346,24 @@ void exchange(Body& body, RowScratch& scratch) {
   body.responses.swap(scratch.responses);
 }
 
-// Sizes the scratch for the worst case of all bodies, so that steps never allocate, nor jobs at any time.
+void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
+              float pass_seconds, StepTimes* times) {
+  body.repaired = 0;
+  for (VertexChunk& chunk : body.chunks) chunk.repaired = 0;
+  exchange(body, scratch);
+  if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
+    body.frames.resize(body.clusterCount());
+    body.responses.resize(body.clusterCount());
+  }
+  BodyStep step(body, settings, jobs, pass_seconds, times);
+  for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
+  for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
+  body.rows.clear();
+  exchange(body, scratch);
+}
+
+}  // namespace
+
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
   std::size_t rows = 0, clusters = 0, count = 0;
   for (const BodyPointer& body : bodies) {
@@ -366,24 +383,6 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
     lane.responses.reserve(clusters);
   }
 }
-
-void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
-              float pass_seconds, StepTimes* times) {
-  body.repaired = 0;
-  for (VertexChunk& chunk : body.chunks) chunk.repaired = 0;
-  exchange(body, scratch);
-  if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
-    body.frames.resize(body.clusterCount());
-    body.responses.resize(body.clusterCount());
-  }
-  BodyStep step(body, settings, jobs, pass_seconds, times);
-  for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
-  for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
-  body.rows.clear();
-  exchange(body, scratch);
-}
-
-}  // namespace
 
 void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, float seconds,
                StepTimes* times) {

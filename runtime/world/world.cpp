@@ -133,19 +133,20 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
     return Error{"addBody: BodySettings::stiffness_scale must be 0 or more"};
   }
   return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
+    // All that can fail comes before the body is in its place.
     std::pmr::memory_resource* memory = impl_->memory;
-    impl_->bodies.reserve(impl_->bodies.size() + 1);
+    auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
     void* place = memory->allocate(sizeof(Body), alignof(Body));
-    Body* body = nullptr;
+    internal::BodyPointer body;
     try {
-      auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
-      body = new (place) Body(std::move(asset), settings, std::move(stiffness), memory);
+      body = {new (place) Body(std::move(asset), settings, std::move(stiffness), memory),
+              internal::BodyRelease{memory}};
     } catch (...) {
       memory->deallocate(place, sizeof(Body), alignof(Body));
       throw;
     }
-    impl_->bodies.push_back(internal::BodyPointer(body, internal::BodyRelease{memory}));
     keepHistory(*body);
+    impl_->bodies.push_back(std::move(body));
     return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
   });
 }
@@ -196,23 +197,23 @@ void World::step(float seconds) {
     const Body* body = impl_->bodies[i].get();
     if (body == nullptr || body->repaired == 0) continue;
     impl_->tell(LogSeverity::warning,
-                "step: body %u had %u vertices whose state was lost (not finite, or beyond 1e15 m); they were put back", i,
-                body->repaired);
+                "step: body %u: the state of %u vert%s was lost (not finite, or beyond 1e15 m) and was put right", i,
+                body->repaired, body->repaired == 1 ? "ex" : "ices");
   }
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "positions");
   return body != nullptr ? std::span<const Vec3>(body->x.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::span<const Vec3> World::velocities(BodyId id) const {
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "velocities");
   return body != nullptr ? std::span<const Vec3>(body->v.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::uint32_t World::repairedVertices(BodyId id) const {
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "repairedVertices");
   return body != nullptr ? body->repaired : 0;
 }
 
@@ -239,21 +240,29 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
 }
 
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
-  Body* body = impl_->find(id);
-  if (body == nullptr || vertex >= body->vertexCount()) return;
+  Body* body = impl_->find(id, "pin");
+  if (body == nullptr) return;
+  if (vertex >= body->vertexCount() || !finite(target)) {
+    impl_->tell(LogSeverity::error, "pin: body %u has no vertex %u, or the target is not finite", id.value, vertex);
+    return;
+  }
   const auto place = std::lower_bound(body->pins.begin(), body->pins.end(), vertex,
                                       [](const internal::Pin& pin, std::uint32_t v) { return pin.vertex < v; });
   if (place != body->pins.end() && place->vertex == vertex) {
     place->target = target;
     return;
   }
-  body->pins.insert(place, {vertex, target});
-  body->pinned[vertex] = 1;
-  body->force[vertex] = {};
+  impl_->guarded("pin", false, [&] {
+    body->pins.insert(place, {vertex, target});
+    body->pinned[vertex] = 1;
+    body->force[vertex] = {};
+    impl_->growScratch();
+    return true;
+  });
 }
 
 void World::unpin(BodyId id, std::uint32_t vertex) {
-  Body* body = impl_->find(id);
+  Body* body = impl_->find(id, "unpin");
   if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
   std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   body->pinned[vertex] = 0;
@@ -261,7 +270,7 @@ void World::unpin(BodyId id, std::uint32_t vertex) {
 }
 
 void World::unpinAll(BodyId id) {
-  Body* body = impl_->find(id);
+  Body* body = impl_->find(id, "unpinAll");
   if (body == nullptr) return;
   for (const internal::Pin& pin : body->pins) {
     body->pinned[pin.vertex] = 0;
@@ -285,6 +294,7 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
     const PickId pick{impl_->next_pick};
     body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
     ++impl_->next_pick;
+    impl_->growScratch();
     return pick;
   });
 }
@@ -312,7 +322,7 @@ std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
 
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(rotation.data());
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "rigidMotion");
   if (body == nullptr) {
     result.setIdentity();
     translation = {};
@@ -341,8 +351,12 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
 }
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
-  const Body* body = impl_->find(id);
-  if (body == nullptr || cluster >= body->clusterCount()) return;
+  const Body* body = impl_->find(id, "clusterFrame");
+  if (body == nullptr) return;
+  if (cluster >= body->clusterCount()) {
+    impl_->tell(LogSeverity::error, "clusterFrame: body %u has no cluster %u", id.value, cluster);
+    return;
+  }
   const internal::ClusterFrame frame = internal::loadFrame(body->blocks, cluster);
   center = asArray(frame.center);
   Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(linear.data());

@@ -49,6 +49,9 @@ struct World::Impl {
   void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
                    const VisualOutput& output) const;
 
+  /// After something was held or pulled: so that the next step finds its memory ready.
+  void growScratch() { internal::growScratch(bodies, step_scratch, settings, jobs); }
+
   /// To be called whenever a body changes.
   void changed(internal::Body&) { visual.invalidate(); }
 
