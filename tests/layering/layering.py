@@ -76,7 +76,8 @@ TOOL_THIRD = {
 }
 # What a part may include beyond the parts below it.
 TOOL_OWN = {
-    "bench": ("tests/benchmarks/",),  # the references that its figures are compared with
+    # The references that its figures are compared with, and the kernels that it times alone.
+    "bench": ("tests/benchmarks/", "runtime/kernels/"),
 }
 # Each of these sits behind the named files of its part.
 BEHIND = {
