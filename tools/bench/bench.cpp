@@ -85,6 +85,10 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
     copies.push_back(
         {{"bytes", copy.bytes}, {"one_thread", copy.one_thread / 1e9}, {"two_threads", copy.two_threads / 1e9}});
   }
+  ordered_json widths = ordered_json::array();
+  for (const MachineLimits::AtWidth& width : report.machine.widths) {
+    widths.push_back({{"bits", width.bits}, {"fma", width.fma / 1e9}, {"multiply_and_add", width.plain / 1e9}});
+  }
   ordered_json lines = ordered_json::array();
   for (const BenchLine& line : report.lines) {
     ordered_json entry = {{"group", line.group},
@@ -115,6 +119,7 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
             {"fma_bits", report.machine.fma_bits},
             {"fma_gflops", report.machine.fma_flops / 1e9},
             {"fma_gflops_two_threads", report.machine.fma_two_threads / 1e9},
+            {"gigaflops_by_width", widths},
             {"copy_gigabytes_per_second", copies}}},
           {"lines", lines},
           {"passed", report.passed()}};

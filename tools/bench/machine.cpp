@@ -42,18 +42,28 @@ constexpr unsigned kRounds = 2000;
   }                                                                        \
   float sum = 0;                                                           \
   for (int i = 0; i < kChains; ++i) sum += x[i][0];                        \
-  return sum;
+  return sum
 
 #if SINEW_BENCH_X86
-SINEW_TARGET("avx512f")
-float fma512(float seed){SINEW_FMA_LOOP(__m512, _mm512_set1_ps,
-                                        _mm512_fmadd_ps(x[i], a, b))} SINEW_TARGET("avx2,fma") float fma256(float seed){
-    SINEW_FMA_LOOP(__m256, _mm256_set1_ps,
-                   _mm256_fmadd_ps(x[i], a, b))} SINEW_TARGET("avx2,fma") float fma128(float seed) {
-  SINEW_FMA_LOOP(__m128, _mm_set1_ps, _mm_fmadd_ps(x[i], a, b))
+SINEW_TARGET("avx512f") float fma512(float seed) {
+  SINEW_FMA_LOOP(__m512, _mm512_set1_ps, _mm512_fmadd_ps(x[i], a, b));
+}
+SINEW_TARGET("avx512f") float plain512(float seed) {
+  SINEW_FMA_LOOP(__m512, _mm512_set1_ps, _mm512_add_ps(_mm512_mul_ps(x[i], a), b));
+}
+SINEW_TARGET("avx2,fma") float fma256(float seed) {
+  SINEW_FMA_LOOP(__m256, _mm256_set1_ps, _mm256_fmadd_ps(x[i], a, b));
+}
+SINEW_TARGET("avx2") float plain256(float seed) {
+  SINEW_FMA_LOOP(__m256, _mm256_set1_ps, _mm256_add_ps(_mm256_mul_ps(x[i], a), b));
+}
+SINEW_TARGET("avx2,fma") float fma128(float seed) { SINEW_FMA_LOOP(__m128, _mm_set1_ps, _mm_fmadd_ps(x[i], a, b)); }
+SINEW_TARGET("avx2") float plain128(float seed) {
+  SINEW_FMA_LOOP(__m128, _mm_set1_ps, _mm_add_ps(_mm_mul_ps(x[i], a), b));
 }
 #endif
-float fmaCompiler(float seed){SINEW_FMA_LOOP(Float4, Float4{} +, x[i] * a + b)}
+float fmaCompiler(float seed) { SINEW_FMA_LOOP(Float4, Float4{} +, x[i] * a + b); }
+
 #define SINEW_COPY_LOOP(F)                                      \
   const std::size_t step = 4 * sizeof(F);                       \
   for (std::size_t i = 0; i + step <= bytes; i += step) {       \
@@ -66,21 +76,21 @@ float fmaCompiler(float seed){SINEW_FMA_LOOP(Float4, Float4{} +, x[i] * a + b)}
     __builtin_memcpy(to + i + sizeof(F), &x1, sizeof(F));       \
     __builtin_memcpy(to + i + 2 * sizeof(F), &x2, sizeof(F));   \
     __builtin_memcpy(to + i + 3 * sizeof(F), &x3, sizeof(F));   \
-    asm volatile("" : : : "memory");                            \
-  }
+    keepAlive(to);                                              \
+  }                                                             \
+  static_cast<void>(0)
 
 #if SINEW_BENCH_X86
-SINEW_TARGET("avx512f") void copy512(char* to, const char* from, std::size_t bytes){
-    SINEW_COPY_LOOP(Float16)} SINEW_TARGET("avx2") void copy256(char* to, const char* from, std::size_t bytes) {
-  SINEW_COPY_LOOP(Float8)
-}
+SINEW_TARGET("avx512f") void copy512(char* to, const char* from, std::size_t bytes) { SINEW_COPY_LOOP(Float16); }
+SINEW_TARGET("avx2") void copy256(char* to, const char* from, std::size_t bytes) { SINEW_COPY_LOOP(Float8); }
 #endif
-void copyCompiler(char* to, const char* from, std::size_t bytes) { SINEW_COPY_LOOP(Float4) }
+void copyCompiler(char* to, const char* from, std::size_t bytes) { SINEW_COPY_LOOP(Float4); }
 
 struct Width {
   const char* name;
   unsigned bits;
   float (*fma)(float);
+  float (*plain)(float);
   void (*copy)(char*, const char*, std::size_t);
 };
 
@@ -90,13 +100,13 @@ std::vector<Width> widths() {
 #if SINEW_BENCH_X86
   __builtin_cpu_init();
   const bool fma = __builtin_cpu_supports("fma") != 0;
-  if (fma && __builtin_cpu_supports("avx512f") != 0) found.push_back({"avx512", 512, fma512, copy512});
+  if (fma && __builtin_cpu_supports("avx512f") != 0) found.push_back({"avx512", 512, fma512, plain512, copy512});
   if (fma && __builtin_cpu_supports("avx2") != 0) {
-    found.push_back({"avx2", 256, fma256, copy256});
-    found.push_back({"avx2", 128, fma128, copyCompiler});
+    found.push_back({"avx2", 256, fma256, plain256, copy256});
+    found.push_back({"avx2", 128, fma128, plain128, copyCompiler});
   }
 #endif
-  if (found.empty()) found.push_back({"compiler", 128, fmaCompiler, copyCompiler});
+  if (found.empty()) found.push_back({"compiler", 128, fmaCompiler, fmaCompiler, copyCompiler});
   return found;
 }
 
@@ -165,13 +175,16 @@ MachineLimits measureMachine(bool quick) {
 
   Width fastest = all.front();
   for (const Width& width : all) {
-    const auto call = [&] {
-      const float x = width.fma(1);
-      keepAlive(&x);
+    const auto flops_of = [&](float (*loop)(float)) {
+      const auto call = [&] {
+        const float x = loop(1);
+        keepAlive(&x);
+      };
+      return flopsPerCall(width.bits) / measure({call}, options).seconds;
     };
-    const double flops = flopsPerCall(width.bits) / measure({call}, options).seconds;
-    if (flops > 1.02 * limits.fma_flops) {
-      limits.fma_flops = flops;
+    limits.widths.push_back({width.bits, flops_of(width.fma), flops_of(width.plain)});
+    if (limits.widths.back().fma > 1.02 * limits.fma_flops) {
+      limits.fma_flops = limits.widths.back().fma;
       limits.fma_bits = width.bits;
       fastest = width;
     }

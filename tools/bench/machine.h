@@ -18,9 +18,16 @@ struct CopyBandwidth {
 
 /// What the machine can do at most, measured.
 struct MachineLimits {
-  std::string instruction_set;        ///< widest with FMA: "avx512", "avx2", else "compiler" (what the build assumes)
-  double fma_flops = 0;               ///< float multiply-adds in registers, the fastest width, flops/s of one thread
-  unsigned fma_bits = 0;              ///< that width
+  std::string instruction_set;  ///< widest with FMA: "avx512", "avx2", else "compiler" (what the build assumes)
+  double fma_flops = 0;         ///< float multiply-adds in registers, the fastest width, flops/s of one thread
+  unsigned fma_bits = 0;        ///< that width
+  /// The same of each width that the processor has.
+  struct AtWidth {
+    unsigned bits = 0;
+    double fma = 0;    ///< flops/s
+    double plain = 0;  ///< flops/s, multiplications and additions apart, as the runtime's kernels compute
+  };
+  std::vector<AtWidth> widths;
   double fma_two_threads = 0;         ///< the same on two threads at once, flops/s of both
   std::vector<CopyBandwidth> copies;  ///< sizes ascending: two in L1, L2, L3 and DRAM of usual machines each
 

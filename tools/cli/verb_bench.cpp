@@ -22,6 +22,10 @@ void printMachine(const MachineLimits& machine) {
   std::printf("machine: %.0f GFLOP/s of fused multiply-adds on one thread (%u bits, %s), %.0f on two\n",
               machine.fma_flops / 1e9, machine.fma_bits, machine.instruction_set.c_str(),
               machine.fma_two_threads / 1e9);
+  for (const MachineLimits::AtWidth& width : machine.widths) {
+    std::printf("         %u bits: %.0f GFLOP/s fused, %.0f with multiplications and additions apart\n", width.bits,
+                width.fma / 1e9, width.plain / 1e9);
+  }
   for (const CopyBandwidth& copy : machine.copies) {
     std::printf("         copy in %7zu KiB: %6.1f GB/s read and written on one thread, %6.1f on two\n",
                 copy.bytes / 1024, copy.one_thread / 1e9, copy.two_threads / 1e9);
