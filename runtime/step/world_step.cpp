@@ -335,6 +335,8 @@ class BodyStep {
   const Kernels& kernel_ = kernels();
 };
 
+bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
+
 bool mayHaveRows(const Body& body, const WorldSettings& settings) {
   return settings.ground.enabled || !body.pins.empty() || !body.picks.empty();
 }
@@ -365,22 +367,29 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
 }  // namespace
 
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
-  std::size_t rows = 0, clusters = 0, count = 0;
+  struct Need {
+    std::size_t bodies = 0, rows = 0, clusters = 0;
+    void add(const Body& body, bool rows_too) {
+      ++bodies;
+      if (!rows_too) return;
+      rows = std::max(rows, body.vertexCount() + body.picks.size());
+      clusters = std::max<std::size_t>(clusters, body.clusterCount());
+    }
+  } all, small;
   for (const BodyPointer& body : bodies) {
     if (body == nullptr) continue;
-    ++count;
-    if (!mayHaveRows(*body, settings)) continue;
-    rows = std::max(rows, body->vertexCount() + body->picks.size());
-    clusters = std::max<std::size_t>(clusters, body->clusterCount());
+    const bool rows = mayHaveRows(*body, settings);
+    all.add(*body, rows);
+    if (!isLarge(*body)) small.add(*body, rows);
   }
-  const std::size_t lanes = jobs != nullptr ? std::clamp<std::size_t>(jobs->concurrency(), 1, 64) : 1;
-  while (scratch.lanes.size() < std::min(lanes, count)) {
-    scratch.lanes.emplace_back(scratch.lanes.get_allocator().resource());
-  }
-  for (RowScratch& lane : scratch.lanes) {
-    lane.rows.reserve(rows);
-    lane.frames.reserve(clusters);
-    lane.responses.reserve(clusters);
+  const std::size_t jobs_at_once = jobs != nullptr ? std::clamp<std::size_t>(jobs->concurrency(), 1, 64) : 1;
+  const std::size_t lanes = std::max(std::min<std::size_t>(all.bodies, 1), std::min(jobs_at_once, small.bodies));
+  while (scratch.lanes.size() < lanes) scratch.lanes.emplace_back(scratch.lanes.get_allocator().resource());
+  for (std::size_t i = 0; i < scratch.lanes.size(); ++i) {
+    const Need& need = i == 0 ? all : small;  // large bodies are stepped one at a time
+    scratch.lanes[i].rows.reserve(need.rows);
+    scratch.lanes[i].frames.reserve(need.clusters);
+    scratch.lanes[i].responses.reserve(need.clusters);
   }
 }
 
@@ -389,21 +398,20 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& sett
   if (times != nullptr) times->fill(0);
   const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
   const float h = seconds / float(passes);
-  const auto is_large = [](const Body& body) { return body.chunks.size() >= kLargeBody; };
   growScratch(bodies, scratch, settings, jobs);
   for (const BodyPointer& body : bodies) {
     if (body != nullptr) body->stiffness->update(body->package(), body->rest(), h);
   }
   // Large bodies one after the other, all threads on each; small ones side by side, a thread on each.
   for (const BodyPointer& body : bodies) {
-    if (body != nullptr && is_large(*body)) stepBody(*body, scratch.lanes[0], settings, jobs, passes, h, times);
+    if (body != nullptr && isLarge(*body)) stepBody(*body, scratch.lanes[0], settings, jobs, passes, h, times);
   }
   StepTimes* const small_times = jobs == nullptr ? times : nullptr;
   std::atomic<std::size_t> next = 0;
   forRange(jobs, scratch.lanes.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t lane = begin; lane < end; ++lane) {
       for (std::size_t i = next++; i < bodies.size(); i = next++) {
-        if (bodies[i] == nullptr || is_large(*bodies[i])) continue;
+        if (bodies[i] == nullptr || isLarge(*bodies[i])) continue;
         stepBody(*bodies[i], scratch.lanes[lane], settings, nullptr, passes, h, small_times);
       }
     }

@@ -15,7 +15,7 @@ static void onLog(void* user, uint32_t severity, const char* line) {
 int main(int argc, char** argv) {
   sinew_asset* asset = NULL;
   sinew_world* world = NULL;
-  sinew_asset_info info = {sizeof info};
+  sinew_asset_info info = {0};
   sinew_world_options options;
   sinew_world_settings settings;
   sinew_body_settings placement;
@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
     fprintf(stderr, "%s\n", sinew_last_error());
     return 3;
   }
+  info.struct_size = sizeof info;
   sinew_asset_get_info(asset, &info);
 
   /* 2. A world with a ground plane at height 0, and a body half its size above it. */

@@ -148,7 +148,7 @@ static void testMotion(const sinew_asset* asset) {
   sinew_world_settings settings;
   sinew_body_settings placement;
   sinew_visual_output output;
-  sinew_asset_info info = {sizeof info};
+  sinew_asset_info info = {0};
   sinew_world* world = NULL;
   memory counts = {0, 0, 0, 0};
   told log = {0, 0, ""};
@@ -162,6 +162,7 @@ static void testMotion(const sinew_asset* asset) {
   const char* name;
   double milliseconds;
 
+  info.struct_size = sizeof info;
   CHECK_OK(sinew_asset_get_info(asset, &info));
   sinew_world_options_init(&options, sizeof options);
   CHECK(options.struct_size == sizeof options && options.allocate == NULL);

@@ -34,8 +34,8 @@ struct VertexRun {
 /// written. Streams may share a buffer (interleaved vertices).
 struct VisualOutput {
   StridedFloat3 positions;  ///< metres, world
-  /// Unit in any state, also of a collapsed body. They follow the cofactor of the deformation gradient, so a body that
-  /// is turned inside out has normals that fit the winding of its triangles.
+  /// Unit in any state, also of a collapsed body. They follow the cofactor of the gradient of the clusters' goals, which
+  /// never mirrors: of a body that was turned inside out they are those of the body it is about to become again.
   StridedFloat3 normals;
   /// xyz unit, orthogonal to the normal, where texture coordinate u grows; w is +1 or -1: cross(normal, tangent) * w
   /// points where v grows (as in glTF). From the package's texture coordinates; any direction in the surface where
