@@ -56,7 +56,8 @@ void fillFrames(const Body& body, std::span<const Vec3> positions, std::pmr::vec
   const VisualConstants& visual = body.asset->visualConstants();
   frames.resize(visual.corners.size());
   parallel(jobs, std::uint32_t(frames.size()), kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {
-    if (kernels().attach.slot_frames(positions.data()->data(), visual.corners.data(), frames.data(), begin, end)) return;
+    if (kernels().attach.slot_frames(positions.data()->data(), visual.corners.data(), frames.data(), begin, end))
+      return;
     for (std::uint32_t i = begin; i < end; ++i) {
       const auto& corners = visual.corners[i].vertex;
       if (!std::all_of(std::begin(corners), std::end(corners), [&](std::uint32_t v) { return usable(positions[v]); })) {
@@ -192,8 +193,8 @@ void VisualScratch::writeRange(const Body& body, const VisualOutput& output, std
     if (hangsOnTetrahedra(body)) {
       kernel.attached_positions(body.asset->visualConstants().records.data(), frames, begin, stop, asOutput(out));
     } else {
-      kernel.blended_positions(floats(package.visualPositions()), runsOf(package),
-                               terms(package.clusterAttachments()), columns, begin, stop, asOutput(out));
+      kernel.blended_positions(floats(package.visualPositions()), runsOf(package), terms(package.clusterAttachments()),
+                               columns, begin, stop, asOutput(out));
     }
   };
   write_positions(output.positions, frames_.data(), columns_.data());
@@ -209,9 +210,8 @@ void VisualScratch::writeRange(const Body& body, const VisualOutput& output, std
       kernel.attached_directions(visual.directionRecords().data(), visual.corners.data(), cofactors_.data(),
                                  gradients_.data(), rest_normals, rest_tangents, first, stop, normals, tangents);
     } else {
-      kernel.blended_directions(floats(package.visualPositions()), runsOf(package),
-                                terms(package.clusterAttachments()), columns_.data(), rest_normals, rest_tangents,
-                                first, stop, normals, tangents);
+      kernel.blended_directions(floats(package.visualPositions()), runsOf(package), terms(package.clusterAttachments()),
+                                columns_.data(), rest_normals, rest_tangents, first, stop, normals, tangents);
     }
   };
   // The two streams may end at different vertices.

@@ -36,11 +36,10 @@ class VisualScratch {
   void writeRange(const Body& body, const VisualOutput& output, std::uint32_t begin, std::uint32_t end) const;
 
   const Body* body_ = nullptr;
-  bool has_frames_ = false, has_previous_ = false, has_columns_ = false, has_cofactors_ = false,
-       has_gradients_ = false;
-  std::pmr::vector<SlotFrame> frames_, previous_frames_;    ///< by slot of the attachment
-  std::pmr::vector<ClusterColumns> columns_;                ///< by cluster
-  std::pmr::vector<PaddedMatrix> cofactors_, gradients_;    ///< by physical vertex
+  bool has_frames_ = false, has_previous_ = false, has_columns_ = false, has_cofactors_ = false, has_gradients_ = false;
+  std::pmr::vector<SlotFrame> frames_, previous_frames_;  ///< by slot of the attachment
+  std::pmr::vector<ClusterColumns> columns_;              ///< by cluster
+  std::pmr::vector<PaddedMatrix> cofactors_, gradients_;  ///< by physical vertex
 };
 
 /// Notes where a body is, before a step; nothing unless it keeps its history.

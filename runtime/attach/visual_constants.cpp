@@ -108,7 +108,8 @@ std::vector<std::array<float, 4>> makeTangents(const formats::PackageView& packa
     double angle = 0;
   };
   std::vector<std::array<Sum, 2>> sums(positions.size());
-  for (const formats::Triangle& triangle : uvs.empty() ? std::span<const formats::Triangle>() : package.visualTriangles()) {
+  for (const formats::Triangle& triangle :
+       uvs.empty() ? std::span<const formats::Triangle>() : package.visualTriangles()) {
     const auto uv = [&](std::size_t k, std::size_t axis) {
       return double(uvs[triangle[k]][axis]) - double(uvs[triangle[0]][axis]);
     };
@@ -122,8 +123,8 @@ std::vector<std::array<float, 4>> makeTangents(const formats::PackageView& packa
       const std::uint32_t vertex = triangle[k];
       const Wide at = wide(positions[vertex]), n = unitOrZero(wide(normals[vertex]));
       const Wide flat = unitOrZero(tangent - n * n.dot(tangent));
-      const double angle = angleBetween(wide(positions[triangle[(k + 1) % 3]]) - at,
-                                        wide(positions[triangle[(k + 2) % 3]]) - at);
+      const double angle =
+          angleBetween(wide(positions[triangle[(k + 1) % 3]]) - at, wide(positions[triangle[(k + 2) % 3]]) - at);
       Sum& sum = sums[vertex][area > 0 ? 1 : 0];
       sum.tangent += angle * flat;
       sum.angle += angle;

@@ -21,7 +21,7 @@ struct VisualConstants {
   std::vector<SlotCorners> corners;          ///< of the tetrahedra that a visual vertex hangs on
   std::vector<Vec3> made_normals;            ///< rest normals where the package has none
 
-  std::vector<VertexRun> sub_mesh_runs;        ///< visual vertices of the sub-meshes, ascending within one
+  std::vector<VertexRun> sub_mesh_runs;           ///< visual vertices of the sub-meshes, ascending within one
   std::vector<std::uint32_t> first_sub_mesh_run;  ///< sub-mesh -> runs, sub-mesh count + 1 entries
 
   std::span<const AttachmentRecord> directionRecords() const { return directions.empty() ? records : directions; }

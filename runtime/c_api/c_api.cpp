@@ -173,8 +173,8 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   return result;
 }
 
-constexpr sinew_visual_output kNoOutput = {sizeof(sinew_visual_output), 12, nullptr, nullptr, nullptr, nullptr,
-                                           12,                          16, 12,      0};
+constexpr sinew_visual_output kNoOutput = {
+    sizeof(sinew_visual_output), 12, nullptr, nullptr, nullptr, nullptr, 12, 16, 12, 0};
 
 sinew::VisualOutput toCpp(const sinew_visual_output& o) {
   sinew::VisualOutput result;
@@ -471,15 +471,13 @@ void sinew_world_destroy(sinew_world* world) {
 }
 
 sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings) {
-  return onWorld("sinew_world_set_settings", world, settings != nullptr, [&](sinew::World& w) {
-    toCpp(readStruct(settings, fromCpp(w.settings())), w.settings());
-  });
+  return onWorld("sinew_world_set_settings", world, settings != nullptr,
+                 [&](sinew::World& w) { toCpp(readStruct(settings, fromCpp(w.settings())), w.settings()); });
 }
 
 sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_settings* settings) {
-  return onWorld("sinew_world_get_settings", world, settings != nullptr, [&](const sinew::World& w) {
-    writeStruct(fromCpp(w.settings()), settings, settings->struct_size);
-  });
+  return onWorld("sinew_world_get_settings", world, settings != nullptr,
+                 [&](const sinew::World& w) { writeStruct(fromCpp(w.settings()), settings, settings->struct_size); });
 }
 
 sinew_status sinew_world_step(sinew_world* world, float seconds) {
@@ -568,9 +566,10 @@ sinew_status sinew_body_state_size(const sinew_world* world, uint32_t body, size
 
 sinew_status sinew_body_save(const sinew_world* world, uint32_t body, void* bytes, size_t size, size_t* written) {
   std::size_t used = 0;
-  const sinew_status status = onBody(
-      "sinew_body_save", world, body, bytes != nullptr && written != nullptr,
-      [&](const sinew::World& w, sinew::BodyId id) { used = w.saveState(id, {static_cast<std::byte*>(bytes), size}); });
+  const sinew_status status = onBody("sinew_body_save", world, body, bytes != nullptr && written != nullptr,
+                                     [&](const sinew::World& w, sinew::BodyId id) {
+                                       used = w.saveState(id, {static_cast<std::byte*>(bytes), size});
+                                     });
   if (status != SINEW_OK) return status;
   *written = used;
   return used > 0 ? SINEW_OK : fail(SINEW_ERROR_CAPACITY, "sinew_body_save: the buffer is too small");
@@ -592,8 +591,7 @@ sinew_status sinew_body_pin(sinew_world* world, uint32_t body, uint32_t vertex, 
 }
 
 sinew_status sinew_body_unpin(sinew_world* world, uint32_t body, uint32_t vertex) {
-  return onBody("sinew_body_unpin", world, body, true,
-                [&](sinew::World& w, sinew::BodyId id) { w.unpin(id, vertex); });
+  return onBody("sinew_body_unpin", world, body, true, [&](sinew::World& w, sinew::BodyId id) { w.unpin(id, vertex); });
 }
 
 sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body) {
@@ -632,10 +630,9 @@ void sinew_visual_output_init(sinew_visual_output* output, size_t struct_size) {
 }
 
 sinew_status sinew_body_visual_vertices(const sinew_world* world, uint32_t body, const sinew_visual_output* output) {
-  return onBody("sinew_body_visual_vertices", world, body, output != nullptr,
-                [&](const sinew::World& w, sinew::BodyId id) {
-                  w.visualVertices(id, toCpp(readStruct(output, kNoOutput)));
-                });
+  return onBody(
+      "sinew_body_visual_vertices", world, body, output != nullptr,
+      [&](const sinew::World& w, sinew::BodyId id) { w.visualVertices(id, toCpp(readStruct(output, kNoOutput))); });
 }
 
 sinew_status sinew_body_visual_sub_mesh(const sinew_world* world, uint32_t body, uint32_t sub_mesh,
@@ -656,8 +653,7 @@ sinew_status sinew_body_visual_bounds(const sinew_world* world, uint32_t body, f
                   [](const sinew::World& w, sinew::BodyId id) { return w.visualBounds(id); });
 }
 
-sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_t body, float rotation[9],
-                                     float translation[3]) {
+sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_t body, float rotation[9], float translation[3]) {
   return onBody("sinew_body_rigid_motion", world, body, rotation != nullptr && translation != nullptr,
                 [&](const sinew::World& w, sinew::BodyId id) {
                   sinew::Mat3 matrix;

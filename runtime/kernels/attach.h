@@ -191,8 +191,7 @@ SINEW_INLINE Float4 attachedPoint(const AttachmentRecord& record, const SlotFram
   const float* frame = frames[record.slot].column[0];
   const Float4 weights = load4(record.weight);  // the slot in the last lane
   const Float4 w = SINEW_SHUFFLE(weights, splat4(1.0F), 0, 1, 2, 7);
-  const Float8 sum = spreadPair<0, 1>(w) * load8(frame) +
-                     spreadPair<2, 3>(w) * load8(frame + 8);
+  const Float8 sum = spreadPair<0, 1>(w) * load8(frame) + spreadPair<2, 3>(w) * load8(frame + 8);
   return lowHalf(sum) + highHalf(sum);
 }
 
@@ -295,8 +294,8 @@ SINEW_INLINE Float4 blendCorners(const AttachmentRecord& record, const SlotCorne
   const Float4 x = SINEW_SHUFFLE(sum, sum, 0, 1, 2, 3), y = SINEW_SHUFFLE(sum, sum, 4, 5, 6, 7),
                z = SINEW_SHUFFLE(sum, sum, 8, 9, 10, 11);
 #else
-  const Float8 xy = (splat8(w[0]) * load8(m0) + splat8(w[1]) * load8(m1)) +
-                    (splat8(w[2]) * load8(m2) + splat8(last) * load8(m3));
+  const Float8 xy =
+      (splat8(w[0]) * load8(m0) + splat8(w[1]) * load8(m1)) + (splat8(w[2]) * load8(m2) + splat8(last) * load8(m3));
   const Float4 z = (splat4(w[0]) * load4(m0 + 8) + splat4(w[1]) * load4(m1 + 8)) +
                    (splat4(w[2]) * load4(m2 + 8) + splat4(last) * load4(m3 + 8));
   const Float4 x = lowHalf(xy), y = highHalf(xy);
@@ -343,18 +342,17 @@ inline void writeAttachedDirections(const AttachmentRecord* records, const SlotC
                                     const PaddedMatrix* cofactors, const PaddedMatrix* gradients,
                                     const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
                                     std::uint32_t end, OutputStream normals, OutputStream tangents) {
-  writeDirections<kTangents>(
-      rest_normals, rest_tangents, begin, end, normals, tangents,
-      [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
-        for (int k = 0; k < 4; ++k) {
-          const std::uint32_t i = index[k];
-          const SlotCorners& at = corners[records[i].slot];
-          n[k] = blendCorners(records[i], at, cofactors, rest_normals + 3 * std::size_t(i));
-          if constexpr (kTangents) {
-            t[k] = blendCorners(records[i], at, gradients, rest_tangents + 4 * std::size_t(i));
-          }
-        }
-      });
+  writeDirections<kTangents>(rest_normals, rest_tangents, begin, end, normals, tangents,
+                             [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
+                               for (int k = 0; k < 4; ++k) {
+                                 const std::uint32_t i = index[k];
+                                 const SlotCorners& at = corners[records[i].slot];
+                                 n[k] = blendCorners(records[i], at, cofactors, rest_normals + 3 * std::size_t(i));
+                                 if constexpr (kTangents) {
+                                   t[k] = blendCorners(records[i], at, gradients, rest_tangents + 4 * std::size_t(i));
+                                 }
+                               }
+                             });
 }
 
 /// Positions of visual vertices [begin, end) that hang on clusters. \param rest rest positions, 3 floats each.
@@ -377,23 +375,22 @@ inline void writeBlendedDirections(const float* rest, const BlendRun* runs, cons
                                    const ClusterColumns* clusters, const float* rest_normals,
                                    const float* rest_tangents, std::uint32_t begin, std::uint32_t end,
                                    OutputStream normals, OutputStream tangents) {
-  writeDirections<kTangents>(
-      rest_normals, rest_tangents, begin, end, normals, tangents,
-      [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
-        for (int k = 0; k < 4; ++k) {
-          const std::size_t i = index[k];
-          const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
-          Float4 sum_n = {}, sum_t = {};
-          for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
-            const Columns3 slope = clusterSlope(clusters[terms[j].cluster], position);
-            const Float4 w = splat4(terms[j].weight);
-            sum_n += w * times(cofactor(slope), rest_n);
-            if constexpr (kTangents) sum_t += w * times(slope, load4(rest_tangents + 4 * i));
-          }
-          n[k] = sum_n;
-          if constexpr (kTangents) t[k] = sum_t;
-        }
-      });
+  writeDirections<kTangents>(rest_normals, rest_tangents, begin, end, normals, tangents,
+                             [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
+                               for (int k = 0; k < 4; ++k) {
+                                 const std::size_t i = index[k];
+                                 const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
+                                 Float4 sum_n = {}, sum_t = {};
+                                 for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
+                                   const Columns3 slope = clusterSlope(clusters[terms[j].cluster], position);
+                                   const Float4 w = splat4(terms[j].weight);
+                                   sum_n += w * times(cofactor(slope), rest_n);
+                                   if constexpr (kTangents) sum_t += w * times(slope, load4(rest_tangents + 4 * i));
+                                 }
+                                 n[k] = sum_n;
+                                 if constexpr (kTangents) t[k] = sum_t;
+                               }
+                             });
 }
 
 /// Least and largest coordinates of `count` points, 3 floats each; unusable ones are left out. \param low, high in and
@@ -421,7 +418,8 @@ inline constexpr AttachKernels attachTable() {
           [](const AttachmentRecord* records, const SlotCorners* corners, const PaddedMatrix* cofactors,
              const PaddedMatrix* gradients, const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
              std::uint32_t end, OutputStream normals, OutputStream tangents) {
-            const auto write = tangents.data != nullptr ? writeAttachedDirections<true> : writeAttachedDirections<false>;
+            const auto write =
+                tangents.data != nullptr ? writeAttachedDirections<true> : writeAttachedDirections<false>;
             write(records, corners, cofactors, gradients, rest_normals, rest_tangents, begin, end, normals, tangents);
           },
           writeBlendedPositions,

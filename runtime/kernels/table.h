@@ -45,8 +45,7 @@ void addMotionOf(const AddMotionArguments& a) { addMotion(a); }
 }  // namespace
 
 inline constexpr Kernels tableNamed(const char* name) {
-  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf,
-          attachTable()};
+  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf, attachTable()};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -34,8 +34,8 @@ struct StepScratch {
 /// Sizes the scratch for the worst case of all bodies, so that steps do not allocate, nor jobs at any time.
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs);
 
-/// Advances all bodies by one step. \param scratch grown where bodies, pins or picks have come. \param jobs may be null.
-/// \param times null, or where phases are added up (bodies that share jobs count into the first phase).
+/// Advances all bodies by one step. \param scratch grown where bodies, pins or picks have come. \param jobs may be
+/// null. \param times null, or where phases are added up (bodies that share jobs count into the first phase).
 void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, float seconds,
                StepTimes* times);
 

@@ -85,7 +85,8 @@ struct Body {
   std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
   std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
   std::pmr::vector<std::uint8_t> pinned;
-  std::pmr::vector<std::array<float, 4>> slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
+  std::pmr::vector<std::array<float, 4>>
+      slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
 
   std::pmr::vector<ClusterBlock> blocks;  ///< by cluster, eight each
 

@@ -56,8 +56,8 @@ StateHeader headerOf(const Body& body) {
 
 // Sizes are bounded by 2^32 records of under 2 KB each: no overflow.
 std::size_t totalBytes(const StateHeader& h) {
-  return sizeof h + 3 * bytesOf<Vec3>(h.vertices) + bytesOf<ClusterBlock>(h.blocks) +
-         bytesOf<internal::Pin>(h.pins) + bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
+  return sizeof h + 3 * bytesOf<Vec3>(h.vertices) + bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) +
+         bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
          bytesOf<internal::ClusterColumns>(h.history_columns);
 }
 

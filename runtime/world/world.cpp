@@ -29,7 +29,8 @@ std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& as
   for (const internal::BodyPointer& body : bodies) {
     if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
   }
-  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(), scale);
+  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(),
+                                                      scale);
 }
 
 Body* World::Impl::find(BodyId id, const char* call) const {
@@ -65,8 +66,8 @@ bool finite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) &
 // The settings that step() is to use, all in range, and what it made of those that were not.
 struct CheckedSettings {
   WorldSettings settings;
-  std::uint32_t wrong = 0;         // a bit each
-  const char* name = nullptr;      // of the first one that is wrong
+  std::uint32_t wrong = 0;     // a bit each
+  const char* name = nullptr;  // of the first one that is wrong
 };
 
 CheckedSettings checked(const WorldSettings& given) {
@@ -106,11 +107,11 @@ void World::Release::operator()(Impl* impl) const {
 }
 
 World::World(const WorldSettings& settings, const WorldResources& resources) {
-  std::pmr::memory_resource* memory =
-      resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource();
+  std::pmr::memory_resource* memory = resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource();
   impl_.reset(new (memory->allocate(sizeof(Impl), alignof(Impl))) Impl(settings, resources));
 }
-World::World(const WorldSettings& settings, JobSystem* jobs) : World(settings, WorldResources{nullptr, jobs, nullptr}) {}
+World::World(const WorldSettings& settings, JobSystem* jobs)
+    : World(settings, WorldResources{nullptr, jobs, nullptr}) {}
 World::~World() = default;
 World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
@@ -302,7 +303,8 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
 void World::movePick(PickId id, Vec3 target) {
   const auto [body, index] = impl_->findPick(id);
   if (body == nullptr || !finite(target)) {
-    impl_->tell(LogSeverity::error, body == nullptr ? "movePick: there is no such pick" : "movePick: target is not finite");
+    impl_->tell(LogSeverity::error,
+                body == nullptr ? "movePick: there is no such pick" : "movePick: target is not finite");
     return;
   }
   body->picks[index].target = target;

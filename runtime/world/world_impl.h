@@ -32,8 +32,8 @@ struct World::Impl {
   /// One line to the log sink, printf-style; no allocation.
   [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;
 
-  /// Runs work() where memory may run out or a callback of the caller's may throw; tells the log and returns `otherwise`
-  /// then.
+  /// Runs work() where memory may run out or a callback of the caller's may throw; tells the log and returns
+  /// `otherwise` then.
   template <class Result, class Work>
   Result guarded(const char* call, Result otherwise, const Work& work) const noexcept {
     try {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A whole simulation on one page, in C99: load a package, drop it on the ground, read the vertices an engine would draw.
- *   sample_hello_runtime_c PACKAGE.sinew
+ * A whole simulation on one page, in C99: load a package, drop it on the ground, read the vertices an engine would
+ * draw. sample_hello_runtime_c PACKAGE.sinew
  */
 #include <sinew/c_api.h>
 #include <stdio.h>

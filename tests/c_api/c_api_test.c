@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The C interface, from C99: every function once with sound arguments and once with unsound ones, and the promises of the
- * header: memory through the caller's allocator only and all of it given back, the caller's jobs, the log, older and
- * newer structs, state that goes on bit for bit.
+ * The C interface, from C99: every function once with sound arguments and once with unsound ones, and the promises of
+ * the header: memory through the caller's allocator only and all of it given back, the caller's jobs, the log, older
+ * and newer structs, state that goes on bit for bit.
  *
  *   c_api_test PACKAGE.sinew
  */
@@ -15,13 +15,12 @@
 
 static int failures = 0;
 
-#define CHECK(condition)                                                       \
-  do {                                                                         \
-    if (!(condition)) {                                                        \
-      printf("%s:%d: %s does not hold (last error: %s)\n", __FILE__, __LINE__, \
-             #condition, sinew_last_error());                                  \
-      ++failures;                                                              \
-    }                                                                          \
+#define CHECK(condition)                                                                                        \
+  do {                                                                                                          \
+    if (!(condition)) {                                                                                         \
+      printf("%s:%d: %s does not hold (last error: %s)\n", __FILE__, __LINE__, #condition, sinew_last_error()); \
+      ++failures;                                                                                               \
+    }                                                                                                           \
   } while (0)
 #define CHECK_OK(call) CHECK((call) == SINEW_OK)
 /* Refused, with a reason. */

@@ -119,16 +119,45 @@ TEST(Outputs, TangentsFollowAffineMapsByTheGradient) {
 TEST(Outputs, DirectionsAreUnitInTheWorstStates) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
   const std::vector<std::pair<const char*, std::function<Vec3(Vec3)>>> states = {
-      {"point", [](Vec3) { return Vec3{1, 1, 1}; }},
-      {"line", [](Vec3 p) { return Vec3{p[0], 0, 0}; }},
-      {"plane", [](Vec3 p) { return Vec3{p[0], 0, p[2]}; }},
-      {"mirrored", [](Vec3 p) { return Vec3{-p[0], p[1], p[2]}; }},
-      {"inside out", [](Vec3 p) { return Vec3{-p[0], -p[1], -p[2]}; }},
-      {"tiny", [](Vec3 p) { return Vec3{1e-9F * p[0], 1e-9F * p[1], 1e-9F * p[2]}; }},
-      {"huge", [](Vec3 p) { return Vec3{1e14F * p[0], 1e14F * p[1], 1e14F * p[2]}; }},
-      {"not a number", [nan](Vec3) { return Vec3{nan, nan, nan}; }},
-      {"one lost", [nan](Vec3 p) { return p[0] + p[1] + p[2] > 1.4F ? Vec3{nan, 0, 0} : p; }},
-      {"infinite", [infinity](Vec3 p) { return p[0] > 0.4F ? Vec3{infinity, 0, 0} : p; }}};
+      {"point",
+       [](Vec3) {
+         return Vec3{1, 1, 1};
+       }},
+      {"line",
+       [](Vec3 p) {
+         return Vec3{p[0], 0, 0};
+       }},
+      {"plane",
+       [](Vec3 p) {
+         return Vec3{p[0], 0, p[2]};
+       }},
+      {"mirrored",
+       [](Vec3 p) {
+         return Vec3{-p[0], p[1], p[2]};
+       }},
+      {"inside out",
+       [](Vec3 p) {
+         return Vec3{-p[0], -p[1], -p[2]};
+       }},
+      {"tiny",
+       [](Vec3 p) {
+         return Vec3{1e-9F * p[0], 1e-9F * p[1], 1e-9F * p[2]};
+       }},
+      {"huge",
+       [](Vec3 p) {
+         return Vec3{1e14F * p[0], 1e14F * p[1], 1e14F * p[2]};
+       }},
+      {"not a number",
+       [nan](Vec3) {
+         return Vec3{nan, nan, nan};
+       }},
+      {"one lost",
+       [nan](Vec3 p) {
+         return p[0] + p[1] + p[2] > 1.4F ? Vec3{nan, 0, 0} : p;
+       }},
+      {"infinite", [infinity](Vec3 p) {
+         return p[0] > 0.4F ? Vec3{infinity, 0, 0} : p;
+       }}};
   for (const bool cluster_attachment : {false, true}) {
     for (const auto& [name, state] : states) {
       World world(weightless());
@@ -191,8 +220,7 @@ TEST(Outputs, ASubMeshWritesItsVerticesAndNoOther) {
   for (std::uint32_t s = 0; s < 2; ++s) {
     std::vector<bool> used(count, false);
     const formats::SubMesh& sub_mesh = package.subMeshes()[s];
-    for (const auto& triangle :
-         package.visualTriangles().subspan(sub_mesh.first_triangle, sub_mesh.triangle_count)) {
+    for (const auto& triangle : package.visualTriangles().subspan(sub_mesh.first_triangle, sub_mesh.triangle_count)) {
       for (const std::uint32_t v : triangle) used[v] = true;
     }
     ASSERT_TRUE(std::find(used.begin(), used.end(), false) != used.end());
@@ -221,10 +249,8 @@ TEST(Outputs, InterleavedStreamsOfAnyLengthEqualPackedOnes) {
   for (const std::uint32_t n : {0U, 1U, 2U, 3U, 5U, 30U}) {
     std::vector<float> buffer(kFloats * count, -7.0F);
     constexpr std::uint32_t stride = kFloats * 4;
-    const VisualOutput streams = {{buffer.data(), stride, n},
-                                  {buffer.data() + 3, stride, n + 1},
-                                  {buffer.data() + 7, stride, n / 2},
-                                  {}};
+    const VisualOutput streams = {
+        {buffer.data(), stride, n}, {buffer.data() + 3, stride, n + 1}, {buffer.data() + 7, stride, n / 2}, {}};
     world.visualVertices(body, streams);
     for (std::size_t i = 0; i < count; ++i) {
       const float* at = buffer.data() + kFloats * i;

@@ -186,21 +186,26 @@ TEST(Resources, TheLogTellsWhatWasRefusedOrPutRight) {
   EXPECT_TRUE(log.lines.empty());
 
   const BodyId unknown{77};
-  const std::vector<std::function<void()>> refused = {
-      [&] { world.removeBody(unknown); },
-      [&] { world.resetBody(unknown); },
-      [&] { world.step(-1); },
-      [&] { world.step(std::numeric_limits<float>::quiet_NaN()); },
-      [&] { world.setState(body, {}, {}); },
-      [&] { static_cast<void>(world.pick(body, 1U << 30, {0, 0, 0})); },
-      [&] { world.movePick({123}, {0, 0, 0}); },
-      [&] { world.teleport(body, {2, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}); },
-      [&] { static_cast<void>(world.restoreState(body, {})); },
-      [&] { world.visualSubMesh(body, 99, {}); },
-      [&] {
-        float place[3];
-        world.visualVertices(body, {{place, 8, 1}, {}, {}, {}});
-      }};
+  const std::vector<std::function<void()>> refused = {[&] { world.removeBody(unknown); },
+                                                      [&] { world.resetBody(unknown); },
+                                                      [&] { world.step(-1); },
+                                                      [&] { world.step(std::numeric_limits<float>::quiet_NaN()); },
+                                                      [&] { world.setState(body, {}, {}); },
+                                                      [&] {
+                                                        static_cast<void>(world.pick(body, 1U << 30, {0, 0, 0}));
+                                                      },
+                                                      [&] {
+                                                        world.movePick({123}, {0, 0, 0});
+                                                      },
+                                                      [&] {
+                                                        world.teleport(body, {2, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0});
+                                                      },
+                                                      [&] { static_cast<void>(world.restoreState(body, {})); },
+                                                      [&] { world.visualSubMesh(body, 99, {}); },
+                                                      [&] {
+                                                        float place[3];
+                                                        world.visualVertices(body, {{place, 8, 1}, {}, {}, {}});
+                                                      }};
   for (std::size_t i = 0; i < refused.size(); ++i) {
     log.lines.clear();
     refused[i]();

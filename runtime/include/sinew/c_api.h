@@ -6,10 +6,10 @@
  * Conventions
  *   - C99. All numbers are 32-bit unsigned or float unless they count bytes (size_t). SI units, right-handed, y up.
  *     Matrices are 9 floats, row by row.
- *   - Functions that can fail return a sinew_status: 0 is success. sinew_last_error() then says why, in one line. A call
- *     that fails has done nothing.
- *   - Structs begin with struct_size. Fill one with its _init function (which sets all defaults), then change what is to
- *     differ: a program built against an older header keeps working with a newer library.
+ *   - Functions that can fail return a sinew_status: 0 is success. sinew_last_error() then says why, in one line. A
+ * call that fails has done nothing.
+ *   - Structs begin with struct_size. Fill one with its _init function (which sets all defaults), then change what is
+ * to differ: a program built against an older header keeps working with a newer library.
  *   - Calls on one world must not overlap; different worlds are independent. An asset may be used by many threads.
  *   - Nothing throws. Callbacks must not throw either.
  */
@@ -80,8 +80,7 @@ SINEW_API sinew_status sinew_asset_get_info(const sinew_asset* asset, sinew_asse
 
 /* A section of the package in place: docs/package-format.md describes the records. id: for example
    SINEW_SECTION('V','T','R','I') for the visual triangles. A section that the package lacks gives null and 0. */
-#define SINEW_SECTION(a, b, c, d) \
-  ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
+#define SINEW_SECTION(a, b, c, d) ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
 SINEW_API sinew_status sinew_asset_section(const sinew_asset* asset, uint32_t id, const void** data, uint32_t* count,
                                            uint32_t* bytes_each);
 
@@ -172,8 +171,8 @@ typedef struct sinew_body_settings {
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
 
 /* Adds an instance of a package, at rest. settings may be null. body: its id, never used again in this world. */
-SINEW_API sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset,
-                                      const sinew_body_settings* settings, uint32_t* body);
+SINEW_API sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset, const sinew_body_settings* settings,
+                                      uint32_t* body);
 SINEW_API sinew_status sinew_body_remove(sinew_world* world, uint32_t body);
 /* Back to the state in which it was added; pins and picks are let go. */
 SINEW_API sinew_status sinew_body_reset(sinew_world* world, uint32_t body);
@@ -183,9 +182,10 @@ SINEW_API uint32_t sinew_body_exists(const sinew_world* world, uint32_t body);
 SINEW_API sinew_status sinew_body_teleport(sinew_world* world, uint32_t body, const float rotation[9],
                                            const float translation[3]);
 
-/* Positions (m, world) and velocities (m/s) of the physical vertices, 3 * `*count` floats in place, valid until the next
-   call on this world that is not const. */
-SINEW_API sinew_status sinew_body_positions(const sinew_world* world, uint32_t body, const float** xyz, uint32_t* count);
+/* Positions (m, world) and velocities (m/s) of the physical vertices, 3 * `*count` floats in place, valid until the
+   next call on this world that is not const. */
+SINEW_API sinew_status sinew_body_positions(const sinew_world* world, uint32_t body, const float** xyz,
+                                            uint32_t* count);
 SINEW_API sinew_status sinew_body_velocities(const sinew_world* world, uint32_t body, const float** xyz,
                                              uint32_t* count);
 /* Sets the whole state: 3 * count floats each, count the number of physical vertices. velocities may be null (zero). */
@@ -219,8 +219,8 @@ SINEW_API sinew_status sinew_body_picks(const sinew_world* world, uint32_t body,
 
 /* ---- Outputs ---- */
 
-/* Where to write: element i of a stream at data + i * stride bytes; null data: not wanted. Element i is visual vertex i.
-   See sinew/runtime/output.h for what each stream holds. */
+/* Where to write: element i of a stream at data + i * stride bytes; null data: not wanted. Element i is visual vertex
+   i. See sinew/runtime/output.h for what each stream holds. */
 typedef struct sinew_visual_output {
   uint32_t struct_size;
   uint32_t positions_stride; /* bytes, >= 12, a multiple of 4; 12 */

@@ -18,7 +18,7 @@ namespace sinew {
 namespace internal {
 struct RestConstants;
 struct VisualConstants;
-}
+}  // namespace internal
 
 /// A loaded package: the constants that all bodies made from it share. Immutable, so safe to use from many threads.
 class SINEW_API Asset {

@@ -67,14 +67,14 @@ class SINEW_API World {
   /// Back to the state in which it was added; pins and picks are let go.
   void resetBody(BodyId body);
 
-  /// Moves a body as it is: x becomes rotation x + translation; velocities, pins' and picks' targets, previous positions
-  /// and all memory of forces turn along, so that it goes on as if it had always been there.
-  /// \param rotation proper, within 1e-3 (made exact). \param translation metres, finite.
+  /// Moves a body as it is: x becomes rotation x + translation; velocities, pins' and picks' targets, previous
+  /// positions and all memory of forces turn along, so that it goes on as if it had always been there. \param rotation
+  /// proper, within 1e-3 (made exact). \param translation metres, finite.
   void teleport(BodyId body, const Mat3& rotation, Vec3 translation);
 
   /// The state of a body as bytes: all that its further motion depends on but the world's settings. Restored into a
-  /// body of the same package, in any world with the same settings, it goes on bit for bit as the saved one did. For one
-  /// version of the library: not a file format.
+  /// body of the same package, in any world with the same settings, it goes on bit for bit as the saved one did. For
+  /// one version of the library: not a file format.
   std::size_t stateBytes(BodyId body) const;
   /// \param bytes at least stateBytes(). \return bytes written, 0 where `bytes` is too small.
   std::size_t saveState(BodyId body, std::span<std::byte> bytes) const;
