@@ -4,19 +4,11 @@
 #include <Eigen/LU>
 #include <cmath>
 
-#include "runtime/geometry/svd3.h"
-
 namespace sinew::internal {
 namespace {
 
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
-
-// True when all singular values of a surely lie within the guard; cheap, so that the SVD stays off the usual path.
-bool surelyInsideGuard(const Matrix3& a) {
-  const float norm2 = a.squaredNorm();  // >= sigma_max², and sigma_1 sigma_2 <= norm2 / 2
-  return norm2 <= kLargestStretch * kLargestStretch && a.determinant() >= 0.5F * kLeastStretch * norm2;
-}
 
 // Eq. 11: turns F so that the match exerts no torque: A_pq F^T becomes symmetric.
 template <int N>
@@ -25,31 +17,29 @@ void removeTorque(Columns<N>& f, const Columns<N>& a_pq) {
   f = (turn * f).eval();
 }
 
-// Eq. 10: clamps the stretches of F's linear block and what bends fold over although the linear block is sound.
+// Eq. 5, 8: [R S 0] plus the elastic answer to A_pq - R S M, with S the rest shape's own deformation.
 template <int N>
-bool limitStretch(Columns<N>& f) {
-  const Matrix3 linear = f.template leftCols<3>();
-  if (surelyInsideGuard(linear) || !linear.allFinite()) return false;
-  const geometry::RotationSvd svd = geometry::rotationSvd(linear);
-  const Vector3 sigma = svd.sigma.cwiseMax(kLeastStretch).cwiseMin(kLargestStretch);
-  if (sigma == svd.sigma) return false;
-  f.template leftCols<3>() = svd.u * sigma.asDiagonal() * svd.v.transpose();
-  if constexpr (N == 9) {
-    f.template rightCols<6>() = f.template rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
-  }
-  return true;
-}
-
-// Eq. 5, 8.
-template <int N>
-Columns<N> deform(const Matrix3& r, const Columns<N>& a_pq, const ClusterRest& rest,
-                  const ClusterStiffness& stiffness) {
+Columns<N> deform(const Matrix3& r, const Columns<N>& a_pq, const ClusterRest& rest, const ClusterStiffness& stiffness,
+                  const MatchExtras& extras) {
+  const Matrix3 rest_linear = extras.shape != nullptr ? Matrix3(r * *extras.shape) : r;
   Columns<N> f = Columns<N>::Zero();
-  f.template leftCols<3>() = r;
-  if (stiffness.deforms) {
-    const Columns<N> deviation = a_pq - r * rest.moment.leftCols<N>();
-    f.noalias() += deviation * stiffness.s.topLeftCorner<N, N>();
+  f.template leftCols<3>() = rest_linear;
+  if (!stiffness.deforms) return f;
+  Columns<N> deviation = a_pq - rest_linear * rest.moment.leftCols<N>();
+  // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
+  if (extras.previous != nullptr) deviation += extras.damping_passes * (r * extras.previous->leftCols<N>());
+  if (extras.modes != nullptr) {
+    const Columns<N> local = r.transpose() * deviation;
+    constexpr int kCount = 3 * N;
+    const auto vectors = extras.modes->vectors.topLeftCorner<kCount, kCount>();
+    const Eigen::Map<const Eigen::Matrix<float, kCount, 1>> flat(local.data());
+    const Eigen::Matrix<float, kCount, 1> amplitude =
+        (vectors.transpose() * flat).cwiseProduct(extras.kept->head<kCount>());
+    const Eigen::Matrix<float, kCount, 1> answer = vectors * amplitude;
+    f += r * Eigen::Map<const Columns<N>>(answer.data());
+    return f;
   }
+  f.noalias() += deviation * stiffness.s.topLeftCorner<N, N>();
   return f;
 }
 
@@ -68,23 +58,36 @@ bool orientationIsLost(const Matrix3& r, const Matrix3& a_pq, const Matrix3& mom
 }
 
 template <int N>
-void update(const ClusterRest& rest, const ClusterStiffness& stiffness, ClusterFrame& frame) {
+void update(const ClusterRest& rest, const ClusterStiffness& stiffness, const MatchExtras& extras,
+            ClusterFrame& frame) {
   const Columns<N> a_pq = frame.a_pq.leftCols<N>();
-  geometry::nearestRotation(a_pq.template leftCols<3>(), frame.rotation);
+  // Of the deformed rest shape S q: R is nearest to A_pq S^T.
+  const Matrix3 towards = extras.shape != nullptr ? Matrix3(a_pq.template leftCols<3>() * extras.shape->transpose())
+                                                  : Matrix3(a_pq.template leftCols<3>());
+  const Matrix3 moment = extras.shape != nullptr
+                             ? Matrix3(*extras.shape * rest.moment.template leftCols<3>() * extras.shape->transpose())
+                             : Matrix3(rest.moment.template leftCols<3>());
+  geometry::nearestRotation(towards, frame.rotation);
   Matrix3 r = geometry::rotationMatrix(frame.rotation);
-  const bool lost = orientationIsLost(r, a_pq.template leftCols<3>(), rest.moment.leftCols<3>());
+  const bool lost = orientationIsLost(r, towards, moment);
   if (lost) {
     // Neighbours that guess differently would tangle for good (a ring of four, scattered, came to rest inside out), so
     // all that are lost take the part's rotation.
     frame.rotation = frame.part_rotation;
     r = geometry::rotationMatrix(frame.rotation);
   }
-  Columns<N> f = deform<N>(r, a_pq, rest, stiffness);
-  frame.limited = (stiffness.deforms && limitStretch<N>(f)) || lost;
+  Columns<N> f = deform<N>(r, a_pq, rest, stiffness, extras);
+  static const GoalLimits kGuardOnly{
+      formats::LimitMethod::none, formats::VolumeMethod::none, kLeastStretch, kLargestStretch, 0, 0, 0, {}};
+  Limited limited = Limited::nothing;
+  if (stiffness.deforms) {
+    limited = applyGoalLimits<N>(extras.limits != nullptr ? *extras.limits : kGuardOnly, r, extras.shape, f);
+  }
+  frame.limited = limited == Limited::guarded || lost;
   // Where the classes of modes differ in stiffness, S mixes them and the deviation turns the cluster by itself: in a
   // C-shaped cluster that grew without bound out of nothing (a ring of four, stretch 12 Hz, bend 6 Hz). Turned back,
   // the match is symmetric in the mass norm and never lengthens a deviation.
-  if (!lost && (frame.limited || stiffness.mixes_classes)) removeTorque<N>(f, a_pq);
+  if (!lost && (limited != Limited::nothing || stiffness.mixes_classes)) removeTorque<N>(f, a_pq);
   frame.f.leftCols<N>() = f;
 }
 
@@ -116,11 +119,11 @@ void updatePartRotation(const formats::PackageView& package, std::uint32_t first
 }
 
 void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
-                 ClusterFrame& frame) {
+                 const MatchExtras& extras, ClusterFrame& frame) {
   if (cluster.mode == formats::ClusterMode::quadratic) {
-    update<9>(rest, stiffness, frame);
+    update<9>(rest, stiffness, extras, frame);
   } else {
-    update<3>(rest, stiffness, frame);
+    update<3>(rest, stiffness, extras, frame);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "runtime/clusters/frame.h"
+#include "runtime/clusters/mechanics.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/load/rest_constants.h"
 #include "sinew/formats/package.h"
@@ -22,7 +23,7 @@ void updatePartRotation(const formats::PackageView& package, std::uint32_t first
 
 /// R, then F, from the frame's moments (docs/method.md eq. 3, 5, 8, 10, 11).
 void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
-                 ClusterFrame& frame);
+                 const MatchExtras& extras, ClusterFrame& frame);
 
 /// g of eq. 4: where the cluster wants the point with rest position X. Metres, world.
 inline Vector3 clusterGoal(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterFrame& frame,

@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "runtime/clusters/goal.h"
+#include "runtime/clusters/pins.h"
 
 namespace sinew::internal {
 namespace {
@@ -93,11 +94,44 @@ void push(const formats::Cluster& cluster, const ClusterRest& rest, const Cluste
   }
 }
 
+// The fit of a pinned cluster; null for others.
+PinFit* fitOf(Body& body, std::uint32_t cluster) {
+  const bool none = body.fit_of.empty() || body.fit_of[cluster] == formats::kNone;
+  return none ? nullptr : &body.fits[body.fit_of[cluster]];
+}
+const PinFit* fitOf(const Body& body, std::uint32_t cluster) {
+  const bool none = body.fit_of.empty() || body.fit_of[cluster] == formats::kNone;
+  return none ? nullptr : &body.fits[body.fit_of[cluster]];
+}
+
+// The same for a pinned cluster: its goals answer as the pins let them.
+void pushPinned(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& impulse,
+                const Vector3& position, PinFit& fit, ClusterFrame& frame) {
+  Monomials<9> columns;
+  const float center = fit.response(fit.basisAt(cluster, position), columns);
+  const Vector3 shift = impulse / cluster.mass;
+  frame.center += center * shift;
+  frame.f += (shift / cluster.radius) * columns.transpose();
+  // The moments take the whole impulse: the fit sees it when the cluster is matched again.
+  fit.momentCenter() += shift;
+  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+  const Vector3 q = restOffset(cluster, position);
+  if (quadratic) {
+    frame.a_pq += (shift / cluster.radius) * (monomials<9>(q) - rest.mean).transpose();
+  } else {
+    frame.a_pq.leftCols<3>() += (shift / cluster.radius) * (q - rest.mean.head<3>()).transpose();
+  }
+}
+
 void push(Body& body, const Row& row, const Vector3& impulse) {
   forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
     const Vector3 part = coefficient * impulse;
+    if (PinFit* fit = fitOf(body, c)) {
+      pushPinned(cluster, rest, part, position, *fit, body.frames[c]);
+      return;
+    }
     if (cluster.mode == formats::ClusterMode::quadratic) {
       push<9>(cluster, rest, body.stiffness[c], body.responses[c], part, position, body.frames[c]);
     } else {
@@ -147,6 +181,11 @@ Matrix3 ownResponse(const Body& body, const Row& row) {
   forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
+    if (const PinFit* fit = fitOf(body, c)) {
+      const PinFit::Basis b = fit->basisAt(cluster, position);
+      w += (coefficient * coefficient * fit->ownResponse(b) / cluster.mass) * Matrix3::Identity();
+      return;
+    }
     const ClusterResponse& response = body.responses[c];
     const Vector3 q = restOffset(cluster, position);
     const Matrix3 r = geometry::rotationMatrix(body.frames[c].rotation);
@@ -173,6 +212,7 @@ void prepareRow(const Body& body, Row& row, float pass_seconds) {
   const Matrix3 w = ownResponse(body, row);
   const float mean = w.trace() / 3.0F;
   row.compliance = (row.kind == RowKind::hold ? kHoldCompliance : kRelativeCompliance) * mean;
+  if (row.weight < 1) row.compliance /= std::max(row.weight, 1e-3F);
   if (row.kind == RowKind::contact) {
     row.normal_response = row.normal.dot(w * row.normal) + row.compliance;
     row.tangent_response = w.trace() - row.normal.dot(w * row.normal) + row.compliance;
@@ -220,6 +260,7 @@ void warmStartRows(Body& body) {
     forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
       pushMoments(body.package().clusters()[c], body.rest().clusters[c], coefficient * row.impulse, position,
                   body.frames[c]);
+      if (PinFit* fit = fitOf(body, c)) fit->momentCenter() = body.frames[c].center;
     });
   }
 }
@@ -247,9 +288,7 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
       for (Row& row : body.rows) moved = std::max(moved, relax(body, row));
       if (moved < settings.tolerance) break;
     }
-    for_each_used_cluster([&](std::uint32_t c) {
-      updateFrame(package.clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c]);
-    });
+    for_each_used_cluster([&](std::uint32_t c) { matchCluster(body, c, pass_seconds); });
   }
 
   const float to_force = 1.0F / (pass_seconds * pass_seconds);

@@ -58,25 +58,27 @@ SINEW_INLINE F gammaForNorm(const Mat3Of<F>& a, const Mat3Of<F>& r, F wanted) {
   return smaller(x / s, one);
 }
 
-/// `frobenius`: |A|² at most `norm_max`, by blending with R (second method).
+// The limits that blend A with R come as their gamma, 0..1, which the squares and products of a quadratic goal take as
+// well: blend(a, r, gamma) is the limited A.
+
+/// `frobenius`: |A|² at most `norm_max` (second method).
 template <class F>
-static inline Mat3Of<F> limitFrobenius(const Mat3Of<F>& a, const Mat3Of<F>& r, F norm_max) {
-  return blend(a, r, gammaForNorm(a, r, norm_max));
+static inline F gammaFrobenius(const Mat3Of<F>& a, const Mat3Of<F>& r, F norm_max) {
+  return gammaForNorm(a, r, norm_max);
 }
 
 /// `frobenius_cheap`: gamma = norm_max / |A|² where that is below 1 (third method). Not a bound of |A|² but of
-/// gamma |A|: far out the goal goes back to R.
+/// gamma |A|²: far out the goal goes back to R.
 template <class F>
-static inline Mat3Of<F> limitFrobeniusCheap(const Mat3Of<F>& a, const Mat3Of<F>& r, F norm_max) {
+static inline F gammaFrobeniusCheap(const Mat3Of<F>& a, F norm_max) {
   const F one = splat<F>(1.0F);
   const F s = scaleOf(a);
   Mat3Of<F> unit;
   for (int k = 0; k < 9; ++k) unit.m[k] = a.m[k] / s;
-  const F gamma = ((norm_max / s) / s) / squaredNorm(unit);
-  return blend(a, r, smaller(gamma, one));
+  return smaller(((norm_max / s) / s) / squaredNorm(unit), one);
 }
 
-/// |A|² without overflow: at most 1e30.
+/// |A|² without overflow: at most 9e30.
 template <class F>
 SINEW_INLINE F boundedNorm(const Mat3Of<F>& a) {
   const F most = splat<F>(1e15F), least = F{} - most;
@@ -85,23 +87,21 @@ SINEW_INLINE F boundedNorm(const Mat3Of<F>& a) {
   return squaredNorm(bounded);
 }
 
+/// `curve`: the norm becomes `response`, which the caller looked up for boundedNorm(A); 1 where that is not below the
+/// norm.
+template <class F>
+static inline F gammaToResponse(const Mat3Of<F>& a, const Mat3Of<F>& r, F response) {
+  return select(boundedNorm(a) > response, gammaForNorm(a, r, response), splat<F>(1.0F));
+}
+
 /// `soft`: a norm phi above `knee` becomes m - (knee / phi) (m - knee), which approaches `norm_limit` (= m) and never
 /// reaches it (§4.1.3).
 template <class F>
-static inline Mat3Of<F> limitSoft(const Mat3Of<F>& a, const Mat3Of<F>& r, F knee, F norm_limit) {
+static inline F gammaSoft(const Mat3Of<F>& a, const Mat3Of<F>& r, F knee, F norm_limit) {
   const F phi = boundedNorm(a);
   const auto above = phi > knee;
   const F response = norm_limit - (knee / select(above, phi, knee)) * (norm_limit - knee);
-  const F gamma = gammaForNorm(a, r, select(above, response, knee));
-  return blend(a, r, select(above, gamma, splat<F>(1.0F)));
-}
-
-/// `curve`: the norm becomes `response`, which the caller looked up for boundedNorm(A); no change where that is not
-/// below the norm.
-template <class F>
-static inline Mat3Of<F> limitToResponse(const Mat3Of<F>& a, const Mat3Of<F>& r, F response) {
-  const auto above = boundedNorm(a) > response;
-  return blend(a, r, select(above, gammaForNorm(a, r, response), splat<F>(1.0F)));
+  return select(above, gammaForNorm(a, r, response), splat<F>(1.0F));
 }
 
 /// Whether all principal stretches surely lie within least..largest and nothing is mirrored; cheap, so that the

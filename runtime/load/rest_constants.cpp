@@ -84,6 +84,8 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
     }
   }
 
+  result.mechanics = makeMechanics(package);
+
   const std::size_t vertex_count = package.physicalVertices().size();
   result.first_use.assign(vertex_count + 1, 0);
   for (const formats::Membership& member : members) ++result.first_use[member.vertex + 1];

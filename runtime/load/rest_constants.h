@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/clusters/mechanics.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -33,6 +34,8 @@ struct RestConstants {
   std::vector<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries
   std::vector<ClusterUse> uses;          ///< by vertex, clusters ascending
   std::vector<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
+
+  MechanicsConstants mechanics;
 
   std::span<const ClusterUse> usesOf(std::uint32_t vertex) const {
     return {uses.data() + first_use[vertex], uses.data() + first_use[vertex + 1]};

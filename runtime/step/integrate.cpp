@@ -112,6 +112,7 @@ void applyGoals(Body& body, const GroundPlane& ground, float pass_seconds, std::
                                        body.frames[use.cluster], rest);
       moved += (use.share * body.stiffness[use.cluster].alpha) * (goal - start);
     }
+    if (!package.vertexStiffness().empty()) moved *= package.vertexStiffness()[i];
     if (ground.enabled) {
       // Rows hold the clusters up; what a vertex keeps of its own below the surface is taken here.
       const float below = heightAbove(ground, start + moved);

@@ -60,6 +60,13 @@ void updateStiffness(Body& body, float pass_seconds) {
   for (std::uint32_t c = 0; c < body.stiffness.size(); ++c) {
     body.stiffness[c] = clusterStiffness(body.package(), body.rest(), c, body.settings.stiffness_scale, pass_seconds);
   }
+  const MechanicsConstants& mechanics = body.rest().mechanics;
+  for (std::uint32_t c = 0; c < mechanics.modes_of.size(); ++c) {
+    const std::uint32_t modes = mechanics.modes_of[c];
+    if (modes == formats::kNone) continue;
+    body.mechanics.kept[modes] =
+        keptModes(body.package().mechanics()[c], mechanics.modes[modes], body.settings.stiffness_scale, pass_seconds);
+  }
   body.stiffness_step = pass_seconds;
 }
 
@@ -73,19 +80,18 @@ void collectRows(Body& body, const WorldSettings& settings, float pass_seconds, 
 
 bool partHasRow(const Part& part) {
   const Body& body = *part.body;
-  if (body.rows.empty()) return false;
   const formats::BodyRange& range = body.package().bodies()[part.index];
+  for (const PinFit& fit : body.fits) {
+    if (fit.cluster() - range.first_cluster < range.cluster_count) return true;
+  }
   return std::any_of(body.rows.begin(), body.rows.end(), [&](const Row& row) {
     if (row.point == RowPoint::physical_vertex) return row.index - range.first_vertex < range.vertex_count;
     return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
   });
 }
 
-void matchClusters(ClusterChunk& chunk) {
-  Body& body = *chunk.body;
-  for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) {
-    updateFrame(body.package().clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c]);
-  }
+void matchClusters(ClusterChunk& chunk, float pass_seconds) {
+  for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) matchCluster(*chunk.body, c, pass_seconds);
 }
 
 MotionSums partSums(const StepPlan& plan, const Part& part) {
@@ -163,6 +169,7 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
           [&](VertexChunk& chunk) { chunk.repaired += predict(*chunk.body, settings, h, chunk.begin, chunk.end); });
   sumMotion(plan, jobs, SumsOf::predicted);
   for (Part& part : plan.parts) part.before = partSums(plan, part);
+  forEach(jobs, plan.bodies, [&](Body* body) { placePins(*body, h, passes_left); });
   clock.finish(kPredict);
 
   // Moments of the predicted positions: all that matching wants to know of the vertices.
@@ -175,7 +182,10 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   clock.finish(kMoments);
 
   // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
-  forEach(jobs, plan.bodies, [&](Body* body) { collectRows(*body, settings, h, passes_left); });
+  forEach(jobs, plan.bodies, [&](Body* body) {
+    beginPinFits(*body);
+    collectRows(*body, settings, h, passes_left);
+  });
   for (Part& part : plan.parts) part.free = !partHasRow(part);
   clock.finish(kRows);
 
@@ -184,7 +194,7 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   forEach(jobs, plan.parts, [](Part& part) {
     updatePartRotation(part.body->package(), part.first_cluster, part.cluster_count, part.body->frames);
   });
-  forEach(jobs, plan.clusters, matchClusters);
+  forEach(jobs, plan.clusters, [h](ClusterChunk& chunk) { matchClusters(chunk, h); });
   clock.finish(kMatch);
 
   // Solve: impulses that make the goals satisfy the rows.
@@ -196,7 +206,10 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   // Goals: vertices follow their clusters; pins and ground have the last word on positions.
   forEach(jobs, plan.vertices,
           [&](VertexChunk& chunk) { applyGoals(*chunk.body, settings.ground, h, chunk.begin, chunk.end); });
-  forEach(jobs, plan.bodies, [&](Body* body) { holdPins(*body, h, passes_left); });
+  forEach(jobs, plan.bodies, [&](Body* body) {
+    holdPins(*body, h, passes_left);
+    finishMatch(*body, h);
+  });
   clock.finish(kGoals);
 
   // Settle: damping, momentum, and the new positions for good.

@@ -8,7 +8,7 @@
 namespace sinew::internal {
 
 Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings)
-    : asset(std::move(source)), settings(body_settings) {
+    : asset(std::move(source)), settings(body_settings), mechanics(package(), rest().mechanics) {
   const std::size_t vertex_count = vertices().size(), cluster_count = package().clusters().size();
   x.resize(vertex_count);
   v.resize(vertex_count);
@@ -30,6 +30,10 @@ void Body::reset() {
   }
   pins.clear();
   picks.clear();
+  pin_sets.clear();
+  fits.clear();
+  fit_of.clear();
+  mechanics.reset();
   rows.clear();
   repaired = 0;
   geometry::Quaternion start = geometry::kIdentityQuaternion;
@@ -44,8 +48,7 @@ void Body::matchPositions() {
   for (std::uint32_t c = 0; c < frames.size(); ++c) {
     accumulateMoments(package(), rest(), c, y, frames[c]);
     // No frequency: F = A shows the positions as they are.
-    updateFrame(package().clusters()[c], rest().clusters[c], clusterStiffness(package(), rest(), c, 0.0F, 1.0F),
-                frames[c]);
+    updateFrame(package().clusters()[c], rest().clusters[c], freeStiffness(package(), c), {}, frames[c]);
     frames[c].limited = false;
   }
   cofactors_fresh = false;
