@@ -37,6 +37,18 @@ Matrix inverseWithin(const Matrix& n, const Matrix& system) {
   return n * inner * n.transpose();
 }
 
+// A of q~(q' + s) = A q~'(q') + q~(s).
+Eigen::Matrix<double, 9, 9> shiftedMonomials(const Eigen::Vector3d& s) {
+  Eigen::Matrix<double, 9, 9> a = Eigen::Matrix<double, 9, 9>::Identity();
+  for (int axis = 0; axis < 3; ++axis) {
+    const int next = (axis + 1) % 3;
+    a(3 + axis, axis) = 2 * s[axis];
+    a(6 + axis, axis) = s[next];
+    a(6 + axis, next) = s[axis];
+  }
+  return a;
+}
+
 }  // namespace
 
 PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method,
@@ -78,6 +90,9 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
   }
   null_space_.conservativeResize(size, free_count);
   free_ = null_space_ * null_space_.transpose();
+  for (const Vector3& offset : offsets_) {
+    pin_mean_ += (offset.cast<double>() + basis_.mean.head<3>()) / double(offsets_.size());
+  }
   if (count >= 3) {
     second = (second / count - first * first.transpose() / (count * count)).eval();
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(second, Eigen::EigenvaluesOnly);
@@ -135,10 +150,19 @@ void PinFit::prepare(const formats::PackageView& package, const RestConstants& r
   for (double& ratio : ratios) ratio = std::min(ratio, kRigidRatio);
   beta_ = 1 / (1 + damping + ratios[0]);
   if (method_ == PinMethod::constrained_fit && modes > 0) {
+    // About the pins: q~' of q' = q - (mean of the pins), q~ = A q~' + constant, so that a mode that leaves the pins in
+    // place has the frequency of its class. K = D M' D in those, M' with the mean: the pins take the translation.
     const int n = int(basis_.t.rows());
     Eigen::Matrix<double, 9, 1> root = Eigen::Matrix<double, 9, 1>::Zero();
     for (int k = 0; k < n; ++k) root[k] = std::sqrt(ratios[std::size_t(k / 3)]);
-    const Eigen::Matrix<double, 9, 9> energy = root.asDiagonal() * basis_.moment * root.asDiagonal();
+    Eigen::Matrix<double, 9, 1> at_pins;
+    at_pins << pin_mean_, pin_mean_.cwiseProduct(pin_mean_), pin_mean_[0] * pin_mean_[1], pin_mean_[1] * pin_mean_[2],
+        pin_mean_[2] * pin_mean_[0];
+    const Eigen::Matrix<double, 9, 9> to = shiftedMonomials(pin_mean_), back = shiftedMonomials(-pin_mean_);
+    const Eigen::Matrix<double, 9, 1> offset = basis_.mean - at_pins;
+    const Eigen::Matrix<double, 9, 9> moment = back * (basis_.moment + offset * offset.transpose()) * back.transpose();
+    const Eigen::Matrix<double, 9, 9> about = root.asDiagonal() * moment * root.asDiagonal();
+    const Eigen::Matrix<double, 9, 9> energy = to * about * to.transpose();
     system_.bottomRightCorner(modes, modes) += (basis_.t.transpose() * energy.topLeftCorner(n, n) * basis_.t).eval();
   }
   inverse_ = inverseWithin(null_space_, system_);

@@ -77,10 +77,11 @@ class PinFit {
   std::vector<Basis> values_;     ///< by point
   std::vector<Vector3> offsets_;  ///< by point: centred q
   ModeBasis basis_;
-  ModeMatrix energy_;     ///< of an elastic cluster, E and nu as baked
-  Square10 from_points_;  ///< (C^T C)^+ of the exact points
-  Square10 null_space_;   ///< N: what the exact points leave free, columns orthonormal
-  Square10 free_;         ///< N N^T
+  ModeMatrix energy_;                                   ///< of an elastic cluster, E and nu as baked
+  Square10 from_points_;                                ///< (C^T C)^+ of the exact points
+  Square10 null_space_;                                 ///< N: what the exact points leave free, columns orthonormal
+  Square10 free_;                                       ///< N N^T
+  Eigen::Vector3d pin_mean_ = Eigen::Vector3d::Zero();  ///< q, of all points
   bool elastic_ = false;
   bool oriented_ = false;  ///< the exact points do not lie on a line: they say how the cluster is turned
   // For one length of pass:
