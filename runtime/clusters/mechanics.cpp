@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "runtime/clusters/goal.h"
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/kernels/limits.h"
 #include "runtime/kernels/volume.h"
 
@@ -219,7 +219,6 @@ MechanicsState::MechanicsState(const formats::PackageView& package, const Mechan
   const std::size_t clusters = package.clusters().size();
   if (constants.changes_shape) shapes.resize(clusters);
   if (constants.damps) previous.resize(clusters, Columns<9>::Zero());
-  kept.resize(constants.modes.size());
   activation.resize(package.channels().size());
 }
 
@@ -240,13 +239,14 @@ void MechanicsState::updateShape(const formats::PackageView& package, std::uint3
 }
 
 MatchExtras matchExtras(const MechanicsConstants& constants, const MechanicsState& state,
-                        const formats::PackageView& package, std::uint32_t c, float pass_seconds) {
+                        std::span<const Eigen::Matrix<float, 27, 1>> kept, const formats::PackageView& package,
+                        std::uint32_t c, float pass_seconds) {
   MatchExtras extras;
   if (constants.limits.empty()) return extras;
   extras.limits = &constants.limits[c];
   if (!constants.modes_of.empty() && constants.modes_of[c] != formats::kNone) {
     extras.modes = &constants.modes[constants.modes_of[c]];
-    extras.kept = &state.kept[constants.modes_of[c]];
+    extras.kept = &kept[constants.modes_of[c]];
   }
   if (!state.shapes.empty()) extras.shape = &state.shapes[c].shape;
   if (!state.previous.empty()) {

@@ -79,10 +79,9 @@ struct ShapeState {
 
 /// State of a body beyond frames; vectors are empty where the package needs none.
 struct MechanicsState {
-  std::vector<ShapeState> shapes;                 ///< by cluster
-  std::vector<Columns<9>> previous;               ///< by cluster: (R^T F - S) M of the last pass, for damping
-  std::vector<Eigen::Matrix<float, 27, 1>> kept;  ///< by entry of MechanicsConstants::modes: what a pass keeps
-  std::vector<float> activation;                  ///< by channel, 0..1
+  std::vector<ShapeState> shapes;    ///< by cluster
+  std::vector<Columns<9>> previous;  ///< by cluster: (R^T F - S) M of the last pass, for damping
+  std::vector<float> activation;     ///< by channel, 0..1
 
   MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants);
   /// Nothing permanent, nothing activated, at rest.
@@ -101,8 +100,10 @@ struct MatchExtras {
   const Columns<9>* previous = nullptr;
   float damping_passes = 0;  ///< damping * pass length
 };
+/// \param kept by entry of MechanicsConstants::modes.
 MatchExtras matchExtras(const MechanicsConstants& constants, const MechanicsState& state,
-                        const formats::PackageView& package, std::uint32_t cluster, float pass_seconds);
+                        std::span<const Eigen::Matrix<float, 27, 1>> kept, const formats::PackageView& package,
+                        std::uint32_t cluster, float pass_seconds);
 
 /// S of an activated fibre: (1 - a c) along it, 1 / sqrt(1 - a c) across. \param activation a, 0..1.
 Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation);

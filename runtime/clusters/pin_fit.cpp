@@ -176,7 +176,7 @@ double PinFit::springOf(const PinPoint& point) const {
   return phase * phase * double(point.mu);
 }
 
-void PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
+bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
                    ClusterFrame& frame) const {
   const int modes = int(basis_.t.cols()), n = int(basis_.t.rows()), size = modes + 1;
   const Matrix3 shape = extras.shape != nullptr ? *extras.shape : Matrix3(Matrix3::Identity());
@@ -260,16 +260,16 @@ void PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   write(cluster, r, shape, g, frame);
   // Limits and volume, then the pins again: they have the last word.
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-  if (extras.limits == nullptr || modes == 0) return;
+  if (extras.limits == nullptr || modes == 0) return false;
   Columns<9> f = frame.f;
   Columns<3> linear = f.leftCols<3>();
   const Limited limited = quadratic ? applyGoalLimits<9>(*extras.limits, r, extras.shape, f)
                                     : applyGoalLimits<3>(*extras.limits, r, extras.shape, linear);
   if (!quadratic) f.leftCols<3>() = linear;
-  frame.limited |= limited == Limited::guarded;
-  if (limited == Limited::nothing) return;
+  if (limited == Limited::nothing) return false;
   g = (held + free_ * (answer_of(f, g.row(0)) - held)).eval();
   write(cluster, r, shape, g, frame);
+  return limited == Limited::guarded;
 }
 
 Vector3 PinFit::restOfPoint(std::size_t i, const Matrix3& shape) const { return shape * offsets_[i]; }

@@ -49,7 +49,8 @@ class PinFit {
 
   /// R, F and the goals' centre, from frame.a_pq and momentCenter(), with the goals of exact points in their places.
   /// Call after updateFrame() of the same frame.
-  void match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
+  /// \return whether the guard moved F.
+  bool match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
              ClusterFrame& frame) const;
 
   /// c = Σ mu y: frame.center is that of the goals, which the pins move.

@@ -54,7 +54,7 @@ void rebuildFits(Body& body) {
   }
   body.fits.clear();
   std::fill(body.fit_of.begin(), body.fit_of.end(), formats::kNone);
-  if (!by_cluster.empty()) body.fit_of.resize(body.frames.size(), formats::kNone);
+  if (!by_cluster.empty()) body.fit_of.resize(body.clusterCount(), formats::kNone);
   for (auto& [cluster, pinned] : by_cluster) {
     body.fit_of[cluster] = std::uint32_t(body.fits.size());
     body.fits.emplace_back(body.package(), cluster, pinned.method, std::move(pinned.points));
@@ -144,16 +144,7 @@ void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
 }
 
 void beginPinFits(Body& body) {
-  for (PinFit& fit : body.fits) fit.momentCenter() = body.frames[fit.cluster()].center;
-}
-
-void matchCluster(Body& body, std::uint32_t c, float pass_seconds) {
-  const formats::Cluster& cluster = body.package().clusters()[c];
-  const ClusterRest& rest = body.rest().clusters[c];
-  const MatchExtras extras = matchExtras(body.rest().mechanics, body.mechanics, body.package(), c, pass_seconds);
-  updateFrame(cluster, rest, body.stiffness[c], extras, body.frames[c]);
-  if (body.fit_of.empty() || body.fit_of[c] == formats::kNone) return;
-  body.fits[body.fit_of[c]].match(cluster, rest, extras, body.frames[c]);
+  for (PinFit& fit : body.fits) fit.momentCenter() = loadFrame(body.blocks, fit.cluster()).center;
 }
 
 void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
@@ -167,8 +158,8 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
   for (const PinFit& fit : body.fits) {
     // What the fit did to the cluster as a whole: the goals' force and torque, Σ mu (g - y) and Σ mu y x (g - y).
     const formats::Cluster& cluster = body.package().clusters()[fit.cluster()];
-    const ClusterFrame& frame = body.frames[fit.cluster()];
-    const float scale = to_force * cluster.mass * body.stiffness[fit.cluster()].alpha;
+    const ClusterFrame frame = loadFrame(body.blocks, fit.cluster());
+    const float scale = to_force * cluster.mass * body.stiffness->clusters[fit.cluster()].alpha;
     const Eigen::Vector3d force = double(scale) * (frame.center - fit.momentCenter()).cast<double>();
     Eigen::Vector3d torque = Eigen::Vector3d::Zero();
     const int columns = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
@@ -205,11 +196,11 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
 void finishMatch(Body& body, float pass_seconds) {
   MechanicsState& state = body.mechanics;
   if (state.shapes.empty() && state.previous.empty()) return;
-  for (std::uint32_t c = 0; c < body.frames.size(); ++c) {
+  for (std::uint32_t c = 0; c < body.clusterCount(); ++c) {
     const formats::Cluster& cluster = body.package().clusters()[c];
     const formats::ClusterMechanics& mechanics = body.package().mechanics()[c];
     if (cluster.mode == formats::ClusterMode::rigid) continue;
-    const ClusterFrame& frame = body.frames[c];
+    const ClusterFrame frame = loadFrame(body.blocks, c);
     const Matrix3 r = geometry::rotationMatrix(frame.rotation);
     if (!state.previous.empty()) {
       Columns<9> local = r.transpose() * frame.f;
@@ -220,7 +211,7 @@ void finishMatch(Body& body, float pass_seconds) {
         state.previous[c].leftCols<3>() = local.leftCols<3>() * body.rest().clusters[c].moment.leftCols<3>();
       }
     }
-    if (!state.shapes.empty() && !frame.limited &&
+    if (!state.shapes.empty() && body.blocks[c / 8].limited[c % 8] == 0 &&
         updatePlasticity(mechanics, r, frame.f.leftCols<3>(), pass_seconds, state.shapes[c])) {
       state.updateShape(body.package(), c);
     }

@@ -26,11 +26,8 @@ void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left);
 /// after prediction, before the moments.
 void placePins(Body& body, float pass_seconds, std::uint32_t passes_left);
 
-/// Takes over the moments of pinned clusters, after accumulateMoments.
+/// Takes over the centres of pinned clusters, between moments (rows included) and match.
 void beginPinFits(Body& body);
-
-/// R and F of a cluster, by the fit where it is pinned.
-void matchCluster(Body& body, std::uint32_t cluster, float pass_seconds);
 
 /// Puts the pinned vertices exactly where they are held and sums up the reactions.
 void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left);

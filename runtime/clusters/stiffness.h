@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/kernels/layout.h"
 #include "runtime/load/rest_constants.h"
 #include "sinew/formats/package.h"
 
@@ -36,5 +38,27 @@ ClusterStiffness freeStiffness(const formats::PackageView& package, std::uint32_
 
 ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
                                   float stiffness_scale, float step_seconds);
+
+/// The stiffness of all clusters of a package for one length of pass; bodies with the same scale share it.
+struct StiffnessSet {
+  /// \param scale multiplies all frequencies, 0..
+  StiffnessSet(const formats::PackageView& package, float scale);
+
+  /// No stiffness at all, whatever the package says: F = A.
+  void loosen(const formats::PackageView& package);
+
+  /// Computes it for another length of pass; does not allocate after the first time.
+  void update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds);
+
+  float scale;
+  float step_seconds = 0;  ///< pass length it holds for; 0 = none yet
+  std::vector<ClusterStiffness> clusters;
+  std::vector<StiffnessBlock> blocks;  ///< the same for kernels
+  /// By entry of MechanicsConstants::modes: what a pass keeps of each.
+  std::vector<Eigen::Matrix<float, 27, 1>> kept;
+
+ private:
+  void storeBlock(std::uint32_t cluster);
+};
 
 }  // namespace sinew::internal

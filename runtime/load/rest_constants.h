@@ -7,6 +7,7 @@
 
 #include "runtime/clusters/algebra.h"
 #include "runtime/clusters/mechanics.h"
+#include "runtime/kernels/layout.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -36,6 +37,11 @@ struct RestConstants {
   std::vector<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
 
   MechanicsConstants mechanics;
+  // The same for kernels.
+  std::vector<float> masses;             ///< by vertex, kg
+  std::vector<MemberBlock> members;      ///< cluster by cluster
+  std::vector<ClusterRestBlock> blocks;  ///< eight clusters each
+  std::vector<std::uint32_t> use_slots;  ///< as `uses`: 8 * member block + lane
 
   std::span<const ClusterUse> usesOf(std::uint32_t vertex) const {
     return {uses.data() + first_use[vertex], uses.data() + first_use[vertex + 1]};
