@@ -60,11 +60,13 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   return limited == Limited::guarded || lost;
 }
 
-// Whether a cluster is more than the kernel knows.
+// Whether the kernel has done all: frequencies, limits and volume by principal stretches.
 bool isPlain(const MatchExtras& extras) {
   return extras.limits == nullptr ||
          (extras.modes == nullptr && extras.shape == nullptr && extras.damping_passes == 0 &&
-          extras.limits->limit == formats::LimitMethod::none && extras.limits->volume == formats::VolumeMethod::none);
+          (extras.limits->limit == formats::LimitMethod::none ||
+           extras.limits->limit == formats::LimitMethod::principal) &&
+          extras.limits->volume != formats::VolumeMethod::cube_root);
 }
 
 }  // namespace

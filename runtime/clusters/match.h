@@ -6,7 +6,7 @@
 namespace sinew::internal {
 
 /// R and F of eight clusters from their moments: by the kernel, and where a cluster has more to it than frequencies
-/// (docs/method.md §4, §5, §7) by itself.
+/// (docs/method.md §9, §10) by itself.
 void matchBlock(Body& body, std::uint32_t block, float pass_seconds);
 
 }  // namespace sinew::internal

@@ -185,14 +185,16 @@ GoalLimits goalLimits(const formats::PackageView& package, std::uint32_t index) 
     result.least = m.stretch_min;
     result.largest = m.stretch_max;
   } else if (m.limit == formats::LimitMethod::rows) {
-    result.largest = std::max(kLargestStretch, m.stretch_max);
+    // What keeps the volume must not stretch again what the rows had cut.
+    const bool bounds = m.volume == formats::VolumeMethod::principal;
+    result.largest = bounds ? m.stretch_max : std::max(kLargestStretch, std::sqrt(3.0F) * m.stretch_max);
   } else if (m.limit == formats::LimitMethod::soft) {
-    result.largest = std::max(kLargestStretch, std::sqrt(m.norm_limit));
+    result.largest = std::sqrt(m.norm_limit);
   } else if (m.limit == formats::LimitMethod::frobenius) {
-    result.largest = std::max(kLargestStretch, std::sqrt(m.norm_max));
+    result.largest = std::sqrt(m.norm_max);
   } else if (m.limit == formats::LimitMethod::curve) {
     result.curve = package.curvePoints().subspan(m.first_curve_point, m.curve_point_count);
-    result.largest = std::max(kLargestStretch, std::sqrt(result.curve.back().response));
+    result.largest = std::sqrt(result.curve.back().response);
   }
   return result;
 }

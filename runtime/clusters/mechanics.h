@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // What a cluster's CMEC record adds to its match: elastic modes, stretch limits, volume, plasticity, activation
-// (docs/method.md §4, §5).
+// (docs/method.md §9).
 #pragma once
 
 #include <memory>

@@ -90,6 +90,15 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
   }
   null_space_.conservativeResize(size, free_count);
   free_ = null_space_ * null_space_.transpose();
+  // Six points that have the cluster's second moment: the mean of a cubic, which a volume ratio is, but for its
+  // skewness.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(Eigen::Matrix3d(basis_.moment.topLeftCorner<3, 3>()));
+  for (int k = 0; k < 6; ++k) {
+    const double reach = std::sqrt(3 * std::max(axes.eigenvalues()[k / 2], 0.0)) * (k % 2 == 0 ? 1 : -1);
+    const Eigen::Vector3d q = basis_.mean.head<3>() + reach * axes.eigenvectors().col(k / 2);
+    const Eigen::Matrix<double, 9, 3> gradient = monomialGradient<9>(q.cast<float>()).cast<double>();
+    strain_points_.push_back(basis_.t.transpose() * gradient.topRows(basis_.t.rows()));
+  }
   for (const Vector3& offset : offsets_) {
     pin_mean_ += (offset.cast<double>() + basis_.mean.head<3>()) / double(offsets_.size());
   }
@@ -257,19 +266,49 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
       }
     }
   }
+  const bool deforms = extras.limits != nullptr && modes > 0;
+  if (deforms && extras.limits->volume != formats::VolumeMethod::none) keepVolume(shape, g);
   write(cluster, r, shape, g, frame);
-  // Limits and volume, then the pins again: they have the last word.
-  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-  if (extras.limits == nullptr || modes == 0) return false;
+  // Limits, then the pins again: they have the last word. Beyond a limit the pins may leave some of the change to come
+  // back at every pass, so it is an inelastic stop.
+  if (!deforms) return false;
+  GoalLimits limits = *extras.limits;
+  limits.volume = formats::VolumeMethod::none;
   Columns<9> f = frame.f;
   Columns<3> linear = f.leftCols<3>();
-  const Limited limited = quadratic ? applyGoalLimits<9>(*extras.limits, r, extras.shape, f)
-                                    : applyGoalLimits<3>(*extras.limits, r, extras.shape, linear);
-  if (!quadratic) f.leftCols<3>() = linear;
+  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+  const Limited limited =
+      quadratic ? applyGoalLimits<9>(limits, r, extras.shape, f) : applyGoalLimits<3>(limits, r, extras.shape, linear);
   if (limited == Limited::nothing) return false;
+  if (!quadratic) f.leftCols<3>() = linear;
   g = (held + free_ * (answer_of(f, g.row(0)) - held)).eval();
   write(cluster, r, shape, g, frame);
-  return limited == Limited::guarded;
+  return true;
+}
+
+// The free modes move by the least mass-weighted amount that makes the mean volume ratio that of the rest shape:
+// Newton's steps along its gradient, which is the force of a pressure. Clamping principal stretches is no such least
+// change, and with pins in the way it fed a beam energy until it burst.
+void PinFit::keepVolume(const Matrix3& shape, Answer& g) const {
+  const int modes = int(basis_.t.cols()), size = modes + 1;
+  const Eigen::Matrix3d rest = shape.cast<double>();
+  const double part = 1.0 / double(strain_points_.size());
+  for (int step = 0; step < 3; ++step) {
+    double ratio = 0;
+    Answer gradient = Answer::Zero(size, 3);
+    for (const ModeGradient& at : strain_points_) {
+      const Eigen::Matrix3d local = rest + (at.transpose() * g.bottomRows(modes)).transpose();
+      Eigen::Matrix3d cofactor;
+      for (int k = 0; k < 3; ++k) cofactor.col(k) = local.col((k + 1) % 3).cross(local.col((k + 2) % 3));
+      ratio += part * local.determinant();
+      gradient.bottomRows(modes) += part * (cofactor * at.transpose()).transpose();
+    }
+    const Answer along = free_ * gradient;
+    const double response = (along.array() * gradient.array()).sum();
+    if (!(response > 1e-6 * gradient.squaredNorm())) return;
+    // Far from the wanted volume the gradient says little: never more than a tenth at a time.
+    g += (std::clamp(rest.determinant() - ratio, -0.1, 0.1) / response) * along;
+  }
 }
 
 Vector3 PinFit::restOfPoint(std::size_t i, const Matrix3& shape) const { return shape * offsets_[i]; }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // The match of a cluster some of whose vertices are pinned: least squares subject to the pins, in the null space of the
-// pinned vertices (docs/method.md §7).
+// pinned vertices (docs/method.md §10).
 #pragma once
 
 #include <cstdint>
@@ -67,6 +67,7 @@ class PinFit {
   float ownResponse(const Basis& b) const { return float(b.dot(response_ * b)); }
 
  private:
+  void keepVolume(const Matrix3& shape, Answer& g) const;
   double springOf(const PinPoint& point) const;
   Vector3 restOfPoint(std::size_t point, const Matrix3& shape) const;
   void write(const formats::Cluster& cluster, const Matrix3& r, const Matrix3& shape, const Answer& g,
@@ -78,7 +79,9 @@ class PinFit {
   std::vector<Basis> values_;     ///< by point
   std::vector<Vector3> offsets_;  ///< by point: centred q
   ModeBasis basis_;
-  ModeMatrix energy_;                                   ///< of an elastic cluster, E and nu as baked
+  ModeMatrix energy_;  ///< of an elastic cluster, E and nu as baked
+  using ModeGradient = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 9, 3>;
+  std::vector<ModeGradient> strain_points_;             ///< d b / d q where volume is measured
   Square10 from_points_;                                ///< (C^T C)^+ of the exact points
   Square10 null_space_;                                 ///< N: what the exact points leave free, columns orthonormal
   Square10 free_;                                       ///< N N^T

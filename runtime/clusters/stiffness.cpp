@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
@@ -177,6 +178,9 @@ void StiffnessSet::storeBlock(std::uint32_t c) {
   block.alpha[lane] = stiffness.alpha;
   block.deforms[lane] = stiffness.deforms ? -1 : 0;
   block.mixes[lane] = stiffness.mixes_classes ? -1 : 0;
+  block.least[lane] = kLeastStretch;
+  block.largest[lane] = kLargestStretch;
+  block.keeps_volume[lane] = 0;
 }
 
 void StiffnessSet::loosen(const formats::PackageView& package) {
@@ -192,6 +196,11 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
     storeBlock(c);
+    if (rest.mechanics.limits.empty()) continue;
+    const GoalLimits& limits = rest.mechanics.limits[c];
+    blocks[c / 8].least[c % 8] = limits.least;
+    blocks[c / 8].largest[c % 8] = limits.largest;
+    blocks[c / 8].keeps_volume[c % 8] = limits.volume == formats::VolumeMethod::principal ? -1 : 0;
   }
   const MechanicsConstants& mechanics = rest.mechanics;
   kept.resize(mechanics.modes.size());

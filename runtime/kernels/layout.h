@@ -44,6 +44,9 @@ struct alignas(32) StiffnessBlock {
   float alpha[8];           ///< alpha_h: how much of the way to the goal a vertex goes
   std::int32_t deforms[8];  ///< -1: S is not zero
   std::int32_t mixes[8];    ///< -1: classes of modes differ in stiffness, so F needs its torque removed
+  float least[8];           ///< principal stretches of F: the limit `principal`, or the guard's
+  float largest[8];
+  std::int32_t keeps_volume[8];  ///< -1: principal stretches are moved to product 1
 };
 
 /// Sums over vertices about a reference point, as kernels leave them: eight partial sums each.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Stretch limits, lane by lane (docs/method.md §5): each takes the linear part A of a cluster's goal, its rotation R
+// Stretch limits, lane by lane (docs/method.md §9): each takes the linear part A of a cluster's goal, its rotation R
 // and parameters (which may differ by lane), and gives the limited A.
 #pragma once
 

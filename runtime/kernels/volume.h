@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Volume of a cluster's goal, lane by lane (docs/method.md §5).
+// Volume of a cluster's goal, lane by lane (docs/method.md §9).
 #pragma once
 
 #include "runtime/kernels/svd.h"

@@ -163,14 +163,14 @@ struct QuadraticMoment {
 };
 static_assert(sizeof(QuadraticMoment) == 180);
 
-/// How a cluster answers to a deformation (docs/method.md §4).
+/// How a cluster answers to a deformation (docs/method.md §9).
 enum class StiffnessModel : std::uint32_t {
   frequency = 0,  ///< Cluster::stretch_hz, bend_hz, twist_hz: independent of the step
   per_step = 1,   ///< ClusterMechanics::per_step_beta: what each pass keeps, so stiffer the shorter the step
   elastic = 2,    ///< modes of an isotropic solid, from ClusterMechanics::young and poisson
 };
 
-/// What keeps a cluster's goal from stretching too far (docs/method.md §5).
+/// What keeps a cluster's goal from stretching too far (docs/method.md §9).
 enum class LimitMethod : std::uint32_t {
   none = 0,             ///< only the runtime's guard against inversion
   rows = 1,             ///< each row of A at most stretch_max long
@@ -181,7 +181,7 @@ enum class LimitMethod : std::uint32_t {
   curve = 6,            ///< squared norms mapped by points of CURV
 };
 
-/// What keeps a cluster's volume (docs/method.md §5).
+/// What keeps a cluster's volume (docs/method.md §9).
 enum class VolumeMethod : std::uint32_t {
   none = 0,
   cube_root = 1,  ///< A / |det A|^(1/3)

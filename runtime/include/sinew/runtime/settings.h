@@ -20,7 +20,7 @@ struct RigidTransform {
   Mat3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< proper rotation
 };
 
-/// How a pin set holds its vertices (docs/method.md §7 shows them side by side).
+/// How a pin set holds its vertices (docs/method.md §10 shows them side by side).
 enum class PinMethod : std::uint32_t {
   hold = 0,           ///< vertices are put in their places; the body is pulled along by forces on its goals
   infinite_mass = 1,  ///< vertices weigh infinitely in the match (Henriques 2006, §4.3.2): stiff, stiffer the shorter
