@@ -14,6 +14,9 @@ namespace {
 constexpr float kLargestPosition = 1e15F;  // metres
 constexpr float kLargestVelocity = 1e17F;  // m/s
 
+// Inertia about an axis below which angular momentum may be rounding, relative to the largest.
+constexpr double kLittleInertia = 1e-2;
+
 // A turn within one pass that the rounding of a match may cause, radians.
 constexpr double kRoundingTurn = 2e-7;
 
@@ -61,7 +64,7 @@ MotionSums motionSums(const Body& body, const std::vector<Vec3>& positions, std:
   return sums;
 }
 
-RigidMotion rigidMotionOf(const MotionSums& sums, const Eigen::Vector3d& reference) {
+RigidMotion rigidMotionOf(const MotionSums& sums, const Eigen::Vector3d& reference, double least_angular) {
   RigidMotion motion;
   const Eigen::Vector3d offset = sums.first / sums.mass;
   motion.center = reference + offset;
@@ -75,7 +78,9 @@ RigidMotion rigidMotionOf(const MotionSums& sums, const Eigen::Vector3d& referen
   for (int k = 0; k < 3; ++k) {
     if (solver.eigenvalues()[k] < 1e-6) continue;
     const Eigen::Vector3d axis = solver.eigenvectors().col(k);
-    motion.omega += axis * (axis.dot(angular) / (scale * solver.eigenvalues()[k]));
+    const double about = axis.dot(angular);
+    if (solver.eigenvalues()[k] < kLittleInertia && std::abs(about) < least_angular) continue;
+    motion.omega += axis * (about / (scale * solver.eigenvalues()[k]));
   }
   return motion;
 }

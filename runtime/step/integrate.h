@@ -33,7 +33,9 @@ MotionSums motionSums(const Body& body, const std::vector<Vec3>& positions, std:
 
 /// The rigid motion with the same linear and angular momentum. Directions without inertia (a part collapsed to a line
 /// or a point) do not turn.
-RigidMotion rigidMotionOf(const MotionSums& sums, const Eigen::Vector3d& reference);
+/// \param least_angular kg m²/s: an angular momentum below it about an axis of little inertia counts as none. What is
+/// only rounding would turn a thin or unevenly heavy part fast.
+RigidMotion rigidMotionOf(const MotionSums& sums, const Eigen::Vector3d& reference, double least_angular = 0);
 
 /// Whether a vertex can be stepped: position and velocity finite and below 1e15 m, 1e17 m/s.
 bool stateIsUsable(const Vec3& x, const Vec3& v);

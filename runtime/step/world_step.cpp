@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/moments.h"
@@ -19,6 +21,13 @@ namespace {
 
 // Weight of a support in the rigid motion of its part, in masses of the part.
 constexpr double kAnchorMass = 10;
+
+// Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
+// clusters would creep back.
+const double kFastestDamping = getenv("KF") ? atof(getenv("KF")) : 40;
+
+// Turn of a part within one pass from which its momentum is set right twice, radians.
+constexpr double kLargeTurn = 0.1;
 
 constexpr std::uint32_t kVerticesPerChunk = 512;
 constexpr std::uint32_t kMembersPerChunk = 1024;
@@ -61,6 +70,25 @@ void updateStiffness(Body& body, float pass_seconds) {
     body.stiffness[c] = clusterStiffness(body.package(), body.rest(), c, body.settings.stiffness_scale, pass_seconds);
   }
   body.stiffness_step = pass_seconds;
+}
+
+// The lowest frequency that a part is authored to have, for its damping; classes of modes that are never to return do
+// not count.
+double slowestFrequency(const Part& part) {
+  double slowest = std::numeric_limits<double>::infinity();
+  bool deforms = false;
+  const auto clusters = part.body->package().clusters().subspan(part.first_cluster, part.cluster_count);
+  for (const formats::Cluster& cluster : clusters) {
+    if (cluster.mode == formats::ClusterMode::rigid) continue;
+    deforms = true;
+    const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+    for (const float hz :
+         {cluster.stretch_hz, quadratic ? cluster.bend_hz : 0.0F, quadratic ? cluster.twist_hz : 0.0F}) {
+      const double scaled = double(hz) * double(part.body->settings.stiffness_scale);
+      if (scaled > 0) slowest = std::min(slowest, scaled);
+    }
+  }
+  return deforms && std::isinf(slowest) ? 0.0 : slowest;
 }
 
 void collectRows(Body& body, const WorldSettings& settings, float pass_seconds, std::uint32_t passes_left) {
@@ -106,27 +134,49 @@ void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
   });
 }
 
+// The rigid motion to add to a part of motion `now`, so that it has the momentum of `wanted`.
+RigidMotion defectOf(const MotionSums& now, const MotionSums& wanted, const Eigen::Vector3d& reference) {
+  MotionSums defect = now;
+  defect.momentum = wanted.momentum - now.momentum;
+  defect.angular = wanted.angular - now.angular;
+  // Speeds are rounded, so the momentum about the centre is uncertain by this much.
+  const double reach = std::sqrt(std::max(0.0, now.second.trace() * now.mass - now.first.squaredNorm())) / now.mass;
+  return rigidMotionOf(defect, reference, 2 * 0x1p-23 * wanted.momentum.norm() * reach);
+}
+
+RigidMotion corrected(const RigidMotion& found, const MotionSums& now, const MotionSums& wanted,
+                      const Eigen::Vector3d& reference) {
+  const RigidMotion defect = defectOf(now, wanted, reference);
+  RigidMotion result = found;
+  result.velocity += defect.velocity;
+  result.omega += defect.omega;
+  return result;
+}
+
 // Deformation damping about the rigid motion of each part. A part that is held or stands on something has the rigid
 // motion that its supports leave it (kAnchorMass): what it does beyond that is deformation, also a bounce on its feet.
 // Free parts get back the momentum that the pass may not have changed:
 // v = (y - x) / h is not what the match, which is free of force and torque at y, would leave (docs/method.md §5).
 void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& settings, float pass_seconds) {
-  const float kept = std::exp(-settings.deformation_damping * pass_seconds);
+  const double kept_turning = std::exp(-double(settings.support_damping) * double(pass_seconds));
   sumMotion(plan, jobs, SumsOf::anchored);
   bool any_limited = false;
   for (Part& part : plan.parts) {
     const MotionSums now = partSums(plan, part);
-    MotionSums wanted = now;
-    if (part.free) {
-      wanted.momentum = part.before.momentum;
-      wanted.angular = part.before.angular;
-    }
     part.found = rigidMotionOf(now, part.reference);
-    part.wanted = rigidMotionOf(wanted, part.reference);
+    part.wanted = part.found;
+    MotionSums kept_motion = now;
+    if (part.free) {
+      kept_motion.momentum = part.before.momentum;
+      kept_motion.angular = part.before.angular;
+      part.wanted = corrected(part.found, now, kept_motion, part.reference);
+    }
     // Soft things do not roll or swing for ever: turning on a support flexes it.
-    if (!part.free) part.wanted.omega *= double(kept);
-    part.before = wanted;
-    part.limited = false;
+    if (!part.free) part.wanted.omega *= kept_turning;
+    part.before = kept_motion;
+    // A turn of this size moves the arms that the sums were taken with, and its positions are those of a far
+    // prediction.
+    part.limited = std::max(part.found.omega.norm(), part.wanted.omega.norm()) * double(pass_seconds) > kLargeTurn;
     for (std::uint32_t c = 0; c < part.cluster_count; ++c) {
       part.limited |= part.body->frames[part.first_cluster + c].limited;
     }
@@ -134,7 +184,10 @@ void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& setting
   }
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
     const Part& part = plan.parts[chunk.part];
-    settleMotion(*chunk.body, part.found, part.wanted, part.free, kept, pass_seconds, chunk.begin, chunk.end);
+    const double rate =
+        std::min(4 * std::numbers::pi * double(settings.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
+    settleMotion(*chunk.body, part.found, part.wanted, part.free, float(std::exp(-rate * double(pass_seconds))),
+                 pass_seconds, chunk.begin, chunk.end);
   });
   if (!any_limited) return;
   // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
@@ -142,10 +195,7 @@ void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& setting
   for (Part& part : plan.parts) {
     part.limited &= part.free;
     if (!part.limited) continue;
-    MotionSums defect = partSums(plan, part);
-    defect.momentum = part.before.momentum - defect.momentum;
-    defect.angular = part.before.angular - defect.angular;
-    part.wanted = rigidMotionOf(defect, part.reference);
+    part.wanted = defectOf(partSums(plan, part), part.before, part.reference);
   }
   forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
     const Part& part = plan.parts[chunk.part];
@@ -223,6 +273,7 @@ void StepPlan::rebuild(const std::vector<std::unique_ptr<Body>>& all) {
       part.first_chunk = std::uint32_t(vertices.size());
       part.first_cluster = range.first_cluster;
       part.cluster_count = range.cluster_count;
+      part.slowest_hz = slowestFrequency(part);
       const std::uint32_t index = std::uint32_t(parts.size());
       for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
         const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);

@@ -37,6 +37,7 @@ struct Part {
   Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< near the part; sums are taken about it
   MotionSums before;                                    ///< of the predicted motion, later what the pass has to leave
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
+  double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none has one, infinite = all are rigid
   bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };

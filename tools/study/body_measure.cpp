@@ -23,6 +23,19 @@ Matrix3d nearestRotation(const Matrix3d& a) {
   return svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
 }
 
+// No direction mirrored, or stretched or squashed past the runtime's guard (docs/method.md eq. 10).
+Matrix3d clampedStretch(const Matrix3d& f) {
+  constexpr double kLeast = 0.1, kLargest = 3;
+  const Eigen::JacobiSVD<Matrix3d> svd(f, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Matrix3d u = svd.matrixU(), v = svd.matrixV();
+  Vector3d sigma = svd.singularValues();
+  if (u.determinant() * v.determinant() < 0) {
+    u.col(2) = -u.col(2);
+    sigma[2] = -sigma[2];
+  }
+  return u * sigma.cwiseMax(kLeast).cwiseMin(kLargest).asDiagonal() * v.transpose();
+}
+
 }  // namespace
 
 BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
@@ -83,6 +96,7 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
       const double hz = double(cluster.stretch_hz) * stiffness_scale;
       data.omega = 2 * std::numbers::pi * hz * ratio;
       slowest_hz_ = std::min(slowest_hz_, hz);
+      fastest_omega_ = std::max(fastest_omega_, data.omega);
     } else {
       data.a_qq.setZero();
     }
@@ -184,30 +198,22 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vec3> x
   return result;
 }
 
-double BodyMeasure::elastic(const World& world, BodyId body) const {
-  const auto x = world.positions(body);
-  double energy = 0;
-  for (std::size_t c = 0; c < clusters_.size(); ++c) {
-    const ClusterData& data = clusters_[c];
-    if (data.omega == 0) continue;
-    const formats::Cluster& cluster = asset_->package().clusters()[c];
-    const Match m = match(c, x);
-    const double stretch = (m.deviation * data.a_qq * m.deviation.transpose()).trace();
-    energy += 0.5 * double(cluster.mass) * std::pow(data.omega * double(cluster.radius), 2) * std::max(stretch, 0.0);
-  }
-  return energy;
-}
-
-double BodyMeasure::residual(const World& world, BodyId body, double pass_seconds) const {
+double BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
   const formats::PackageView& package = asset_->package();
   const auto x = world.positions(body);
   std::vector<Vector3d> goal(x.size(), Vector3d::Zero());
+  double elastic = 0;
   for (std::size_t c = 0; c < clusters_.size(); ++c) {
     const ClusterData& data = clusters_[c];
     const formats::Cluster& cluster = package.clusters()[c];
     const Match m = match(c, x);
+    const double phase = data.omega * pass_seconds;
+    const double stretch = (m.deviation * data.a_qq * m.deviation.transpose()).trace();
+    elastic += 0.5 * double(cluster.mass) * std::pow(data.omega * double(cluster.radius), 2) / (1 + phase * phase) *
+               std::max(stretch, 0.0);
     Eigen::Matrix<double, 3, 9> f = m.deviation * data.a_qq;
     f.leftCols<3>() += m.rotation;
+    if (data.omega > 0 || data.a_qq(0, 0) > 0) f.leftCols<3>() = clampedStretch(f.leftCols<3>());
     const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
     for (std::size_t k = 0; k < members.size(); ++k) {
       goal[members[k].vertex] +=
@@ -218,7 +224,7 @@ double BodyMeasure::residual(const World& world, BodyId body, double pass_second
   for (std::size_t i = 0; i < x.size(); ++i) {
     sum += double(package.physicalVertices()[i].mass) * (wide(x[i]) - goal[i]).squaredNorm();
   }
-  return sum / (2 * pass_seconds * pass_seconds);
+  return elastic + sum / (2 * pass_seconds * pass_seconds);
 }
 
 }  // namespace sinew::tools

@@ -38,14 +38,15 @@ class BodyMeasure {
   /// Largest distance of a vertex from the rest shape, best rigid motion (SVD) removed, in diagonals.
   double restError(const World& world, BodyId body) const;
 
-  /// Elastic energy of the clusters' deviation from their rest shape, Σ_c ½ M ω² r² tr(D A_qq D^T), J.
-  double elastic(const World& world, BodyId body) const;
-
-  /// What matching can release at once: Σ m |x - g|² / (2 h²) with g the blended goals of the undamped match, J.
-  double residual(const World& world, BodyId body, double pass_seconds) const;
+  /// What matching can turn into motion, J: the elastic energy of the clusters, Σ_c ½ M ω_h² r² tr(D A_qq D^T) with
+  /// ω_h² = ω² / (1 + (ω h)²), since a pass of h releases no more, and of what is no deformation of the clusters
+  /// (neighbours that disagree, a reflection), Σ m |x - g|² / (2 h²), g the blended goals of proper matches.
+  double potential(const World& world, BodyId body, double pass_seconds) const;
 
   /// The lowest frequency a cluster has, Hz; 0 where one has none; infinite where all are rigid.
   double slowestHz() const { return slowest_hz_; }
+  /// The highest angular frequency of a cluster that is not rigid, rad/s.
+  double fastestOmega() const { return fastest_omega_; }
 
  private:
   struct ClusterData {
@@ -64,7 +65,7 @@ class BodyMeasure {
 
   const Asset* asset_;
   std::vector<ClusterData> clusters_;
-  double slowest_hz_ = 0;
+  double slowest_hz_ = 0, fastest_omega_ = 0;
 };
 
 }  // namespace sinew::tools

@@ -200,7 +200,13 @@ std::vector<double> massesOf(const TetMesh& mesh, double ratio) {
 }
 
 // A bake makes flat clusters rigid and poor ones linear; a package by another hand may hold them as they are.
-void keepMode(formats::ClusterMode mode, formats::Cluster& cluster, formats::PackageContent& content) {
+// \param made the moments as the bake made them; those of the package follow the order of its clusters.
+void keepMode(formats::ClusterMode mode, const std::vector<formats::QuadraticMoment>& made, formats::Cluster& cluster,
+              formats::PackageContent& content) {
+  if (cluster.mode == formats::ClusterMode::quadratic) {
+    content.quadratic_moments.push_back(made[cluster.quadratic]);
+    cluster.quadratic = std::uint32_t(content.quadratic_moments.size() - 1);
+  }
   if (cluster.mode == mode) return;
   cluster.mode = mode;
   if (mode != formats::ClusterMode::quadratic) return;
@@ -250,10 +256,9 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
   ClusterConstants constants = clusterConstants(draft.clusters, content.physical_vertices, cluster_options, findings);
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
-  content.quadratic_moments = std::move(constants.quadratic_moments);
   for (formats::Cluster& cluster : content.clusters) {
     cluster.name = name;
-    keepMode(options.mode, cluster, content);
+    keepMode(options.mode, constants.quadratic_moments, cluster, content);
   }
   content.bodies.push_back({0, std::uint32_t(mass.size()), 0, std::uint32_t(content.tetrahedra.size()), 0,
                             std::uint32_t(content.clusters.size()), name});

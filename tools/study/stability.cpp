@@ -53,7 +53,8 @@ constexpr std::array<std::uint32_t, 3> kPasses = {1, 4, 16};
 // ---- limits (docs/stability.md) ----
 constexpr double kShapeLimit = 1e-3;     // diagonals
 constexpr double kMomentumLimit = 1e-4;  // of Σ m |v| (linear), Σ m |d| |v| (angular)
-constexpr double kEnergyLimit = 0.02;    // growth above the least since the release
+constexpr double kEnergyLimit = 2;       // times the least since the release
+constexpr double kEnergyRounding = 16;   // times the energy of positions rounded in each pass
 constexpr double kReturnSeconds = 2;     // of simulated time
 constexpr double kReturnPeriods = 5;
 constexpr double kBeforeSeconds = 0.5;  // pinned or pressed
@@ -309,8 +310,12 @@ class CellRun {
     momentum_scale_ = before_.momentum_scale;
     angular_scale_ = before_.angular_scale;
     // What the start may turn into motion: its speed, its elastic energy, and what matching sets free at once.
-    energy_ = before_.kinetic + measure_.elastic(world_, body_) + measure_.residual(world_, body_, pass_seconds_);
-    energy_ *= 1 + kEnergyLimit;
+    energy_ = before_.kinetic + measure_.potential(world_, body_, pass_seconds_);
+    energy_ *= kEnergyLimit;
+    // Sums are rounded relative to the fastest motion there may be, which a step can hide.
+    const double released = std::sqrt(2 * energy_ * before_.mass);
+    momentum_scale_ += released;
+    angular_scale_ += released * before_.extent;
     steps_since_release_ = 0;
   }
 
@@ -350,19 +355,25 @@ class CellRun {
     momentum_scale_ = std::max(momentum_scale_, now.momentum_scale);
     angular_scale_ = std::max(angular_scale_, now.angular_scale);
     // Positions are rounded to a part of their distance from the origin; a step turns that into speed.
-    const double rounding_speed = kUlp * now.reach / pass_seconds_;
+    const double rounding = kUlp * (now.reach + now.extent);
+    const double rounding_speed = rounding / pass_seconds_;
     const double p = (now.momentum - before_.momentum).norm();
     const double l = (now.angular - before_.angular).norm();
     const double p_limit = kMomentumLimit * momentum_scale_ + now.mass * rounding_speed;
-    const double l_limit = kMomentumLimit * angular_scale_ +
-                           now.mass * (now.extent * rounding_speed + kUlp * now.reach * momentum_scale_ / now.mass);
+    const double l_limit =
+        kMomentumLimit * angular_scale_ + now.extent * now.mass * rounding_speed + rounding * momentum_scale_;
     const auto ratio = [](double value, double limit) { return limit > 0 ? value / limit : value > 0 ? 1e30 : 0.0; };
     result_.momentum = std::max({result_.momentum, ratio(p, p_limit), ratio(l, l_limit)});
 
-    const double floor = 0.5 * now.mass * rounding_speed * rounding_speed;
-    const double energy = now.kinetic + measure_.elastic(world_, body_);
+    const double floor = 0.5 * now.mass * kEnergyRounding *
+                         (std::pow(rounding_speed, 2) + std::pow(measure_.fastestOmega() * rounding, 2));
+    const double energy = now.kinetic + measure_.potential(world_, body_, pass_seconds_);
+    if (getenv("TRACE"))
+      printf("  n %u K %.4g E %.4g lim %.4g floor %.3g p %.3g/%.3g l %.3g/%.3g spin %.3g rest %.3g reach %.3g\n",
+             steps_since_release_, now.kinetic, energy - now.kinetic, energy_, floor, p, p_limit, l, l_limit, now.spin,
+             measure_.restError(world_, body_), now.reach);
     if (energy > floor) result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor));
-    energy_ = std::min(energy_, energy * (1 + kEnergyLimit));
+    energy_ = std::min(energy_, energy * kEnergyLimit);
   }
 
   // Whether the body still turns so fast that its spin keeps it out of shape.
