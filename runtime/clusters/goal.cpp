@@ -12,6 +12,10 @@ namespace {
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
 
+// A part is astray where it is this far from its rest shape (root mean square), in radii of gyration. Flattened to a
+// plane a cube has 0.58, bent to a quarter circle a bar 0.25.
+const double kAstray = getenv("KA") ? atof(getenv("KA")) : 0.5;
+
 // True when all singular values of a surely lie within the guard; cheap, so that the SVD stays off the usual path.
 bool surelyInsideGuard(const Matrix3& a) {
   const float norm2 = a.squaredNorm();  // >= sigma_max², and sigma_1 sigma_2 <= norm2 / 2
@@ -67,12 +71,15 @@ bool orientationIsLost(const Matrix3& r, const Matrix3& a_pq, const Matrix3& mom
            margin.determinant() > 0);
 }
 
+// A pass in which a deformation of this cluster keeps less than half of itself puts vertices where they belong at once.
+bool isStiff(const ClusterStiffness& stiffness) { return stiffness.kept < 0.5F; }
+
 template <int N>
 void update(const ClusterRest& rest, const ClusterStiffness& stiffness, ClusterFrame& frame) {
   const Columns<N> a_pq = frame.a_pq.leftCols<N>();
   geometry::nearestRotation(a_pq.template leftCols<3>(), frame.rotation);
   Matrix3 r = geometry::rotationMatrix(frame.rotation);
-  const bool lost = orientationIsLost(r, a_pq.template leftCols<3>(), rest.moment.leftCols<3>());
+  const bool lost = frame.part_astray || orientationIsLost(r, a_pq.template leftCols<3>(), rest.moment.leftCols<3>());
   if (lost) {
     // Neighbours that guess differently would tangle for good (a ring of four, scattered, came to rest inside out), so
     // all that are lost take the part's rotation.
@@ -80,7 +87,8 @@ void update(const ClusterRest& rest, const ClusterStiffness& stiffness, ClusterF
     r = geometry::rotationMatrix(frame.rotation);
   }
   Columns<N> f = deform<N>(r, a_pq, rest, stiffness);
-  frame.limited = (stiffness.deforms && limitStretch<N>(f)) || lost;
+  if (frame.part_astray) frame.center += (1.0F - stiffness.kept) * (frame.part_center - frame.center);
+  frame.limited = (stiffness.deforms && limitStretch<N>(f)) || (lost && isStiff(stiffness));
   // Where the classes of modes differ in stiffness, S mixes them and the deviation turns the cluster by itself: in a
   // C-shaped cluster that grew without bound out of nothing (a ring of four, stretch 12 Hz, bend 6 Hz). Turned back,
   // the match is symmetric in the mass norm and never lengthens a deviation.
@@ -90,11 +98,12 @@ void update(const ClusterRest& rest, const ClusterStiffness& stiffness, ClusterF
 
 }  // namespace
 
-void updatePartRotation(const formats::PackageView& package, std::uint32_t first, std::uint32_t count,
-                        std::span<ClusterFrame> frames) {
+void updatePartPose(const formats::PackageView& package, const RestConstants& constants, std::uint32_t first,
+                    std::uint32_t count, std::span<ClusterFrame> frames) {
   if (count == 0) return;
   const auto clusters = package.clusters().subspan(first, count);
   const auto members = frames.subspan(first, count);
+  const std::span<const ClusterRest> rest = std::span(constants.clusters).subspan(first, count);
   // Σ m p q^T of the part, put together from its clusters; relative to the first one's centres.
   double mass = 0;
   Eigen::Vector3d center = Eigen::Vector3d::Zero(), rest_center = Eigen::Vector3d::Zero();
@@ -102,17 +111,41 @@ void updatePartRotation(const formats::PackageView& package, std::uint32_t first
   for (std::size_t c = 0; c < count; ++c) {
     const double m = double(clusters[c].mass), radius = double(clusters[c].radius);
     const Eigen::Vector3d at = (members[c].center - members[0].center).cast<double>();
-    const Eigen::Vector3d rest = (asVector(clusters[c].rest_center) - asVector(clusters[0].rest_center)).cast<double>();
+    const Eigen::Vector3d rest_at =
+        (asVector(clusters[c].rest_center) - asVector(clusters[0].rest_center)).cast<double>();
     mass += m;
     center += m * at;
-    rest_center += m * rest;
-    moment += m * (at * rest.transpose() + radius * radius * members[c].a_pq.leftCols<3>().cast<double>());
+    rest_center += m * rest_at;
+    moment += m * (at * rest_at.transpose() + radius * radius * members[c].a_pq.leftCols<3>().cast<double>());
   }
   moment -= center * rest_center.transpose() / mass;
+  center /= mass;
+  rest_center /= mass;
   const double scale = moment.cwiseAbs().maxCoeff();
   geometry::Quaternion rotation = members[0].part_rotation;
   if (scale > 0 && std::isfinite(scale)) geometry::nearestRotation((moment / scale).cast<float>(), rotation);
-  for (ClusterFrame& frame : members) frame.part_rotation = rotation;
+  // How far the part is from its rest shape, best rigid motion removed: mean squares over its mass, of the moments.
+  const Eigen::Matrix3d r = geometry::rotationMatrix(rotation).cast<double>();
+  double deviation = 0, spread = 0;
+  for (std::size_t c = 0; c < count; ++c) {
+    const double m = double(clusters[c].mass), radius = double(clusters[c].radius);
+    const Eigen::Matrix3d rest_moment = rest[c].moment.leftCols<3>().cast<double>();
+    const Eigen::Vector3d rest_arm =
+        (asVector(clusters[c].rest_center) - asVector(clusters[0].rest_center)).cast<double>() - rest_center;
+    const Eigen::Vector3d arm = (members[c].center - members[0].center).cast<double>() - center;
+    const Eigen::Matrix3d off = members[c].a_pq.leftCols<3>().cast<double>() - r * rest_moment;
+    const double own_spread = rest_moment.trace();
+    spread += m * (rest_arm.squaredNorm() + radius * radius * own_spread);
+    // |A - R|² in the mass norm is at least |A_pq - R M|² / tr M.
+    deviation += m * (arm - r * rest_arm).squaredNorm();
+    if (own_spread > 0) deviation += m * radius * radius * off.squaredNorm() / own_spread;
+    members[c].part_center = members[0].center + (center + r * rest_arm).cast<float>();
+  }
+  const bool astray = count > 1 && deviation > kAstray * kAstray * spread;
+  for (ClusterFrame& frame : members) {
+    frame.part_rotation = rotation;
+    frame.part_astray = astray;
+  }
 }
 
 void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,

@@ -15,10 +15,11 @@ namespace sinew::internal {
 inline constexpr float kLeastStretch = 0.1F;
 inline constexpr float kLargestStretch = 3.0F;
 
-/// Rotation of a body part from its clusters' moments, into ClusterFrame::part_rotation of each: what a cluster falls
-/// back to that has lost its own. \param first, count the part's clusters.
-void updatePartRotation(const formats::PackageView& package, std::uint32_t first, std::uint32_t count,
-                        std::span<ClusterFrame> frames);
+/// Rigid pose of a body part from its clusters' moments, into ClusterFrame::part_rotation and part_center of each: what
+/// a cluster falls back to that has lost its own orientation, and all of them where the part is astray (part_astray).
+/// \param first, count the part's clusters.
+void updatePartPose(const formats::PackageView& package, const RestConstants& constants, std::uint32_t first,
+                    std::uint32_t count, std::span<ClusterFrame> frames);
 
 /// R, then F, from the frame's moments (docs/method.md eq. 3, 5, 8, 10, 11).
 void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,

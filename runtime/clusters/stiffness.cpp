@@ -85,15 +85,16 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   const std::array<double, 3> ratios = {stiffnessRatio(cluster.stretch_hz, scale, step_seconds),
                                         stiffnessRatio(cluster.bend_hz, scale, step_seconds),
                                         stiffnessRatio(cluster.twist_hz, scale, step_seconds)};
+  const float beta = float(1 / (1 + ratios[0]));
+  result.kept = beta;
   if (cluster.mode == formats::ClusterMode::linear) {
-    const float beta = float(1 / (1 + ratios[0]));
     result.deforms = beta > 0;
     result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
     return result;
   }
   const bool equal = ratios[0] == ratios[1] && ratios[1] == ratios[2];
   if (equal || isSlender(rest.clusters[index])) {
-    result.s = float(1 / (1 + ratios[0])) * unpack(package.quadraticMoments()[cluster.quadratic]);
+    result.s = beta * unpack(package.quadraticMoments()[cluster.quadratic]);
   } else {
     result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios);
     result.mixes_classes = true;

@@ -232,7 +232,7 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase and
   // the next: what follows only asks frames for goals.
   forEach(jobs, plan.parts, [](Part& part) {
-    updatePartRotation(part.body->package(), part.first_cluster, part.cluster_count, part.body->frames);
+    updatePartPose(part.body->package(), part.body->rest(), part.first_cluster, part.cluster_count, part.body->frames);
   });
   forEach(jobs, plan.clusters, matchClusters);
   clock.finish(kMatch);

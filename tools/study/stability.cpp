@@ -12,6 +12,7 @@
 #include <limits>
 #include <map>
 #include <mutex>
+#include <numbers>
 #include <sstream>
 
 #include "tools/render/text.h"
@@ -381,9 +382,8 @@ class CellRun {
     const BodyMotion now = measure_.motion(world_, body_);
     const double h = double(step) / setup_.passes;
     const double hz = measure_.slowestHz();
-    const double phase = std::isfinite(hz) ? 2 * 3.141592653589793 * hz * h : 1e30;
-    const double stretch = (std::sqrt(1 + std::pow(now.spin * h, 2)) - 1) / (1 + phase * phase);
-    return stretch > kSpinStretch || now.spin * h > 0.5;
+    const double phase = std::isfinite(hz) ? 2 * std::numbers::pi * hz * h : 1;
+    return now.spin * h * std::max(1.0, 1 / phase) > kSpinStretch;
   }
 
   CellSetup setup_;
