@@ -91,11 +91,28 @@ double slowestFrequency(const Part& part) {
   return deforms && std::isinf(slowest) ? 0.0 : slowest;
 }
 
+// Whether some cluster of a body is matched with its part as one.
+bool isAstray(const Body& body) {
+  return std::any_of(body.frames.begin(), body.frames.end(), [](const ClusterFrame& f) { return f.part_astray; });
+}
+
 void collectRows(Body& body, const WorldSettings& settings, float pass_seconds, std::uint32_t passes_left) {
   body.rows.clear();
   addPinRows(body, pass_seconds, passes_left);
   if (settings.ground.enabled) addGroundRows(body, settings.ground, pass_seconds);
   addPickRows(body, pass_seconds);
+  if (isAstray(body)) {
+    const bool held =
+        std::any_of(body.rows.begin(), body.rows.end(), [](const Row& row) { return row.kind == RowKind::hold; });
+    if (held) {
+      // What is held may be held out of shape: its clusters answer the rows, each for itself.
+      for (ClusterFrame& frame : body.frames) frame.part_astray = false;
+    } else {
+      // A part that goes back as one does not answer forces in this pass; vertices stay above the ground by themselves.
+      for (const Row& row : body.rows) body.force[row.index] = {};
+      body.rows.clear();
+    }
+  }
   warmStartRows(body);
 }
 
@@ -134,13 +151,16 @@ void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
   });
 }
 
-// The rigid motion to add to a part of motion `now`, so that it has the momentum of `wanted`.
+// The rigid motion to add to a part of motion `now`, so that it has the momentum of `wanted`, the angular one about its
+// own centre: rounding moves the centre, and a fast part's momentum about any fixed point with it.
 RigidMotion defectOf(const MotionSums& now, const MotionSums& wanted, const Eigen::Vector3d& reference) {
+  const Eigen::Vector3d center_now = now.first / now.mass, center_wanted = wanted.first / wanted.mass;
   MotionSums defect = now;
   defect.momentum = wanted.momentum - now.momentum;
-  defect.angular = wanted.angular - now.angular;
+  defect.angular = (wanted.angular - center_wanted.cross(wanted.momentum)) -
+                   (now.angular - center_now.cross(now.momentum)) + center_now.cross(defect.momentum);
   // Speeds are rounded, so the momentum about the centre is uncertain by this much.
-  const double reach = std::sqrt(std::max(0.0, now.second.trace() * now.mass - now.first.squaredNorm())) / now.mass;
+  const double reach = std::sqrt(std::max(0.0, now.second.trace() / now.mass - center_now.squaredNorm()));
   return rigidMotionOf(defect, reference, 2 * 0x1p-23 * wanted.momentum.norm() * reach);
 }
 
@@ -165,15 +185,9 @@ void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& setting
     const MotionSums now = partSums(plan, part);
     part.found = rigidMotionOf(now, part.reference);
     part.wanted = part.found;
-    MotionSums kept_motion = now;
-    if (part.free) {
-      kept_motion.momentum = part.before.momentum;
-      kept_motion.angular = part.before.angular;
-      part.wanted = corrected(part.found, now, kept_motion, part.reference);
-    }
+    if (part.free) part.wanted = corrected(part.found, now, part.before, part.reference);
     // Soft things do not roll or swing for ever: turning on a support flexes it.
     if (!part.free) part.wanted.omega *= kept_turning;
-    part.before = kept_motion;
     // A turn of this size moves the arms that the sums were taken with, and its positions are those of a far
     // prediction.
     part.limited = std::max(part.found.omega.norm(), part.wanted.omega.norm()) * double(pass_seconds) > kLargeTurn;
@@ -224,6 +238,11 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
   });
   clock.finish(kMoments);
 
+  // Where each part is as a whole, and whether it is so far from its rest shape that it is matched as one.
+  forEach(jobs, plan.parts, [](Part& part) {
+    updatePartPose(part.body->package(), part.body->rest(), part.first_cluster, part.cluster_count, part.body->frames);
+  });
+
   // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
   forEach(jobs, plan.bodies, [&](Body* body) { collectRows(*body, settings, h, passes_left); });
   for (Part& part : plan.parts) part.free = !partHasRow(part);
@@ -231,9 +250,6 @@ void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float 
 
   // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase and
   // the next: what follows only asks frames for goals.
-  forEach(jobs, plan.parts, [](Part& part) {
-    updatePartPose(part.body->package(), part.body->rest(), part.first_cluster, part.cluster_count, part.body->frames);
-  });
   forEach(jobs, plan.clusters, matchClusters);
   clock.finish(kMatch);
 
