@@ -10,20 +10,13 @@
 
 namespace sinew::internal {
 
-/// Least and largest stretch a cluster's goal may have along any direction. Not authored limits but a guard: what is
-/// squashed or mirrored past it comes back on the right side.
-inline constexpr float kLeastStretch = 0.1F;
-inline constexpr float kLargestStretch = 3.0F;
-
-/// Rigid pose of a body part from its clusters' moments, into ClusterFrame::part_rotation and part_center of each: what
-/// a cluster falls back to that has lost its own orientation, and all of them where the part is astray (part_astray).
-/// \param first, count the part's clusters.
-void updatePartPose(const formats::PackageView& package, const RestConstants& constants, std::uint32_t first,
-                    std::uint32_t count, std::span<ClusterFrame> frames);
-
-/// R, then F, from the frame's moments (docs/method.md eq. 3, 5, 8, 10, 11).
-void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
-                 ClusterFrame& frame);
+/// Rigid pose of a body part from its clusters' moments: its rotation into ClusterBlock::part_rotation of each, what a
+/// cluster falls back to that has lost its own. Where the part is far from its rest shape, ClusterBlock::astray is set
+/// and centres move to where that pose has them, so that it goes back as one: all at once where it is stiff, at the
+/// rate of its frequency where it is soft. \param first, count the part's clusters. \param stiffness of all clusters.
+void updatePartPose(const formats::PackageView& package, const RestConstants& constants,
+                    std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,
+                    std::span<ClusterBlock> blocks);
 
 /// g of eq. 4: where the cluster wants the point with rest position X. Metres, world.
 inline Vector3 clusterGoal(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterFrame& frame,

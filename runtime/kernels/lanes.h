@@ -24,16 +24,82 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-using Float8 = float __attribute__((vector_size(32)));
-using Int8 = std::int32_t __attribute__((vector_size(32)));  ///< also masks: -1 where true
 using Float4 = float __attribute__((vector_size(16)));
+using Int4 = std::int32_t __attribute__((vector_size(16)));
 
 inline constexpr std::uint32_t kLanes = 8;
+
+#if defined(__AVX__)
+using Float8 = float __attribute__((vector_size(32)));
+using Int8 = std::int32_t __attribute__((vector_size(32)));  ///< also masks: -1 where true
+#else
+// Two halves: compilers take what is wider than a register apart into scalars where comparisons and shuffles come in.
+struct Float8 {
+  Float4 low, high;
+};
+struct Int8 {
+  Int4 low, high;
+};
+#define SINEW_LANES_OPERATOR(op)                                                                     \
+  SINEW_INLINE Float8 operator op(Float8 a, Float8 b) { return {a.low op b.low, a.high op b.high}; } \
+  SINEW_INLINE Float8 operator op(Float8 a, float b) { return {a.low op b, a.high op b}; }           \
+  SINEW_INLINE Float8 operator op(float a, Float8 b) { return {a op b.low, a op b.high}; }           \
+  SINEW_INLINE Float8& operator op##=(Float8& a, Float8 b) { return a = a op b; }                    \
+  SINEW_INLINE Float8& operator op##=(Float8& a, float b) { return a = a op b; }
+SINEW_LANES_OPERATOR(+)
+SINEW_LANES_OPERATOR(-)
+SINEW_LANES_OPERATOR(*)
+SINEW_LANES_OPERATOR(/)
+#undef SINEW_LANES_OPERATOR
+#define SINEW_LANES_COMPARISON(op)                                                                             \
+  SINEW_INLINE Int8 operator op(Float8 a, Float8 b) { return {Int4(a.low op b.low), Int4(a.high op b.high)}; } \
+  SINEW_INLINE Int8 operator op(Float8 a, float b) { return a op Float8{Float4{} + b, Float4{} + b}; }
+SINEW_LANES_COMPARISON(<)
+SINEW_LANES_COMPARISON(<=)
+SINEW_LANES_COMPARISON(>)
+SINEW_LANES_COMPARISON(>=)
+SINEW_LANES_COMPARISON(==)
+SINEW_LANES_COMPARISON(!=)
+#undef SINEW_LANES_COMPARISON
+#define SINEW_LANES_BITS(op)                                                                   \
+  SINEW_INLINE Int8 operator op(Int8 a, Int8 b) { return {a.low op b.low, a.high op b.high}; } \
+  SINEW_INLINE Int8& operator op##=(Int8& a, Int8 b) { return a = a op b; }
+SINEW_LANES_BITS(&)
+SINEW_LANES_BITS(|)
+SINEW_LANES_BITS(^)
+#undef SINEW_LANES_BITS
+SINEW_INLINE Int8 operator~(Int8 a) { return {~a.low, ~a.high}; }
+SINEW_INLINE Float8 operator-(Float8 a) { return {-a.low, -a.high}; }
+#endif
 
 // A float as any F.
 template <class F>
 SINEW_INLINE F splat(float value) {
   return F{} + value;
+}
+
+// One lane.
+SINEW_INLINE float lane(const Float8& a, std::uint32_t i) {
+  float values[8];
+  __builtin_memcpy(values, &a, sizeof values);
+  return values[i];
+}
+SINEW_INLINE bool lane(const Int8& a, std::uint32_t i) {
+  std::int32_t values[8];
+  __builtin_memcpy(values, &a, sizeof values);
+  return values[i] != 0;
+}
+SINEW_INLINE void setLane(Float8& a, std::uint32_t i, float value) {
+  float values[8];
+  __builtin_memcpy(values, &a, sizeof values);
+  values[i] = value;
+  __builtin_memcpy(&a, values, sizeof values);
+}
+SINEW_INLINE void setLane(Int8& a, std::uint32_t i, bool value) {
+  std::int32_t values[8];
+  __builtin_memcpy(values, &a, sizeof values);
+  values[i] = value ? -1 : 0;
+  __builtin_memcpy(&a, values, sizeof values);
 }
 
 // Unaligned loads and stores.
@@ -43,6 +109,12 @@ SINEW_INLINE Float8 load8(const float* p) {
   return result;
 }
 SINEW_INLINE void store8(float* p, Float8 value) { __builtin_memcpy(p, &value, sizeof value); }
+SINEW_INLINE Int8 loadMask(const std::int32_t* p) {
+  Int8 result;
+  __builtin_memcpy(&result, p, sizeof result);
+  return result;
+}
+SINEW_INLINE void storeMask(std::int32_t* p, Int8 value) { __builtin_memcpy(p, &value, sizeof value); }
 SINEW_INLINE Float4 load4(const float* p) {
   Float4 result;
   __builtin_memcpy(&result, p, sizeof result);
@@ -51,7 +123,20 @@ SINEW_INLINE Float4 load4(const float* p) {
 SINEW_INLINE void store4(float* p, Float4 value) { __builtin_memcpy(p, &value, sizeof value); }
 
 // select(mask, a, b): a where the mask is true. For scalars the mask is a bool.
-SINEW_INLINE Float8 select(Int8 mask, Float8 a, Float8 b) { return Float8((mask & Int8(a)) | (~mask & Int8(b))); }
+SINEW_INLINE Float4 select(Int4 mask, Float4 a, Float4 b) {
+#if defined(__SSE4_1__)
+  return Float4(_mm_blendv_ps(__m128(b), __m128(a), __m128(Float4(mask))));
+#else
+  return Float4((mask & Int4(a)) | (~mask & Int4(b)));
+#endif
+}
+SINEW_INLINE Float8 select(Int8 mask, Float8 a, Float8 b) {
+#if defined(__AVX__)
+  return Float8(_mm256_blendv_ps(__m256(b), __m256(a), __m256(Float8(mask))));
+#else
+  return {select(mask.low, a.low, b.low), select(mask.high, a.high, b.high)};
+#endif
+}
 SINEW_INLINE float select(bool mask, float a, float b) { return mask ? a : b; }
 SINEW_INLINE double select(bool mask, double a, double b) { return mask ? a : b; }
 
@@ -66,8 +151,14 @@ SINEW_INLINE bool any(Int8 mask) {
 #if defined(__AVX__)
   return _mm256_movemask_ps(__m256(Float8(mask))) != 0;
 #else
-  const std::int32_t bits = mask[0] | mask[1] | mask[2] | mask[3] | mask[4] | mask[5] | mask[6] | mask[7];
-  return bits != 0;
+  const Int4 half = mask.low | mask.high;
+#if defined(__SSE4_1__)
+  return _mm_movemask_ps(__m128(Float4(half))) != 0;
+#else
+  std::uint64_t bits[2];
+  __builtin_memcpy(bits, &half, sizeof bits);
+  return (bits[0] | bits[1]) != 0;
+#endif
 #endif
 }
 SINEW_INLINE bool any(bool mask) { return mask; }
@@ -86,17 +177,28 @@ SINEW_INLINE F clamped(F value, F low, F high) {
   return smaller(larger(value, low), high);
 }
 
-SINEW_INLINE Float8 absolute(Float8 a) { return Float8(Int8(a) & 0x7fffffff); }
+SINEW_INLINE Float8 absolute(Float8 a) {
+#if defined(__AVX__)
+  return Float8(Int8(a) & 0x7fffffff);
+#else
+  return {Float4(Int4(a.low) & 0x7fffffff), Float4(Int4(a.high) & 0x7fffffff)};
+#endif
+}
 SINEW_INLINE float absolute(float a) { return __builtin_fabsf(a); }
 SINEW_INLINE double absolute(double a) { return __builtin_fabs(a); }
 
+SINEW_INLINE Float4 squareRoot(Float4 a) {
+#if defined(__SSE4_1__)
+  return Float4(_mm_sqrt_ps(__m128(a)));
+#else
+  return Float4{__builtin_sqrtf(a[0]), __builtin_sqrtf(a[1]), __builtin_sqrtf(a[2]), __builtin_sqrtf(a[3])};
+#endif
+}
 SINEW_INLINE Float8 squareRoot(Float8 a) {
 #if defined(__AVX__)
   return Float8(_mm256_sqrt_ps(__m256(a)));
 #else
-  Float8 result;
-  for (int i = 0; i < 8; ++i) result[i] = __builtin_sqrtf(a[i]);
-  return result;
+  return {squareRoot(a.low), squareRoot(a.high)};
 #endif
 }
 SINEW_INLINE float squareRoot(float a) { return __builtin_sqrtf(a); }

@@ -30,7 +30,7 @@ stdlib.h string.h time.h
 THIRD_PARTIES = {
     "xxhash": ("xxhash.h",),
     "eigen": ("Eigen/",),
-    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/"),
+    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/", "elf.h", "malloc.h"),
     "simd": ("immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
     "json": ("nlohmann/",),
     "cli11": ("CLI/",),
@@ -42,6 +42,7 @@ THIRD_PARTIES = {
     "glfw": ("GLFW/",),
     "imgui": ("imgui", "backends/imgui"),
     "stb": ("stb_", "stb/"),
+    "bullet": ("BulletSoftBody/", "btBulletDynamicsCommon.h"),  # a peer that benchmarks compare with
     "gtest": ("gtest/", "gmock/"),
 }
 
@@ -61,7 +62,7 @@ class Zone:
 # The parts of tools, lowest first. A part includes parts below it, never one beside or above it.
 TOOL_RANKS = {
     "core": 0, "import": 1, "tetrahedralize": 2, "attach": 3, "author": 4, "bake": 5, "scene": 5, "render": 6,
-    "study": 7, "studio": 7, "cli": 8,
+    "study": 7, "bench": 7, "studio": 7, "cli": 8,
 }
 TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
@@ -70,13 +71,20 @@ TOOL_THIRD = {
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
     "studio": ("opencv", "epoxy", "glfw", "imgui"),
+    "bench": ("simd",),  # measures the machine's peak
     "cli": ("cli11",),
+}
+# What a part may include beyond the parts below it.
+TOOL_OWN = {
+    # The references that its figures are compared with, and the kernels that it times alone.
+    "bench": ("tests/benchmarks/", "runtime/kernels/"),
 }
 # Each of these sits behind the named files of its part.
 BEHIND = {
     ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
     ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),
+    ("tests/", "bullet"): ("tests/benchmarks/bullet_*",),
     ("tests/", "cgal"): ("tests/topology/exact_pairs.cpp",),  # a second opinion with exact constructions
 }
 
@@ -93,6 +101,7 @@ ZONES = [
 ] + [
     Zone(f"tools/{part}/",
          own=PUBLIC + ("runtime/geometry/", "runtime/clusters/", f"tools/{part}/")
+         + TOOL_OWN.get(part, ())
          + tuple(f"tools/{other}/" for other, below in TOOL_RANKS.items() if below < rank),
          third=TOOL_COMMON + TOOL_THIRD.get(part, ()))
     for part, rank in TOOL_RANKS.items()
@@ -101,7 +110,7 @@ ZONES = [
 MIT_TESTS = ("formats", "geometry", "runtime", "layering", "consumer", "support", "fuzz", "determinism", "assets", "golden")
 TOOL_TEST_FILES = ("tests/support/obj_reader.h",)  # shared by tests of several tools
 TOOL_TESTS = Zone("tests/", own=PUBLIC + ("formats/", "runtime/", "tools/", "tests/"),
-                  third=("gtest", "eigen", "posix", "json", "tbb", "opencv", "epoxy", "cli11", "cgal"))
+                  third=("gtest", "eigen", "posix", "json", "tbb", "opencv", "epoxy", "cli11", "cgal", "bullet"))
 
 SOURCE_SUFFIXES = {".h", ".hpp", ".c", ".cpp", ".cc", ".inl", ".in"}
 LICENSED_SUFFIXES = SOURCE_SUFFIXES | {".py", ".cmake", ".sh", ".glsl", ".vert", ".frag", ".js", ".html"}

@@ -50,6 +50,8 @@ struct WorldSettings {
   /// Rate at which turning on supports decays (a part that stands, hangs or leans): soft things do not roll or swing
   /// for ever. 1/s, 0..1e4.
   float support_damping = 4.0F;
+  /// Fills World::lastStepPhases, for profiling; costs up to a microsecond a body.
+  bool measure_phases = false;
 };
 
 /// What a body may override of its package when it is added.

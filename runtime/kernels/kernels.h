@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+//
+// The table of kernels for each instruction set. Which one runs is chosen once, at the first call of kernels(): the
+// widest this processor has, or what the environment variable SINEW_INSTRUCTION_SET (sse42, avx2, avx512) asks for.
+// Results do not depend on the choice, bit for bit.
+#pragma once
+
+#include <cstdint>
+
+#include "runtime/kernels/layout.h"
+
+namespace sinew::internal {
+
+/// Least and largest stretch a cluster's goal may have along any direction. Not authored limits but a guard: what is
+/// squashed or mirrored past it comes back on the right side.
+inline constexpr float kLeastStretch = 0.1F;
+inline constexpr float kLargestStretch = 3.0F;
+
+/// Beyond these a state counts as lost: floats could no longer square or difference it.
+inline constexpr float kLargestPosition = 1e15F;  // metres
+inline constexpr float kLargestVelocity = 1e17F;  // m/s
+
+/// For what lanes rarely need, one lane at a time (runtime/kernels/lane_fallback.cpp).
+/// Rotation nearest to a column-major 3x3 matrix whose entries are finite and not all zero. \param[in,out] quaternion
+/// w x y z: the previous rotation; the result.
+void nearestRotationOfLane(const float* matrix, float* quaternion);
+/// Clamps the stretches of F's linear block (eq. 10). \param f 3 x columns, column by column. \return whether it moved.
+bool limitStretchOfLane(float* f, int columns);
+
+/// Vertices begin..end of a body, with what a pass over them needs.
+struct VertexRange {
+  std::uint32_t begin, end;
+  float* x;           ///< positions at the start of the pass, xyz, padded by one float
+  float* v;           ///< velocities
+  float* y;           ///< predicted, then matched positions
+  const float* mass;  ///< relative to that of all vertices
+};
+
+struct PredictArguments {
+  VertexRange vertices;
+  float h;             ///< pass length, s
+  float kick[3];       ///< velocity that forces on all vertices add, m/s
+  float kept;          ///< part of the velocity that the air leaves
+  float reference[3];  ///< of the sums
+  float moving[3];     ///< velocity of the reference: momenta are relative to it
+  /// Called for each vertex whose state is not usable; has to mend x and v.
+  void (*repair)(void* context, std::uint32_t vertex);
+  void* context;
+  MotionLanes* sums;  ///< momentum and angular momentum of v at y only
+};
+
+struct ApplyArguments {
+  VertexRange vertices;
+  const float* slots;              ///< goals: xyz0 by slot
+  const std::uint32_t* first_use;  ///< by vertex
+  const std::uint32_t* use_slot;
+  float inverse_h;
+  bool ground;
+  float normal[3];
+  float offset;
+  float recovery;  ///< metres that what starts below the ground may rise in this pass
+  float reference[3];
+  float moving[3];    ///< velocity of the reference
+  MotionLanes* sums;  ///< of v at y; null: not wanted yet
+};
+
+struct SumArguments {
+  VertexRange vertices;
+  const float* at;               ///< positions: x or y
+  const float* force;            ///< null, or xyz by vertex: vertices with any force count as anchored
+  const std::uint8_t* anchored;  ///< null, or not 0 for pinned vertices
+  float anchor_mass;             ///< added to anchored vertices
+  float reference[3];
+  float moving[3];  ///< velocity of the reference
+  MotionLanes* sums;
+};
+
+struct SettleArguments {
+  VertexRange vertices;
+  float h;
+  bool free;                 ///< x follows the corrected velocity; else x = y
+  MotionOf3 found;           ///< rigid motion of the part as it is
+  MotionOf3 wanted;          ///< and as it has to be
+  MotionOf3 moved_as;        ///< for the positions
+  float kept;                ///< part of the motion beyond the rigid one that inner friction leaves
+  const float* vertex_kept;  ///< null, or factors on `kept` by vertex from `begin` on
+};
+
+/// v += motion at x.
+struct AddMotionArguments {
+  VertexRange vertices;
+  MotionOf3 motion;
+};
+
+struct Kernels {
+  const char* name;
+  void (*moments)(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state);
+  void (*match)(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state);
+  void (*goals)(const ClusterRestBlock& rest, const MemberBlock* members, const StiffnessBlock& stiffness,
+                const ClusterBlock& state, const float* y, float* slots);
+  std::uint32_t (*predict)(const PredictArguments& arguments);  ///< \return vertices repaired
+  void (*apply)(const ApplyArguments& arguments);
+  void (*sum)(const SumArguments& arguments);
+  void (*settle)(const SettleArguments& arguments);
+  void (*add_motion)(const AddMotionArguments& arguments);
+};
+
+const Kernels& kernels();
+
+/// One by name, or null where this processor or build lacks it: sse42, avx2, avx512, portable.
+const Kernels* kernelsNamed(const char* name);
+
+}  // namespace sinew::internal

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: MIT
+//
+// How kernels see a body: plain arrays, eight clusters or eight members to a block, [component][lane].
+#pragma once
+
+#include <cstdint>
+
+namespace sinew::internal {
+
+/// Eight members of one cluster. What is missing to eight repeats the last member with mu = share = 0.
+struct alignas(32) MemberBlock {
+  std::uint32_t vertex[8];  ///< physical vertex
+  float mu[8];              ///< mu_ic / Σ mu: sums to 1 in each cluster
+  float share[8];           ///< w_ic / W_i
+  float q[3][8];            ///< (X - c0) / radius
+};
+static_assert(sizeof(MemberBlock) == 192);
+
+/// State of eight clusters. Matrices column by column: component 3 k + row; columns 3.. only if quadratic.
+struct alignas(32) ClusterBlock {
+  float center[3][8];         ///< c, metres
+  float rotation[4][8];       ///< R as w x y z
+  float part_rotation[4][8];  ///< of the whole body part: what a cluster falls back to that has lost its own
+  float a_pq[27][8];          ///< Σ mu p q~^T, p = (x - c) / radius
+  float f[27][8];             ///< F: goals are center + radius F q~
+  std::int32_t limited[8];    ///< not 0: the guard against inversion moved F in the last match
+  std::int32_t lost[8];       ///< not 0: the moments no longer said how the cluster is turned
+  std::int32_t astray[8];     ///< not 0: its part is so far from its rest shape that it is matched as one
+};
+
+/// Rest-shape constants of eight clusters.
+struct alignas(32) ClusterRestBlock {
+  float mean[9][8];              ///< Σ mu q~ as floats evaluate it: subtracting it keeps goals centred to rounding
+  float moment[27][8];           ///< M = Σ mu q q~^T, what A_pq is at rest
+  float radius[8];               ///< metres; 1 in a lane without a cluster
+  std::uint32_t first_block[8];  ///< into the member blocks
+  std::uint32_t block_count[8];  ///< 0 in a lane without a cluster
+  std::uint32_t quadratic;       ///< not 0: some cluster of the eight is
+  std::uint32_t unused[7];
+};
+
+/// What stiffness means for one length of pass, of eight clusters.
+struct alignas(32) StiffnessBlock {
+  float s[45][8];           ///< S of F = [R 0] + (A_pq - R M) S: symmetric, lower triangle row by row; zero where rigid
+  float alpha[8];           ///< alpha_h: how much of the way to the goal a vertex goes
+  std::int32_t deforms[8];  ///< -1: S is not zero
+  std::int32_t stiff[8];  ///< -1: a pass keeps less than half of a stretch: what is lost goes where it belongs at once
+  std::int32_t mixes[8];  ///< -1: classes of modes differ in stiffness, so F needs its torque removed
+};
+
+/// Sums over vertices about a reference point, as kernels leave them: eight partial sums each.
+/// 0 mass, 1-3 first, 4-6 momentum, 7-9 angular, 10-15 second xx yy zz xy yz zx.
+struct alignas(32) MotionLanes {
+  float sum[16][8];
+};
+
+/// A rigid motion: velocity of a point is velocity + omega x (point - center).
+struct MotionOf3 {
+  float center[3];
+  float velocity[3];
+  float omega[3];
+};
+
+}  // namespace sinew::internal

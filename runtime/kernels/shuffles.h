@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: MIT
+//
+// Between arrays of xyz triples and lanes. For kernel files only, see lanes.h.
+#pragma once
+
+#include "runtime/kernels/lanes.h"
+
+namespace sinew::internal::SINEW_KERNELS {
+
+#define SINEW_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+
+#if defined(__AVX__)
+SINEW_INLINE Float8 joined(Float4 low, Float4 high) { return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7); }
+SINEW_INLINE Float4 lowHalf(Float8 a) { return SINEW_SHUFFLE(a, a, 0, 1, 2, 3); }
+SINEW_INLINE Float4 highHalf(Float8 a) { return SINEW_SHUFFLE(a, a, 4, 5, 6, 7); }
+#else
+SINEW_INLINE Float8 joined(Float4 low, Float4 high) { return {low, high}; }
+SINEW_INLINE Float4 lowHalf(Float8 a) { return a.low; }
+SINEW_INLINE Float4 highHalf(Float8 a) { return a.high; }
+#endif
+
+#if defined(__AVX__)
+// In each half of four: a0 b0 a1 b1, and a2 b2 a3 b3.
+SINEW_INLINE Float8 interleaveLow(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 8, 1, 9, 4, 12, 5, 13); }
+SINEW_INLINE Float8 interleaveHigh(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 2, 10, 3, 11, 6, 14, 7, 15); }
+// In each half of four: a0 a1 b0 b1, and a2 a3 b2 b3.
+SINEW_INLINE Float8 pairLow(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 1, 8, 9, 4, 5, 12, 13); }
+SINEW_INLINE Float8 pairHigh(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 2, 3, 10, 11, 6, 7, 14, 15); }
+// The low halves of both, and the high halves.
+SINEW_INLINE Float8 lowHalves(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 1, 2, 3, 8, 9, 10, 11); }
+SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 4, 5, 6, 7, 12, 13, 14, 15); }
+#else
+template <int i, int j, int k, int l>
+SINEW_INLINE Float8 shuffledHalves(Float8 a, Float8 b) {
+  return joined(SINEW_SHUFFLE(lowHalf(a), lowHalf(b), i, j, k, l), SINEW_SHUFFLE(highHalf(a), highHalf(b), i, j, k, l));
+}
+SINEW_INLINE Float8 interleaveLow(Float8 a, Float8 b) { return shuffledHalves<0, 4, 1, 5>(a, b); }
+SINEW_INLINE Float8 interleaveHigh(Float8 a, Float8 b) { return shuffledHalves<2, 6, 3, 7>(a, b); }
+SINEW_INLINE Float8 pairLow(Float8 a, Float8 b) { return shuffledHalves<0, 1, 4, 5>(a, b); }
+SINEW_INLINE Float8 pairHigh(Float8 a, Float8 b) { return shuffledHalves<2, 3, 6, 7>(a, b); }
+SINEW_INLINE Float8 lowHalves(Float8 a, Float8 b) { return joined(lowHalf(a), lowHalf(b)); }
+SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return joined(highHalf(a), highHalf(b)); }
+#endif
+
+/// Eight vectors of four floats (three and one to ignore) into lanes.
+SINEW_INLINE Vec3Of<Float8> toLanes(const Float4 (&v)[8]) {
+  const Float8 a = joined(v[0], v[4]), b = joined(v[1], v[5]), c = joined(v[2], v[6]), d = joined(v[3], v[7]);
+  const Float8 xy0 = interleaveLow(a, b), xy1 = interleaveLow(c, d);
+  const Float8 z0 = interleaveHigh(a, b), z1 = interleaveHigh(c, d);
+  return {pairLow(xy0, xy1), pairHigh(xy0, xy1), pairLow(z0, z1)};
+}
+
+/// The triples data[3 * index]: each read as 16 bytes, so the array needs 4 bytes of padding behind it.
+SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t* index) {
+  Float4 v[8];
+  for (int i = 0; i < 8; ++i) v[i] = load4(data + 3 * std::uint64_t(index[i]));
+  return toLanes(v);
+}
+
+/// Lanes as eight vectors of four floats, the last of them 0.
+SINEW_INLINE void storeQuadruples(float* out, const Vec3Of<Float8>& v) {
+  const Float8 zero{};
+  const Float8 xy0 = interleaveLow(v.x, v.y), xy1 = interleaveHigh(v.x, v.y);
+  const Float8 z0 = interleaveLow(v.z, zero), z1 = interleaveHigh(v.z, zero);
+  const Float8 v04 = pairLow(xy0, z0), v15 = pairHigh(xy0, z0), v26 = pairLow(xy1, z1), v37 = pairHigh(xy1, z1);
+  store4(out, lowHalf(v04));
+  store4(out + 4, lowHalf(v15));
+  store4(out + 8, lowHalf(v26));
+  store4(out + 12, lowHalf(v37));
+  store4(out + 16, highHalf(v04));
+  store4(out + 20, highHalf(v15));
+  store4(out + 24, highHalf(v26));
+  store4(out + 28, highHalf(v37));
+}
+
+/// Eight consecutive triples, 24 floats.
+SINEW_INLINE Vec3Of<Float8> loadTriples(const float* p) {
+#if defined(__AVX__)
+  // a = x0 y0 z0 x1 | y1 z1 x2 y2, b = z2 x3 y3 z3 | x4 y4 z4 x5, c = y5 z5 x6 y6 | z6 x7 y7 z7
+  const Float8 a = load8(p), b = load8(p + 8), c = load8(p + 16);
+  const Float8 x = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
+  const Float8 y = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
+  const Float8 z = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
+  return {x, y, z};
+#else
+  Vec3Of<Float4> part[2];
+  for (int half = 0; half < 2; ++half, p += 12) {
+    // a = x0 y0 z0 x1, b = y1 z1 x2 y2, c = z2 x3 y3 z3
+    const Float4 a = load4(p), b = load4(p + 4), c = load4(p + 8);
+    const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
+    const Float4 yz = SINEW_SHUFFLE(a, b, 1, 2, 4, 5);  // y0 z0 y1 z1
+    part[half] = {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7),
+                  SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
+  }
+  return {joined(part[0].x, part[1].x), joined(part[0].y, part[1].y), joined(part[0].z, part[1].z)};
+#endif
+}
+SINEW_INLINE void storeTriples(float* p, const Vec3Of<Float8>& v) {
+#if defined(__AVX__)
+  const Float8 a = SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 8, 0, 1, 9, 0, 2, 10), v.z, 0, 1, 8, 3, 4, 9, 6, 7);
+  const Float8 b = SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 3, 11, 0, 4, 12, 0, 5), v.z, 10, 1, 2, 11, 4, 5, 12, 7);
+  const Float8 c = SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 13, 0, 6, 14, 0, 7, 15, 0), v.z, 0, 13, 2, 3, 14, 5, 6, 15);
+  store8(p, a);
+  store8(p + 8, b);
+  store8(p + 16, c);
+#else
+  for (int half = 0; half < 2; ++half, p += 12) {
+    const Float4 x = half == 0 ? lowHalf(v.x) : highHalf(v.x), y = half == 0 ? lowHalf(v.y) : highHalf(v.y),
+                 z = half == 0 ? lowHalf(v.z) : highHalf(v.z);
+    const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5), zx = SINEW_SHUFFLE(z, x, 0, 5, 2, 7),
+                 yz = SINEW_SHUFFLE(y, z, 1, 5, 3, 7);   // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3
+    const Float4 xy2 = SINEW_SHUFFLE(x, y, 2, 6, 3, 7);  // x2 y2 x3 y3
+    store4(p, SINEW_SHUFFLE(xy, zx, 0, 1, 4, 5));
+    store4(p + 4, SINEW_SHUFFLE(yz, xy2, 0, 1, 4, 5));
+    store4(p + 8, SINEW_SHUFFLE(zx, yz, 2, 3, 6, 7));
+  }
+#endif
+}
+/// The same for the last `count` < 8 of an array; missing lanes repeat the first triple.
+SINEW_INLINE Vec3Of<Float8> loadTriples(const float* p, std::uint32_t count) {
+  if (count >= 8) return loadTriples(p);
+  float copy[24];
+  for (std::uint32_t i = 0; i < 24; ++i) copy[i] = p[i < 3 * count ? i : i % 3];
+  return loadTriples(copy);
+}
+SINEW_INLINE void storeTriples(float* p, const Vec3Of<Float8>& v, std::uint32_t count) {
+  if (count >= 8) return storeTriples(p, v);
+  float copy[24];
+  storeTriples(copy, v);
+  for (std::uint32_t i = 0; i < 3 * count; ++i) p[i] = copy[i];
+}
+/// `count` scalars; 0 in missing lanes.
+SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
+  if (count >= 8) return load8(p);
+  float copy[8] = {};
+  for (std::uint32_t i = 0; i < count; ++i) copy[i] = p[i];
+  return load8(copy);
+}
+
+/// Lane k of the result: the sum of v[k]'s lanes, always in the same order.
+SINEW_INLINE Float8 sumEach(const Float8 (&v)[8]) {
+  Float8 s[4];
+  for (int i = 0; i < 4; ++i) s[i] = interleaveLow(v[2 * i], v[2 * i + 1]) + interleaveHigh(v[2 * i], v[2 * i + 1]);
+  const Float8 t0 = pairLow(s[0], s[1]) + pairHigh(s[0], s[1]);
+  const Float8 t1 = pairLow(s[2], s[3]) + pairHigh(s[2], s[3]);
+  return lowHalves(t0, t1) + highHalves(t0, t1);
+}
+
+/// Rows become columns.
+SINEW_INLINE void transpose(Float8 (&v)[8]) {
+  Float8 a[8], b[8];
+  for (int i = 0; i < 4; ++i) {
+    a[2 * i] = interleaveLow(v[2 * i], v[2 * i + 1]);
+    a[2 * i + 1] = interleaveHigh(v[2 * i], v[2 * i + 1]);
+  }
+  for (int i = 0; i < 2; ++i) {
+    b[4 * i] = pairLow(a[4 * i], a[4 * i + 2]);
+    b[4 * i + 1] = pairHigh(a[4 * i], a[4 * i + 2]);
+    b[4 * i + 2] = pairLow(a[4 * i + 1], a[4 * i + 3]);
+    b[4 * i + 3] = pairHigh(a[4 * i + 1], a[4 * i + 3]);
+  }
+  for (int i = 0; i < 4; ++i) {
+    v[i] = lowHalves(b[i], b[i + 4]);
+    v[i + 4] = highHalves(b[i], b[i + 4]);
+  }
+}
+
+}  // namespace sinew::internal::SINEW_KERNELS

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: MIT
+//
+// The body of each kernels_*.cpp: all kernels, compiled for the instruction set that file is compiled for.
+#pragma once
+
+#include "runtime/kernels/goals.h"
+#include "runtime/kernels/kernels.h"
+#include "runtime/kernels/match.h"
+#include "runtime/kernels/moments.h"
+#include "runtime/kernels/vertices.h"
+
+namespace sinew::internal::SINEW_KERNELS {
+namespace {
+
+void momentsOf(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state) {
+  if (rest.quadratic != 0) {
+    moments<true>(rest, members, y, state);
+  } else {
+    moments<false>(rest, members, y, state);
+  }
+}
+void matchOf(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state) {
+  if (rest.quadratic != 0) {
+    match<true>(rest, stiffness, state);
+  } else {
+    match<false>(rest, stiffness, state);
+  }
+}
+void goalsOf(const ClusterRestBlock& rest, const MemberBlock* members, const StiffnessBlock& stiffness,
+             const ClusterBlock& state, const float* y, float* slots) {
+  if (rest.quadratic != 0) {
+    goals<true>(rest, members, stiffness, state, y, slots);
+  } else {
+    goals<false>(rest, members, stiffness, state, y, slots);
+  }
+}
+std::uint32_t predictOf(const PredictArguments& a) { return predict(a); }
+void applyOf(const ApplyArguments& a) { apply(a); }
+void sumOf(const SumArguments& a) { sum(a); }
+void settleOf(const SettleArguments& a) { settle(a); }
+void addMotionOf(const AddMotionArguments& a) { addMotion(a); }
+
+}  // namespace
+
+inline constexpr Kernels tableNamed(const char* name) {
+  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf};
+}
+
+}  // namespace sinew::internal::SINEW_KERNELS

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bench/bench.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr unsigned kAttempts = 3;
+
+struct Group {
+  std::string_view name;
+  void (*run)(const BenchContext&);
+};
+constexpr std::array kGroups = {
+    Group{"matching", benchMatching},   Group{"step", benchStep},       Group{"output", benchOutput},
+    Group{"linearity", benchLinearity}, Group{"threads", benchThreads}, Group{"determinism", benchDeterminism},
+    Group{"memory", benchMemory},       Group{"library", benchLibrary}, Group{"open", benchOpen},
+};
+
+}  // namespace
+
+BenchLine lineOf(std::string name, std::string unit) {
+  BenchLine line;
+  line.name = std::move(name);
+  line.unit = std::move(unit);
+  return line;
+}
+
+bool BenchReport::passed() const {
+  return std::none_of(lines.begin(), lines.end(), [](const BenchLine& line) { return line.passed() == false; });
+}
+
+std::vector<std::string_view> benchGroups() {
+  std::vector<std::string_view> names = {"machine"};
+  for (const Group& group : kGroups) names.push_back(group.name);
+  return names;
+}
+
+TimingOptions BenchContext::timing(ClockKind clock) const {
+  return options.quick ? TimingOptions{5e-4, 5e-3, clock} : TimingOptions{2e-3, 0.15, clock};
+}
+
+void BenchContext::emitBest(const std::function<BenchLine()>& make) const {
+  BenchLine best = make();
+  const unsigned attempts = options.quick ? 1 : kAttempts;
+  for (unsigned n = 2; n <= attempts && best.passed() == false; ++n) {
+    BenchLine again = make();
+    if (again.margin > best.margin) best = std::move(again);
+    best.attempts = n;
+  }
+  emit(std::move(best));
+}
+
+BenchReport runBench(const BenchOptions& options, const std::function<void(const BenchLine&)>& show) {
+  const auto names = benchGroups();
+  if (!options.only.empty() && std::find(names.begin(), names.end(), options.only) == names.end()) {
+    std::string all;
+    for (const std::string_view name : names) all += (all.empty() ? "" : ", ") + std::string(name);
+    throw ToolError(ExitCode::usage, "", "there is no benchmark '" + options.only + "'", "Benchmarks: " + all + ".");
+  }
+  BenchReport report;
+  report.machine = measureMachine(options.quick);
+  for (const Group& group : kGroups) {
+    if (!options.only.empty() && options.only != group.name) continue;
+    const BenchContext context{options, report.machine, [&](BenchLine line) {
+                                 line.group = group.name;
+                                 if (show) show(line);
+                                 report.lines.push_back(std::move(line));
+                               }};
+    group.run(context);
+  }
+  return report;
+}
+
+nlohmann::ordered_json benchJson(const BenchReport& report) {
+  using nlohmann::ordered_json;
+  const auto number = [](double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); };
+  ordered_json copies = ordered_json::array();
+  for (const CopyBandwidth& copy : report.machine.copies) {
+    copies.push_back(
+        {{"bytes", copy.bytes}, {"one_thread", copy.one_thread / 1e9}, {"two_threads", copy.two_threads / 1e9}});
+  }
+  ordered_json widths = ordered_json::array();
+  for (const MachineLimits::AtWidth& width : report.machine.widths) {
+    widths.push_back({{"bits", width.bits}, {"fma", width.fma / 1e9}, {"multiply_and_add", width.plain / 1e9}});
+  }
+  ordered_json lines = ordered_json::array();
+  for (const BenchLine& line : report.lines) {
+    ordered_json entry = {{"group", line.group},
+                          {"name", line.name},
+                          {"value", number(line.value)},
+                          {"unit", line.unit},
+                          {"spread", number(line.spread)}};
+    if (line.bound > 0) {
+      entry["bound"] = number(line.bound);
+      entry["ratio_to_bound"] = number(line.value / line.bound);
+    }
+    if (!line.reference_name.empty()) {
+      entry["reference"] = line.reference_name;
+      entry["reference_value"] = number(line.reference);
+      entry["times_cheaper"] = number(line.ratio);
+    }
+    if (!line.limit.empty()) {
+      entry["limit"] = line.limit;
+      const auto passed = line.passed();
+      entry["passed"] = passed ? ordered_json(*passed) : ordered_json(nullptr);
+      entry["attempts"] = line.attempts;
+    }
+    if (!line.note.empty()) entry["note"] = line.note;
+    lines.push_back(entry);
+  }
+  return {{"machine",
+           {{"instruction_set", report.machine.instruction_set},
+            {"fma_bits", report.machine.fma_bits},
+            {"fma_gflops", report.machine.fma_flops / 1e9},
+            {"fma_gflops_two_threads", report.machine.fma_two_threads / 1e9},
+            {"gigaflops_by_width", widths},
+            {"copy_gigabytes_per_second", copies}}},
+          {"lines", lines},
+          {"passed", report.passed()}};
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// How the cost of a step grows: with vertices, with bodies, with threads; and that threads and instruction sets do not
+// change the state.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "sinew/runtime/thread_pool.h"
+#include "sinew/runtime/world.h"
+#include "tools/bench/bench.h"
+#include "tools/bench/child.h"
+#include "tools/bench/lattice.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr float kStep = 1.0F / 60;
+constexpr double kMostExponent = 1.05;
+constexpr double kSpeedup = 1.7;
+constexpr std::uint32_t kSpeedupMemberships = 20'000;
+
+// A cube of n points a side in boxes of about five.
+LatticeOptions cubeLattice(std::uint32_t side) {
+  LatticeOptions lattice;
+  lattice.points = {side, side, side};
+  const std::uint32_t boxes = std::max(1U, (side + 2) / 5);
+  lattice.boxes = {boxes, boxes, boxes};
+  return lattice;
+}
+
+struct ManyBodies {
+  World world;
+  MovingState state;
+  std::vector<BodyId> ids;
+  std::uint32_t vertices = 0;
+
+  ManyBodies(const LatticeBody& body, std::uint32_t count, JobSystem* jobs) : world(settings(), jobs) {
+    state = movingState(*body.asset);
+    for (std::uint32_t i = 0; i < count; ++i) ids.push_back(*world.addBody(body.asset));
+    vertices = body.vertices * count;
+  }
+  static WorldSettings settings() {
+    WorldSettings result;
+    result.gravity = {0, 0, 0};
+    result.iterations = 1;
+    return result;
+  }
+  void restart() {
+    for (const BodyId id : ids) world.setState(id, state.positions, state.velocities);
+  }
+  TimedCall timed(unsigned calls) {
+    return {[this] { world.step(kStep); }, [this] { restart(); }, calls};
+  }
+};
+
+// Slope of log(cost) over log(size) by least squares.
+double exponentOf(const std::vector<double>& sizes, const std::vector<double>& costs) {
+  double sx = 0, sy = 0, sxx = 0, sxy = 0;
+  const double n = double(sizes.size());
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const double x = std::log(sizes[i]), y = std::log(costs[i]);
+    sx += x;
+    sy += y;
+    sxx += x * x;
+    sxy += x * y;
+  }
+  return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}
+
+// Measures the costs of worlds that grow, and emits each and their exponent.
+template <class Make>
+void emitExponent(const BenchContext& context, const char* what, const std::vector<double>& sizes, const Make& make) {
+  std::vector<std::unique_ptr<ManyBodies>> worlds;
+  std::vector<double> best(sizes.size(), 0);
+  std::vector<Timing> timings(sizes.size());
+  for (const double size : sizes) worlds.push_back(make(std::uint32_t(size)));
+  context.emitBest([&] {
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+      const unsigned calls = unsigned(std::clamp(2e5 / worlds[i]->vertices, 1.0, 50.0));
+      timings[i] = measure(worlds[i]->timed(calls), context.timing());
+      if (best[i] == 0 || timings[i].seconds < best[i]) best[i] = timings[i].seconds;
+    }
+    BenchLine line = lineOf(std::string("exponent over ") + what, "");
+    line.value = exponentOf(sizes, best);
+    line.limit = "<= 1.05";
+    line.margin = kMostExponent / line.value;
+    line.note = "ns/vertex:";
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+      char text[64];
+      std::snprintf(text, sizeof text, " %.0f: %.2f;", sizes[i], 1e9 * best[i] / worlds[i]->vertices);
+      line.note += text;
+    }
+    line.note.pop_back();
+    return line;
+  });
+}
+
+struct Scene {
+  LatticeBody body;
+  std::unique_ptr<ThreadPool> pool;
+  std::unique_ptr<World> world;
+  BodyId id;
+};
+
+// A body of 5,000 vertices dropped onto the ground, turning, one of its vertices pinned half way.
+Scene determinismScene(unsigned threads) {
+  Scene scene;
+  LatticeOptions lattice;
+  lattice.points = {20, 25, 10};
+  lattice.boxes = {4, 8, 2};
+  scene.body = makeLattice(lattice);
+  if (threads > 0) scene.pool = std::make_unique<ThreadPool>(threads);
+  WorldSettings settings;
+  settings.iterations = 2;
+  settings.ground.enabled = true;
+  settings.ground.offset = -0.6F;
+  scene.world = std::make_unique<World>(settings, scene.pool.get());
+  scene.id = *scene.world->addBody(scene.body.asset);
+  const MovingState state = movingState(*scene.body.asset);
+  scene.world->setState(scene.id, state.positions, state.velocities);
+  return scene;
+}
+
+}  // namespace
+
+std::uint64_t determinismHash(unsigned threads, unsigned steps) {
+  const Scene scene = determinismScene(threads);
+  for (unsigned i = 0; i < steps; ++i) {
+    if (i == steps / 2) scene.world->pin(scene.id, 0, scene.world->positions(scene.id)[0]);
+    scene.world->step(kStep);
+  }
+  std::uint64_t hash = 1469598103934665603ULL;  // FNV-1a
+  for (const auto list : {scene.world->positions(scene.id), scene.world->velocities(scene.id)}) {
+    for (const std::byte byte : std::as_bytes(list)) hash = (hash ^ std::uint64_t(byte)) * 1099511628211ULL;
+  }
+  return hash;
+}
+
+double determinismStepNanoseconds(bool quick) {
+  Scene scene = determinismScene(0);
+  scene.world->settings().ground.enabled = false;
+  scene.world->settings().gravity = {0, 0, 0};
+  scene.world->settings().iterations = 1;
+  const MovingState state = movingState(*scene.body.asset);
+  const TimedCall call{[&] { scene.world->step(kStep); },
+                       [&] { scene.world->setState(scene.id, state.positions, state.velocities); }, 20};
+  const TimingOptions options = quick ? TimingOptions{5e-4, 5e-3} : TimingOptions{2e-3, 0.15};
+  return 1e9 * measure(call, options).seconds / scene.body.vertices;
+}
+
+void benchLinearity(const BenchContext& context) {
+  const bool quick = context.options.quick;
+  const std::vector<double> vertices = quick ? std::vector<double>{1e3, 1e4} : std::vector<double>{1e3, 1e4, 1e5, 1e6};
+  emitExponent(context, "vertices of a body", vertices, [](std::uint32_t count) {
+    return std::make_unique<ManyBodies>(makeLattice(cubeLattice(std::uint32_t(std::lround(std::cbrt(count))))), 1,
+                                        nullptr);
+  });
+  const std::vector<double> bodies =
+      quick ? std::vector<double>{1, 10, 100} : std::vector<double>{1, 10, 100, 1e3, 1e4};
+  const LatticeBody small = makeLattice(cubeLattice(5));
+  emitExponent(context, "bodies of 125 vertices", bodies,
+               [&](std::uint32_t count) { return std::make_unique<ManyBodies>(small, count, nullptr); });
+}
+
+void benchThreads(const BenchContext& context) {
+  ThreadPool two(2);
+  const auto emit = [&](const std::string& name, const LatticeBody& body, std::uint32_t count) {
+    const std::uint32_t memberships = body.memberships * count;
+    ManyBodies alone(body, count, nullptr), shared(body, count, &two);
+    const unsigned calls = unsigned(std::clamp(2e5 / (body.vertices * count), 2.0, 50.0));
+    context.emitBest([&] {
+      const double second_core = measureSecondCore();
+      const TimingPair pair = measurePair(shared.timed(calls), alone.timed(calls), context.timing(ClockKind::wall));
+      BenchLine line = lineOf(name, "ns/vertex");
+      line.value = 1e9 * pair.first.seconds / alone.vertices;
+      line.spread = pair.spread;
+      line.reference_name = "one thread";
+      line.reference = 1e9 * pair.second.seconds / alone.vertices;
+      line.ratio = pair.ratio;
+      if (memberships >= kSpeedupMemberships) {
+        line.limit = ">= 1.7 x one thread";
+        line.margin = line.ratio / kSpeedup;
+      }
+      char text[128];
+      std::snprintf(text, sizeof text, "%u memberships; plain arithmetic on two threads at the same time: %.2f x",
+                    memberships, second_core);
+      line.note = text;
+      return line;
+    });
+  };
+  std::vector<std::uint32_t> sides = {10, 13, 16, 20, 30, 40};
+  if (!context.options.quick) sides.push_back(64);
+  for (const std::uint32_t side : sides) {
+    const LatticeBody body = makeLattice(cubeLattice(side));
+    emit("one body of " + std::to_string(body.vertices) + " vertices", body, 1);
+  }
+  const LatticeBody small = makeLattice(cubeLattice(10));
+  for (const std::uint32_t count : {10U, 100U}) emit(std::to_string(count) + " bodies of 1000 vertices", small, count);
+}
+
+void benchDeterminism(const BenchContext& context) {
+  const unsigned steps = context.options.quick ? 10 : 60;
+  const std::uint64_t expected = determinismHash(0, steps);
+  const auto text = [](std::uint64_t hash) {
+    char digits[24];
+    std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(hash));
+    return std::string(digits);
+  };
+  const auto emit = [&](const std::string& name, std::uint64_t hash) {
+    BenchLine line = lineOf(name, "differing states");
+    line.value = hash == expected ? 0 : 1;
+    line.limit = "same bits";
+    line.margin = hash == expected ? 1 : 0.5;
+    line.note = "state " + text(hash) + " after " + std::to_string(steps) + " steps";
+    context.emit(line);
+  };
+  for (const unsigned threads : {1U, 2U, 3U, 8U}) {
+    emit(std::to_string(threads) + (threads == 1 ? " thread" : " threads"), determinismHash(threads, steps));
+  }
+  for (const char* set : {"sse42", "avx2", "avx512"}) {
+    const ChildResult child = runBenchChild(context.options, set, steps);
+    if (child.ran) {
+      emit(std::string("instruction set ") + set, child.hash);
+      BenchLine line = lineOf(std::string("step with ") + set, "ns/vertex");
+      line.value = child.step_nanoseconds;
+      context.emit(line);
+    } else {
+      BenchLine line = lineOf(std::string("instruction set ") + set, "differing states");
+      line.value = std::nan("");
+      line.limit = "same bits";
+      line.note = child.reason;
+      context.emit(line);
+    }
+  }
+}
+
+}  // namespace sinew::tools
