@@ -151,18 +151,8 @@ class BodyStep {
     const float kept = std::exp(-settings_.damping * h_);
     // Sums are taken about a point that moves with the part, so that neither distance nor speed costs them digits.
     for (Part& part : body_.parts) {
-      if (part.cluster_count == 0) continue;
-      const Vec3 &x = body_.x[part.first_vertex], &v = body_.v[part.first_vertex];
-      if (stateIsUsable(x, v)) {
-        const Vector3 moving = kept * (asVector(v) + h_ * asVector(settings_.gravity));
-        part.moving = moving.cast<double>();
-        part.reference = (asVector(x) + h_ * moving).cast<double>();
-      } else {
-        const ClusterBlock& block = body_.blocks[part.first_cluster / 8];
-        const std::uint32_t lane = part.first_cluster % 8;
-        part.moving.setZero();
-        part.reference = {double(block.center[0][lane]), double(block.center[1][lane]), double(block.center[2][lane])};
-      }
+      part.moving = double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>());
+      part.reference += double(h_) * part.moving;
     }
     forChunks([&](VertexChunk& chunk) {
       PredictArguments a{};
@@ -328,18 +318,26 @@ class BodyStep {
       any_limited |= part.limited && part.free;
     }
     forChunks([&](VertexChunk& chunk) { settle(chunk); });
-    if (!any_limited) return;
-    // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
+    if (any_limited) restoreMomentum();
+    for (Part& part : body_.parts) {
+      part.reference = part.found.center;
+      part.moving = part.wanted.velocity;
+    }
+  }
+
+  // The inelastic stop took a different part of each vertex's motion, and a large turn moved the arms: gives free parts
+  // back what they lost as a whole.
+  void restoreMomentum() {
     forChunks([&](VertexChunk& chunk) { sumMotion(chunk, body_.x, 0.0F); });
     for (Part& part : body_.parts) {
       part.limited &= part.free;
       if (!part.limited) continue;
       const MotionSums now = partSums(part);
-      part.wanted = defect(part, now, RigidMotionSolver(now, part.reference));
+      part.lacking = defect(part, now, RigidMotionSolver(now, part.reference));
     }
     forChunks([&](VertexChunk& chunk) {
       const Part& part = body_.parts[chunk.part];
-      if (part.limited) kernel_.add_motion({vertexRange(chunk), part.wanted.forKernels()});
+      if (part.limited) kernel_.add_motion({vertexRange(chunk), part.lacking.forKernels()});
     });
   }
 

@@ -22,7 +22,7 @@ bool stateIsUsable(const Vec3& x, const Vec3& v) { return within(x, kLargestPosi
 namespace {
 
 // The lowest frequency that clusters return with, Hz: 0 where none ever returns, infinite where all are rigid.
-double slowestFrequency(std::span<const formats::Cluster> clusters) {
+double slowestFrequency(std::span<const formats::Cluster> clusters, double scale) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   double slowest = kNone;
   bool deforms = false;
@@ -32,7 +32,7 @@ double slowestFrequency(std::span<const formats::Cluster> clusters) {
     const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
     for (const float hz :
          {cluster.stretch_hz, quadratic ? cluster.bend_hz : 0.0F, quadratic ? cluster.twist_hz : 0.0F}) {
-      if (hz > 0) slowest = std::min(slowest, double(hz));
+      if (double(hz) * scale > 0) slowest = std::min(slowest, double(hz) * scale);
     }
   }
   return deforms && slowest == kNone ? 0.0 : slowest;
@@ -67,8 +67,8 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
     part.first_chunk = std::uint32_t(chunks.size());
     part.first_cluster = range.first_cluster;
     part.cluster_count = range.cluster_count;
-    part.slowest_hz = slowestFrequency(package().clusters().subspan(range.first_cluster, range.cluster_count)) *
-                      double(settings.stiffness_scale);
+    part.slowest_hz = slowestFrequency(package().clusters().subspan(range.first_cluster, range.cluster_count),
+                                       double(settings.stiffness_scale));
     const std::uint32_t index = std::uint32_t(parts.size());
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
       const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
@@ -107,6 +107,18 @@ void Body::reset() {
 void Body::matchPositions() {
   // A lost vertex must not take its clusters along: it counts as being where they had wanted it.
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
+  for (Part& part : parts) {
+    part.reference = part.moving = Eigen::Vector3d::Zero();
+    double mass = 0;
+    for (std::uint32_t i = part.first_vertex; i < part.first_vertex + part.vertex_count; ++i) {
+      const double m = double(rest().masses[i]);
+      mass += m;
+      part.reference += m * asVector(y[i]).cast<double>();
+      if (stateIsUsable({}, v[i])) part.moving += m * asVector(v[i]).cast<double>();
+    }
+    part.reference /= mass;
+    part.moving /= mass;
+  }
   const Kernels& kernel = kernels();
   // No frequency: F = A shows the positions as they are.
   StiffnessSet loose(package(), 0.0F);

@@ -49,9 +49,10 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< near the part; sums are taken about it
-  Eigen::Vector3d moving = Eigen::Vector3d::Zero();     ///< its velocity, near the part's; momenta are relative to it
-  MotionSums before;                                    ///< of the predicted motion: its momentum is to stay
+  /// Centre of mass and its velocity (near them while the part is held): sums are taken about this moving point.
+  Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
+  MotionSums before;          ///< of the predicted motion: its momentum is to stay
+  RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
   double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
   bool free = true;           ///< no row of this pass touches the part
