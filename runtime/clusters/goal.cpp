@@ -5,17 +5,9 @@
 
 namespace sinew::internal {
 
-namespace {
-
-// A part is astray where it is this far from its rest shape (root mean square), in radii of gyration. Flattened to a
-// plane a cube has 0.58, bent to a quarter circle a bar 0.25.
-constexpr double kAstray = 0.5;
-
-}  // namespace
-
 void updatePartPose(const formats::PackageView& package, const RestConstants& constants,
                     std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,
-                    std::span<ClusterBlock> blocks) {
+                    std::span<ClusterBlock> blocks, double far) {
   if (count == 0) return;
   const auto clusters = package.clusters().subspan(first, count);
   const auto component = [&](const float(&values)[8], std::size_t c) { return values[(first + c) % 8]; };
@@ -66,7 +58,7 @@ void updatePartPose(const formats::PackageView& package, const RestConstants& co
     deviation += m * (arm - r * rest_arm).squaredNorm();
     if (own_spread > 0) deviation += m * radius * radius * (momentOf(c) - r * rest_moment).squaredNorm() / own_spread;
   }
-  const bool astray = count > 1 && deviation > kAstray * kAstray * spread;
+  const bool astray = count > 1 && deviation > far * far * spread;
   for (std::size_t c = 0; c < count; ++c) {
     const std::size_t lane = (first + c) % 8;
     for (std::size_t k = 0; k < 4; ++k) block(c).part_rotation[k][lane] = rotation[k];

@@ -28,6 +28,14 @@ constexpr double kRoundingTurn = 2e-7;
 // A turn of a part within one pass from which its momentum is set right twice, radians.
 constexpr double kLargeTurn = 0.1;
 
+// A step is divided no finer than this, s: floats do not resolve what a shorter pass moves.
+constexpr float kShortestPass = 1e-5F;
+
+// Passes of this length or longer, s, are too few for clusters to pass a correction on to one another: a free part goes
+// back as one as soon as it is so far, in radii of gyration, from its rest shape.
+constexpr float kFewPasses = 0.02F;
+constexpr double kHardlyAstray = 0.005;
+
 // Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
 // clusters would creep back.
 constexpr double kFastestDamping = 40;
@@ -206,9 +214,9 @@ class BodyStep {
     warmStartRows(body_);
   }
 
-  void findPose(const Part& part) {
+  void findPose(const Part& part, double far = kAstray) {
     updatePartPose(body_.package(), rest_, body_.stiffness->clusters, part.first_cluster, part.cluster_count,
-                   body_.blocks);
+                   body_.blocks, far);
   }
 
   bool partHasRow(const Part& part) const {
@@ -227,8 +235,9 @@ class BodyStep {
         const ClusterBlock& block = body_.blocks[c / 8];
         lost |= block.lost[c % 8] != 0 || block.limited[c % 8] != 0;
       }
-      if (!lost) continue;
-      findPose(part);
+      const bool few_passes = h_ >= kFewPasses && part.cluster_count > 1;
+      if (!lost && !few_passes) continue;
+      findPose(part, few_passes ? kHardlyAstray : kAstray);
       for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
         matchAndAsk(b);
       }
@@ -411,7 +420,8 @@ void stepBody(Body& body, const WorldSettings& settings, JobSystem* jobs, std::u
 void stepWorld(std::vector<std::unique_ptr<Body>>& bodies, const WorldSettings& settings, JobSystem* jobs,
                float seconds, StepTimes* times) {
   if (times != nullptr) times->fill(0);
-  const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
+  const std::uint32_t asked = std::clamp(settings.iterations, 1U, 16U);
+  const std::uint32_t passes = std::clamp(std::uint32_t(std::min(16.0F, seconds / kShortestPass)), 1U, asked);
   const float h = seconds / float(passes);
   const auto is_large = [](const Body& body) { return body.chunks.size() >= kLargeBody; };
   for (const std::unique_ptr<Body>& body : bodies) {

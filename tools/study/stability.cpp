@@ -55,12 +55,12 @@ constexpr std::array<std::uint32_t, 3> kPasses = {1, 4, 16};
 constexpr double kShapeLimit = 1e-3;     // diagonals
 constexpr double kMomentumLimit = 1e-4;  // of Σ m |v| (linear), Σ m |d| |v| (angular)
 constexpr double kEnergyLimit = 2;       // times the least since the release
-constexpr double kEnergyRounding = 16;   // times the energy of positions rounded in each pass
 constexpr double kReturnSeconds = 2;     // of simulated time
 constexpr double kReturnPeriods = 5;
 constexpr double kBeforeSeconds = 0.5;  // pinned or pressed
 constexpr float kBrake = 20;            // 1/s: air that stops a spin
 constexpr double kSpinStretch = 1e-4;   // a spin that stretches a body further than this is braked
+constexpr double kFarAway = 100;        // diagonals from the origin
 constexpr float kPress = 1e4F * 9.81F;  // m/s^2
 constexpr float kFinishingStep = 1.0F / 60;
 
@@ -246,19 +246,25 @@ class CellRun {
       release(finishing);
       advance(finishing, free_seconds - done, 1000000);
     }
-    if (returns && result_.finite && spinMatters(finishing)) {
+    if (returns && result_.finite && (spinMatters(finishing) || far())) {
       world_.settings().damping = kBrake;
       measuring_ = false;
       advance(finishing, kReturnSeconds, 1000000);
       world_.settings().damping = 0;
+      recenter();
       release(finishing);
       advance(finishing, free_seconds, 1000000);
     }
     if (returns && result_.finite) {
       result_.rest_error = measure_.restError(world_, body_);
       const BodyMotion m = measure_.motion(world_, body_);
-      const double rounding = 2 * kUlp * m.reach / double(asset_->package().info().diagonal);
-      result_.shape = result_.rest_error / (kShapeLimit + rounding);
+      // A pass moves a deformation by (2 pi f h)² of itself; where that is below the rounding of a position nothing
+      // moves.
+      const double h = passSeconds(finishing);
+      const double phase = 2 * std::numbers::pi * slow * h;
+      const double moves = std::isfinite(slow) ? phase * phase / (1 + phase * phase) : 1.0;
+      const double rounding = kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
+      result_.shape = result_.rest_error / (kShapeLimit + 2 * rounding / moves);
     }
     if (!result_.finite) result_.shape = result_.energy = result_.momentum = 0;
     return result_;
@@ -300,7 +306,7 @@ class CellRun {
   void release(float step) {
     if (!result_.finite) return;
     measuring_ = true;
-    pass_seconds_ = double(step) / setup_.passes;
+    pass_seconds_ = passSeconds(step);
     lost_pending_ = setup_.start == Start::lost_vertex && setup_.before == Before::nothing && !lost_done_;
     if (lost_pending_) return;  // what a lost vertex had is not known: measured from the first step on
     startMeasuring();
@@ -317,7 +323,7 @@ class CellRun {
     const double released = std::sqrt(2 * energy_ * before_.mass);
     momentum_scale_ += released;
     angular_scale_ += released * before_.extent;
-    steps_since_release_ = 0;
+    passes_since_release_ = 0;
   }
 
   double advance(float step, double seconds, std::uint32_t most) {
@@ -329,6 +335,7 @@ class CellRun {
       result_.finite = BodyMeasure::finite(world_, body_);
       if (!result_.finite) break;
       checkRepair(i == 0);
+      passes_since_release_ += double(step) / passSeconds(step);
       if (measuring_ && (i < 8 || i % every == 0 || i + 1 == count)) measureFree();
     }
     return double(count) * double(step);
@@ -352,7 +359,6 @@ class CellRun {
 
   void measureFree() {
     const BodyMotion now = measure_.motion(world_, body_);
-    ++steps_since_release_;
     momentum_scale_ = std::max(momentum_scale_, now.momentum_scale);
     angular_scale_ = std::max(angular_scale_, now.angular_scale);
     // Positions are rounded to a part of their distance from the origin; a step turns that into speed.
@@ -366,21 +372,41 @@ class CellRun {
     const auto ratio = [](double value, double limit) { return limit > 0 ? value / limit : value > 0 ? 1e30 : 0.0; };
     result_.momentum = std::max({result_.momentum, ratio(p, p_limit), ratio(l, l_limit)});
 
-    const double floor = 0.5 * now.mass * kEnergyRounding *
-                         (std::pow(rounding_speed, 2) + std::pow(measure_.fastestOmega() * rounding, 2));
+    // What rounding adds in each pass may add up: it need not be chance.
+    const double added = rounding_speed * std::max(4.0, double(passes_since_release_));
+    const double floor = 0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega() * rounding, 2));
     const double energy = now.kinetic + measure_.potential(world_, body_, pass_seconds_);
     if (getenv("TRACE"))
       printf("  n %u K %.4g E %.4g lim %.4g floor %.3g p %.3g/%.3g l %.3g/%.3g spin %.3g rest %.3g reach %.3g\n",
-             steps_since_release_, now.kinetic, energy - now.kinetic, energy_, floor, p, p_limit, l, l_limit, now.spin,
-             measure_.restError(world_, body_), now.reach);
+             unsigned(passes_since_release_), now.kinetic, energy - now.kinetic, energy_, floor, p, p_limit, l, l_limit,
+             now.spin, measure_.restError(world_, body_), now.reach);
     if (energy > floor) result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor));
     energy_ = std::min(energy_, energy * kEnergyLimit);
+  }
+
+  // A step is divided no finer than 1e-5 s.
+  double passSeconds(float step) const {
+    return double(step) / std::clamp(std::floor(double(step) / 1e-5 * (1 + 1e-6)), 1.0, double(setup_.passes));
+  }
+
+  // Back to the origin, as an engine moves its own: far from it positions are too coarse to show a return.
+  void recenter() {
+    const BodyMotion now = measure_.motion(world_, body_);
+    if (!(now.reach > kFarAway * double(asset_->package().info().diagonal))) return;
+    std::vector<Vec3> x, v;
+    for (const Vec3& p : world_.positions(body_)) x.push_back(narrow(wide(p) - now.center));
+    for (const Vec3& u : world_.velocities(body_)) v.push_back(narrow(wide(u) - now.momentum / now.mass));
+    world_.setState(body_, x, v);
+  }
+
+  bool far() const {
+    return measure_.motion(world_, body_).reach > kFarAway * double(asset_->package().info().diagonal);
   }
 
   // Whether the body still turns so fast that its spin keeps it out of shape.
   bool spinMatters(float step) const {
     const BodyMotion now = measure_.motion(world_, body_);
-    const double h = double(step) / setup_.passes;
+    const double h = passSeconds(step);
     const double hz = measure_.slowestHz();
     const double phase = std::isfinite(hz) ? 2 * std::numbers::pi * hz * h : 1;
     return now.spin * h * std::max(1.0, 1 / phase) > kSpinStretch;
@@ -397,7 +423,7 @@ class CellRun {
   double momentum_scale_ = 0, angular_scale_ = 0;
   double energy_ = 0;  // what kinetic + elastic energy may not exceed
   double pass_seconds_ = 0;
-  std::uint32_t steps_since_release_ = 0;
+  double passes_since_release_ = 0;
   bool measuring_ = true;
   bool lost_pending_ = false, lost_done_ = false;
 };
