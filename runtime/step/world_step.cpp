@@ -32,9 +32,12 @@ constexpr double kLargeTurn = 0.1;
 constexpr float kShortestPass = 1e-5F;
 
 // Passes of this length or longer, s, are too few for clusters to pass a correction on to one another: a free part goes
-// back as one as soon as it is so far, in radii of gyration, from its rest shape.
+// back as one as soon as it is so far, in radii of gyration, from its rest shape. So does one of uneven masses.
 constexpr float kFewPasses = 0.02F;
 constexpr double kHardlyAstray = 0.005;
+
+// Move of a held part within one pass from which its centre is found anew, diagonals.
+constexpr double kFastMove = 0.1;
 
 // Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
 // clusters would creep back.
@@ -235,9 +238,9 @@ class BodyStep {
         const ClusterBlock& block = body_.blocks[c / 8];
         lost |= block.lost[c % 8] != 0 || block.limited[c % 8] != 0;
       }
-      const bool few_passes = h_ >= kFewPasses && part.cluster_count > 1;
-      if (!lost && !few_passes) continue;
-      findPose(part, few_passes ? kHardlyAstray : kAstray);
+      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven);
+      if (!lost && !as_one) continue;
+      findPose(part, as_one ? kHardlyAstray : kAstray);
       for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
         matchAndAsk(b);
       }
@@ -331,6 +334,10 @@ class BodyStep {
     for (Part& part : body_.parts) {
       part.reference = part.found.center;
       part.moving = part.wanted.velocity;
+      // The centre of a held part is that of its supports too; of a fast one that is too far off once it is let go.
+      if (!part.free && part.moving.norm() * double(h_) > kFastMove * double(body_.package().info().diagonal)) {
+        body_.findCenter(part);
+      }
     }
   }
 

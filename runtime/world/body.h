@@ -55,6 +55,7 @@ struct Part {
   RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
   double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
+  bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
@@ -74,6 +75,8 @@ struct Body {
   void reset();
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
   void matchPositions();
+  /// Sets a part's reference to its centre of mass, from y and v.
+  void findCenter(Part& part) const;
   /// Where its clusters last wanted a physical vertex: Σ share g, metres.
   Vector3 blendedGoal(std::uint32_t vertex) const;
 

@@ -123,6 +123,7 @@ BodyMotion BodyMeasure::motion(const World& world, BodyId body) const {
     m.momentum += mass * wide(v[i]);
     m.momentum_scale += mass * wide(v[i]).norm();
     m.reach = std::max(m.reach, wide(x[i]).cwiseAbs().maxCoeff());
+    m.fastest = std::max(m.fastest, wide(v[i]).norm());
   }
   m.center /= m.mass;
   const Vector3d mean = m.momentum / m.mass;

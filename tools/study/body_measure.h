@@ -22,6 +22,7 @@ struct BodyMotion {
   double kinetic = 0;                                  ///< of the motion about the centre, J
   double spin = 0;                                     ///< angular speed of the rigid part, rad/s
   double reach = 0;                                    ///< largest coordinate, metres: what positions are rounded to
+  double fastest = 0;                                  ///< largest speed, m/s
   double extent = 0;                                   ///< largest distance from the centre, metres
   bool finite = true;
 };

@@ -52,10 +52,11 @@ constexpr std::array kMassRatios = {1.0, 1e3, 1e6};
 constexpr std::array<std::uint32_t, 3> kPasses = {1, 4, 16};
 
 // ---- limits (docs/stability.md) ----
-constexpr double kShapeLimit = 1e-3;     // diagonals
-constexpr double kMomentumLimit = 1e-4;  // of Σ m |v| (linear), Σ m |d| |v| (angular)
-constexpr double kEnergyLimit = 2;       // times the least since the release
-constexpr double kReturnSeconds = 2;     // of simulated time
+constexpr double kShapeLimit = 1e-3;      // diagonals
+constexpr double kMomentumLimit = 1e-4;   // of Σ m |v| (linear), Σ m |d| |v| (angular)
+constexpr double kEnergyLimit = 2;        // times the least since the release
+constexpr double kEnergyUnjudged = 1e-3;  // of the energy at the release: less is not judged
+constexpr double kReturnSeconds = 2;      // of simulated time
 constexpr double kReturnPeriods = 5;
 constexpr double kBeforeSeconds = 0.5;  // pinned or pressed
 constexpr float kBrake = 20;            // 1/s: air that stops a spin
@@ -318,6 +319,7 @@ class CellRun {
     angular_scale_ = before_.angular_scale;
     // What the start may turn into motion: its speed, its elastic energy, and what matching sets free at once.
     energy_ = before_.kinetic + measure_.potential(world_, body_, pass_seconds_);
+    released_energy_ = energy_;
     energy_ *= kEnergyLimit;
     // Sums are rounded relative to the fastest motion there may be, which a step can hide.
     const double released = std::sqrt(2 * energy_ * before_.mass);
@@ -362,7 +364,7 @@ class CellRun {
     momentum_scale_ = std::max(momentum_scale_, now.momentum_scale);
     angular_scale_ = std::max(angular_scale_, now.angular_scale);
     // Positions are rounded to a part of their distance from the origin; a step turns that into speed.
-    const double rounding = kUlp * (now.reach + now.extent);
+    const double rounding = kUlp * (now.reach + now.extent + now.fastest * pass_seconds_);
     const double rounding_speed = rounding / pass_seconds_;
     const double p = (now.momentum - before_.momentum).norm();
     const double l = (now.angular - before_.angular).norm();
@@ -380,7 +382,9 @@ class CellRun {
       printf("  n %u K %.4g E %.4g lim %.4g floor %.3g p %.3g/%.3g l %.3g/%.3g spin %.3g rest %.3g reach %.3g\n",
              unsigned(passes_since_release_), now.kinetic, energy - now.kinetic, energy_, floor, p, p_limit, l, l_limit,
              now.spin, measure_.restError(world_, body_), now.reach);
-    if (energy > floor) result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor));
+    if (energy > floor) {
+      result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor + kEnergyUnjudged * released_energy_));
+    }
     energy_ = std::min(energy_, energy * kEnergyLimit);
   }
 
@@ -422,6 +426,7 @@ class CellRun {
   BodyMotion before_;
   double momentum_scale_ = 0, angular_scale_ = 0;
   double energy_ = 0;  // what kinetic + elastic energy may not exceed
+  double released_energy_ = 0;
   double pass_seconds_ = 0;
   double passes_since_release_ = 0;
   bool measuring_ = true;
