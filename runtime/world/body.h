@@ -73,9 +73,13 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< near the part; sums are taken about it
-  MotionSums before;                                    ///< of the predicted motion: its momentum is to stay
+  /// Centre of mass and its velocity (near them while the part is held): sums are taken about this moving point.
+  Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
+  MotionSums before;          ///< of the predicted motion: its momentum is to stay
+  RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
+  double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
+  bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
@@ -95,6 +99,8 @@ struct Body {
   void reset();
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
   void matchPositions();
+  /// Sets a part's reference to its centre of mass, from y and v.
+  void findCenter(Part& part) const;
   /// Where its clusters last wanted a physical vertex: Σ share g, metres.
   Vector3 blendedGoal(std::uint32_t vertex) const;
 

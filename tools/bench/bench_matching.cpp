@@ -65,7 +65,7 @@ double disagreement(LatticeOptions lattice, double frequency_hz, float kept) {
   settings.gravity = {0, 0, 0};
   settings.iterations = 1;
   settings.damping = 0;
-  settings.deformation_damping = 0;
+  settings.deformation_damping_ratio = settings.support_damping = 0;
   World world(settings);
   const auto id = world.addBody(body.asset);
   const MovingState state = movingState(*body.asset);
