@@ -42,7 +42,8 @@ Matrix3 visualCofactor(const Body& body, std::uint32_t vertex) {
     const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[vertex];
     const Vector3 rest = asVector(package.visualPositions()[vertex]);
     for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
-      sum += use.weight * cofactor(clusterGradient(package.clusters()[use.cluster], body.frames[use.cluster], rest));
+      sum += use.weight *
+             cofactor(clusterGradient(package.clusters()[use.cluster], loadFrame(body.blocks, use.cluster), rest));
     }
   }
   return sum;
@@ -75,7 +76,7 @@ Vector3 attachedPosition(const Body& body, std::uint32_t vertex, std::span<const
     Vector3 sum = Vector3::Zero();
     for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
       sum += use.weight * clusterGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster],
-                                      body.frames[use.cluster], rest);
+                                      loadFrame(body.blocks, use.cluster), rest);
     }
     return sum;
   }
@@ -88,7 +89,8 @@ void updateCofactors(const Body& body, std::uint32_t begin, std::uint32_t end) {
     const Vector3 rest = asVector(package.physicalVertices()[i].rest_position);
     Matrix3 gradient = Matrix3::Zero();
     for (const ClusterUse& use : body.rest().usesOf(i)) {
-      gradient += use.share * clusterGradient(package.clusters()[use.cluster], body.frames[use.cluster], rest);
+      gradient +=
+          use.share * clusterGradient(package.clusters()[use.cluster], loadFrame(body.blocks, use.cluster), rest);
     }
     body.cofactors[i] = cofactor(gradient);
   }

@@ -4,25 +4,15 @@
 #include <span>
 
 #include "runtime/clusters/frame.h"
-#include "runtime/clusters/stiffness.h"
 #include "runtime/load/rest_constants.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
 
-/// Least and largest stretch a cluster's goal may have along any direction. Not authored limits but a guard: what is
-/// squashed or mirrored past it comes back on the right side.
-inline constexpr float kLeastStretch = 0.1F;
-inline constexpr float kLargestStretch = 3.0F;
-
-/// Rotation of a body part from its clusters' moments, into ClusterFrame::part_rotation of each: what a cluster falls
+/// Rotation of a body part from its clusters' moments, into ClusterBlock::part_rotation of each: what a cluster falls
 /// back to that has lost its own. \param first, count the part's clusters.
 void updatePartRotation(const formats::PackageView& package, std::uint32_t first, std::uint32_t count,
-                        std::span<ClusterFrame> frames);
-
-/// R, then F, from the frame's moments (docs/method.md eq. 3, 5, 8, 10, 11).
-void updateFrame(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
-                 ClusterFrame& frame);
+                        std::span<ClusterBlock> blocks);
 
 /// g of eq. 4: where the cluster wants the point with rest position X. Metres, world.
 inline Vector3 clusterGoal(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterFrame& frame,

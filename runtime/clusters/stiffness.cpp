@@ -102,4 +102,25 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   return result;
 }
 
+StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_scale)
+    : scale(stiffness_scale), clusters(package.clusters().size()), blocks((clusters.size() + 7) / 8) {}
+
+void StiffnessSet::update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds) {
+  if (step_seconds == pass_seconds) return;
+  step_seconds = pass_seconds;
+  for (std::uint32_t c = 0; c < clusters.size(); ++c) {
+    clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
+    const ClusterStiffness& stiffness = clusters[c];
+    StiffnessBlock& block = blocks[c / 8];
+    const std::uint32_t lane = c % 8;
+    int k = 0;
+    for (int row = 0; row < 9; ++row) {
+      for (int column = 0; column <= row; ++column) block.s[k++][lane] = stiffness.s(row, column);
+    }
+    block.alpha[lane] = stiffness.alpha;
+    block.deforms[lane] = stiffness.deforms ? -1 : 0;
+    block.mixes[lane] = stiffness.mixes_classes ? -1 : 0;
+  }
+}
+
 }  // namespace sinew::internal

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <vector>
+
 #include "runtime/clusters/algebra.h"
+#include "runtime/kernels/layout.h"
 #include "runtime/load/rest_constants.h"
 #include "sinew/formats/package.h"
 
@@ -20,5 +23,19 @@ float keptDeformation(float frequency_hz, float step_seconds);
 
 ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
                                   float stiffness_scale, float step_seconds);
+
+/// The stiffness of all clusters of a package for one length of pass; bodies with the same scale share it.
+struct StiffnessSet {
+  /// \param scale multiplies all frequencies, 0..
+  StiffnessSet(const formats::PackageView& package, float scale);
+
+  /// Computes it for another length of pass; does not allocate.
+  void update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds);
+
+  float scale;
+  float step_seconds = 0;  ///< pass length it holds for; 0 = none yet
+  std::vector<ClusterStiffness> clusters;
+  std::vector<StiffnessBlock> blocks;  ///< the same for kernels
+};
 
 }  // namespace sinew::internal

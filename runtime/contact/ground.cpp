@@ -15,15 +15,17 @@ constexpr float kRecoverySpeed = 1.0F;
 
 }  // namespace
 
+float recoveryHeight(float diagonal, float pass_seconds) { return kRecoverySpeed * diagonal * pass_seconds; }
+
 float reachableHeight(float height, float diagonal, float pass_seconds) {
-  return height >= 0 ? 0.0F : std::min(0.0F, height + kRecoverySpeed * diagonal * pass_seconds);
+  return height >= 0 ? 0.0F : std::min(0.0F, height + recoveryHeight(diagonal, pass_seconds));
 }
 
 void addGroundRows(Body& body, const GroundPlane& ground, float pass_seconds) {
   const float diagonal = body.package().info().diagonal;
   const float margin = kMargin * diagonal;
   const Vector3 normal = asVector(ground.normal);
-  for (std::uint32_t i = 0; i < body.x.size(); ++i) {
+  for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
     if (body.pinned[i] != 0) continue;
     const Vector3 x = asVector(body.x[i]);
     const float predicted = heightAbove(ground, asVector(body.y[i]));

@@ -14,6 +14,9 @@ inline float heightAbove(const GroundPlane& ground, const Vector3& point) {
 /// deeper, so that it comes out at a bounded speed instead of being shot out.
 float reachableHeight(float height, float diagonal, float pass_seconds);
 
+/// How far what starts inside may come out in one pass, metres.
+float recoveryHeight(float diagonal, float pass_seconds);
+
 /// Appends a row for each vertex that would touch the ground in this pass; drops the remembered force of the others.
 void addGroundRows(Body& body, const GroundPlane& ground, float pass_seconds);
 

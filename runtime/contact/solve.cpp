@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "runtime/clusters/goal.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
@@ -99,9 +100,9 @@ void push(Body& body, const Row& row, const Vector3& impulse) {
     const ClusterRest& rest = body.rest().clusters[c];
     const Vector3 part = coefficient * impulse;
     if (cluster.mode == formats::ClusterMode::quadratic) {
-      push<9>(cluster, rest, body.stiffness[c], body.responses[c], part, position, body.frames[c]);
+      push<9>(cluster, rest, body.stiffness->clusters[c], body.responses[c], part, position, body.frames[c]);
     } else {
-      push<3>(cluster, rest, body.stiffness[c], body.responses[c], part, position, body.frames[c]);
+      push<3>(cluster, rest, body.stiffness->clusters[c], body.responses[c], part, position, body.frames[c]);
     }
   });
 }
@@ -156,11 +157,12 @@ Matrix3 ownResponse(const Body& body, const Row& row) {
     if (cluster.mode == formats::ClusterMode::quadratic) {
       const Monomials<9> monomial = monomials<9>(q) - rest.mean;
       lever = cluster.radius * (response.lever * monomial);
-      if (body.stiffness[c].deforms) deformation = monomial.dot(body.stiffness[c].s * monomial);
+      if (body.stiffness->clusters[c].deforms) deformation = monomial.dot(body.stiffness->clusters[c].s * monomial);
     } else {
       const Vector3 monomial = q - rest.mean.head<3>();
       lever = cluster.radius * (response.lever.leftCols<3>() * monomial);
-      if (body.stiffness[c].deforms) deformation = monomial.dot(body.stiffness[c].s.topLeftCorner<3, 3>() * monomial);
+      if (body.stiffness->clusters[c].deforms)
+        deformation = monomial.dot(body.stiffness->clusters[c].s.topLeftCorner<3, 3>() * monomial);
     }
     const Matrix3 turning = crossMatrix(lever) * response.inertia_inverse * crossMatrix(arm).transpose();
     w += coefficient * coefficient *
@@ -212,9 +214,41 @@ float relax(Body& body, Row& row) {
   return row.kind == RowKind::contact ? change.norm() * row.normal_response : error.norm();
 }
 
+// Visits the clusters that some row reaches.
+template <class Visit>
+void forEachUsedCluster(const Body& body, const Visit& visit) {
+  for (std::uint32_t c = 0; c < body.responses.size(); ++c) {
+    if (body.responses[c].used) visit(c);
+  }
+}
+
+void loadUsedFrames(Body& body) {
+  forEachUsedCluster(body, [&](std::uint32_t c) { body.frames[c] = loadFrame(body.blocks, c); });
+}
+void storeUsedFrames(Body& body) {
+  forEachUsedCluster(body, [&](std::uint32_t c) { storeFrame(body.frames[c], body.blocks, c); });
+}
+
+// Matches the clusters again that rows reach (and those that share a block with one: from the same moments, to the
+// same end).
+void matchUsedBlocks(Body& body) {
+  const Kernels& kernel = kernels();
+  const std::uint32_t count = body.clusterCount();
+  for (std::uint32_t b = 0; 8 * b < count; ++b) {
+    bool used = false;
+    for (std::uint32_t c = 8 * b; c < std::min(count, 8 * b + 8); ++c) used |= body.responses[c].used;
+    if (used) kernel.match(body.rest().blocks[b], body.stiffness->blocks[b], body.blocks[b]);
+  }
+}
+
 }  // namespace
 
 void warmStartRows(Body& body) {
+  for (ClusterResponse& response : body.responses) response.used = false;
+  for (const Row& row : body.rows) {
+    forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
+  }
+  loadUsedFrames(body);
   for (const Row& row : body.rows) {
     if (row.impulse.isZero(0)) continue;
     forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
@@ -222,21 +256,13 @@ void warmStartRows(Body& body) {
                   body.frames[c]);
     });
   }
+  storeUsedFrames(body);
 }
 
 void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings) {
-  const formats::PackageView& package = body.package();
-  for (ClusterResponse& response : body.responses) response.used = false;
-  for (const Row& row : body.rows) {
-    forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
-  }
-  const auto for_each_used_cluster = [&](const auto& visit) {
-    for (std::uint32_t c = 0; c < body.responses.size(); ++c) {
-      if (body.responses[c].used) visit(c);
-    }
-  };
-  for_each_used_cluster([&](std::uint32_t c) {
-    updateResponse(package.clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c],
+  loadUsedFrames(body);
+  forEachUsedCluster(body, [&](std::uint32_t c) {
+    updateResponse(body.package().clusters()[c], body.rest().clusters[c], body.stiffness->clusters[c], body.frames[c],
                    body.responses[c]);
   });
   for (Row& row : body.rows) prepareRow(body, row, pass_seconds);
@@ -247,9 +273,9 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
       for (Row& row : body.rows) moved = std::max(moved, relax(body, row));
       if (moved < settings.tolerance) break;
     }
-    for_each_used_cluster([&](std::uint32_t c) {
-      updateFrame(package.clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c]);
-    });
+    storeUsedFrames(body);
+    matchUsedBlocks(body);
+    loadUsedFrames(body);
   }
 
   const float to_force = 1.0F / (pass_seconds * pass_seconds);

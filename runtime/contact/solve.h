@@ -12,11 +12,11 @@ struct RowSolverSettings {
   float tolerance = 1e-6F;   ///< a sweep that moves no point further than this (metres) is the last of its round
 };
 
-/// Adds the rows' remembered impulses to the clusters' moments. Call between accumulateMoments and updateFrame.
+/// Adds the rows' remembered impulses to the clusters' moments. Call between moments and match.
 void warmStartRows(Body& body);
 
-/// Finds the impulses with which the goals of the clusters satisfy the rows, adds them to the moments and updates the
-/// frames; leaves the forces in Body::force and Pick::force for the next pass. Needs updated frames.
+/// Finds the impulses with which the goals of the clusters satisfy the rows, adds them to the moments and matches
+/// again; leaves the forces in Body::force and Pick::force for the next pass. Needs matched clusters.
 void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings);
 
 }  // namespace sinew::internal

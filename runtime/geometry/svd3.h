@@ -14,9 +14,11 @@ struct RotationSvd {
 };
 
 /// Rotation-variant singular value decomposition (Irving et al. 2004, §5): the sign of a reflection goes into the
-/// smallest singular value instead of into u or v. In double inside; for finite input of any rank and scale.
+/// smallest singular value instead of into u or v. In double inside; for finite input of any rank and scale (zero for
+/// any other).
 inline RotationSvd rotationSvd(const Eigen::Matrix3f& a) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(a.cast<double>(), Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (svd.info() != Eigen::Success) return {Eigen::Matrix3f::Identity(), Eigen::Matrix3f::Identity(), {0, 0, 0}};
   Eigen::Matrix3d u = svd.matrixU(), v = svd.matrixV();
   Eigen::Vector3d sigma = svd.singularValues();
   if (u.determinant() < 0) {

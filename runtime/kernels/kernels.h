@@ -38,9 +38,9 @@ struct VertexRange {
 
 struct PredictArguments {
   VertexRange vertices;
-  float h;            ///< pass length, s
-  float kick[3];      ///< velocity that forces on all vertices add, m/s
-  float kept;         ///< part of the velocity that the air leaves
+  float h;             ///< pass length, s
+  float kick[3];       ///< velocity that forces on all vertices add, m/s
+  float kept;          ///< part of the velocity that the air leaves
   float reference[3];  ///< of the sums
   /// Called for each vertex whose state is not usable; has to mend x and v.
   void (*repair)(void* context, std::uint32_t vertex);
@@ -57,9 +57,9 @@ struct ApplyArguments {
   bool ground;
   float normal[3];
   float offset;
-  float recovery;      ///< metres that what starts below the ground may rise in this pass
+  float recovery;  ///< metres that what starts below the ground may rise in this pass
   float reference[3];
-  MotionLanes* sums;   ///< of v at y; null: not wanted yet
+  MotionLanes* sums;  ///< of v at y; null: not wanted yet
 };
 
 struct SumArguments {
@@ -75,11 +75,11 @@ struct SumArguments {
 struct SettleArguments {
   VertexRange vertices;
   float h;
-  bool free;             ///< x follows the corrected velocity; else x = y
-  MotionOf3 found;       ///< rigid motion of the part as it is
-  MotionOf3 wanted;      ///< and as it has to be
-  MotionOf3 moved_as;    ///< for the positions
-  float kept;            ///< part of the motion beyond the rigid one that inner friction leaves
+  bool free;                 ///< x follows the corrected velocity; else x = y
+  MotionOf3 found;           ///< rigid motion of the part as it is
+  MotionOf3 wanted;          ///< and as it has to be
+  MotionOf3 moved_as;        ///< for the positions
+  float kept;                ///< part of the motion beyond the rigid one that inner friction leaves
   const float* vertex_kept;  ///< null, or factors on `kept` by vertex from `begin` on
 };
 

@@ -40,19 +40,19 @@ struct Float8 {
 struct Int8 {
   Int4 low, high;
 };
-#define SINEW_LANES_OPERATOR(op)                                                                                       \
-  SINEW_INLINE Float8 operator op(Float8 a, Float8 b) { return {a.low op b.low, a.high op b.high}; }                   \
-  SINEW_INLINE Float8 operator op(Float8 a, float b) { return {a.low op b, a.high op b}; }                             \
-  SINEW_INLINE Float8 operator op(float a, Float8 b) { return {a op b.low, a op b.high}; }                             \
-  SINEW_INLINE Float8& operator op##=(Float8& a, Float8 b) { return a = a op b; }                                      \
+#define SINEW_LANES_OPERATOR(op)                                                                     \
+  SINEW_INLINE Float8 operator op(Float8 a, Float8 b) { return {a.low op b.low, a.high op b.high}; } \
+  SINEW_INLINE Float8 operator op(Float8 a, float b) { return {a.low op b, a.high op b}; }           \
+  SINEW_INLINE Float8 operator op(float a, Float8 b) { return {a op b.low, a op b.high}; }           \
+  SINEW_INLINE Float8& operator op##=(Float8& a, Float8 b) { return a = a op b; }                    \
   SINEW_INLINE Float8& operator op##=(Float8& a, float b) { return a = a op b; }
 SINEW_LANES_OPERATOR(+)
 SINEW_LANES_OPERATOR(-)
 SINEW_LANES_OPERATOR(*)
 SINEW_LANES_OPERATOR(/)
 #undef SINEW_LANES_OPERATOR
-#define SINEW_LANES_COMPARISON(op)                                                                                     \
-  SINEW_INLINE Int8 operator op(Float8 a, Float8 b) { return {Int4(a.low op b.low), Int4(a.high op b.high)}; }         \
+#define SINEW_LANES_COMPARISON(op)                                                                             \
+  SINEW_INLINE Int8 operator op(Float8 a, Float8 b) { return {Int4(a.low op b.low), Int4(a.high op b.high)}; } \
   SINEW_INLINE Int8 operator op(Float8 a, float b) { return a op Float8{Float4{} + b, Float4{} + b}; }
 SINEW_LANES_COMPARISON(<)
 SINEW_LANES_COMPARISON(<=)
@@ -61,8 +61,8 @@ SINEW_LANES_COMPARISON(>=)
 SINEW_LANES_COMPARISON(==)
 SINEW_LANES_COMPARISON(!=)
 #undef SINEW_LANES_COMPARISON
-#define SINEW_LANES_BITS(op)                                                                                           \
-  SINEW_INLINE Int8 operator op(Int8 a, Int8 b) { return {a.low op b.low, a.high op b.high}; }                         \
+#define SINEW_LANES_BITS(op)                                                                   \
+  SINEW_INLINE Int8 operator op(Int8 a, Int8 b) { return {a.low op b.low, a.high op b.high}; } \
   SINEW_INLINE Int8& operator op##=(Int8& a, Int8 b) { return a = a op b; }
 SINEW_LANES_BITS(&)
 SINEW_LANES_BITS(|)

@@ -29,9 +29,9 @@ struct alignas(32) ClusterBlock {
 
 /// Rest-shape constants of eight clusters.
 struct alignas(32) ClusterRestBlock {
-  float mean[9][8];     ///< Σ mu q~ as floats evaluate it: subtracting it keeps goals centred to rounding
-  float moment[27][8];  ///< M = Σ mu q q~^T, what A_pq is at rest
-  float radius[8];      ///< metres; 1 in a lane without a cluster
+  float mean[9][8];              ///< Σ mu q~ as floats evaluate it: subtracting it keeps goals centred to rounding
+  float moment[27][8];           ///< M = Σ mu q q~^T, what A_pq is at rest
+  float radius[8];               ///< metres; 1 in a lane without a cluster
   std::uint32_t first_block[8];  ///< into the member blocks
   std::uint32_t block_count[8];  ///< 0 in a lane without a cluster
   std::uint32_t quadratic;       ///< not 0: some cluster of the eight is
@@ -40,8 +40,8 @@ struct alignas(32) ClusterRestBlock {
 
 /// What stiffness means for one length of pass, of eight clusters.
 struct alignas(32) StiffnessBlock {
-  float s[45][8];  ///< S of F = [R 0] + (A_pq - R M) S: symmetric, lower triangle row by row; zero where rigid
-  float alpha[8];  ///< alpha_h: how much of the way to the goal a vertex goes
+  float s[45][8];           ///< S of F = [R 0] + (A_pq - R M) S: symmetric, lower triangle row by row; zero where rigid
+  float alpha[8];           ///< alpha_h: how much of the way to the goal a vertex goes
   std::int32_t deforms[8];  ///< -1: S is not zero
   std::int32_t mixes[8];    ///< -1: classes of modes differ in stiffness, so F needs its torque removed
 };

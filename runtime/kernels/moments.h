@@ -23,8 +23,8 @@ constexpr std::uint32_t kTile = 16;  // member blocks whose mu p stay at hand be
 /// Σ mu (y - reference) into sums[0..2] and Σ mu (y - reference) q~^T, column by column, into sums[3..].
 /// Three sweeps, so that each keeps its accumulators in registers.
 template <bool quadratic>
-SINEW_INLINE void sumMoments(const MemberBlock* blocks, std::uint32_t count, const float* y, const float (&reference)[3],
-                             const float (&mean)[9], Float8 (&sums)[32]) {
+SINEW_INLINE void sumMoments(const MemberBlock* blocks, std::uint32_t count, const float* y,
+                             const float (&reference)[3], const float (&mean)[9], Float8 (&sums)[32]) {
   for (Float8& sum : sums) sum = Float8{};
   const Vec3Of<Float8> origin = {splat<Float8>(reference[0]), splat<Float8>(reference[1]), splat<Float8>(reference[2])};
   Float8 mp[kTile][3];
@@ -71,7 +71,7 @@ SINEW_INLINE void moments(const ClusterRestBlock& rest, const MemberBlock* membe
                           ClusterBlock& state) {
   constexpr int kSums = quadratic ? 30 : 12, kGroups = (kSums + 7) / 8;
   // By cluster, then transposed to lanes.
-  Float8 rows[kGroups][8];
+  Float8 rows[std::uint32_t(kGroups)][8];
   float references[3][8];
   for (std::uint32_t lane = 0; lane < 8; ++lane) {
     const std::uint32_t count = rest.block_count[lane];

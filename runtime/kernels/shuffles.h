@@ -89,7 +89,8 @@ SINEW_INLINE Vec3Of<Float8> loadTriples(const float* p) {
     const Float4 a = load4(p), b = load4(p + 4), c = load4(p + 8);
     const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
     const Float4 yz = SINEW_SHUFFLE(a, b, 1, 2, 4, 5);  // y0 z0 y1 z1
-    part[half] = {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7), SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
+    part[half] = {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7),
+                  SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
   }
   return {joined(part[0].x, part[1].x), joined(part[0].y, part[1].y), joined(part[0].z, part[1].z)};
 #endif
@@ -107,7 +108,7 @@ SINEW_INLINE void storeTriples(float* p, const Vec3Of<Float8>& v) {
     const Float4 x = half == 0 ? lowHalf(v.x) : highHalf(v.x), y = half == 0 ? lowHalf(v.y) : highHalf(v.y),
                  z = half == 0 ? lowHalf(v.z) : highHalf(v.z);
     const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5), zx = SINEW_SHUFFLE(z, x, 0, 5, 2, 7),
-                 yz = SINEW_SHUFFLE(y, z, 1, 5, 3, 7);  // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3
+                 yz = SINEW_SHUFFLE(y, z, 1, 5, 3, 7);   // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3
     const Float4 xy2 = SINEW_SHUFFLE(x, y, 2, 6, 3, 7);  // x2 y2 x3 y3
     store4(p, SINEW_SHUFFLE(xy, zx, 0, 1, 4, 5));
     store4(p + 4, SINEW_SHUFFLE(yz, xy2, 0, 1, 4, 5));

@@ -92,7 +92,8 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
     for (std::uint32_t lane = 0; lane < count; ++lane) {
       Float4 sum = {};
       const std::uint32_t end = a.first_use[i + lane + 1];
-      for (std::uint32_t u = a.first_use[i + lane]; u < end; ++u) sum += load4(a.slots + 4 * std::uint64_t(a.use_slot[u]));
+      for (std::uint32_t u = a.first_use[i + lane]; u < end; ++u)
+        sum += load4(a.slots + 4 * std::uint64_t(a.use_slot[u]));
       moves[lane] = sum;
     }
     Vec3Of<Float8> moved = toLanes(moves);
@@ -101,13 +102,11 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
       // Rows hold the clusters up; what a vertex keeps of its own below the surface is taken here.
       const Float8 below = dot(normal, start + moved) - a.offset;
       const Float8 height = dot(normal, loadTriples(r.x + 3 * std::uint64_t(i), count)) - a.offset;
-      const Float8 least =
-          select(height >= 0.0F, Float8{}, smaller(height + splat<Float8>(a.recovery), Float8{}));
+      const Float8 least = select(height >= 0.0F, Float8{}, smaller(height + splat<Float8>(a.recovery), Float8{}));
       moved = moved + select(below < least, least - below, Float8{}) * normal;
     }
     // v = (y - x) / h, but from the move: far from the origin the rounding of positions must not become speed.
-    const Vec3Of<Float8> v =
-        loadTriples(r.v + 3 * std::uint64_t(i), count) + splat<Float8>(a.inverse_h) * moved;
+    const Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count) + splat<Float8>(a.inverse_h) * moved;
     const Vec3Of<Float8> y = start + moved;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);

@@ -60,6 +60,42 @@ double gyrationRadius(const formats::PackageView& package, const formats::BodyRa
   return std::sqrt(std::max(0.0, second / mass - (first / mass).squaredNorm()));
 }
 
+void makeBlocks(const formats::PackageView& package, RestConstants& result) {
+  const auto clusters = package.clusters();
+  const auto vertices = package.physicalVertices();
+  result.masses.reserve(vertices.size());
+  for (const formats::PhysicalVertex& vertex : vertices) result.masses.push_back(vertex.mass);
+  result.blocks.resize((clusters.size() + 7) / 8, ClusterRestBlock{});
+  for (ClusterRestBlock& block : result.blocks) std::fill(std::begin(block.radius), std::end(block.radius), 1.0F);
+  result.use_slots.resize(package.memberships().size());
+  std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    const formats::Cluster& cluster = clusters[c];
+    const ClusterRest& rest = result.clusters[c];
+    ClusterRestBlock& block = result.blocks[c / 8];
+    const std::size_t lane = c % 8;
+    for (std::size_t k = 0; k < 9; ++k) block.mean[k][lane] = rest.mean[Eigen::Index(k)];
+    for (std::size_t k = 0; k < 27; ++k) block.moment[k][lane] = rest.moment.data()[k];
+    block.radius[lane] = cluster.radius;
+    block.first_block[lane] = std::uint32_t(result.members.size());
+    block.block_count[lane] = (cluster.member_count + 7) / 8;
+    if (cluster.mode == formats::ClusterMode::quadratic) block.quadratic = 1;
+    const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+    for (std::size_t m = 0; m < 8 * std::size_t(block.block_count[lane]); ++m) {
+      if (m % 8 == 0) result.members.emplace_back();
+      MemberBlock& eight = result.members.back();
+      const bool real = m < members.size();
+      const formats::Membership& member = real ? members[m] : members.back();
+      const Vector3 q = restOffset(cluster, asVector(vertices[member.vertex].rest_position));
+      eight.vertex[m % 8] = member.vertex;
+      eight.mu[m % 8] = real ? member.mu : 0.0F;
+      eight.share[m % 8] = real ? member.share : 0.0F;
+      for (int k = 0; k < 3; ++k) eight.q[k][m % 8] = q[k];
+      if (real) result.use_slots[next[member.vertex]++] = std::uint32_t(8 * (result.members.size() - 1) + m % 8);
+    }
+  }
+}
+
 }  // namespace
 
 RestConstants makeRestConstants(const formats::PackageView& package) {
@@ -95,6 +131,7 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
       result.uses[next[member.vertex]++] = {std::uint32_t(c), member.share};
     }
   }
+  makeBlocks(package, result);
   return result;
 }
 

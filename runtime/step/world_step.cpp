@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: MIT
 //
-// One step of the world. This file alone knows the order of phases; each phase is a function of the file that its
-// section of docs/method.md names.
+// One step of the world. This file alone knows the order of phases; each phase is a kernel or a function of the file
+// that its section of docs/method.md names.
 #include "runtime/step/world_step.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "runtime/clusters/goal.h"
-#include "runtime/clusters/moments.h"
 #include "runtime/clusters/pins.h"
 #include "runtime/contact/ground.h"
 #include "runtime/contact/solve.h"
 #include "runtime/interact/pick.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
@@ -20,246 +21,359 @@ namespace {
 // Weight of a support in the rigid motion of its part, in masses of the part.
 constexpr double kAnchorMass = 10;
 
-constexpr std::uint32_t kVerticesPerChunk = 512;
-constexpr std::uint32_t kMembersPerChunk = 1024;
+// A turn within one pass that the rounding of a match may cause, radians.
+constexpr double kRoundingTurn = 2e-7;
 
-// Runs work(element) over a list, in parallel where there is a job system. Only a reference is captured, which
+// Bodies with at least so many chunks of vertices are worth several jobs; the others are a job each.
+constexpr std::size_t kLargeBody = 8;
+
+// Runs work(begin, end) over 0..count, in parallel where there is a job system. Only a reference is captured, which
 // std::function stores in place: no allocation.
-template <class Element, class Work>
-void forEach(JobSystem* jobs, std::vector<Element>& list, const Work& work) {
-  if (jobs == nullptr) {
-    for (Element& element : list) work(element);
+template <class Work>
+void forRange(JobSystem* jobs, std::size_t count, std::uint32_t grain, const Work& work) {
+  if (jobs == nullptr || count <= grain) {
+    work(0U, std::uint32_t(count));
     return;
   }
-  struct Context {
-    std::vector<Element>& list;
-    const Work& work;
-  } context{list, work};
-  jobs->parallelFor(std::uint32_t(list.size()), 1, [&context](std::uint32_t begin, std::uint32_t end) {
-    for (std::uint32_t i = begin; i < end; ++i) context.work(context.list[i]);
-  });
+  jobs->parallelFor(std::uint32_t(count), grain, [&work](std::uint32_t begin, std::uint32_t end) { work(begin, end); });
 }
 
-// Adds the time since the last call to a phase.
+// Adds the time since the last call to a phase; does nothing without a place for it.
 class PhaseClock {
  public:
-  explicit PhaseClock(std::array<World::Phase, kStepPhaseCount>& phases) : phases_(phases) {}
+  explicit PhaseClock(StepTimes* times) : times_(times) {
+    if (times_ != nullptr) last_ = std::chrono::steady_clock::now();
+  }
   void finish(StepPhase phase) {
+    if (times_ == nullptr) return;
     const auto now = std::chrono::steady_clock::now();
-    phases_[phase].milliseconds += std::chrono::duration<double, std::milli>(now - last_).count();
+    (*times_)[phase] += std::chrono::duration<double, std::milli>(now - last_).count();
     last_ = now;
   }
 
  private:
-  std::array<World::Phase, kStepPhaseCount>& phases_;
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+  StepTimes* times_;
+  std::chrono::steady_clock::time_point last_;
 };
 
-void updateStiffness(Body& body, float pass_seconds) {
-  if (body.stiffness_step == pass_seconds) return;
-  for (std::uint32_t c = 0; c < body.stiffness.size(); ++c) {
-    body.stiffness[c] = clusterStiffness(body.package(), body.rest(), c, body.settings.stiffness_scale, pass_seconds);
-  }
-  body.stiffness_step = pass_seconds;
-}
+// One body's passes of one step.
+class BodyStep {
+ public:
+  BodyStep(Body& body, const WorldSettings& settings, JobSystem* jobs, float pass_seconds, StepTimes* times)
+      : body_(body),
+        rest_(body.rest()),
+        settings_(settings),
+        jobs_(jobs),
+        h_(pass_seconds),
+        kept_(std::exp(-settings.deformation_damping * pass_seconds)),
+        clock_(times) {}
 
-void collectRows(Body& body, const WorldSettings& settings, float pass_seconds, std::uint32_t passes_left) {
-  body.rows.clear();
-  addPinRows(body, pass_seconds, passes_left);
-  if (settings.ground.enabled) addGroundRows(body, settings.ground, pass_seconds);
-  addPickRows(body, pass_seconds);
-  warmStartRows(body);
-}
+  void pass(std::uint32_t passes_left) {
+    predict();
+    clock_.finish(kPredict);
 
-bool partHasRow(const Part& part) {
-  const Body& body = *part.body;
-  if (body.rows.empty()) return false;
-  const formats::BodyRange& range = body.package().bodies()[part.index];
-  return std::any_of(body.rows.begin(), body.rows.end(), [&](const Row& row) {
-    if (row.point == RowPoint::physical_vertex) return row.index - range.first_vertex < range.vertex_count;
-    return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
-  });
-}
+    // Moments of the predicted positions: all that matching wants to know of the vertices. Nearly always nothing
+    // stands between moments and goals, and a block of clusters goes through all at once, its members still in cache.
+    const bool rows_are_possible = settings_.ground.enabled || !body_.pins.empty() || !body_.picks.empty();
+    forBlocks([&](std::uint32_t b) {
+      kernel_.moments(rest_.blocks[b], rest_.members.data(), y(), body_.blocks[b]);
+      if (!rows_are_possible) matchAndAsk(b);
+    });
+    clock_.finish(kMoments);
 
-void matchClusters(ClusterChunk& chunk) {
-  Body& body = *chunk.body;
-  for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) {
-    updateFrame(body.package().clusters()[c], body.rest().clusters[c], body.stiffness[c], body.frames[c]);
-  }
-}
-
-MotionSums partSums(const StepPlan& plan, const Part& part) {
-  MotionSums sums;
-  for (std::uint32_t i = 0; i < part.chunk_count; ++i) sums.add(plan.vertices[part.first_chunk + i].sums);
-  return sums;
-}
-
-enum class SumsOf { predicted, anchored, settled };
-
-void sumMotion(StepPlan& plan, JobSystem* jobs, SumsOf what) {
-  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
-    const Body& body = *chunk.body;
-    const Part& part = plan.parts[chunk.part];
-    const double anchor = what == SumsOf::anchored && !part.free ? kAnchorMass * part.before.mass : 0.0;
-    chunk.sums =
-        motionSums(body, what == SumsOf::settled ? body.x : body.y, chunk.begin, chunk.end, part.reference, anchor);
-  });
-}
-
-// Deformation damping about the rigid motion of each part. A part that is held or stands on something has the rigid
-// motion that its supports leave it (kAnchorMass): what it does beyond that is deformation, also a bounce on its feet.
-// Free parts get back the momentum that the pass may not have changed:
-// v = (y - x) / h is not what the match, which is free of force and torque at y, would leave (docs/method.md §5).
-void settleMotions(StepPlan& plan, JobSystem* jobs, const WorldSettings& settings, float pass_seconds) {
-  const float kept = std::exp(-settings.deformation_damping * pass_seconds);
-  sumMotion(plan, jobs, SumsOf::anchored);
-  bool any_limited = false;
-  for (Part& part : plan.parts) {
-    const MotionSums now = partSums(plan, part);
-    MotionSums wanted = now;
-    if (part.free) {
-      wanted.momentum = part.before.momentum;
-      wanted.angular = part.before.angular;
+    if (rows_are_possible) {
+      // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
+      collectRows(passes_left);
+      clock_.finish(kRows);
+      // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase
+      // and the next: what follows only asks blocks for goals.
+      if (body_.rows.empty()) {
+        forBlocks([&](std::uint32_t b) { matchAndAsk(b); });
+      } else {
+        for (const Part& part : body_.parts) {
+          updatePartRotation(body_.package(), part.first_cluster, part.cluster_count, body_.blocks);
+        }
+        forBlocks([&](std::uint32_t b) { kernel_.match(rest_.blocks[b], stiffness(b), body_.blocks[b]); });
+        clock_.finish(kMatch);
+        // Solve: impulses that make the goals satisfy the rows.
+        solveRows(body_, h_, {});
+        clock_.finish(kSolve);
+        forBlocks([&](std::uint32_t b) { ask(b); });
+      }
     }
-    part.found = rigidMotionOf(now, part.reference);
-    part.wanted = rigidMotionOf(wanted, part.reference);
-    // Soft things do not roll or swing for ever: turning on a support flexes it.
-    if (!part.free) part.wanted.omega *= double(kept);
-    part.before = wanted;
-    part.limited = false;
-    for (std::uint32_t c = 0; c < part.cluster_count; ++c) {
-      part.limited |= part.body->frames[part.first_cluster + c].limited;
-    }
-    any_limited |= part.limited;
-  }
-  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
-    const Part& part = plan.parts[chunk.part];
-    settleMotion(*chunk.body, part.found, part.wanted, part.free, kept, pass_seconds, chunk.begin, chunk.end);
-  });
-  if (!any_limited) return;
-  // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
-  sumMotion(plan, jobs, SumsOf::settled);
-  for (Part& part : plan.parts) {
-    part.limited &= part.free;
-    if (!part.limited) continue;
-    MotionSums defect = partSums(plan, part);
-    defect.momentum = part.before.momentum - defect.momentum;
-    defect.angular = part.before.angular - defect.angular;
-    part.wanted = rigidMotionOf(defect, part.reference);
-  }
-  forEach(jobs, plan.vertices, [&](VertexChunk& chunk) {
-    const Part& part = plan.parts[chunk.part];
-    if (part.limited) addRigidMotion(*chunk.body, part.wanted, chunk.begin, chunk.end);
-  });
-}
+    if (body_.rows.empty()) recoverLost();
 
-void pass(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float h, std::uint32_t passes_left,
-          PhaseClock& clock) {
+    // Goals: vertices follow their clusters; pins and ground have the last word on positions.
+    apply(passes_left);
+    clock_.finish(kGoals);
+
+    // Settle: damping, momentum, and the new positions for good.
+    settle();
+    clock_.finish(kSettle);
+  }
+
+ private:
+  template <class Work>
+  void forChunks(const Work& work) {
+    forRange(jobs_, body_.chunks.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t i = begin; i < end; ++i) work(body_.chunks[i]);
+    });
+  }
+  template <class Work>
+  void forBlocks(const Work& work) {
+    forRange(jobs_, body_.blocks.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t b = begin; b < end; ++b) work(b);
+    });
+  }
+
+  float* y() { return body_.y.data()->data(); }
+  const StiffnessBlock& stiffness(std::uint32_t b) const { return body_.stiffness->blocks[b]; }
+  VertexRange vertexRange(const VertexChunk& chunk) {
+    return {chunk.begin, chunk.end, body_.x.data()->data(), body_.v.data()->data(), y(), rest_.masses.data()};
+  }
+  static void setReference(const Part& part, float (&reference)[3]) {
+    for (int k = 0; k < 3; ++k) reference[k] = float(part.reference[k]);
+  }
+
+  void ask(std::uint32_t b) {
+    kernel_.goals(rest_.blocks[b], rest_.members.data(), stiffness(b), body_.blocks[b], y(),
+                  body_.slots.data()->data());
+  }
+  void matchAndAsk(std::uint32_t b) {
+    kernel_.match(rest_.blocks[b], stiffness(b), body_.blocks[b]);
+    ask(b);
+  }
+
   // Predict: velocities and positions as if every vertex were alone.
-  for (Part& part : plan.parts) {
-    if (part.cluster_count > 0) part.reference = part.body->frames[part.first_cluster].center.cast<double>();
-  }
-  forEach(jobs, plan.vertices,
-          [&](VertexChunk& chunk) { chunk.repaired += predict(*chunk.body, settings, h, chunk.begin, chunk.end); });
-  sumMotion(plan, jobs, SumsOf::predicted);
-  for (Part& part : plan.parts) part.before = partSums(plan, part);
-  clock.finish(kPredict);
-
-  // Moments of the predicted positions: all that matching wants to know of the vertices.
-  forEach(jobs, plan.clusters, [&](ClusterChunk& chunk) {
-    Body& body = *chunk.body;
-    for (std::uint32_t c = chunk.begin; c < chunk.end; ++c) {
-      accumulateMoments(body.package(), body.rest(), c, body.y, body.frames[c]);
+  void predict() {
+    for (Part& part : body_.parts) {
+      if (part.cluster_count > 0) {
+        const ClusterBlock& block = body_.blocks[part.first_cluster / 8];
+        const std::uint32_t lane = part.first_cluster % 8;
+        part.reference = {double(block.center[0][lane]), double(block.center[1][lane]), double(block.center[2][lane])};
+      }
     }
-  });
-  clock.finish(kMoments);
+    const float kept = std::exp(-settings_.damping * h_);
+    forChunks([&](VertexChunk& chunk) {
+      PredictArguments a{};
+      a.vertices = vertexRange(chunk);
+      a.h = h_;
+      a.kept = kept;
+      for (std::size_t k = 0; k < 3; ++k) a.kick[k] = h_ * settings_.gravity[k];
+      setReference(body_.parts[chunk.part], a.reference);
+      a.repair = [](void* context, std::uint32_t vertex) {
+        Body& body = *static_cast<Body*>(context);
+        asVector(body.x[vertex]) = body.blendedGoal(vertex);
+        body.v[vertex] = body.force[vertex] = {};
+      };
+      a.context = &body_;
+      a.sums = &chunk.sums;
+      chunk.repaired += kernel_.predict(a);
+    });
+    for (Part& part : body_.parts) part.before = partSums(part);
+  }
 
-  // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
-  forEach(jobs, plan.bodies, [&](Body* body) { collectRows(*body, settings, h, passes_left); });
-  for (Part& part : plan.parts) part.free = !partHasRow(part);
-  clock.finish(kRows);
+  MotionSums partSums(const Part& part) const {
+    MotionSums sums;
+    for (std::uint32_t i = 0; i < part.chunk_count; ++i) sums.add(body_.chunks[part.first_chunk + i].sums);
+    return sums;
+  }
 
-  // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase and
-  // the next: what follows only asks frames for goals.
-  forEach(jobs, plan.parts, [](Part& part) {
-    updatePartRotation(part.body->package(), part.first_cluster, part.cluster_count, part.body->frames);
-  });
-  forEach(jobs, plan.clusters, matchClusters);
-  clock.finish(kMatch);
+  void collectRows(std::uint32_t passes_left) {
+    body_.rows.clear();
+    addPinRows(body_, h_, passes_left);
+    if (settings_.ground.enabled) addGroundRows(body_, settings_.ground, h_);
+    addPickRows(body_, h_);
+    if (body_.rows.empty()) return;
+    warmStartRows(body_);
+  }
 
-  // Solve: impulses that make the goals satisfy the rows.
-  forEach(jobs, plan.bodies, [&](Body* body) {
-    if (!body->rows.empty()) solveRows(*body, h, {});
-  });
-  clock.finish(kSolve);
+  bool partHasRow(const Part& part) const {
+    return std::any_of(body_.rows.begin(), body_.rows.end(), [&](const Row& row) {
+      if (row.point == RowPoint::physical_vertex) return row.index - part.first_vertex < part.vertex_count;
+      return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
+    });
+  }
 
-  // Goals: vertices follow their clusters; pins and ground have the last word on positions.
-  forEach(jobs, plan.vertices,
-          [&](VertexChunk& chunk) { applyGoals(*chunk.body, settings.ground, h, chunk.begin, chunk.end); });
-  forEach(jobs, plan.bodies, [&](Body* body) { holdPins(*body, h, passes_left); });
-  clock.finish(kGoals);
+  // Clusters that have lost their orientation want the part's, which takes all moments of the part: once more for them.
+  void recoverLost() {
+    for (const Part& part : body_.parts) {
+      bool lost = false;
+      for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
+        lost |= body_.blocks[c / 8].lost[c % 8] != 0;
+      }
+      if (!lost) continue;
+      updatePartRotation(body_.package(), part.first_cluster, part.cluster_count, body_.blocks);
+      for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
+        matchAndAsk(b);
+      }
+    }
+  }
 
-  // Settle: damping, momentum, and the new positions for good.
-  settleMotions(plan, jobs, settings, h);
-  clock.finish(kSettle);
+  void apply(std::uint32_t passes_left) {
+    const bool rows = !body_.rows.empty();
+    for (Part& part : body_.parts) part.free = !rows || !partHasRow(part);
+    const float diagonal = body_.package().info().diagonal;
+    forChunks([&](VertexChunk& chunk) {
+      const Part& part = body_.parts[chunk.part];
+      ApplyArguments a{};
+      a.vertices = vertexRange(chunk);
+      a.slots = body_.slots.data()->data();
+      a.first_use = rest_.first_use.data();
+      a.use_slot = rest_.use_slots.data();
+      a.inverse_h = 1.0F / h_;
+      a.ground = settings_.ground.enabled;
+      for (std::size_t k = 0; k < 3; ++k) a.normal[k] = settings_.ground.normal[k];
+      a.offset = settings_.ground.offset;
+      a.recovery = recoveryHeight(diagonal, h_);
+      setReference(part, a.reference);
+      a.sums = part.free ? &chunk.sums : nullptr;
+      kernel_.apply(a);
+    });
+    if (rows) holdPins(body_, h_, passes_left);
+  }
+
+  void sumMotion(VertexChunk& chunk, const std::pmr::vector<Vec3>& at, float anchor_mass) {
+    SumArguments a{};
+    a.vertices = vertexRange(chunk);
+    a.at = at.data()->data();
+    a.force = body_.force.data()->data();
+    a.anchored = body_.pinned.data();
+    a.anchor_mass = anchor_mass;
+    setReference(body_.parts[chunk.part], a.reference);
+    a.sums = &chunk.sums;
+    kernel_.sum(a);
+  }
+
+  // Deformation damping about the rigid motion of each part. A part that is held or stands on something has the rigid
+  // motion that its supports leave it (kAnchorMass): what it does beyond that is deformation, also a bounce on its
+  // feet. Free parts get back the momentum that the pass may not have changed: v = (y - x) / h is not what the match,
+  // which is free of force and torque at y, would leave (docs/method.md §5).
+  void settle() {
+    if (!body_.rows.empty()) {
+      forChunks([&](VertexChunk& chunk) {
+        const Part& part = body_.parts[chunk.part];
+        if (!part.free) sumMotion(chunk, body_.y, float(kAnchorMass * partMass(part)));
+      });
+    }
+    bool any_limited = false;
+    for (Part& part : body_.parts) {
+      const MotionSums now = partSums(part);
+      const RigidMotionSolver solver(now, part.reference);
+      part.found = part.wanted = solver.motion(now.momentum, now.angular);
+      if (part.free) {
+        part.wanted = solver.motion(part.before.momentum, part.before.angular);
+      } else {
+        part.wanted.omega *= double(kept_);  // soft things do not roll or swing for ever: turning on a support flexes
+      }
+      part.limited = false;
+      for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
+        part.limited |= body_.blocks[c / 8].limited[c % 8] != 0;
+      }
+      any_limited |= part.limited && part.free;
+    }
+    forChunks([&](VertexChunk& chunk) { settle(chunk); });
+    if (!any_limited) return;
+    // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
+    forChunks([&](VertexChunk& chunk) { sumMotion(chunk, body_.x, 0.0F); });
+    for (Part& part : body_.parts) {
+      part.limited &= part.free;
+      if (!part.limited) continue;
+      const MotionSums now = partSums(part);
+      part.wanted = RigidMotionSolver(now, part.reference)
+                        .motion(part.before.momentum - now.momentum, part.before.angular - now.angular);
+    }
+    forChunks([&](VertexChunk& chunk) {
+      const Part& part = body_.parts[chunk.part];
+      if (part.limited) kernel_.add_motion({vertexRange(chunk), part.wanted.forKernels()});
+    });
+  }
+
+  void settle(const VertexChunk& chunk) {
+    const Part& part = body_.parts[chunk.part];
+    SettleArguments a{};
+    a.vertices = vertexRange(chunk);
+    a.h = h_;
+    a.free = part.free;
+    a.kept = kept_;
+    RigidMotion moved_as = part.wanted;
+    // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
+    if ((part.wanted.omega - part.found.omega).norm() * double(h_) > kRoundingTurn) moved_as.omega = part.found.omega;
+    a.found = part.found.forKernels();
+    a.wanted = part.wanted.forKernels();
+    a.moved_as = moved_as.forKernels();
+    std::array<float, kVerticesPerChunk> vertex_kept;
+    if (part.limited) {
+      // What a cluster's guard stopped, it stopped for good.
+      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
+        float kept = 1.0F;
+        for (const ClusterUse& use : rest_.usesOf(i)) {
+          if (body_.blocks[use.cluster / 8].limited[use.cluster % 8] != 0) kept = 0.0F;
+        }
+        vertex_kept[i - chunk.begin] = kept;
+      }
+      a.vertex_kept = vertex_kept.data();
+    }
+    kernel_.settle(a);
+  }
+
+  double partMass(const Part& part) const {
+    double mass = 0;
+    for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
+      mass += double(body_.package().clusters()[c].mass);
+    }
+    return mass;
+  }
+
+  Body& body_;
+  const RestConstants& rest_;
+  const WorldSettings& settings_;
+  JobSystem* jobs_;
+  const float h_, kept_;
+  PhaseClock clock_;
+  const Kernels& kernel_ = kernels();
+};
+
+void stepBody(Body& body, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes, float pass_seconds,
+              StepTimes* times) {
+  body.repaired = 0;
+  body.rows.clear();
+  body.cofactors_fresh = false;
+  for (VertexChunk& chunk : body.chunks) chunk.repaired = 0;
+  // Sized once for the worst case, so that a step never allocates.
+  if (settings.ground.enabled || !body.pins.empty() || !body.picks.empty()) {
+    body.rows.reserve(body.vertexCount() + body.picks.size());
+    body.frames.resize(body.clusterCount());
+    body.responses.resize(body.clusterCount());
+  }
+  BodyStep step(body, settings, jobs, pass_seconds, times);
+  for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
+  for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
 }
 
 }  // namespace
 
-void StepPlan::rebuild(const std::vector<std::unique_ptr<Body>>& all) {
-  bodies.clear();
-  vertices.clear();
-  clusters.clear();
-  parts.clear();
-  for (const std::unique_ptr<Body>& owner : all) {
-    Body* body = owner.get();
-    if (body == nullptr) continue;
-    bodies.push_back(body);
-    const formats::PackageView& package = body->package();
-    for (const formats::BodyRange& range : package.bodies()) {
-      Part part;
-      part.body = body;
-      part.index = std::uint32_t(&range - package.bodies().data());
-      part.first_chunk = std::uint32_t(vertices.size());
-      part.first_cluster = range.first_cluster;
-      part.cluster_count = range.cluster_count;
-      const std::uint32_t index = std::uint32_t(parts.size());
-      for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
-        const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
-        vertices.push_back({body, index, range.first_vertex + begin, range.first_vertex + end, {}, 0});
-      }
-      part.chunk_count = std::uint32_t(vertices.size()) - part.first_chunk;
-      parts.push_back(part);
-    }
-    std::uint32_t begin = 0, members = 0;
-    const std::uint32_t cluster_count = std::uint32_t(package.clusters().size());
-    for (std::uint32_t c = 0; c < cluster_count; ++c) {
-      members += package.clusters()[c].member_count;
-      if (members >= kMembersPerChunk || c + 1 == cluster_count) {
-        clusters.push_back({body, begin, c + 1});
-        begin = c + 1;
-        members = 0;
-      }
-    }
-  }
-}
-
-void stepWorld(StepPlan& plan, const WorldSettings& settings, JobSystem* jobs, float seconds,
-               std::array<World::Phase, kStepPhaseCount>& phases) {
-  phases = {{{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
-  PhaseClock clock(phases);
+void stepWorld(std::vector<std::unique_ptr<Body>>& bodies, const WorldSettings& settings, JobSystem* jobs,
+               float seconds, StepTimes* times) {
+  if (times != nullptr) times->fill(0);
   const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
   const float h = seconds / float(passes);
-  for (VertexChunk& chunk : plan.vertices) chunk.repaired = 0;
-  for (Body* body : plan.bodies) {
-    updateStiffness(*body, h);
-    body->rows.reserve(body->x.size() + body->picks.size());
-    body->responses.resize(body->frames.size());
-    body->repaired = 0;
-    body->cofactors_fresh = false;
+  const auto is_large = [](const Body& body) { return body.chunks.size() >= kLargeBody; };
+  for (const std::unique_ptr<Body>& body : bodies) {
+    if (body != nullptr) body->stiffness->update(body->package(), body->rest(), h);
   }
-  for (std::uint32_t left = passes; left > 0; --left) pass(plan, settings, jobs, h, left, clock);
-  for (const VertexChunk& chunk : plan.vertices) chunk.body->repaired += chunk.repaired;
+  // Large bodies one after the other, all threads on each; small ones side by side, a thread on each.
+  for (const std::unique_ptr<Body>& body : bodies) {
+    if (body != nullptr && is_large(*body)) stepBody(*body, settings, jobs, passes, h, times);
+  }
+  StepTimes* const small_times = jobs == nullptr ? times : nullptr;
+  forRange(jobs, bodies.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
+    for (std::uint32_t i = begin; i < end; ++i) {
+      if (bodies[i] != nullptr && !is_large(*bodies[i])) {
+        stepBody(*bodies[i], settings, nullptr, passes, h, small_times);
+      }
+    }
+  });
 }
 
 }  // namespace sinew::internal

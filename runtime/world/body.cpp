@@ -1,29 +1,65 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/world/body.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "runtime/clusters/goal.h"
-#include "runtime/clusters/moments.h"
-#include "runtime/step/integrate.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
+namespace {
 
-Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings)
-    : asset(std::move(source)), settings(body_settings) {
-  const std::size_t vertex_count = vertices().size(), cluster_count = package().clusters().size();
-  x.resize(vertex_count);
-  v.resize(vertex_count);
-  y.resize(vertex_count);
-  force.resize(vertex_count);
-  pinned.resize(vertex_count);
-  frames.resize(cluster_count);
-  stiffness.resize(cluster_count);
+bool within(const Vec3& v, float limit) {
+  return std::abs(v[0]) <= limit && std::abs(v[1]) <= limit && std::abs(v[2]) <= limit;  // false for NaN
+}
+
+}  // namespace
+
+bool stateIsUsable(const Vec3& x, const Vec3& v) { return within(x, kLargestPosition) && within(v, kLargestVelocity); }
+
+Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
+           std::pmr::memory_resource* memory)
+    : asset(std::move(source)),
+      settings(body_settings),
+      x(vertexCount() + 1, memory),
+      v(vertexCount() + 1, memory),
+      y(vertexCount() + 1, memory),
+      force(vertexCount(), memory),
+      pinned(vertexCount(), memory),
+      slots(8 * rest().members.size(), memory),
+      blocks(rest().blocks.size(), memory),
+      stiffness(std::move(shared)),
+      pins(memory),
+      picks(memory),
+      chunks(memory),
+      parts(memory),
+      rows(memory),
+      frames(memory),
+      responses(memory),
+      cofactors(memory) {
+  for (const formats::BodyRange& range : package().bodies()) {
+    Part part;
+    part.first_vertex = range.first_vertex;
+    part.vertex_count = range.vertex_count;
+    part.first_chunk = std::uint32_t(chunks.size());
+    part.first_cluster = range.first_cluster;
+    part.cluster_count = range.cluster_count;
+    const std::uint32_t index = std::uint32_t(parts.size());
+    for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
+      const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
+      chunks.push_back({index, range.first_vertex + begin, range.first_vertex + end});
+    }
+    part.chunk_count = std::uint32_t(chunks.size()) - part.first_chunk;
+    parts.push_back(part);
+  }
   reset();
 }
 
 void Body::reset() {
   const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> rotation(settings.rotation.data());
   const Vector3 position = asVector(settings.position);
-  for (std::size_t i = 0; i < x.size(); ++i) {
+  for (std::uint32_t i = 0; i < vertexCount(); ++i) {
     x[i] = asArray(rotation * asVector(vertices()[i].rest_position) + position);
     v[i] = force[i] = {};
     pinned[i] = 0;
@@ -34,21 +70,39 @@ void Body::reset() {
   repaired = 0;
   geometry::Quaternion start = geometry::kIdentityQuaternion;
   geometry::nearestRotation(rotation, start);
-  for (ClusterFrame& frame : frames) frame.rotation = frame.part_rotation = start;
+  for (ClusterBlock& block : blocks) {
+    block = {};
+    for (std::size_t k = 0; k < 4; ++k) {
+      std::fill(std::begin(block.rotation[k]), std::end(block.rotation[k]), start[k]);
+      std::fill(std::begin(block.part_rotation[k]), std::end(block.part_rotation[k]), start[k]);
+    }
+  }
   matchPositions();
 }
 
 void Body::matchPositions() {
   // A lost vertex must not take its clusters along: it counts as being where they had wanted it.
-  for (std::uint32_t i = 0; i < x.size(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(*this, i));
-  for (std::uint32_t c = 0; c < frames.size(); ++c) {
-    accumulateMoments(package(), rest(), c, y, frames[c]);
-    // No frequency: F = A shows the positions as they are.
-    updateFrame(package().clusters()[c], rest().clusters[c], clusterStiffness(package(), rest(), c, 0.0F, 1.0F),
-                frames[c]);
-    frames[c].limited = false;
+  for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
+  const Kernels& kernel = kernels();
+  // No frequency: F = A shows the positions as they are.
+  StiffnessSet loose(package(), 0.0F);
+  loose.update(package(), rest(), 1.0F);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b]);
   }
+  for (const Part& part : parts) updatePartRotation(package(), part.first_cluster, part.cluster_count, blocks);
+  for (std::size_t b = 0; b < blocks.size(); ++b) kernel.match(rest().blocks[b], loose.blocks[b], blocks[b]);
   cofactors_fresh = false;
+}
+
+Vector3 Body::blendedGoal(std::uint32_t vertex) const {
+  const Vector3 at_rest = asVector(vertices()[vertex].rest_position);
+  Vector3 goal = Vector3::Zero();
+  for (const ClusterUse& use : rest().usesOf(vertex)) {
+    goal += use.share * clusterGoal(package().clusters()[use.cluster], rest().clusters[use.cluster],
+                                    loadFrame(blocks, use.cluster), at_rest);
+  }
+  return goal;
 }
 
 }  // namespace sinew::internal

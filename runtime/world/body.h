@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <memory_resource>
 #include <span>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "runtime/clusters/stiffness.h"
 #include "runtime/contact/row.h"
 #include "runtime/load/rest_constants.h"
+#include "runtime/step/motion.h"
 #include "sinew/runtime/asset.h"
 #include "sinew/runtime/settings.h"
 
@@ -30,46 +32,83 @@ struct Pick {
   Vec3 force = {};  ///< of the last pass, N: where the next one starts from
 };
 
+/// Vertices of a chunk, at most.
+inline constexpr std::uint32_t kVerticesPerChunk = 512;
+
+/// A run of a body's vertices that one job handles; never spans two parts. Its bounds depend on the package only, so
+/// sums over chunks come out the same for any number of threads.
+struct VertexChunk {
+  std::uint32_t part;  ///< into Body::parts
+  std::uint32_t begin, end;
+  std::uint32_t repaired = 0;
+  MotionLanes sums = {};  ///< scratch
+};
+
+/// One separate part (BODY record) of a body, with what a pass finds of it.
+struct Part {
+  std::uint32_t first_vertex = 0, vertex_count = 0;
+  std::uint32_t first_chunk = 0, chunk_count = 0;
+  std::uint32_t first_cluster = 0, cluster_count = 0;
+  Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< near the part; sums are taken about it
+  MotionSums before;                                    ///< of the predicted motion: its momentum is to stay
+  RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
+  bool free = true;           ///< no row of this pass touches the part
+  bool limited = false;       ///< a cluster was stopped by the guard in this pass
+};
+
 /// State of one body. Constants stay in the asset.
 struct Body {
-  Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings);
+  Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
+       std::pmr::memory_resource* memory = std::pmr::get_default_resource());
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }
   std::span<const formats::PhysicalVertex> vertices() const { return package().physicalVertices(); }
+  std::uint32_t vertexCount() const { return std::uint32_t(vertices().size()); }
+  std::uint32_t clusterCount() const { return std::uint32_t(package().clusters().size()); }
 
   /// Back to the rest shape at the place it was added; nothing held.
   void reset();
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
   void matchPositions();
+  /// Where its clusters last wanted a physical vertex: Σ share g, metres.
+  Vector3 blendedGoal(std::uint32_t vertex) const;
 
   std::shared_ptr<const Asset> asset;
   BodySettings settings;
 
-  // By physical vertex.
-  std::vector<Vec3> x;      ///< positions at the start of the pass, metres
-  std::vector<Vec3> v;      ///< velocities, m/s
-  std::vector<Vec3> y;      ///< predicted, then matched positions
-  std::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
-  std::vector<std::uint8_t> pinned;
+  // By physical vertex, and one more: kernels read triples as 16 bytes.
+  std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
+  std::pmr::vector<Vec3> v;      ///< velocities, m/s
+  std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
+  std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
+  std::pmr::vector<std::uint8_t> pinned;
+  std::pmr::vector<std::array<float, 4>> slots;  ///< by membership, padded: what its cluster asks of a vertex
 
-  // By cluster.
-  std::vector<ClusterFrame> frames;
-  std::vector<ClusterStiffness> stiffness;
-  float stiffness_step = 0;  ///< pass length that `stiffness` holds for, s; 0 = none yet
+  std::pmr::vector<ClusterBlock> blocks;  ///< by cluster, eight each
 
-  std::vector<Pin> pins;  ///< vertices ascending
-  std::vector<Pick> picks;
+  std::shared_ptr<StiffnessSet> stiffness;  ///< shared by the bodies of a world with the same asset and scale
 
-  // Scratch of the constraint solver, sized once for the worst case so that a step never allocates.
-  std::vector<Row> rows;
-  std::vector<ClusterResponse> responses;
+  std::pmr::vector<Pin> pins;  ///< vertices ascending
+  std::pmr::vector<Pick> picks;
+
+  // The body's work, cut for jobs.
+  std::pmr::vector<VertexChunk> chunks;
+  std::pmr::vector<Part> parts;
+
+  // Scratch of the solver of rows.
+  std::pmr::vector<Row> rows;
+  std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
+  std::pmr::vector<ClusterResponse> responses;
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 
   // Scratch of the attachment: cofactors of the deformation gradient by physical vertex, valid if `fresh`.
-  mutable std::vector<Matrix3> cofactors;
+  mutable std::pmr::vector<Matrix3> cofactors;
   mutable bool cofactors_fresh = false;
 };
+
+/// Whether a vertex can be stepped: position and velocity finite and below 1e15 m, 1e17 m/s.
+bool stateIsUsable(const Vec3& x, const Vec3& v);
 
 }  // namespace sinew::internal

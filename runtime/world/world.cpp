@@ -19,9 +19,17 @@ struct World::Impl {
   WorldSettings settings;
   JobSystem* jobs = nullptr;
   std::vector<std::unique_ptr<Body>> bodies;  // by BodyId; null where removed, since ids are never used again
-  internal::StepPlan plan;
-  std::array<Phase, internal::kStepPhaseCount> phases{};
+  std::array<Phase, internal::kStepPhaseCount> phases = {
+      {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
   std::uint32_t next_pick = 0;
+
+  // The stiffness that bodies of an asset with the same scale share.
+  std::shared_ptr<internal::StiffnessSet> stiffnessOf(const Asset& asset, float scale) const {
+    for (const std::unique_ptr<Body>& body : bodies) {
+      if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
+    }
+    return std::make_shared<internal::StiffnessSet>(asset.package(), scale);
+  }
 
   Body* find(BodyId id) const { return id.value < bodies.size() ? bodies[id.value].get() : nullptr; }
 
@@ -62,15 +70,14 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
   if (!(settings.stiffness_scale >= 0) || !finite(settings.stiffness_scale)) {
     return Error{"addBody: BodySettings::stiffness_scale must be 0 or more"};
   }
-  impl_->bodies.push_back(std::make_unique<Body>(std::move(asset), settings));
-  impl_->plan.rebuild(impl_->bodies);
+  auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
+  impl_->bodies.push_back(std::make_unique<Body>(std::move(asset), settings, std::move(stiffness)));
   return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
 }
 
 void World::removeBody(BodyId id) {
   if (impl_->find(id) == nullptr) return;
   impl_->bodies[id.value].reset();
-  impl_->plan.rebuild(impl_->bodies);
 }
 
 void World::resetBody(BodyId id) {
@@ -81,17 +88,20 @@ const Asset& World::asset(BodyId id) const { return *impl_->bodies[id.value]->as
 
 void World::step(float seconds) {
   if (!(seconds > 0) || !std::isfinite(seconds)) return;
-  internal::stepWorld(impl_->plan, impl_->settings, impl_->jobs, seconds, impl_->phases);
+  internal::StepTimes times;
+  const bool measured = impl_->settings.measure_phases;
+  internal::stepWorld(impl_->bodies, impl_->settings, impl_->jobs, seconds, measured ? &times : nullptr);
+  for (std::size_t k = 0; k < times.size(); ++k) impl_->phases[k].milliseconds = measured ? times[k] : 0;
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
   const Body* body = impl_->find(id);
-  return body != nullptr ? std::span<const Vec3>(body->x) : std::span<const Vec3>();
+  return body != nullptr ? std::span<const Vec3>(body->x.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::span<const Vec3> World::velocities(BodyId id) const {
   const Body* body = impl_->find(id);
-  return body != nullptr ? std::span<const Vec3>(body->v) : std::span<const Vec3>();
+  return body != nullptr ? std::span<const Vec3>(body->v.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::uint32_t World::repairedVertices(BodyId id) const {
@@ -101,13 +111,13 @@ std::uint32_t World::repairedVertices(BodyId id) const {
 
 void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const Vec3> velocities) {
   Body* body = impl_->find(id);
-  if (body == nullptr || positions.size() != body->x.size()) return;
-  if (!velocities.empty() && velocities.size() != body->x.size()) return;
-  body->x.assign(positions.begin(), positions.end());
+  if (body == nullptr || positions.size() != body->vertexCount()) return;
+  if (!velocities.empty() && velocities.size() != body->vertexCount()) return;
+  std::copy(positions.begin(), positions.end(), body->x.begin());
   if (velocities.empty()) {
     std::fill(body->v.begin(), body->v.end(), Vec3{});
   } else {
-    body->v.assign(velocities.begin(), velocities.end());
+    std::copy(velocities.begin(), velocities.end(), body->v.begin());
   }
   std::fill(body->force.begin(), body->force.end(), Vec3{});
   for (internal::Pick& pick : body->picks) pick.force = {};
@@ -116,7 +126,7 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
 
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
   Body* body = impl_->find(id);
-  if (body == nullptr || vertex >= body->x.size()) return;
+  if (body == nullptr || vertex >= body->vertexCount()) return;
   const auto place = std::lower_bound(body->pins.begin(), body->pins.end(), vertex,
                                       [](const internal::Pin& pin, std::uint32_t v) { return pin.vertex < v; });
   if (place != body->pins.end() && place->vertex == vertex) {
@@ -130,7 +140,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
 
 void World::unpin(BodyId id, std::uint32_t vertex) {
   Body* body = impl_->find(id);
-  if (body == nullptr || vertex >= body->x.size() || body->pinned[vertex] == 0) return;
+  if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
   std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   body->pinned[vertex] = 0;
   body->force[vertex] = {};
@@ -151,7 +161,7 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
   if (body == nullptr || visual_vertex >= body->package().visualPositions().size()) return {};
   const PickId pick{impl_->next_pick++};
   body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
-  body->rows.reserve(body->x.size() + body->picks.size());
+  body->rows.reserve(body->vertexCount() + body->picks.size());
   return pick;
 }
 
@@ -179,8 +189,8 @@ void World::visualVertices(BodyId id, StridedFloat3 positions, StridedFloat3 nor
     }
   };
   if (normals.data != nullptr && !body->cofactors_fresh) {
-    body->cofactors.resize(body->x.size());
-    parallel(std::uint32_t(body->x.size()), 1024,
+    body->cofactors.resize(body->vertexCount());
+    parallel(body->vertexCount(), 1024,
              [body](std::uint32_t begin, std::uint32_t end) { updateCofactors(*body, begin, end); });
     body->cofactors_fresh = true;
   }
@@ -201,7 +211,7 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   }
   double mass = 0;
   Eigen::Vector3d center = Eigen::Vector3d::Zero(), rest_center = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < body->x.size(); ++i) {
+  for (std::size_t i = 0; i < body->vertexCount(); ++i) {
     const double m = double(body->vertices()[i].mass);
     mass += m;
     center += m * asVector(body->x[i]).cast<double>();
@@ -210,7 +220,7 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   center /= mass;
   rest_center /= mass;
   Eigen::Matrix3d a_pq = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < body->x.size(); ++i) {
+  for (std::size_t i = 0; i < body->vertexCount(); ++i) {
     a_pq += double(body->vertices()[i].mass) * (asVector(body->x[i]).cast<double>() - center) *
             (asVector(body->vertices()[i].rest_position).cast<double>() - rest_center).transpose();
   }
@@ -223,10 +233,11 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
   const Body* body = impl_->find(id);
-  if (body == nullptr || cluster >= body->frames.size()) return;
-  center = asArray(body->frames[cluster].center);
+  if (body == nullptr || cluster >= body->clusterCount()) return;
+  const internal::ClusterFrame frame = internal::loadFrame(body->blocks, cluster);
+  center = asArray(frame.center);
   Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(linear.data());
-  result = body->frames[cluster].f.leftCols<3>();
+  result = frame.f.leftCols<3>();
 }
 
 std::span<const World::Phase> World::lastStepPhases() const { return impl_->phases; }

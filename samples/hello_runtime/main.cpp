@@ -2,6 +2,7 @@
 //
 // A whole simulation on one page: load a package, drop it on the ground, read the vertices an engine would draw.
 //   sample_hello_runtime PACKAGE.sinew
+#include <chrono>
 #include <cstdio>
 #include <vector>
 
@@ -37,15 +38,15 @@ int main(int argc, char** argv) {
   std::vector<float> positions(package.visualPositions().size() * 3), normals(positions.size());
   const auto count = std::uint32_t(package.visualPositions().size());
   for (int frame = 1; frame <= 120; ++frame) {
+    const auto start = std::chrono::steady_clock::now();
     world.step(1.0F / 60);
+    const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
     world.visualVertices(*body, {positions.data(), 12, count}, {normals.data(), 12, count});
     if (frame % 20 != 0 || count == 0) continue;
     std::printf("%.2f s: vertex 0 at (%.4f, %.4f, %.4f) m, normal (%.2f, %.2f, %.2f);", double(frame) / 60,
                 double(positions[0]), double(positions[1]), double(positions[2]), double(normals[0]),
                 double(normals[1]), double(normals[2]));
-    double milliseconds = 0;
-    for (const auto& phase : world.lastStepPhases()) milliseconds += phase.milliseconds;
-    std::printf(" step took %.3f ms\n", milliseconds);
+    std::printf(" step took %.3f ms\n", taken.count());
   }
   return 0;
 }

@@ -110,9 +110,12 @@ TEST(FreeBody, WorksFarFromTheOrigin) {
   BodySettings place;
   place.position = {10000, 0, -10000};
   const BodyId body = *world.addBody(boxAsset(overlapping(ClusterMode::linear)), place);
-  run(world, 4);
-  // Floats are 1 mm apart there.
-  EXPECT_LT(restError(world, body).max, 2e-3);
+  // Floats are 1/1024 m apart there: every vertex flickers by about one of them, and for 20 s that is all.
+  for (int i = 0; i < 10; ++i) {
+    run(world, 2);
+    EXPECT_LT(restError(world, body).rms, 1.5 / 1024);
+    EXPECT_LT(restError(world, body).max, 4.0 / 1024);
+  }
   EXPECT_LT((motionOf(world, body).center - Vector3d(10000, 0, -10000)).norm(), 0.05);
 }
 

@@ -46,6 +46,8 @@ struct WorldSettings {
   /// held has the rigid motion that its supports leave it, and turning on them decays too. 1/s,
   /// 0..1e4.
   float deformation_damping = 4.0F;
+  /// Fills World::lastStepPhases, for profiling; costs up to a microsecond a body.
+  bool measure_phases = false;
 };
 
 /// What a body may override of its package when it is added.

@@ -87,7 +87,8 @@ class World {
   /// Goal transform of a cluster for overlays: its current centre (metres, world) and linear part.
   void clusterFrame(BodyId body, std::uint32_t cluster, Vec3& center, Mat3& linear) const;
 
-  /// Milliseconds per phase of the last step, for profiling; names are static strings.
+  /// Milliseconds per phase of the last step, if WorldSettings::measure_phases asked for it (bodies that were stepped
+  /// side by side are left out); names are static strings.
   struct Phase {
     const char* name;
     double milliseconds;

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/step/motion.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+
+namespace sinew::internal {
+
+void MotionSums::add(const MotionLanes& lanes) {
+  double sum[16];
+  for (int k = 0; k < 16; ++k) {
+    sum[k] = 0;
+    for (int lane = 0; lane < 8; ++lane) sum[k] += double(lanes.sum[k][lane]);
+  }
+  mass += sum[0];
+  first += Eigen::Vector3d(sum[1], sum[2], sum[3]);
+  momentum += Eigen::Vector3d(sum[4], sum[5], sum[6]);
+  angular += Eigen::Vector3d(sum[7], sum[8], sum[9]);
+  Eigen::Matrix3d part;
+  part << sum[10], sum[13], sum[15], sum[13], sum[11], sum[14], sum[15], sum[14], sum[12];
+  second += part;
+}
+
+MotionOf3 RigidMotion::forKernels() const {
+  MotionOf3 result;
+  for (int k = 0; k < 3; ++k) {
+    result.center[k] = float(center[k]);
+    result.velocity[k] = float(velocity[k]);
+    result.omega[k] = float(omega[k]);
+  }
+  return result;
+}
+
+RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector3d& reference)
+    : mass_(sums.mass), offset_(sums.first / sums.mass), inverse_inertia_(Eigen::Matrix3d::Zero()) {
+  center_ = reference + offset_;
+  const Eigen::Matrix3d second = sums.second - sums.mass * offset_ * offset_.transpose();
+  const Eigen::Matrix3d inertia = second.trace() * Eigen::Matrix3d::Identity() - second;
+  const double scale = inertia.cwiseAbs().maxCoeff();
+  if (!(scale > 0) || !std::isfinite(scale)) return;
+  const Eigen::Matrix3d scaled = inertia / scale;
+  // Well away from singular, as nearly every body is, the inverse comes from the cofactors.
+  constexpr double kWellConditioned = 1e-3, kLeastInertia = 1e-6;
+  if (scaled.determinant() > kWellConditioned && scaled(0, 0) > kWellConditioned) {
+    inverse_inertia_ = scaled.inverse() / scale;
+    return;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scaled);
+  for (int k = 0; k < 3; ++k) {
+    if (solver.eigenvalues()[k] < kLeastInertia) continue;
+    const Eigen::Vector3d axis = solver.eigenvectors().col(k);
+    inverse_inertia_ += axis * axis.transpose() / (scale * solver.eigenvalues()[k]);
+  }
+}
+
+RigidMotion RigidMotionSolver::motion(const Eigen::Vector3d& momentum, const Eigen::Vector3d& angular) const {
+  RigidMotion motion;
+  motion.center = center_;
+  motion.velocity = momentum / mass_;
+  motion.omega = inverse_inertia_ * (angular - offset_.cross(momentum));
+  return motion;
+}
+
+}  // namespace sinew::internal

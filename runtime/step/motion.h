@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+//
+// The rigid motion of a body part from sums over its vertices.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "runtime/kernels/layout.h"
+
+namespace sinew::internal {
+
+/// Sums that give the rigid motion of a body part, in double, about a reference point.
+struct MotionSums {
+  double mass = 0;
+  Eigen::Vector3d first = Eigen::Vector3d::Zero();     ///< Σ m d, d = position - reference
+  Eigen::Vector3d momentum = Eigen::Vector3d::Zero();  ///< Σ m v
+  Eigen::Vector3d angular = Eigen::Vector3d::Zero();   ///< Σ m d x v
+  Eigen::Matrix3d second = Eigen::Matrix3d::Zero();    ///< Σ m d d^T
+
+  /// Adds what a kernel left of one chunk, lane by lane.
+  void add(const MotionLanes& lanes);
+};
+
+/// A velocity field v + omega x (position - center).
+struct RigidMotion {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
+  Eigen::Vector3d omega = Eigen::Vector3d::Zero();
+
+  MotionOf3 forKernels() const;
+};
+
+/// Rigid motions with the linear and angular momentum of `sums`, and with other momenta but the same masses.
+/// Directions without inertia (a part collapsed to a line or a point) do not turn.
+class RigidMotionSolver {
+ public:
+  RigidMotionSolver(const MotionSums& sums, const Eigen::Vector3d& reference);
+  /// \param momentum, angular about the reference.
+  RigidMotion motion(const Eigen::Vector3d& momentum, const Eigen::Vector3d& angular) const;
+
+ private:
+  double mass_;
+  Eigen::Vector3d offset_, center_;
+  Eigen::Matrix3d inverse_inertia_;
+};
+
+}  // namespace sinew::internal
