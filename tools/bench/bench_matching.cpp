@@ -10,6 +10,7 @@
 #include "tests/benchmarks/eigen_reference.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/bounds.h"
+#include "tools/bench/fused_kernels.h"
 #include "tools/bench/kernel_body.h"
 #include "tools/bench/lattice.h"
 
@@ -24,9 +25,13 @@ constexpr double kAgreement = 2e-5;  // of the body's size
 struct Shape {
   std::array<std::uint32_t, 3> side;   // of a cluster, points
   std::array<std::uint32_t, 3> boxes;  // about 4,096 memberships in all: within L2
+  double memberships = 1;
 };
-constexpr Shape kShapes[] = {
-    {{2, 2, 2}, {8, 8, 8}}, {{4, 4, 2}, {8, 4, 4}}, {{4, 4, 4}, {4, 4, 4}}, {{6, 6, 6}, {3, 3, 2}}};
+constexpr Shape kShapes[] = {{{2, 2, 2}, {8, 8, 8}},
+                             {{4, 4, 2}, {8, 4, 4}},
+                             {{4, 4, 4}, {4, 4, 4}},
+                             {{6, 6, 6}, {3, 3, 2}},
+                             {{4, 4, 4}, {3, 3, 3}, 2.5}};
 
 using Path = std::vector<std::vector<Vec3>>;
 
@@ -151,11 +156,13 @@ void benchMode(const BenchContext& context) {
     LatticeOptions lattice;
     lattice.boxes = shape.boxes;
     for (std::size_t a = 0; a < 3; ++a) lattice.points[a] = shape.side[a] * shape.boxes[a];
-    lattice.memberships = 1;
+    lattice.memberships = shape.memberships;
     lattice.mode = mode;
     const LatticeBody body = makeLattice(lattice);
-    const std::uint32_t size = shape.side[0] * shape.side[1] * shape.side[2];
-    const std::string name = (N == 9 ? "quadratic n=" : "linear n=") + std::to_string(size);
+    const bool overlaps = shape.memberships > 1;
+    const std::uint32_t size = body.memberships / body.clusters;
+    const std::string name =
+        (N == 9 ? "quadratic n=" : "linear n=") + std::to_string(size) + (overlaps ? " overlapping" : "");
     const Path path = makePath(*body.asset);
 
     benchmarks::EigenReference<N> reference(body.asset->package(), kKept);
@@ -171,7 +178,7 @@ void benchMode(const BenchContext& context) {
           path, [&](const std::vector<Vec3>& y) { kernel_body.setPositions(y); },
           [&](const std::vector<Vec3>&) { kernel_body.all(*kernels); });
     };
-    const Work work = matchingWork(mode, size, 1);
+    const Work work = matchingWork(mode, size, body.membershipsPerVertex());
     const std::size_t working_set = std::size_t(body.memberships) * 76;
     const auto measured = [&](const std::string& text) {
       const TimingPair pair = measureSamplePairs(ours, plain, context.timing());
@@ -204,6 +211,24 @@ void benchMode(const BenchContext& context) {
       if (std::strcmp(set, internal::kernels().name) != 0) context.emit(measured(name + ", " + set));
       emitAgreement(context, name + ", " + set + ", distance from the reference",
                     kernelDisagreement<N>(body, *kernels));
+    }
+    if (const internal::Kernels* const fused = fusedKernels()) {
+      // Both sides are ours: with equal bits first.
+      kernels = &internal::kernels();
+      KernelBody other(body.asset->package(), kKept);
+      const auto with_fused = [&] {
+        return sampleOfPath(
+            path, [&](const std::vector<Vec3>& y) { other.setPositions(y); },
+            [&](const std::vector<Vec3>&) { other.all(*fused); });
+      };
+      const TimingPair pair = measureSamplePairs(with_fused, ours, context.timing());
+      BenchLine line = lineOf(name + ", multiply-add fused", "ns/membership");
+      line.value = 1e9 * pair.first.seconds / body.memberships;
+      line.spread = pair.spread;
+      line.reference = 1e9 * pair.second.seconds / body.memberships;
+      line.reference_name = "equal bits";
+      line.ratio = pair.ratio;
+      context.emit(line);
     }
     emitAgreement(context, name + ", a world's step, distance from the reference",
                   std::max(disagreement<N>(lattice, 0, 1), disagreement<N>(lattice, 1e9, 0)));
