@@ -50,9 +50,9 @@ struct PredictArguments {
 
 struct ApplyArguments {
   VertexRange vertices;
-  const float* slots;              ///< goals: xyz0 by slot
-  const std::uint32_t* first_use;  ///< by vertex
-  const std::uint32_t* use_slot;
+  const float* slots;               ///< goals: xyz0 by slot
+  const UseBlock* uses;             ///< of the vertices from `begin` on
+  const std::uint32_t* use_offset;  ///< rows of the use blocks
   float inverse_h;
   bool ground;
   float normal[3];
@@ -91,10 +91,11 @@ struct AddMotionArguments {
 
 struct Kernels {
   const char* name;
-  void (*moments)(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state);
+  void (*moments)(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state,
+                  float* slots);
   void (*match)(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state);
   void (*goals)(const ClusterRestBlock& rest, const MemberBlock* members, const StiffnessBlock& stiffness,
-                const ClusterBlock& state, const float* y, float* slots);
+                const ClusterBlock& state, float* slots);
   std::uint32_t (*predict)(const PredictArguments& arguments);  ///< \return vertices repaired
   void (*apply)(const ApplyArguments& arguments);
   void (*sum)(const SumArguments& arguments);

@@ -21,6 +21,8 @@
 #define SINEW_KERNELS baseline  // what the compiler's own flags say
 #endif
 #define SINEW_INLINE [[gnu::always_inline]] inline
+// Before loops over arrays of lanes: taken apart, so that the arrays are registers.
+#define SINEW_UNROLL _Pragma("GCC unroll 32")
 
 namespace sinew::internal::SINEW_KERNELS {
 
@@ -70,6 +72,11 @@ SINEW_LANES_BITS(^)
 #undef SINEW_LANES_BITS
 SINEW_INLINE Int8 operator~(Int8 a) { return {~a.low, ~a.high}; }
 SINEW_INLINE Float8 operator-(Float8 a) { return {-a.low, -a.high}; }
+#endif
+
+#if defined(__AVX512F__)
+/// Two Float8 side by side, for loops whose canonical order lets them: see moments.h.
+using Float16 = float __attribute__((vector_size(64)));
 #endif
 
 // A float as any F.

@@ -9,7 +9,7 @@ namespace sinew::internal {
 
 /// Eight members of one cluster. What is missing to eight repeats the last member with mu = share = 0.
 struct alignas(32) MemberBlock {
-  std::uint32_t vertex[8];  ///< physical vertex
+  std::uint32_t offset[8];  ///< 3 * physical vertex
   float mu[8];              ///< mu_ic / Σ mu: sums to 1 in each cluster
   float share[8];           ///< w_ic / W_i
   float q[3][8];            ///< (X - c0) / radius
@@ -19,6 +19,7 @@ static_assert(sizeof(MemberBlock) == 192);
 /// State of eight clusters. Matrices column by column: component 3 k + row; columns 3.. only if quadratic.
 struct alignas(32) ClusterBlock {
   float center[3][8];         ///< c, metres
+  float reference[3][8];      ///< a member's position: moments leave what is relative to it in the slots
   float rotation[4][8];       ///< R as w x y z
   float part_rotation[4][8];  ///< of the whole body part: what a cluster falls back to that has lost its own
   float a_pq[27][8];          ///< Σ mu p q~^T, p = (x - c) / radius
@@ -36,6 +37,13 @@ struct alignas(32) ClusterRestBlock {
   std::uint32_t block_count[8];  ///< 0 in a lane without a cluster
   std::uint32_t quadratic;       ///< not 0: some cluster of the eight is
   std::uint32_t unused[7];
+};
+
+/// The memberships of eight consecutive vertices of a part: `rows` rows of eight offsets into the slots (4 * slot), the
+/// first row at 8 * first; vertices with fewer memberships have offsets of the slot behind the last, which stays zero.
+struct UseBlock {
+  std::uint32_t first;
+  std::uint32_t rows;
 };
 
 /// What stiffness means for one length of pass, of eight clusters.

@@ -67,20 +67,20 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
   // F = [R 0] + (A_pq - R M) S.
   Float8 f[27];
   for (int k = 0; k < 9; ++k) f[k] = r.m[k];
-  for (int k = 9; k < 3 * kColumns; ++k) f[k] = Float8{};
+  SINEW_UNROLL for (int k = 9; k < 3 * kColumns; ++k) f[k] = Float8{};
   const Int8 deforms = loadMask(stiffness.deforms);
   Int8 limited = {};
   if (any(deforms)) {
     Float8 deviation[27];
-    for (int k = 0; k < kColumns; ++k) {
+    SINEW_UNROLL for (int k = 0; k < kColumns; ++k) {
       const Vec3Of<Float8> at_rest =
           r * Vec3Of<Float8>{load8(rest.moment[3 * k]), load8(rest.moment[3 * k + 1]), load8(rest.moment[3 * k + 2])};
       deviation[3 * k] = load8(state.a_pq[3 * k]) - at_rest.x;
       deviation[3 * k + 1] = load8(state.a_pq[3 * k + 1]) - at_rest.y;
       deviation[3 * k + 2] = load8(state.a_pq[3 * k + 2]) - at_rest.z;
     }
-    for (int j = 0; j < kColumns; ++j) {
-      for (int i = 0; i < kColumns; ++i) {
+    SINEW_UNROLL for (int j = 0; j < kColumns; ++j) {
+      SINEW_UNROLL for (int i = 0; i < kColumns; ++i) {
         const int low = i < j ? i : j, high = i < j ? j : i;
         const Float8 s = load8(stiffness.s[high * (high + 1) / 2 + low]);
         for (int row = 0; row < 3; ++row) f[3 * j + row] += deviation[3 * i + row] * s;
@@ -122,7 +122,7 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
       f[3 * k + 2] = select(turned, column.z, f[3 * k + 2]);
     }
   }
-  for (int k = 0; k < 3 * kColumns; ++k) store8(state.f[k], f[k]);
+  SINEW_UNROLL for (int k = 0; k < 3 * kColumns; ++k) store8(state.f[k], f[k]);
   storeMask(state.limited, limited);
   storeMask(state.lost, lost);
 }

@@ -42,20 +42,51 @@ SINEW_INLINE Float8 lowHalves(Float8 a, Float8 b) { return joined(lowHalf(a), lo
 SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return joined(highHalf(a), highHalf(b)); }
 #endif
 
-/// Eight vectors of four floats (three and one to ignore) into lanes.
-SINEW_INLINE Vec3Of<Float8> toLanes(const Float4 (&v)[8]) {
-  const Float8 a = joined(v[0], v[4]), b = joined(v[1], v[5]), c = joined(v[2], v[6]), d = joined(v[3], v[7]);
-  const Float8 xy0 = interleaveLow(a, b), xy1 = interleaveLow(c, d);
-  const Float8 z0 = interleaveHigh(a, b), z1 = interleaveHigh(c, d);
+#if defined(__AVX512F__)
+SINEW_INLINE Float16 joined(Float8 low, Float8 high) {
+  return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+}
+SINEW_INLINE Float8 lowHalf(Float16 a) { return SINEW_SHUFFLE(a, a, 0, 1, 2, 3, 4, 5, 6, 7); }
+SINEW_INLINE Float8 highHalf(Float16 a) { return SINEW_SHUFFLE(a, a, 8, 9, 10, 11, 12, 13, 14, 15); }
+SINEW_INLINE Float16 interleaveLow(Float16 a, Float16 b) {
+  return SINEW_SHUFFLE(a, b, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29);
+}
+SINEW_INLINE Float16 interleaveHigh(Float16 a, Float16 b) {
+  return SINEW_SHUFFLE(a, b, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31);
+}
+SINEW_INLINE Float16 pairLow(Float16 a, Float16 b) {
+  return SINEW_SHUFFLE(a, b, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29);
+}
+SINEW_INLINE Float16 pairHigh(Float16 a, Float16 b) {
+  return SINEW_SHUFFLE(a, b, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31);
+}
+#endif
+
+/// Eight vectors of four floats (three and one to ignore), k and k + 4 side by side, into lanes.
+SINEW_INLINE Vec3Of<Float8> toLanes(const Float8 (&v)[4]) {
+  const Float8 xy0 = interleaveLow(v[0], v[1]), xy1 = interleaveLow(v[2], v[3]);
+  const Float8 z0 = interleaveHigh(v[0], v[1]), z1 = interleaveHigh(v[2], v[3]);
   return {pairLow(xy0, xy1), pairHigh(xy0, xy1), pairLow(z0, z1)};
 }
 
-/// The triples data[3 * index]: each read as 16 bytes, so the array needs 4 bytes of padding behind it.
-SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t* index) {
-  Float4 v[8];
-  for (int i = 0; i < 8; ++i) v[i] = load4(data + 3 * std::uint64_t(index[i]));
+/// The triples at data + offset: each read as 16 bytes, so the array needs 4 bytes of padding behind it.
+SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t* offset) {
+  Float8 v[4];
+  for (int i = 0; i < 4; ++i) v[i] = joined(load4(data + offset[i]), load4(data + offset[i + 4]));
   return toLanes(v);
 }
+#if defined(__AVX512F__)
+SINEW_INLINE Vec3Of<Float16> gatherTriples(const float* data, const std::uint32_t* first, const std::uint32_t* second) {
+  Float16 four[4];
+  for (int i = 0; i < 4; ++i) {
+    four[i] = joined(joined(load4(data + first[i]), load4(data + first[i + 4])),
+                     joined(load4(data + second[i]), load4(data + second[i + 4])));
+  }
+  const Float16 xy0 = interleaveLow(four[0], four[1]), xy1 = interleaveLow(four[2], four[3]);
+  const Float16 z0 = interleaveHigh(four[0], four[1]), z1 = interleaveHigh(four[2], four[3]);
+  return {pairLow(xy0, xy1), pairHigh(xy0, xy1), pairLow(z0, z1)};
+}
+#endif
 
 /// Lanes as eight vectors of four floats, the last of them 0.
 SINEW_INLINE void storeQuadruples(float* out, const Vec3Of<Float8>& v) {
@@ -72,6 +103,22 @@ SINEW_INLINE void storeQuadruples(float* out, const Vec3Of<Float8>& v) {
   store4(out + 24, highHalf(v26));
   store4(out + 28, highHalf(v37));
 }
+
+#if defined(__AVX512F__)
+/// Of two blocks: the first eight lanes go to `out`, the others to `second`.
+SINEW_INLINE void storeQuadruples(float* out, float* second, const Vec3Of<Float16>& v) {
+  const Float16 zero{};
+  const Float16 xy0 = interleaveLow(v.x, v.y), xy1 = interleaveHigh(v.x, v.y);
+  const Float16 z0 = interleaveLow(v.z, zero), z1 = interleaveHigh(v.z, zero);
+  const Float16 four[4] = {pairLow(xy0, z0), pairHigh(xy0, z0), pairLow(xy1, z1), pairHigh(xy1, z1)};
+  for (int i = 0; i < 4; ++i) {
+    store4(out + 4 * i, lowHalf(lowHalf(four[i])));
+    store4(out + 16 + 4 * i, highHalf(lowHalf(four[i])));
+    store4(second + 4 * i, lowHalf(highHalf(four[i])));
+    store4(second + 16 + 4 * i, highHalf(highHalf(four[i])));
+  }
+}
+#endif
 
 /// Eight consecutive triples, 24 floats.
 SINEW_INLINE Vec3Of<Float8> loadTriples(const float* p) {

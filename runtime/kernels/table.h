@@ -12,11 +12,12 @@
 namespace sinew::internal::SINEW_KERNELS {
 namespace {
 
-void momentsOf(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state) {
+void momentsOf(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state,
+               float* slots) {
   if (rest.quadratic != 0) {
-    moments<true>(rest, members, y, state);
+    moments<true>(rest, members, y, state, slots);
   } else {
-    moments<false>(rest, members, y, state);
+    moments<false>(rest, members, y, state, slots);
   }
 }
 void matchOf(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state) {
@@ -27,11 +28,11 @@ void matchOf(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, Clus
   }
 }
 void goalsOf(const ClusterRestBlock& rest, const MemberBlock* members, const StiffnessBlock& stiffness,
-             const ClusterBlock& state, const float* y, float* slots) {
+             const ClusterBlock& state, float* slots) {
   if (rest.quadratic != 0) {
-    goals<true>(rest, members, stiffness, state, y, slots);
+    goals<true>(rest, members, stiffness, state, slots);
   } else {
-    goals<false>(rest, members, stiffness, state, y, slots);
+    goals<false>(rest, members, stiffness, state, slots);
   }
 }
 std::uint32_t predictOf(const PredictArguments& a) { return predict(a); }

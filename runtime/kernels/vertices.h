@@ -88,13 +88,12 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
   MotionAccumulator sums;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    Float4 moves[8] = {};
-    for (std::uint32_t lane = 0; lane < count; ++lane) {
-      Float4 sum = {};
-      const std::uint32_t end = a.first_use[i + lane + 1];
-      for (std::uint32_t u = a.first_use[i + lane]; u < end; ++u)
-        sum += load4(a.slots + 4 * std::uint64_t(a.use_slot[u]));
-      moves[lane] = sum;
+    const UseBlock use = a.uses[(i - r.begin) / 8];
+    const std::uint32_t* offset = a.use_offset + 8 * std::uint64_t(use.first);
+    // Vertices k and k + 4 side by side.
+    Float8 moves[4] = {};
+    for (std::uint32_t row = 0; row < use.rows; ++row, offset += 8) {
+      for (int k = 0; k < 4; ++k) moves[k] += joined(load4(a.slots + offset[k]), load4(a.slots + offset[k + 4]));
     }
     Vec3Of<Float8> moved = toLanes(moves);
     const Vec3Of<Float8> start = loadTriples(r.y + 3 * std::uint64_t(i), count);

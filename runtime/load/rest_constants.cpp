@@ -67,7 +67,7 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
   for (const formats::PhysicalVertex& vertex : vertices) result.masses.push_back(vertex.mass);
   result.blocks.resize((clusters.size() + 7) / 8, ClusterRestBlock{});
   for (ClusterRestBlock& block : result.blocks) std::fill(std::begin(block.radius), std::end(block.radius), 1.0F);
-  result.use_slots.resize(package.memberships().size());
+  std::vector<std::uint32_t> use_slots(package.memberships().size());  // as `uses`: 8 * member block + lane
   std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const formats::Cluster& cluster = clusters[c];
@@ -87,11 +87,27 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
       const bool real = m < members.size();
       const formats::Membership& member = real ? members[m] : members.back();
       const Vector3 q = restOffset(cluster, asVector(vertices[member.vertex].rest_position));
-      eight.vertex[m % 8] = member.vertex;
+      eight.offset[m % 8] = 3 * member.vertex;
       eight.mu[m % 8] = real ? member.mu : 0.0F;
       eight.share[m % 8] = real ? member.share : 0.0F;
       for (int k = 0; k < 3; ++k) eight.q[k][m % 8] = q[k];
-      if (real) result.use_slots[next[member.vertex]++] = std::uint32_t(8 * (result.members.size() - 1) + m % 8);
+      if (real) use_slots[next[member.vertex]++] = std::uint32_t(8 * (result.members.size() - 1) + m % 8);
+    }
+  }
+  const std::uint32_t nothing = std::uint32_t(4 * 8 * result.members.size());
+  for (const formats::BodyRange& range : package.bodies()) {
+    for (std::uint32_t begin = 0; begin < range.vertex_count; begin += 8) {
+      const std::uint32_t count = std::min(range.vertex_count - begin, 8U);
+      UseBlock block = {std::uint32_t(result.use_offsets.size() / 8), 0};
+      const std::uint32_t* first = result.first_use.data() + range.first_vertex + begin;
+      for (std::uint32_t k = 0; k < count; ++k) block.rows = std::max(block.rows, first[k + 1] - first[k]);
+      for (std::uint32_t row = 0; row < block.rows; ++row) {
+        for (std::uint32_t k = 0; k < 8; ++k) {
+          const bool real = k < count && row < first[k + 1] - first[k];
+          result.use_offsets.push_back(real ? 4 * use_slots[first[k] + row] : nothing);
+        }
+      }
+      result.use_blocks.push_back(block);
     }
   }
 }

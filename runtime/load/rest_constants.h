@@ -39,7 +39,8 @@ struct RestConstants {
   std::vector<float> masses;             ///< by vertex, kg
   std::vector<MemberBlock> members;      ///< cluster by cluster
   std::vector<ClusterRestBlock> blocks;  ///< eight clusters each
-  std::vector<std::uint32_t> use_slots;  ///< as `uses`: 8 * member block + lane
+  std::vector<UseBlock> use_blocks;        ///< eight vertices each, part by part
+  std::vector<std::uint32_t> use_offsets;  ///< rows of the use blocks
 
   std::span<const ClusterUse> usesOf(std::uint32_t vertex) const {
     return {uses.data() + first_use[vertex], uses.data() + first_use[vertex + 1]};

@@ -76,7 +76,7 @@ class BodyStep {
     // stands between moments and goals, and a block of clusters goes through all at once, its members still in cache.
     const bool rows_are_possible = settings_.ground.enabled || !body_.pins.empty() || !body_.picks.empty();
     forBlocks([&](std::uint32_t b) {
-      kernel_.moments(rest_.blocks[b], rest_.members.data(), y(), body_.blocks[b]);
+      moments(b);
       if (!rows_are_possible) matchAndAsk(b);
     });
     clock_.finish(kMoments);
@@ -135,9 +135,12 @@ class BodyStep {
     for (int k = 0; k < 3; ++k) reference[k] = float(part.reference[k]);
   }
 
+  float* slots() { return body_.slots.data()->data(); }
+  void moments(std::uint32_t b) {
+    kernel_.moments(rest_.blocks[b], rest_.members.data(), y(), body_.blocks[b], slots());
+  }
   void ask(std::uint32_t b) {
-    kernel_.goals(rest_.blocks[b], rest_.members.data(), stiffness(b), body_.blocks[b], y(),
-                  body_.slots.data()->data());
+    kernel_.goals(rest_.blocks[b], rest_.members.data(), stiffness(b), body_.blocks[b], slots());
   }
   void matchAndAsk(std::uint32_t b) {
     kernel_.match(rest_.blocks[b], stiffness(b), body_.blocks[b]);
@@ -205,6 +208,7 @@ class BodyStep {
       if (!lost) continue;
       updatePartRotation(body_.package(), part.first_cluster, part.cluster_count, body_.blocks);
       for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
+        moments(b);  // goals have taken the place of what moments left in the slots
         matchAndAsk(b);
       }
     }
@@ -218,9 +222,9 @@ class BodyStep {
       const Part& part = body_.parts[chunk.part];
       ApplyArguments a{};
       a.vertices = vertexRange(chunk);
-      a.slots = body_.slots.data()->data();
-      a.first_use = rest_.first_use.data();
-      a.use_slot = rest_.use_slots.data();
+      a.slots = slots();
+      a.uses = rest_.use_blocks.data() + chunk.first_use_block;
+      a.use_offset = rest_.use_offsets.data();
       a.inverse_h = 1.0F / h_;
       a.ground = settings_.ground.enabled;
       for (std::size_t k = 0; k < 3; ++k) a.normal[k] = settings_.ground.normal[k];

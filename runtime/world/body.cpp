@@ -27,7 +27,7 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       y(vertexCount() + 1, memory),
       force(vertexCount(), memory),
       pinned(vertexCount(), memory),
-      slots(8 * rest().members.size(), memory),
+      slots(8 * rest().members.size() + 1, memory),
       blocks(rest().blocks.size(), memory),
       stiffness(std::move(shared)),
       pins(memory),
@@ -38,6 +38,7 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       frames(memory),
       responses(memory),
       cofactors(memory) {
+  std::uint32_t use_block = 0;
   for (const formats::BodyRange& range : package().bodies()) {
     Part part;
     part.first_vertex = range.first_vertex;
@@ -48,7 +49,8 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
     const std::uint32_t index = std::uint32_t(parts.size());
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
       const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
-      chunks.push_back({index, range.first_vertex + begin, range.first_vertex + end});
+      chunks.push_back({index, range.first_vertex + begin, range.first_vertex + end, use_block});
+      use_block += (end - begin + 7) / 8;
     }
     part.chunk_count = std::uint32_t(chunks.size()) - part.first_chunk;
     parts.push_back(part);
@@ -88,7 +90,7 @@ void Body::matchPositions() {
   StiffnessSet loose(package(), 0.0F);
   loose.update(package(), rest(), 1.0F);
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b]);
+    kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b], slots.data()->data());
   }
   for (const Part& part : parts) updatePartRotation(package(), part.first_cluster, part.cluster_count, blocks);
   for (std::size_t b = 0; b < blocks.size(); ++b) kernel.match(rest().blocks[b], loose.blocks[b], blocks[b]);

@@ -40,6 +40,7 @@ inline constexpr std::uint32_t kVerticesPerChunk = 512;
 struct VertexChunk {
   std::uint32_t part;  ///< into Body::parts
   std::uint32_t begin, end;
+  std::uint32_t first_use_block;  ///< into RestConstants::use_blocks
   std::uint32_t repaired = 0;
   MotionLanes sums = {};  ///< scratch
 };
@@ -83,7 +84,7 @@ struct Body {
   std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
   std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
   std::pmr::vector<std::uint8_t> pinned;
-  std::pmr::vector<std::array<float, 4>> slots;  ///< by membership, padded: what its cluster asks of a vertex
+  std::pmr::vector<std::array<float, 4>> slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
 
   std::pmr::vector<ClusterBlock> blocks;  ///< by cluster, eight each
 

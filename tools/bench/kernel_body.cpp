@@ -72,7 +72,7 @@ KernelBody::KernelBody(const formats::PackageView& package, float kept)
       const bool real = m < members.size();
       const formats::Membership& member = real ? members[m] : members.back();
       const auto q = restOffset(package, cluster, member.vertex);
-      block.vertex[m % kLanes] = member.vertex;
+      block.offset[m % kLanes] = 3 * member.vertex;
       block.mu[m % kLanes] = real ? member.mu : 0;
       block.share[m % kLanes] = real ? member.share : 0;
       for (std::size_t k = 0; k < 3; ++k) block.q[k][m % kLanes] = q[k];
@@ -95,11 +95,18 @@ KernelBody::KernelBody(const formats::PackageView& package, float kept)
     stiffness_[c / kLanes].alpha[lane] = 1;
     stiffness_[c / kLanes].deforms[lane] = kept > 0 ? -1 : 0;
   }
-  slots_.resize(members_.size() * 4 * kLanes);
-  first_use_.push_back(0);
-  for (const auto& of_vertex : uses) {
-    use_slot_.insert(use_slot_.end(), of_vertex.begin(), of_vertex.end());
-    first_use_.push_back(std::uint32_t(use_slot_.size()));
+  const std::uint32_t nothing = std::uint32_t(members_.size() * 4 * kLanes);
+  slots_.resize(nothing + 4);
+  for (std::uint32_t begin = 0; begin < vertices_; begin += kLanes) {
+    const std::uint32_t end = std::min(begin + kLanes, vertices_);
+    internal::UseBlock block = {std::uint32_t(use_offset_.size() / kLanes), 0};
+    for (std::uint32_t v = begin; v < end; ++v) block.rows = std::max(block.rows, std::uint32_t(uses[v].size()));
+    for (std::uint32_t row = 0; row < block.rows; ++row) {
+      for (std::uint32_t v = begin; v < begin + kLanes; ++v) {
+        use_offset_.push_back(v < end && row < uses[v].size() ? 4 * uses[v][row] : nothing);
+      }
+    }
+    use_blocks_.push_back(block);
   }
   const std::size_t floats = 3 * std::size_t(vertices_) + kLanes;
   x_.resize(floats);
@@ -116,7 +123,7 @@ void KernelBody::setPositions(std::span<const Vec3> y) {
 }
 
 void KernelBody::moments(const internal::Kernels& kernels) {
-  for (std::size_t b = 0; b < rest_.size(); ++b) kernels.moments(rest_[b], members_.data(), y_.data(), state_[b]);
+  for (std::size_t b = 0; b < rest_.size(); ++b) kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
 }
 
 void KernelBody::match(const internal::Kernels& kernels) {
@@ -125,7 +132,7 @@ void KernelBody::match(const internal::Kernels& kernels) {
 
 void KernelBody::goals(const internal::Kernels& kernels) {
   for (std::size_t b = 0; b < rest_.size(); ++b) {
-    kernels.goals(rest_[b], members_.data(), stiffness_[b], state_[b], y_.data(), slots_.data());
+    kernels.goals(rest_[b], members_.data(), stiffness_[b], state_[b], slots_.data());
   }
 }
 
@@ -133,17 +140,17 @@ void KernelBody::apply(const internal::Kernels& kernels) {
   internal::ApplyArguments arguments{};
   arguments.vertices = {0, vertices_, x_.data(), v_.data(), y_.data(), mass_.data()};
   arguments.slots = slots_.data();
-  arguments.first_use = first_use_.data();
-  arguments.use_slot = use_slot_.data();
+  arguments.uses = use_blocks_.data();
+  arguments.use_offset = use_offset_.data();
   arguments.inverse_h = 60;
   kernels.apply(arguments);
 }
 
 void KernelBody::all(const internal::Kernels& kernels) {
   for (std::size_t b = 0; b < rest_.size(); ++b) {
-    kernels.moments(rest_[b], members_.data(), y_.data(), state_[b]);
+    kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
     kernels.match(rest_[b], stiffness_[b], state_[b]);
-    kernels.goals(rest_[b], members_.data(), stiffness_[b], state_[b], y_.data(), slots_.data());
+    kernels.goals(rest_[b], members_.data(), stiffness_[b], state_[b], slots_.data());
   }
   apply(kernels);
 }

@@ -37,7 +37,8 @@ class KernelBody {
   std::vector<internal::StiffnessBlock> stiffness_;
   std::vector<internal::ClusterBlock> state_;
   std::vector<float> slots_;
-  std::vector<std::uint32_t> first_use_, use_slot_;
+  std::vector<internal::UseBlock> use_blocks_;
+  std::vector<std::uint32_t> use_offset_;
   std::vector<float> x_, v_, y_, mass_;
   std::uint32_t vertices_;
 };
