@@ -216,7 +216,7 @@ void benchThreads(const BenchContext& context) {
       const SpeedupSamples samples = speedupOf(shared.timed(calls), alone.timed(calls), context.options.quick);
       BenchLine line = lineOf(name, "ns/vertex");
       line.value = 1e9 * quantile(samples.shared, 0.5) / alone.vertices;
-      line.spread = samples.spread();
+      line.ratio_spread = samples.spread();
       line.reference_name = "one thread";
       line.reference = 1e9 * quantile(samples.alone, 0.5) / alone.vertices;
       line.ratio = quantile(samples.ratios, 0.5);
