@@ -267,11 +267,11 @@ class BodyStep {
       }
       const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven);
       if (!lost && !as_one) continue;
+      const std::uint32_t first = part.first_cluster / 8, last = (part.first_cluster + part.cluster_count - 1) / 8;
+      // Goals have taken the place of what moments left in the slots; and the pose moves centres.
+      for (std::uint32_t b = first; b <= last; ++b) moments(b);
       findPose(part, as_one ? kHardlyAstray : kAstray);
-      for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
-        moments(b);  // goals have taken the place of what moments left in the slots
-        matchAndAsk(b);
-      }
+      for (std::uint32_t b = first; b <= last; ++b) matchAndAsk(b);
     }
   }
 
