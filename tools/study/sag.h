@@ -21,7 +21,7 @@ struct SagCase {
   double rate_hz = 60;         ///< steps a second
   std::uint32_t passes = 4;
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
-  double frequency_hz = 5;
+  double frequency_hz = 40;
 };
 
 struct SagResult {
