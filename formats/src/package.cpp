@@ -32,6 +32,7 @@ unsigned notFinite(const std::array<float, kCount>& values) {
 unsigned notPositive(float value) { return unsigned(!(value > 0.0F)) | notFinite(value); }
 unsigned negativeOrNotFinite(float value) { return unsigned(!(value >= 0.0F)) | notFinite(value); }
 unsigned outsideUnit(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= 1.0F)); }
+unsigned outside(float value, float low, float high) { return unsigned(!(value >= low)) | unsigned(!(value <= high)); }
 unsigned negativeOrNan(float value) { return unsigned(!(value >= 0.0F)); }
 
 constexpr std::size_t kAllGood = std::numeric_limits<std::size_t>::max();
@@ -72,7 +73,8 @@ class PackageReader {
   bool read() {
     return readHeader() && readTable() && checkPresence() && bindSections() && checkTexts() && checkInfo() &&
            checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
-           checkVisualMesh() && checkMaterials() && checkAttachments() && checkIdentity() && checkGroups();
+           checkMechanics() && checkVisualMesh() && checkMaterials() && checkAttachments() && checkIdentity() &&
+           checkGroups();
   }
 
   std::string reason() && { return std::move(reason_); }
@@ -220,8 +222,8 @@ class PackageReader {
           section::barycentric, section::cluster_attachments, section::visual_identity, section::groups}) {
       if (!needs(id, section::visual_positions)) return false;
     }
-    if (!needs(section::texture_bytes, section::textures) || !needs(section::group_vertices, section::groups) ||
-        !needs(section::barycentric, section::tetrahedra)) {
+    if (!needs(section::curve_points, section::mechanics) || !needs(section::texture_bytes, section::textures) ||
+        !needs(section::group_vertices, section::groups) || !needs(section::barycentric, section::tetrahedra)) {
       return false;
     }
     if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
@@ -248,6 +250,11 @@ class PackageReader {
     bind(section::clusters, view_.clusters_);
     bind(section::memberships, view_.memberships_);
     bind(section::quadratic_moments, view_.quadratic_moments_);
+    bind(section::mechanics, view_.mechanics_);
+    bind(section::curve_points, view_.curve_points_);
+    bind(section::channels, view_.channels_);
+    bind(section::vertex_stiffness, view_.vertex_stiffness_);
+    bind(section::pin_weights, view_.pin_weights_);
     bind(section::visual_positions, view_.visual_positions_);
     bind(section::visual_normals, view_.visual_normals_);
     bind(section::visual_uv, view_.visual_uvs_);
@@ -289,8 +296,8 @@ class PackageReader {
       if (badText(ref) != 0) return refuse(section::info, "a text lies outside section STRS");
     }
     return checkNames(section::bodies, view_.bodies_) && checkNames(section::clusters, view_.clusters_) &&
-           checkNames(section::sub_meshes, view_.sub_meshes_) && checkNames(section::materials, view_.materials_) &&
-           checkNames(section::textures, view_.textures_) &&
+           checkNames(section::channels, view_.channels_) && checkNames(section::sub_meshes, view_.sub_meshes_) &&
+           checkNames(section::materials, view_.materials_) && checkNames(section::textures, view_.textures_) &&
            check(section::textures, view_.textures_, "its mime type lies outside section STRS",
                  [this](const Texture& t) { return badText(t.mime); }) &&
            checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_);
@@ -446,6 +453,76 @@ class PackageReader {
     });
     return index == kAllGood || refuse(section::memberships, "the shares of physical vertex " + std::to_string(index) +
                                                                  " over its clusters do not sum to 1");
+  }
+
+  bool checkMechanics() {
+    const std::size_t vertices = view_.physical_vertices_.size();
+    for (const auto& [id, values] : {std::pair{section::vertex_stiffness, view_.vertex_stiffness_},
+                                     std::pair{section::pin_weights, view_.pin_weights_}}) {
+      if (!values.empty() && values.size() != vertices) {
+        return refuse(
+            id, std::to_string(values.size()) + " elements for " + std::to_string(vertices) + " physical vertices");
+      }
+      if (!check(id, values, "outside 0 to 1", [](float value) { return outsideUnit(value); })) return false;
+    }
+    if (!view_.mechanics_.empty() && view_.mechanics_.size() != view_.clusters_.size()) {
+      return refuse(section::mechanics, std::to_string(view_.mechanics_.size()) + " elements for " +
+                                            std::to_string(view_.clusters_.size()) + " clusters");
+    }
+    for (std::size_t i = 0; i < view_.mechanics_.size(); ++i) {
+      const char* fault = faultOf(view_.mechanics_[i]);
+      if (fault != nullptr) return refuse(section::mechanics, i, fault);
+    }
+    return true;
+  }
+
+  /// What is wrong with a cluster's mechanics; null if nothing.
+  const char* faultOf(const ClusterMechanics& m) const {
+    if (m.stiffness > StiffnessModel::elastic) return "unknown stiffness model";
+    if (m.limit > LimitMethod::curve) return "unknown limit method";
+    if (m.volume > VolumeMethod::principal) return "unknown volume method";
+    for (const float beta : m.per_step_beta) {
+      if (outsideUnit(beta) != 0) return "per_step_beta is outside 0 to 1";
+    }
+    if (outside(m.young, 0, 1e12F) != 0) return "young is outside 0 to 1e12";
+    if (outside(m.poisson, 0, 0.499F) != 0) return "poisson is outside 0 to 0.499";
+    if (outside(m.damping, 0, 1e5F) != 0) return "damping is outside 0 to 1e5";
+    if (outside(m.stretch_min, 0.05F, 1) != 0) return "stretch_min is outside 0.05 to 1";
+    if (outside(m.stretch_max, 1, 20) != 0) return "stretch_max is outside 1 to 20";
+    if (outside(m.norm_max, 3, 1000) != 0) return "norm_max is outside 3 to 1000";
+    if (outside(m.norm_limit, m.norm_max, 1000) != 0) return "norm_limit is outside norm_max to 1000";
+    if ((outside(m.plastic_yield, 0, 10) | outside(m.plastic_creep, 0, 1e5F) | outside(m.plastic_limit, 0, 10)) != 0) {
+      return "plastic_yield or plastic_limit is outside 0 to 10, or plastic_creep outside 0 to 1e5";
+    }
+    if (outside(m.contraction, 0, 0.9F) != 0) return "contraction is outside 0 to 0.9";
+    const float length2 = m.fibre[0] * m.fibre[0] + m.fibre[1] * m.fibre[1] + m.fibre[2] * m.fibre[2];
+    if (length2 != 0 && outside(length2, 0.999F, 1.001F) != 0) return "fibre is neither 0 nor of length 1";
+    if (m.channel != kNone && m.channel >= view_.channels_.size()) return "its channel is not in section CHAN";
+    if (m.reserved0 != 0) return "a reserved field is not 0";
+    return faultOfCurve(m);
+  }
+
+  const char* faultOfCurve(const ClusterMechanics& m) const {
+    if (m.limit != LimitMethod::curve) {
+      return m.first_curve_point == 0 && m.curve_point_count == 0 ? nullptr : "has a curve that its limit does not use";
+    }
+    const std::span<const CurvePoint> all = view_.curve_points_;
+    if (m.curve_point_count < 2) return "its curve has fewer than 2 points";
+    if (m.first_curve_point >= all.size() || m.curve_point_count > all.size() - m.first_curve_point) {
+      return "its curve reaches beyond section CURV";
+    }
+    const auto points = all.subspan(m.first_curve_point, m.curve_point_count);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const CurvePoint& point = points[k];
+      if (outside(point.norm, 3, 1e6F) != 0 || outside(point.response, 3, point.norm) != 0) {
+        return "a point of its curve has a norm outside 3 to 1e6, or a response outside 3 to that norm";
+      }
+      if (k == 0 && point.response != point.norm) return "the first point of its curve changes the norm";
+      if (k > 0 && (!(point.norm > points[k - 1].norm) || !(point.response >= points[k - 1].response))) {
+        return "its curve is not ascending";
+      }
+    }
+    return nullptr;
   }
 
   bool sameLengthAsVisual(std::uint32_t id, std::size_t count) {

@@ -19,7 +19,7 @@ struct SectionRule {
 };
 
 /// In the order in which the writer lays sections out.
-inline constexpr std::array<SectionRule, 26> kSectionRules = {{
+inline constexpr std::array<SectionRule, 31> kSectionRules = {{
     {section::info, sizeof(BodyInfo), kSectionRequired, true, 0},
     {section::strings, 1, kSectionRequired, false, 0},
     {section::bodies, sizeof(BodyRange), kSectionRequired, true, 0},
@@ -28,6 +28,11 @@ inline constexpr std::array<SectionRule, 26> kSectionRules = {{
     {section::clusters, sizeof(Cluster), kSectionRequired, true, 0},
     {section::memberships, sizeof(Membership), kSectionRequired, true, 0},
     {section::quadratic_moments, sizeof(QuadraticMoment), kSectionRequired, false, kFeatureQuadratic},
+    {section::mechanics, sizeof(ClusterMechanics), kSectionRequired, false, kFeatureMechanics},
+    {section::curve_points, sizeof(CurvePoint), kSectionRequired, false, 0},
+    {section::channels, sizeof(ActivationChannel), kSectionRequired, false, kFeatureActivation},
+    {section::vertex_stiffness, sizeof(float), kSectionRequired, false, kFeatureVertexStiffness},
+    {section::pin_weights, sizeof(float), kSectionRequired, false, kFeaturePinWeights},
     {section::visual_positions, sizeof(Float3), kSectionRequired, false, kFeatureVisual},
     {section::visual_normals, sizeof(Float3), 0, false, 0},
     {section::visual_uv, sizeof(Float2), 0, false, 0},

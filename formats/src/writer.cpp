@@ -43,6 +43,16 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.memberships);
     case section::quadratic_moments:
       return payload(content.quadratic_moments);
+    case section::mechanics:
+      return payload(content.mechanics);
+    case section::curve_points:
+      return payload(content.curve_points);
+    case section::channels:
+      return payload(content.channels);
+    case section::vertex_stiffness:
+      return payload(content.vertex_stiffness);
+    case section::pin_weights:
+      return payload(content.pin_weights);
     case section::visual_positions:
       return payload(content.visual_positions);
     case section::visual_normals:

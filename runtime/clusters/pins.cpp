@@ -1,18 +1,150 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/clusters/pins.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+
+#include "runtime/clusters/goal.h"
+
 namespace sinew::internal {
+namespace {
+
+using RowMatrix = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
+Eigen::Map<const RowMatrix> asMatrix(const Mat3& m) { return Eigen::Map<const RowMatrix>(m.data()); }
+
+Vector3 placeOf(const RigidTransform& at, const PinnedVertex& vertex) {
+  return asMatrix(at.rotation) * asVector(vertex.local) + asVector(at.position);
+}
+
+bool isHeldByRows(const PinSet& set) { return set.method == PinMethod::hold; }
+
+void addRow(Body& body, std::uint32_t vertex, const Vector3& target, float weight, float pass_seconds) {
+  Row row;
+  row.kind = RowKind::hold;
+  row.point = RowPoint::physical_vertex;
+  row.index = vertex;
+  row.target = target;
+  row.weight = weight;
+  row.impulse = pass_seconds * pass_seconds * asVector(body.force[vertex]);
+  body.rows.push_back(row);
+}
+
+// Fits are remade as a whole: sets come and go rarely.
+void rebuildFits(Body& body) {
+  struct Pinned {
+    PinMethod method = PinMethod::infinite_mass;
+    std::vector<PinPoint> points;
+  };
+  std::map<std::uint32_t, Pinned> by_cluster;
+  for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
+    const PinSet& set = body.pin_sets[s];
+    if (isHeldByRows(set)) continue;
+    for (std::uint32_t item = 0; item < set.vertices.size(); ++item) {
+      const PinnedVertex& vertex = set.vertices[item];
+      for (const ClusterUse& use : body.rest().usesOf(vertex.vertex)) {
+        Pinned& pinned = by_cluster[use.cluster];
+        pinned.method = std::max(pinned.method, set.method);
+        const formats::Cluster& cluster = body.package().clusters()[use.cluster];
+        const float mu = use.share * body.vertices()[vertex.vertex].mass / cluster.mass;
+        pinned.points.push_back({vertex.vertex, s, item, vertex.weight, mu, Vector3::Zero()});
+      }
+    }
+  }
+  body.fits.clear();
+  std::fill(body.fit_of.begin(), body.fit_of.end(), formats::kNone);
+  if (!by_cluster.empty()) body.fit_of.resize(body.clusterCount(), formats::kNone);
+  for (auto& [cluster, pinned] : by_cluster) {
+    body.fit_of[cluster] = std::uint32_t(body.fits.size());
+    body.fits.emplace_back(body.package(), cluster, pinned.method, std::move(pinned.points));
+  }
+  if (by_cluster.empty()) body.fit_of.clear();
+}
+
+// A force on the body at a place, over the pass; the reaction on the owner is its opposite.
+void addForce(PinSet& set, const Vector3& force, const Vector3& place) {
+  const Eigen::Vector3d f = force.cast<double>();
+  set.force_sum -= f;
+  set.torque_sum -= (place - asVector(set.at.position)).cast<double>().cross(f);
+}
+
+}  // namespace
+
+RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransform& to, float part) {
+  if (part >= 1) return to;
+  RigidTransform result;
+  asVector(result.position) = asVector(from.position) + part * (asVector(to.position) - asVector(from.position));
+  const Eigen::Quaternionf a(Matrix3(asMatrix(from.rotation))), b(Matrix3(asMatrix(to.rotation)));
+  Eigen::Map<RowMatrix>(result.rotation.data()) = a.slerp(part, b).normalized().toRotationMatrix();
+  return result;
+}
+
+void addPinSet(Body& body, PinSet set) {
+  const auto rotation = asMatrix(set.at.rotation);
+  for (PinnedVertex& vertex : set.vertices) {
+    vertex.local = asArray(rotation.transpose() * (asVector(body.x[vertex.vertex]) - asVector(set.at.position)));
+    body.pinned[vertex.vertex] = 1;
+    body.force[vertex.vertex] = {};
+  }
+  body.pin_sets.push_back(std::move(set));
+  rebuildFits(body);
+}
+
+void removePinSet(Body& body, std::size_t index) {
+  for (const PinnedVertex& vertex : body.pin_sets[index].vertices) {
+    body.pinned[vertex.vertex] = 0;
+    body.force[vertex.vertex] = {};
+  }
+  body.pin_sets.erase(body.pin_sets.begin() + std::ptrdiff_t(index));
+  rebuildFits(body);
+}
 
 void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left) {
   for (const Pin& pin : body.pins) {
-    Row row;
-    row.kind = RowKind::hold;
-    row.point = RowPoint::physical_vertex;
-    row.index = pin.vertex;
-    row.target = pinPosition(asVector(body.x[pin.vertex]), asVector(pin.target), passes_left);
-    row.impulse = pass_seconds * pass_seconds * asVector(body.force[pin.vertex]);
-    body.rows.push_back(row);
+    addRow(body, pin.vertex, pinPosition(asVector(body.x[pin.vertex]), asVector(pin.target), passes_left), 1,
+           pass_seconds);
   }
+  for (const PinSet& set : body.pin_sets) {
+    if (!isHeldByRows(set)) continue;
+    for (const PinnedVertex& vertex : set.vertices) {
+      addRow(body, vertex.vertex, placeOf(set.at, vertex), vertex.weight, pass_seconds);
+    }
+  }
+}
+
+void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
+  for (PinSet& set : body.pin_sets) {
+    if (set.first_pass) {
+      set.first_pass = false;
+      set.force_sum.setZero();
+      set.torque_sum.setZero();
+      set.passes = 0;
+    }
+    set.at = betweenTransforms(set.at, set.target, 1.0F / float(passes_left));
+    ++set.passes;
+    if (passes_left == 1) set.first_pass = true;
+    if (isHeldByRows(set)) continue;
+    for (const PinnedVertex& vertex : set.vertices) {
+      if (vertex.weight < 1) continue;
+      auto y = asVector(body.y[vertex.vertex]);
+      const Vector3 place = placeOf(set.at, vertex);
+      const float mass = body.vertices()[vertex.vertex].mass;
+      addForce(set, (mass / (pass_seconds * pass_seconds)) * (place - y), place);
+      y = place;
+    }
+  }
+  for (PinFit& fit : body.fits) {
+    fit.prepare(body.package(), body.rest(), body.settings.stiffness_scale, pass_seconds);
+    for (PinPoint& point : fit.points()) {
+      const PinSet& set = body.pin_sets[point.set];
+      point.place = placeOf(set.at, set.vertices[point.item]);
+    }
+  }
+}
+
+void beginPinFits(Body& body) {
+  for (PinFit& fit : body.fits) fit.momentCenter() = loadFrame(body.blocks, fit.cluster()).center;
 }
 
 void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
@@ -21,6 +153,68 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
     const Vector3 end = pinPosition(start, asVector(pin.target), passes_left);
     asVector(body.y[pin.vertex]) = end;
     asVector(body.v[pin.vertex]) = (end - start) / pass_seconds;
+  }
+  const float to_force = 1.0F / (pass_seconds * pass_seconds);
+  for (const PinFit& fit : body.fits) {
+    // What the fit did to the cluster as a whole: the goals' force and torque, Σ mu (g - y) and Σ mu y x (g - y).
+    const formats::Cluster& cluster = body.package().clusters()[fit.cluster()];
+    const ClusterFrame frame = loadFrame(body.blocks, fit.cluster());
+    const float scale = to_force * cluster.mass * body.stiffness->clusters[fit.cluster()].alpha;
+    const Eigen::Vector3d force = double(scale) * (frame.center - fit.momentCenter()).cast<double>();
+    Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+    const int columns = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
+    for (int k = 0; k < columns; ++k) {
+      torque += frame.a_pq.col(k).cast<double>().cross(frame.f.col(k).cast<double>());
+    }
+    torque *= double(scale) * double(cluster.radius) * double(cluster.radius);
+    const double part = 1.0 / double(fit.points().size());
+    for (const PinPoint& point : fit.points()) {
+      PinSet& set = body.pin_sets[point.set];
+      const Eigen::Vector3d arm = (fit.momentCenter() - asVector(set.at.position)).cast<double>();
+      set.force_sum -= part * force;
+      set.torque_sum -= part * (torque + arm.cross(force));
+    }
+  }
+  for (PinSet& set : body.pin_sets) {
+    for (const PinnedVertex& vertex : set.vertices) {
+      auto y = asVector(body.y[vertex.vertex]);
+      const Vector3 start = asVector(body.x[vertex.vertex]), place = placeOf(set.at, vertex);
+      if (isHeldByRows(set)) {
+        const float mass = body.vertices()[vertex.vertex].mass;
+        addForce(set, asVector(body.force[vertex.vertex]) + vertex.weight * mass * to_force * (place - y), place);
+        y += vertex.weight * (place - y);
+      } else if (vertex.weight >= 1) {
+        y = place;
+      } else {
+        continue;
+      }
+      asVector(body.v[vertex.vertex]) = (y - start) / pass_seconds;
+    }
+  }
+}
+
+void finishMatch(Body& body, float pass_seconds) {
+  MechanicsState& state = body.mechanics;
+  if (state.shapes.empty() && state.previous.empty()) return;
+  for (std::uint32_t c = 0; c < body.clusterCount(); ++c) {
+    const formats::Cluster& cluster = body.package().clusters()[c];
+    const formats::ClusterMechanics& mechanics = body.package().mechanics()[c];
+    if (cluster.mode == formats::ClusterMode::rigid) continue;
+    const ClusterFrame frame = loadFrame(body.blocks, c);
+    const Matrix3 r = geometry::rotationMatrix(frame.rotation);
+    if (!state.previous.empty()) {
+      Columns<9> local = r.transpose() * frame.f;
+      local.leftCols<3>() -= state.shapes.empty() ? Matrix3(Matrix3::Identity()) : state.shapes[c].shape;
+      if (cluster.mode == formats::ClusterMode::quadratic) {
+        state.previous[c] = local * body.rest().full_moments[cluster.quadratic];
+      } else {
+        state.previous[c].leftCols<3>() = local.leftCols<3>() * body.rest().clusters[c].moment.leftCols<3>();
+      }
+    }
+    if (!state.shapes.empty() && body.blocks[c / 8].limited[c % 8] == 0 &&
+        updatePlasticity(mechanics, r, frame.f.leftCols<3>(), pass_seconds, state.shapes[c])) {
+      state.updateShape(body.package(), c);
+    }
   }
 }
 

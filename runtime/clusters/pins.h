@@ -11,10 +11,28 @@ inline Vector3 pinPosition(const Vector3& start, const Vector3& target, std::uin
   return passes_left <= 1 ? target : Vector3(start + (target - start) / float(passes_left));
 }
 
-/// Appends a row for each pinned vertex (method `hold`: positions held, forces passed on through the match).
+/// Part of the way from one transform to another: straight for the position, the shortest turn for the rotation.
+RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransform& to, float part);
+
+/// Adds a set to the body; the arguments are sound. Its vertices stay where they are in its transform.
+void addPinSet(Body& body, PinSet set);
+/// Removes the set at an index.
+void removePinSet(Body& body, std::size_t index);
+
+/// Appends a row for each vertex that is held (method `hold`: positions held, forces passed on through the match).
 void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left);
 
-/// Puts the pinned vertices exactly where they are held.
+/// Moves the transforms of pin sets on and puts the vertices of the fitted ones in their places of this pass. Call
+/// after prediction, before the moments.
+void placePins(Body& body, float pass_seconds, std::uint32_t passes_left);
+
+/// Takes over the centres of pinned clusters, between moments (rows included) and match.
+void beginPinFits(Body& body);
+
+/// Puts the pinned vertices exactly where they are held and sums up the reactions.
 void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left);
+
+/// Ends a pass for clusters that are plastic or damped: what they keep for the next.
+void finishMatch(Body& body, float pass_seconds);
 
 }  // namespace sinew::internal

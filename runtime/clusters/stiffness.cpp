@@ -3,10 +3,13 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
@@ -42,13 +45,14 @@ Square<9> unpack(const formats::QuadraticMoment& packed) {
 
 // S = (M + K)^+ with K = D M D, D = diag(2 pi f h) by class of modes: the implicit step of the energy 1/2 g^T K g.
 // Symmetric; A_qq / (1 + (2 pi f h)^2) where all frequencies are equal.
-Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>& ratios) {
+// `damping` (h d) adds d M to the implicit step.
+Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>& ratios, double damping) {
   Eigen::Matrix<double, 9, 9> sum = moment.cast<double>();
   for (int row = 0; row < 9; ++row) {
     for (int column = 0; column < 9; ++column) {
       const double both =
           std::min(ratios[std::size_t(row / 3)], kRigidRatio) * std::min(ratios[std::size_t(column / 3)], kRigidRatio);
-      sum(row, column) *= 1 + std::sqrt(both);
+      sum(row, column) *= 1 + damping + std::sqrt(both);
     }
   }
   for (int block = 0; block < 3; ++block) {
@@ -73,30 +77,89 @@ float keptDeformation(float frequency_hz, float step_seconds) {
   return float(1 / (1 + stiffnessRatio(frequency_hz, 1, step_seconds)));
 }
 
+std::array<double, 3> classRatios(const formats::PackageView& package, const RestConstants& rest, std::uint32_t index,
+                                  float stiffness_scale, float step_seconds) {
+  const formats::Cluster& cluster = package.clusters()[index];
+  const formats::ClusterMechanics& mechanics =
+      package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[index];
+  std::array<double, 3> ratios{};
+  switch (mechanics.stiffness) {
+    case formats::StiffnessModel::elastic:
+      break;
+    case formats::StiffnessModel::per_step:
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double beta = double(mechanics.per_step_beta[k]);
+        ratios[k] = beta > 0 ? (1 - beta) / beta : std::numeric_limits<double>::infinity();
+      }
+      break;
+    case formats::StiffnessModel::frequency: {
+      const float scale = stiffness_scale * rest.clusters[index].frequency_ratio;
+      ratios = {stiffnessRatio(cluster.stretch_hz, scale, step_seconds),
+                stiffnessRatio(cluster.bend_hz, scale, step_seconds),
+                stiffnessRatio(cluster.twist_hz, scale, step_seconds)};
+      break;
+    }
+  }
+  if (isSlender(rest.clusters[index])) ratios[1] = ratios[2] = ratios[0];
+  return ratios;
+}
+
+Eigen::Matrix<float, 27, 1> keptModes(const formats::ClusterMechanics& mechanics, const ElasticModes& modes,
+                                      float stiffness_scale, float step_seconds) {
+  const double h = double(step_seconds), scale = double(stiffness_scale);
+  const Eigen::Array<double, 27, 1> omega2 = modes.omega2.cast<double>().array();
+  return (1 / (1 + h * double(mechanics.damping) + h * h * scale * scale * omega2)).cast<float>();
+}
+
+ClusterStiffness freeStiffness(const formats::PackageView& package, std::uint32_t index) {
+  const formats::Cluster& cluster = package.clusters()[index];
+  ClusterStiffness result;
+  result.deforms = cluster.mode != formats::ClusterMode::rigid;
+  if (cluster.mode == formats::ClusterMode::linear) result.s.topLeftCorner<3, 3>() = linearMoment(cluster);
+  if (cluster.mode == formats::ClusterMode::quadratic) {
+    result.s = unpack(package.quadraticMoments()[cluster.quadratic]);
+  }
+  return result;
+}
+
 ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t index,
                                   float stiffness_scale, float step_seconds) {
   const formats::Cluster& cluster = package.clusters()[index];
+  const formats::ClusterMechanics& mechanics =
+      package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[index];
   ClusterStiffness result;
   const double missing = 1.0 - std::clamp(double(cluster.alpha), 0.0, 1.0);
   result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
-  const float scale = stiffness_scale * rest.clusters[index].frequency_ratio;
-  const std::array<double, 3> ratios = {stiffnessRatio(cluster.stretch_hz, scale, step_seconds),
-                                        stiffnessRatio(cluster.bend_hz, scale, step_seconds),
-                                        stiffnessRatio(cluster.twist_hz, scale, step_seconds)};
-  const float beta = float(1 / (1 + ratios[0]));
+  const double damping = double(mechanics.damping) * double(step_seconds);
+  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+  if (mechanics.stiffness == formats::StiffnessModel::elastic) {
+    // What rows count with: the answer averaged over the axes. The match itself asks the modes.
+    const ElasticModes& modes = rest.mechanics.modes[rest.mechanics.modes_of[index]];
+    const Eigen::Matrix<float, 27, 1> kept = keptModes(mechanics, modes, stiffness_scale, step_seconds);
+    for (int k = 0; k < 27; ++k) {
+      const Eigen::Map<const Columns<9>> mode(modes.vectors.col(k).data());
+      result.s += (kept[k] / 3) * mode.transpose() * mode;
+    }
+    result.kept = kept.mean();
+    result.deforms = true;
+    result.mixes_classes = quadratic || mechanics.poisson > 0;
+    return result;
+  }
+
+  const std::array<double, 3> ratios = classRatios(package, rest, index, stiffness_scale, step_seconds);
+  const float beta = float(1 / (1 + damping + ratios[0]));
   result.kept = beta;
-  if (cluster.mode == formats::ClusterMode::linear) {
+  if (!quadratic) {
     result.deforms = beta > 0;
     result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
     return result;
   }
-  const bool equal = ratios[0] == ratios[1] && ratios[1] == ratios[2];
-  if (equal || isSlender(rest.clusters[index])) {
+  if (ratios[0] == ratios[1] && ratios[1] == ratios[2]) {
     result.s = beta * unpack(package.quadraticMoments()[cluster.quadratic]);
   } else {
-    result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios);
+    result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios, damping);
     result.mixes_classes = true;
   }
   result.deforms = !result.s.isZero(0);
@@ -106,22 +169,49 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
 StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_scale)
     : scale(stiffness_scale), clusters(package.clusters().size()), blocks((clusters.size() + 7) / 8) {}
 
+void StiffnessSet::storeBlock(std::uint32_t c) {
+  const ClusterStiffness& stiffness = clusters[c];
+  StiffnessBlock& block = blocks[c / 8];
+  const std::uint32_t lane = c % 8;
+  int k = 0;
+  for (int row = 0; row < 9; ++row) {
+    for (int column = 0; column <= row; ++column) block.s[k++][lane] = stiffness.s(row, column);
+  }
+  block.alpha[lane] = stiffness.alpha;
+  block.deforms[lane] = stiffness.deforms ? -1 : 0;
+  block.stiff[lane] = stiffness.kept < 0.5F ? -1 : 0;
+  block.mixes[lane] = stiffness.mixes_classes ? -1 : 0;
+  block.least[lane] = kLeastStretch;
+  block.largest[lane] = kLargestStretch;
+  block.keeps_volume[lane] = 0;
+}
+
+void StiffnessSet::loosen(const formats::PackageView& package) {
+  for (std::uint32_t c = 0; c < clusters.size(); ++c) {
+    clusters[c] = freeStiffness(package, c);
+    storeBlock(c);
+  }
+}
+
 void StiffnessSet::update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds) {
   if (step_seconds == pass_seconds) return;
   step_seconds = pass_seconds;
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
-    const ClusterStiffness& stiffness = clusters[c];
-    StiffnessBlock& block = blocks[c / 8];
-    const std::uint32_t lane = c % 8;
-    int k = 0;
-    for (int row = 0; row < 9; ++row) {
-      for (int column = 0; column <= row; ++column) block.s[k++][lane] = stiffness.s(row, column);
+    storeBlock(c);
+    if (rest.mechanics.limits.empty()) continue;
+    const GoalLimits& limits = rest.mechanics.limits[c];
+    blocks[c / 8].least[c % 8] = limits.least;
+    blocks[c / 8].largest[c % 8] = limits.largest;
+    blocks[c / 8].keeps_volume[c % 8] = limits.volume == formats::VolumeMethod::principal ? -1 : 0;
+  }
+  const MechanicsConstants& mechanics = rest.mechanics;
+  kept.resize(mechanics.modes.size());
+  for (std::uint32_t c = 0; c < mechanics.modes_of.size(); ++c) {
+    const std::uint32_t modes = mechanics.modes_of[c];
+    if (modes != formats::kNone) {
+      kept[modes] = keptModes(package.mechanics()[c], mechanics.modes[modes], scale, pass_seconds);
     }
-    block.alpha[lane] = stiffness.alpha;
-    block.deforms[lane] = stiffness.deforms ? -1 : 0;
-    block.stiff[lane] = stiffness.kept < 0.5F ? -1 : 0;
-    block.mixes[lane] = stiffness.mixes_classes ? -1 : 0;
   }
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <vector>
 
 #include "runtime/clusters/algebra.h"
@@ -19,8 +21,21 @@ struct ClusterStiffness {
   Square<9> s = Square<9>::Zero();  ///< S of eq. 8: F = [R 0] + (A_pq - R M) S; rows and columns 3.. only if quadratic
 };
 
+/// (2 pi f h)² of the classes of modes (stretch, bend, twist); of per_step (1 - beta) / beta. Infinite where rigid;
+/// elastic clusters have none: 0.
+std::array<double, 3> classRatios(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
+                                  float stiffness_scale, float step_seconds);
+
+/// What the elastic modes of one cluster keep in a pass: 1 / (1 + h damping + h² omega²). Goes into
+/// MechanicsState::kept.
+Eigen::Matrix<float, 27, 1> keptModes(const formats::ClusterMechanics& mechanics, const ElasticModes& modes,
+                                      float stiffness_scale, float step_seconds);
+
 /// beta_h = 1 / (1 + (2 pi f h)^2), eq. 6: the part of a deformation that outlives one step.
 float keptDeformation(float frequency_hz, float step_seconds);
+
+/// No stiffness at all: F = A shows the positions as they are.
+ClusterStiffness freeStiffness(const formats::PackageView& package, std::uint32_t cluster);
 
 ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
                                   float stiffness_scale, float step_seconds);
@@ -30,13 +45,21 @@ struct StiffnessSet {
   /// \param scale multiplies all frequencies, 0..
   StiffnessSet(const formats::PackageView& package, float scale);
 
-  /// Computes it for another length of pass; does not allocate.
+  /// No stiffness at all, whatever the package says: F = A.
+  void loosen(const formats::PackageView& package);
+
+  /// Computes it for another length of pass; does not allocate after the first time.
   void update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds);
 
   float scale;
   float step_seconds = 0;  ///< pass length it holds for; 0 = none yet
   std::vector<ClusterStiffness> clusters;
   std::vector<StiffnessBlock> blocks;  ///< the same for kernels
+  /// By entry of MechanicsConstants::modes: what a pass keeps of each.
+  std::vector<Eigen::Matrix<float, 27, 1>> kept;
+
+ private:
+  void storeBlock(std::uint32_t cluster);
 };
 
 }  // namespace sinew::internal

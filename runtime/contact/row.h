@@ -26,6 +26,7 @@ struct Row {
   float compliance = 0;                        ///< E = e 1: the row gives way by e Λ
   float normal_response = 0;                   ///< of a contact: n^T W n + e
   float tangent_response = 0;                  ///< of a contact: largest W in the plane + e
+  float weight = 1;                            ///< of a hold: how firmly, 0..1
   float friction = 0;                          ///< Coulomb coefficient
   std::uint32_t index = 0;                     ///< physical or visual vertex
   std::uint32_t pick = 0;                      ///< into Body::picks for a visual vertex

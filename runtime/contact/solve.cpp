@@ -11,7 +11,7 @@
 #include <cmath>
 
 #include "runtime/clusters/goal.h"
-#include "runtime/kernels/kernels.h"
+#include "runtime/clusters/match.h"
 
 namespace sinew::internal {
 namespace {
@@ -109,11 +109,43 @@ void push(const formats::Cluster& cluster, const ClusterRest& rest, const Cluste
   }
 }
 
+// The fit of a pinned cluster; null for others.
+PinFit* fitOf(Body& body, std::uint32_t cluster) {
+  const bool none = body.fit_of.empty() || body.fit_of[cluster] == formats::kNone;
+  return none ? nullptr : &body.fits[body.fit_of[cluster]];
+}
+const PinFit* fitOf(const Body& body, std::uint32_t cluster) {
+  const bool none = body.fit_of.empty() || body.fit_of[cluster] == formats::kNone;
+  return none ? nullptr : &body.fits[body.fit_of[cluster]];
+}
+
+// The same for a pinned cluster: its goals answer as the pins let them.
+void pushPinned(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift, const Vector3& position,
+                PinFit& fit, ClusterFrame& frame) {
+  Monomials<9> columns;
+  const float center = fit.response(fit.basisAt(cluster, position), columns);
+  frame.center += center * shift;
+  frame.f += (shift / cluster.radius) * columns.transpose();
+  // The moments take the whole impulse: the fit sees it when the cluster is matched again.
+  fit.momentCenter() += shift;
+  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+  const Vector3 q = restOffset(cluster, position);
+  if (quadratic) {
+    frame.a_pq += (shift / cluster.radius) * (monomials<9>(q) - rest.mean).transpose();
+  } else {
+    frame.a_pq.leftCols<3>() += (shift / cluster.radius) * (q - rest.mean.head<3>()).transpose();
+  }
+}
+
 void push(Body& body, const Row& row, const Vector3& impulse) {
   forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
     const Vector3 part = (coefficient / relativeMass(body, cluster)) * impulse;
+    if (PinFit* fit = fitOf(body, c)) {
+      pushPinned(cluster, rest, part, position, *fit, body.frames[c]);
+      return;
+    }
     if (cluster.mode == formats::ClusterMode::quadratic) {
       push<9>(cluster, rest, body.stiffness->clusters[c], body.responses[c], part, position, body.frames[c]);
     } else {
@@ -163,6 +195,11 @@ Matrix3 ownResponse(const Body& body, const Row& row) {
   forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
+    if (const PinFit* fit = fitOf(body, c)) {
+      const PinFit::Basis b = fit->basisAt(cluster, position);
+      w += (coefficient * coefficient * fit->ownResponse(b) / relativeMass(body, cluster)) * Matrix3::Identity();
+      return;
+    }
     const ClusterResponse& response = body.responses[c];
     const Vector3 q = restOffset(cluster, position);
     const Matrix3 r = geometry::rotationMatrix(body.frames[c].rotation);
@@ -190,6 +227,7 @@ void prepareRow(const Body& body, Row& row, float pass_seconds) {
   const Matrix3 w = ownResponse(body, row);
   const float mean = w.trace() / 3.0F;
   row.compliance = (row.kind == RowKind::hold ? kHoldCompliance : kRelativeCompliance) * mean;
+  if (row.weight < 1) row.compliance /= std::max(row.weight, 1e-3F);
   if (row.kind == RowKind::contact) {
     row.normal_response = row.normal.dot(w * row.normal) + row.compliance;
     row.tangent_response = w.trace() - row.normal.dot(w * row.normal) + row.compliance;
@@ -251,13 +289,12 @@ void storeUsedFrames(Body& body) {
 
 // Matches the clusters again that rows reach (and those that share a block with one: from the same moments, to the
 // same end).
-void matchUsedBlocks(Body& body) {
-  const Kernels& kernel = kernels();
+void matchUsedBlocks(Body& body, float pass_seconds) {
   const std::uint32_t count = body.clusterCount();
   for (std::uint32_t b = 0; 8 * b < count; ++b) {
     bool used = false;
     for (std::uint32_t c = 8 * b; c < std::min(count, 8 * b + 8); ++c) used |= body.responses[c].used;
-    if (used) kernel.match(body.rest().blocks[b], body.stiffness->blocks[b], body.blocks[b]);
+    if (used) matchBlock(body, b, pass_seconds);
   }
 }
 
@@ -344,7 +381,7 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
       if (moved < settings.tolerance * body.package().info().diagonal) break;
     }
     storeUsedFrames(body);
-    matchUsedBlocks(body);
+    matchUsedBlocks(body, pass_seconds);
     loadUsedFrames(body);
   }
 

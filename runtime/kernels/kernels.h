@@ -25,8 +25,6 @@ inline constexpr float kLargestVelocity = 1e17F;  // m/s
 /// Rotation nearest to a column-major 3x3 matrix whose entries are finite and not all zero. \param[in,out] quaternion
 /// w x y z: the previous rotation; the result.
 void nearestRotationOfLane(const float* matrix, float* quaternion);
-/// Clamps the stretches of F's linear block (eq. 10). \param f 3 x columns, column by column. \return whether it moved.
-bool limitStretchOfLane(float* f, int columns);
 
 /// Vertices begin..end of a body, with what a pass over them needs.
 struct VertexRange {

@@ -11,7 +11,7 @@ namespace sinew::internal {
 struct alignas(32) MemberBlock {
   std::uint32_t offset[8];  ///< 3 * physical vertex
   float mu[8];              ///< mu_ic / Σ mu: sums to 1 in each cluster
-  float share[8];           ///< w_ic / W_i
+  float share[8];           ///< w_ic / W_i times the vertex's stiffness
   float q[3][8];            ///< (X - c0) / radius
 };
 static_assert(sizeof(MemberBlock) == 192);
@@ -54,6 +54,9 @@ struct alignas(32) StiffnessBlock {
   std::int32_t deforms[8];  ///< -1: S is not zero
   std::int32_t stiff[8];  ///< -1: a pass keeps less than half of a stretch: what is lost goes where it belongs at once
   std::int32_t mixes[8];  ///< -1: classes of modes differ in stiffness, so F needs its torque removed
+  float least[8];         ///< principal stretches of F: the limit `principal`, or the guard's
+  float largest[8];
+  std::int32_t keeps_volume[8];  ///< -1: principal stretches are moved to product 1
 };
 
 /// Sums over vertices about a reference point, as kernels leave them: eight partial sums each.

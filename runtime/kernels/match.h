@@ -5,8 +5,10 @@
 #pragma once
 
 #include "runtime/kernels/layout.h"
+#include "runtime/kernels/limits.h"
 #include "runtime/kernels/rotation.h"
 #include "runtime/kernels/shuffles.h"
+#include "runtime/kernels/volume.h"
 
 namespace sinew::internal::SINEW_KERNELS {
 
@@ -40,10 +42,24 @@ SINEW_INLINE Int8 orientationIsLost(const Mat3Of<Float8>& r, const Mat3Of<Float8
   return (trace > 0.0F) & ~((m00 > 0.0F) & (minor > 0.0F) & (det > 0.0F));
 }
 
-// True where all singular values of a surely lie within the guard; cheap, so that the SVD stays off the usual path.
-SINEW_INLINE Int8 surelyInsideGuard(const Mat3Of<Float8>& a) {
-  const Float8 norm2 = squaredNorm(a);  // >= sigma_max², and sigma_1 sigma_2 <= norm2 / 2
-  return (norm2 <= kLargestStretch * kLargestStretch) & (determinant(a) >= 0.5F * kLeastStretch * norm2);
+// Limit and volume of eight linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off
+// the usual path of clusters that have neither. \param[in,out] a the linear blocks. \param act lanes to look at.
+// \param[out] shaped lanes that changed. \return lanes that the guard moved.
+static inline Int8 limitStretches(const StiffnessBlock& stiffness, Int8 act, Mat3Of<Float8>& a, Int8& shaped) {
+  const Float8 least = load8(stiffness.least), largest = load8(stiffness.largest);
+  const Int8 keeps_volume = loadMask(stiffness.keeps_volume);
+  const SvdOf<Float8> svd = rotationSvd(a);
+  const Vec3Of<Float8> held = limitPrincipal(svd, least, largest);
+  const Int8 outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
+  const Vec3Of<Float8> kept = volumePrincipal(held, least, largest);
+  const Vec3Of<Float8> sigma = {select(keeps_volume, kept.x, held.x), select(keeps_volume, kept.y, held.y),
+                                select(keeps_volume, kept.z, held.z)};
+  Float8 finite = absolute(a.m[0]);
+  for (int k = 1; k < 9; ++k) finite += absolute(a.m[k]);
+  shaped = act & (outside | keeps_volume) & (finite < splat<Float8>(3.0e38F));
+  a = select(shaped, compose(svd, sigma), a);
+  const Float8 guard = larger(largest, splat<Float8>(kLargestStretch));
+  return shaped & ((svd.sigma.z < kLeastStretch) | (svd.sigma.x > guard));
 }
 
 template <bool quadratic>
@@ -75,7 +91,7 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
   for (int k = 0; k < 9; ++k) f[k] = r.m[k];
   SINEW_UNROLL for (int k = 9; k < 3 * kColumns; ++k) f[k] = Float8{};
   const Int8 deforms = loadMask(stiffness.deforms);
-  Int8 limited = {};
+  Int8 limited = {}, shaped = {};
   if (any(deforms)) {
     Float8 deviation[27];
     SINEW_UNROLL for (int k = 0; k < kColumns; ++k) {
@@ -94,14 +110,14 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
     }
     Mat3Of<Float8> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
-    const Int8 outside = deforms & ~surelyInsideGuard(linear);
-    if (any(outside)) {
-      for (std::uint32_t i = 0; i < 8; ++i) {
-        if (!lane(outside, i)) continue;
-        float copy[27];
-        for (int k = 0; k < 3 * kColumns; ++k) copy[k] = lane(f[k], i);
-        setLane(limited, i, limitStretchOfLane(copy, kColumns));
-        for (int k = 0; k < 3 * kColumns; ++k) setLane(f[k], i, copy[k]);
+    const Int8 act = deforms & (loadMask(stiffness.keeps_volume) |
+                                ~surelyWithin(linear, load8(stiffness.least), load8(stiffness.largest)));
+    if (any(act)) {
+      limited = limitStretches(stiffness, act, linear, shaped);
+      for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
+      for (int k = 9; k < 3 * kColumns; ++k) {
+        const Float8 most = splat<Float8>(kLargestStretch);
+        f[k] = select(limited, clamped(f[k], -most, most), f[k]);
       }
     }
   }
@@ -110,7 +126,7 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
   // Where the classes of modes differ in stiffness, S mixes them and the deviation turns the cluster by itself: in a
   // C-shaped cluster that grew without bound out of nothing (a ring of four, stretch 12 Hz, bend 6 Hz). Turned back,
   // so that A_pq F^T is symmetric, the match never lengthens a deviation.
-  const Int8 turned = (loadMask(stiffness.mixes) | limited) & ~lost;
+  const Int8 turned = (loadMask(stiffness.mixes) | limited | shaped) & ~lost;
   if (any(turned)) {
     Mat3Of<Float8> product = {};
     for (int k = 0; k < kColumns; ++k) {

@@ -93,7 +93,8 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
       const Vector3 q = restOffset(cluster, asVector(vertices[member.vertex].rest_position));
       eight.offset[m % 8] = 3 * member.vertex;
       eight.mu[m % 8] = real ? member.mu : 0.0F;
-      eight.share[m % 8] = real ? member.share : 0.0F;
+      const float stiffness = package.vertexStiffness().empty() ? 1.0F : package.vertexStiffness()[member.vertex];
+      eight.share[m % 8] = real ? member.share * stiffness : 0.0F;
       for (int k = 0; k < 3; ++k) eight.q[k][m % 8] = q[k];
       if (real) use_slots[next[member.vertex]++] = std::uint32_t(8 * (result.members.size() - 1) + m % 8);
     }
@@ -139,6 +140,8 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
       if (radius > 0) result.clusters[c].frequency_ratio = float(std::max(1.0, part_radius / radius));
     }
   }
+
+  result.mechanics = makeMechanics(package);
 
   const std::size_t vertex_count = package.physicalVertices().size();
   result.first_use.assign(vertex_count + 1, 0);

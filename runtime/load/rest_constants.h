@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/clusters/mechanics.h"
 #include "runtime/kernels/layout.h"
 #include "sinew/formats/package.h"
 
@@ -35,6 +36,7 @@ struct RestConstants {
   std::vector<ClusterUse> uses;          ///< by vertex, clusters ascending
   std::vector<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
 
+  MechanicsConstants mechanics;
   // The same for kernels.
   std::vector<float> masses;             ///< by vertex, relative to the mass of all
   std::vector<MemberBlock> members;      ///< cluster by cluster

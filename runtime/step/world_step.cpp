@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "runtime/clusters/goal.h"
+#include "runtime/clusters/match.h"
 #include "runtime/clusters/pins.h"
 #include "runtime/contact/ground.h"
 #include "runtime/contact/solve.h"
@@ -107,11 +108,13 @@ class BodyStep {
 
   void pass(std::uint32_t passes_left) {
     predict();
+    placePins(body_, h_, passes_left);
     clock_.finish(kPredict);
 
     // Moments of the predicted positions: all that matching wants to know of the vertices. Nearly always nothing
     // stands between moments and goals, and a block of clusters goes through all at once, its members still in cache.
-    const bool rows_are_possible = settings_.ground.enabled || !body_.pins.empty() || !body_.picks.empty();
+    const bool rows_are_possible =
+        settings_.ground.enabled || !body_.pins.empty() || !body_.picks.empty() || !body_.pin_sets.empty();
     forBlocks([&](std::uint32_t b) {
       moments(b);
       if (!rows_are_possible) matchAndAsk(b);
@@ -121,13 +124,14 @@ class BodyStep {
     if (rows_are_possible) {
       // Rows: what holds, pulls or carries the body, with the forces of the last pass already in the moments.
       collectRows(passes_left);
+      beginPinFits(body_);
       clock_.finish(kRows);
       // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase
       // and the next: what follows only asks blocks for goals.
       if (body_.rows.empty()) {
         forBlocks([&](std::uint32_t b) { matchAndAsk(b); });
       } else {
-        forBlocks([&](std::uint32_t b) { kernel_.match(rest_.blocks[b], stiffness(b), body_.blocks[b]); });
+        forBlocks([&](std::uint32_t b) { matchBlock(body_, b, h_); });
         clock_.finish(kMatch);
         // Solve: impulses that make the goals satisfy the rows.
         solveRows(body_, h_, {});
@@ -180,7 +184,7 @@ class BodyStep {
     kernel_.goals(rest_.blocks[b], rest_.members.data(), stiffness(b), body_.blocks[b], slots());
   }
   void matchAndAsk(std::uint32_t b) {
-    kernel_.match(rest_.blocks[b], stiffness(b), body_.blocks[b]);
+    matchBlock(body_, b, h_);
     ask(b);
   }
 
@@ -249,7 +253,10 @@ class BodyStep {
                    body_.blocks, far);
   }
 
-  bool partHasRow(const Part& part) const {
+  bool partIsHeld(const Part& part) const {
+    for (const PinFit& fit : body_.fits) {
+      if (fit.cluster() - part.first_cluster < part.cluster_count) return true;
+    }
     return std::any_of(body_.rows.begin(), body_.rows.end(), [&](const Row& row) {
       if (row.point == RowPoint::physical_vertex) return row.index - part.first_vertex < part.vertex_count;
       return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
@@ -276,8 +283,8 @@ class BodyStep {
   }
 
   void apply(std::uint32_t passes_left) {
-    const bool rows = !body_.rows.empty();
-    for (Part& part : body_.parts) part.free = !rows || !partHasRow(part);
+    const bool held = isHeld();
+    for (Part& part : body_.parts) part.free = !held || !partIsHeld(part);
     const float diagonal = body_.package().info().diagonal;
     forChunks([&](VertexChunk& chunk) {
       const Part& part = body_.parts[chunk.part];
@@ -295,7 +302,8 @@ class BodyStep {
       a.sums = part.free ? &chunk.sums : nullptr;
       kernel_.apply(a);
     });
-    if (rows) holdPins(body_, h_, passes_left);
+    if (held) holdPins(body_, h_, passes_left);
+    finishMatch(body_, h_);
   }
 
   void sumMotion(VertexChunk& chunk, const std::pmr::vector<Vec3>& at, float anchor_mass) {
@@ -331,7 +339,7 @@ class BodyStep {
   // feet. Free parts get back the momentum that the pass may not have changed: v = (y - x) / h is not what the match,
   // which is free of force and torque at y, would leave (docs/method.md §5).
   void settle() {
-    if (!body_.rows.empty()) {
+    if (isHeld()) {
       forChunks([&](VertexChunk& chunk) {
         const Part& part = body_.parts[chunk.part];
         if (!part.free) sumMotion(chunk, body_.y, float(kAnchorMass * partMass(part)));
@@ -411,6 +419,8 @@ class BodyStep {
     kernel_.settle(a);
   }
 
+  bool isHeld() const { return !body_.rows.empty() || !body_.fits.empty(); }
+
   // Relative to all vertices of the body, as in the sums.
   double partMass(const Part& part) const {
     double mass = 0;
@@ -432,7 +442,7 @@ class BodyStep {
 bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
 
 bool mayHaveRows(const Body& body, const WorldSettings& settings) {
-  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty();
+  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty();
 }
 
 // Lends scratch to a body, or takes it back.

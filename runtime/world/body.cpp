@@ -58,6 +58,10 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       stiffness(std::move(shared)),
       pins(memory),
       picks(memory),
+      pin_sets(memory),
+      fits(memory),
+      fit_of(memory),
+      mechanics(package(), rest().mechanics),
       chunks(memory),
       parts(memory),
       rows(memory),
@@ -101,6 +105,10 @@ void Body::reset() {
   }
   pins.clear();
   picks.clear();
+  pin_sets.clear();
+  fits.clear();
+  fit_of.clear();
+  mechanics.reset();
   rows.clear();
   repaired = 0;
   geometry::Quaternion start = geometry::kIdentityQuaternion;
@@ -121,7 +129,7 @@ void Body::matchPositions() {
   const Kernels& kernel = kernels();
   // No frequency: F = A shows the positions as they are.
   StiffnessSet loose(package(), 0.0F);
-  loose.update(package(), rest(), 1.0F);
+  loose.loosen(package());
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b], slots.data()->data());
   }

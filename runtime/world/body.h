@@ -9,6 +9,8 @@
 
 #include "runtime/attach/history.h"
 #include "runtime/clusters/frame.h"
+#include "runtime/clusters/mechanics.h"
+#include "runtime/clusters/pin_fit.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/contact/row.h"
 #include "runtime/load/rest_constants.h"
@@ -22,6 +24,26 @@ namespace sinew::internal {
 struct Pin {
   std::uint32_t vertex;
   Vec3 target;  ///< metres, world
+};
+
+/// A vertex of a pin set.
+struct PinnedVertex {
+  std::uint32_t vertex;
+  float weight;     ///< 0..1; 1 = exact
+  Vec3 local = {};  ///< place in the set's transform, metres
+};
+
+/// Vertices attached to a rigid transform.
+struct PinSet {
+  std::uint32_t id = 0;
+  PinMethod method = PinMethod::constrained_fit;
+  RigidTransform at;      ///< where it is in this pass
+  RigidTransform target;  ///< where it is at the end of the step
+  std::vector<PinnedVertex> vertices;
+  // Reactions of the step's passes; means are taken over `passes`.
+  Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
+  std::uint32_t passes = 0;
+  bool first_pass = true;  ///< the next pass is the first of a step
 };
 
 /// A spring between a visual vertex and a target.
@@ -99,6 +121,10 @@ struct Body {
 
   std::pmr::vector<Pin> pins;  ///< vertices ascending
   std::pmr::vector<Pick> picks;
+  std::pmr::vector<PinSet> pin_sets;
+  std::pmr::vector<PinFit> fits;           ///< clusters that a pin set reaches, ascending
+  std::pmr::vector<std::uint32_t> fit_of;  ///< cluster -> fits, formats::kNone; empty without fits
+  MechanicsState mechanics;
 
   // The body's work, cut for jobs.
   std::pmr::vector<VertexChunk> chunks;

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "runtime/clusters/pins.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -49,6 +50,16 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
   return {nullptr, 0};
 }
 
+std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
+  for (const internal::BodyPointer& body : bodies) {
+    if (body == nullptr) continue;
+    for (std::size_t i = 0; i < body->pin_sets.size(); ++i) {
+      if (body->pin_sets[i].id == id.value) return {body.get(), i};
+    }
+  }
+  return {nullptr, 0};
+}
+
 void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
   if (log == nullptr) return;
   char line[256];
@@ -60,6 +71,12 @@ void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
 }
 
 namespace {
+
+bool isProper(const RigidTransform& transform) {
+  const Eigen::Map<const internal::Matrix3> rotation(transform.rotation.data());
+  return asVector(transform.position).allFinite() &&
+         (rotation * rotation.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && rotation.determinant() > 0;
+}
 
 bool finite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
 
@@ -249,6 +266,11 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     impl_->tell(LogSeverity::error, "pin: body %u has no vertex %u, or the target is not finite", id.value, vertex);
     return;
   }
+  for (const internal::PinSet& set : body->pin_sets) {
+    for (const internal::PinnedVertex& held : set.vertices) {
+      if (held.vertex == vertex) return;
+    }
+  }
   const auto place = std::lower_bound(body->pins.begin(), body->pins.end(), vertex,
                                       [](const internal::Pin& pin, std::uint32_t v) { return pin.vertex < v; });
   if (place != body->pins.end() && place->vertex == vertex) {
@@ -267,7 +289,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
 void World::unpin(BodyId id, std::uint32_t vertex) {
   Body* body = impl_->find(id, "unpin");
   if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
-  std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
+  if (std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; }) == 0) return;
   body->pinned[vertex] = 0;
   body->force[vertex] = {};
 }
@@ -280,6 +302,75 @@ void World::unpinAll(BodyId id) {
     body->force[pin.vertex] = {};
   }
   body->pins.clear();
+  while (!body->pin_sets.empty()) internal::removePinSet(*body, body->pin_sets.size() - 1);
+}
+
+Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vertices, const RigidTransform& at,
+                                  PinMethod method) {
+  Body* body = impl_->find(id);
+  if (body == nullptr) return Error{"addPinSet: no such body"};
+  if (!isProper(at)) return Error{"addPinSet: the transform is not finite, or its rotation not proper"};
+  if (method > PinMethod::constrained_fit) return Error{"addPinSet: no such method"};
+  internal::PinSet set;
+  set.id = impl_->next_pin_set;
+  set.method = method;
+  set.at = set.target = at;
+  const auto weights = body->package().pinWeights();
+  for (const std::uint32_t vertex : vertices) {
+    if (vertex >= body->vertexCount()) return Error{"addPinSet: vertex " + std::to_string(vertex) + " does not exist"};
+    if (body->pinned[vertex] != 0) return Error{"addPinSet: vertex " + std::to_string(vertex) + " is pinned already"};
+    const float weight = weights.empty() ? 1.0F : weights[vertex];
+    if (weight > 0) set.vertices.push_back({vertex, weight});
+  }
+  std::sort(set.vertices.begin(), set.vertices.end(),
+            [](const internal::PinnedVertex& a, const internal::PinnedVertex& b) { return a.vertex < b.vertex; });
+  for (std::size_t i = 1; i < set.vertices.size(); ++i) {
+    if (set.vertices[i].vertex == set.vertices[i - 1].vertex) {
+      return Error{"addPinSet: vertex " + std::to_string(set.vertices[i].vertex) + " is given twice"};
+    }
+  }
+  if (set.vertices.empty()) return Error{"addPinSet: no vertex with a pin weight above 0"};
+  internal::addPinSet(*body, std::move(set));
+  return PinSetId{impl_->next_pin_set++};
+}
+
+void World::movePinSet(PinSetId id, const RigidTransform& to) {
+  const auto [body, index] = impl_->findPinSet(id);
+  if (body != nullptr && isProper(to)) body->pin_sets[index].target = to;
+}
+
+void World::removePinSet(PinSetId id) {
+  const auto [body, index] = impl_->findPinSet(id);
+  if (body != nullptr) internal::removePinSet(*body, index);
+}
+
+PinReaction World::pinReaction(PinSetId id) const {
+  const auto [body, index] = impl_->findPinSet(id);
+  PinReaction reaction;
+  if (body == nullptr || body->pin_sets[index].passes == 0) return reaction;
+  const internal::PinSet& set = body->pin_sets[index];
+  const double passes = double(set.passes);
+  reaction.force = asArray((set.force_sum / passes).cast<float>());
+  reaction.torque = asArray((set.torque_sum / passes).cast<float>());
+  return reaction;
+}
+
+bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
+  Body* body = impl_->find(id);
+  if (body == nullptr || channel >= body->mechanics.activation.size()) return false;
+  body->mechanics.activation[channel] = value > 0 ? std::min(value, 1.0F) : 0.0F;
+  body->mechanics.updateShapes(body->package());
+  return true;
+}
+
+bool World::setActivation(BodyId id, std::string_view channel, float value) {
+  const Body* body = impl_->find(id);
+  if (body == nullptr) return false;
+  const auto channels = body->package().channels();
+  for (std::uint32_t c = 0; c < channels.size(); ++c) {
+    if (body->package().text(channels[c].name) == channel) return setActivation(id, c, value);
+  }
+  return false;
 }
 
 PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz) {

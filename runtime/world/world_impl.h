@@ -26,6 +26,9 @@ struct World::Impl {
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
 
+  /// The same of a pin set.
+  std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id) const;
+
   /// The stiffness that bodies of an asset with the same scale share.
   std::shared_ptr<internal::StiffnessSet> stiffnessOf(const Asset& asset, float scale) const;
 
@@ -64,6 +67,7 @@ struct World::Impl {
   std::array<Phase, internal::kStepPhaseCount> phases = {
       {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
   std::uint32_t next_pick = 0;
+  std::uint32_t next_pin_set = 0;
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
   mutable internal::VisualScratch visual;
 };

@@ -223,6 +223,58 @@ TEST(PackageFaults, EachBrokenRuleIsRefusedAndNamed) {
   }
 }
 
+const std::vector<ContentFault> kMechanicsFaults = {
+    {"CMEC: 1 elements for 2", [](auto& c) { c.mechanics.pop_back(); }},
+    {"CMEC, element 0: unknown stiffness", [](auto& c) { c.mechanics[0].stiffness = StiffnessModel(3); }},
+    {"CMEC, element 0: unknown limit", [](auto& c) { c.mechanics[0].limit = LimitMethod(7); }},
+    {"CMEC, element 0: unknown volume", [](auto& c) { c.mechanics[0].volume = VolumeMethod(3); }},
+    {"CMEC, element 1: per_step_beta", [](auto& c) { c.mechanics[1].per_step_beta[1] = 1.5F; }},
+    {"CMEC, element 0: young", [](auto& c) { c.mechanics[0].young = -1; }},
+    {"CMEC, element 0: young", [](auto& c) { c.mechanics[0].young = kInfinity; }},
+    {"CMEC, element 0: poisson", [](auto& c) { c.mechanics[0].poisson = 0.5F; }},
+    {"CMEC, element 0: damping", [](auto& c) { c.mechanics[0].damping = kNan; }},
+    {"CMEC, element 0: stretch_min", [](auto& c) { c.mechanics[0].stretch_min = 0; }},
+    {"CMEC, element 0: stretch_max", [](auto& c) { c.mechanics[0].stretch_max = 0.9F; }},
+    {"CMEC, element 0: norm_max", [](auto& c) { c.mechanics[0].norm_max = 2.9F; }},
+    {"CMEC, element 0: norm_limit", [](auto& c) { c.mechanics[0].norm_limit = 3.5F; }},
+    {"CMEC, element 0: plastic", [](auto& c) { c.mechanics[0].plastic_yield = -0.1F; }},
+    {"CMEC, element 0: plastic", [](auto& c) { c.mechanics[0].plastic_creep = kNan; }},
+    {"CMEC, element 0: plastic", [](auto& c) { c.mechanics[0].plastic_limit = 11; }},
+    {"CMEC, element 0: contraction", [](auto& c) { c.mechanics[0].contraction = 0.95F; }},
+    {"CMEC, element 0: fibre", [](auto& c) { c.mechanics[0].fibre[1] = 0.7F; }},
+    {"CMEC, element 0: fibre", [](auto& c) { c.mechanics[0].fibre[0] = kNan; }},
+    {"CMEC, element 0: its channel", [](auto& c) { c.mechanics[0].channel = 2; }},
+    {"CMEC, element 0: its channel", [](auto& c) { c.channels.clear(); }},
+    {"CMEC, element 0: a reserved", [](auto& c) { c.mechanics[0].reserved0 = 1; }},
+    {"CMEC, element 0: has a curve", [](auto& c) { c.mechanics[0].curve_point_count = 2; }},
+    {"CMEC, element 1: its curve has fewer", [](auto& c) { c.mechanics[1].curve_point_count = 1; }},
+    {"CMEC, element 1: its curve reaches", [](auto& c) { c.mechanics[1].curve_point_count = 4; }},
+    {"CMEC, element 1: its curve reaches", [](auto& c) { c.mechanics[1].first_curve_point = 0xffffffff; }},
+    {"CMEC, element 1: its curve reaches", [](auto& c) { c.curve_points.clear(); }},
+    {"CMEC, element 1: a point", [](auto& c) { c.curve_points[3].response = 33; }},
+    {"CMEC, element 1: a point", [](auto& c) { c.curve_points[2].norm = kNan; }},
+    {"CMEC, element 1: the first point", [](auto& c) { c.curve_points[1].response = 3.5F; }},
+    {"CMEC, element 1: its curve is not", [](auto& c) { c.curve_points[3].norm = 8; }},
+    {"CMEC, element 1: its curve is not", [](auto& c) { c.curve_points[3].response = 4.5F; }},
+    {"CURV: needs section CMEC", [](auto& c) { c.mechanics.clear(); }},
+    {"CHAN, element 1: its name", [](auto& c) { c.channels[1].name.bytes = 9999; }},
+    {"PSTF: 4 elements for 5", [](auto& c) { c.vertex_stiffness.pop_back(); }},
+    {"PSTF, element 2: outside", [](auto& c) { c.vertex_stiffness[2] = 1.1F; }},
+    {"PPIN: 6 elements for 5", [](auto& c) { c.pin_weights.push_back(0); }},
+    {"PPIN, element 0: outside", [](auto& c) { c.pin_weights[0] = kNan; }},
+};
+
+TEST(PackageFaults, EachBrokenRuleOfMechanicsIsRefusedAndNamed) {
+  EXPECT_EQ(test::reasonOf(writePackage(test::mechanicsPackage())), "");
+  for (std::size_t i = 0; i < kMechanicsFaults.size(); ++i) {
+    PackageContent content = test::mechanicsPackage();
+    kMechanicsFaults[i].spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_EQ(reason.find("section " + std::string(kMechanicsFaults[i].reason_has)), 0U)
+        << "fault " << i << " (" << kMechanicsFaults[i].reason_has << ") gave: " << reason;
+  }
+}
+
 TEST(PackageFaults, WhatTheFormatAllowsOpens) {
   const std::vector<std::function<void(PackageContent&)>> allowed = {
       [](auto& c) { c.clusters[1].stretch_hz = kInfinity; },
@@ -274,7 +326,7 @@ TEST(PackageFaults, EachBrokenFrameIsRefusedAndNamed) {
       {"INFO: does not start", [](Header& h, SectionEntry&) { h.section_count -= 1; }},
       {"INFO: does not start", [](Header& h, SectionEntry&) { h.section_count = 1; }},
       {"the sections end", [](Header& h, SectionEntry&) { h.section_count = 0; }},
-      {"feature bit that", [](Header& h, SectionEntry&) { h.features |= 1U << 8; }},
+      {"feature bit that", [](Header& h, SectionEntry&) { h.features |= 1U << 12; }},
       {"feature bit that", [](Header& h, SectionEntry&) { h.features |= std::uint64_t{1} << 63; }},
       {"GRUP: present, but", [](Header& h, SectionEntry&) { h.features &= ~std::uint64_t{kFeatureGroups}; }},
       {"VCOL: does not start", [](Header&, SectionEntry& e) { e.offset += 64; }},

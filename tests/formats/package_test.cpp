@@ -72,9 +72,9 @@ TEST(Package, EqualContentGivesEqualBytes) { EXPECT_EQ(writePackage(samplePackag
 
 // The golden file is what version 1 of the format looks like: a difference means that packages already out there no
 // longer read the same. SINEW_UPDATE_GOLDEN=1 writes it anew, for a new format version only.
-TEST(Package, MatchesGoldenBytes) {
-  const std::string path = std::string(SINEW_GOLDEN) + "/sample_v" + std::to_string(kFormatVersion) + ".sinew";
-  const std::vector<std::byte> bytes = writePackage(samplePackage());
+void compareWithGolden(const PackageContent& content, const std::string& name) {
+  const std::string path = std::string(SINEW_GOLDEN) + "/" + name + "_v" + std::to_string(kFormatVersion) + ".sinew";
+  const std::vector<std::byte> bytes = writePackage(content);
   if (std::getenv("SINEW_UPDATE_GOLDEN") != nullptr) {
     std::ofstream(path, std::ios::binary)
         .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -83,6 +83,24 @@ TEST(Package, MatchesGoldenBytes) {
   const std::vector<char> golden{std::istreambuf_iterator<char>(file), {}};
   ASSERT_EQ(golden.size(), bytes.size()) << path;
   for (std::size_t i = 0; i < golden.size(); ++i) ASSERT_EQ(std::byte(golden[i]), bytes[i]) << "byte " << i;
+}
+
+TEST(Package, MatchesGoldenBytes) { compareWithGolden(test::samplePackage(), "sample"); }
+
+TEST(Package, WithMechanicsMatchesGoldenBytes) { compareWithGolden(test::mechanicsPackage(), "mechanics"); }
+
+TEST(Package, MechanicsReadAsWritten) {
+  const test::AlignedBytes bytes(writePackage(test::mechanicsPackage()));
+  PackageView view;
+  ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+  EXPECT_EQ(view.features() >> 8, 15U);
+  ASSERT_EQ(view.mechanics().size(), 2U);
+  EXPECT_EQ(view.mechanics()[0].young, 2e5F);
+  EXPECT_EQ(view.mechanics()[1].per_step_beta[2], 1);
+  EXPECT_EQ(view.curvePoints()[2].response, 5);
+  EXPECT_EQ(view.text(view.channels()[view.mechanics()[0].channel].name), "smile");
+  EXPECT_EQ(view.vertexStiffness()[4], 0.25F);
+  EXPECT_EQ(view.pinWeights()[3], 0.5F);
 }
 
 TEST(Package, OnlySectionsThatAreNeededExist) {

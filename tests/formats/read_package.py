@@ -158,6 +158,11 @@ SECTIONS = {
     "CLUS": ("<2I4I3f6fI6f6f", 1, True, None),
     "MEMB": ("<Iff", 1, True, None),
     "AQQ9": ("<45f", 1, False, 1),
+    "CMEC": ("<I3f3fI4f2II3f3fIfI", 1, False, 8),
+    "CURV": ("<2f", 1, False, None),
+    "CHAN": ("<2I", 1, False, 9),
+    "PSTF": ("<f", 1, False, 10),
+    "PPIN": ("<f", 1, False, 11),
     "VPOS": ("<3f", 1, False, 2),
     "VNRM": ("<3f", 0, False, None),
     "VUV0": ("<2f", 0, False, None),
@@ -178,9 +183,14 @@ SECTIONS = {
     "GRPV": ("<I", 0, False, None),
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
-            "textures"]
-NEEDS = [("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
+            "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights"]
+NEEDS = [("CURV", "CMEC"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP")]
+
+
+def f32(value):
+    """A bound as a 32-bit float holds it."""
+    return struct.unpack("<f", struct.pack("<f", value))[0]
 
 
 def need(condition, reason):
@@ -273,6 +283,7 @@ class Package:
         self.check_info()
         self.check_physical()
         self.check_clusters()
+        self.check_mechanics()
         self.check_visual()
         self.check_attachments()
         self.check_identity()
@@ -281,7 +292,7 @@ class Package:
         return self.strings[offset:offset + size].decode("utf-8", "replace")
 
     def check_texts(self):
-        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
+        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "CHAN": (0,), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
               "SMSH": (0,), "GRUP": (0,)}
         for name, fields in at.items():
             for i, record in enumerate(self.records[name]):
@@ -345,6 +356,39 @@ class Package:
             need(abs(share - 1) <= 1e-3, f"section MEMB: shares of physical vertex {i} do not sum to 1")
         for i, moment in enumerate(r["AQQ9"]):
             need(finite(moment), f"section AQQ9, element {i}: not finite")
+
+    def check_mechanics(self):
+        r = self.records
+        for name in ("PSTF", "PPIN"):
+            need(len(r[name]) in (0, len(r["PVTX"])), f"section {name}: not one element for each physical vertex")
+            for i, (value,) in enumerate(r[name]):
+                need(0 <= value <= 1, f"section {name}, element {i}: outside 0 to 1")
+        need(len(r["CMEC"]) in (0, len(r["CLUS"])), "section CMEC: not one element for each cluster")
+        for i, m in enumerate(r["CMEC"]):
+            stiffness, betas, young, poisson, damping, limit = m[0], m[1:4], m[4], m[5], m[6], m[7]
+            least, largest, norm_max, norm_limit, first, count, volume = m[8:15]
+            plastic_yield, creep, plastic_limit, fibre, channel, contraction, reserved = *m[15:18], m[18:21], *m[21:24]
+            where = f"section CMEC, element {i}: "
+            need(stiffness <= 2 and limit <= 6 and volume <= 2, where + "unknown model or method")
+            need(all(0 <= b <= 1 for b in betas), where + "per_step_beta")
+            need(0 <= young <= f32(1e12) and 0 <= poisson <= f32(0.499), where + "young or poisson")
+            need(0 <= damping <= 1e5, where + "damping")
+            need(f32(0.05) <= least <= 1 <= largest <= 20, where + "stretch_min or stretch_max")
+            need(3 <= norm_max <= norm_limit <= 1000, where + "norm_max or norm_limit")
+            need(0 <= plastic_yield <= 10 and 0 <= creep <= 1e5 and 0 <= plastic_limit <= 10, where + "plasticity")
+            need(0 <= contraction <= f32(0.9), where + "contraction")
+            length2 = sum(x * x for x in fibre)
+            need(length2 == 0 or 0.999 <= length2 <= 1.001, where + "fibre is neither 0 nor of length 1")
+            need(channel == NONE or channel < len(r["CHAN"]), where + "no such channel")
+            need(reserved == 0, where + "reserved")
+            if limit != 6:
+                need(first == count == 0, where + "a curve that its limit does not use")
+                continue
+            need(count >= 2 and first + count <= len(r["CURV"]), where + "its curve")
+            curve = r["CURV"][first:first + count]
+            need(all(3 <= phi <= 1e6 and 3 <= f <= phi for phi, f in curve), where + "a point of its curve")
+            need(curve[0][0] == curve[0][1], where + "the first point of its curve changes the norm")
+            need(all(a[0] < b[0] and a[1] <= b[1] for a, b in zip(curve, curve[1:])), where + "its curve descends")
 
     def check_visual(self):
         r = self.records

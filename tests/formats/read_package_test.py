@@ -14,6 +14,7 @@ sys.path.insert(0, HERE)
 import read_package  # noqa: E402
 
 GOLDEN = os.path.join(HERE, "golden", "sample_v1.sinew")
+MECHANICS = os.path.join(HERE, "golden", "mechanics_v1.sinew")
 EXPECTED = os.path.join(HERE, "golden", "sample_v1.json")
 
 
@@ -120,6 +121,29 @@ class Reader(unittest.TestCase):
             data = golden()
             at = start_of(data, name) + offset
             self.assertNotEqual(data[at:at + len(new)], new)
+            data[at:at + len(new)] = new
+            reseal(data)
+            self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")
+
+    def test_mechanics(self):
+        with open(MECHANICS, "rb") as file:
+            sound = file.read()
+        package = read_package.Package(sound)
+        self.assertEqual(package.summary()["features"][-4:],
+                         ["mechanics", "activation", "vertex_stiffness", "pin_weights"])
+        self.assertEqual([package.text(*c) for c in package.records["CHAN"]], ["frown", "smile"])
+        self.assertEqual(package.records["CMEC"][1][1:4], (0, 0.5, 1))
+        nan, one = b"\0\0\xc0\x7f", b"\1\0\0\0"
+        faults = [(b"CMEC", 0, b"\3"), (b"CMEC", 4, nan), (b"CMEC", 16, nan), (b"CMEC", 20, b"\0\0\0\x3f"),
+                  (b"CMEC", 24, nan), (b"CMEC", 28, b"\7"), (b"CMEC", 32, bytes(4)), (b"CMEC", 36, nan),
+                  (b"CMEC", 40, nan), (b"CMEC", 44, nan), (b"CMEC", 48, one), (b"CMEC", 52, one), (b"CMEC", 56, b"\3"),
+                  (b"CMEC", 60, nan), (b"CMEC", 64, nan), (b"CMEC", 68, nan), (b"CMEC", 72, b"\0\0\x80\x3f"),
+                  (b"CMEC", 84, b"\2"), (b"CMEC", 88, nan), (b"CMEC", 92, one), (b"CMEC", 96 + 52, one),
+                  (b"CMEC", 96 + 48, b"\2"), (b"CURV", 12, b"\0\0\x60\x40"), (b"CURV", 24, nan), (b"CHAN", 4, nan),
+                  (b"PSTF", 0, nan), (b"PPIN", 0, nan)]
+        for name, offset, new in faults:
+            data = bytearray(sound)
+            at = start_of(data, name) + offset
             data[at:at + len(new)] = new
             reseal(data)
             self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")

@@ -202,4 +202,32 @@ formats::PackageContent samplePackage() {
   return content;
 }
 
+formats::PackageContent mechanicsPackage() {
+  formats::PackageContent content = samplePackage();
+  formats::ClusterMechanics lower = formats::kPlainMechanics;
+  lower.stiffness = formats::StiffnessModel::elastic;
+  lower.young = 2e5F;
+  lower.poisson = 0.45F;
+  lower.damping = 3;
+  lower.limit = formats::LimitMethod::principal;
+  lower.volume = formats::VolumeMethod::principal;
+  lower.plastic_yield = 0.25F;
+  lower.plastic_creep = 2;
+  lower.fibre = {0, 0.6F, 0.8F};
+  lower.channel = 1;
+  lower.contraction = 0.375F;
+  formats::ClusterMechanics whole = formats::kPlainMechanics;
+  whole.stiffness = formats::StiffnessModel::per_step;
+  whole.per_step_beta = {0, 0.5F, 1};
+  whole.limit = formats::LimitMethod::curve;
+  whole.first_curve_point = 1;
+  whole.curve_point_count = 3;
+  content.mechanics = {lower, whole};
+  content.curve_points = {{3, 3}, {4, 4}, {8, 5}, {32, 5}};
+  content.channels = {{content.addText("frown")}, {content.addText("smile")}};
+  content.vertex_stiffness = {1, 0.5F, 0, 1, 0.25F};
+  content.pin_weights = {0, 0, 1, 0.5F, 0};
+  return content;
+}
+
 }  // namespace sinew::test

@@ -30,6 +30,11 @@ bool legalUnit(const std::string& text) {
 
 bool legalUp(const std::string& text) { return text == "auto" || text == "y" || text == "z"; }
 
+bool legalCurve(const std::string& text) {
+  const auto points = curvePoints(text);
+  return text.empty() || !points.empty();
+}
+
 std::string numberText(double value) {
   std::array<char, 32> buffer{};
   const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
@@ -121,6 +126,25 @@ bool setFromText(Settings& settings, const Settings::Declaration& d, std::string
 
 }  // namespace
 
+std::vector<formats::CurvePoint> curvePoints(std::string_view text) {
+  std::vector<formats::CurvePoint> points;
+  while (!text.empty()) {
+    const std::size_t comma = std::min(text.find(','), text.size()), colon = text.find(':');
+    if (colon == std::string_view::npos || colon > comma) return {};
+    const auto norm = parseNumber(text.substr(0, colon));
+    const auto response = parseNumber(text.substr(colon + 1, comma - colon - 1));
+    if (!norm || !response || *norm < 3 || *norm > 1e6 || *response < 3 || *response > *norm) return {};
+    const formats::CurvePoint point{float(*norm), float(*response)};
+    const bool fits = points.empty() ? point.response == point.norm
+                                     : point.norm > points.back().norm && point.response >= points.back().response;
+    if (!fits) return {};
+    points.push_back(point);
+    text.remove_prefix(std::min(comma + 1, text.size()));
+  }
+  if (points.size() < 2) return {};
+  return points;
+}
+
 std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
   using formats::ClusterMode;
   return {
@@ -168,6 +192,48 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.twist_hz", "Hz",
        "Frequency of twisting within a quadratic cluster; one thinner than a seventh of its length takes stretch_hz.",
        Number{&s.clusters.twist_hz, 0, 1e5}},
+      {"clusters.stiffness", "",
+       "What sets the stiffness: the three frequencies, a part kept per pass (as the sources; stiffer at smaller "
+       "steps), "
+       "or the modulus of an elastic solid.",
+       Choice{{"frequency", "per_step", "elastic"},
+              [](const Settings& x) { return int(x.clusters.stiffness); },
+              [](Settings& x, int v) { x.clusters.stiffness = formats::StiffnessModel(v); }}},
+      {"clusters.per_step_beta", "", "Of per_step: part of a deformation that each pass keeps; 0 is rigid.",
+       Number{&s.clusters.per_step_beta, 0, 1}},
+      {"clusters.young", "Pa", "Of elastic: Young's modulus; fat 1e4, muscle 1e5, rubber 1e6.",
+       Number{&s.clusters.young, 0, 1e12}},
+      {"clusters.poisson", "", "Of elastic: Poisson's ratio; towards 0.5 a body thins as it is stretched.",
+       Number{&s.clusters.poisson, 0, 0.499}},
+      {"clusters.damping", "1/s", "Decay of a cluster's motion that is not rigid: higher rings less.",
+       Number{&s.clusters.damping, 0, 1e5}},
+      {"clusters.limit", "",
+       "What keeps a cluster from stretching too far: each principal stretch, rows of its matrix, the matrix's squared "
+       "norm (exact, cheap, soft), or a curve.",
+       Choice{{"none", "rows", "frobenius", "frobenius_cheap", "soft", "principal", "curve"},
+              [](const Settings& x) { return int(x.clusters.limit); },
+              [](Settings& x, int v) { x.clusters.limit = formats::LimitMethod(v); }}},
+      {"clusters.limit_min", "", "Of principal: least stretch.", Number{&s.clusters.limit_min, 0.05, 1}},
+      {"clusters.limit_max", "", "Of principal and rows: largest stretch.", Number{&s.clusters.limit_max, 1, 20}},
+      {"clusters.limit_norm", "",
+       "Of frobenius, frobenius_cheap and soft: squared norm from which they act; 3 is rest.",
+       Number{&s.clusters.limit_norm, 3, 1000}},
+      {"clusters.limit_norm_max", "", "Of soft: squared norm that is never reached.",
+       Number{&s.clusters.limit_norm_max, 3, 1000}},
+      {"clusters.limit_curve", "", "Of curve: points of squared norm and response, ascending, the first on phi:phi.",
+       Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty"}},
+      {"clusters.volume", "",
+       "What keeps a cluster's volume: nothing, one factor on all (grows without end when squashed), or the nearest "
+       "principal stretches.",
+       Choice{{"none", "cube_root", "principal"},
+              [](const Settings& x) { return int(x.clusters.volume); },
+              [](Settings& x, int v) { x.clusters.volume = formats::VolumeMethod(v); }}},
+      {"clusters.plastic_yield", "", "Deformation from which some of it becomes permanent; 0.1 is 10 % of stretch.",
+       Number{&s.clusters.plastic_yield, 0, 10}},
+      {"clusters.plastic_creep", "1/s", "How fast it becomes permanent; 0 = never.",
+       Number{&s.clusters.plastic_creep, 0, 1e5}},
+      {"clusters.plastic_limit", "", "Most deformation that becomes permanent.",
+       Number{&s.clusters.plastic_limit, 0, 10}},
       {"material.density", "kg/m^3", "Density that masses are made with; water is 1000.",
        Number{&s.material.density, 1e-3, 1e5}},
       {"attachment.method", "",

@@ -83,6 +83,9 @@ struct Settings {
   nlohmann::ordered_json toJson() const;
 };
 
+/// The points of a response curve "phi:f,phi:f,..."; none where the text is not a legal curve (formats::CurvePoint).
+std::vector<formats::CurvePoint> curvePoints(std::string_view text);
+
 /// The legal values of a setting in words ("0 .. 1", "auto | grid | stuffing | delaunay").
 std::string legalText(const Settings::Declaration& declaration);
 /// The current value as text.

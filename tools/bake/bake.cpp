@@ -102,6 +102,37 @@ double restError(const formats::PackageContent& content, std::size_t v) {
   return std::sqrt(squared);
 }
 
+// CMEC and CURV, where the settings say more than frequencies.
+void addMechanics(const ClusterOptions& options, formats::PackageContent& content) {
+  formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+  mechanics.stiffness = options.stiffness;
+  mechanics.per_step_beta.fill(float(options.per_step_beta));
+  mechanics.young = float(options.young);
+  mechanics.poisson = float(options.poisson);
+  mechanics.damping = float(options.damping);
+  mechanics.limit = options.limit;
+  mechanics.stretch_min = float(options.limit_min);
+  mechanics.stretch_max = float(options.limit_max);
+  mechanics.norm_max = float(options.limit_norm);
+  mechanics.norm_limit = float(std::max(options.limit_norm, options.limit_norm_max));
+  mechanics.volume = options.volume;
+  mechanics.plastic_yield = float(options.plastic_yield);
+  mechanics.plastic_creep = float(options.plastic_creep);
+  mechanics.plastic_limit = float(options.plastic_limit);
+  if (options.limit == formats::LimitMethod::curve) {
+    content.curve_points = curvePoints(options.limit_curve);
+    if (content.curve_points.empty()) {
+      throw ToolError(ExitCode::usage, "", "clusters.limit is curve, but clusters.limit_curve is empty",
+                      "Give its points, as in --set clusters.limit_curve=4:4,9:5.");
+    }
+    mechanics.curve_point_count = std::uint32_t(content.curve_points.size());
+  }
+  const bool plain = options.stiffness == formats::StiffnessModel::frequency && !(options.damping > 0) &&
+                     options.limit == formats::LimitMethod::none && options.volume == formats::VolumeMethod::none &&
+                     !(options.plastic_creep > 0);
+  if (!plain) content.mechanics.assign(content.clusters.size(), mechanics);
+}
+
 void attachToTetrahedra(const std::vector<TetrahedronPlace>& places, formats::PackageContent& content) {
   for (const TetrahedronPlace& place : places) {
     content.barycentric.push_back(
@@ -268,6 +299,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
+  addMechanics(settings.clusters, content);
   std::uint32_t next_cluster = 0;
   for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
     const PhysicalBody& body = physical.bodies[b];

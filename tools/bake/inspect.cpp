@@ -31,6 +31,48 @@ const char* modeName(formats::ClusterMode mode) {
 
 ordered_json vectorJson(const std::array<float, 3>& x) { return {x[0], x[1], x[2]}; }
 
+// Only what the cluster's models use.
+ordered_json mechanicsJson(const formats::PackageView& package, const formats::ClusterMechanics& m) {
+  constexpr std::array<const char*, 3> kStiffness = {"frequency", "per_step", "elastic"};
+  constexpr std::array<const char*, 7> kLimits = {"none", "rows",      "frobenius", "frobenius_cheap",
+                                                  "soft", "principal", "curve"};
+  constexpr std::array<const char*, 3> kVolumes = {"none", "cube_root", "principal"};
+  ordered_json json;
+  json["stiffness"] = kStiffness[std::size_t(m.stiffness)];
+  if (m.stiffness == formats::StiffnessModel::per_step) json["per_step_beta"] = vectorJson(m.per_step_beta);
+  if (m.stiffness == formats::StiffnessModel::elastic) {
+    json["young"] = m.young;
+    json["poisson"] = m.poisson;
+  }
+  json["damping"] = m.damping;
+  json["limit"] = kLimits[std::size_t(m.limit)];
+  if (m.limit == formats::LimitMethod::principal) json["stretch_min"] = m.stretch_min;
+  if (m.limit == formats::LimitMethod::principal || m.limit == formats::LimitMethod::rows) {
+    json["stretch_max"] = m.stretch_max;
+  }
+  if (m.limit == formats::LimitMethod::frobenius || m.limit == formats::LimitMethod::frobenius_cheap ||
+      m.limit == formats::LimitMethod::soft) {
+    json["norm_max"] = m.norm_max;
+  }
+  if (m.limit == formats::LimitMethod::soft) json["norm_limit"] = m.norm_limit;
+  if (m.limit == formats::LimitMethod::curve) {
+    json["curve"] = ordered_json::array();
+    for (const auto& point : package.curvePoints().subspan(m.first_curve_point, m.curve_point_count)) {
+      json["curve"].push_back({point.norm, point.response});
+    }
+  }
+  json["volume"] = kVolumes[std::size_t(m.volume)];
+  if (m.plastic_creep > 0) {
+    json["plastic"] = {{"yield", m.plastic_yield}, {"creep", m.plastic_creep}, {"limit", m.plastic_limit}};
+  }
+  if (m.channel != formats::kNone) {
+    json["fibre"] = vectorJson(m.fibre);
+    json["channel"] = package.text(package.channels()[m.channel].name);
+    json["contraction"] = m.contraction;
+  }
+  return json;
+}
+
 }  // namespace
 
 ordered_json inspectPackage(const formats::PackageView& package) {
@@ -41,7 +83,7 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   json["sections"] = ordered_json::array();
   for (const auto& section : package.sections())
     json["sections"].push_back({{"name", sectionName(section.id)}, {"bytes", section.bytes}});
-  constexpr std::array<std::pair<formats::Feature, const char*>, 8> kFeatures = {{
+  constexpr std::array<std::pair<formats::Feature, const char*>, 12> kFeatures = {{
       {formats::kFeatureTetrahedra, "tetrahedra"},
       {formats::kFeatureQuadratic, "quadratic"},
       {formats::kFeatureVisual, "visual"},
@@ -50,6 +92,10 @@ ordered_json inspectPackage(const formats::PackageView& package) {
       {formats::kFeatureIdentity, "identity"},
       {formats::kFeatureGroups, "groups"},
       {formats::kFeatureTextures, "textures"},
+      {formats::kFeatureMechanics, "mechanics"},
+      {formats::kFeatureActivation, "activation"},
+      {formats::kFeatureVertexStiffness, "vertex_stiffness"},
+      {formats::kFeaturePinWeights, "pin_weights"},
   }};
   json["features"] = ordered_json::array();
   for (const auto& [bit, name] : kFeatures) {
@@ -80,6 +126,10 @@ ordered_json inspectPackage(const formats::PackageView& package) {
     json["clusters"].push_back(
         {{"name", package.text(cluster.name)}, {"members", cluster.member_count}, {"mode", modeName(cluster.mode)}});
   }
+  json["mechanics"] = ordered_json::array();
+  for (const auto& m : package.mechanics()) json["mechanics"].push_back(mechanicsJson(package, m));
+  json["channels"] = ordered_json::array();
+  for (const auto& channel : package.channels()) json["channels"].push_back(package.text(channel.name));
   json["memberships"] = package.memberships().size();
   json["visual_vertices"] = package.visualPositions().size();
   json["visual_triangles"] = package.visualTriangles().size();

@@ -123,7 +123,8 @@ void KernelBody::setPositions(std::span<const Vec3> y) {
 }
 
 void KernelBody::moments(const internal::Kernels& kernels) {
-  for (std::size_t b = 0; b < rest_.size(); ++b) kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
+  for (std::size_t b = 0; b < rest_.size(); ++b)
+    kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
 }
 
 void KernelBody::match(const internal::Kernels& kernels) {

@@ -58,6 +58,11 @@ class PackageView {
   std::span<const Cluster> clusters() const { return clusters_; }
   std::span<const Membership> memberships() const { return memberships_; }
   std::span<const QuadraticMoment> quadraticMoments() const { return quadratic_moments_; }
+  std::span<const ClusterMechanics> mechanics() const { return mechanics_; }
+  std::span<const CurvePoint> curvePoints() const { return curve_points_; }
+  std::span<const ActivationChannel> channels() const { return channels_; }
+  std::span<const float> vertexStiffness() const { return vertex_stiffness_; }
+  std::span<const float> pinWeights() const { return pin_weights_; }
   std::span<const Float3> visualPositions() const { return visual_positions_; }
   std::span<const Float3> visualNormals() const { return visual_normals_; }
   std::span<const Float2> visualUvs() const { return visual_uvs_; }
@@ -91,6 +96,10 @@ class PackageView {
   std::span<const Cluster> clusters_;
   std::span<const Membership> memberships_;
   std::span<const QuadraticMoment> quadratic_moments_;
+  std::span<const ClusterMechanics> mechanics_;
+  std::span<const CurvePoint> curve_points_;
+  std::span<const ActivationChannel> channels_;
+  std::span<const float> vertex_stiffness_, pin_weights_;
   std::span<const Float3> visual_positions_, visual_normals_;
   std::span<const Float2> visual_uvs_;
   std::span<const Color8> visual_colors_;

@@ -34,6 +34,10 @@ enum Feature : std::uint64_t {
   kFeatureIdentity = 1U << 5,           ///< sections VSRC, SVTX, SVLS, SMSH
   kFeatureGroups = 1U << 6,             ///< sections GRUP, GRPV
   kFeatureTextures = 1U << 7,           ///< sections VTEX, TEXB
+  kFeatureMechanics = 1U << 8,          ///< section CMEC (and CURV where a cluster has a curve)
+  kFeatureActivation = 1U << 9,         ///< section CHAN
+  kFeatureVertexStiffness = 1U << 10,   ///< section PSTF
+  kFeaturePinWeights = 1U << 11,        ///< section PPIN
 };
 
 struct Header {
@@ -159,6 +163,96 @@ struct QuadraticMoment {
 };
 static_assert(sizeof(QuadraticMoment) == 180);
 
+/// How a cluster answers to a deformation (docs/method.md §9).
+enum class StiffnessModel : std::uint32_t {
+  frequency = 0,  ///< Cluster::stretch_hz, bend_hz, twist_hz: independent of the step
+  per_step = 1,   ///< ClusterMechanics::per_step_beta: what each pass keeps, so stiffer the shorter the step
+  elastic = 2,    ///< modes of an isotropic solid, from ClusterMechanics::young and poisson
+};
+
+/// What keeps a cluster's goal from stretching too far (docs/method.md §9).
+enum class LimitMethod : std::uint32_t {
+  none = 0,             ///< only the runtime's guard against inversion
+  rows = 1,             ///< each row of A at most stretch_max long
+  frobenius = 2,        ///< the squared norm of A at most norm_max
+  frobenius_cheap = 3,  ///< the same by a cheaper, stronger rule
+  soft = 4,             ///< squared norms above norm_max approach norm_limit
+  principal = 5,        ///< each principal stretch within stretch_min .. stretch_max
+  curve = 6,            ///< squared norms mapped by points of CURV
+};
+
+/// What keeps a cluster's volume (docs/method.md §9).
+enum class VolumeMethod : std::uint32_t {
+  none = 0,
+  cube_root = 1,  ///< A / |det A|^(1/3)
+  principal = 2,  ///< principal stretches moved to product 1, the nearest such triple inside the limits
+};
+
+/// CMEC: mechanics of a cluster beyond CLUS, one per cluster. Without the section every cluster has
+/// StiffnessModel::frequency and nothing else of this.
+struct ClusterMechanics {
+  StiffnessModel stiffness;
+  std::array<float, 3> per_step_beta;  ///< 0..1 by class of modes (stretch, bend, twist): 0 rigid, 1 no return
+  float young;                         ///< Young's modulus, Pa, 0..1e12
+  float poisson;                       ///< Poisson's ratio, 0..0.499
+  float damping;                       ///< decay of the cluster's motion that is not rigid, 1/s, 0..1e5
+  LimitMethod limit;
+  float stretch_min;                ///< least principal stretch, 0.05..1
+  float stretch_max;                ///< largest principal stretch or length of a row, 1..20
+  float norm_max;                   ///< squared Frobenius norm, 3 (the rest shape's)..1000
+  float norm_limit;                 ///< norm_max..1000
+  std::uint32_t first_curve_point;  ///< into CURV; 0 without a curve
+  std::uint32_t curve_point_count;  ///< 2.. if limit is curve, else 0
+  VolumeMethod volume;
+  float plastic_yield;         ///< |S - 1| from which on a deformation begins to stay, 0..10; 0 with creep 0: never
+  float plastic_creep;         ///< part of the deformation that becomes permanent, 1/s, 0..1e5
+  float plastic_limit;         ///< largest |S_p - 1| of the permanent deformation, 0..10
+  std::array<float, 3> fibre;  ///< unit, rest shape; 0 0 0 = none
+  std::uint32_t channel;       ///< into CHAN: what activates the fibre; kNone = nothing
+  float contraction;           ///< shortening along the fibre at full activation, 0..0.9
+  std::uint32_t reserved0;     ///< 0
+};
+static_assert(sizeof(ClusterMechanics) == 96);
+
+/// A record that says what the absence of CMEC says. Fields that nothing uses hold the defaults of a bake.
+inline constexpr ClusterMechanics kPlainMechanics = {.stiffness = StiffnessModel::frequency,
+                                                     .per_step_beta = {0.5F, 0.5F, 0.5F},
+                                                     .young = 1e5F,
+                                                     .poisson = 0.3F,
+                                                     .damping = 0,
+                                                     .limit = LimitMethod::none,
+                                                     .stretch_min = 0.5F,
+                                                     .stretch_max = 1.5F,
+                                                     .norm_max = 4,
+                                                     .norm_limit = 6,
+                                                     .first_curve_point = 0,
+                                                     .curve_point_count = 0,
+                                                     .volume = VolumeMethod::none,
+                                                     .plastic_yield = 0.1F,
+                                                     .plastic_creep = 0,
+                                                     .plastic_limit = 0.5F,
+                                                     .fibre = {},
+                                                     .channel = kNone,
+                                                     .contraction = 0,
+                                                     .reserved0 = 0};
+
+/// CURV: a point of a response curve of LimitMethod::curve: a squared norm phi of A becomes `response`. Linear between
+/// points, constant behind the last, unchanged before the first.
+struct CurvePoint {
+  float norm;      ///< phi, 3..1e6, strictly ascending in a curve
+  float response;  ///< f(phi), 3..phi, not descending; phi itself at a curve's first point
+};
+static_assert(sizeof(CurvePoint) == 8);
+
+/// CHAN: an input 0..1 that a game sets to contract fibres.
+struct ActivationChannel {
+  StringRef name;
+};
+static_assert(sizeof(ActivationChannel) == 8);
+
+// PSTF: float per physical vertex, 0..1: multiplies the clusters' alpha. PPIN: float per physical vertex, 0..1: how
+// firmly a pin set holds the vertex; 0 = not at all.
+
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
 using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
 using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
@@ -252,15 +346,17 @@ namespace section {
 inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), bodies = fourcc("BODY"),
                                physical_vertices = fourcc("PVTX"), tetrahedra = fourcc("TETS"),
                                clusters = fourcc("CLUS"), memberships = fourcc("MEMB"),
-                               quadratic_moments = fourcc("AQQ9"), visual_positions = fourcc("VPOS"),
-                               visual_normals = fourcc("VNRM"), visual_uv = fourcc("VUV0"),
-                               visual_colors = fourcc("VCOL"), visual_triangles = fourcc("VTRI"),
-                               sub_meshes = fourcc("VSUB"), materials = fourcc("VMAT"), textures = fourcc("VTEX"),
-                               texture_bytes = fourcc("TEXB"), barycentric = fourcc("ATBC"),
-                               cluster_attachment_ranges = fourcc("ATCR"), cluster_attachments = fourcc("ATCW"),
-                               visual_identity = fourcc("VSRC"), source_identity = fourcc("SVTX"),
-                               source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
-                               groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
+                               quadratic_moments = fourcc("AQQ9"), mechanics = fourcc("CMEC"),
+                               curve_points = fourcc("CURV"), channels = fourcc("CHAN"),
+                               vertex_stiffness = fourcc("PSTF"), pin_weights = fourcc("PPIN"),
+                               visual_positions = fourcc("VPOS"), visual_normals = fourcc("VNRM"),
+                               visual_uv = fourcc("VUV0"), visual_colors = fourcc("VCOL"),
+                               visual_triangles = fourcc("VTRI"), sub_meshes = fourcc("VSUB"),
+                               materials = fourcc("VMAT"), textures = fourcc("VTEX"), texture_bytes = fourcc("TEXB"),
+                               barycentric = fourcc("ATBC"), cluster_attachment_ranges = fourcc("ATCR"),
+                               cluster_attachments = fourcc("ATCW"), visual_identity = fourcc("VSRC"),
+                               source_identity = fourcc("SVTX"), source_visual_list = fourcc("SVLS"),
+                               source_meshes = fourcc("SMSH"), groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
 }  // namespace section
 
 }  // namespace sinew::formats

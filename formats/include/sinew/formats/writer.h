@@ -21,6 +21,10 @@ struct PackageContent {
   std::vector<Cluster> clusters;
   std::vector<Membership> memberships;
   std::vector<QuadraticMoment> quadratic_moments;
+  std::vector<ClusterMechanics> mechanics;
+  std::vector<CurvePoint> curve_points;
+  std::vector<ActivationChannel> channels;
+  std::vector<float> vertex_stiffness, pin_weights;
   std::vector<Float3> visual_positions, visual_normals;
   std::vector<Float2> visual_uvs;
   std::vector<Color8> visual_colors;

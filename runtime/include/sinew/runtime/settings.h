@@ -14,6 +14,28 @@ using Vec3 = std::array<float, 3>;
 /// Row-major 3x3 matrix.
 using Mat3 = std::array<float, 9>;
 
+/// A rigid transform: world = rotation * local + position. Of a bone, or of an engine's rigid body.
+struct RigidTransform {
+  Vec3 position = {0.0F, 0.0F, 0.0F};           ///< metres
+  Mat3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< proper rotation
+};
+
+/// How a pin set holds its vertices (docs/method.md §10 shows them side by side).
+enum class PinMethod : std::uint32_t {
+  hold = 0,           ///< vertices are put in their places; the body is pulled along by forces on its goals
+  infinite_mass = 1,  ///< vertices weigh infinitely in the match (Henriques 2006, §4.3.2): stiff, stiffer the shorter
+                      ///< the pass
+  matrix = 2,         ///< the goal is made to pass through them (Henriques 2006, §4.3.3): nothing returns by itself
+  constrained_fit = 3,  ///< the match is solved subject to them: exact, and the rest of the body returns as authored
+};
+
+/// What a pin set does to its transform's owner: the mean over the last step, N and N m about the transform's position.
+/// It is the force on the owner, opposite to that on the body.
+struct PinReaction {
+  Vec3 force = {0.0F, 0.0F, 0.0F};
+  Vec3 torque = {0.0F, 0.0F, 0.0F};
+};
+
 /// A plane that bodies rest on: points x with normal . x < offset are inside it.
 struct GroundPlane {
   bool enabled = false;

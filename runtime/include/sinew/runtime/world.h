@@ -9,6 +9,7 @@
 #include <memory>
 #include <memory_resource>
 #include <span>
+#include <string_view>
 
 #include "sinew/runtime/asset.h"
 #include "sinew/runtime/export.h"
@@ -29,6 +30,12 @@ struct BodyId {
 struct PickId {
   std::uint32_t value = 0xffffffffU;
   bool operator==(const PickId&) const = default;
+};
+
+/// Names a pin set of one world; never reused within it.
+struct PinSetId {
+  std::uint32_t value = 0xffffffffU;
+  bool operator==(const PinSetId&) const = default;
 };
 
 /// What a world is given at its creation and uses to its end. All outlive the world.
@@ -97,10 +104,32 @@ class SINEW_API World {
   /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero).
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
 
-  /// Holds a physical vertex at a place until unpinned; call again to move it. \param target metres, world.
+  /// Holds a physical vertex at a place until unpinned (PinMethod::hold); call again to move it. Ignored for a vertex
+  /// of a pin set. \param target metres, world.
   void pin(BodyId body, std::uint32_t vertex, Vec3 target);
   void unpin(BodyId body, std::uint32_t vertex);
+  /// Lets go of all pins and pin sets of a body.
   void unpinAll(BodyId body);
+
+  /// Attaches physical vertices to a rigid transform, at the places that they have now, until the set is removed.
+  /// A vertex whose pin weight in the package is 0 is left out; a weight between 0 and 1 makes a spring of it
+  /// (`constrained_fit`, `infinite_mass`) or holds it by that part. Vertices that lie in no common cluster are held
+  /// cluster by cluster; where sets share a cluster the later enumerator of PinMethod serves both.
+  /// \param vertices numbers of physical vertices, each at most once and in no other set. \param at where the transform
+  /// is now. \return an error that says which argument is wrong.
+  Result<PinSetId> addPinSet(BodyId body, std::span<const std::uint32_t> vertices, const RigidTransform& at = {},
+                             PinMethod method = PinMethod::constrained_fit);
+  /// Moves the transform: reached at the end of the next step, over whose passes it is interpolated. Ignored where it
+  /// is not finite or not a proper rotation.
+  void movePinSet(PinSetId set, const RigidTransform& to);
+  void removePinSet(PinSetId set);
+  /// Force and torque on the transform's owner; zero before the first step and for an unknown set.
+  PinReaction pinReaction(PinSetId set) const;
+
+  /// Contracts the fibres that a channel of the package activates. \param value 0 (rest) .. 1, clamped. \return false
+  /// where the package has no such channel.
+  bool setActivation(BodyId body, std::uint32_t channel, float value);
+  bool setActivation(BodyId body, std::string_view channel, float value);
 
   /// Starts pulling the point that visual vertex `visual_vertex` is attached to towards `target`.
   /// \param frequency_hz of the spring for the part of the body it moves; 0.1 .. 100, critically damped.

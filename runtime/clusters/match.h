@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// R and F of eight clusters from their moments: by the kernel, and where a cluster has more to it than frequencies
+/// (docs/method.md §9, §10) by itself.
+void matchBlock(Body& body, std::uint32_t block, float pass_seconds);
+
+}  // namespace sinew::internal

@@ -1,0 +1,337 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/clusters/mechanics.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/kernels/kernels.h"
+#include "runtime/kernels/limits.h"
+#include "runtime/kernels/volume.h"
+
+namespace sinew::internal {
+namespace {
+
+namespace lanes = SINEW_KERNELS;
+
+using Vector9d = Eigen::Matrix<double, 9, 1>;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
+using Matrix27d = Eigen::Matrix<double, 27, 27>;
+
+constexpr double kFallbackDensity = 1000;  // kg/m³, of packages that state neither density nor volume
+
+int columnsOf(const formats::Cluster& cluster) { return cluster.mode == formats::ClusterMode::quadratic ? 9 : 3; }
+
+Vector9d monomialsOf(const Eigen::Vector3d& q) {
+  Vector9d result;
+  result << q, q.cwiseProduct(q), q[0] * q[1], q[1] * q[2], q[2] * q[0];
+  return result;
+}
+
+double densityOf(const formats::BodyInfo& info) {
+  if (info.density > 0) return double(info.density);
+  return info.physical_volume > 0 ? double(info.total_mass) / double(info.physical_volume) : kFallbackDensity;
+}
+
+lanes::Mat3Of<float> toLanes(const Matrix3& a) {
+  lanes::Mat3Of<float> result;
+  for (int k = 0; k < 9; ++k) result.m[k] = a.data()[k];
+  return result;
+}
+
+Matrix3 fromLanes(const lanes::Mat3Of<float>& a) { return Eigen::Map<const Matrix3>(a.m); }
+
+// gamma of the limits that blend with R; 1 = no change.
+float blendOf(const GoalLimits& limits, const lanes::Mat3Of<float>& a, const lanes::Mat3Of<float>& r) {
+  switch (limits.limit) {
+    case formats::LimitMethod::frobenius:
+      return lanes::gammaFrobenius(a, r, limits.norm_max);
+    case formats::LimitMethod::frobenius_cheap:
+      return lanes::gammaFrobeniusCheap(a, limits.norm_max);
+    case formats::LimitMethod::soft:
+      return lanes::gammaSoft(a, r, limits.norm_max, limits.norm_limit);
+    case formats::LimitMethod::curve:
+      return lanes::gammaToResponse(a, r, curveResponse(limits.curve, lanes::boundedNorm(a)));
+    case formats::LimitMethod::none:
+    case formats::LimitMethod::rows:
+    case formats::LimitMethod::principal:
+      break;
+  }
+  return 1;
+}
+
+}  // namespace
+
+ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
+  const formats::Cluster& cluster = package.clusters()[index];
+  const int n = columnsOf(cluster);
+  ModeBasis basis;
+  double total = 0;
+  for (const formats::Membership& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
+    const Vector3 q = restOffset(cluster, asVector(package.physicalVertices()[member.vertex].rest_position));
+    const Vector9d b = monomialsOf(q.cast<double>());
+    total += double(member.mu);
+    basis.mean += double(member.mu) * b;
+    basis.moment.selfadjointView<Eigen::Lower>().rankUpdate(b, double(member.mu));
+  }
+  basis.moment = basis.moment.selfadjointView<Eigen::Lower>();
+  basis.mean /= total;
+  basis.moment = (basis.moment / total - basis.mean * basis.mean.transpose()).eval();
+
+  // Equilibrated, so that the cut-off means dependence between coordinates and not their size.
+  const double largest = basis.moment.topLeftCorner(n, n).diagonal().maxCoeff();
+  Vector9d scale = Vector9d::Zero();
+  for (int i = 0; i < n; ++i) {
+    if (basis.moment(i, i) > geometry::kMomentCutoff * largest) scale[i] = 1 / std::sqrt(basis.moment(i, i));
+  }
+  const Matrix9d scaled = scale.asDiagonal() * basis.moment * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled.topLeftCorner(n, n));
+  int modes = 0;
+  basis.t.resize(n, n);
+  for (int k = 0; k < n; ++k) {
+    const double value = solver.eigenvalues()[k];
+    if (!(value > geometry::kMomentCutoff * solver.eigenvalues()[n - 1])) continue;
+    basis.t.col(modes++) = scale.head(n).asDiagonal() * solver.eigenvectors().col(k) / std::sqrt(value);
+  }
+  basis.t.conservativeResize(n, modes);
+  return basis;
+}
+
+ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t index, const ModeBasis& basis) {
+  const formats::ClusterMechanics& mechanics = package.mechanics()[index];
+  const formats::Cluster& cluster = package.clusters()[index];
+  const double young = double(mechanics.young), poisson = double(mechanics.poisson);
+  const double lambda = young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu = young / (2 * (1 + poisson));
+  // The gradient of q~ is affine in q: d q~ / d q = Σ_s g_s q^s with q^s = (1, qx, qy, qz), and products of two of
+  // those have the moments 1, Σ mu q, Σ mu q q^T.
+  Eigen::Matrix<double, 9, 3> gradient[4];
+  for (auto& g : gradient) g.setZero();
+  gradient[0].topRows<3>().setIdentity();
+  for (int axis = 0; axis < 3; ++axis) {
+    const int next = (axis + 1) % 3;
+    gradient[1 + axis](3 + axis, axis) = 2;
+    gradient[1 + axis](6 + axis, next) = 1;  // d (q_axis q_next) / d q_next
+    gradient[1 + next](6 + axis, axis) = 1;
+  }
+  Eigen::Matrix4d affine = Eigen::Matrix4d::Zero();
+  const Eigen::Vector3d mean = basis.mean.head<3>();
+  affine(0, 0) = 1;
+  affine.block<1, 3>(0, 1) = mean.transpose();
+  affine.block<3, 1>(1, 0) = mean;
+  affine.block<3, 3>(1, 1) = basis.moment.topLeftCorner<3, 3>() + mean * mean.transpose();
+
+  // W_ij = ∫ (d_i q~)(d_j q~)^T in the modes; the energy density is mu |sym|² terms of grad u and lambda tr².
+  const int n = int(basis.t.rows()), modes = int(basis.t.cols());
+  Eigen::MatrixXd w[3][3];
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      Matrix9d sum = Matrix9d::Zero();
+      for (int s = 0; s < 4; ++s) {
+        for (int t = 0; t < 4; ++t) sum += affine(s, t) * gradient[s].col(i) * gradient[t].col(j).transpose();
+      }
+      w[i][j] = basis.t.transpose() * sum.topLeftCorner(n, n) * basis.t;
+    }
+  }
+  // 2 * density = mu Σ_ab (d_b u_a)² + mu Σ_ab d_b u_a d_a u_b + lambda (Σ_a d_a u_a)².
+  ModeMatrix energy = ModeMatrix::Zero(3 * modes, 3 * modes);
+  for (int a = 0; a < 3; ++a) {
+    for (int b = 0; b < 3; ++b) {
+      auto block = energy.block(a * modes, b * modes, modes, modes);
+      block += mu * w[b][a] + lambda * w[a][b];
+      if (a == b) block += mu * (w[0][0] + w[1][1] + w[2][2]);
+    }
+  }
+  const double radius = double(cluster.radius);
+  return (0.5 / (densityOf(package.info()) * radius * radius)) * (energy + energy.transpose()).eval();
+}
+
+ElasticModes elasticModes(const formats::PackageView& package, std::uint32_t index) {
+  ElasticModes result;
+  const ModeBasis basis = modeBasis(package, index);
+  const ModeMatrix energy = elasticEnergy(package, index, basis);
+  const int modes = int(basis.t.cols()), n = int(basis.t.rows());
+  if (modes == 0) return result;
+  // With equal stiffness the modes are those of the energy of 1 Pa, so scaling first keeps E = 0 and 1e12 alike.
+  const double scale = energy.diagonal().maxCoeff();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale > 0 ? Eigen::MatrixXd(energy / scale)
+                                                                        : Eigen::MatrixXd(energy));
+  const double largest = solver.eigenvalues()[3 * modes - 1];
+  for (int k = 0; k < 3 * modes; ++k) {
+    // A turn costs nothing: its eigenvalue is rounding.
+    const double value = solver.eigenvalues()[k];
+    result.omega2[k] = value > 1e-10 * largest ? float(std::min(value * scale, 1e30)) : 0.0F;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::VectorXd column = basis.t * solver.eigenvectors().col(k).segment(axis * modes, modes);
+      for (int j = 0; j < n; ++j) result.vectors(3 * j + axis, k) = float(column[j]);
+    }
+  }
+  return result;
+}
+
+GoalLimits goalLimits(const formats::PackageView& package, std::uint32_t index) {
+  GoalLimits result;
+  const formats::ClusterMechanics& m =
+      package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[index];
+  result.limit = m.limit;
+  result.volume = m.volume;
+  result.least = kLeastStretch;
+  result.largest = kLargestStretch;
+  result.row = m.stretch_max;
+  result.norm_max = m.norm_max;
+  result.norm_limit = m.norm_limit;
+  if (m.limit == formats::LimitMethod::principal) {
+    result.least = m.stretch_min;
+    result.largest = m.stretch_max;
+  } else if (m.limit == formats::LimitMethod::rows) {
+    // What keeps the volume must not stretch again what the rows had cut.
+    const bool bounds = m.volume == formats::VolumeMethod::principal;
+    result.largest = bounds ? m.stretch_max : std::max(kLargestStretch, std::sqrt(3.0F) * m.stretch_max);
+  } else if (m.limit == formats::LimitMethod::soft) {
+    result.largest = std::sqrt(m.norm_limit);
+  } else if (m.limit == formats::LimitMethod::frobenius) {
+    result.largest = std::sqrt(m.norm_max);
+  } else if (m.limit == formats::LimitMethod::curve) {
+    result.curve = package.curvePoints().subspan(m.first_curve_point, m.curve_point_count);
+    result.largest = std::sqrt(result.curve.back().response);
+  }
+  return result;
+}
+
+MechanicsConstants makeMechanics(const formats::PackageView& package) {
+  MechanicsConstants result;
+  const auto mechanics = package.mechanics();
+  for (std::uint32_t c = 0; c < mechanics.size(); ++c) {
+    const formats::ClusterMechanics& m = mechanics[c];
+    result.limits.push_back(goalLimits(package, c));
+    const bool deforms = package.clusters()[c].mode != formats::ClusterMode::rigid;
+    if (m.stiffness == formats::StiffnessModel::elastic && deforms) {
+      result.modes_of.resize(mechanics.size(), formats::kNone);
+      result.modes_of[c] = std::uint32_t(result.modes.size());
+      result.modes.push_back(elasticModes(package, c));
+    }
+    result.changes_shape |= m.plastic_creep > 0 || (m.channel != formats::kNone && m.contraction > 0);
+    result.damps |= m.damping > 0;
+  }
+  return result;
+}
+
+MechanicsState::MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants) {
+  const std::size_t clusters = package.clusters().size();
+  if (constants.changes_shape) shapes.resize(clusters);
+  if (constants.damps) previous.resize(clusters, Columns<9>::Zero());
+  activation.resize(package.channels().size());
+}
+
+void MechanicsState::reset() {
+  std::fill(shapes.begin(), shapes.end(), ShapeState{});
+  std::fill(previous.begin(), previous.end(), Columns<9>::Zero());
+  std::fill(activation.begin(), activation.end(), 0.0F);
+}
+
+void MechanicsState::updateShapes(const formats::PackageView& package) {
+  for (std::uint32_t c = 0; c < shapes.size(); ++c) updateShape(package, c);
+}
+
+void MechanicsState::updateShape(const formats::PackageView& package, std::uint32_t c) {
+  const formats::ClusterMechanics& m = package.mechanics()[c];
+  const float active = m.channel == formats::kNone ? 0.0F : activation[m.channel];
+  shapes[c].shape = active > 0 ? Matrix3(activationStretch(m, active) * shapes[c].plastic) : shapes[c].plastic;
+}
+
+MatchExtras matchExtras(const MechanicsConstants& constants, const MechanicsState& state,
+                        std::span<const Eigen::Matrix<float, 27, 1>> kept, const formats::PackageView& package,
+                        std::uint32_t c, float pass_seconds) {
+  MatchExtras extras;
+  if (constants.limits.empty()) return extras;
+  extras.limits = &constants.limits[c];
+  if (!constants.modes_of.empty() && constants.modes_of[c] != formats::kNone) {
+    extras.modes = &constants.modes[constants.modes_of[c]];
+    extras.kept = &kept[constants.modes_of[c]];
+  }
+  if (!state.shapes.empty()) extras.shape = &state.shapes[c].shape;
+  if (!state.previous.empty()) {
+    extras.previous = &state.previous[c];
+    extras.damping_passes = package.mechanics()[c].damping * pass_seconds;
+  }
+  return extras;
+}
+
+float curveResponse(std::span<const formats::CurvePoint> curve, float phi) {
+  if (!(phi > curve.front().norm)) return phi;
+  for (std::size_t k = 1; k < curve.size(); ++k) {
+    if (phi > curve[k].norm) continue;
+    const float part = (phi - curve[k - 1].norm) / (curve[k].norm - curve[k - 1].norm);
+    return curve[k - 1].response + part * (curve[k].response - curve[k - 1].response);
+  }
+  return curve.back().response;
+}
+
+template <int N>
+Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<N>& f) {
+  Matrix3 a = f.template leftCols<3>();
+  if (!a.allFinite()) return Limited::nothing;
+  if (shape != nullptr) a = (a * shape->inverse()).eval();
+  Limited done = Limited::nothing;
+  const Matrix3 start = a;
+  if (limits.volume == formats::VolumeMethod::cube_root) a = fromLanes(lanes::volumeCubeRoot(toLanes(a)));
+  if (limits.limit == formats::LimitMethod::rows) {
+    a = fromLanes(lanes::limitRows(toLanes(a), toLanes(r), limits.row));
+  } else {
+    const float gamma = blendOf(limits, toLanes(a), toLanes(r));
+    if (gamma < 1) {
+      a = r + gamma * (a - r);
+      if constexpr (N == 9) f.template rightCols<6>() *= gamma;
+    }
+  }
+  const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
+  if (keeps_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
+    const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
+    lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, limits.least, limits.largest);
+    const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
+    if (svd.sigma.z < kLeastStretch || svd.sigma.x > std::max(kLargestStretch, limits.largest)) {
+      done = Limited::guarded;
+      if constexpr (N == 9) {
+        f.template rightCols<6>() = f.template rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
+      }
+    }
+    if (keeps_volume) sigma = lanes::volumePrincipal(sigma, limits.least, limits.largest);
+    if (outside || keeps_volume) a = fromLanes(lanes::compose(svd, sigma));
+  }
+  if (done == Limited::nothing && a == start) return Limited::nothing;
+  f.template leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
+  return done == Limited::guarded ? done : Limited::shaped;
+}
+
+template Limited applyGoalLimits<3>(const GoalLimits&, const Matrix3&, const Matrix3*, Columns<3>&);
+template Limited applyGoalLimits<9>(const GoalLimits&, const Matrix3&, const Matrix3*, Columns<9>&);
+
+Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation) {
+  const Vector3 fibre = asVector(mechanics.fibre);
+  if (fibre.isZero(0)) return Matrix3::Identity();
+  const float along = 1.0F - std::clamp(activation, 0.0F, 1.0F) * mechanics.contraction;
+  const float across = 1.0F / std::sqrt(along);
+  const Matrix3 direction = fibre.normalized() * fibre.normalized().transpose();
+  return across * Matrix3::Identity() + (along - across) * direction;
+}
+
+bool updatePlasticity(const formats::ClusterMechanics& mechanics, const Matrix3& r, const Matrix3& goal,
+                      float pass_seconds, ShapeState& state) {
+  if (!(mechanics.plastic_creep > 0) || !goal.allFinite()) return false;
+  // S of the match, counted from the rest shape as it is now: R^T F S^-1, made symmetric against rounding.
+  const Matrix3 local = r.transpose() * goal * state.shape.inverse();
+  const Matrix3 deviation = 0.5F * (local + local.transpose()) - Matrix3::Identity();
+  if (!(deviation.norm() > mechanics.plastic_yield)) return false;
+  const float part = 1.0F - std::exp(-mechanics.plastic_creep * pass_seconds);
+  Matrix3 plastic = (Matrix3::Identity() + part * deviation) * state.plastic;
+  Matrix3 change = plastic - Matrix3::Identity();
+  const float size = change.norm();
+  if (size > mechanics.plastic_limit) plastic = Matrix3::Identity() + (mechanics.plastic_limit / size) * change;
+  const float det = plastic.determinant();
+  if (!(det > 1e-3F) || !plastic.allFinite()) return false;
+  state.plastic = plastic / std::cbrt(det);
+  return true;
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: MIT
+//
+// What a cluster's CMEC record adds to its match: elastic modes, stretch limits, volume, plasticity, activation
+// (docs/method.md §9).
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "runtime/clusters/algebra.h"
+#include "sinew/formats/package.h"
+
+namespace sinew::internal {
+
+/// The modes that a cluster can deform in, in double: b = T^T q~ with Σ mu b b^T = 1, so directions that the rest shape
+/// lacks are left out and what remains is well conditioned.
+struct ModeBasis {
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 9, 9> t;          ///< T, columns of q~ x modes
+  Eigen::Matrix<double, 9, 1> mean = Eigen::Matrix<double, 9, 1>::Zero();    ///< Σ mu q~ of the uncentred q~
+  Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();  ///< Σ mu q~ q~^T, centred
+};
+ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t cluster);
+
+/// Strain energy of an isotropic solid in the modes of a cluster: 3 x modes square, index (axis, mode) = axis * modes +
+/// mode, so that 1/2 a^T K a is the energy of the goals G = (a) T^T over the cluster's mass and radius². 1/s².
+/// The cluster's vertices are the quadrature (their mu over the density is their volume), so it needs moments only.
+using ModeMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 27, 27>;
+ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t cluster, const ModeBasis& basis);
+
+/// Elastic eigenmodes of a cluster: columns v of `vectors` with (M x 1) v' = ... orthonormal in the mass, so that the
+/// implicit step of length h is G = Σ v (v . deviation) / (1 + h² v's omega²). Constants of the asset.
+struct ElasticModes {
+  Eigen::Matrix<float, 27, 27> vectors = Eigen::Matrix<float, 27, 27>::Zero();  ///< row = column of G * 3 + axis
+  Eigen::Matrix<float, 27, 1> omega2 = Eigen::Matrix<float, 27, 1>::Zero();     ///< 1/s², 0 of a turn
+};
+ElasticModes elasticModes(const formats::PackageView& package, std::uint32_t cluster);
+
+/// Limits and volume of a cluster's goal, as the match applies them; shared by the bodies of an asset.
+struct GoalLimits {
+  formats::LimitMethod limit = formats::LimitMethod::none;
+  formats::VolumeMethod volume = formats::VolumeMethod::none;
+  float least, largest;             ///< principal stretches: authored, or the guard's
+  float row, norm_max, norm_limit;  ///< see ClusterMechanics
+  std::span<const formats::CurvePoint> curve;
+};
+GoalLimits goalLimits(const formats::PackageView& package, std::uint32_t cluster);
+
+/// f(phi) of a response curve: linear between points, constant behind the last, phi before the first.
+float curveResponse(std::span<const formats::CurvePoint> curve, float phi);
+
+/// Constants of an asset whose package has CMEC; empty vectors otherwise.
+struct MechanicsConstants {
+  std::vector<GoalLimits> limits;       ///< by cluster
+  std::vector<ElasticModes> modes;      ///< of elastic clusters that deform
+  std::vector<std::uint32_t> modes_of;  ///< cluster -> modes, formats::kNone; empty without elastic clusters
+  bool changes_shape = false;           ///< some cluster is plastic, or has a fibre that something activates
+  bool damps = false;                   ///< some cluster has a damping of its own
+};
+MechanicsConstants makeMechanics(const formats::PackageView& package);
+
+/// What applyGoalLimits() did to F.
+enum class Limited {
+  nothing,  ///< F is what it was
+  shaped,   ///< a limit or the volume changed it: its torque has to be removed
+  guarded,  ///< it was squashed, mirrored or stretched beyond the guard: the motion of its vertices has to be stopped
+};
+
+/// Limits and volume on the linear block of F (eq. 10); blending limits take the squares and products along.
+/// \param shape the rest shape's own deformation (plasticity, activation), null for none: limits count from it.
+template <int N>
+Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<N>& f);
+
+/// Deformation of the rest shape of one cluster, body state.
+struct ShapeState {
+  Matrix3 plastic = Matrix3::Identity();  ///< S_p, det 1: what has become permanent
+  Matrix3 shape = Matrix3::Identity();    ///< S = (activation) S_p: the rest shape is S q
+};
+
+/// State of a body beyond frames; vectors are empty where the package needs none.
+struct MechanicsState {
+  std::vector<ShapeState> shapes;    ///< by cluster
+  std::vector<Columns<9>> previous;  ///< by cluster: (R^T F - S) M of the last pass, for damping
+  std::vector<float> activation;     ///< by channel, 0..1
+
+  MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants);
+  /// Nothing permanent, nothing activated, at rest.
+  void reset();
+  /// Makes the shapes again from what is permanent and what is activated.
+  void updateShapes(const formats::PackageView& package);
+  void updateShape(const formats::PackageView& package, std::uint32_t cluster);
+};
+
+/// What a cluster's match needs beyond frame and stiffness. Null where there is none of it.
+struct MatchExtras {
+  const GoalLimits* limits = nullptr;
+  const ElasticModes* modes = nullptr;
+  const Eigen::Matrix<float, 27, 1>* kept = nullptr;  ///< of `modes`, for the pass
+  const Matrix3* shape = nullptr;
+  const Columns<9>* previous = nullptr;
+  float damping_passes = 0;  ///< damping * pass length
+};
+/// \param kept by entry of MechanicsConstants::modes.
+MatchExtras matchExtras(const MechanicsConstants& constants, const MechanicsState& state,
+                        std::span<const Eigen::Matrix<float, 27, 1>> kept, const formats::PackageView& package,
+                        std::uint32_t cluster, float pass_seconds);
+
+/// S of an activated fibre: (1 - a c) along it, 1 / sqrt(1 - a c) across. \param activation a, 0..1.
+Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation);
+
+/// Lets deformation beyond the yield become permanent (Müller et al. 2005, §5.3) for one pass.
+/// \param goal F's linear block. \return whether S_p changed.
+bool updatePlasticity(const formats::ClusterMechanics& mechanics, const Matrix3& r, const Matrix3& goal,
+                      float pass_seconds, ShapeState& state);
+
+}  // namespace sinew::internal

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+//
+// The match of a cluster some of whose vertices are pinned: least squares subject to the pins, in the null space of the
+// pinned vertices (docs/method.md §10).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "runtime/clusters/frame.h"
+#include "runtime/clusters/mechanics.h"
+#include "runtime/clusters/stiffness.h"
+#include "runtime/load/rest_constants.h"
+#include "sinew/runtime/settings.h"
+
+namespace sinew::internal {
+
+/// A pinned vertex as a cluster sees it.
+struct PinPoint {
+  std::uint32_t vertex;
+  std::uint32_t set;                ///< index into Body::pin_sets
+  std::uint32_t item;               ///< index into its vertices
+  float weight;                     ///< 0..1; 1 is exact, less is a spring
+  float mu;                         ///< of its membership
+  Vector3 place = Vector3::Zero();  ///< where it is to be at the end of the pass, metres
+};
+
+/// Constants of one pinned cluster for one set of pins and one length of pass. In double: it is small, and stiff.
+/// Everything is in the basis (1, T^T q~), in which the mass is the identity: g has a row per basis function and a
+/// column per axis, and u = g^T b is the displacement of a goal from c + r R S q over the radius, in the frame R.
+class PinFit {
+ public:
+  using Basis = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 10, 1>;
+  using Square10 = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 10, 10>;
+  using Square30 = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 30, 30>;
+  using Answer = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 10, 3>;
+
+  /// \param points of this cluster, at least one.
+  PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method, std::vector<PinPoint> points);
+
+  std::uint32_t cluster() const { return cluster_; }
+  std::span<const PinPoint> points() const { return points_; }
+  std::span<PinPoint> points() { return points_; }
+
+  /// Makes what depends on the length of a pass; cheap if that has not changed. Never allocates.
+  void prepare(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
+               float pass_seconds);
+
+  /// R, F and the goals' centre, from frame.a_pq and momentCenter(), with the goals of exact points in their places.
+  /// Call after updateFrame() of the same frame.
+  /// \return whether the guard moved F.
+  bool match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
+             ClusterFrame& frame) const;
+
+  /// c = Σ mu y: frame.center is that of the goals, which the pins move.
+  Vector3& momentCenter() { return moment_center_; }
+  const Vector3& momentCenter() const { return moment_center_; }
+
+  /// The basis at a rest position.
+  Basis basisAt(const formats::Cluster& cluster, const Vector3& rest_position) const;
+  /// How the goals answer to an impulse at a point with basis b: (centre, F) move by impulse x these weights / mass.
+  /// \param[out] columns of F, over the radius.
+  float response(const Basis& b, Monomials<9>& columns) const;
+
+  /// How far a goal with basis b moves along an impulse on itself, x mass.
+  float ownResponse(const Basis& b) const { return float(b.dot(response_ * b)); }
+
+ private:
+  void keepVolume(const Matrix3& shape, Answer& g) const;
+  double springOf(const PinPoint& point) const;
+  Vector3 restOfPoint(std::size_t point, const Matrix3& shape) const;
+  void write(const formats::Cluster& cluster, const Matrix3& r, const Matrix3& shape, const Answer& g,
+             ClusterFrame& frame) const;
+
+  std::uint32_t cluster_;
+  PinMethod method_;
+  std::vector<PinPoint> points_;
+  std::vector<Basis> values_;     ///< by point
+  std::vector<Vector3> offsets_;  ///< by point: centred q
+  ModeBasis basis_;
+  ModeMatrix energy_;  ///< of an elastic cluster, E and nu as baked
+  using ModeGradient = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 9, 3>;
+  std::vector<ModeGradient> strain_points_;             ///< d b / d q where volume is measured
+  Square10 from_points_;                                ///< (C^T C)^+ of the exact points
+  Square10 null_space_;                                 ///< N: what the exact points leave free, columns orthonormal
+  Square10 free_;                                       ///< N N^T
+  Eigen::Vector3d pin_mean_ = Eigen::Vector3d::Zero();  ///< q, of all points
+  bool elastic_ = false;
+  bool oriented_ = false;  ///< the exact points do not lie on a line: they say how the cluster is turned
+  // For one length of pass:
+  float pass_seconds_ = 0;
+  double beta_ = 0;              ///< of infinite_mass
+  Square10 system_, inverse_;    ///< H and N (N^T H N)^-1 N^T
+  Square30 system3_, inverse3_;  ///< the same of elastic clusters, axis by axis
+  Square10 response_;
+  Vector3 moment_center_ = Vector3::Zero();
+};
+
+}  // namespace sinew::internal

@@ -1,0 +1,386 @@
+// SPDX-License-Identifier: MIT
+//
+// Pin sets on the wall beam of Henriques 2006, figures 4 to 6: 1 x 0.2 x 0.2 m, held at one end.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "sinew/runtime/world.h"
+#include "tests/runtime/world_state.h"
+#include "tests/support/box_package.h"
+
+namespace sinew::test {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using formats::ClusterMechanics;
+using formats::ClusterMode;
+
+constexpr double kMass = 40;  // kg: 0.04 m³ of 1000 kg/m³
+
+struct Beam {
+  std::array<std::uint32_t, 3> cells = {20, 4, 4};
+  std::uint32_t clusters = 1;
+  ClusterMode mode = ClusterMode::quadratic;
+  ClusterMechanics mechanics = formats::kPlainMechanics;
+  float hz = 3;
+  PinMethod method = PinMethod::constrained_fit;
+  float gravity = 9.81F;
+  std::uint32_t iterations = 4;
+};
+
+ClusterMechanics elastic(float young, float poisson) {
+  ClusterMechanics m = formats::kPlainMechanics;
+  m.stiffness = formats::StiffnessModel::elastic;
+  m.young = young;
+  m.poisson = poisson;
+  m.damping = 2;
+  return m;
+}
+
+struct HeldBeam {
+  explicit HeldBeam(const Beam& beam) : world(settingsOf(beam)) {
+    BoxOptions box;
+    box.cells = beam.cells;
+    box.size = {1, 0.2, 0.2};
+    box.center = {0.5, 0, 0};
+    box.clusters = {beam.clusters, 1, 1};
+    box.mode = beam.mode;
+    box.stretch_hz = box.bend_hz = box.twist_hz = beam.hz;
+    formats::PackageContent content = boxContent(box);
+    content.mechanics.assign(content.clusters.size(), beam.mechanics);
+    asset = makeAsset(content);
+    body = *world.addBody(asset);
+    const auto vertices = asset->package().physicalVertices();
+    for (std::uint32_t i = 0; i < vertices.size(); ++i) {
+      const Vector3d x = wide(vertices[i].rest_position);
+      if (x[0] < 1e-6) wall.push_back(i);
+      if (x[0] > 1 - 1e-6) end.push_back(i);
+    }
+    auto set = world.addPinSet(body, wall, {}, beam.method);
+    EXPECT_TRUE(set) << set.reason();
+    pins = *set;
+  }
+  static WorldSettings settingsOf(const Beam& beam) {
+    WorldSettings settings;
+    settings.gravity = {0, -beam.gravity, 0};
+    settings.iterations = beam.iterations;
+    return settings;
+  }
+  Vector3d endMean() const {
+    Vector3d mean = Vector3d::Zero();
+    for (const std::uint32_t i : end) mean += wide(world.positions(body)[i]) / double(end.size());
+    return mean;
+  }
+  double sag() const { return -endMean()[1]; }
+  double wallError() const {
+    double worst = 0;
+    for (const std::uint32_t i : wall) {
+      worst = std::max(
+          worst, (wide(world.positions(body)[i]) - wide(asset->package().physicalVertices()[i].rest_position)).norm());
+    }
+    return worst;
+  }
+  double volume() const {
+    double sum = 0;
+    for (const auto& t : asset->package().tetrahedra()) {
+      const auto x = world.positions(body);
+      const Vector3d a = wide(x[t.vertex[0]]);
+      sum += (wide(x[t.vertex[1]]) - a).cross(wide(x[t.vertex[2]]) - a).dot(wide(x[t.vertex[3]]) - a) / 6;
+    }
+    return sum;
+  }
+  // Area of the section at a rest x, over that at rest: its in-plane edges' cross product, by least squares.
+  double sectionArea(double at) const {
+    const auto vertices = asset->package().physicalVertices();
+    Vector3d mean = Vector3d::Zero(), rest_mean = Vector3d::Zero();
+    double count = 0;
+    std::vector<std::uint32_t> members;
+    for (std::uint32_t i = 0; i < vertices.size(); ++i) {
+      if (std::abs(double(vertices[i].rest_position[0]) - at) > 1e-6) continue;
+      members.push_back(i);
+      mean += wide(world.positions(body)[i]);
+      rest_mean += wide(vertices[i].rest_position);
+      ++count;
+    }
+    mean /= count;
+    rest_mean /= count;
+    Eigen::Matrix<double, 3, 2> a = Eigen::Matrix<double, 3, 2>::Zero();
+    Eigen::Matrix2d q = Eigen::Matrix2d::Zero();
+    for (const std::uint32_t i : members) {
+      const Eigen::Vector2d rest = (wide(vertices[i].rest_position) - rest_mean).tail<2>();
+      a += (wide(world.positions(body)[i]) - mean) * rest.transpose();
+      q += rest * rest.transpose();
+    }
+    a = (a * q.inverse()).eval();
+    return a.col(0).cross(a.col(1)).norm();
+  }
+
+  World world;
+  std::shared_ptr<const Asset> asset;
+  BodyId body;
+  PinSetId pins;
+  std::vector<std::uint32_t> wall, end;
+};
+
+TEST(ConstrainedFit, TheWallStaysExactlyAndCarriesTheWeight) {
+  for (const ClusterMechanics& mechanics : {formats::kPlainMechanics, elastic(1e6F, 0.3F)}) {
+    for (const std::uint32_t clusters : {1U, 3U}) {
+      Beam beam;
+      beam.mechanics = mechanics;
+      beam.clusters = clusters;
+      HeldBeam held(beam);
+      run(held.world, 6);
+      EXPECT_EQ(held.wallError(), 0);
+      const PinReaction reaction = held.world.pinReaction(held.pins);
+      // The reaction is what the body does to the wall: its weight, and the moment of it about the wall's middle.
+      const Motion motion = motionOf(held.world, held.body);
+      EXPECT_NEAR(double(reaction.force[1]), -kMass * 9.81, 0.01 * kMass * 9.81);
+      EXPECT_NEAR(double(reaction.force[0]), 0, 0.01 * kMass * 9.81);
+      EXPECT_NEAR(double(reaction.torque[2]), -kMass * 9.81 * motion.center[0], 0.02 * kMass * 9.81 * 0.5);
+      EXPECT_NEAR(double(reaction.torque[0]), 0, 0.01 * kMass * 9.81);
+    }
+  }
+}
+
+TEST(ConstrainedFit, SagDoesNotDependOnTheStep) {
+  for (const ClusterMechanics& mechanics : {formats::kPlainMechanics, elastic(1e6F, 0.3F)}) {
+    std::vector<double> sags;
+    for (const float rate : {30.0F, 60.0F, 120.0F, 240.0F}) {
+      Beam beam;
+      beam.mechanics = mechanics;
+      HeldBeam held(beam);
+      run(held.world, 6, 1 / rate);
+      sags.push_back(held.sag());
+    }
+    const auto [least, most] = std::minmax_element(sags.begin(), sags.end());
+    EXPECT_LT(*most, 1.03 * *least);
+    EXPECT_GT(*least, 0.01);
+  }
+}
+
+TEST(ConstrainedFit, SagDoesNotDependOnTheNumberOfVertices) {
+  Beam beam;
+  beam.mechanics = elastic(1e6F, 0.3F);
+  beam.cells = {14, 8, 8};  // 1,215 vertices
+  HeldBeam coarse(beam);
+  beam.cells = {40, 13, 13};  // 8,036
+  HeldBeam fine(beam);
+  run(coarse.world, 5);
+  run(fine.world, 5);
+  EXPECT_NEAR(fine.sag(), coarse.sag(), 0.05 * coarse.sag());
+}
+
+// A cantilever of one cluster whose free modes all have the frequency f: the sag of uniform gravity is g / (2 pi f)²
+// times the projection of 1 on the functions of the cluster that vanish at the wall; of x and x², 4 x - 10/3 x² in the
+// continuum, 2/3 at the end. Vertices are lumped, so the reference solves the same least squares with them.
+TEST(ConstrainedFit, SagIsWhatTheFrequencySays) {
+  Beam beam;
+  HeldBeam held(beam);
+  run(held.world, 6);
+  Eigen::Matrix2d moment = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d load = Eigen::Vector2d::Zero();
+  for (const auto& vertex : held.asset->package().physicalVertices()) {
+    const double x = double(vertex.rest_position[0]);
+    const Eigen::Vector2d b(x, x * x);
+    moment += double(vertex.mass) * b * b.transpose();
+    load += double(vertex.mass) * b;
+  }
+  const double omega = 2 * std::numbers::pi * 3;
+  const double expected = 9.81 / (omega * omega) * moment.inverse().operator*(load).sum();
+  EXPECT_NEAR(held.sag(), expected, 0.01 * expected);
+  EXPECT_NEAR(expected, 2.0 / 3 * 9.81 / (omega * omega), 0.05 * expected);
+}
+
+TEST(ConstrainedFit, ReturnsToRestWhenGravityGoes) {
+  for (const ClusterMechanics& mechanics : {formats::kPlainMechanics, elastic(1e6F, 0.3F)}) {
+    Beam beam;
+    beam.mechanics = mechanics;
+    HeldBeam held(beam);
+    run(held.world, 3);
+    EXPECT_GT(held.sag(), 0.01);
+    held.world.settings().gravity = {0, 0, 0};
+    run(held.world, 4);
+    EXPECT_LT(restError(held.world, held.body).max, 1e-3);
+    EXPECT_NEAR(held.volume(), 0.04, 1e-3 * 0.04);
+  }
+}
+
+TEST(ConstrainedFit, KeepsSectionAndVolumeWhenACornerIsPulled) {
+  for (const auto volume : {formats::VolumeMethod::none, formats::VolumeMethod::principal}) {
+    Beam beam;
+    beam.mechanics = elastic(1e6F, 0.3F);
+    beam.mechanics.limit = formats::LimitMethod::principal;
+    beam.mechanics.volume = volume;
+    beam.gravity = 0;
+    HeldBeam held(beam);
+    const auto visual = held.asset->package().visualPositions();
+    std::uint32_t corner = 0;
+    for (std::uint32_t i = 0; i < visual.size(); ++i) {
+      if (visual[i][0] + visual[i][1] + visual[i][2] >
+          visual[corner][0] + visual[corner][1] + visual[corner][2] + 1e-5F) {
+        corner = i;
+      }
+    }
+    const Vec3 place = visual[corner];
+    held.world.pick(held.body, corner, {place[0], place[1] + 0.15F, place[2]}, 2);
+    run(held.world, 4);
+    EXPECT_GT(-held.sag(), 0.05);
+    for (const double at : {0.25, 0.5, 0.75, 1.0}) EXPECT_NEAR(held.sectionArea(at), 1, 0.05) << at;
+    EXPECT_NEAR(held.volume(), 0.04, 0.02 * 0.04);
+    EXPECT_EQ(held.wallError(), 0);
+  }
+}
+
+TEST(ConstrainedFit, KeepsStillWithVolumeAndLimitsAtAnyStep) {
+  // Clamping stretches against pins once fed this beam energy until it burst, at small steps.
+  for (const float rate : {60.0F, 240.0F}) {
+    for (const auto volume : {formats::VolumeMethod::cube_root, formats::VolumeMethod::principal}) {
+      for (const float young : {1e5F, 1e6F}) {
+        Beam beam;
+        beam.mechanics = elastic(young, 0.3F);
+        beam.mechanics.limit = formats::LimitMethod::principal;
+        beam.mechanics.volume = volume;
+        HeldBeam held(beam);
+        run(held.world, 6, 1 / rate);
+        EXPECT_LT(rmsSpeed(held.world, held.body), 1e-2) << rate << " Hz, " << young << " Pa";
+        EXPECT_NEAR(held.volume(), 0.04, 0.02 * 0.04) << rate << " Hz, " << young << " Pa";
+        EXPECT_GT(held.sag(), 0.05);
+      }
+    }
+  }
+}
+
+TEST(PinSets, EveryMethodHoldsTheWallAndStaysFinite) {
+  for (const PinMethod method :
+       {PinMethod::hold, PinMethod::infinite_mass, PinMethod::matrix, PinMethod::constrained_fit}) {
+    for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
+      Beam beam;
+      beam.method = method;
+      beam.mode = mode;
+      HeldBeam held(beam);
+      run(held.world, 3);
+      EXPECT_TRUE(allFinite(held.world, held.body));
+      EXPECT_LT(held.wallError(), 1e-6);
+      EXPECT_LT(rmsSpeed(held.world, held.body), 20);
+    }
+  }
+}
+
+TEST(PinSets, ABodyFollowsItsTransformRigidly) {
+  // Moved and turned slowly, a stiff body keeps its shape; the transform is where it was told to be.
+  Beam beam;
+  beam.hz = 30;
+  beam.gravity = 0;
+  HeldBeam held(beam);
+  const float h = 1.0F / 60;
+  const double turn = 1.2;
+  RigidTransform at;
+  for (int step = 1; step <= 120; ++step) {
+    const double part = step / 120.0;
+    const Matrix3d r = Eigen::AngleAxisd(turn * part, Vector3d(0.3, 1, 0.2).normalized()).toRotationMatrix();
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) at.rotation[std::size_t(3 * i + j)] = float(r(i, j));
+    }
+    at.position = {float(part), float(2 * part), 0};
+    held.world.movePinSet(held.pins, at);
+    held.world.step(h);
+  }
+  run(held.world, 2);
+  const Matrix3d r = Eigen::AngleAxisd(turn, Vector3d(0.3, 1, 0.2).normalized()).toRotationMatrix();
+  const auto vertices = held.asset->package().physicalVertices();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const Vector3d expected = r * wide(vertices[i].rest_position) + Vector3d(1, 2, 0);
+    EXPECT_LT((wide(held.world.positions(held.body)[i]) - expected).norm(), 1e-3);
+  }
+  for (const std::uint32_t i : held.wall) {
+    const Vector3d expected = r * wide(vertices[i].rest_position) + Vector3d(1, 2, 0);
+    EXPECT_LT((wide(held.world.positions(held.body)[i]) - expected).norm(), 2e-6);
+  }
+}
+
+TEST(PinSets, AHangingBodyPullsWithItsWeightWhateverTheMethod) {
+  for (const PinMethod method : {PinMethod::hold, PinMethod::infinite_mass, PinMethod::constrained_fit}) {
+    Beam beam;
+    beam.method = method;
+    beam.hz = 8;
+    HeldBeam held(beam);
+    run(held.world, 6);
+    const PinReaction reaction = held.world.pinReaction(held.pins);
+    EXPECT_NEAR(double(reaction.force[1]), -kMass * 9.81, 0.02 * kMass * 9.81) << int(method);
+  }
+}
+
+TEST(PinSets, WeightsMakeSpringsOrNothing) {
+  BoxOptions box;
+  box.cells = {10, 2, 2};
+  box.size = {1, 0.2, 0.2};
+  box.mode = ClusterMode::quadratic;
+  formats::PackageContent content = boxContent(box);
+  content.pin_weights.assign(content.physical_vertices.size(), 0.0F);
+  std::vector<std::uint32_t> wall;
+  for (std::uint32_t i = 0; i < content.physical_vertices.size(); ++i) {
+    if (content.physical_vertices[i].rest_position[0] > -0.5F + 1e-6F) continue;
+    wall.push_back(i);
+    content.pin_weights[i] = 0.5F;
+  }
+  WorldSettings settings;
+  World world(settings);
+  const BodyId body = *world.addBody(makeAsset(content));
+  const std::uint32_t free_vertex = std::uint32_t(content.physical_vertices.size() - 1);
+  EXPECT_FALSE(world.addPinSet(body, std::span(&free_vertex, 1)));
+  const auto pins = world.addPinSet(body, wall);
+  ASSERT_TRUE(pins);
+  run(world, 6);
+  double lowest = 0;
+  for (const std::uint32_t i : wall) {
+    lowest = std::min(lowest, double(world.positions(body)[i][1] - content.physical_vertices[i].rest_position[1]));
+  }
+  EXPECT_LT(lowest, -1e-5);  // they give
+  EXPECT_GT(lowest, -0.1);   // and hold
+  EXPECT_NEAR(double(world.pinReaction(*pins).force[1]), -kMass * 9.81, 0.02 * kMass * 9.81);
+}
+
+TEST(PinSets, RefusesWhatItCannotHold) {
+  World world;
+  const BodyId body = *world.addBody(boxAsset());
+  const std::uint32_t missing = 100000, first = 0;
+  const std::array<std::uint32_t, 2> twice = {3, 3};
+  RigidTransform mirrored;
+  mirrored.rotation[0] = -1;
+  EXPECT_NE(world.addPinSet(body, std::span(&missing, 1)).reason().find("100000 does not exist"), std::string::npos);
+  EXPECT_NE(world.addPinSet(body, twice).reason().find("given twice"), std::string::npos);
+  EXPECT_FALSE(world.addPinSet(body, {}));
+  EXPECT_FALSE(world.addPinSet(body, std::span(&first, 1), mirrored));
+  EXPECT_FALSE(world.addPinSet(BodyId{7}, std::span(&first, 1)));
+  const auto set = world.addPinSet(body, std::span(&first, 1));
+  ASSERT_TRUE(set);
+  EXPECT_NE(world.addPinSet(body, std::span(&first, 1)).reason().find("pinned already"), std::string::npos);
+  world.removePinSet(*set);
+  EXPECT_TRUE(world.addPinSet(body, std::span(&first, 1)));
+  world.resetBody(body);
+  EXPECT_TRUE(world.addPinSet(body, std::span(&first, 1)));
+  EXPECT_EQ(world.pinReaction(*set).force, Vec3{});
+}
+
+TEST(PinSets, ALetGoBodyIsFree) {
+  Beam beam;
+  beam.gravity = 0;
+  HeldBeam held(beam);
+  held.world.removePinSet(held.pins);
+  const Motion before = motionOf(held.world, held.body);
+  std::vector<Vec3> x(held.world.positions(held.body).begin(), held.world.positions(held.body).end());
+  std::vector<Vec3> v(x.size(), Vec3{1, 2, 3});
+  held.world.setState(held.body, x, v);
+  run(held.world, 1);
+  const Motion after = motionOf(held.world, held.body);
+  const double kept = std::exp(-double(held.world.settings().damping));
+  EXPECT_LT((after.momentum - kept * before.mass * Vector3d(1, 2, 3)).norm(), 1e-4 * after.momentum.norm());
+}
+
+}  // namespace
+}  // namespace sinew::test
