@@ -38,9 +38,6 @@ constexpr float kShortestPass = 1e-5F;
 constexpr float kFewPasses = 0.02F;
 constexpr double kHardlyAstray = 0.005;
 
-// Move of a held part within one pass from which its centre is found anew, diagonals.
-constexpr double kFastMove = 0.1;
-
 // Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
 // clusters would creep back.
 constexpr double kFastestDamping = 40;
@@ -82,6 +79,32 @@ class BodyStep {
  public:
   BodyStep(Body& body, const WorldSettings& settings, JobSystem* jobs, float pass_seconds, StepTimes* times)
       : body_(body), rest_(body.rest()), settings_(settings), jobs_(jobs), h_(pass_seconds), clock_(times) {}
+
+  // Sums of a pass are taken about a point that moves with its part, so that neither distance nor speed costs them
+  // digits: here from what a step finds, so that a restored state goes on as the saved one did.
+  void findCenters() {
+    forChunks([&](VertexChunk& chunk) {
+      chunk.center = {};
+      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
+        if (!stateIsUsable(body_.x[i], body_.v[i])) continue;
+        const double m = double(rest_.masses[i]);
+        chunk.center[0] += m;
+        for (std::size_t k = 0; k < 3; ++k) {
+          chunk.center[1 + k] += m * double(body_.x[i][k]);
+          chunk.center[4 + k] += m * double(body_.v[i][k]);
+        }
+      }
+    });
+    for (Part& part : body_.parts) {
+      std::array<double, 7> sum = {};
+      for (std::uint32_t i = 0; i < part.chunk_count; ++i) {
+        for (std::size_t k = 0; k < 7; ++k) sum[k] += body_.chunks[part.first_chunk + i].center[k];
+      }
+      if (!(sum[0] > 0)) continue;  // all lost: where the part was
+      part.reference = Eigen::Vector3d(sum[1], sum[2], sum[3]) / sum[0];
+      part.moving = Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0];
+    }
+  }
 
   void pass(std::uint32_t passes_left) {
     predict();
@@ -251,11 +274,11 @@ class BodyStep {
       }
       const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven);
       if (!lost && !as_one) continue;
+      const std::uint32_t first = part.first_cluster / 8, last = (part.first_cluster + part.cluster_count - 1) / 8;
+      // Goals have taken the place of what moments left in the slots; and the pose moves centres.
+      for (std::uint32_t b = first; b <= last; ++b) moments(b);
       findPose(part, as_one ? kHardlyAstray : kAstray);
-      for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
-        moments(b);  // goals have taken the place of what moments left in the slots
-        matchAndAsk(b);
-      }
+      for (std::uint32_t b = first; b <= last; ++b) matchAndAsk(b);
     }
   }
 
@@ -347,10 +370,6 @@ class BodyStep {
     for (Part& part : body_.parts) {
       part.reference = part.found.center;
       part.moving = part.wanted.velocity;
-      // The centre of a held part is that of its supports too; of a fast one that is too far off once it is let go.
-      if (!part.free && part.moving.norm() * double(h_) > kFastMove * double(body_.package().info().diagonal)) {
-        body_.findCenter(part);
-      }
     }
   }
 
@@ -443,6 +462,7 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
     body.responses.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
+  step.findCenters();
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();

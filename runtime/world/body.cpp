@@ -25,7 +25,6 @@ bool stateIsUsable(const Vec3& x, const Vec3& v) { return within(x, kLargestPosi
 
 namespace {
 
-
 // The lowest frequency that clusters return with, Hz: 0 where none ever returns, infinite where all are rigid.
 double slowestFrequency(std::span<const formats::Cluster> clusters, double scale) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
@@ -127,7 +126,6 @@ void Body::reset() {
 void Body::matchPositions() {
   // A lost vertex must not take its clusters along: it counts as being where they had wanted it.
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
-  for (Part& part : parts) findCenter(part);
   const Kernels& kernel = kernels();
   // No frequency: F = A shows the positions as they are.
   StiffnessSet loose(package(), 0.0F);
@@ -139,19 +137,6 @@ void Body::matchPositions() {
     updatePartPose(package(), rest(), loose.clusters, part.first_cluster, part.cluster_count, blocks);
   }
   for (std::size_t b = 0; b < blocks.size(); ++b) kernel.match(rest().blocks[b], loose.blocks[b], blocks[b]);
-}
-
-void Body::findCenter(Part& part) const {
-  part.reference = part.moving = Eigen::Vector3d::Zero();
-  double mass = 0;
-  for (std::uint32_t i = part.first_vertex; i < part.first_vertex + part.vertex_count; ++i) {
-    const double m = double(rest().masses[i]);
-    mass += m;
-    part.reference += m * asVector(y[i]).cast<double>();
-    if (stateIsUsable({}, v[i])) part.moving += m * asVector(v[i]).cast<double>();
-  }
-  part.reference /= mass;
-  part.moving /= mass;
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {

@@ -65,7 +65,8 @@ struct VertexChunk {
   std::uint32_t begin, end;
   std::uint32_t first_use_block;  ///< into RestConstants::use_blocks
   std::uint32_t repaired = 0;
-  MotionLanes sums = {};  ///< scratch
+  std::array<double, 7> center = {};  ///< scratch: mass, Σ m x, Σ m v
+  MotionLanes sums = {};              ///< scratch
 };
 
 /// One separate part (BODY record) of a body, with what a pass finds of it.
@@ -99,8 +100,6 @@ struct Body {
   void reset();
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
   void matchPositions();
-  /// Sets a part's reference to its centre of mass, from y and v.
-  void findCenter(Part& part) const;
   /// Where its clusters last wanted a physical vertex: Σ share g, metres.
   Vector3 blendedGoal(std::uint32_t vertex) const;
 

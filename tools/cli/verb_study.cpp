@@ -6,6 +6,7 @@
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/progress.h"
+#include "tools/study/sag.h"
 #include "tools/study/stability.h"
 
 namespace sinew::tools {
@@ -52,12 +53,41 @@ void addStability(CLI::App& study, int& exit_code) {
   });
 }
 
+void addSag(CLI::App& study, int& exit_code) {
+  struct Command {
+    double seconds = 8;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand("sag", "A beam held by a wall: its sag by step, passes, vertices and clusters");
+  verb->add_option("--seconds", command->seconds, "Simulated time of each beam")->check(CLI::Range(2.0, 60.0));
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    Progress progress(!command->json);
+    progress.stage("sag");
+    const std::vector<SagCase> cases = sagCases();
+    std::vector<SagResult> results;
+    for (const SagCase& one : cases) {
+      results.push_back(measureSag(one, command->seconds));
+      progress.fraction(double(results.size()) / double(cases.size()));
+    }
+    progress.finish();
+    if (command->json) {
+      std::cout << sagJson(results).dump(2) << "\n";
+    } else {
+      std::cout << sagText(results);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
 }  // namespace
 
 void addStudyVerb(CLI::App& app, int& exit_code) {
   CLI::App* study = app.add_subcommand("study", "Measure the method itself");
   study->require_subcommand(1);
   addStability(*study, exit_code);
+  addSag(*study, exit_code);
 }
 
 }  // namespace sinew::tools

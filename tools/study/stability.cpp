@@ -378,10 +378,6 @@ class CellRun {
     const double added = rounding_speed * std::max(4.0, double(passes_since_release_));
     const double floor = 0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega() * rounding, 2));
     const double energy = now.kinetic + measure_.potential(world_, body_, pass_seconds_);
-    if (getenv("TRACE"))
-      printf("  n %u K %.4g E %.4g lim %.4g floor %.3g p %.3g/%.3g l %.3g/%.3g spin %.3g rest %.3g reach %.3g\n",
-             unsigned(passes_since_release_), now.kinetic, energy - now.kinetic, energy_, floor, p, p_limit, l, l_limit,
-             now.spin, measure_.restError(world_, body_), now.reach);
     if (energy > floor) {
       result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor + kEnergyUnjudged * released_energy_));
     }
