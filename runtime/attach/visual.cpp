@@ -3,59 +3,81 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <limits>
 
+#include "runtime/attach/visual_constants.h"
 #include "runtime/clusters/goal.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
 
-// cof(A) = det(A) A^-T, also where A is singular: how areas and normals transform.
-Matrix3 cofactor(const Matrix3& a) {
-  Matrix3 c;
-  c.col(0) = a.col(1).cross(a.col(2));
-  c.col(1) = a.col(2).cross(a.col(0));
-  c.col(2) = a.col(0).cross(a.col(1));
-  return c;
-}
+// Elements a job is worth: about ten microseconds each.
+constexpr std::uint32_t kVisualGrain = 4096, kPhysicalGrain = 1024;
 
-void write(const StridedFloat3& stream, std::uint32_t i, const Vector3& value) {
-  char* bytes = reinterpret_cast<char*>(stream.data) + std::size_t(i) * stream.stride;
-  std::memcpy(bytes, value.data(), sizeof(float) * 3);
-}
+// The records of a package as kernels know them: same bytes, other names.
+static_assert(sizeof(BlendTerm) == sizeof(ClusterUse) && sizeof(BlendTerm) == sizeof(formats::ClusterAttachment));
+static_assert(sizeof(BlendRun) == sizeof(formats::ClusterAttachmentRange));
+static_assert(sizeof(formats::PhysicalVertex) == 4 * sizeof(float) && sizeof(Vec3) == 3 * sizeof(float));
 
-std::array<float, 4> barycentricWeights(const formats::BarycentricAttachment& attachment) {
-  const auto& w = attachment.weight;
-  return {w[0], w[1], w[2], 1.0F - w[0] - w[1] - w[2]};
-}
-
-Matrix3 visualCofactor(const Body& body, std::uint32_t vertex) {
-  const formats::PackageView& package = body.package();
-  Matrix3 sum = Matrix3::Zero();
-  if (!package.barycentric().empty()) {
-    const formats::BarycentricAttachment& attachment = package.barycentric()[vertex];
-    const auto& corners = package.tetrahedra()[attachment.tetrahedron].vertex;
-    const std::array<float, 4> weights = barycentricWeights(attachment);
-    // Clamped: far outside its tetrahedron a normal would otherwise extrapolate the difference of neighbours.
-    for (std::size_t k = 0; k < 4; ++k) sum += std::clamp(weights[k], 0.0F, 1.0F) * body.cofactors[corners[k]];
-  } else if (!package.clusterAttachmentRanges().empty()) {
-    const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[vertex];
-    const Vector3 rest = asVector(package.visualPositions()[vertex]);
-    for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
-      sum += use.weight *
-             cofactor(clusterGradient(package.clusters()[use.cluster], loadFrame(body.blocks, use.cluster), rest));
-    }
+template <class Work>
+void parallel(JobSystem* jobs, std::uint32_t count, std::uint32_t grain, const Work& work) {
+  if (jobs == nullptr || count <= grain) {
+    if (count > 0) work(0U, count);
+    return;
   }
-  return sum;
+  jobs->parallelFor(count, grain, [&work](std::uint32_t begin, std::uint32_t end) { work(begin, end); });
 }
 
-Vector3 visualNormal(const Body& body, std::uint32_t vertex) {
-  const Vector3 rest = asVector(body.package().visualNormals()[vertex]);
-  const Vector3 deformed = visualCofactor(body, vertex) * rest;
-  const float length = deformed.norm();
-  if (length > 1e-12F && std::isfinite(length)) return deformed / length;
-  const float rest_length = rest.norm();  // collapsed to nothing: any direction is as good; keep the rest one
-  return rest_length > 0 ? Vector3(rest / rest_length) : Vector3(Vector3::UnitY());
+template <class Stream>
+OutputStream asOutput(const Stream& stream) {
+  return {reinterpret_cast<std::byte*>(stream.data), stream.stride};
+}
+
+bool usable(const Vec3& x) { return stateIsUsable(x, {}); }
+
+// A slot some corner of which is lost: that corner counts as being where its clusters wanted it.
+SlotFrame mendedFrame(const Body& body, std::span<const Vec3> positions, const SlotCorners& corners) {
+  std::array<Vector3, 4> p;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const std::uint32_t vertex = corners.vertex[k];
+    p[k] = usable(positions[vertex]) ? Vector3(asVector(positions[vertex])) : body.blendedGoal(vertex);
+  }
+  SlotFrame frame = {};
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Vector3 column = k < 3 ? Vector3(p[k] - p[3]) : p[3];
+    std::copy(column.data(), column.data() + 3, frame.column[k]);
+  }
+  return frame;
+}
+
+void fillFrames(const Body& body, std::span<const Vec3> positions, std::pmr::vector<SlotFrame>& frames,
+                JobSystem* jobs) {
+  const VisualConstants& visual = body.asset->visualConstants();
+  frames.resize(visual.corners.size());
+  parallel(jobs, std::uint32_t(frames.size()), kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {
+    if (kernels().attach.slot_frames(positions.data()->data(), visual.corners.data(), frames.data(), begin, end))
+      return;
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const auto& corners = visual.corners[i].vertex;
+      if (!std::all_of(std::begin(corners), std::end(corners), [&](std::uint32_t v) { return usable(positions[v]); })) {
+        frames[i] = mendedFrame(body, positions, visual.corners[i]);
+      }
+    }
+  });
+}
+
+bool hangsOnTetrahedra(const Body& body) { return !body.package().barycentric().empty(); }
+
+const float* floats(std::span<const formats::Float3> v) { return v.empty() ? nullptr : v.data()->data(); }
+
+const BlendTerm* terms(std::span<const formats::ClusterAttachment> v) {
+  return reinterpret_cast<const BlendTerm*>(v.data());
+}
+const BlendTerm* terms(std::span<const ClusterUse> v) { return reinterpret_cast<const BlendTerm*>(v.data()); }
+
+const BlendRun* runsOf(const formats::PackageView& package) {
+  return reinterpret_cast<const BlendRun*>(package.clusterAttachmentRanges().data());
 }
 
 }  // namespace
@@ -70,38 +92,177 @@ Vector3 attachedPosition(const Body& body, std::uint32_t vertex, std::span<const
     for (std::size_t k = 0; k < 3; ++k) offset += attachment.weight[k] * (asVector(positions[corners[k]]) - last);
     return last + offset;
   }
-  if (!package.clusterAttachmentRanges().empty()) {
-    const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[vertex];
-    const Vector3 rest = asVector(package.visualPositions()[vertex]);
-    Vector3 sum = Vector3::Zero();
-    for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
-      sum += use.weight * clusterGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster],
-                                      loadFrame(body.blocks, use.cluster), rest);
-    }
-    return sum;
+  const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[vertex];
+  const Vector3 rest = asVector(package.visualPositions()[vertex]);
+  Vector3 sum = Vector3::Zero();
+  for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
+    sum += use.weight * clusterGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster],
+                                    loadFrame(body.blocks, use.cluster), rest);
   }
-  return asVector(package.visualPositions()[vertex]);
+  return sum;
 }
 
-void updateCofactors(const Body& body, std::uint32_t begin, std::uint32_t end) {
+ClusterColumns clusterColumns(const Body& body, std::uint32_t index) {
+  const formats::Cluster& cluster = body.package().clusters()[index];
+  const ClusterFrame frame = loadFrame(body.blocks, index);
+  ClusterColumns result = {};
+  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+  const int columns = quadratic ? 9 : 3;
+  Columns<9> f = Columns<9>::Zero();
+  f.leftCols(columns) = cluster.radius * frame.f.leftCols(columns);
+  const Vector3 start = frame.center - f * body.rest().clusters[index].mean;
+  std::copy(start.data(), start.data() + 3, result.column[0]);
+  for (int k = 0; k < columns; ++k) std::copy(f.col(k).data(), f.col(k).data() + 3, result.column[k + 1]);
+  std::copy(cluster.rest_center.begin(), cluster.rest_center.end(), result.center);
+  result.inverse_radius = 1.0F / cluster.radius;
+  result.quadratic = quadratic ? 1 : 0;
+  return result;
+}
+
+void keepHistory(Body& body) {
+  if (!body.settings.keep_previous) return;
+  History& history = body.history;
+  history.positions.resize(body.vertices().size());
+  for (std::uint32_t i = 0; i < history.positions.size(); ++i) {
+    history.positions[i] = usable(body.x[i]) ? body.x[i] : asArray(body.blendedGoal(i));
+  }
+  if (body.package().visualPositions().empty() || hangsOnTetrahedra(body)) return;
+  history.columns.resize(body.package().clusters().size());
+  for (std::uint32_t c = 0; c < history.columns.size(); ++c) history.columns[c] = clusterColumns(body, c);
+}
+
+bool boundsOf(std::span<const Vec3> positions, Bounds& result) {
+  constexpr float huge = std::numeric_limits<float>::max();
+  result = {{huge, huge, huge}, {-huge, -huge, -huge}};
+  if (!positions.empty()) {
+    kernels().attach.bounds(positions.data()->data(), std::uint32_t(positions.size()), result.low.data(),
+                            result.high.data());
+  }
+  if (result.low[0] <= result.high[0]) return true;
+  result = {};
+  return false;
+}
+
+VisualScratch::VisualScratch(std::pmr::memory_resource* memory)
+    : frames_(memory), previous_frames_(memory), columns_(memory), cofactors_(memory), gradients_(memory) {}
+
+void VisualScratch::prepare(const Body& body, bool positions, bool previous, bool normals, bool tangents,
+                            JobSystem* jobs) {
+  if (body_ != &body) {
+    body_ = &body;
+    has_frames_ = has_previous_ = has_columns_ = has_cofactors_ = has_gradients_ = false;
+  }
   const formats::PackageView& package = body.package();
-  for (std::uint32_t i = begin; i < end; ++i) {
-    const Vector3 rest = asVector(package.physicalVertices()[i].rest_position);
-    Matrix3 gradient = Matrix3::Zero();
-    for (const ClusterUse& use : body.rest().usesOf(i)) {
-      gradient +=
-          use.share * clusterGradient(package.clusters()[use.cluster], loadFrame(body.blocks, use.cluster), rest);
+  const std::uint32_t vertex_count = std::uint32_t(package.physicalVertices().size());
+  const bool tetrahedra = hangsOnTetrahedra(body), directions = normals || tangents;
+  const std::span<const Vec3> x(body.x.data(), vertex_count);
+  if (tetrahedra && positions && !has_frames_) {
+    fillFrames(body, x, frames_, jobs);
+    has_frames_ = true;
+  }
+  if (tetrahedra && previous && !has_previous_) {
+    fillFrames(body, body.history.positions, previous_frames_, jobs);
+    has_previous_ = true;
+  }
+  if ((directions || !tetrahedra) && !has_columns_) {
+    columns_.resize(package.clusters().size());
+    for (std::uint32_t c = 0; c < columns_.size(); ++c) columns_[c] = clusterColumns(body, c);
+    has_columns_ = true;
+  }
+  if (!tetrahedra) return;
+  const bool cofactors = directions && !has_cofactors_, gradients = tangents && !has_gradients_;
+  if (!cofactors && !gradients) return;
+  if (cofactors) cofactors_.resize(vertex_count);
+  if (gradients) gradients_.resize(vertex_count);
+  parallel(jobs, vertex_count, kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {
+    kernels().attach.gradients(package.physicalVertices().data()->rest_position.data(), body.rest().first_use.data(),
+                               terms(body.rest().uses), columns_.data(), gradients ? gradients_.data() : nullptr,
+                               cofactors ? cofactors_.data() : nullptr, begin, end);
+  });
+  has_cofactors_ = true;
+  has_gradients_ |= gradients;
+}
+
+void VisualScratch::writeRange(const Body& body, const VisualOutput& output, std::uint32_t begin,
+                               std::uint32_t end) const {
+  const formats::PackageView& package = body.package();
+  const AttachKernels& kernel = kernels().attach;
+  const auto write_positions = [&](const StridedFloat3& out, const SlotFrame* frames, const ClusterColumns* columns) {
+    const std::uint32_t stop = std::min(end, out.count);
+    if (out.data == nullptr || begin >= stop) return;
+    if (hangsOnTetrahedra(body)) {
+      kernel.attached_positions(body.asset->visualConstants().records.data(), frames, begin, stop, asOutput(out));
+    } else {
+      kernel.blended_positions(floats(package.visualPositions()), runsOf(package), terms(package.clusterAttachments()),
+                               columns, begin, stop, asOutput(out));
     }
-    body.cofactors[i] = cofactor(gradient);
+  };
+  write_positions(output.positions, frames_.data(), columns_.data());
+  write_positions(output.previous_positions, previous_frames_.data(), body.history.columns.data());
+
+  const auto write_directions = [&](std::uint32_t first, std::uint32_t stop, const OutputStream& normals,
+                                    const OutputStream& tangents) {
+    if (first >= stop || (normals.data == nullptr && tangents.data == nullptr)) return;
+    const float* rest_normals = floats(body.asset->restNormals());
+    const float* rest_tangents = tangents.data != nullptr ? body.asset->restTangents().data()->data() : nullptr;
+    if (hangsOnTetrahedra(body)) {
+      const VisualConstants& visual = body.asset->visualConstants();
+      kernel.attached_directions(visual.directionRecords().data(), visual.corners.data(), cofactors_.data(),
+                                 gradients_.data(), rest_normals, rest_tangents, first, stop, normals, tangents);
+    } else {
+      kernel.blended_directions(floats(package.visualPositions()), runsOf(package), terms(package.clusterAttachments()),
+                                columns_.data(), rest_normals, rest_tangents, first, stop, normals, tangents);
+    }
+  };
+  // The two streams may end at different vertices.
+  const OutputStream normals = asOutput(output.normals), tangents = asOutput(output.tangents), none = {nullptr, 0};
+  const std::uint32_t normals_end = normals.data != nullptr ? std::min(end, output.normals.count) : 0;
+  const std::uint32_t tangents_end = tangents.data != nullptr ? std::min(end, output.tangents.count) : 0;
+  const std::uint32_t both_end = std::max(begin, std::min(normals_end, tangents_end));
+  write_directions(begin, both_end, normals, tangents);
+  write_directions(both_end, normals_end, normals, none);
+  write_directions(both_end, tangents_end, none, tangents);
+}
+
+void VisualScratch::write(const Body& body, std::span<const VertexRun> runs, const VisualOutput& output,
+                          JobSystem* jobs) {
+  const bool positions = output.positions.data != nullptr, previous = output.previous_positions.data != nullptr;
+  const bool normals = output.normals.data != nullptr, tangents = output.tangents.data != nullptr;
+  if (!positions && !previous && !normals && !tangents) return;
+  prepare(body, positions, previous, normals, tangents, jobs);
+  if (tangents) static_cast<void>(body.asset->restTangents());  // made here, not by the first job
+  for (const VertexRun& run : runs) {
+    parallel(jobs, run.count, kVisualGrain, [&](std::uint32_t begin, std::uint32_t end) {
+      writeRange(body, output, run.first + begin, run.first + end);
+    });
   }
 }
 
-void writeVisual(const Body& body, std::uint32_t begin, std::uint32_t end, const StridedFloat3& positions,
-                 const StridedFloat3& normals) {
-  for (std::uint32_t i = begin; i < end; ++i) {
-    if (positions.data != nullptr && i < positions.count) write(positions, i, attachedPosition(body, i, body.x));
-    if (normals.data != nullptr && i < normals.count) write(normals, i, visualNormal(body, i));
+bool VisualScratch::bounds(const Body& body, JobSystem* jobs, Bounds& result) {
+  prepare(body, true, false, false, false, jobs);
+  constexpr std::uint32_t kBatch = 256;
+  std::array<Vec3, kBatch> batch;
+  constexpr float huge = std::numeric_limits<float>::max();
+  result = {{huge, huge, huge}, {-huge, -huge, -huge}};
+  const std::uint32_t count = std::uint32_t(body.package().visualPositions().size());
+  for (std::uint32_t begin = 0; begin < count; begin += kBatch) {
+    const std::uint32_t end = std::min(count, begin + kBatch);
+    // Inputs shifted instead of the output: element 0 of the batch is vertex `begin`.
+    const OutputStream out = {reinterpret_cast<std::byte*>(batch.data()), sizeof(Vec3)};
+    const formats::PackageView& package = body.package();
+    if (hangsOnTetrahedra(body)) {
+      const AttachmentRecord* records = body.asset->visualConstants().records.data() + begin;
+      kernels().attach.attached_positions(records, frames_.data(), 0, end - begin, out);
+    } else {
+      kernels().attach.blended_positions(floats(package.visualPositions()) + 3 * std::size_t(begin),
+                                         runsOf(package) + begin, terms(package.clusterAttachments()), columns_.data(),
+                                         0, end - begin, out);
+    }
+    kernels().attach.bounds(batch[0].data(), end - begin, result.low.data(), result.high.data());
   }
+  if (result.low[0] <= result.high[0]) return true;
+  result = {};
+  return false;
 }
 
 }  // namespace sinew::internal

@@ -1,22 +1,54 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstdint>
+#include <memory_resource>
 #include <span>
+#include <vector>
 
+#include "runtime/kernels/attach_layout.h"
 #include "runtime/world/body.h"
-#include "sinew/runtime/world.h"
+#include "sinew/runtime/output.h"
+#include "sinew/runtime/settings.h"
 
 namespace sinew::internal {
 
 /// Position of a visual vertex, metres, world. \param positions of the physical vertices.
 Vector3 attachedPosition(const Body& body, std::uint32_t visual_vertex, std::span<const Vec3> positions);
 
-/// Writes positions and unit normals of visual vertices [begin, end) (docs/method.md §7). Either stream may be empty.
-/// Normals of barycentric attachments need updateCofactors() since the last change of state.
-void writeVisual(const Body& body, std::uint32_t begin, std::uint32_t end, const StridedFloat3& positions,
-                 const StridedFloat3& normals);
+/// What outputs compute of one body before they write: one for a world, kept until a body moves or another is asked
+/// for.
+class VisualScratch {
+ public:
+  explicit VisualScratch(std::pmr::memory_resource* memory);
 
-/// Fills Body::cofactors for physical vertices [begin, end).
-void updateCofactors(const Body& body, std::uint32_t begin, std::uint32_t end);
+  /// Forgets what was computed. To be called whenever a body changes.
+  void invalidate() { body_ = nullptr; }
+
+  /// Writes runs of visual vertices.
+  void write(const Body& body, std::span<const VertexRun> runs, const VisualOutput& output, JobSystem* jobs);
+
+  /// Box around all visual vertices; false where none is finite.
+  bool bounds(const Body& body, JobSystem* jobs, Bounds& result);
+
+ private:
+  void prepare(const Body& body, bool positions, bool previous, bool normals, bool tangents, JobSystem* jobs);
+  void writeRange(const Body& body, const VisualOutput& output, std::uint32_t begin, std::uint32_t end) const;
+
+  const Body* body_ = nullptr;
+  bool has_frames_ = false, has_previous_ = false, has_columns_ = false, has_cofactors_ = false, has_gradients_ = false;
+  std::pmr::vector<SlotFrame> frames_, previous_frames_;  ///< by slot of the attachment
+  std::pmr::vector<ClusterColumns> columns_;              ///< by cluster
+  std::pmr::vector<PaddedMatrix> cofactors_, gradients_;  ///< by physical vertex
+};
+
+/// Notes where a body is, before a step; nothing unless it keeps its history.
+void keepHistory(Body& body);
+
+/// A cluster's goal transform as the kernels want it.
+ClusterColumns clusterColumns(const Body& body, std::uint32_t cluster);
+
+/// Least and largest coordinates of the usable positions; false where there are none.
+bool boundsOf(std::span<const Vec3> positions, Bounds& result);
 
 }  // namespace sinew::internal

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 
+#include "runtime/kernels/attach_layout.h"
 #include "runtime/kernels/layout.h"
 
 namespace sinew::internal {
@@ -99,6 +100,7 @@ struct Kernels {
   void (*sum)(const SumArguments& arguments);
   void (*settle)(const SettleArguments& arguments);
   void (*add_motion)(const AddMotionArguments& arguments);
+  AttachKernels attach;
 };
 
 const Kernels& kernels();

@@ -3,6 +3,7 @@
 // The body of each kernels_*.cpp: all kernels, compiled for the instruction set that file is compiled for.
 #pragma once
 
+#include "runtime/kernels/attach.h"
 #include "runtime/kernels/goals.h"
 #include "runtime/kernels/kernels.h"
 #include "runtime/kernels/match.h"
@@ -44,7 +45,7 @@ void addMotionOf(const AddMotionArguments& a) { addMotion(a); }
 }  // namespace
 
 inline constexpr Kernels tableNamed(const char* name) {
-  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf};
+  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf, attachTable()};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

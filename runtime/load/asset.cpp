@@ -4,14 +4,23 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <mutex>
 #include <new>
+#include <vector>
 
+#include "runtime/attach/visual_constants.h"
 #include "runtime/load/mapped_file.h"
 #include "runtime/load/rest_constants.h"
 
 namespace sinew {
 
-Asset::Asset() = default;
+struct Asset::Lazy {
+  std::once_flag visual_made, tangents_made;
+  internal::VisualConstants visual;
+  std::vector<std::array<float, 4>> tangents;
+};
+
+Asset::Asset() : lazy_(std::make_unique<Lazy>()) {}
 
 Asset::~Asset() {
   if (memory_ == nullptr) return;
@@ -22,7 +31,7 @@ Asset::~Asset() {
   }
 }
 
-Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) {
+Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) try {
   std::shared_ptr<Asset> asset(new Asset);
   const internal::MappedFile file = internal::mapFile(path);
   if (!file.reason.empty()) return Error{path + ": " + file.reason};
@@ -30,9 +39,11 @@ Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) {
   asset->bytes_ = file.bytes;
   asset->mapped_ = file.mapped;
   return open(std::move(asset), {static_cast<const std::byte*>(file.data), file.bytes}, path + ": ");
+} catch (const std::bad_alloc&) {
+  return Error{path + ": out of memory"};
 }
 
-Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) {
+Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) try {
   std::shared_ptr<Asset> asset(new Asset);
   if (reinterpret_cast<std::uintptr_t>(bytes.data()) % formats::kSectionAlignment != 0) {
     asset->memory_ = ::operator new(bytes.size(), std::align_val_t(formats::kSectionAlignment));
@@ -41,14 +52,37 @@ Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte
     bytes = {static_cast<const std::byte*>(asset->memory_), asset->bytes_};
   }
   return open(std::move(asset), bytes, "");
+} catch (const std::bad_alloc&) {
+  return Error{"out of memory"};
 }
 
 Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes,
                                                  const std::string& prefix) {
   const formats::PackageError error = formats::PackageView::open(bytes, asset->view_);
   if (!error.reason.empty()) return Error{prefix + error.reason};
+  formats::Header header;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  asset->checksum_ = header.checksum;
   asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
   return std::shared_ptr<const Asset>(std::move(asset));
+}
+
+const internal::VisualConstants& Asset::visualConstants() const {
+  std::call_once(lazy_->visual_made, [this] { lazy_->visual = internal::makeVisualConstants(view_); });
+  return lazy_->visual;
+}
+
+std::span<const Vec3> Asset::restNormals() const {
+  return view_.visualNormals().empty() ? std::span<const Vec3>(visualConstants().made_normals) : view_.visualNormals();
+}
+
+std::span<const std::array<float, 4>> Asset::restTangents() const {
+  std::call_once(lazy_->tangents_made, [this] { lazy_->tangents = internal::makeTangents(view_, restNormals()); });
+  return lazy_->tangents;
+}
+
+std::span<const VertexRun> Asset::subMeshVertices(std::uint32_t sub_mesh) const {
+  return sub_mesh < view_.subMeshes().size() ? visualConstants().runsOf(sub_mesh) : std::span<const VertexRun>();
 }
 
 }  // namespace sinew

@@ -5,6 +5,7 @@
 #include "runtime/step/world_step.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 
@@ -348,43 +349,84 @@ class BodyStep {
   const Kernels& kernel_ = kernels();
 };
 
-void stepBody(Body& body, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes, float pass_seconds,
-              StepTimes* times) {
+bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
+
+bool mayHaveRows(const Body& body, const WorldSettings& settings) {
+  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty();
+}
+
+// Lends scratch to a body, or takes it back.
+void exchange(Body& body, RowScratch& scratch) {
+  body.rows.swap(scratch.rows);
+  body.frames.swap(scratch.frames);
+  body.responses.swap(scratch.responses);
+}
+
+void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
+              float pass_seconds, StepTimes* times) {
   body.repaired = 0;
-  body.rows.clear();
-  body.cofactors_fresh = false;
   for (VertexChunk& chunk : body.chunks) chunk.repaired = 0;
-  // Sized once for the worst case, so that a step never allocates.
-  if (settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty()) {
-    body.rows.reserve(body.vertexCount() + body.picks.size());
+  exchange(body, scratch);
+  if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
     body.frames.resize(body.clusterCount());
     body.responses.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
+  body.rows.clear();
+  exchange(body, scratch);
 }
 
 }  // namespace
 
-void stepWorld(std::vector<std::unique_ptr<Body>>& bodies, const WorldSettings& settings, JobSystem* jobs,
-               float seconds, StepTimes* times) {
+void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
+  struct Need {
+    std::size_t bodies = 0, rows = 0, clusters = 0;
+    void add(const Body& body, bool rows_too) {
+      ++bodies;
+      if (!rows_too) return;
+      rows = std::max(rows, body.vertexCount() + body.picks.size());
+      clusters = std::max<std::size_t>(clusters, body.clusterCount());
+    }
+  } all, small;
+  for (const BodyPointer& body : bodies) {
+    if (body == nullptr) continue;
+    const bool rows = mayHaveRows(*body, settings);
+    all.add(*body, rows);
+    if (!isLarge(*body)) small.add(*body, rows);
+  }
+  const std::size_t jobs_at_once = jobs != nullptr ? std::clamp<std::size_t>(jobs->concurrency(), 1, 64) : 1;
+  const std::size_t lanes = std::max(std::min<std::size_t>(all.bodies, 1), std::min(jobs_at_once, small.bodies));
+  while (scratch.lanes.size() < lanes) scratch.lanes.emplace_back(scratch.lanes.get_allocator().resource());
+  for (std::size_t i = 0; i < scratch.lanes.size(); ++i) {
+    const Need& need = i == 0 ? all : small;  // large bodies are stepped one at a time
+    scratch.lanes[i].rows.reserve(need.rows);
+    scratch.lanes[i].frames.reserve(need.clusters);
+    scratch.lanes[i].responses.reserve(need.clusters);
+  }
+}
+
+void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, float seconds,
+               StepTimes* times) {
   if (times != nullptr) times->fill(0);
   const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
   const float h = seconds / float(passes);
-  const auto is_large = [](const Body& body) { return body.chunks.size() >= kLargeBody; };
-  for (const std::unique_ptr<Body>& body : bodies) {
+  growScratch(bodies, scratch, settings, jobs);
+  for (const BodyPointer& body : bodies) {
     if (body != nullptr) body->stiffness->update(body->package(), body->rest(), h);
   }
   // Large bodies one after the other, all threads on each; small ones side by side, a thread on each.
-  for (const std::unique_ptr<Body>& body : bodies) {
-    if (body != nullptr && is_large(*body)) stepBody(*body, settings, jobs, passes, h, times);
+  for (const BodyPointer& body : bodies) {
+    if (body != nullptr && isLarge(*body)) stepBody(*body, scratch.lanes[0], settings, jobs, passes, h, times);
   }
   StepTimes* const small_times = jobs == nullptr ? times : nullptr;
-  forRange(jobs, bodies.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
-    for (std::uint32_t i = begin; i < end; ++i) {
-      if (bodies[i] != nullptr && !is_large(*bodies[i])) {
-        stepBody(*bodies[i], settings, nullptr, passes, h, small_times);
+  std::atomic<std::size_t> next = 0;
+  forRange(jobs, scratch.lanes.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
+    for (std::uint32_t lane = begin; lane < end; ++lane) {
+      for (std::size_t i = next++; i < bodies.size(); i = next++) {
+        if (bodies[i] == nullptr || isLarge(*bodies[i])) continue;
+        stepBody(*bodies[i], scratch.lanes[lane], settings, nullptr, passes, h, small_times);
       }
     }
   });

@@ -41,7 +41,7 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       rows(memory),
       frames(memory),
       responses(memory),
-      cofactors(memory) {
+      history(memory) {
   std::uint32_t use_block = 0;
   for (const formats::BodyRange& range : package().bodies()) {
     Part part;
@@ -102,7 +102,6 @@ void Body::matchPositions() {
   }
   for (const Part& part : parts) updatePartRotation(package(), part.first_cluster, part.cluster_count, blocks);
   for (std::size_t b = 0; b < blocks.size(); ++b) kernel.match(rest().blocks[b], loose.blocks[b], blocks[b]);
-  cofactors_fresh = false;
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "runtime/attach/history.h"
 #include "runtime/clusters/frame.h"
 #include "runtime/clusters/mechanics.h"
 #include "runtime/clusters/pin_fit.h"
@@ -106,7 +107,8 @@ struct Body {
   std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
   std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
   std::pmr::vector<std::uint8_t> pinned;
-  std::pmr::vector<std::array<float, 4>> slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
+  std::pmr::vector<std::array<float, 4>>
+      slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
 
   std::pmr::vector<ClusterBlock> blocks;  ///< by cluster, eight each
 
@@ -123,17 +125,28 @@ struct Body {
   std::pmr::vector<VertexChunk> chunks;
   std::pmr::vector<Part> parts;
 
-  // Scratch of the solver of rows.
+  // Scratch of the solver of rows: lent by the world for the time of a step, empty otherwise.
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
   std::pmr::vector<ClusterResponse> responses;
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 
-  // Scratch of the attachment: cofactors of the deformation gradient by physical vertex, valid if `fresh`.
-  mutable std::pmr::vector<Matrix3> cofactors;
-  mutable bool cofactors_fresh = false;
+  History history;  ///< for motion vectors
 };
+
+/// Gives a body back to the memory resource it was made in.
+struct BodyRelease {
+  std::pmr::memory_resource* memory = nullptr;
+  void operator()(Body* body) const {
+    body->~Body();
+    memory->deallocate(body, sizeof(Body), alignof(Body));
+  }
+};
+using BodyPointer = std::unique_ptr<Body, BodyRelease>;
+
+/// Bodies of a world by BodyId; null where one was removed.
+using BodyList = std::pmr::vector<BodyPointer>;
 
 /// Whether a vertex can be stepped: position and velocity finite and below 1e15 m, 1e17 m/s.
 bool stateIsUsable(const Vec3& x, const Vec3& v);

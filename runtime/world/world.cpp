@@ -4,11 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdarg>
+#include <cstdio>
 #include <vector>
 
-#include "runtime/attach/visual.h"
 #include "runtime/clusters/pins.h"
-#include "runtime/step/world_step.h"
+#include "runtime/world/world_impl.h"
 
 namespace sinew {
 
@@ -16,46 +17,58 @@ using internal::asArray;
 using internal::asVector;
 using internal::Body;
 
-struct World::Impl {
-  WorldSettings settings;
-  JobSystem* jobs = nullptr;
-  std::vector<std::unique_ptr<Body>> bodies;  // by BodyId; null where removed, since ids are never used again
-  std::array<Phase, internal::kStepPhaseCount> phases = {
-      {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
-  std::uint32_t next_pick = 0;
-  std::uint32_t next_pin_set = 0;
+World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& resources)
+    : settings(world_settings),
+      memory(resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource()),
+      jobs(resources.jobs),
+      log(resources.log),
+      bodies(memory),
+      step_scratch(memory),
+      visual(memory) {}
 
-  // The stiffness that bodies of an asset with the same scale share.
-  std::shared_ptr<internal::StiffnessSet> stiffnessOf(const Asset& asset, float scale) const {
-    for (const std::unique_ptr<Body>& body : bodies) {
-      if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
-    }
-    return std::make_shared<internal::StiffnessSet>(asset.package(), scale);
+std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& asset, float scale) const {
+  for (const internal::BodyPointer& body : bodies) {
+    if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
   }
+  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(),
+                                                      scale);
+}
 
-  Body* find(BodyId id) const { return id.value < bodies.size() ? bodies[id.value].get() : nullptr; }
+Body* World::Impl::find(BodyId id, const char* call) const {
+  Body* body = find(id);
+  if (body == nullptr) tell(LogSeverity::error, "%s: there is no body %u in this world", call, id.value);
+  return body;
+}
 
-  // The body and place of a pick; (nullptr, 0) where it was let go.
-  std::pair<Body*, std::size_t> findPick(PickId id) const {
-    for (const std::unique_ptr<Body>& body : bodies) {
-      if (body == nullptr) continue;
-      for (std::size_t i = 0; i < body->picks.size(); ++i) {
-        if (body->picks[i].id == id.value) return {body.get(), i};
-      }
+std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
+  for (const internal::BodyPointer& body : bodies) {
+    if (body == nullptr) continue;
+    for (std::size_t i = 0; i < body->picks.size(); ++i) {
+      if (body->picks[i].id == id.value) return {body.get(), i};
     }
-    return {nullptr, 0};
   }
+  return {nullptr, 0};
+}
 
-  std::pair<Body*, std::size_t> findPinSet(PinSetId id) const {
-    for (const std::unique_ptr<Body>& body : bodies) {
-      if (body == nullptr) continue;
-      for (std::size_t i = 0; i < body->pin_sets.size(); ++i) {
-        if (body->pin_sets[i].id == id.value) return {body.get(), i};
-      }
+std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
+  for (const internal::BodyPointer& body : bodies) {
+    if (body == nullptr) continue;
+    for (std::size_t i = 0; i < body->pin_sets.size(); ++i) {
+      if (body->pin_sets[i].id == id.value) return {body.get(), i};
     }
-    return {nullptr, 0};
   }
-};
+  return {nullptr, 0};
+}
+
+void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
+  if (log == nullptr) return;
+  char line[256];
+  std::va_list arguments;
+  va_start(arguments, format);
+  const int length = std::vsnprintf(line, sizeof line, format, arguments);
+  va_end(arguments);
+  if (length > 0) log->write(severity, {line, std::min(std::size_t(length), sizeof line - 1)});
+}
 
 namespace {
 
@@ -65,12 +78,57 @@ bool isProper(const RigidTransform& transform) {
          (rotation * rotation.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && rotation.determinant() > 0;
 }
 
+bool finite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
+
+// The settings that step() is to use, all in range, and what it made of those that were not.
+struct CheckedSettings {
+  WorldSettings settings;
+  std::uint32_t wrong = 0;     // a bit each
+  const char* name = nullptr;  // of the first one that is wrong
+};
+
+CheckedSettings checked(const WorldSettings& given) {
+  CheckedSettings result = {given, 0, nullptr};
+  std::uint32_t bit = 1;
+  const auto check = [&](const char* name, bool sound, auto& value, const auto& instead) {
+    if (!sound) {
+      value = instead;
+      result.wrong |= bit;
+      if (result.name == nullptr) result.name = name;
+    }
+    bit <<= 1;
+  };
+  WorldSettings& s = result.settings;
+  const auto in_range = [&](const char* name, float& value) {
+    const float instead = value > 0 ? 1e4F : 0.0F;  // not a number: 0
+    check(name, value >= 0 && value <= 1e4F, value, instead);
+  };
+  check("gravity", finite(s.gravity), s.gravity, Vec3{0, 0, 0});
+  check("iterations", s.iterations >= 1 && s.iterations <= 16, s.iterations, std::clamp(s.iterations, 1U, 16U));
+  in_range("damping", s.damping);
+  in_range("deformation_damping", s.deformation_damping);
+  in_range("ground.friction", s.ground.friction);
+  if (s.ground.enabled) {
+    const float length = asVector(s.ground.normal).norm();
+    check("ground.normal", std::abs(length - 1.0F) < 1e-3F && std::isfinite(s.ground.offset), s.ground.enabled, false);
+  }
+  return result;
+}
+
 }  // namespace
 
-World::World(const WorldSettings& settings, JobSystem* jobs) : impl_(std::make_unique<Impl>()) {
-  impl_->settings = settings;
-  impl_->jobs = jobs;
+void World::Release::operator()(Impl* impl) const {
+  std::pmr::memory_resource* memory = impl->memory;
+  impl->~Impl();
+  memory->deallocate(impl, sizeof(Impl), alignof(Impl));
 }
+
+World::World(const WorldSettings& settings, const WorldResources& resources) {
+  std::pmr::memory_resource* memory = resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource();
+  impl_.reset(new (memory->allocate(sizeof(Impl), alignof(Impl))) Impl(settings, resources));
+}
+World::World(const WorldSettings& settings, JobSystem* jobs)
+    : World(settings, WorldResources{nullptr, jobs, nullptr}) {}
 World::~World() = default;
 World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
@@ -92,49 +150,100 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
   if (!(settings.stiffness_scale >= 0) || !finite(settings.stiffness_scale)) {
     return Error{"addBody: BodySettings::stiffness_scale must be 0 or more"};
   }
-  auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
-  impl_->bodies.push_back(std::make_unique<Body>(std::move(asset), settings, std::move(stiffness)));
-  return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
+  return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
+    // All that can fail comes before the body is in its place.
+    std::pmr::memory_resource* memory = impl_->memory;
+    auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
+    void* place = memory->allocate(sizeof(Body), alignof(Body));
+    internal::BodyPointer body;
+    try {
+      body = {new (place) Body(std::move(asset), settings, std::move(stiffness), memory),
+              internal::BodyRelease{memory}};
+    } catch (...) {
+      memory->deallocate(place, sizeof(Body), alignof(Body));
+      throw;
+    }
+    keepHistory(*body);
+    impl_->bodies.push_back(std::move(body));
+    return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
+  });
 }
 
 void World::removeBody(BodyId id) {
-  if (impl_->find(id) == nullptr) return;
+  Body* body = impl_->find(id, "removeBody");
+  if (body == nullptr) return;
+  impl_->changed(*body);
   impl_->bodies[id.value].reset();
 }
 
+bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
+
 void World::resetBody(BodyId id) {
-  if (Body* body = impl_->find(id)) body->reset();
+  Body* body = impl_->find(id, "resetBody");
+  if (body == nullptr) return;
+  body->reset();
+  keepHistory(*body);
+  impl_->changed(*body);
 }
 
 const Asset& World::asset(BodyId id) const { return *impl_->bodies[id.value]->asset; }
 
 void World::step(float seconds) {
-  if (!(seconds > 0) || !std::isfinite(seconds)) return;
-  internal::StepTimes times;
-  const bool measured = impl_->settings.measure_phases;
-  internal::stepWorld(impl_->bodies, impl_->settings, impl_->jobs, seconds, measured ? &times : nullptr);
-  for (std::size_t k = 0; k < times.size(); ++k) impl_->phases[k].milliseconds = measured ? times[k] : 0;
+  if (!(seconds > 0) || !std::isfinite(seconds)) {
+    impl_->tell(LogSeverity::error, "step: %g is not a length of time; nothing was done", double(seconds));
+    return;
+  }
+  const CheckedSettings settings = checked(impl_->settings);
+  if (settings.wrong != impl_->settings_told && settings.wrong != 0) {
+    impl_->tell(LogSeverity::warning, "step: WorldSettings::%s is out of range; the nearest legal value is used",
+                settings.name);
+  }
+  impl_->settings_told = settings.wrong;
+  impl_->visual.invalidate();
+  impl_->guarded("step", false, [&] {
+    for (const internal::BodyPointer& body : impl_->bodies) {
+      if (body != nullptr) keepHistory(*body);
+    }
+    internal::StepTimes times = {};
+    const bool measured = settings.settings.measure_phases;
+    internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds,
+                        measured ? &times : nullptr);
+    for (std::size_t k = 0; k < times.size(); ++k) impl_->phases[k].milliseconds = measured ? times[k] : 0;
+    return true;
+  });
+  for (std::uint32_t i = 0; i < impl_->bodies.size(); ++i) {
+    const Body* body = impl_->bodies[i].get();
+    if (body == nullptr || body->repaired == 0) continue;
+    impl_->tell(LogSeverity::warning,
+                "step: body %u: the state of %u vert%s was lost (not finite, or beyond 1e15 m) and was put right", i,
+                body->repaired, body->repaired == 1 ? "ex" : "ices");
+  }
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "positions");
   return body != nullptr ? std::span<const Vec3>(body->x.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::span<const Vec3> World::velocities(BodyId id) const {
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "velocities");
   return body != nullptr ? std::span<const Vec3>(body->v.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::uint32_t World::repairedVertices(BodyId id) const {
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "repairedVertices");
   return body != nullptr ? body->repaired : 0;
 }
 
 void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const Vec3> velocities) {
-  Body* body = impl_->find(id);
-  if (body == nullptr || positions.size() != body->vertexCount()) return;
-  if (!velocities.empty() && velocities.size() != body->vertexCount()) return;
+  Body* body = impl_->find(id, "setState");
+  if (body == nullptr) return;
+  const std::size_t count = body->vertices().size();
+  if (positions.size() != count || (!velocities.empty() && velocities.size() != count)) {
+    impl_->tell(LogSeverity::error, "setState: %zu positions and %zu velocities for a body of %zu vertices",
+                positions.size(), velocities.size(), count);
+    return;
+  }
   std::copy(positions.begin(), positions.end(), body->x.begin());
   if (velocities.empty()) {
     std::fill(body->v.begin(), body->v.end(), Vec3{});
@@ -144,11 +253,17 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
   std::fill(body->force.begin(), body->force.end(), Vec3{});
   for (internal::Pick& pick : body->picks) pick.force = {};
   body->matchPositions();
+  keepHistory(*body);
+  impl_->changed(*body);
 }
 
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
-  Body* body = impl_->find(id);
-  if (body == nullptr || vertex >= body->vertexCount()) return;
+  Body* body = impl_->find(id, "pin");
+  if (body == nullptr) return;
+  if (vertex >= body->vertexCount() || !finite(target)) {
+    impl_->tell(LogSeverity::error, "pin: body %u has no vertex %u, or the target is not finite", id.value, vertex);
+    return;
+  }
   for (const internal::PinSet& set : body->pin_sets) {
     for (const internal::PinnedVertex& held : set.vertices) {
       if (held.vertex == vertex) return;
@@ -160,13 +275,17 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     place->target = target;
     return;
   }
-  body->pins.insert(place, {vertex, target});
-  body->pinned[vertex] = 1;
-  body->force[vertex] = {};
+  impl_->guarded("pin", false, [&] {
+    body->pins.insert(place, {vertex, target});
+    body->pinned[vertex] = 1;
+    body->force[vertex] = {};
+    impl_->growScratch();
+    return true;
+  });
 }
 
 void World::unpin(BodyId id, std::uint32_t vertex) {
-  Body* body = impl_->find(id);
+  Body* body = impl_->find(id, "unpin");
   if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
   if (std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; }) == 0) return;
   body->pinned[vertex] = 0;
@@ -174,7 +293,7 @@ void World::unpin(BodyId id, std::uint32_t vertex) {
 }
 
 void World::unpinAll(BodyId id) {
-  Body* body = impl_->find(id);
+  Body* body = impl_->find(id, "unpinAll");
   if (body == nullptr) return;
   for (const internal::Pin& pin : body->pins) {
     body->pinned[pin.vertex] = 0;
@@ -253,17 +372,33 @@ bool World::setActivation(BodyId id, std::string_view channel, float value) {
 }
 
 PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz) {
-  Body* body = impl_->find(id);
-  if (body == nullptr || visual_vertex >= body->package().visualPositions().size()) return {};
-  const PickId pick{impl_->next_pick++};
-  body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
-  body->rows.reserve(body->vertexCount() + body->picks.size());
-  return pick;
+  Body* body = impl_->find(id, "pick");
+  if (body == nullptr) return {};
+  if (visual_vertex >= body->package().visualPositions().size()) {
+    impl_->tell(LogSeverity::error, "pick: body %u has no visual vertex %u", id.value, visual_vertex);
+    return {};
+  }
+  if (!finite(target) || std::isnan(frequency_hz)) {
+    impl_->tell(LogSeverity::error, "pick: target or frequency is not finite");
+    return {};
+  }
+  return impl_->guarded("pick", PickId{}, [&] {
+    const PickId pick{impl_->next_pick};
+    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
+    ++impl_->next_pick;
+    impl_->growScratch();
+    return pick;
+  });
 }
 
 void World::movePick(PickId id, Vec3 target) {
   const auto [body, index] = impl_->findPick(id);
-  if (body != nullptr) body->picks[index].target = target;
+  if (body == nullptr || !finite(target)) {
+    impl_->tell(LogSeverity::error,
+                body == nullptr ? "movePick: there is no such pick" : "movePick: target is not finite");
+    return;
+  }
+  body->picks[index].target = target;
 }
 
 void World::releasePick(PickId id) {
@@ -271,35 +406,16 @@ void World::releasePick(PickId id) {
   if (body != nullptr) body->picks.erase(body->picks.begin() + std::ptrdiff_t(index));
 }
 
-void World::visualVertices(BodyId id, StridedFloat3 positions, StridedFloat3 normals) const {
-  const Body* body = impl_->find(id);
-  if (body == nullptr) return;
-  const formats::PackageView& package = body->package();
-  const std::uint32_t visual_count = std::uint32_t(package.visualPositions().size());
-  if (package.visualNormals().empty()) normals.data = nullptr;
-  const auto parallel = [this](std::uint32_t count, std::uint32_t grain, const auto& work) {
-    if (impl_->jobs == nullptr) {
-      work(0U, count);
-    } else {
-      impl_->jobs->parallelFor(count, grain, [&work](std::uint32_t begin, std::uint32_t end) { work(begin, end); });
-    }
-  };
-  if (normals.data != nullptr && !body->cofactors_fresh) {
-    body->cofactors.resize(body->vertexCount());
-    parallel(body->vertexCount(), 1024,
-             [body](std::uint32_t begin, std::uint32_t end) { updateCofactors(*body, begin, end); });
-    body->cofactors_fresh = true;
-  }
-  std::uint32_t count = 0;
-  if (positions.data != nullptr) count = std::max(count, std::min(positions.count, visual_count));
-  if (normals.data != nullptr) count = std::max(count, std::min(normals.count, visual_count));
-  parallel(count, 4096,
-           [&](std::uint32_t begin, std::uint32_t end) { writeVisual(*body, begin, end, positions, normals); });
+std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
+  const Body* body = impl_->find(id, "picks");
+  if (body == nullptr) return 0;
+  for (std::size_t i = 0; i < std::min(ids.size(), body->picks.size()); ++i) ids[i] = {body->picks[i].id};
+  return body->picks.size();
 }
 
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(rotation.data());
-  const Body* body = impl_->find(id);
+  const Body* body = impl_->find(id, "rigidMotion");
   if (body == nullptr) {
     result.setIdentity();
     translation = {};
@@ -328,8 +444,12 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
 }
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
-  const Body* body = impl_->find(id);
-  if (body == nullptr || cluster >= body->clusterCount()) return;
+  const Body* body = impl_->find(id, "clusterFrame");
+  if (body == nullptr) return;
+  if (cluster >= body->clusterCount()) {
+    impl_->tell(LogSeverity::error, "clusterFrame: body %u has no cluster %u", id.value, cluster);
+    return;
+  }
   const internal::ClusterFrame frame = internal::loadFrame(body->blocks, cluster);
   center = asArray(frame.center);
   Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(linear.data());

@@ -5,8 +5,9 @@
     consumer.py SOURCE SCRATCH static|shared PACKAGE CMAKE GENERATOR COMPILER
 
 Configures SOURCE as the runtime-only preset does, installs into SCRATCH, builds tests/consumer/program and
-samples/hello_runtime against find_package(sinew), runs both on PACKAGE, and looks at what headers they saw and what
-shared libraries they need.
+samples/hello_runtime and hello_runtime_c against find_package(sinew), runs them on PACKAGE, and looks at what headers
+they saw and what shared libraries they need. The shared library must be small and show its interface only; a
+foreign-function caller (ctypes_test.py) uses it as well.
 """
 import os
 import re
@@ -17,6 +18,7 @@ from pathlib import Path
 
 # The C and C++ runtime, and Sinew itself.
 ALLOWED_NEEDED = re.compile(r"^(libsinew_(formats|runtime)\.so|libstdc\+\+\.so|libm\.so|libgcc_s\.so|libc\.so|libpthread\.so|ld-linux)")
+LARGEST_LIBRARY = 250_000  # bytes, stripped
 FOREIGN_HEADER = re.compile(r"/(eigen3?|Eigen|xxhash\.h|tbb|oneapi|CLI|nlohmann|CGAL|assimp|opencv\d?|boost|GLFW|imgui)\b")
 
 
@@ -29,6 +31,27 @@ def run(*command, **options):
 
 def needed_by(binary):
     return re.findall(r"\(NEEDED\).*\[(.+?)\]", run("readelf", "-d", binary, env=os.environ | {"LC_ALL": "C"}))
+
+
+def check_library(library, package):
+    """Size, what it needs and what it shows; then the C interface from Python."""
+    stripped = library.parent / "stripped.so"
+    run("strip", "-o", stripped, library)
+    size = stripped.stat().st_size
+    if size > LARGEST_LIBRARY:
+        sys.exit(f"consumer: {library.name} has {size} bytes stripped, more than {LARGEST_LIBRARY}")
+    for other in needed_by(library):
+        if other.startswith("libsinew") or not ALLOWED_NEEDED.match(other):
+            sys.exit(f"consumer: {library.name} needs {other}")
+    shown = [line.split()[-1] for line in run("nm", "-D", "--defined-only", library).splitlines()]
+    strange = [name for name in shown if not re.match(r"^(sinew_|_ZN?K?T?[ISV]?N?K?5sinew)", name)]
+    if strange or "sinew_world_step" not in shown or not any(name.startswith("_ZN5sinew5World") for name in shown):
+        sys.exit(f"consumer: {library.name} shows {strange or shown}")
+    internal = [name for name in shown if "8internal" in name.split("sinew")[1][:12]]
+    if internal:
+        sys.exit(f"consumer: {library.name} shows {internal}")
+    print(run(sys.executable, "-B", Path(__file__).with_name("ctypes_test.py"), stripped, package), end="")
+    print(f"consumer: {library.name} has {size} bytes stripped, {len(shown)} symbols, needs {', '.join(needed_by(library))}")
 
 
 def main():
@@ -54,9 +77,11 @@ def main():
                 sys.exit(f"consumer: {config.name} names {leak}")
 
     standalone = scratch / "hello_source"
-    shutil.copytree(source / "samples" / "hello_runtime", standalone)
+    for sample in ("hello_runtime", "hello_runtime_c"):
+        shutil.copytree(source / "samples" / sample, standalone / sample)
     for name, folder, program in (("consumer", source / "tests" / "consumer" / "program", "consumer"),
-                                  ("hello", standalone, "sample_hello_runtime")):
+                                  ("hello", standalone / "hello_runtime", "sample_hello_runtime"),
+                                  ("hello_c", standalone / "hello_runtime_c", "sample_hello_runtime_c")):
         build = scratch / name
         run(cmake, "-S", folder, "-B", build, *common, f"-DCMAKE_PREFIX_PATH={moved}")
         run(cmake, "--build", build)
@@ -73,6 +98,9 @@ def main():
             if not ALLOWED_NEEDED.match(other):
                 sys.exit(f"consumer: {library.name} needs {other}")
 
+    if kind == "shared":
+        check_library(next(path.resolve() for path in moved.rglob("libsinew_runtime.so")), package)
+
     headers = sorted(path.relative_to(moved / "include").as_posix() for path in moved.rglob("*.h"))
     for header in headers:  # each public header on its own
         dependencies = run(compiler, "-std=c++20", "-M", "-I", moved / "include", "-x", "c++", moved / "include" / header)
@@ -81,6 +109,9 @@ def main():
             sys.exit(f"consumer: {header} includes {foreign}")
     if not headers:
         sys.exit("consumer: no header was installed")
+    c_header = moved / "include" / "sinew" / "c_api.h"
+    run("cc", "-std=c99", "-pedantic-errors", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I", moved / "include", "-x", "c",
+        c_header)
     print(f"consumer: {kind}, {len(headers)} public headers, needs {', '.join(libraries)}")
 
 

@@ -1,22 +1,27 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
 
 #include "sinew/formats/package.h"
+#include "sinew/runtime/export.h"
+#include "sinew/runtime/output.h"
 #include "sinew/runtime/result.h"
 
 namespace sinew {
 
 namespace internal {
 struct RestConstants;
-}
+struct VisualConstants;
+}  // namespace internal
 
 /// A loaded package: the constants that all bodies made from it share. Immutable, so safe to use from many threads.
-class Asset {
+class SINEW_API Asset {
  public:
   /// Opens and checks a package file (memory-mapped, used in place). The reason names the file and the fault.
   static Result<std::shared_ptr<const Asset>> load(const std::string& path);
@@ -26,8 +31,17 @@ class Asset {
 
   const formats::PackageView& package() const { return view_; }
 
-  /// For the runtime itself: constants made at load.
+  /// Tells packages apart: the checksum in the file's header, which covers all of its bytes.
+  std::uint64_t checksum() const { return checksum_; }
+
+  /// The visual vertices that a sub-mesh's triangles use: runs, ascending. Empty for an unknown sub-mesh.
+  std::span<const VertexRun> subMeshVertices(std::uint32_t sub_mesh) const;
+
+  /// For the runtime itself: constants made at load, and those of the outputs, made when first asked for.
   const internal::RestConstants& constants() const { return *constants_; }
+  const internal::VisualConstants& visualConstants() const;
+  std::span<const Vec3> restNormals() const;
+  std::span<const std::array<float, 4>> restTangents() const;
 
   ~Asset();
   Asset(const Asset&) = delete;
@@ -41,7 +55,10 @@ class Asset {
   void* memory_ = nullptr;  // mapped or owned bytes, released by the destructor
   std::size_t bytes_ = 0;
   std::unique_ptr<const internal::RestConstants> constants_;
+  struct Lazy;
+  std::unique_ptr<Lazy> lazy_;
   bool mapped_ = false;
+  std::uint64_t checksum_ = 0;
 };
 
 }  // namespace sinew

@@ -52,6 +52,9 @@ class JobSystem {
   /// are done. \param grain smallest range worth a job of its own.
   virtual void parallelFor(std::uint32_t count, std::uint32_t grain,
                            const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) = 0;
+  /// Jobs that may run at the same time, about: scratch memory is kept for so many bodies. More threads than that find
+  /// nothing to do where there are only small bodies.
+  virtual std::uint32_t concurrency() const { return 16; }
 };
 
 /// Settings of a world; each may be changed between two steps.
@@ -78,6 +81,8 @@ struct BodySettings {
                    0.0F};  ///< metres, added to the rest positions (and to the package's origin, which is dropped)
   Mat3 rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< proper rotation about the package's origin, applied before position
   float stiffness_scale = 1.0F;                 ///< multiplies the frequencies of all clusters, 0..1e6
+  bool keep_previous = false;  ///< keeps the positions before each step, for VisualOutput::previous_positions; costs
+                               ///< 12 bytes a physical vertex and their copy
 };
 
 }  // namespace sinew

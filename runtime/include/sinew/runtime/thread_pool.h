@@ -3,13 +3,14 @@
 
 #include <memory>
 
+#include "sinew/runtime/export.h"
 #include "sinew/runtime/settings.h"
 
 namespace sinew {
 
 /// A job system for programs that have none of their own: a fixed set of threads that share each loop.
 /// Guarantee: a world's state does not depend on the number of threads, bit for bit.
-class ThreadPool final : public JobSystem {
+class SINEW_API ThreadPool final : public JobSystem {
  public:
   /// \param threads that work on a loop, the caller's included; 0 = one for each core.
   explicit ThreadPool(std::uint32_t threads = 0);
@@ -18,6 +19,7 @@ class ThreadPool final : public JobSystem {
   ThreadPool& operator=(const ThreadPool&) = delete;
 
   std::uint32_t threads() const;
+  std::uint32_t concurrency() const override { return threads(); }
 
   /// One loop at a time: not to be called from several threads, nor from inside `body`.
   void parallelFor(std::uint32_t count, std::uint32_t grain,

@@ -4,12 +4,17 @@
 // samples/hello_runtime shows it in one page.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <memory_resource>
 #include <span>
 #include <string_view>
 
 #include "sinew/runtime/asset.h"
+#include "sinew/runtime/export.h"
+#include "sinew/runtime/log.h"
+#include "sinew/runtime/output.h"
 #include "sinew/runtime/result.h"
 #include "sinew/runtime/settings.h"
 
@@ -33,18 +38,26 @@ struct PinSetId {
   bool operator==(const PinSetId&) const = default;
 };
 
-/// Where the caller wants a stream of vectors: `count` elements, `stride` bytes apart (>= 12, a multiple of 4).
-struct StridedFloat3 {
-  float* data = nullptr;
-  std::uint32_t stride = 12;
-  std::uint32_t count = 0;
+/// What a world is given at its creation and uses to its end. All outlive the world.
+struct WorldResources {
+  /// Where all state of the world and its bodies lives; null: std::pmr::get_default_resource(). Must be safe to call
+  /// from several threads if worlds that share it are. Assets have their own.
+  std::pmr::memory_resource* memory = nullptr;
+  JobSystem* jobs = nullptr;  ///< null: everything runs in the calling thread
+  LogSink* log = nullptr;     ///< null: silent
 };
 
-/// Bodies that step together. Not thread-safe; different worlds are independent. Same input, same state, bit for bit,
-/// for any job system. No call throws but for lack of memory; step() does not allocate after the first one.
-class World {
+/// Bodies that step together.
+///
+/// Threads: calls on one world must not overlap, also const ones; different worlds are independent, and may share
+/// assets. Same input, same state, bit for bit, for any job system.
+/// Failures: no call throws. A call with an unknown body (or vertex, pick, sub-mesh) does nothing and tells the log
+/// sink; a call that runs out of memory as well, and leaves the world as it was (step: in a state that may be stepped
+/// on). step() allocates nothing from the second one on, unless bodies, pins or picks came in between.
+class SINEW_API World {
  public:
   explicit World(const WorldSettings& settings = {}, JobSystem* jobs = nullptr);
+  World(const WorldSettings& settings, const WorldResources& resources);
   ~World();
   World(World&&) noexcept;
   World& operator=(World&&) noexcept;
@@ -55,10 +68,28 @@ class World {
   /// Adds an instance of a package, at rest. A package with several separate bodies (BODY) is one Body here; its parts
   /// are matched and fall independently.
   Result<BodyId> addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings = {});
+  /// Its picks and pins go with it; the id is never used again.
   void removeBody(BodyId body);
+  bool contains(BodyId body) const;
   /// Back to the state in which it was added; pins and picks are let go.
   void resetBody(BodyId body);
 
+  /// Moves a body as it is: x becomes rotation x + translation; velocities, pins' and picks' targets, previous
+  /// positions and all memory of forces turn along, so that it goes on as if it had always been there. \param rotation
+  /// proper, within 1e-3 (made exact). \param translation metres, finite.
+  void teleport(BodyId body, const Mat3& rotation, Vec3 translation);
+
+  /// The state of a body as bytes: all that its further motion depends on but the world's settings. Restored into a
+  /// body of the same package, in any world with the same settings, it goes on bit for bit as the saved one did. For
+  /// one version of the library: not a file format.
+  std::size_t stateBytes(BodyId body) const;
+  /// \param bytes at least stateBytes(). \return bytes written, 0 where `bytes` is too small.
+  std::size_t saveState(BodyId body, std::span<std::byte> bytes) const;
+  /// Picks come back with their ids, or with new ones (see picks()) where another body of this world has them.
+  /// \return bytes used, or why the body was left as it was.
+  Result<std::size_t> restoreState(BodyId body, std::span<const std::byte> bytes);
+
+  /// \pre contains(body)
   const Asset& asset(BodyId body) const;
 
   /// Advances all bodies. \param seconds step length, > 0 and finite (1e-5 .. 1 s is tested); other values do nothing.
@@ -106,9 +137,22 @@ class World {
   void movePick(PickId pick, Vec3 target);
   void releasePick(PickId pick);
 
-  /// Writes deformed visual positions (metres, world) and unit normals; either may be empty (data == nullptr). Counts
-  /// smaller than the mesh write the first vertices only. Normals follow the cofactor of the deformation gradient.
-  void visualVertices(BodyId body, StridedFloat3 positions, StridedFloat3 normals) const;
+  /// The ids of a body's picks into `ids`, as many as fit, oldest first. \return how many it has.
+  std::size_t picks(BodyId body, std::span<PickId> ids) const;
+
+  /// Writes the deformed visual mesh (docs/method.md §7).
+  void visualVertices(BodyId body, const VisualOutput& output) const;
+  /// Only the visual vertices that a sub-mesh's triangles use (section VSUB), at their places in the whole mesh.
+  void visualSubMesh(BodyId body, std::uint32_t sub_mesh, const VisualOutput& output) const;
+  /// Positions and normals alone.
+  void visualVertices(BodyId body, StridedFloat3 positions, StridedFloat3 normals) const {
+    visualVertices(body, {positions, normals, {}, {}});
+  }
+
+  /// Box around the physical vertices (those that are not finite left out), and around the visual ones. Cheaper by far:
+  /// the physical one; it holds the visual mesh too where that lies within the tetrahedra.
+  Bounds physicalBounds(BodyId body) const;
+  Bounds visualBounds(BodyId body) const;
 
   /// Rigid motion that best maps the rest shape onto the current one (mass-weighted): x ~ rotation * X + translation.
   void rigidMotion(BodyId body, Mat3& rotation, Vec3& translation) const;
@@ -126,7 +170,10 @@ class World {
 
  private:
   struct Impl;
-  std::unique_ptr<Impl> impl_;
+  struct Release {
+    void operator()(Impl* impl) const;
+  };
+  std::unique_ptr<Impl, Release> impl_;
 };
 
 }  // namespace sinew

@@ -1,0 +1,679 @@
+// SPDX-License-Identifier: MIT
+//
+// The C interface over world.h: handles, structs that may grow, status codes. Nothing is decided here.
+#include "sinew/c_api.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <memory_resource>
+#include <new>
+#include <optional>
+#include <string_view>
+
+#include "sinew/formats/version.h"
+#include "sinew/runtime/thread_pool.h"
+#include "sinew/runtime/world.h"
+
+namespace {
+
+thread_local char last_error[256] = "";
+
+sinew_status fail(sinew_status status, std::string_view reason) {
+  const std::size_t length = std::min(reason.size(), sizeof last_error - 1);
+  std::memcpy(last_error, reason.data(), length);
+  last_error[length] = '\0';
+  return status;
+}
+
+sinew_status failNull(const char* call) {
+  char line[128];
+  std::snprintf(line, sizeof line, "%s: a null pointer", call);
+  return fail(SINEW_ERROR_ARGUMENT, line);
+}
+
+// Runs work() -> sinew_status; an exception becomes a status.
+template <class Work>
+sinew_status guarded(const char* call, const Work& work) noexcept {
+  char line[128];
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    std::snprintf(line, sizeof line, "%s: out of memory", call);
+    return fail(SINEW_ERROR_MEMORY, line);
+  } catch (...) {
+    std::snprintf(line, sizeof line, "%s: a callback threw an exception", call);
+    return fail(SINEW_ERROR_ARGUMENT, line);
+  }
+}
+
+// A struct of the caller's, which may be older (shorter) or newer than this one; what it lacks keeps its default.
+template <class T>
+T readStruct(const T* given, const T& defaults) {
+  T result = defaults;
+  if (given != nullptr) std::memcpy(&result, given, std::min<std::size_t>(given->struct_size, sizeof(T)));
+  result.struct_size = sizeof(T);
+  return result;
+}
+
+template <class T>
+void writeStruct(T value, T* to, std::size_t size) {
+  if (to == nullptr || size < sizeof value.struct_size) return;
+  value.struct_size = std::uint32_t(size);
+  std::memset(to, 0, size);
+  std::memcpy(to, &value, std::min(size, sizeof(T)));
+}
+
+class CallerMemory final : public std::pmr::memory_resource {
+ public:
+  explicit CallerMemory(const sinew_world_options& options) : options_(options) {}
+
+ private:
+  void* do_allocate(std::size_t bytes, std::size_t alignment) override {
+    void* memory = options_.allocate(options_.allocator_user, bytes, alignment);
+    if (memory == nullptr) throw std::bad_alloc();
+    return memory;
+  }
+  void do_deallocate(void* memory, std::size_t bytes, std::size_t alignment) override {
+    options_.release(options_.allocator_user, memory, bytes, alignment);
+  }
+  bool do_is_equal(const std::pmr::memory_resource& other) const noexcept override { return this == &other; }
+
+  sinew_world_options options_;
+};
+
+class CallerJobs final : public sinew::JobSystem {
+ public:
+  explicit CallerJobs(const sinew_world_options& options) : options_(options) {}
+  void parallelFor(std::uint32_t count, std::uint32_t grain,
+                   const std::function<void(std::uint32_t, std::uint32_t)>& body) override {
+    using Body = std::function<void(std::uint32_t, std::uint32_t)>;
+    const auto range = [](void* context, std::uint32_t begin, std::uint32_t end) {
+      (*static_cast<const Body*>(context))(begin, end);
+    };
+    options_.parallel_for(options_.jobs_user, count, grain, range, const_cast<Body*>(&body));
+  }
+
+ private:
+  sinew_world_options options_;
+};
+
+// Passes on what the world tells, and remembers the last error for sinew_last_error().
+class CallerLog final : public sinew::LogSink {
+ public:
+  explicit CallerLog(const sinew_world_options& options) : options_(options) {}
+  void write(sinew::LogSeverity severity, std::string_view line) override {
+    if (severity == sinew::LogSeverity::error) {
+      failed_ = true;
+      out_of_memory_ = line.ends_with(": out of memory");
+      fail(SINEW_ERROR_ARGUMENT, line);
+    }
+    if (options_.log == nullptr) return;
+    char text[256];
+    const std::size_t length = std::min(line.size(), sizeof text - 1);
+    std::memcpy(text, line.data(), length);
+    text[length] = '\0';
+    options_.log(options_.log_user, std::uint32_t(severity), text);
+  }
+
+  // Of the errors since the last call.
+  sinew_status takeStatus() {
+    const bool failed = std::exchange(failed_, false);
+    if (!failed) return SINEW_OK;
+    return out_of_memory_ ? SINEW_ERROR_MEMORY : SINEW_ERROR_ARGUMENT;
+  }
+
+ private:
+  sinew_world_options options_;
+  bool failed_ = false, out_of_memory_ = false;
+};
+
+sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
+  sinew_world_settings result = {};
+  result.struct_size = sizeof result;
+  std::copy(s.gravity.begin(), s.gravity.end(), result.gravity);
+  result.ground_enabled = s.ground.enabled ? 1 : 0;
+  std::copy(s.ground.normal.begin(), s.ground.normal.end(), result.ground_normal);
+  result.ground_offset = s.ground.offset;
+  result.ground_friction = s.ground.friction;
+  result.iterations = s.iterations;
+  result.damping = s.damping;
+  result.deformation_damping = s.deformation_damping;
+  return result;
+}
+
+void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
+  std::copy(s.gravity, s.gravity + 3, result.gravity.begin());
+  result.ground.enabled = s.ground_enabled != 0;
+  std::copy(s.ground_normal, s.ground_normal + 3, result.ground.normal.begin());
+  result.ground.offset = s.ground_offset;
+  result.ground.friction = s.ground_friction;
+  result.iterations = s.iterations;
+  result.damping = s.damping;
+  result.deformation_damping = s.deformation_damping;
+}
+
+sinew_body_settings fromCpp(const sinew::BodySettings& s) {
+  sinew_body_settings result = {};
+  result.struct_size = sizeof result;
+  std::copy(s.position.begin(), s.position.end(), result.position);
+  std::copy(s.rotation.begin(), s.rotation.end(), result.rotation);
+  result.stiffness_scale = s.stiffness_scale;
+  result.keep_previous = s.keep_previous ? 1 : 0;
+  return result;
+}
+
+sinew::BodySettings toCpp(const sinew_body_settings& s) {
+  sinew::BodySettings result;
+  std::copy(s.position, s.position + 3, result.position.begin());
+  std::copy(s.rotation, s.rotation + 9, result.rotation.begin());
+  result.stiffness_scale = s.stiffness_scale;
+  result.keep_previous = s.keep_previous != 0;
+  return result;
+}
+
+constexpr sinew_visual_output kNoOutput = {
+    sizeof(sinew_visual_output), 12, nullptr, nullptr, nullptr, nullptr, 12, 16, 12, 0};
+
+sinew::VisualOutput toCpp(const sinew_visual_output& o) {
+  sinew::VisualOutput result;
+  result.positions = {o.positions, o.positions_stride, o.count};
+  result.normals = {o.normals, o.normals_stride, o.count};
+  result.tangents = {o.tangents, o.tangents_stride, o.count};
+  result.previous_positions = {o.previous_positions, o.previous_stride, o.count};
+  return result;
+}
+
+sinew::Vec3 vec3(const float* v) { return {v[0], v[1], v[2]}; }
+
+struct SectionBytes {
+  const void* data = nullptr;
+  std::size_t count = 0;
+  std::size_t bytes_each = 0;
+};
+
+template <class T>
+SectionBytes bytesOf(std::span<const T> section) {
+  return {section.data(), section.size(), sizeof(T)};
+}
+
+SectionBytes sectionOf(const sinew::formats::PackageView& package, std::uint32_t id) {
+  namespace section = sinew::formats::section;
+  switch (id) {
+    case section::info:
+      return {&package.info(), 1, sizeof(sinew::formats::BodyInfo)};
+    case section::bodies:
+      return bytesOf(package.bodies());
+    case section::physical_vertices:
+      return bytesOf(package.physicalVertices());
+    case section::tetrahedra:
+      return bytesOf(package.tetrahedra());
+    case section::clusters:
+      return bytesOf(package.clusters());
+    case section::memberships:
+      return bytesOf(package.memberships());
+    case section::quadratic_moments:
+      return bytesOf(package.quadraticMoments());
+    case section::visual_positions:
+      return bytesOf(package.visualPositions());
+    case section::visual_normals:
+      return bytesOf(package.visualNormals());
+    case section::visual_uv:
+      return bytesOf(package.visualUvs());
+    case section::visual_colors:
+      return bytesOf(package.visualColors());
+    case section::visual_triangles:
+      return bytesOf(package.visualTriangles());
+    case section::sub_meshes:
+      return bytesOf(package.subMeshes());
+    case section::materials:
+      return bytesOf(package.materials());
+    case section::textures:
+      return bytesOf(package.textures());
+    case section::texture_bytes:
+      return bytesOf(package.textureBytes());
+    case section::barycentric:
+      return bytesOf(package.barycentric());
+    case section::cluster_attachment_ranges:
+      return bytesOf(package.clusterAttachmentRanges());
+    case section::cluster_attachments:
+      return bytesOf(package.clusterAttachments());
+    case section::visual_identity:
+      return bytesOf(package.visualIdentity());
+    case section::source_identity:
+      return bytesOf(package.sourceIdentity());
+    case section::source_visual_list:
+      return bytesOf(package.sourceVisualList());
+    case section::source_meshes:
+      return bytesOf(package.sourceMeshes());
+    case section::groups:
+      return bytesOf(package.groups());
+    case section::group_vertices:
+      return bytesOf(package.groupVertices());
+    case section::strings: {
+      // The text with offset 0 starts the section; its size is in the list of sections.
+      std::size_t bytes = 0;
+      for (const sinew::formats::SectionInfo& info : package.sections()) {
+        if (info.id == id) bytes = std::size_t(info.bytes);
+      }
+      return {bytes > 0 ? package.text({0, 0}).data() : nullptr, bytes, 1};
+    }
+    default:
+      return {};
+  }
+}
+
+}  // namespace
+
+struct sinew_asset {
+  std::shared_ptr<const sinew::Asset> asset;
+};
+
+struct sinew_thread_pool {
+  explicit sinew_thread_pool(std::uint32_t threads) : pool(threads) {}
+  sinew::ThreadPool pool;
+};
+
+struct sinew_world {
+  explicit sinew_world(const sinew_world_options& options) : memory(options), jobs(options), log(options) {}
+  CallerMemory memory;
+  CallerJobs jobs;
+  mutable CallerLog log;
+  std::pmr::memory_resource* home = nullptr;  // that this object lies in
+  std::optional<sinew::World> world;
+};
+
+namespace {
+
+// Runs work(world) and reports what it told the log.
+template <class WorldHandle, class Work>
+sinew_status onWorld(const char* call, WorldHandle* world, bool arguments_given, const Work& work) noexcept {
+  if (world == nullptr || !arguments_given) return failNull(call);
+  return guarded(call, [&] {
+    work(*world->world);
+    return world->log.takeStatus();
+  });
+}
+
+// The same for a body: refused where there is none.
+template <class WorldHandle, class Work>
+sinew_status onBody(const char* call, WorldHandle* world, std::uint32_t body, bool arguments_given,
+                    const Work& work) noexcept {
+  if (world == nullptr || !arguments_given) return failNull(call);
+  if (!world->world->contains({body})) {
+    char line[128];
+    std::snprintf(line, sizeof line, "%s: there is no body %u in this world", call, body);
+    return fail(SINEW_ERROR_ARGUMENT, line);
+  }
+  return onWorld(call, world, true, [&](auto& w) { work(w, sinew::BodyId{body}); });
+}
+
+sinew_status finishLoad(const sinew::Result<std::shared_ptr<const sinew::Asset>>& loaded, sinew_asset** asset) {
+  if (!loaded) return fail(SINEW_ERROR_PACKAGE, loaded.reason());
+  *asset = new sinew_asset{*loaded};
+  return SINEW_OK;
+}
+
+template <class Get>
+sinew_status vectorsOf(const char* call, const sinew_world* world, std::uint32_t body, const float** xyz,
+                       std::uint32_t* count, const Get& get) {
+  return onBody(call, world, body, xyz != nullptr && count != nullptr, [&](const sinew::World& w, sinew::BodyId id) {
+    const std::span<const sinew::Vec3> vectors = get(w, id);
+    *xyz = vectors.empty() ? nullptr : vectors.data()->data();
+    *count = std::uint32_t(vectors.size());
+  });
+}
+
+template <class Get>
+sinew_status boundsOf(const char* call, const sinew_world* world, std::uint32_t body, float* low, float* high,
+                      const Get& get) {
+  return onBody(call, world, body, low != nullptr && high != nullptr, [&](const sinew::World& w, sinew::BodyId id) {
+    const sinew::Bounds bounds = get(w, id);
+    std::copy(bounds.low.begin(), bounds.low.end(), low);
+    std::copy(bounds.high.begin(), bounds.high.end(), high);
+  });
+}
+
+}  // namespace
+
+extern "C" {
+
+uint32_t sinew_c_api_version(void) { return SINEW_C_API_VERSION; }
+const char* sinew_version(void) { return sinew::formats::kSoftwareVersion; }
+const char* sinew_last_error(void) { return last_error; }
+
+sinew_status sinew_asset_load(const char* path, sinew_asset** asset) {
+  if (path == nullptr || asset == nullptr) return failNull("sinew_asset_load");
+  return guarded("sinew_asset_load", [&] { return finishLoad(sinew::Asset::load(path), asset); });
+}
+
+sinew_status sinew_asset_from_memory(const void* bytes, size_t size, sinew_asset** asset) {
+  if (bytes == nullptr || asset == nullptr) return failNull("sinew_asset_from_memory");
+  return guarded("sinew_asset_from_memory", [&] {
+    return finishLoad(sinew::Asset::fromMemory({static_cast<const std::byte*>(bytes), size}), asset);
+  });
+}
+
+void sinew_asset_release(sinew_asset* asset) { delete asset; }
+
+sinew_status sinew_asset_get_info(const sinew_asset* asset, sinew_asset_info* info) {
+  if (asset == nullptr || info == nullptr) return failNull("sinew_asset_get_info");
+  const sinew::formats::PackageView& package = asset->asset->package();
+  const sinew::formats::BodyInfo& from = package.info();
+  sinew_asset_info result = {};
+  result.parts = std::uint32_t(package.bodies().size());
+  result.physical_vertices = std::uint32_t(package.physicalVertices().size());
+  result.tetrahedra = std::uint32_t(package.tetrahedra().size());
+  result.clusters = std::uint32_t(package.clusters().size());
+  result.memberships = std::uint32_t(package.memberships().size());
+  result.visual_vertices = std::uint32_t(package.visualPositions().size());
+  result.visual_triangles = std::uint32_t(package.visualTriangles().size());
+  result.sub_meshes = std::uint32_t(package.subMeshes().size());
+  result.diagonal = from.diagonal;
+  std::copy(from.bounds_min.begin(), from.bounds_min.end(), result.bounds_min);
+  std::copy(from.bounds_max.begin(), from.bounds_max.end(), result.bounds_max);
+  result.total_mass = from.total_mass;
+  std::copy(from.origin.begin(), from.origin.end(), result.origin);
+  writeStruct(result, info, info->struct_size);
+  return SINEW_OK;
+}
+
+sinew_status sinew_asset_section(const sinew_asset* asset, uint32_t id, const void** data, uint32_t* count,
+                                 uint32_t* bytes_each) {
+  if (asset == nullptr || data == nullptr || count == nullptr || bytes_each == nullptr) {
+    return failNull("sinew_asset_section");
+  }
+  const SectionBytes section = sectionOf(asset->asset->package(), id);
+  *data = section.count > 0 ? section.data : nullptr;
+  *count = std::uint32_t(section.count);
+  *bytes_each = std::uint32_t(section.bytes_each);
+  return SINEW_OK;
+}
+
+sinew_status sinew_asset_sub_mesh_runs(const sinew_asset* asset, uint32_t sub_mesh, const uint32_t** runs,
+                                       uint32_t* count) {
+  if (asset == nullptr || runs == nullptr || count == nullptr) return failNull("sinew_asset_sub_mesh_runs");
+  if (sub_mesh >= asset->asset->package().subMeshes().size()) {
+    return fail(SINEW_ERROR_ARGUMENT, "sinew_asset_sub_mesh_runs: no such sub-mesh");
+  }
+  return guarded("sinew_asset_sub_mesh_runs", [&] {
+    static_assert(sizeof(sinew::VertexRun) == 2 * sizeof(uint32_t));
+    const std::span<const sinew::VertexRun> found = asset->asset->subMeshVertices(sub_mesh);
+    *runs = found.empty() ? nullptr : &found.data()->first;
+    *count = std::uint32_t(found.size());
+    return SINEW_OK;
+  });
+}
+
+sinew_status sinew_thread_pool_create(uint32_t threads, sinew_thread_pool** pool) {
+  if (pool == nullptr) return failNull("sinew_thread_pool_create");
+  if (threads > 1024) return fail(SINEW_ERROR_ARGUMENT, "sinew_thread_pool_create: more than 1024 threads");
+  return guarded("sinew_thread_pool_create", [&] {
+    *pool = new sinew_thread_pool(threads);
+    return SINEW_OK;
+  });
+}
+
+void sinew_thread_pool_destroy(sinew_thread_pool* pool) { delete pool; }
+
+void sinew_world_options_init(sinew_world_options* options, size_t struct_size) {
+  writeStruct(sinew_world_options{}, options, struct_size);
+}
+
+void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size) {
+  writeStruct(fromCpp(sinew::WorldSettings{}), settings, struct_size);
+}
+
+sinew_status sinew_world_create(const sinew_world_settings* settings, const sinew_world_options* options,
+                                sinew_world** world) {
+  if (world == nullptr) return failNull("sinew_world_create");
+  return guarded("sinew_world_create", [&] {
+    const sinew_world_options given = readStruct(options, sinew_world_options{});
+    if ((given.allocate == nullptr) != (given.release == nullptr)) {
+      return fail(SINEW_ERROR_ARGUMENT, "sinew_world_create: allocate and release go together");
+    }
+    sinew::WorldSettings world_settings;
+    toCpp(readStruct(settings, fromCpp(world_settings)), world_settings);
+    CallerMemory first(given);
+    std::pmr::memory_resource* heap = std::pmr::new_delete_resource();
+    std::pmr::memory_resource* home = given.allocate != nullptr ? &first : heap;
+    void* place = home->allocate(sizeof(sinew_world), alignof(sinew_world));
+    sinew_world* made = new (place) sinew_world(given);
+    made->home = given.allocate != nullptr ? static_cast<std::pmr::memory_resource*>(&made->memory) : heap;
+    sinew::WorldResources resources;
+    resources.memory = made->home;
+    resources.jobs = given.parallel_for != nullptr ? static_cast<sinew::JobSystem*>(&made->jobs)
+                     : given.pool != nullptr       ? &given.pool->pool
+                                                   : nullptr;
+    resources.log = &made->log;
+    try {
+      made->world.emplace(world_settings, resources);
+    } catch (...) {
+      made->~sinew_world();
+      home->deallocate(place, sizeof(sinew_world), alignof(sinew_world));
+      throw;
+    }
+    *world = made;
+    return SINEW_OK;
+  });
+}
+
+void sinew_world_destroy(sinew_world* world) {
+  if (world == nullptr) return;
+  world->world.reset();
+  // The memory resource is a part of what it has to give back.
+  const bool callers = world->home == &world->memory;
+  CallerMemory last = world->memory;
+  world->~sinew_world();
+  std::pmr::memory_resource* home = callers ? &last : std::pmr::new_delete_resource();
+  home->deallocate(world, sizeof(sinew_world), alignof(sinew_world));
+}
+
+sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings) {
+  return onWorld("sinew_world_set_settings", world, settings != nullptr,
+                 [&](sinew::World& w) { toCpp(readStruct(settings, fromCpp(w.settings())), w.settings()); });
+}
+
+sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_settings* settings) {
+  return onWorld("sinew_world_get_settings", world, settings != nullptr,
+                 [&](const sinew::World& w) { writeStruct(fromCpp(w.settings()), settings, settings->struct_size); });
+}
+
+sinew_status sinew_world_step(sinew_world* world, float seconds) {
+  return onWorld("sinew_world_step", world, true, [&](sinew::World& w) { w.step(seconds); });
+}
+
+sinew_status sinew_world_phase(const sinew_world* world, uint32_t index, const char** name, double* milliseconds) {
+  if (world == nullptr || name == nullptr || milliseconds == nullptr) return failNull("sinew_world_phase");
+  const auto phases = world->world->lastStepPhases();
+  if (index >= phases.size()) return fail(SINEW_ERROR_ARGUMENT, "sinew_world_phase: no such phase");
+  *name = phases[index].name;
+  *milliseconds = phases[index].milliseconds;
+  return SINEW_OK;
+}
+
+void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size) {
+  writeStruct(fromCpp(sinew::BodySettings{}), settings, struct_size);
+}
+
+sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset, const sinew_body_settings* settings,
+                            uint32_t* body) {
+  if (world == nullptr || asset == nullptr || body == nullptr) return failNull("sinew_body_add");
+  return guarded("sinew_body_add", [&] {
+    const sinew_body_settings given = readStruct(settings, fromCpp(sinew::BodySettings{}));
+    const sinew::Result<sinew::BodyId> added = world->world->addBody(asset->asset, toCpp(given));
+    const sinew_status told = world->log.takeStatus();
+    if (!added) return fail(told != SINEW_OK ? told : SINEW_ERROR_ARGUMENT, added.reason());
+    *body = (*added).value;
+    return SINEW_OK;
+  });
+}
+
+sinew_status sinew_body_remove(sinew_world* world, uint32_t body) {
+  return onBody("sinew_body_remove", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.removeBody(id); });
+}
+
+sinew_status sinew_body_reset(sinew_world* world, uint32_t body) {
+  return onBody("sinew_body_reset", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.resetBody(id); });
+}
+
+uint32_t sinew_body_exists(const sinew_world* world, uint32_t body) {
+  return world != nullptr && world->world->contains({body}) ? 1 : 0;
+}
+
+sinew_status sinew_body_teleport(sinew_world* world, uint32_t body, const float rotation[9],
+                                 const float translation[3]) {
+  return onBody("sinew_body_teleport", world, body, rotation != nullptr && translation != nullptr,
+                [&](sinew::World& w, sinew::BodyId id) {
+                  sinew::Mat3 matrix;
+                  std::copy(rotation, rotation + 9, matrix.begin());
+                  w.teleport(id, matrix, vec3(translation));
+                });
+}
+
+sinew_status sinew_body_positions(const sinew_world* world, uint32_t body, const float** xyz, uint32_t* count) {
+  return vectorsOf("sinew_body_positions", world, body, xyz, count,
+                   [](const sinew::World& w, sinew::BodyId id) { return w.positions(id); });
+}
+
+sinew_status sinew_body_velocities(const sinew_world* world, uint32_t body, const float** xyz, uint32_t* count) {
+  return vectorsOf("sinew_body_velocities", world, body, xyz, count,
+                   [](const sinew::World& w, sinew::BodyId id) { return w.velocities(id); });
+}
+
+sinew_status sinew_body_set_state(sinew_world* world, uint32_t body, const float* positions, const float* velocities,
+                                  uint32_t count) {
+  return onBody("sinew_body_set_state", world, body, positions != nullptr, [&](sinew::World& w, sinew::BodyId id) {
+    static_assert(sizeof(sinew::Vec3) == 3 * sizeof(float));
+    const auto vectors = [count](const float* from) {
+      return from == nullptr ? std::span<const sinew::Vec3>()
+                             : std::span<const sinew::Vec3>(reinterpret_cast<const sinew::Vec3*>(from), count);
+    };
+    w.setState(id, vectors(positions), vectors(velocities));
+  });
+}
+
+sinew_status sinew_body_repaired(const sinew_world* world, uint32_t body, uint32_t* count) {
+  return onBody("sinew_body_repaired", world, body, count != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) { *count = w.repairedVertices(id); });
+}
+
+sinew_status sinew_body_state_size(const sinew_world* world, uint32_t body, size_t* size) {
+  return onBody("sinew_body_state_size", world, body, size != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) { *size = w.stateBytes(id); });
+}
+
+sinew_status sinew_body_save(const sinew_world* world, uint32_t body, void* bytes, size_t size, size_t* written) {
+  std::size_t used = 0;
+  const sinew_status status = onBody("sinew_body_save", world, body, bytes != nullptr && written != nullptr,
+                                     [&](const sinew::World& w, sinew::BodyId id) {
+                                       used = w.saveState(id, {static_cast<std::byte*>(bytes), size});
+                                     });
+  if (status != SINEW_OK) return status;
+  *written = used;
+  return used > 0 ? SINEW_OK : fail(SINEW_ERROR_CAPACITY, "sinew_body_save: the buffer is too small");
+}
+
+sinew_status sinew_body_restore(sinew_world* world, uint32_t body, const void* bytes, size_t size) {
+  sinew_status result = SINEW_OK;
+  const sinew_status status =
+      onBody("sinew_body_restore", world, body, bytes != nullptr, [&](sinew::World& w, sinew::BodyId id) {
+        const sinew::Result<std::size_t> restored = w.restoreState(id, {static_cast<const std::byte*>(bytes), size});
+        if (!restored) result = fail(SINEW_ERROR_STATE, restored.reason());
+      });
+  return status == SINEW_ERROR_MEMORY || result == SINEW_OK ? status : result;
+}
+
+sinew_status sinew_body_pin(sinew_world* world, uint32_t body, uint32_t vertex, const float target[3]) {
+  return onBody("sinew_body_pin", world, body, target != nullptr,
+                [&](sinew::World& w, sinew::BodyId id) { w.pin(id, vertex, vec3(target)); });
+}
+
+sinew_status sinew_body_unpin(sinew_world* world, uint32_t body, uint32_t vertex) {
+  return onBody("sinew_body_unpin", world, body, true, [&](sinew::World& w, sinew::BodyId id) { w.unpin(id, vertex); });
+}
+
+sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body) {
+  return onBody("sinew_body_unpin_all", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.unpinAll(id); });
+}
+
+sinew_status sinew_body_pick(sinew_world* world, uint32_t body, uint32_t visual_vertex, const float target[3],
+                             float frequency_hz, uint32_t* pick) {
+  return onBody("sinew_body_pick", world, body, target != nullptr && pick != nullptr,
+                [&](sinew::World& w, sinew::BodyId id) {
+                  const sinew::PickId made = w.pick(id, visual_vertex, vec3(target), frequency_hz);
+                  if (made != sinew::PickId{}) *pick = made.value;
+                });
+}
+
+sinew_status sinew_pick_move(sinew_world* world, uint32_t pick, const float target[3]) {
+  return onWorld("sinew_pick_move", world, target != nullptr,
+                 [&](sinew::World& w) { w.movePick({pick}, vec3(target)); });
+}
+
+sinew_status sinew_pick_release(sinew_world* world, uint32_t pick) {
+  return onWorld("sinew_pick_release", world, true, [&](sinew::World& w) { w.releasePick({pick}); });
+}
+
+sinew_status sinew_body_picks(const sinew_world* world, uint32_t body, uint32_t* picks, uint32_t capacity,
+                              uint32_t* count) {
+  return onBody("sinew_body_picks", world, body, count != nullptr && (picks != nullptr || capacity == 0),
+                [&](const sinew::World& w, sinew::BodyId id) {
+                  static_assert(sizeof(sinew::PickId) == sizeof(uint32_t));
+                  *count = std::uint32_t(w.picks(id, {reinterpret_cast<sinew::PickId*>(picks), capacity}));
+                });
+}
+
+void sinew_visual_output_init(sinew_visual_output* output, size_t struct_size) {
+  writeStruct(kNoOutput, output, struct_size);
+}
+
+sinew_status sinew_body_visual_vertices(const sinew_world* world, uint32_t body, const sinew_visual_output* output) {
+  return onBody(
+      "sinew_body_visual_vertices", world, body, output != nullptr,
+      [&](const sinew::World& w, sinew::BodyId id) { w.visualVertices(id, toCpp(readStruct(output, kNoOutput))); });
+}
+
+sinew_status sinew_body_visual_sub_mesh(const sinew_world* world, uint32_t body, uint32_t sub_mesh,
+                                        const sinew_visual_output* output) {
+  return onBody("sinew_body_visual_sub_mesh", world, body, output != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) {
+                  w.visualSubMesh(id, sub_mesh, toCpp(readStruct(output, kNoOutput)));
+                });
+}
+
+sinew_status sinew_body_physical_bounds(const sinew_world* world, uint32_t body, float low[3], float high[3]) {
+  return boundsOf("sinew_body_physical_bounds", world, body, low, high,
+                  [](const sinew::World& w, sinew::BodyId id) { return w.physicalBounds(id); });
+}
+
+sinew_status sinew_body_visual_bounds(const sinew_world* world, uint32_t body, float low[3], float high[3]) {
+  return boundsOf("sinew_body_visual_bounds", world, body, low, high,
+                  [](const sinew::World& w, sinew::BodyId id) { return w.visualBounds(id); });
+}
+
+sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_t body, float rotation[9], float translation[3]) {
+  return onBody("sinew_body_rigid_motion", world, body, rotation != nullptr && translation != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) {
+                  sinew::Mat3 matrix;
+                  sinew::Vec3 vector;
+                  w.rigidMotion(id, matrix, vector);
+                  std::copy(matrix.begin(), matrix.end(), rotation);
+                  std::copy(vector.begin(), vector.end(), translation);
+                });
+}
+
+sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster, float center[3],
+                                      float linear[9]) {
+  return onBody("sinew_body_cluster_frame", world, body, center != nullptr && linear != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) {
+                  sinew::Vec3 vector;
+                  sinew::Mat3 matrix;
+                  w.clusterFrame(id, cluster, vector, matrix);
+                  std::copy(vector.begin(), vector.end(), center);
+                  std::copy(matrix.begin(), matrix.end(), linear);
+                });
+}
+
+}  // extern "C"

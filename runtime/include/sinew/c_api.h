@@ -1,0 +1,260 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Sinew for C and for foreign-function callers: load a package, add bodies to a world, step, read vertices.
+ * docs/runtime.md tells the life of a body; samples/hello_runtime_c shows it in one page.
+ *
+ * Conventions
+ *   - C99. All numbers are 32-bit unsigned or float unless they count bytes (size_t). SI units, right-handed, y up.
+ *     Matrices are 9 floats, row by row.
+ *   - Functions that can fail return a sinew_status: 0 is success. sinew_last_error() then says why, in one line. A
+ * call that fails has done nothing.
+ *   - Structs begin with struct_size. Fill one with its _init function (which sets all defaults), then change what is
+ * to differ: a program built against an older header keeps working with a newer library.
+ *   - Calls on one world must not overlap; different worlds are independent. An asset may be used by many threads.
+ *   - Nothing throws. Callbacks must not throw either.
+ */
+#ifndef SINEW_C_API_H
+#define SINEW_C_API_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "sinew/runtime/export.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Raised when a function or a struct changes in a way that old programs would notice; adding some does not. */
+#define SINEW_C_API_VERSION 1
+
+/* SINEW_C_API_VERSION of the library. Compare it with the header's at start. */
+SINEW_API uint32_t sinew_c_api_version(void);
+/* Version of the library, for example "0.1.0". */
+SINEW_API const char* sinew_version(void);
+
+typedef int32_t sinew_status;
+#define SINEW_OK 0
+#define SINEW_ERROR_ARGUMENT 1 /* a null pointer, an unknown body, a size or value that does not fit */
+#define SINEW_ERROR_PACKAGE 2  /* the file cannot be read, or is not a sound package */
+#define SINEW_ERROR_MEMORY 3   /* out of memory */
+#define SINEW_ERROR_CAPACITY 4 /* a buffer of the caller's is too small */
+#define SINEW_ERROR_STATE 5    /* saved bytes do not belong to this package or version, or are damaged */
+
+/* Why the last call of this thread that failed did so; "" if none has. Valid until the next call of this thread. */
+SINEW_API const char* sinew_last_error(void);
+
+#define SINEW_NONE 0xffffffffu /* no such body, pick or index */
+
+/* ---- Assets: what all bodies made from a package share ---- */
+
+typedef struct sinew_asset sinew_asset;
+
+/* Opens and checks a package file. path: UTF-8 or whatever the system takes. */
+SINEW_API sinew_status sinew_asset_load(const char* path, sinew_asset** asset);
+/* The same from memory. bytes must outlive the asset and all its bodies, unless copied: they are where `bytes` is not
+   64-byte aligned. */
+SINEW_API sinew_status sinew_asset_from_memory(const void* bytes, size_t size, sinew_asset** asset);
+/* Bodies keep what they need: an asset may be released while they live. Null is ignored. */
+SINEW_API void sinew_asset_release(sinew_asset* asset);
+
+typedef struct sinew_asset_info {
+  uint32_t struct_size;
+  uint32_t parts; /* separate bodies of the source, which move together as one body here */
+  uint32_t physical_vertices;
+  uint32_t tetrahedra;
+  uint32_t clusters;
+  uint32_t memberships;
+  uint32_t visual_vertices;
+  uint32_t visual_triangles;
+  uint32_t sub_meshes;
+  float diagonal;      /* of the bounds, m */
+  float bounds_min[3]; /* of the visual vertices at rest, m, relative to the origin */
+  float bounds_max[3];
+  float total_mass; /* kg */
+  double origin[3]; /* m, world position of the source that positions are relative to */
+} sinew_asset_info;
+
+/* Fills as much of info as info->struct_size (set by the caller) has room for. */
+SINEW_API sinew_status sinew_asset_get_info(const sinew_asset* asset, sinew_asset_info* info);
+
+/* A section of the package in place: docs/package-format.md describes the records. id: for example
+   SINEW_SECTION('V','T','R','I') for the visual triangles. A section that the package lacks gives null and 0. */
+#define SINEW_SECTION(a, b, c, d) ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
+SINEW_API sinew_status sinew_asset_section(const sinew_asset* asset, uint32_t id, const void** data, uint32_t* count,
+                                           uint32_t* bytes_each);
+
+/* The visual vertices that a sub-mesh's triangles use, as runs: pairs of first vertex and count, 2 * `*count` numbers,
+   valid as long as the asset. */
+SINEW_API sinew_status sinew_asset_sub_mesh_runs(const sinew_asset* asset, uint32_t sub_mesh, const uint32_t** runs,
+                                                 uint32_t* count);
+
+/* ---- Worlds ---- */
+
+typedef struct sinew_world sinew_world;
+typedef struct sinew_thread_pool sinew_thread_pool;
+
+/* A job system for programs without one: `threads` that share each loop, the caller's included; 0 = one for each core.
+   One world at a time may step with it. */
+SINEW_API sinew_status sinew_thread_pool_create(uint32_t threads, sinew_thread_pool** pool);
+SINEW_API void sinew_thread_pool_destroy(sinew_thread_pool* pool);
+
+/* One part of a loop. */
+typedef void (*sinew_range_function)(void* context, uint32_t begin, uint32_t end);
+
+#define SINEW_LOG_INFO 0u
+#define SINEW_LOG_WARNING 1u /* something was put right: a lost vertex, a setting out of range */
+#define SINEW_LOG_ERROR 2u   /* a call was refused, or memory ran out */
+
+/* What a world is given at its creation and uses to its end. Each callback gets its user pointer first. */
+typedef struct sinew_world_options {
+  uint32_t struct_size;
+  uint32_t reserved; /* 0 */
+  /* Memory of the world and its bodies; both null: the C++ heap. allocate returns null where there is none left;
+     alignment is a power of two. release gets the size and alignment that allocate got. */
+  void* allocator_user;
+  void* (*allocate)(void* user, size_t bytes, size_t alignment);
+  void (*release)(void* user, void* memory, size_t bytes, size_t alignment);
+  /* The engine's job system; null: `pool`, and where that is null too, the calling thread. Calls range(context, b, e)
+     over disjoint ranges that cover 0..count, possibly at the same time, none worth less than `grain` indices, and
+     returns when all are done. */
+  void* jobs_user;
+  void (*parallel_for)(void* user, uint32_t count, uint32_t grain, sinew_range_function range, void* context);
+  sinew_thread_pool* pool;
+  /* Where the world tells what went wrong, in the calling thread; null: nowhere. The line is only valid in the call. */
+  void* log_user;
+  void (*log)(void* user, uint32_t severity, const char* line);
+} sinew_world_options;
+
+SINEW_API void sinew_world_options_init(sinew_world_options* options, size_t struct_size);
+
+/* Settings of a world; may be changed between two steps. */
+typedef struct sinew_world_settings {
+  uint32_t struct_size;
+  float gravity[3];          /* m/s^2; 0 -9.81 0 */
+  uint32_t ground_enabled;   /* 0 or 1; 0 */
+  float ground_normal[3];    /* unit; 0 1 0 */
+  float ground_offset;       /* points with normal . x < offset are inside, m; 0 */
+  float ground_friction;     /* Coulomb coefficient, 0..; 0.6 */
+  uint32_t iterations;       /* passes a step is divided into, 1..16; 4 */
+  float damping;             /* by the air, 1/s, 0..1e4; 0.2 */
+  float deformation_damping; /* of what is not rigid motion, 1/s, 0..1e4; 4 */
+} sinew_world_settings;
+
+SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);
+
+/* options may be null. */
+SINEW_API sinew_status sinew_world_create(const sinew_world_settings* settings, const sinew_world_options* options,
+                                          sinew_world** world);
+SINEW_API void sinew_world_destroy(sinew_world* world);
+SINEW_API sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings);
+SINEW_API sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_settings* settings);
+
+/* Advances all bodies. seconds: above 0 and finite (1e-5 .. 1 is tested). */
+SINEW_API sinew_status sinew_world_step(sinew_world* world, float seconds);
+
+/* Phase number `index` of the last step: its name (static) and its time, for profiling. SINEW_ERROR_ARGUMENT beyond the
+   last phase. */
+SINEW_API sinew_status sinew_world_phase(const sinew_world* world, uint32_t index, const char** name,
+                                         double* milliseconds);
+
+/* ---- Bodies ---- */
+
+typedef struct sinew_body_settings {
+  uint32_t struct_size;
+  float position[3];      /* m; 0 0 0 */
+  float rotation[9];      /* proper rotation about the package's origin, applied before position; identity */
+  float stiffness_scale;  /* multiplies all frequencies, 0..1e6; 1 */
+  uint32_t keep_previous; /* 1: keeps the positions before each step, for motion vectors; 0 */
+} sinew_body_settings;
+
+SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
+
+/* Adds an instance of a package, at rest. settings may be null. body: its id, never used again in this world. */
+SINEW_API sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset, const sinew_body_settings* settings,
+                                      uint32_t* body);
+SINEW_API sinew_status sinew_body_remove(sinew_world* world, uint32_t body);
+/* Back to the state in which it was added; pins and picks are let go. */
+SINEW_API sinew_status sinew_body_reset(sinew_world* world, uint32_t body);
+/* 1 if the world has it, else 0. */
+SINEW_API uint32_t sinew_body_exists(const sinew_world* world, uint32_t body);
+/* x becomes rotation x + translation; all else of the body's state turns along. */
+SINEW_API sinew_status sinew_body_teleport(sinew_world* world, uint32_t body, const float rotation[9],
+                                           const float translation[3]);
+
+/* Positions (m, world) and velocities (m/s) of the physical vertices, 3 * `*count` floats in place, valid until the
+   next call on this world that is not const. */
+SINEW_API sinew_status sinew_body_positions(const sinew_world* world, uint32_t body, const float** xyz,
+                                            uint32_t* count);
+SINEW_API sinew_status sinew_body_velocities(const sinew_world* world, uint32_t body, const float** xyz,
+                                             uint32_t* count);
+/* Sets the whole state: 3 * count floats each, count the number of physical vertices. velocities may be null (zero). */
+SINEW_API sinew_status sinew_body_set_state(sinew_world* world, uint32_t body, const float* positions,
+                                            const float* velocities, uint32_t count);
+/* Vertices whose state was lost when the last step began, and was put right. */
+SINEW_API sinew_status sinew_body_repaired(const sinew_world* world, uint32_t body, uint32_t* count);
+
+/* All that a body's further motion depends on, as bytes; see sinew::World::saveState. */
+SINEW_API sinew_status sinew_body_state_size(const sinew_world* world, uint32_t body, size_t* size);
+SINEW_API sinew_status sinew_body_save(const sinew_world* world, uint32_t body, void* bytes, size_t size,
+                                       size_t* written);
+SINEW_API sinew_status sinew_body_restore(sinew_world* world, uint32_t body, const void* bytes, size_t size);
+
+/* ---- Holding and pulling ---- */
+
+/* Holds a physical vertex at a place (m, world) until unpinned; call again to move it. */
+SINEW_API sinew_status sinew_body_pin(sinew_world* world, uint32_t body, uint32_t vertex, const float target[3]);
+SINEW_API sinew_status sinew_body_unpin(sinew_world* world, uint32_t body, uint32_t vertex);
+SINEW_API sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body);
+
+/* Pulls the point that a visual vertex is attached to towards a place (m, world), as a spring of this frequency
+   (Hz, 0.1 .. 100), critically damped. */
+SINEW_API sinew_status sinew_body_pick(sinew_world* world, uint32_t body, uint32_t visual_vertex, const float target[3],
+                                       float frequency_hz, uint32_t* pick);
+SINEW_API sinew_status sinew_pick_move(sinew_world* world, uint32_t pick, const float target[3]);
+SINEW_API sinew_status sinew_pick_release(sinew_world* world, uint32_t pick);
+/* The ids of a body's picks, as many as fit into `capacity`. count: how many it has. */
+SINEW_API sinew_status sinew_body_picks(const sinew_world* world, uint32_t body, uint32_t* picks, uint32_t capacity,
+                                        uint32_t* count);
+
+/* ---- Outputs ---- */
+
+/* Where to write: element i of a stream at data + i * stride bytes; null data: not wanted. Element i is visual vertex
+   i. See sinew/runtime/output.h for what each stream holds. */
+typedef struct sinew_visual_output {
+  uint32_t struct_size;
+  uint32_t positions_stride; /* bytes, >= 12, a multiple of 4; 12 */
+  float* positions;          /* m, world */
+  float* normals;            /* unit */
+  float* tangents;           /* xyz unit, w +1 or -1 */
+  float* previous_positions; /* before the last step, m; needs keep_previous */
+  uint32_t normals_stride;   /* 12 */
+  uint32_t tangents_stride;  /* >= 16; 16 */
+  uint32_t previous_stride;  /* 12 */
+  uint32_t count;            /* elements the buffers have room for */
+} sinew_visual_output;
+
+SINEW_API void sinew_visual_output_init(sinew_visual_output* output, size_t struct_size);
+
+SINEW_API sinew_status sinew_body_visual_vertices(const sinew_world* world, uint32_t body,
+                                                  const sinew_visual_output* output);
+/* Only the vertices that a sub-mesh uses, at their places in the whole mesh. */
+SINEW_API sinew_status sinew_body_visual_sub_mesh(const sinew_world* world, uint32_t body, uint32_t sub_mesh,
+                                                  const sinew_visual_output* output);
+
+/* Boxes along the axes (m, world) around the physical and around the visual vertices; low and high: 3 floats each. */
+SINEW_API sinew_status sinew_body_physical_bounds(const sinew_world* world, uint32_t body, float low[3], float high[3]);
+SINEW_API sinew_status sinew_body_visual_bounds(const sinew_world* world, uint32_t body, float low[3], float high[3]);
+
+/* Rigid motion that best maps the rest shape onto the current one: x ~ rotation X + translation. */
+SINEW_API sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_t body, float rotation[9],
+                                               float translation[3]);
+/* Goal transform of a cluster: its centre (m, world) and linear part. */
+SINEW_API sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster,
+                                                float center[3], float linear[9]);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

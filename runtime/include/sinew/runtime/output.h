@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+//
+// Where the caller wants deformed vertices: the runtime writes straight into vertex buffers.
+#pragma once
+
+#include <cstdint>
+
+#include "sinew/runtime/settings.h"
+
+namespace sinew {
+
+/// A stream of vectors in a buffer of the caller's: element i is three floats at `data` + i * `stride` bytes. Nothing
+/// between the elements is touched.
+struct StridedFloat3 {
+  float* data = nullptr;      ///< null: not wanted
+  std::uint32_t stride = 12;  ///< bytes, >= 12, a multiple of 4
+  std::uint32_t count = 0;    ///< elements the buffer has room for; those beyond the mesh are left alone
+};
+
+/// The same with four floats an element.
+struct StridedFloat4 {
+  float* data = nullptr;
+  std::uint32_t stride = 16;  ///< bytes, >= 16, a multiple of 4
+  std::uint32_t count = 0;
+};
+
+/// A run of visual vertices.
+struct VertexRun {
+  std::uint32_t first = 0;
+  std::uint32_t count = 0;
+};
+
+/// What to write of a body's visual mesh. Element i of each stream is visual vertex i, also where only a sub-mesh is
+/// written. Streams may share a buffer (interleaved vertices).
+struct VisualOutput {
+  StridedFloat3 positions;  ///< metres, world
+  /// Unit in any state, also of a collapsed body. They follow the cofactor of the gradient of the clusters' goals,
+  /// which never mirrors: of a body that was turned inside out they are those of the body it is about to become again.
+  StridedFloat3 normals;
+  /// xyz unit, orthogonal to the normal, where texture coordinate u grows; w is +1 or -1: cross(normal, tangent) * w
+  /// points where v grows (as in glTF). From the package's texture coordinates; any direction in the surface where
+  /// there are none.
+  StridedFloat4 tangents;
+  /// Positions before the last step, for motion vectors: needs BodySettings::keep_previous, else the positions. Equal
+  /// to the positions after addBody, resetBody, setState and restoreState; teleport moves them along.
+  StridedFloat3 previous_positions;
+};
+
+/// A box along the axes, metres, world.
+struct Bounds {
+  Vec3 low = {0, 0, 0};
+  Vec3 high = {0, 0, 0};
+};
+
+}  // namespace sinew

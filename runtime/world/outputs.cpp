@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+//
+// What a world hands back to be drawn.
+#include <algorithm>
+
+#include "runtime/world/world_impl.h"
+
+namespace sinew {
+
+using internal::Body;
+
+namespace {
+
+// Whether a stream can be written; an unwanted one can.
+template <class Stream>
+bool streamIsSound(const Stream& stream, std::uint32_t least_stride) {
+  return stream.data == nullptr || (stream.stride >= least_stride && stream.stride % 4 == 0);
+}
+
+bool isSound(const VisualOutput& output) {
+  return streamIsSound(output.positions, 12) && streamIsSound(output.normals, 12) &&
+         streamIsSound(output.tangents, 16) && streamIsSound(output.previous_positions, 12);
+}
+
+}  // namespace
+
+void World::visualVertices(BodyId id, const VisualOutput& output) const {
+  const Body* body = impl_->find(id, "visualVertices");
+  if (body == nullptr) return;
+  const VertexRun all = {0, std::uint32_t(body->package().visualPositions().size())};
+  impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
+}
+
+void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
+  const Body* body = impl_->find(id, "visualSubMesh");
+  if (body == nullptr) return;
+  if (sub_mesh >= body->package().subMeshes().size()) {
+    impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
+    return;
+  }
+  impl_->guarded("visualSubMesh", false, [&] {
+    impl_->writeVisual("visualSubMesh", *body, body->asset->subMeshVertices(sub_mesh), output);
+    return true;
+  });
+}
+
+void World::Impl::writeVisual(const char* call, const Body& body, std::span<const VertexRun> runs,
+                              const VisualOutput& output) const {
+  if (body.package().visualPositions().empty()) return;
+  if (!isSound(output)) {
+    tell(LogSeverity::error, "%s: a stride must be a multiple of 4 and hold its element (12 bytes; tangents 16)", call);
+    return;
+  }
+  VisualOutput wanted = output;
+  const bool copies = wanted.previous_positions.data != nullptr && !body.settings.keep_previous;
+  if (copies) wanted.previous_positions.data = nullptr;
+  const bool written = guarded(call, false, [&] {
+    visual.write(body, runs, wanted, jobs);
+    if (copies) {
+      VisualOutput again;
+      again.positions = output.previous_positions;
+      visual.write(body, runs, again, jobs);
+    }
+    return true;
+  });
+  if (!written) visual.invalidate();
+}
+
+Bounds World::physicalBounds(BodyId id) const {
+  Bounds bounds;
+  const Body* body = impl_->find(id, "physicalBounds");
+  if (body != nullptr) internal::boundsOf({body->x.data(), body->vertices().size()}, bounds);
+  return bounds;
+}
+
+Bounds World::visualBounds(BodyId id) const {
+  const Body* body = impl_->find(id, "visualBounds");
+  Bounds bounds;
+  if (body == nullptr) return bounds;
+  if (body->package().visualPositions().empty()) return physicalBounds(id);
+  impl_->guarded("visualBounds", false, [&] { return impl_->visual.bounds(*body, impl_->jobs, bounds); });
+  return bounds;
+}
+
+}  // namespace sinew

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: MIT
+//
+// The state of a body as a whole: saved, restored, moved elsewhere.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <type_traits>
+
+#include "runtime/geometry/rotation.h"
+#include "runtime/world/world_impl.h"
+
+namespace sinew {
+
+using internal::asArray;
+using internal::asVector;
+using internal::Body;
+using internal::ClusterBlock;
+
+namespace {
+
+constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
+constexpr std::uint32_t kStateVersion = 1;
+
+struct StateHeader {
+  std::array<char, 4> magic;
+  std::uint32_t version;
+  std::uint64_t package;  ///< Asset::checksum()
+  std::uint64_t bytes;    ///< of all, this header included
+  std::uint32_t vertices, blocks, pins, picks;
+  std::uint32_t history_positions, history_columns;
+  std::uint32_t repaired;
+  std::uint32_t reserved;
+};
+static_assert(sizeof(StateHeader) == 56);
+
+template <class T>
+std::size_t bytesOf(std::size_t count) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  return count * sizeof(T);
+}
+
+StateHeader headerOf(const Body& body) {
+  StateHeader header = {};
+  header.magic = kStateMagic;
+  header.version = kStateVersion;
+  header.package = body.asset->checksum();
+  header.vertices = body.vertexCount();
+  header.blocks = std::uint32_t(body.blocks.size());
+  header.pins = std::uint32_t(body.pins.size());
+  header.picks = std::uint32_t(body.picks.size());
+  header.history_positions = std::uint32_t(body.history.positions.size());
+  header.history_columns = std::uint32_t(body.history.columns.size());
+  header.repaired = body.repaired;
+  return header;
+}
+
+// Sizes are bounded by 2^32 records of under 2 KB each: no overflow.
+std::size_t totalBytes(const StateHeader& h) {
+  return sizeof h + 3 * bytesOf<Vec3>(h.vertices) + bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) +
+         bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
+         bytesOf<internal::ClusterColumns>(h.history_columns);
+}
+
+class Writer {
+ public:
+  explicit Writer(std::byte* to) : at_(to) {}
+  template <class T>
+  void put(const T* values, std::size_t count) {
+    if (count > 0) std::memcpy(at_, values, bytesOf<T>(count));
+    at_ += bytesOf<T>(count);
+  }
+
+ private:
+  std::byte* at_;
+};
+
+// Hands out values from bytes of any alignment, one after the other.
+class Reader {
+ public:
+  explicit Reader(const std::byte* from) : at_(from) {}
+  template <class T>
+  void get(T* values, std::size_t count) {
+    if (count > 0) std::memcpy(values, at_, bytesOf<T>(count));
+    at_ += bytesOf<T>(count);
+  }
+  template <class T>
+  T get() {
+    T value;
+    get(&value, 1);
+    return value;
+  }
+
+ private:
+  const std::byte* at_;
+};
+
+bool allFinite(const float* values, std::size_t count) {
+  return std::all_of(values, values + count, [](float value) { return std::isfinite(value); });
+}
+
+bool isSound(const ClusterBlock& block) {
+  return allFinite(block.center[0], 3 * 8) && allFinite(block.rotation[0], 4 * 8) &&
+         allFinite(block.part_rotation[0], 4 * 8) && allFinite(block.a_pq[0], 27 * 8) && allFinite(block.f[0], 27 * 8);
+}
+
+// Why saved bytes cannot be restored into a body; empty if they can.
+const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
+  if (bytes.size() < sizeof(StateHeader)) return "too few bytes for a saved state";
+  StateHeader h;
+  std::memcpy(&h, bytes.data(), sizeof h);
+  if (h.magic != kStateMagic) return "these bytes are no saved state";
+  if (h.version != kStateVersion) return "saved by another version of the library";
+  if (h.package != body.asset->checksum() || h.vertices != body.vertexCount() || h.blocks != body.blocks.size()) {
+    return "saved from a body of another package";
+  }
+  const bool columns = h.history_columns == 0 || h.history_columns == body.clusterCount();
+  if (h.pins > h.vertices || (h.history_positions != 0 && h.history_positions != h.vertices) || !columns ||
+      h.bytes != totalBytes(h)) {
+    return "the saved state is damaged";
+  }
+  if (bytes.size() < h.bytes) return "the saved state is cut short";
+
+  Reader reader(bytes.data() + sizeof h);
+  for (std::uint32_t i = 0; i < 2 * h.vertices; ++i) reader.get<Vec3>();  // any: what is lost a step puts right
+  bool sound = true;
+  for (std::uint32_t i = 0; i < h.vertices; ++i) sound &= allFinite(reader.get<Vec3>().data(), 3);
+  for (std::uint32_t i = 0; i < h.blocks; ++i) sound &= isSound(reader.get<ClusterBlock>());
+  std::uint32_t next = 0;
+  for (std::uint32_t i = 0; i < h.pins; ++i) {
+    const auto pin = reader.get<internal::Pin>();
+    sound &= pin.vertex >= next && pin.vertex < h.vertices;
+    next = pin.vertex + 1;
+  }
+  const std::size_t visual_count = body.package().visualPositions().size();
+  for (std::uint32_t i = 0; i < h.picks; ++i) {
+    const auto pick = reader.get<internal::Pick>();
+    sound &= pick.visual_vertex < visual_count && allFinite(pick.target.data(), 3) && allFinite(pick.force.data(), 3) &&
+             pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F;
+  }
+  return sound ? "" : "the saved state is damaged";
+}
+
+}  // namespace
+
+std::size_t World::stateBytes(BodyId id) const {
+  const Body* body = impl_->find(id, "stateBytes");
+  return body != nullptr ? totalBytes(headerOf(*body)) : 0;
+}
+
+std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
+  const Body* body = impl_->find(id, "saveState");
+  if (body == nullptr) return 0;
+  StateHeader header = headerOf(*body);
+  header.bytes = totalBytes(header);
+  if (bytes.size() < header.bytes) return 0;
+  Writer writer(bytes.data());
+  writer.put(&header, 1);
+  writer.put(body->x.data(), header.vertices);
+  writer.put(body->v.data(), header.vertices);
+  writer.put(body->force.data(), header.vertices);
+  writer.put(body->blocks.data(), header.blocks);
+  writer.put(body->pins.data(), header.pins);
+  writer.put(body->picks.data(), header.picks);
+  writer.put(body->history.positions.data(), header.history_positions);
+  writer.put(body->history.columns.data(), header.history_columns);
+  return header.bytes;
+}
+
+Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> bytes) {
+  Body* body = impl_->find(id, "restoreState");
+  if (body == nullptr) return Error{"restoreState: no such body"};
+  const auto refused = [&](const char* reason) {
+    impl_->tell(LogSeverity::error, "restoreState: %s", reason);
+    return Result<std::size_t>(Error{std::string("restoreState: ") + reason});
+  };
+  if (const char* fault = faultOf(bytes, *body); *fault != '\0') return refused(fault);
+  StateHeader header;
+  Reader reader(bytes.data());
+  reader.get(&header, 1);
+  // Memory first: from here on nothing fails.
+  const bool reserved = impl_->guarded("restoreState", false, [&] {
+    body->pins.reserve(header.pins);
+    body->picks.reserve(header.picks);
+    if (body->settings.keep_previous) keepHistory(*body);
+    return true;
+  });
+  if (!reserved) return Error{"restoreState: out of memory"};
+  impl_->changed(*body);
+  reader.get(body->x.data(), header.vertices);
+  reader.get(body->v.data(), header.vertices);
+  reader.get(body->force.data(), header.vertices);
+  reader.get(body->blocks.data(), header.blocks);
+  body->pins.resize(header.pins);
+  reader.get(body->pins.data(), header.pins);
+  std::fill(body->pinned.begin(), body->pinned.end(), std::uint8_t(0));
+  for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 1;
+  body->picks.clear();
+  for (std::uint32_t i = 0; i < header.picks; ++i) {
+    auto pick = reader.get<internal::Pick>();
+    if (impl_->findPick({pick.id}).first != nullptr) pick.id = impl_->next_pick;
+    impl_->next_pick = std::max(impl_->next_pick, pick.id + 1);
+    body->picks.push_back(pick);
+  }
+  body->repaired = header.repaired;
+  if (body->settings.keep_previous) {
+    if (header.history_positions > 0) {
+      reader.get(body->history.positions.data(), header.history_positions);
+      if (header.history_columns > 0 && header.history_columns == body->history.columns.size()) {
+        reader.get(body->history.columns.data(), header.history_columns);
+      }
+    } else {
+      keepHistory(*body);
+    }
+  }
+  return std::size_t(header.bytes);
+}
+
+void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
+  Body* body = impl_->find(id, "teleport");
+  if (body == nullptr) return;
+  const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> given(rotation.data());
+  if (!((given * given.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F) || !(given.determinant() > 0) ||
+      !asVector(translation).allFinite()) {
+    impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a finite translation");
+    return;
+  }
+  impl_->changed(*body);
+  geometry::Quaternion turn = geometry::kIdentityQuaternion;
+  geometry::nearestRotation(internal::Matrix3(given), turn);
+  const Eigen::Quaterniond q =
+      Eigen::Quaterniond(double(turn[0]), double(turn[1]), double(turn[2]), double(turn[3])).normalized();
+  const Eigen::Matrix3d r = q.toRotationMatrix();
+  const Eigen::Vector3d t = asVector(translation).cast<double>();
+  const auto move = [&](float* p, std::ptrdiff_t stride) {
+    const Eigen::Vector3d moved = r * Eigen::Vector3d(double(p[0]), double(p[stride]), double(p[2 * stride])) + t;
+    for (int k = 0; k < 3; ++k) p[k * stride] = float(moved[k]);
+  };
+  const auto rotate = [&](float* p, std::ptrdiff_t stride) {
+    const Eigen::Vector3d turned = r * Eigen::Vector3d(double(p[0]), double(p[stride]), double(p[2 * stride]));
+    for (int k = 0; k < 3; ++k) p[k * stride] = float(turned[k]);
+  };
+  const auto turn_quaternion = [&](float* p, std::ptrdiff_t stride) {
+    const Eigen::Quaterniond turned =
+        (q * Eigen::Quaterniond(double(p[0]), double(p[stride]), double(p[2 * stride]), double(p[3 * stride])))
+            .normalized();
+    p[0] = float(turned.w());
+    p[stride] = float(turned.x());
+    p[2 * stride] = float(turned.y());
+    p[3 * stride] = float(turned.z());
+  };
+  for (std::uint32_t i = 0; i < body->vertexCount(); ++i) {
+    move(body->x[i].data(), 1);
+    rotate(body->v[i].data(), 1);
+    rotate(body->force[i].data(), 1);
+  }
+  for (ClusterBlock& block : body->blocks) {
+    for (std::size_t lane = 0; lane < 8; ++lane) {
+      move(&block.center[0][lane], 8);
+      turn_quaternion(&block.rotation[0][lane], 8);
+      turn_quaternion(&block.part_rotation[0][lane], 8);
+      for (std::size_t column = 0; column < 9; ++column) {
+        rotate(&block.a_pq[3 * column][lane], 8);
+        rotate(&block.f[3 * column][lane], 8);
+      }
+    }
+  }
+  for (internal::Pin& pin : body->pins) move(pin.target.data(), 1);
+  for (internal::Pick& pick : body->picks) {
+    move(pick.target.data(), 1);
+    rotate(pick.force.data(), 1);
+  }
+  for (Vec3& previous : body->history.positions) move(previous.data(), 1);
+  for (internal::ClusterColumns& columns : body->history.columns) {
+    move(columns.column[0], 1);
+    for (std::size_t k = 1; k < 10; ++k) rotate(columns.column[k], 1);
+  }
+}
+
+}  // namespace sinew

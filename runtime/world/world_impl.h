@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <array>
+#include <memory>
+#include <memory_resource>
+#include <new>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "runtime/attach/visual.h"
+#include "runtime/step/world_step.h"
+#include "runtime/world/body.h"
+#include "sinew/runtime/world.h"
+
+namespace sinew {
+
+struct World::Impl {
+  Impl(const WorldSettings& world_settings, const WorldResources& resources);
+
+  internal::Body* find(BodyId id) const { return id.value < bodies.size() ? bodies[id.value].get() : nullptr; }
+  /// The same, and tells the log where there is none.
+  internal::Body* find(BodyId id, const char* call) const;
+
+  /// The body and place of a pick; (nullptr, 0) where it was let go.
+  std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
+
+  /// The same of a pin set.
+  std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id) const;
+
+  /// The stiffness that bodies of an asset with the same scale share.
+  std::shared_ptr<internal::StiffnessSet> stiffnessOf(const Asset& asset, float scale) const;
+
+  /// One line to the log sink, printf-style; no allocation.
+  [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;
+
+  /// Runs work() where memory may run out or a callback of the caller's may throw; tells the log and returns
+  /// `otherwise` then.
+  template <class Result, class Work>
+  Result guarded(const char* call, Result otherwise, const Work& work) const noexcept {
+    try {
+      return work();
+    } catch (const std::bad_alloc&) {
+      tell(LogSeverity::error, "%s: out of memory", call);
+    } catch (...) {
+      tell(LogSeverity::error, "%s: a callback threw an exception", call);
+    }
+    return otherwise;
+  }
+
+  void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
+                   const VisualOutput& output) const;
+
+  /// After something was held or pulled: so that the next step finds its memory ready.
+  void growScratch() { internal::growScratch(bodies, step_scratch, settings, jobs); }
+
+  /// To be called whenever a body changes.
+  void changed(internal::Body&) { visual.invalidate(); }
+
+  WorldSettings settings;
+  std::pmr::memory_resource* memory;
+  JobSystem* jobs;
+  LogSink* log;
+  internal::BodyList bodies;  ///< by BodyId; null where removed, since ids are never used again
+  internal::StepScratch step_scratch;
+  std::array<Phase, internal::kStepPhaseCount> phases = {
+      {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
+  std::uint32_t next_pick = 0;
+  std::uint32_t next_pin_set = 0;
+  std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
+  mutable internal::VisualScratch visual;
+};
+
+}  // namespace sinew

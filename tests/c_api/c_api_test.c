@@ -1,0 +1,364 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The C interface, from C99: every function once with sound arguments and once with unsound ones, and the promises of
+ * the header: memory through the caller's allocator only and all of it given back, the caller's jobs, the log, older
+ * and newer structs, state that goes on bit for bit.
+ *
+ *   c_api_test PACKAGE.sinew
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sinew/c_api.h"
+
+static int failures = 0;
+
+#define CHECK(condition)                                                                                        \
+  do {                                                                                                          \
+    if (!(condition)) {                                                                                         \
+      printf("%s:%d: %s does not hold (last error: %s)\n", __FILE__, __LINE__, #condition, sinew_last_error()); \
+      ++failures;                                                                                               \
+    }                                                                                                           \
+  } while (0)
+#define CHECK_OK(call) CHECK((call) == SINEW_OK)
+/* Refused, with a reason. */
+#define CHECK_FAILS(status, call) CHECK((call) == (status) && strlen(sinew_last_error()) > 5)
+
+typedef struct memory {
+  size_t allocations, live_blocks, live_bytes;
+  int dry;
+} memory;
+
+static void* allocate(void* user, size_t bytes, size_t alignment) {
+  memory* counts = (memory*)user;
+  /* The block's own address lies in front of what is handed out. */
+  char *block, *aligned;
+  if (counts->dry) return NULL;
+  block = malloc(bytes + alignment + sizeof(void*));
+  if (block == NULL) return NULL;
+  aligned = block + sizeof(void*);
+  aligned += (alignment - (size_t)aligned % alignment) % alignment;
+  memcpy(aligned - sizeof(void*), &block, sizeof(void*));
+  ++counts->allocations;
+  ++counts->live_blocks;
+  counts->live_bytes += bytes;
+  return aligned;
+}
+
+static void release(void* user, void* given, size_t bytes, size_t alignment) {
+  memory* counts = (memory*)user;
+  void* block;
+  (void)alignment;
+  memcpy(&block, (char*)given - sizeof(void*), sizeof(void*));
+  --counts->live_blocks;
+  counts->live_bytes -= bytes;
+  free(block);
+}
+
+static void backwards(void* user, uint32_t count, uint32_t grain, sinew_range_function range, void* context) {
+  (void)grain;
+  ++*(int*)user;
+  while (count > 0) {
+    --count;
+    range(context, count, count + 1);
+  }
+}
+
+typedef struct told {
+  int errors, warnings;
+  char last[256];
+} told;
+
+static void onLog(void* user, uint32_t severity, const char* line) {
+  told* log = (told*)user;
+  if (severity == SINEW_LOG_ERROR) ++log->errors;
+  if (severity == SINEW_LOG_WARNING) ++log->warnings;
+  strncpy(log->last, line, sizeof log->last - 1);
+}
+
+static void testAsset(const char* path, sinew_asset** asset) {
+  sinew_asset* none = NULL;
+  sinew_asset_info info;
+  const void* data;
+  const uint32_t* runs;
+  uint32_t count, bytes_each;
+  FILE* file;
+  char* bytes;
+  long size;
+
+  CHECK(sinew_c_api_version() == SINEW_C_API_VERSION);
+  CHECK(strchr(sinew_version(), '.') != NULL);
+  CHECK_FAILS(SINEW_ERROR_PACKAGE, sinew_asset_load("no/such/file.sinew", &none));
+  CHECK(strstr(sinew_last_error(), "no/such/file.sinew") != NULL);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_load(NULL, &none));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_load(path, NULL));
+  CHECK(none == NULL);
+  CHECK_OK(sinew_asset_load(path, asset));
+
+  info.struct_size = sizeof info;
+  CHECK_OK(sinew_asset_get_info(*asset, &info));
+  CHECK(info.physical_vertices > 0 && info.clusters > 0 && info.visual_vertices > 0 && info.parts == 1);
+  CHECK(info.diagonal > 0 && info.total_mass > 0 && info.bounds_max[0] > info.bounds_min[0]);
+  {
+    /* A struct from before the later fields: nothing behind struct_size is touched. */
+    sinew_asset_info older;
+    memset(&older, 0x5a, sizeof older);
+    older.struct_size = (uint32_t)offsetof(sinew_asset_info, clusters);
+    CHECK_OK(sinew_asset_get_info(*asset, &older));
+    CHECK(older.physical_vertices == info.physical_vertices && older.clusters == 0x5a5a5a5au);
+  }
+
+  CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('V', 'T', 'R', 'I'), &data, &count, &bytes_each));
+  CHECK(data != NULL && count == info.visual_triangles && bytes_each == 12);
+  CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('C', 'L', 'U', 'S'), &data, &count, &bytes_each));
+  CHECK(data != NULL && count == info.clusters && bytes_each == 112);
+  CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('S', 'T', 'R', 'S'), &data, &count, &bytes_each));
+  CHECK(data != NULL && count > 0 && bytes_each == 1);
+  CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('N', 'O', 'N', 'E'), &data, &count, &bytes_each));
+  CHECK(data == NULL && count == 0);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_section(NULL, 0, &data, &count, &bytes_each));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_sub_mesh_runs(*asset, 1000, &runs, &count));
+  if (info.sub_meshes > 0) {
+    CHECK_OK(sinew_asset_sub_mesh_runs(*asset, 0, &runs, &count));
+    CHECK(count > 0 && runs[0] + runs[1] <= info.visual_vertices);
+  }
+
+  file = fopen(path, "rb");
+  CHECK(file != NULL);
+  if (file == NULL) return;
+  fseek(file, 0, SEEK_END);
+  size = ftell(file);
+  rewind(file);
+  bytes = malloc((size_t)size);
+  CHECK(bytes != NULL && fread(bytes, 1, (size_t)size, file) == (size_t)size);
+  fclose(file);
+  CHECK_FAILS(SINEW_ERROR_PACKAGE, sinew_asset_from_memory(bytes, (size_t)size - 1, &none));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_from_memory(NULL, 10, &none));
+  CHECK_OK(sinew_asset_from_memory(bytes, (size_t)size, &none));
+  sinew_asset_release(none);
+  sinew_asset_release(NULL);
+  free(bytes);
+}
+
+static void testMotion(const sinew_asset* asset) {
+  sinew_world_options options;
+  sinew_world_settings settings;
+  sinew_body_settings placement;
+  sinew_visual_output output;
+  sinew_asset_info info = {0};
+  sinew_world* world = NULL;
+  memory counts = {0, 0, 0, 0};
+  told log = {0, 0, ""};
+  int jobs = 0;
+  uint32_t body = SINEW_NONE, other = SINEW_NONE, pick = SINEW_NONE, picks[4], count, i;
+  const float *x, *v;
+  float low[3], high[3], rotation[9], vector[3], matrix[9], *state, *after, *visual;
+  const float identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, up[3] = {0, 3, 0}, target[3] = {1, 2, 0};
+  size_t size = 0, written = 0, floats;
+  unsigned char* saved;
+  const char* name;
+  double milliseconds;
+
+  info.struct_size = sizeof info;
+  CHECK_OK(sinew_asset_get_info(asset, &info));
+  sinew_world_options_init(&options, sizeof options);
+  CHECK(options.struct_size == sizeof options && options.allocate == NULL);
+  options.allocator_user = &counts;
+  options.allocate = allocate;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_create(NULL, &options, &world)); /* no release */
+  options.release = release;
+  options.jobs_user = &jobs;
+  options.parallel_for = backwards;
+  options.log_user = &log;
+  options.log = onLog;
+  sinew_world_settings_init(&settings, sizeof settings);
+  CHECK(settings.gravity[1] < -9 && settings.iterations == 4);
+  settings.ground_enabled = 1;
+  counts.dry = 1;
+  CHECK_FAILS(SINEW_ERROR_MEMORY, sinew_world_create(&settings, &options, &world));
+  counts.dry = 0;
+  CHECK(counts.live_blocks == 0 && world == NULL);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_create(&settings, &options, NULL));
+  CHECK_OK(sinew_world_create(&settings, &options, &world));
+  CHECK(counts.live_blocks > 0);
+
+  sinew_body_settings_init(&placement, sizeof placement);
+  placement.position[1] = 1;
+  placement.keep_previous = 1;
+  CHECK_OK(sinew_body_add(world, asset, &placement, &body));
+  CHECK_OK(sinew_body_add(world, asset, NULL, &other));
+  CHECK(body != other && sinew_body_exists(world, body) == 1 && sinew_body_exists(world, 99) == 0);
+  placement.rotation[0] = 7;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_add(world, asset, &placement, &pick));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_add(world, NULL, NULL, &pick));
+  counts.dry = 1;
+  CHECK_FAILS(SINEW_ERROR_MEMORY, sinew_body_add(world, asset, NULL, &pick));
+  counts.dry = 0;
+  CHECK_OK(sinew_body_remove(world, other));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_remove(world, other));
+
+  settings.gravity[1] = -5;
+  CHECK_OK(sinew_world_set_settings(world, &settings));
+  memset(&settings, 0, sizeof settings);
+  settings.struct_size = sizeof settings;
+  CHECK_OK(sinew_world_get_settings(world, &settings));
+  CHECK(settings.gravity[1] == -5 && settings.ground_enabled == 1);
+
+  CHECK_OK(sinew_body_positions(world, body, &x, &count));
+  CHECK(count == info.physical_vertices);
+  CHECK_OK(sinew_body_pin(world, body, 0, x));
+  CHECK_OK(sinew_body_pick(world, body, 1, target, 4, &pick));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_pick(world, body, 100000, target, 4, &pick));
+  CHECK_OK(sinew_pick_move(world, pick, up));
+  CHECK_OK(sinew_body_picks(world, body, picks, 4, &count));
+  CHECK(count == 1 && picks[0] == pick);
+  CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  {
+    const size_t before = counts.allocations;
+    for (i = 0; i < 30; ++i) CHECK_OK(sinew_world_step(world, 1.0f / 60));
+    CHECK(counts.allocations == before);
+  }
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_step(world, -1));
+  CHECK(log.errors > 0);
+  CHECK_OK(sinew_world_phase(world, 0, &name, &milliseconds));
+  CHECK(strlen(name) > 0 && milliseconds >= 0);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_phase(world, 100, &name, &milliseconds));
+
+  /* Saved, gone on, restored, gone on: the same bits. */
+  floats = 3 * (size_t)info.physical_vertices;
+  CHECK_OK(sinew_body_state_size(world, body, &size));
+  saved = malloc(size);
+  state = malloc(floats * sizeof(float));
+  after = malloc(floats * sizeof(float));
+  CHECK(saved != NULL && state != NULL && after != NULL && size > 0);
+  CHECK_FAILS(SINEW_ERROR_CAPACITY, sinew_body_save(world, body, saved, size - 1, &written));
+  CHECK_OK(sinew_body_save(world, body, saved, size, &written));
+  CHECK(written == size);
+  for (i = 0; i < 20; ++i) CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  CHECK_OK(sinew_body_positions(world, body, &x, &count));
+  memcpy(after, x, floats * sizeof(float));
+  CHECK_OK(sinew_body_restore(world, body, saved, size));
+  CHECK_OK(sinew_body_positions(world, body, &x, &count));
+  CHECK(memcmp(after, x, floats * sizeof(float)) != 0);
+  for (i = 0; i < 20; ++i) CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  CHECK_OK(sinew_body_positions(world, body, &x, &count));
+  CHECK(memcmp(after, x, floats * sizeof(float)) == 0);
+  CHECK_FAILS(SINEW_ERROR_STATE, sinew_body_restore(world, body, saved, size / 2));
+  saved[0] = 'x';
+  CHECK_FAILS(SINEW_ERROR_STATE, sinew_body_restore(world, body, saved, size));
+
+  CHECK_OK(sinew_pick_release(world, pick));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_pick_move(world, pick, up));
+  CHECK_OK(sinew_body_unpin(world, body, 0));
+  CHECK_OK(sinew_body_unpin_all(world, body));
+
+  /* Teleport and set_state. */
+  CHECK_OK(sinew_body_reset(world, body));
+  CHECK_OK(sinew_body_positions(world, body, &x, &count));
+  memcpy(state, x, floats * sizeof(float));
+  CHECK_OK(sinew_body_teleport(world, body, identity, up));
+  CHECK_OK(sinew_body_positions(world, body, &x, &count));
+  for (i = 0; i < floats; ++i) CHECK(fabsf(x[i] - state[i] - (i % 3 == 1 ? 3.0f : 0.0f)) < 1e-5f);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_teleport(world, body, NULL, up));
+  CHECK_OK(sinew_body_set_state(world, body, state, state, info.physical_vertices));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_set_state(world, body, state, NULL, info.physical_vertices - 1));
+  CHECK_OK(sinew_body_velocities(world, body, &v, &count));
+  CHECK(memcmp(v, state, floats * sizeof(float)) == 0);
+  state[0] = nanf("");
+  CHECK_OK(sinew_body_set_state(world, body, state, NULL, info.physical_vertices));
+  log.warnings = 0;
+  CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  CHECK_OK(sinew_body_repaired(world, body, &count));
+  CHECK(count == 1 && log.warnings == 1);
+
+  /* Outputs: an interleaved vertex of position, normal, tangent and two floats of the caller's. */
+  visual = malloc(sizeof(float) * 12 * info.visual_vertices);
+  CHECK(visual != NULL);
+  for (i = 0; i < 12 * info.visual_vertices; ++i) visual[i] = -7;
+  sinew_visual_output_init(&output, sizeof output);
+  CHECK(output.tangents_stride == 16);
+  output.positions = visual;
+  output.normals = visual + 3;
+  output.tangents = visual + 6;
+  output.positions_stride = output.normals_stride = output.tangents_stride = 48;
+  output.count = info.visual_vertices;
+  CHECK_OK(sinew_body_visual_vertices(world, body, &output));
+  CHECK_OK(sinew_body_visual_bounds(world, body, low, high));
+  for (i = 0; i < info.visual_vertices; ++i) {
+    const float *p = visual + 12 * i, *n = p + 3, *t = p + 6;
+    CHECK(p[0] >= low[0] && p[1] >= low[1] && p[2] >= low[2]);
+    CHECK(p[0] <= high[0] && p[1] <= high[1] && p[2] <= high[2]);
+    CHECK(fabsf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2] - 1) < 1e-5f);
+    CHECK(fabsf(n[0] * t[0] + n[1] * t[1] + n[2] * t[2]) < 1e-5f && fabsf(t[3]) == 1);
+    CHECK(p[10] == -7 && p[11] == -7);
+  }
+  output.normals_stride = 10;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_visual_vertices(world, body, &output));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_visual_sub_mesh(world, body, 1000, &output));
+  output.normals_stride = 48;
+  output.previous_positions = visual + 3;
+  output.previous_stride = 48;
+  output.normals = output.tangents = NULL;
+  if (info.sub_meshes > 0) CHECK_OK(sinew_body_visual_sub_mesh(world, body, 0, &output));
+  CHECK_OK(sinew_body_physical_bounds(world, body, low, high));
+  CHECK(low[0] < high[0]);
+  CHECK_OK(sinew_body_rigid_motion(world, body, rotation, vector));
+  CHECK(fabsf(rotation[0] * rotation[0] + rotation[3] * rotation[3] + rotation[6] * rotation[6] - 1) < 1e-3f);
+  CHECK_OK(sinew_body_cluster_frame(world, body, 0, vector, matrix));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_cluster_frame(world, body, 1000, vector, matrix));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_positions(world, 1000, &x, &count));
+
+  /* A newer program's struct, longer than this library's. */
+  {
+    struct {
+      sinew_body_settings known;
+      float unknown[8];
+    } newer;
+    sinew_body_settings_init(&newer.known, sizeof newer);
+    CHECK(newer.known.struct_size == sizeof newer && newer.unknown[7] == 0 && newer.known.stiffness_scale == 1);
+    CHECK_OK(sinew_body_add(world, asset, &newer.known, &other));
+  }
+
+  sinew_world_destroy(world);
+  sinew_world_destroy(NULL);
+  CHECK(counts.live_blocks == 0 && counts.live_bytes == 0);
+  free(visual);
+  free(after);
+  free(state);
+  free(saved);
+}
+
+static void testPool(const sinew_asset* asset) {
+  sinew_thread_pool* pool = NULL;
+  sinew_world_options options;
+  sinew_world* world = NULL;
+  uint32_t body, i;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_thread_pool_create(100000, &pool));
+  CHECK_OK(sinew_thread_pool_create(2, &pool));
+  sinew_world_options_init(&options, sizeof options);
+  options.pool = pool;
+  CHECK_OK(sinew_world_create(NULL, &options, &world));
+  for (i = 0; i < 4; ++i) CHECK_OK(sinew_body_add(world, asset, NULL, &body));
+  for (i = 0; i < 10; ++i) CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  sinew_world_destroy(world);
+  sinew_thread_pool_destroy(pool);
+  sinew_thread_pool_destroy(NULL);
+}
+
+int main(int argc, char** argv) {
+  sinew_asset* asset = NULL;
+  if (argc != 2) {
+    fprintf(stderr, "usage: %s PACKAGE.sinew\n", argv[0]);
+    return 2;
+  }
+  testAsset(argv[1], &asset);
+  if (asset != NULL) {
+    testMotion(asset);
+    testPool(asset);
+  }
+  sinew_asset_release(asset);
+  if (failures > 0) printf("%d checks failed\n", failures);
+  return failures > 0 ? 1 : 0;
+}
