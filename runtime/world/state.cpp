@@ -29,7 +29,7 @@ struct StateHeader {
   std::uint32_t vertices, blocks, pins, picks;
   std::uint32_t history_positions, history_columns;
   std::uint32_t repaired;
-  std::uint32_t reserved;
+  std::uint32_t mechanics;  ///< floats of MechanicsState
 };
 static_assert(sizeof(StateHeader) == 56);
 
@@ -51,6 +51,8 @@ StateHeader headerOf(const Body& body) {
   header.history_positions = std::uint32_t(body.history.positions.size());
   header.history_columns = std::uint32_t(body.history.columns.size());
   header.repaired = body.repaired;
+  header.mechanics = std::uint32_t(9 * body.mechanics.shapes.size() + 27 * body.mechanics.previous.size() +
+                                   body.mechanics.activation.size());
   return header;
 }
 
@@ -58,7 +60,7 @@ StateHeader headerOf(const Body& body) {
 std::size_t totalBytes(const StateHeader& h) {
   return sizeof h + 3 * bytesOf<Vec3>(h.vertices) + bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) +
          bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
-         bytesOf<internal::ClusterColumns>(h.history_columns);
+         bytesOf<internal::ClusterColumns>(h.history_columns) + bytesOf<float>(h.mechanics);
 }
 
 class Writer {
@@ -115,7 +117,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   }
   const bool columns = h.history_columns == 0 || h.history_columns == body.clusterCount();
   if (h.pins > h.vertices || (h.history_positions != 0 && h.history_positions != h.vertices) || !columns ||
-      h.bytes != totalBytes(h)) {
+      h.mechanics != headerOf(body).mechanics || h.bytes != totalBytes(h)) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
@@ -137,6 +139,9 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
     sound &= pick.visual_vertex < visual_count && allFinite(pick.target.data(), 3) && allFinite(pick.force.data(), 3) &&
              pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F;
   }
+  for (std::uint32_t i = 0; i < h.history_positions; ++i) reader.get<Vec3>();
+  for (std::uint32_t i = 0; i < h.history_columns; ++i) reader.get<internal::ClusterColumns>();
+  for (std::uint32_t i = 0; i < h.mechanics; ++i) sound &= std::isfinite(reader.get<float>());
   return sound ? "" : "the saved state is damaged";
 }
 
@@ -163,6 +168,9 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   writer.put(body->picks.data(), header.picks);
   writer.put(body->history.positions.data(), header.history_positions);
   writer.put(body->history.columns.data(), header.history_columns);
+  for (const internal::ShapeState& shape : body->mechanics.shapes) writer.put(shape.plastic.data(), 9);
+  for (const auto& previous : body->mechanics.previous) writer.put(previous.data(), 27);
+  writer.put(body->mechanics.activation.data(), body->mechanics.activation.size());
   return header.bytes;
 }
 
@@ -194,6 +202,10 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   reader.get(body->pins.data(), header.pins);
   std::fill(body->pinned.begin(), body->pinned.end(), std::uint8_t(0));
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 1;
+  // Pin sets belong to what they are attached to, not to the state: they stay as they are.
+  for (const internal::PinSet& set : body->pin_sets) {
+    for (const internal::PinnedVertex& vertex : set.vertices) body->pinned[vertex.vertex] = 1;
+  }
   body->picks.clear();
   for (std::uint32_t i = 0; i < header.picks; ++i) {
     auto pick = reader.get<internal::Pick>();
@@ -212,6 +224,12 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
       keepHistory(*body);
     }
   }
+  // At the end of the bytes, whatever of the history was of use.
+  Reader mechanics(bytes.data() + header.bytes - bytesOf<float>(header.mechanics));
+  for (internal::ShapeState& shape : body->mechanics.shapes) mechanics.get(shape.plastic.data(), 9);
+  for (auto& previous : body->mechanics.previous) mechanics.get(previous.data(), 27);
+  mechanics.get(body->mechanics.activation.data(), body->mechanics.activation.size());
+  body->mechanics.updateShapes(body->package());
   return std::size_t(header.bytes);
 }
 
@@ -265,6 +283,13 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
     }
   }
   for (internal::Pin& pin : body->pins) move(pin.target.data(), 1);
+  for (internal::PinSet& set : body->pin_sets) {
+    for (RigidTransform* at : {&set.at, &set.target}) {
+      move(at->position.data(), 1);
+      Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> axes(at->rotation.data());
+      axes = (r * axes.cast<double>()).cast<float>().eval();
+    }
+  }
   for (internal::Pick& pick : body->picks) {
     move(pick.target.data(), 1);
     rotate(pick.force.data(), 1);

@@ -302,36 +302,46 @@ void World::unpinAll(BodyId id) {
     body->force[pin.vertex] = {};
   }
   body->pins.clear();
-  while (!body->pin_sets.empty()) internal::removePinSet(*body, body->pin_sets.size() - 1);
+  impl_->guarded("unpinAll", false, [body] {
+    while (!body->pin_sets.empty()) internal::removePinSet(*body, body->pin_sets.size() - 1);
+    return true;
+  });
 }
 
 Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vertices, const RigidTransform& at,
                                   PinMethod method) {
-  Body* body = impl_->find(id);
+  Body* body = impl_->find(id, "addPinSet");
   if (body == nullptr) return Error{"addPinSet: no such body"};
-  if (!isProper(at)) return Error{"addPinSet: the transform is not finite, or its rotation not proper"};
-  if (method > PinMethod::constrained_fit) return Error{"addPinSet: no such method"};
-  internal::PinSet set;
-  set.id = impl_->next_pin_set;
-  set.method = method;
-  set.at = set.target = at;
-  const auto weights = body->package().pinWeights();
-  for (const std::uint32_t vertex : vertices) {
-    if (vertex >= body->vertexCount()) return Error{"addPinSet: vertex " + std::to_string(vertex) + " does not exist"};
-    if (body->pinned[vertex] != 0) return Error{"addPinSet: vertex " + std::to_string(vertex) + " is pinned already"};
-    const float weight = weights.empty() ? 1.0F : weights[vertex];
-    if (weight > 0) set.vertices.push_back({vertex, weight});
-  }
-  std::sort(set.vertices.begin(), set.vertices.end(),
-            [](const internal::PinnedVertex& a, const internal::PinnedVertex& b) { return a.vertex < b.vertex; });
-  for (std::size_t i = 1; i < set.vertices.size(); ++i) {
-    if (set.vertices[i].vertex == set.vertices[i - 1].vertex) {
-      return Error{"addPinSet: vertex " + std::to_string(set.vertices[i].vertex) + " is given twice"};
+  const auto refused = [&](const std::string& reason) {
+    impl_->tell(LogSeverity::error, "addPinSet: %s", reason.c_str());
+    return Result<PinSetId>(Error{"addPinSet: " + reason});
+  };
+  return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
+    if (!isProper(at)) return refused("the transform is not finite, or its rotation not proper");
+    if (method > PinMethod::constrained_fit) return refused("no such method");
+    internal::PinSet set;
+    set.id = impl_->next_pin_set;
+    set.method = method;
+    set.at = set.target = at;
+    const auto weights = body->package().pinWeights();
+    for (const std::uint32_t vertex : vertices) {
+      if (vertex >= body->vertexCount()) return refused("vertex " + std::to_string(vertex) + " does not exist");
+      if (body->pinned[vertex] != 0) return refused("vertex " + std::to_string(vertex) + " is pinned already");
+      const float weight = weights.empty() ? 1.0F : weights[vertex];
+      if (weight > 0) set.vertices.push_back({vertex, weight});
     }
-  }
-  if (set.vertices.empty()) return Error{"addPinSet: no vertex with a pin weight above 0"};
-  internal::addPinSet(*body, std::move(set));
-  return PinSetId{impl_->next_pin_set++};
+    std::sort(set.vertices.begin(), set.vertices.end(),
+              [](const internal::PinnedVertex& a, const internal::PinnedVertex& b) { return a.vertex < b.vertex; });
+    for (std::size_t i = 1; i < set.vertices.size(); ++i) {
+      if (set.vertices[i].vertex == set.vertices[i - 1].vertex) {
+        return refused("vertex " + std::to_string(set.vertices[i].vertex) + " is given twice");
+      }
+    }
+    if (set.vertices.empty()) return refused("no vertex with a pin weight above 0");
+    internal::addPinSet(*body, std::move(set));
+    impl_->growScratch();
+    return PinSetId{impl_->next_pin_set++};
+  });
 }
 
 void World::movePinSet(PinSetId id, const RigidTransform& to) {
@@ -341,7 +351,11 @@ void World::movePinSet(PinSetId id, const RigidTransform& to) {
 
 void World::removePinSet(PinSetId id) {
   const auto [body, index] = impl_->findPinSet(id);
-  if (body != nullptr) internal::removePinSet(*body, index);
+  if (body == nullptr) return;
+  impl_->guarded("removePinSet", false, [body = body, index = index] {
+    internal::removePinSet(*body, index);
+    return true;
+  });
 }
 
 PinReaction World::pinReaction(PinSetId id) const {

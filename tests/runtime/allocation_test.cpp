@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <cstdlib>
 #include <new>
@@ -55,6 +56,39 @@ void expectNoAllocation(JobSystem* jobs) {
 }
 
 TEST(Allocation, NoneInAStepAfterTheFirst) { expectNoAllocation(nullptr); }
+
+TEST(Allocation, NoneWithMechanicsAndPinSets) {
+  for (const PinMethod method :
+       {PinMethod::hold, PinMethod::infinite_mass, PinMethod::matrix, PinMethod::constrained_fit}) {
+    for (const auto stiffness : {formats::StiffnessModel::frequency, formats::StiffnessModel::elastic}) {
+      BoxOptions box;
+      box.mode = formats::ClusterMode::quadratic;
+      box.clusters = {2, 1, 1};
+      formats::PackageContent content = boxContent(box);
+      formats::ClusterMechanics m = formats::kPlainMechanics;
+      m.stiffness = stiffness;
+      m.damping = 2;
+      m.limit = formats::LimitMethod::frobenius;
+      m.volume = formats::VolumeMethod::principal;
+      m.plastic_creep = 1;
+      content.mechanics.assign(content.clusters.size(), m);
+      World world;
+      const BodyId body = *world.addBody(makeAsset(content));
+      const std::array<std::uint32_t, 4> held = {0, 1, 2, 7};
+      const auto set = world.addPinSet(body, held, {}, method);
+      ASSERT_TRUE(set) << set.reason();
+      world.step(1.0F / 60);
+      const std::size_t before = allocations;
+      for (int i = 0; i < 60; ++i) {
+        RigidTransform at;
+        at.position[0] = 0.001F * float(i);
+        world.movePinSet(*set, at);
+        world.step(i % 2 == 0 ? 1.0F / 60 : 1.0F / 50);
+      }
+      EXPECT_EQ(allocations, before) << int(method) << ' ' << int(stiffness);
+    }
+  }
+}
 
 TEST(Allocation, NoneWithAThreadPool) {
   ThreadPool pool(3);

@@ -68,6 +68,32 @@ Snapshot snapshotOf(const World& world, BodyId body) {
   return s;
 }
 
+TEST(State, MechanicsGoOnBitForBit) {
+  // What is permanent, what is activated and what damping remembers are state too.
+  formats::PackageContent content = boxContent(softBox());
+  formats::ClusterMechanics m = formats::kPlainMechanics;
+  m.damping = 3;
+  m.plastic_yield = 0.02F;
+  m.plastic_creep = 4;
+  m.fibre = {1, 0, 0};
+  m.channel = 0;
+  m.contraction = 0.3F;
+  content.channels = {{content.addText("flex")}};
+  content.mechanics.assign(content.clusters.size(), m);
+  World world(onGround());
+  const BodyId body = addBusyBody(world, makeAsset(content));
+  ASSERT_TRUE(world.setActivation(body, "flex", 0.7F));
+  run(world, 0.5);
+  const std::vector<std::byte> bytes = saved(world, body);
+  run(world, 0.5);
+  const Snapshot expected = snapshotOf(world, body);
+  ASSERT_TRUE(world.setActivation(body, "flex", 0.1F));
+  run(world, 0.5);
+  ASSERT_TRUE(world.restoreState(body, bytes));
+  run(world, 0.5);
+  EXPECT_EQ(snapshotOf(world, body), expected);
+}
+
 TEST(State, ARestoredBodyGoesOnBitForBit) {
   for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
     const auto asset = boxAsset(softBox(mode));
