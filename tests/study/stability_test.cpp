@@ -59,7 +59,7 @@ TEST(Stability, TheQuickMatrix) {
     const bool even = result.cell[std::size_t(StabilityFactor::mass_ratio)] == 0;
     EXPECT_FALSE(even && result.cause() == "shape") << textOf(result.cell) << " " << result.rest_error;
   }
-  EXPECT_LE(failed, 20U);
+  EXPECT_LE(failed, 28U);
 }
 
 TEST(Sag, OneClusterDoesNotFeelTheStep) {
