@@ -139,7 +139,8 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.ground_friction = s.ground.friction;
   result.iterations = s.iterations;
   result.damping = s.damping;
-  result.deformation_damping = s.deformation_damping;
+  result.deformation_damping_ratio = s.deformation_damping_ratio;
+  result.support_damping = s.support_damping;
   return result;
 }
 
@@ -151,7 +152,8 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.ground.friction = s.ground_friction;
   result.iterations = s.iterations;
   result.damping = s.damping;
-  result.deformation_damping = s.deformation_damping;
+  result.deformation_damping_ratio = s.deformation_damping_ratio;
+  result.support_damping = s.support_damping;
 }
 
 sinew_body_settings fromCpp(const sinew::BodySettings& s) {

@@ -4,15 +4,23 @@
 #include <span>
 
 #include "runtime/clusters/frame.h"
+#include "runtime/clusters/stiffness.h"
 #include "runtime/load/rest_constants.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
 
-/// Rotation of a body part from its clusters' moments, into ClusterBlock::part_rotation of each: what a cluster falls
-/// back to that has lost its own. \param first, count the part's clusters.
-void updatePartRotation(const formats::PackageView& package, std::uint32_t first, std::uint32_t count,
-                        std::span<ClusterBlock> blocks);
+/// Flattened to a plane a cube is 0.58 radii of gyration from its rest shape, a bar bent to a quarter circle 0.25.
+inline constexpr double kAstray = 0.5;
+
+/// Rigid pose of a body part from its clusters' moments: its rotation into ClusterBlock::part_rotation of each, what a
+/// cluster falls back to that has lost its own. Where the part is far from its rest shape, ClusterBlock::astray is set
+/// and centres move to where that pose has them, so that it goes back as one: all at once where it is stiff, at the
+/// rate of its frequency where it is soft. \param first, count the part's clusters. \param stiffness of all clusters.
+/// \param far how far that is: root mean square, in radii of gyration.
+void updatePartPose(const formats::PackageView& package, const RestConstants& constants,
+                    std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,
+                    std::span<ClusterBlock> blocks, double far = kAstray);
 
 /// g of eq. 4: where the cluster wants the point with rest position X. Metres, world.
 inline Vector3 clusterGoal(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterFrame& frame,

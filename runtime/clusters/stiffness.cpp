@@ -142,20 +142,22 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
       const Eigen::Map<const Columns<9>> mode(modes.vectors.col(k).data());
       result.s += (kept[k] / 3) * mode.transpose() * mode;
     }
+    result.kept = kept.mean();
     result.deforms = true;
     result.mixes_classes = quadratic || mechanics.poisson > 0;
     return result;
   }
 
   const std::array<double, 3> ratios = classRatios(package, rest, index, stiffness_scale, step_seconds);
+  const float beta = float(1 / (1 + damping + ratios[0]));
+  result.kept = beta;
   if (!quadratic) {
-    const float beta = float(1 / (1 + damping + ratios[0]));
     result.deforms = beta > 0;
     result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
     return result;
   }
   if (ratios[0] == ratios[1] && ratios[1] == ratios[2]) {
-    result.s = float(1 / (1 + damping + ratios[0])) * unpack(package.quadraticMoments()[cluster.quadratic]);
+    result.s = beta * unpack(package.quadraticMoments()[cluster.quadratic]);
   } else {
     result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios, damping);
     result.mixes_classes = true;
@@ -177,6 +179,7 @@ void StiffnessSet::storeBlock(std::uint32_t c) {
   }
   block.alpha[lane] = stiffness.alpha;
   block.deforms[lane] = stiffness.deforms ? -1 : 0;
+  block.stiff[lane] = stiffness.kept < 0.5F ? -1 : 0;
   block.mixes[lane] = stiffness.mixes_classes ? -1 : 0;
   block.least[lane] = kLeastStretch;
   block.largest[lane] = kLargestStretch;

@@ -15,6 +15,7 @@ namespace sinew::internal {
 /// What a cluster's frequencies mean for one length of step (docs/method.md §4).
 struct ClusterStiffness {
   float alpha = 1.0F;               ///< alpha_h of eq. 9
+  float kept = 0.0F;                ///< beta_h of stretch and shear (eq. 6); 0 for a rigid cluster
   bool deforms = false;             ///< false: F = R, s is zero
   bool mixes_classes = false;       ///< S is no multiple of A_qq: classes of modes differ in frequency
   Square<9> s = Square<9>::Zero();  ///< S of eq. 8: F = [R 0] + (A_pq - R M) S; rows and columns 3.. only if quadratic

@@ -20,12 +20,12 @@ enum class RowPoint : std::uint8_t { physical_vertex, visual_vertex };
 
 struct Row {
   Vector3 target = Vector3::Zero();            ///< metres, world
-  Vector3 impulse = Vector3::Zero();           ///< Λ = force h², kg m; added to the moments
+  Vector3 impulse = Vector3::Zero();           ///< Λ = force h², kg m; from warmStartRows on over the body's mass, m
   Vector3 normal = Vector3::Zero();            ///< of a contact, unit
-  Matrix3 inverse_response = Matrix3::Zero();  ///< of a hold: (W + E)^-1, kg
-  float compliance = 0;                        ///< E = e 1, 1/kg: the row gives way by e Λ
-  float normal_response = 0;                   ///< of a contact: n^T W n + e, 1/kg
-  float tangent_response = 0;                  ///< of a contact: largest W in the plane + e, 1/kg
+  Matrix3 inverse_response = Matrix3::Zero();  ///< of a hold: (W + E)^-1; responses are relative to the body's mass
+  float compliance = 0;                        ///< E = e 1: the row gives way by e Λ
+  float normal_response = 0;                   ///< of a contact: n^T W n + e
+  float tangent_response = 0;                  ///< of a contact: largest W in the plane + e
   float weight = 1;                            ///< of a hold: how firmly, 0..1
   float friction = 0;                          ///< Coulomb coefficient
   std::uint32_t index = 0;                     ///< physical or visual vertex
@@ -37,7 +37,7 @@ struct Row {
 /// How a cluster's goals answer to an impulse: constants of one pass.
 struct ClusterResponse {
   Columns<9> lever = Columns<9>::Zero();      ///< R (E - M S): a turn δ moves the goal of q~ by δ x (radius lever q~)
-  Matrix3 inertia_inverse = Matrix3::Zero();  ///< world, 1/(kg m²)
+  Matrix3 inertia_inverse = Matrix3::Zero();  ///< world, for unit mass and radius
   bool used = false;                          ///< some row reaches this cluster
 };
 

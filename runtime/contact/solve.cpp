@@ -23,6 +23,13 @@ constexpr float kRelativeCompliance = 1e-1F;
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;
 
+// Turn of a cluster, radians, and move of a point, diagonals, that one relaxation of a row may cause.
+constexpr float kLargestTurn = 0.5F;
+constexpr float kLargestMove = 0.25F;
+
+// A part whose rows are further off than this, in diagonals, is first moved there as a whole.
+constexpr float kFarOff = 0.25F;
+
 // Where a row touches a cluster, calls visit(cluster index, coefficient, rest position).
 template <class Visit>
 void forEachTerm(const Body& body, const Row& row, const Visit& visit) {
@@ -59,34 +66,42 @@ Vector3 pointOf(const Body& body, const Row& row) {
   return point;
 }
 
-template <int N>
-void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& impulse,
-                 const Vector3& position, ClusterFrame& frame) {
-  const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
-  frame.center += impulse / cluster.mass;
-  frame.a_pq.leftCols<N>() += (impulse / (cluster.mass * cluster.radius)) * q.transpose();
+// Masses here are relative to the body's, and impulses with them: those of a body of 1e9 m have no squares in float.
+float relativeMass(const Body& body, const formats::Cluster& cluster) {
+  return cluster.mass / body.package().info().total_mass;
 }
 
-void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& impulse,
+// \param shift the impulse over the cluster's mass, metres.
+template <int N>
+void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift,
+                 const Vector3& position, ClusterFrame& frame) {
+  const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
+  frame.center += shift;
+  frame.a_pq.leftCols<N>() += (shift / cluster.radius) * q.transpose();
+}
+
+void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift,
                  const Vector3& position, ClusterFrame& frame) {
   if (cluster.mode == formats::ClusterMode::quadratic) {
-    pushMoments<9>(cluster, rest, impulse, position, frame);
+    pushMoments<9>(cluster, rest, shift, position, frame);
   } else {
-    pushMoments<3>(cluster, rest, impulse, position, frame);
+    pushMoments<3>(cluster, rest, shift, position, frame);
   }
 }
 
 // The same with the frame's F following to first order, so that later rows of the sweep see it.
 template <int N>
 void push(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
-          const ClusterResponse& response, const Vector3& impulse, const Vector3& position, ClusterFrame& frame) {
+          const ClusterResponse& response, const Vector3& shift, const Vector3& position, ClusterFrame& frame) {
   const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
-  const Vector3 shift = impulse / cluster.mass;
   const Vector3 scaled = shift / cluster.radius;
   frame.center += shift;
   frame.a_pq.leftCols<N>() += scaled * q.transpose();
-  const Vector3 arm = cluster.radius * (geometry::rotationMatrix(frame.rotation) * q.template head<3>());
-  const Vector3 turn = response.inertia_inverse * arm.cross(impulse);
+  const Vector3 arm = geometry::rotationMatrix(frame.rotation) * q.template head<3>();
+  Vector3 turn = response.inertia_inverse * arm.cross(scaled);
+  // First order holds for small turns only.
+  const float angle = turn.norm();
+  if (angle > kLargestTurn) turn *= kLargestTurn / angle;
   for (int k = 0; k < N; ++k) frame.f.col(k) += turn.cross(response.lever.col(k));
   if (stiffness.deforms) {
     const Monomials<N> sq = stiffness.s.topLeftCorner<N, N>() * q;
@@ -105,11 +120,10 @@ const PinFit* fitOf(const Body& body, std::uint32_t cluster) {
 }
 
 // The same for a pinned cluster: its goals answer as the pins let them.
-void pushPinned(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& impulse,
-                const Vector3& position, PinFit& fit, ClusterFrame& frame) {
+void pushPinned(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift, const Vector3& position,
+                PinFit& fit, ClusterFrame& frame) {
   Monomials<9> columns;
   const float center = fit.response(fit.basisAt(cluster, position), columns);
-  const Vector3 shift = impulse / cluster.mass;
   frame.center += center * shift;
   frame.f += (shift / cluster.radius) * columns.transpose();
   // The moments take the whole impulse: the fit sees it when the cluster is matched again.
@@ -127,7 +141,7 @@ void push(Body& body, const Row& row, const Vector3& impulse) {
   forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
-    const Vector3 part = coefficient * impulse;
+    const Vector3 part = (coefficient / relativeMass(body, cluster)) * impulse;
     if (PinFit* fit = fitOf(body, c)) {
       pushPinned(cluster, rest, part, position, *fit, body.frames[c]);
       return;
@@ -165,7 +179,7 @@ void updateResponse(const formats::Cluster& cluster, const ClusterRest& rest, co
   const bool sound =
       margin(0, 0) > 0 && margin(0, 0) * margin(1, 1) - margin(0, 1) * margin(1, 0) > 0 && margin.determinant() > 0;
   const Matrix3 inverse = sound ? Matrix3(j.inverse()) : rest.inertia_inverse;
-  response.inertia_inverse = r * inverse * r.transpose() / (cluster.mass * cluster.radius * cluster.radius);
+  response.inertia_inverse = r * inverse * r.transpose();
 }
 
 Matrix3 crossMatrix(const Vector3& v) {
@@ -174,7 +188,7 @@ Matrix3 crossMatrix(const Vector3& v) {
   return m;
 }
 
-// W: how the row's point answers to its own impulse, 1/kg (rows of one cluster do not see the others here; Gauss-Seidel
+// W: how the row's point answers to its own impulse (rows of one cluster do not see the others here; Gauss-Seidel
 // does).
 Matrix3 ownResponse(const Body& body, const Row& row) {
   Matrix3 w = Matrix3::Zero();
@@ -183,28 +197,28 @@ Matrix3 ownResponse(const Body& body, const Row& row) {
     const ClusterRest& rest = body.rest().clusters[c];
     if (const PinFit* fit = fitOf(body, c)) {
       const PinFit::Basis b = fit->basisAt(cluster, position);
-      w += (coefficient * coefficient * fit->ownResponse(b) / cluster.mass) * Matrix3::Identity();
+      w += (coefficient * coefficient * fit->ownResponse(b) / relativeMass(body, cluster)) * Matrix3::Identity();
       return;
     }
     const ClusterResponse& response = body.responses[c];
     const Vector3 q = restOffset(cluster, position);
     const Matrix3 r = geometry::rotationMatrix(body.frames[c].rotation);
-    const Vector3 arm = cluster.radius * (r * (q - rest.mean.head<3>()));
+    const Vector3 arm = r * (q - rest.mean.head<3>());
     float deformation = 0;
     Vector3 lever;
     if (cluster.mode == formats::ClusterMode::quadratic) {
       const Monomials<9> monomial = monomials<9>(q) - rest.mean;
-      lever = cluster.radius * (response.lever * monomial);
+      lever = response.lever * monomial;
       if (body.stiffness->clusters[c].deforms) deformation = monomial.dot(body.stiffness->clusters[c].s * monomial);
     } else {
       const Vector3 monomial = q - rest.mean.head<3>();
-      lever = cluster.radius * (response.lever.leftCols<3>() * monomial);
+      lever = response.lever.leftCols<3>() * monomial;
       if (body.stiffness->clusters[c].deforms)
         deformation = monomial.dot(body.stiffness->clusters[c].s.topLeftCorner<3, 3>() * monomial);
     }
     const Matrix3 turning = crossMatrix(lever) * response.inertia_inverse * crossMatrix(arm).transpose();
-    w += coefficient * coefficient *
-         (((1.0F + deformation) / cluster.mass) * Matrix3::Identity() + 0.5F * (turning + turning.transpose()));
+    w += (coefficient * coefficient / relativeMass(body, cluster)) *
+         ((1.0F + deformation) * Matrix3::Identity() + 0.5F * (turning + turning.transpose()));
   });
   return w;
 }
@@ -227,7 +241,8 @@ void prepareRow(const Body& body, Row& row, float pass_seconds) {
     const Vector3 now = row.target;  // where the point is at the start of the pass; addPickRows put it there
     row.target = (asVector(pick.target) * phase + 2.0F * now) / (phase + 2.0F);
   }
-  row.inverse_response = (w + row.compliance * Matrix3::Identity()).inverse();
+  // Scaled for the inverse: cubes of small numbers are none.
+  row.inverse_response = ((w + row.compliance * Matrix3::Identity()) / mean).inverse() / mean;
 }
 
 // One row of a sweep. \return how far its point moved, metres.
@@ -248,9 +263,13 @@ float relax(Body& body, Row& row) {
     change = (push_normal - pressed) * row.normal + (tangent - old_tangent);
   }
   if (!change.allFinite() || change.isZero(0)) return 0;
+  // One relaxation moves its point no further than this: what is far off comes in over several.
+  const float moved = row.kind == RowKind::contact ? change.norm() * row.normal_response : error.norm();
+  const float most = kLargestMove * body.package().info().diagonal;
+  if (moved > most) change *= most / moved;
   row.impulse += change;
   push(body, row, change);
-  return row.kind == RowKind::contact ? change.norm() * row.normal_response : error.norm();
+  return std::min(moved, most);
 }
 
 // Visits the clusters that some row reaches.
@@ -281,16 +300,66 @@ void matchUsedBlocks(Body& body, float pass_seconds) {
 
 }  // namespace
 
+void bringNear(Body& body, float pass_seconds) {
+  const float far_off = kFarOff * body.package().info().diagonal;
+  for (const Part& part : body.parts) {
+    // How far the rows are from where they ask the part to be: the deepest contact, the mean of what is held.
+    Vector3 held = Vector3::Zero(), normal = Vector3::Zero();
+    float holds = 0, depth = 0, farthest = 0;
+    for (const Row& row : body.rows) {
+      if (row.point != RowPoint::physical_vertex || row.index - part.first_vertex >= part.vertex_count) continue;
+      const Vector3 error = row.target - asVector(body.y[row.index]);
+      if (row.kind == RowKind::hold) {
+        held += error;
+        holds += 1;
+        farthest = std::max(farthest, error.norm());
+      } else if (row.normal.dot(error) > depth) {
+        depth = row.normal.dot(error);
+        normal = row.normal;
+      }
+    }
+    Vector3 shift = Vector3::Zero();
+    if (holds > 0) {
+      if (farthest > far_off) shift = held / holds;
+    } else if (depth > far_off) {
+      // Not further than the part as a whole goes down in this pass: its fall is stopped, it is not thrown up.
+      float mass = 0, fall = 0;
+      for (std::uint32_t i = part.first_vertex; i < part.first_vertex + part.vertex_count; ++i) {
+        mass += body.rest().masses[i];
+        fall += body.rest().masses[i] * normal.dot(asVector(body.x[i]) - asVector(body.y[i]));
+      }
+      shift = std::clamp(fall / mass, 0.0F, depth) * normal;
+    }
+    if (!shift.allFinite() || shift.isZero(0)) continue;
+    for (std::uint32_t i = part.first_vertex; i < part.first_vertex + part.vertex_count; ++i) {
+      asVector(body.y[i]) += shift;
+      asVector(body.v[i]) += shift / pass_seconds;
+      body.force[i] = {};
+    }
+    for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
+      for (int k = 0; k < 3; ++k) body.blocks[c / 8].center[k][c % 8] += shift[k];
+    }
+    for (Row& row : body.rows) {
+      if (row.point != RowPoint::physical_vertex || row.index - part.first_vertex < part.vertex_count) {
+        row.impulse.setZero();
+      }
+    }
+  }
+}
+
 void warmStartRows(Body& body) {
   for (ClusterResponse& response : body.responses) response.used = false;
   for (const Row& row : body.rows) {
     forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
   }
   loadUsedFrames(body);
-  for (const Row& row : body.rows) {
+  const float to_relative = 1.0F / body.package().info().total_mass;
+  for (Row& row : body.rows) {
+    row.impulse *= to_relative;
     if (row.impulse.isZero(0)) continue;
     forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
-      pushMoments(body.package().clusters()[c], body.rest().clusters[c], coefficient * row.impulse, position,
+      const formats::Cluster& cluster = body.package().clusters()[c];
+      pushMoments(cluster, body.rest().clusters[c], (coefficient / relativeMass(body, cluster)) * row.impulse, position,
                   body.frames[c]);
     });
   }
@@ -309,14 +378,14 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
     for (std::uint32_t sweep = 0; sweep < settings.sweeps; ++sweep) {
       float moved = 0;
       for (Row& row : body.rows) moved = std::max(moved, relax(body, row));
-      if (moved < settings.tolerance) break;
+      if (moved < settings.tolerance * body.package().info().diagonal) break;
     }
     storeUsedFrames(body);
     matchUsedBlocks(body, pass_seconds);
     loadUsedFrames(body);
   }
 
-  const float to_force = 1.0F / (pass_seconds * pass_seconds);
+  const float to_force = body.package().info().total_mass / (pass_seconds * pass_seconds);
   for (const Row& row : body.rows) {
     Vec3& remembered = row.point == RowPoint::physical_vertex ? body.force[row.index] : body.picks[row.pick].force;
     remembered = asArray(to_force * row.impulse);

@@ -9,8 +9,12 @@ namespace sinew::internal {
 struct RowSolverSettings {
   std::uint32_t rounds = 2;  ///< times the clusters are matched again to the impulses found
   std::uint32_t sweeps = 6;  ///< projected Gauss-Seidel sweeps in each round, at most
-  float tolerance = 1e-6F;   ///< a sweep that moves no point further than this (metres) is the last of its round
+  float tolerance = 1e-6F;   ///< a sweep that moves no point further than this (diagonals) is the last of its round
 };
+
+/// Moves a part whose rows are more than a quarter of a diagonal off (a fall at 10,000 g, a pin that was set elsewhere)
+/// as a whole: turns and deformations of the match answer only what is near. Call between moments and warmStartRows.
+void bringNear(Body& body, float pass_seconds);
 
 /// Adds the rows' remembered impulses to the clusters' moments. Call between moments and match.
 void warmStartRows(Body& body);

@@ -32,7 +32,7 @@ struct VertexRange {
   float* x;           ///< positions at the start of the pass, xyz, padded by one float
   float* v;           ///< velocities
   float* y;           ///< predicted, then matched positions
-  const float* mass;  ///< kg
+  const float* mass;  ///< relative to that of all vertices
 };
 
 struct PredictArguments {
@@ -41,6 +41,7 @@ struct PredictArguments {
   float kick[3];       ///< velocity that forces on all vertices add, m/s
   float kept;          ///< part of the velocity that the air leaves
   float reference[3];  ///< of the sums
+  float moving[3];     ///< velocity of the reference: momenta are relative to it
   /// Called for each vertex whose state is not usable; has to mend x and v.
   void (*repair)(void* context, std::uint32_t vertex);
   void* context;
@@ -58,6 +59,7 @@ struct ApplyArguments {
   float offset;
   float recovery;  ///< metres that what starts below the ground may rise in this pass
   float reference[3];
+  float moving[3];    ///< velocity of the reference
   MotionLanes* sums;  ///< of v at y; null: not wanted yet
 };
 
@@ -66,8 +68,9 @@ struct SumArguments {
   const float* at;               ///< positions: x or y
   const float* force;            ///< null, or xyz by vertex: vertices with any force count as anchored
   const std::uint8_t* anchored;  ///< null, or not 0 for pinned vertices
-  float anchor_mass;             ///< kg added to anchored vertices
+  float anchor_mass;             ///< added to anchored vertices
   float reference[3];
+  float moving[3];  ///< velocity of the reference
   MotionLanes* sums;
 };
 

@@ -26,6 +26,7 @@ struct alignas(32) ClusterBlock {
   float f[27][8];             ///< F: goals are center + radius F q~
   std::int32_t limited[8];    ///< not 0: the guard against inversion moved F in the last match
   std::int32_t lost[8];       ///< not 0: the moments no longer said how the cluster is turned
+  std::int32_t astray[8];     ///< not 0: its part is so far from its rest shape that it is matched as one
 };
 
 /// Rest-shape constants of eight clusters.
@@ -51,8 +52,9 @@ struct alignas(32) StiffnessBlock {
   float s[45][8];           ///< S of F = [R 0] + (A_pq - R M) S: symmetric, lower triangle row by row; zero where rigid
   float alpha[8];           ///< alpha_h: how much of the way to the goal a vertex goes
   std::int32_t deforms[8];  ///< -1: S is not zero
-  std::int32_t mixes[8];    ///< -1: classes of modes differ in stiffness, so F needs its torque removed
-  float least[8];           ///< principal stretches of F: the limit `principal`, or the guard's
+  std::int32_t stiff[8];  ///< -1: a pass keeps less than half of a stretch: what is lost goes where it belongs at once
+  std::int32_t mixes[8];  ///< -1: classes of modes differ in stiffness, so F needs its torque removed
+  float least[8];         ///< principal stretches of F: the limit `principal`, or the guard's
   float largest[8];
   std::int32_t keeps_volume[8];  ///< -1: principal stretches are moved to product 1
 };

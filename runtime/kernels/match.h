@@ -12,6 +12,9 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
+// A_pq of this many times its norm at rest: the cluster is torn apart.
+constexpr float kTorn = 2.5F;
+
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
 
@@ -67,7 +70,10 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
                             load8(state.rotation[3])};
   nearestRotation(a_pq, q);
   Mat3Of<Float8> r = rotationMatrix(q);
-  const Int8 lost = orientationIsLost(r, a_pq, loadMatrix(rest.moment));
+  const Mat3Of<Float8> moment = loadMatrix(rest.moment);
+  const Int8 lost = orientationIsLost(r, a_pq, moment) | loadMask(state.astray);
+  // Torn apart: no guard acts on a cluster that does not deform.
+  const Int8 torn = squaredNorm(a_pq) > kTorn * kTorn * squaredNorm(moment);
   if (any(lost)) {
     // Neighbours that guess differently would tangle for good (a ring of four, scattered, came to rest inside out), so
     // all that are lost take the part's rotation.
@@ -115,7 +121,7 @@ SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stif
       }
     }
   }
-  limited |= lost;
+  limited |= (lost & loadMask(stiffness.stiff)) | torn;
 
   // Where the classes of modes differ in stiffness, S mixes them and the deviation turns the cluster by itself: in a
   // C-shaped cluster that grew without bound out of nothing (a ring of four, stretch 12 Hz, bend 6 Hz). Turned back,

@@ -54,7 +54,7 @@ struct MotionAccumulator {
 
 SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
   const VertexRange& r = a.vertices;
-  const Vec3Of<Float8> kick = broadcast(a.kick), reference = broadcast(a.reference);
+  const Vec3Of<Float8> kick = broadcast(a.kick), reference = broadcast(a.reference), moving = broadcast(a.moving);
   const Float8 kept = splat<Float8>(a.kept), h = splat<Float8>(a.h);
   MotionAccumulator sums;
   std::uint32_t repaired = 0;
@@ -76,7 +76,7 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
     const Vec3Of<Float8> y = x + h * v;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
-    sums.addMomentum(loadScalars(r.mass + i, count), y - reference, v);
+    sums.addMomentum(loadScalars(r.mass + i, count), y - reference, v - moving);
   }
   sums.store(*a.sums);
   return repaired;
@@ -84,7 +84,7 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
 
 SINEW_INLINE void apply(const ApplyArguments& a) {
   const VertexRange& r = a.vertices;
-  const Vec3Of<Float8> normal = broadcast(a.normal), reference = broadcast(a.reference);
+  const Vec3Of<Float8> normal = broadcast(a.normal), reference = broadcast(a.reference), moving = broadcast(a.moving);
   MotionAccumulator sums;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
@@ -112,7 +112,7 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
     if (a.sums != nullptr) {
       const Float8 mass = loadScalars(r.mass + i, count);
       const Vec3Of<Float8> arm = y - reference;
-      sums.addMomentum(mass, arm, v);
+      sums.addMomentum(mass, arm, v - moving);
       sums.addMass(mass, arm);
     }
   }
@@ -121,7 +121,7 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
 
 SINEW_INLINE void sum(const SumArguments& a) {
   const VertexRange& r = a.vertices;
-  const Vec3Of<Float8> reference = broadcast(a.reference);
+  const Vec3Of<Float8> reference = broadcast(a.reference), moving = broadcast(a.moving);
   MotionAccumulator sums;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
@@ -135,7 +135,7 @@ SINEW_INLINE void sum(const SumArguments& a) {
       }
     }
     const Vec3Of<Float8> arm = loadTriples(a.at + 3 * std::uint64_t(i), count) - reference;
-    sums.addMomentum(mass, arm, loadTriples(r.v + 3 * std::uint64_t(i), count));
+    sums.addMomentum(mass, arm, loadTriples(r.v + 3 * std::uint64_t(i), count) - moving);
     sums.addMass(mass, arm);
   }
   sums.store(*a.sums);

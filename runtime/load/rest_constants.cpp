@@ -64,7 +64,11 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
   const auto clusters = package.clusters();
   const auto vertices = package.physicalVertices();
   result.masses.reserve(vertices.size());
-  for (const formats::PhysicalVertex& vertex : vertices) result.masses.push_back(vertex.mass);
+  double total = 0;
+  for (const formats::PhysicalVertex& vertex : vertices) total += double(vertex.mass);
+  for (const formats::PhysicalVertex& vertex : vertices) {
+    result.masses.push_back(float(double(vertex.mass) / total));
+  }
   result.blocks.resize((clusters.size() + 7) / 8, ClusterRestBlock{});
   for (ClusterRestBlock& block : result.blocks) std::fill(std::begin(block.radius), std::end(block.radius), 1.0F);
   std::vector<std::uint32_t> use_slots(package.memberships().size());  // as `uses`: 8 * member block + lane

@@ -38,9 +38,9 @@ struct RestConstants {
 
   MechanicsConstants mechanics;
   // The same for kernels.
-  std::vector<float> masses;               ///< by vertex, kg
-  std::vector<MemberBlock> members;        ///< cluster by cluster
-  std::vector<ClusterRestBlock> blocks;    ///< eight clusters each
+  std::vector<float> masses;             ///< by vertex, relative to the mass of all
+  std::vector<MemberBlock> members;      ///< cluster by cluster
+  std::vector<ClusterRestBlock> blocks;  ///< eight clusters each
   std::vector<UseBlock> use_blocks;        ///< eight vertices each, part by part
   std::vector<std::uint32_t> use_offsets;  ///< rows of the use blocks
 

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 namespace sinew::internal {
@@ -34,15 +35,16 @@ MotionOf3 RigidMotion::forKernels() const {
 }
 
 RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector3d& reference)
-    : mass_(sums.mass), offset_(sums.first / sums.mass), inverse_inertia_(Eigen::Matrix3d::Zero()) {
+    : mass_(sums.mass), offset_(sums.first / sums.mass), inverse_inertia_(Eigen::Matrix3d::Zero()), gyration_(0) {
   center_ = reference + offset_;
   const Eigen::Matrix3d second = sums.second - sums.mass * offset_ * offset_.transpose();
+  gyration_ = std::sqrt(std::max(0.0, second.trace() / sums.mass));
   const Eigen::Matrix3d inertia = second.trace() * Eigen::Matrix3d::Identity() - second;
   const double scale = inertia.cwiseAbs().maxCoeff();
   if (!(scale > 0) || !std::isfinite(scale)) return;
   const Eigen::Matrix3d scaled = inertia / scale;
   // Well away from singular, as nearly every body is, the inverse comes from the cofactors.
-  constexpr double kWellConditioned = 1e-3, kLeastInertia = 1e-6;
+  constexpr double kWellConditioned = 1e-3, kLeastInertia = 1e-6, kLittleInertia = 1e-2;
   if (scaled.determinant() > kWellConditioned && scaled(0, 0) > kWellConditioned) {
     inverse_inertia_ = scaled.inverse() / scale;
     return;
@@ -51,6 +53,7 @@ RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector
   for (int k = 0; k < 3; ++k) {
     if (solver.eigenvalues()[k] < kLeastInertia) continue;
     const Eigen::Vector3d axis = solver.eigenvectors().col(k);
+    if (solver.eigenvalues()[k] < kLittleInertia) weak_axes_.col(k) = axis;
     inverse_inertia_ += axis * axis.transpose() / (scale * solver.eigenvalues()[k]);
   }
 }
@@ -60,6 +63,20 @@ RigidMotion RigidMotionSolver::motion(const Eigen::Vector3d& momentum, const Eig
   motion.center = center_;
   motion.velocity = momentum / mass_;
   motion.omega = inverse_inertia_ * (angular - offset_.cross(momentum));
+  return motion;
+}
+
+RigidMotion RigidMotionSolver::correction(const Eigen::Vector3d& momentum, const Eigen::Vector3d& angular,
+                                          double least_angular) const {
+  Eigen::Vector3d about = angular;
+  for (int k = 0; k < 3; ++k) {
+    const double weak = weak_axes_.col(k).dot(angular);
+    if (std::abs(weak) < least_angular) about -= weak * weak_axes_.col(k);
+  }
+  RigidMotion motion;
+  motion.center = center_;
+  motion.velocity = momentum / mass_;
+  motion.omega = inverse_inertia_ * about;
   return motion;
 }
 

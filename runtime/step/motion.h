@@ -39,10 +39,22 @@ class RigidMotionSolver {
   /// \param momentum, angular about the reference.
   RigidMotion motion(const Eigen::Vector3d& momentum, const Eigen::Vector3d& angular) const;
 
+  /// The motion to add so that momenta change by so much. \param angular about the part's own centre: about a fixed
+  /// point that of a fast part changes with the rounding of its centre. \param least_angular less of it about an axis
+  /// of little inertia counts as none: what is only rounding would turn a thin or unevenly heavy part fast.
+  RigidMotion correction(const Eigen::Vector3d& momentum, const Eigen::Vector3d& angular, double least_angular) const;
+
+  /// Centre of mass relative to the reference.
+  const Eigen::Vector3d& offset() const { return offset_; }
+  /// Root mean square distance from the centre, metres.
+  double gyration() const { return gyration_; }
+
  private:
   double mass_;
   Eigen::Vector3d offset_, center_;
   Eigen::Matrix3d inverse_inertia_;
+  double gyration_;
+  Eigen::Matrix3d weak_axes_ = Eigen::Matrix3d::Zero();  // columns; zero where an axis has enough inertia
 };
 
 }  // namespace sinew::internal

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <numbers>
 
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/match.h"
@@ -25,6 +26,21 @@ constexpr double kAnchorMass = 10;
 
 // A turn within one pass that the rounding of a match may cause, radians.
 constexpr double kRoundingTurn = 2e-7;
+
+// A turn of a part within one pass from which its momentum is set right twice, radians.
+constexpr double kLargeTurn = 0.1;
+
+// A step is divided no finer than this, s: floats do not resolve what a shorter pass moves.
+constexpr float kShortestPass = 1e-5F;
+
+// Passes of this length or longer, s, are too few for clusters to pass a correction on to one another: a free part goes
+// back as one as soon as it is so far, in radii of gyration, from its rest shape. So does one of uneven masses.
+constexpr float kFewPasses = 0.02F;
+constexpr double kHardlyAstray = 0.005;
+
+// Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
+// clusters would creep back.
+constexpr double kFastestDamping = 40;
 
 // Bodies with at least so many chunks of vertices are worth several jobs; the others are a job each.
 constexpr std::size_t kLargeBody = 8;
@@ -62,13 +78,33 @@ class PhaseClock {
 class BodyStep {
  public:
   BodyStep(Body& body, const WorldSettings& settings, JobSystem* jobs, float pass_seconds, StepTimes* times)
-      : body_(body),
-        rest_(body.rest()),
-        settings_(settings),
-        jobs_(jobs),
-        h_(pass_seconds),
-        kept_(std::exp(-settings.deformation_damping * pass_seconds)),
-        clock_(times) {}
+      : body_(body), rest_(body.rest()), settings_(settings), jobs_(jobs), h_(pass_seconds), clock_(times) {}
+
+  // Sums of a pass are taken about a point that moves with its part, so that neither distance nor speed costs them
+  // digits: here from what a step finds, so that a restored state goes on as the saved one did.
+  void findCenters() {
+    forChunks([&](VertexChunk& chunk) {
+      chunk.center = {};
+      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
+        if (!stateIsUsable(body_.x[i], body_.v[i])) continue;
+        const double m = double(rest_.masses[i]);
+        chunk.center[0] += m;
+        for (std::size_t k = 0; k < 3; ++k) {
+          chunk.center[1 + k] += m * double(body_.x[i][k]);
+          chunk.center[4 + k] += m * double(body_.v[i][k]);
+        }
+      }
+    });
+    for (Part& part : body_.parts) {
+      std::array<double, 7> sum = {};
+      for (std::uint32_t i = 0; i < part.chunk_count; ++i) {
+        for (std::size_t k = 0; k < 7; ++k) sum[k] += body_.chunks[part.first_chunk + i].center[k];
+      }
+      if (!(sum[0] > 0)) continue;  // all lost: where the part was
+      part.reference = Eigen::Vector3d(sum[1], sum[2], sum[3]) / sum[0];
+      part.moving = Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0];
+    }
+  }
 
   void pass(std::uint32_t passes_left) {
     predict();
@@ -95,9 +131,6 @@ class BodyStep {
       if (body_.rows.empty()) {
         forBlocks([&](std::uint32_t b) { matchAndAsk(b); });
       } else {
-        for (const Part& part : body_.parts) {
-          updatePartRotation(body_.package(), part.first_cluster, part.cluster_count, body_.blocks);
-        }
         forBlocks([&](std::uint32_t b) { matchBlock(body_, b, h_); });
         clock_.finish(kMatch);
         // Solve: impulses that make the goals satisfy the rows.
@@ -136,8 +169,11 @@ class BodyStep {
   VertexRange vertexRange(const VertexChunk& chunk) {
     return {chunk.begin, chunk.end, body_.x.data()->data(), body_.v.data()->data(), y(), rest_.masses.data()};
   }
-  static void setReference(const Part& part, float (&reference)[3]) {
-    for (int k = 0; k < 3; ++k) reference[k] = float(part.reference[k]);
+  static void setReference(const Part& part, float (&reference)[3], float (&moving)[3]) {
+    for (int k = 0; k < 3; ++k) {
+      reference[k] = float(part.reference[k]);
+      moving[k] = float(part.moving[k]);
+    }
   }
 
   float* slots() { return body_.slots.data()->data(); }
@@ -154,21 +190,19 @@ class BodyStep {
 
   // Predict: velocities and positions as if every vertex were alone.
   void predict() {
-    for (Part& part : body_.parts) {
-      if (part.cluster_count > 0) {
-        const ClusterBlock& block = body_.blocks[part.first_cluster / 8];
-        const std::uint32_t lane = part.first_cluster % 8;
-        part.reference = {double(block.center[0][lane]), double(block.center[1][lane]), double(block.center[2][lane])};
-      }
-    }
     const float kept = std::exp(-settings_.damping * h_);
+    // Sums are taken about a point that moves with the part, so that neither distance nor speed costs them digits.
+    for (Part& part : body_.parts) {
+      part.moving = double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>());
+      part.reference += double(h_) * part.moving;
+    }
     forChunks([&](VertexChunk& chunk) {
       PredictArguments a{};
       a.vertices = vertexRange(chunk);
       a.h = h_;
       a.kept = kept;
       for (std::size_t k = 0; k < 3; ++k) a.kick[k] = h_ * settings_.gravity[k];
-      setReference(body_.parts[chunk.part], a.reference);
+      setReference(body_.parts[chunk.part], a.reference, a.moving);
       a.repair = [](void* context, std::uint32_t vertex) {
         Body& body = *static_cast<Body*>(context);
         asVector(body.x[vertex]) = body.blendedGoal(vertex);
@@ -193,7 +227,30 @@ class BodyStep {
     if (settings_.ground.enabled) addGroundRows(body_, settings_.ground, h_);
     addPickRows(body_, h_);
     if (body_.rows.empty()) return;
+    for (const Part& part : body_.parts) findPose(part);
+    bool astray = false;
+    for (const ClusterBlock& block : body_.blocks) {
+      for (const std::int32_t one : block.astray) astray |= one != 0;
+    }
+    if (astray) {
+      // A part that goes back as one does not answer forces in this pass. What is held may be held out of shape: there
+      // the clusters answer, each for itself; vertices stay above the ground without rows.
+      const auto is_held = [](const Row& row) { return row.kind == RowKind::hold; };
+      if (std::any_of(body_.rows.begin(), body_.rows.end(), is_held)) {
+        for (ClusterBlock& block : body_.blocks) std::fill(std::begin(block.astray), std::end(block.astray), 0);
+      } else {
+        for (const Row& row : body_.rows) body_.force[row.index] = {};
+        body_.rows.clear();
+        return;
+      }
+    }
+    bringNear(body_, h_);
     warmStartRows(body_);
+  }
+
+  void findPose(const Part& part, double far = kAstray) {
+    updatePartPose(body_.package(), rest_, body_.stiffness->clusters, part.first_cluster, part.cluster_count,
+                   body_.blocks, far);
   }
 
   bool partIsHeld(const Part& part) const {
@@ -206,19 +263,22 @@ class BodyStep {
     });
   }
 
-  // Clusters that have lost their orientation want the part's, which takes all moments of the part: once more for them.
+  // Clusters that have lost their orientation or are torn want the pose of their part, which takes all moments of the
+  // part: once more for them.
   void recoverLost() {
     for (const Part& part : body_.parts) {
       bool lost = false;
       for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
-        lost |= body_.blocks[c / 8].lost[c % 8] != 0;
+        const ClusterBlock& block = body_.blocks[c / 8];
+        lost |= block.lost[c % 8] != 0 || block.limited[c % 8] != 0;
       }
-      if (!lost) continue;
-      updatePartRotation(body_.package(), part.first_cluster, part.cluster_count, body_.blocks);
-      for (std::uint32_t b = part.first_cluster / 8; b <= (part.first_cluster + part.cluster_count - 1) / 8; ++b) {
-        moments(b);  // goals have taken the place of what moments left in the slots
-        matchAndAsk(b);
-      }
+      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven);
+      if (!lost && !as_one) continue;
+      const std::uint32_t first = part.first_cluster / 8, last = (part.first_cluster + part.cluster_count - 1) / 8;
+      // Goals have taken the place of what moments left in the slots; and the pose moves centres.
+      for (std::uint32_t b = first; b <= last; ++b) moments(b);
+      findPose(part, as_one ? kHardlyAstray : kAstray);
+      for (std::uint32_t b = first; b <= last; ++b) matchAndAsk(b);
     }
   }
 
@@ -238,7 +298,7 @@ class BodyStep {
       for (std::size_t k = 0; k < 3; ++k) a.normal[k] = settings_.ground.normal[k];
       a.offset = settings_.ground.offset;
       a.recovery = recoveryHeight(diagonal, h_);
-      setReference(part, a.reference);
+      setReference(part, a.reference, a.moving);
       a.sums = part.free ? &chunk.sums : nullptr;
       kernel_.apply(a);
     });
@@ -253,9 +313,25 @@ class BodyStep {
     a.force = body_.force.data()->data();
     a.anchored = body_.pinned.data();
     a.anchor_mass = anchor_mass;
-    setReference(body_.parts[chunk.part], a.reference);
+    setReference(body_.parts[chunk.part], a.reference, a.moving);
     a.sums = &chunk.sums;
     kernel_.sum(a);
+  }
+
+  static void add(RigidMotion& motion, const RigidMotion& more) {
+    motion.velocity += more.velocity;
+    motion.omega += more.omega;
+  }
+
+  // What a free part's motion lacks of the momentum that it had before the match.
+  static RigidMotion defect(const Part& part, const MotionSums& now, const RigidMotionSolver& solver) {
+    const Eigen::Vector3d momentum = part.before.momentum - now.momentum;
+    // The match leaves the centre of mass where it is but for rounding: momenta about it are compared.
+    const Eigen::Vector3d angular = (part.before.angular - solver.offset().cross(part.before.momentum)) -
+                                    (now.angular - solver.offset().cross(now.momentum));
+    // Speeds are rounded, so the momentum about the centre is uncertain by this much.
+    const double rounding = 2 * 0x1p-23 * now.mass * part.moving.norm() * solver.gyration();
+    return solver.correction(momentum, angular, rounding);
   }
 
   // Deformation damping about the rigid motion of each part. A part that is held or stands on something has the rigid
@@ -269,36 +345,47 @@ class BodyStep {
         if (!part.free) sumMotion(chunk, body_.y, float(kAnchorMass * partMass(part)));
       });
     }
+    const double kept_turning = std::exp(-double(settings_.support_damping) * double(h_));
     bool any_limited = false;
     for (Part& part : body_.parts) {
       const MotionSums now = partSums(part);
       const RigidMotionSolver solver(now, part.reference);
       part.found = part.wanted = solver.motion(now.momentum, now.angular);
       if (part.free) {
-        part.wanted = solver.motion(part.before.momentum, part.before.angular);
+        add(part.wanted, defect(part, now, solver));
       } else {
-        part.wanted.omega *= double(kept_);  // soft things do not roll or swing for ever: turning on a support flexes
+        part.wanted.omega *= kept_turning;  // soft things do not roll or swing for ever: turning on a support flexes
       }
-      part.limited = false;
+      part.found.velocity += part.moving;
+      part.wanted.velocity += part.moving;
+      // A turn of this size moves the arms that the sums were taken with.
+      part.limited = std::max(part.found.omega.norm(), part.wanted.omega.norm()) * double(h_) > kLargeTurn;
       for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
         part.limited |= body_.blocks[c / 8].limited[c % 8] != 0;
       }
       any_limited |= part.limited && part.free;
     }
     forChunks([&](VertexChunk& chunk) { settle(chunk); });
-    if (!any_limited) return;
-    // The inelastic stop took a different part of each vertex's motion; give a free part back what it lost as a whole.
+    if (any_limited) restoreMomentum();
+    for (Part& part : body_.parts) {
+      part.reference = part.found.center;
+      part.moving = part.wanted.velocity;
+    }
+  }
+
+  // The inelastic stop took a different part of each vertex's motion, and a large turn moved the arms: gives free parts
+  // back what they lost as a whole.
+  void restoreMomentum() {
     forChunks([&](VertexChunk& chunk) { sumMotion(chunk, body_.x, 0.0F); });
     for (Part& part : body_.parts) {
       part.limited &= part.free;
       if (!part.limited) continue;
       const MotionSums now = partSums(part);
-      part.wanted = RigidMotionSolver(now, part.reference)
-                        .motion(part.before.momentum - now.momentum, part.before.angular - now.angular);
+      part.lacking = defect(part, now, RigidMotionSolver(now, part.reference));
     }
     forChunks([&](VertexChunk& chunk) {
       const Part& part = body_.parts[chunk.part];
-      if (part.limited) kernel_.add_motion({vertexRange(chunk), part.wanted.forKernels()});
+      if (part.limited) kernel_.add_motion({vertexRange(chunk), part.lacking.forKernels()});
     });
   }
 
@@ -308,7 +395,9 @@ class BodyStep {
     a.vertices = vertexRange(chunk);
     a.h = h_;
     a.free = part.free;
-    a.kept = kept_;
+    const double rate =
+        std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
+    a.kept = float(std::exp(-rate * double(h_)));
     RigidMotion moved_as = part.wanted;
     // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
     if ((part.wanted.omega - part.found.omega).norm() * double(h_) > kRoundingTurn) moved_as.omega = part.found.omega;
@@ -332,19 +421,20 @@ class BodyStep {
 
   bool isHeld() const { return !body_.rows.empty() || !body_.fits.empty(); }
 
+  // Relative to all vertices of the body, as in the sums.
   double partMass(const Part& part) const {
     double mass = 0;
     for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
       mass += double(body_.package().clusters()[c].mass);
     }
-    return mass;
+    return mass / double(body_.package().info().total_mass);
   }
 
   Body& body_;
   const RestConstants& rest_;
   const WorldSettings& settings_;
   JobSystem* jobs_;
-  const float h_, kept_;
+  const float h_;
   PhaseClock clock_;
   const Kernels& kernel_ = kernels();
 };
@@ -372,6 +462,7 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
     body.responses.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
+  step.findCenters();
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();
@@ -410,7 +501,8 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
 void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, float seconds,
                StepTimes* times) {
   if (times != nullptr) times->fill(0);
-  const std::uint32_t passes = std::clamp(settings.iterations, 1U, 16U);
+  const std::uint32_t asked = std::clamp(settings.iterations, 1U, 16U);
+  const std::uint32_t passes = std::clamp(std::uint32_t(std::min(16.0F, seconds / kShortestPass)), 1U, asked);
   const float h = seconds / float(passes);
   growScratch(bodies, scratch, settings, jobs);
   for (const BodyPointer& body : bodies) {

@@ -3,12 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "runtime/clusters/goal.h"
 #include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
+
+// Heaviest to lightest vertex from which clusters hold on to one another too weakly: they do so through the vertices
+// they share, in proportion to their mass.
+constexpr float kUneven = 100;
 
 bool within(const Vec3& v, float limit) {
   return std::abs(v[0]) <= limit && std::abs(v[1]) <= limit && std::abs(v[2]) <= limit;  // false for NaN
@@ -17,6 +22,27 @@ bool within(const Vec3& v, float limit) {
 }  // namespace
 
 bool stateIsUsable(const Vec3& x, const Vec3& v) { return within(x, kLargestPosition) && within(v, kLargestVelocity); }
+
+namespace {
+
+// The lowest frequency that clusters return with, Hz: 0 where none ever returns, infinite where all are rigid.
+double slowestFrequency(std::span<const formats::Cluster> clusters, double scale) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  double slowest = kNone;
+  bool deforms = false;
+  for (const formats::Cluster& cluster : clusters) {
+    if (cluster.mode == formats::ClusterMode::rigid) continue;
+    deforms = true;
+    const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+    for (const float hz :
+         {cluster.stretch_hz, quadratic ? cluster.bend_hz : 0.0F, quadratic ? cluster.twist_hz : 0.0F}) {
+      if (double(hz) * scale > 0) slowest = std::min(slowest, double(hz) * scale);
+    }
+  }
+  return deforms && slowest == kNone ? 0.0 : slowest;
+}
+
+}  // namespace
 
 Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
            std::pmr::memory_resource* memory)
@@ -50,6 +76,13 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
     part.first_chunk = std::uint32_t(chunks.size());
     part.first_cluster = range.first_cluster;
     part.cluster_count = range.cluster_count;
+    if (range.vertex_count > 0) {
+      const auto own = std::span(rest().masses).subspan(range.first_vertex, range.vertex_count);
+      const auto [light, heavy] = std::minmax_element(own.begin(), own.end());
+      part.uneven = *heavy > kUneven * *light;
+    }
+    part.slowest_hz = slowestFrequency(package().clusters().subspan(range.first_cluster, range.cluster_count),
+                                       double(settings.stiffness_scale));
     const std::uint32_t index = std::uint32_t(parts.size());
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
       const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
@@ -100,7 +133,9 @@ void Body::matchPositions() {
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b], slots.data()->data());
   }
-  for (const Part& part : parts) updatePartRotation(package(), part.first_cluster, part.cluster_count, blocks);
+  for (const Part& part : parts) {
+    updatePartPose(package(), rest(), loose.clusters, part.first_cluster, part.cluster_count, blocks);
+  }
   for (std::size_t b = 0; b < blocks.size(); ++b) kernel.match(rest().blocks[b], loose.blocks[b], blocks[b]);
 }
 

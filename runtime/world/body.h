@@ -65,7 +65,8 @@ struct VertexChunk {
   std::uint32_t begin, end;
   std::uint32_t first_use_block;  ///< into RestConstants::use_blocks
   std::uint32_t repaired = 0;
-  MotionLanes sums = {};  ///< scratch
+  std::array<double, 7> center = {};  ///< scratch: mass, Σ m x, Σ m v
+  MotionLanes sums = {};              ///< scratch
 };
 
 /// One separate part (BODY record) of a body, with what a pass finds of it.
@@ -73,9 +74,13 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< near the part; sums are taken about it
-  MotionSums before;                                    ///< of the predicted motion: its momentum is to stay
+  /// Centre of mass and its velocity (near them while the part is held): sums are taken about this moving point.
+  Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
+  MotionSums before;          ///< of the predicted motion: its momentum is to stay
+  RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
+  double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
+  bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };

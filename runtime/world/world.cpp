@@ -106,7 +106,9 @@ CheckedSettings checked(const WorldSettings& given) {
   check("gravity", finite(s.gravity), s.gravity, Vec3{0, 0, 0});
   check("iterations", s.iterations >= 1 && s.iterations <= 16, s.iterations, std::clamp(s.iterations, 1U, 16U));
   in_range("damping", s.damping);
-  in_range("deformation_damping", s.deformation_damping);
+  const float ratio = s.deformation_damping_ratio;
+  check("deformation_damping_ratio", ratio >= 0 && ratio <= 1, s.deformation_damping_ratio, ratio > 1 ? 1.0F : 0.0F);
+  in_range("support_damping", s.support_damping);
   in_range("ground.friction", s.ground.friction);
   if (s.ground.enabled) {
     const float length = asVector(s.ground.normal).norm();

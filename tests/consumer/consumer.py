@@ -6,8 +6,8 @@
 
 Configures SOURCE as the runtime-only preset does, installs into SCRATCH, builds tests/consumer/program and
 samples/hello_runtime and hello_runtime_c against find_package(sinew), runs them on PACKAGE, and looks at what headers
-they saw and what shared libraries they need. The shared library must be small and show its interface only; a
-foreign-function caller (ctypes_test.py) uses it as well.
+they saw and what shared libraries they need. The shared library must show its interface only; a foreign-function caller
+(ctypes_test.py) uses it as well.
 """
 import os
 import re
@@ -18,7 +18,6 @@ from pathlib import Path
 
 # The C and C++ runtime, and Sinew itself.
 ALLOWED_NEEDED = re.compile(r"^(libsinew_(formats|runtime)\.so|libstdc\+\+\.so|libm\.so|libgcc_s\.so|libc\.so|libpthread\.so|ld-linux)")
-LARGEST_LIBRARY = 250_000  # bytes, stripped
 FOREIGN_HEADER = re.compile(r"/(eigen3?|Eigen|xxhash\.h|tbb|oneapi|CLI|nlohmann|CGAL|assimp|opencv\d?|boost|GLFW|imgui)\b")
 
 
@@ -34,12 +33,10 @@ def needed_by(binary):
 
 
 def check_library(library, package):
-    """Size, what it needs and what it shows; then the C interface from Python."""
+    """What it needs and what it shows; then the C interface from Python. Prints its size."""
     stripped = library.parent / "stripped.so"
     run("strip", "-o", stripped, library)
     size = stripped.stat().st_size
-    if size > LARGEST_LIBRARY:
-        sys.exit(f"consumer: {library.name} has {size} bytes stripped, more than {LARGEST_LIBRARY}")
     for other in needed_by(library):
         if other.startswith("libsinew") or not ALLOWED_NEEDED.match(other):
             sys.exit(f"consumer: {library.name} needs {other}")

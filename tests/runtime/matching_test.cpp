@@ -184,7 +184,7 @@ TEST(Stiffness, ReturnHasTheAuthoredFrequencyAtAnySmallStep) {
     WorldSettings settings;
     settings.gravity = {0, 0, 0};
     settings.iterations = 1;
-    settings.damping = settings.deformation_damping = 0;
+    settings.damping = settings.deformation_damping_ratio = settings.support_damping = 0;
     World world(settings);
     const BodyId body = *world.addBody(boxAsset(box));
     std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());

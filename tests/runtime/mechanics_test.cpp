@@ -169,7 +169,7 @@ TEST(Elastic, ABarRingsAtTheFrequencyOfItsModulus) {
   for (const auto& v : content.physical_vertices) second += double(v.mass) * std::pow(double(v.rest_position[0]), 2);
   const double frequency = std::sqrt(1e5 * 0.04 / second) / (2 * std::numbers::pi);
   WorldSettings settings = weightless();
-  settings.damping = settings.deformation_damping = 0;
+  settings.damping = settings.deformation_damping_ratio = 0;
   World world(settings);
   const BodyId body = *world.addBody(makeAsset(content));
   std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
@@ -322,7 +322,7 @@ TEST(Damping, OfAClusterStopsItsRingingAndNotItsFlight) {
       m.stiffness = model;
       m.damping = damping;
       WorldSettings settings = weightless();
-      settings.damping = settings.deformation_damping = 0;
+      settings.damping = settings.deformation_damping_ratio = 0;
       World world(settings);
       const BodyId body = *world.addBody(makeAsset(withMechanics(box, m)));
       std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());

@@ -104,6 +104,7 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
       entry["reference"] = line.reference_name;
       entry["reference_value"] = number(line.reference);
       entry["times_cheaper"] = number(line.ratio);
+      entry["times_cheaper_spread"] = number(line.ratio_spread);
     }
     if (!line.limit.empty()) {
       entry["limit"] = line.limit;

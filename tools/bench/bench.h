@@ -31,10 +31,11 @@ struct BenchLine {
   double bound = 0;      ///< the machine's limit in the same unit; 0 = none
   double reference = 0;  ///< the other side of a comparison in the same unit; 0 = none
   std::string reference_name;
-  double ratio = 0;       ///< reference / value, from interleaved samples
-  std::string limit;      ///< what it is held to, in words; empty: shown only
-  double margin = 0;      ///< how far within the limit: >= 1 passes
-  unsigned attempts = 1;  ///< measurements made; the best one is shown
+  double ratio = 0;         ///< reference / value, from interleaved samples
+  double ratio_spread = 0;  ///< half the distance of the quartiles of the ratio, of the ratio
+  std::string limit;        ///< what it is held to, in words; empty: shown only
+  double margin = 0;        ///< how far within the limit: >= 1 passes
+  unsigned attempts = 1;    ///< measurements made; the best one is shown
   std::string note;
 
   std::optional<bool> passed() const {

@@ -74,7 +74,7 @@ void benchStep(const BenchContext& context) {
       const TimingPair pair = measurePair(timed(single), other, context.timing());
       BenchLine line = stepLine(context, body, pair.first);
       line.name = std::string("quadratic, 1 iteration, Bullet ") + (moving ? "falling and turning" : "at rest");
-      line.spread = pair.spread;
+      line.ratio_spread = pair.spread;
       line.reference_name = "Bullet " + benchmarks::BulletSoftBody::version();
       line.reference = 1e9 * pair.second.seconds / bullet.vertices();
       line.ratio = pair.ratio * body.vertices / bullet.vertices();

@@ -94,6 +94,8 @@ KernelBody::KernelBody(const formats::PackageView& package, float kept)
     for (std::size_t k = 0; k < 45; ++k) stiffness_[c / kLanes].s[k][lane] = s[k];
     stiffness_[c / kLanes].alpha[lane] = 1;
     stiffness_[c / kLanes].deforms[lane] = kept > 0 ? -1 : 0;
+    stiffness_[c / kLanes].least[lane] = internal::kLeastStretch;
+    stiffness_[c / kLanes].largest[lane] = internal::kLargestStretch;
   }
   const std::uint32_t nothing = std::uint32_t(members_.size() * 4 * kLanes);
   slots_.resize(nothing + 4);
@@ -123,7 +125,8 @@ void KernelBody::setPositions(std::span<const Vec3> y) {
 }
 
 void KernelBody::moments(const internal::Kernels& kernels) {
-  for (std::size_t b = 0; b < rest_.size(); ++b) kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
+  for (std::size_t b = 0; b < rest_.size(); ++b)
+    kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
 }
 
 void KernelBody::match(const internal::Kernels& kernels) {

@@ -228,17 +228,14 @@ MachineLimits measureMachine(bool quick) {
 }
 
 double measureSecondCore() {
-  const Width width = widths().front();
+  static const Width width = widths().front();
   const auto work = [&](unsigned) {
-    float x = width.fma(1);
+    const float x = width.fma(1);
     keepAlive(&x);
   };
-  std::vector<double> ratios;
-  for (int i = 0; i < 7; ++i) {
-    const double one = together(1, 400, ClockKind::wall, work);
-    ratios.push_back(2 * one / together(2, 400, ClockKind::wall, work));
-  }
-  return quantile(ratios, 0.75);
+  constexpr unsigned kCalls = 100;
+  const double one = together(1, kCalls, ClockKind::wall, work);
+  return 2 * one / together(2, kCalls, ClockKind::wall, work);
 }
 
 }  // namespace sinew::tools

@@ -38,8 +38,8 @@ struct MachineLimits {
 /// Measures for about half a second (`quick`: a tenth).
 MachineLimits measureMachine(bool quick);
 
-/// How many times two threads do the work of one in the same wall time right now, on arithmetic that shares nothing:
-/// what is left of the second core while others use the machine. 2 on an idle one.
+/// How many times two threads do the work of one in the same wall time at this moment, on half a millisecond of
+/// arithmetic that shares nothing: what others leave of the second core. 2 on an idle machine.
 double measureSecondCore();
 
 }  // namespace sinew::tools

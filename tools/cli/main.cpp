@@ -37,7 +37,7 @@ int main(int argument_count, char** arguments) {
   int exit_code = int(ExitCode::done);
   for (auto* add : {sinew::tools::addBakeVerb, sinew::tools::addCheckVerb, sinew::tools::addInspectVerb,
                     sinew::tools::addSimulateVerb, sinew::tools::addRenderVerb, sinew::tools::addViewVerb,
-                    sinew::tools::addBenchVerb, sinew::tools::addHelpVerb}) {
+                    sinew::tools::addBenchVerb, sinew::tools::addStudyVerb, sinew::tools::addHelpVerb}) {
     add(app, exit_code);
   }
   try {

@@ -14,6 +14,7 @@ void addSimulateVerb(CLI::App& app, int& exit_code);
 void addRenderVerb(CLI::App& app, int& exit_code);
 void addViewVerb(CLI::App& app, int& exit_code);
 void addBenchVerb(CLI::App& app, int& exit_code);
+void addStudyVerb(CLI::App& app, int& exit_code);
 void addHelpVerb(CLI::App& app, int& exit_code);
 
 }  // namespace sinew::tools

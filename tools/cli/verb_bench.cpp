@@ -37,7 +37,8 @@ void printLine(const BenchLine& line) {
   if (line.spread > 0) std::printf(" +-%.0f %%", 100 * line.spread);
   if (line.bound > 0) std::printf(", %.2f x its bound of %.3g", line.value / line.bound, line.bound);
   if (!line.reference_name.empty()) {
-    std::printf(", %.2f x cheaper than %s (%.4g)", line.ratio, line.reference_name.c_str(), line.reference);
+    std::printf(", %.2f x +-%.0f %% cheaper than %s (%.4g)", line.ratio, 100 * line.ratio_spread,
+                line.reference_name.c_str(), line.reference);
   }
   if (!line.limit.empty()) {
     const auto passed = line.passed();

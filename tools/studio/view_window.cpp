@@ -245,7 +245,7 @@ class View {
       const WorldSettings& world = scene_->world().settings();
       iterations_ = static_cast<int>(world.iterations);
       damping_ = world.damping;
-      deformation_damping_ = world.deformation_damping;
+      deformation_damping_ = world.deformation_damping_ratio;
       gravity_ = 1;
     }
     applySettings();
@@ -259,7 +259,7 @@ class View {
     for (std::size_t k = 0; k < 3; ++k) world.gravity[k] = base_gravity_[k] * gravity_;
     world.iterations = static_cast<std::uint32_t>(iterations_);
     world.damping = damping_;
-    world.deformation_damping = deformation_damping_;
+    world.deformation_damping_ratio = deformation_damping_;
   }
 
   void fit() {
@@ -464,7 +464,7 @@ class View {
     changed |= ImGui::SliderInt("iterations", &iterations_, 1, 16);
     changed |= ImGui::SliderFloat("air damping", &damping_, 0, 10, "%.2f /s", ImGuiSliderFlags_Logarithmic);
     changed |=
-        ImGui::SliderFloat("inner friction", &deformation_damping_, 0, 50, "%.2f /s", ImGuiSliderFlags_Logarithmic);
+        ImGui::SliderFloat("inner friction", &deformation_damping_, 0, 1, "%.2f of critical");
     if (changed) applySettings();
     ImGui::SliderFloat("stiffness", &stiffness_, 0.05F, 20, "%.2f x", ImGuiSliderFlags_Logarithmic);
     if (ImGui::IsItemDeactivatedAfterEdit()) startScene(scene_->options().kind);

@@ -131,14 +131,15 @@ SINEW_API void sinew_world_options_init(sinew_world_options* options, size_t str
 /* Settings of a world; may be changed between two steps. */
 typedef struct sinew_world_settings {
   uint32_t struct_size;
-  float gravity[3];          /* m/s^2; 0 -9.81 0 */
-  uint32_t ground_enabled;   /* 0 or 1; 0 */
-  float ground_normal[3];    /* unit; 0 1 0 */
-  float ground_offset;       /* points with normal . x < offset are inside, m; 0 */
-  float ground_friction;     /* Coulomb coefficient, 0..; 0.6 */
-  uint32_t iterations;       /* passes a step is divided into, 1..16; 4 */
-  float damping;             /* by the air, 1/s, 0..1e4; 0.2 */
-  float deformation_damping; /* of what is not rigid motion, 1/s, 0..1e4; 4 */
+  float gravity[3];                /* m/s^2; 0 -9.81 0 */
+  uint32_t ground_enabled;         /* 0 or 1; 0 */
+  float ground_normal[3];          /* unit; 0 1 0 */
+  float ground_offset;             /* points with normal . x < offset are inside, m; 0 */
+  float ground_friction;           /* Coulomb coefficient, 0..; 0.6 */
+  uint32_t iterations;             /* passes a step is divided into, 1..16; 4 */
+  float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
+  float deformation_damping_ratio; /* of what is not rigid motion, to critical damping, 0..1; 0.3 */
+  float support_damping;           /* of turning on supports, 1/s, 0..1e4; 4 */
 } sinew_world_settings;
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <cstdio>
+#include <iostream>
+
+#include "tools/cli/options.h"
+#include "tools/cli/verb.h"
+#include "tools/core/atomic_file.h"
+#include "tools/core/progress.h"
+#include "tools/study/sag.h"
+#include "tools/study/stability.h"
+
+namespace sinew::tools {
+namespace {
+
+void addStability(CLI::App& study, int& exit_code) {
+  struct Command {
+    StabilityOptions options;
+    std::string picture;
+    bool json = false, all = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand(
+      "stability",
+      "Bodies from states no game should reach: finite, no energy gained, back in shape (docs/stability.md)");
+  verb->add_flag("--quick", command->options.quick, "Every pair of levels once; else every triple and more (minutes)");
+  verb->add_option("--only", command->options.only,
+                   "Only cells whose description has all these words, as \"start=point step=1\"")
+      ->type_name("WORDS");
+  verb->add_option("--picture", command->picture, "Write the matrix as a picture")->type_name("FILE.png");
+  verb->add_option("--threads", command->options.threads, "Threads; 0 = all")->check(CLI::Range(0, 1024));
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->add_flag("--all", command->all, "With --json: every cell, not only the worst");
+  verb->callback([command, &exit_code] {
+    if (!command->picture.empty()) requireWritable(command->picture);
+    Progress progress(!command->json);
+    progress.stage("stability");
+    command->options.progress = [&](std::size_t done, std::size_t of) { progress.fraction(double(done) / double(of)); };
+    const std::vector<StabilityResult> results = runStability(command->options);
+    progress.finish();
+    if (results.empty()) {
+      throw ToolError(ExitCode::usage, "", "no cell of the matrix has all of: " + command->options.only,
+                      "Words look like start=point, step=1/60, body=ring.");
+    }
+    if (!command->picture.empty()) writePng(stabilityPicture(results), command->picture);
+    if (command->json) {
+      std::cout << stabilityJson(results, command->options.quick, command->all).dump(2) << "\n";
+    } else {
+      std::cout << stabilityText(results);
+    }
+    bool passed = true;
+    for (const StabilityResult& result : results) passed = passed && result.passed();
+    exit_code = int(passed ? ExitCode::done : ExitCode::findings);
+  });
+}
+
+void addSag(CLI::App& study, int& exit_code) {
+  struct Command {
+    double seconds = 8;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand("sag", "A beam held by a wall: its sag by step, passes, vertices and clusters");
+  verb->add_option("--seconds", command->seconds, "Simulated time of each beam")->check(CLI::Range(2.0, 60.0));
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    Progress progress(!command->json);
+    progress.stage("sag");
+    const std::vector<SagCase> cases = sagCases();
+    std::vector<SagResult> results;
+    for (const SagCase& one : cases) {
+      results.push_back(measureSag(one, command->seconds));
+      progress.fraction(double(results.size()) / double(cases.size()));
+    }
+    progress.finish();
+    if (command->json) {
+      std::cout << sagJson(results).dump(2) << "\n";
+    } else {
+      std::cout << sagText(results);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
+}  // namespace
+
+void addStudyVerb(CLI::App& app, int& exit_code) {
+  CLI::App* study = app.add_subcommand("study", "Measure the method itself");
+  study->require_subcommand(1);
+  addStability(*study, exit_code);
+  addSag(*study, exit_code);
+}
+
+}  // namespace sinew::tools

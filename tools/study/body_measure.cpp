@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/study/body_measure.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+Matrix3d nearestRotation(const Matrix3d& a) {
+  const double scale = a.cwiseAbs().maxCoeff();
+  if (!(scale > 0) || !std::isfinite(scale)) return Matrix3d::Identity();
+  const Eigen::JacobiSVD<Matrix3d> svd(a / scale, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+  return svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+}
+
+// No direction mirrored, or stretched or squashed past the runtime's guard (docs/method.md eq. 10).
+Matrix3d clampedStretch(const Matrix3d& f) {
+  constexpr double kLeast = 0.1, kLargest = 3;
+  const Eigen::JacobiSVD<Matrix3d> svd(f, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Matrix3d u = svd.matrixU(), v = svd.matrixV();
+  Vector3d sigma = svd.singularValues();
+  if (u.determinant() * v.determinant() < 0) {
+    u.col(2) = -u.col(2);
+    sigma[2] = -sigma[2];
+  }
+  return u * sigma.cwiseMax(kLeast).cwiseMin(kLargest).asDiagonal() * v.transpose();
+}
+
+}  // namespace
+
+BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
+  const formats::PackageView& package = asset.package();
+  const auto vertices = package.physicalVertices();
+  const auto radius_of = [](const Vector3d& first, double second, double mass) {
+    return std::sqrt(std::max(0.0, second / mass - (first / mass).squaredNorm()));
+  };
+  Vector3d first = Vector3d::Zero();
+  double second = 0, mass = 0;
+  const Vector3d reference = wide(vertices.front().rest_position);
+  for (const formats::PhysicalVertex& vertex : vertices) {
+    const Vector3d d = wide(vertex.rest_position) - reference;
+    mass += double(vertex.mass);
+    first += double(vertex.mass) * d;
+    second += double(vertex.mass) * d.squaredNorm();
+  }
+  const double body_radius = radius_of(first, second, mass);
+  slowest_hz_ = std::numeric_limits<double>::infinity();
+  for (const formats::Cluster& cluster : package.clusters()) {
+    ClusterData data;
+    data.columns = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
+    data.a_qq.setZero();
+    data.moment.setZero();
+    if (data.columns == 9) {
+      std::size_t n = 0;
+      for (int row = 0; row < 9; ++row) {
+        for (int column = 0; column <= row; ++column) {
+          data.a_qq(row, column) = data.a_qq(column, row) =
+              double(package.quadraticMoments()[cluster.quadratic].a_qq[n++]);
+        }
+      }
+    } else {
+      const auto& a = cluster.a_qq;
+      data.a_qq.topLeftCorner<3, 3>() << double(a[0]), double(a[3]), double(a[5]), double(a[3]), double(a[1]),
+          double(a[4]), double(a[5]), double(a[4]), double(a[2]);
+    }
+    Eigen::Matrix<double, 9, 1> mean = Eigen::Matrix<double, 9, 1>::Zero();
+    const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+    for (const formats::Membership& member : members) {
+      const Vector3d q =
+          (wide(vertices[member.vertex].rest_position) - wide(cluster.rest_center)) / double(cluster.radius);
+      Eigen::Matrix<double, 9, 1> m;
+      m << q, q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
+      data.monomials.push_back(m);
+      mean += double(member.mu) * m;
+    }
+    double spread = 0;
+    for (std::size_t k = 0; k < members.size(); ++k) {
+      data.monomials[k] -= mean;
+      data.moment += double(members[k].mu) * data.monomials[k].head<3>() * data.monomials[k].transpose();
+      spread += double(members[k].mu) * data.monomials[k].head<3>().squaredNorm();
+    }
+    if (cluster.mode != formats::ClusterMode::rigid) {
+      // Frequencies are those of the whole body; a smaller cluster rings higher (docs/method.md §4).
+      const double radius = double(cluster.radius) * std::sqrt(spread);
+      const double ratio = radius > 0 ? std::max(1.0, body_radius / radius) : 1.0;
+      const double hz = double(cluster.stretch_hz) * stiffness_scale;
+      data.omega = 2 * std::numbers::pi * hz * ratio;
+      slowest_hz_ = std::min(slowest_hz_, hz);
+      fastest_omega_ = std::max(fastest_omega_, data.omega);
+    } else {
+      data.a_qq.setZero();
+    }
+    clusters_.push_back(std::move(data));
+  }
+}
+
+bool BodyMeasure::finite(const World& world, BodyId body) {
+  // A sum of finite numbers below 1e30 is finite; one that is not makes it so.
+  double sum = 0;
+  for (const Vec3& x : world.positions(body)) sum += double(x[0]) + double(x[1]) + double(x[2]);
+  for (const Vec3& v : world.velocities(body)) sum += double(v[0]) + double(v[1]) + double(v[2]);
+  return std::isfinite(sum);
+}
+
+BodyMotion BodyMeasure::motion(const World& world, BodyId body) const {
+  BodyMotion m;
+  const auto vertices = asset_->package().physicalVertices();
+  const auto x = world.positions(body), v = world.velocities(body);
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const double mass = double(vertices[i].mass);
+    m.mass += mass;
+    m.center += mass * wide(x[i]);
+    m.momentum += mass * wide(v[i]);
+    m.momentum_scale += mass * wide(v[i]).norm();
+    m.reach = std::max(m.reach, wide(x[i]).cwiseAbs().maxCoeff());
+    m.fastest = std::max(m.fastest, wide(v[i]).norm());
+  }
+  m.center /= m.mass;
+  const Vector3d mean = m.momentum / m.mass;
+  Matrix3d second = Matrix3d::Zero();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const double mass = double(vertices[i].mass);
+    const Vector3d d = wide(x[i]) - m.center, u = wide(v[i]) - mean;
+    m.angular += mass * d.cross(u);
+    m.angular_scale += mass * d.norm() * wide(v[i]).norm();
+    m.kinetic += 0.5 * mass * u.squaredNorm();
+    second += mass * d * d.transpose();
+    m.extent = std::max(m.extent, d.norm());
+  }
+  const Matrix3d inertia = second.trace() * Matrix3d::Identity() - second;
+  const double scale = inertia.cwiseAbs().maxCoeff();
+  if (scale > 0 && std::isfinite(scale)) {
+    const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(inertia / scale);
+    Vector3d omega = Vector3d::Zero();
+    for (int k = 0; k < 3; ++k) {
+      if (solver.eigenvalues()[k] < 1e-6) continue;
+      const Vector3d axis = solver.eigenvectors().col(k);
+      omega += axis * axis.dot(m.angular) / (scale * solver.eigenvalues()[k]);
+    }
+    m.spin = omega.norm();
+  }
+  m.finite = std::isfinite(m.kinetic) && m.center.allFinite();
+  return m;
+}
+
+double BodyMeasure::restError(const World& world, BodyId body) const {
+  const auto vertices = asset_->package().physicalVertices();
+  const auto x = world.positions(body);
+  double mass = 0;
+  Vector3d c = Vector3d::Zero(), c0 = Vector3d::Zero();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    mass += double(vertices[i].mass);
+    c += double(vertices[i].mass) * wide(x[i]);
+    c0 += double(vertices[i].mass) * wide(vertices[i].rest_position);
+  }
+  c /= mass;
+  c0 /= mass;
+  Matrix3d a = Matrix3d::Zero();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    a += double(vertices[i].mass) * (wide(x[i]) - c) * (wide(vertices[i].rest_position) - c0).transpose();
+  }
+  const Matrix3d r = nearestRotation(a);
+  double worst = 0;
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    worst = std::max(worst, (wide(x[i]) - c - r * (wide(vertices[i].rest_position) - c0)).norm());
+  }
+  return worst / double(asset_->package().info().diagonal);
+}
+
+BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vec3> x) const {
+  const formats::PackageView& package = asset_->package();
+  const formats::Cluster& cluster = package.clusters()[index];
+  const ClusterData& data = clusters_[index];
+  const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+  Match result;
+  const Vector3d reference = wide(x[members.front().vertex]);
+  Vector3d offset = Vector3d::Zero();
+  for (const formats::Membership& member : members) {
+    offset += double(member.mu) * (wide(x[member.vertex]) - reference);
+  }
+  result.center = reference + offset;
+  Eigen::Matrix<double, 3, 9> a = Eigen::Matrix<double, 3, 9>::Zero();
+  for (std::size_t k = 0; k < members.size(); ++k) {
+    a += double(members[k].mu) * (wide(x[members[k].vertex]) - result.center) * data.monomials[k].transpose();
+  }
+  a /= double(cluster.radius);
+  result.rotation = nearestRotation(a.leftCols<3>());
+  result.deviation = a - result.rotation * data.moment;
+  return result;
+}
+
+double BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
+  const formats::PackageView& package = asset_->package();
+  const auto x = world.positions(body);
+  std::vector<Vector3d> goal(x.size(), Vector3d::Zero());
+  double elastic = 0;
+  for (std::size_t c = 0; c < clusters_.size(); ++c) {
+    const ClusterData& data = clusters_[c];
+    const formats::Cluster& cluster = package.clusters()[c];
+    const Match m = match(c, x);
+    const double phase = data.omega * pass_seconds;
+    const double stretch = (m.deviation * data.a_qq * m.deviation.transpose()).trace();
+    elastic += 0.5 * double(cluster.mass) * std::pow(data.omega * double(cluster.radius), 2) / (1 + phase * phase) *
+               std::max(stretch, 0.0);
+    Eigen::Matrix<double, 3, 9> f = m.deviation * data.a_qq;
+    f.leftCols<3>() += m.rotation;
+    if (data.omega > 0 || data.a_qq(0, 0) > 0) f.leftCols<3>() = clampedStretch(f.leftCols<3>());
+    const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+    for (std::size_t k = 0; k < members.size(); ++k) {
+      goal[members[k].vertex] +=
+          double(members[k].share) * (m.center + double(cluster.radius) * (f * data.monomials[k]));
+    }
+  }
+  double sum = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    sum += double(package.physicalVertices()[i].mass) * (wide(x[i]) - goal[i]).squaredNorm();
+  }
+  return elastic + sum / (2 * pass_seconds * pass_seconds);
+}
+
+}  // namespace sinew::tools

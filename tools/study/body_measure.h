@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What studies measure on a body, in double and independently of the runtime's own match.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "sinew/runtime/world.h"
+
+namespace sinew::tools {
+
+/// Sums over the physical vertices, about the centre of mass.
+struct BodyMotion {
+  double mass = 0;                                     ///< kg
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();    ///< metres
+  Eigen::Vector3d momentum = Eigen::Vector3d::Zero();  ///< kg m/s
+  Eigen::Vector3d angular = Eigen::Vector3d::Zero();   ///< about the centre, kg m^2/s
+  double momentum_scale = 0;                           ///< Σ m |v|: what rounding of the sums is relative to
+  double angular_scale = 0;                            ///< Σ m |x - center| |v|
+  double kinetic = 0;                                  ///< of the motion about the centre, J
+  double spin = 0;                                     ///< angular speed of the rigid part, rad/s
+  double reach = 0;                                    ///< largest coordinate, metres: what positions are rounded to
+  double fastest = 0;                                  ///< largest speed, m/s
+  double extent = 0;                                   ///< largest distance from the centre, metres
+  bool finite = true;
+};
+
+/// Measures one body; holds the constants of its rest shape.
+class BodyMeasure {
+ public:
+  /// \param scale BodySettings::stiffness_scale of the body.
+  BodyMeasure(const Asset& asset, double stiffness_scale);
+
+  static bool finite(const World& world, BodyId body);
+  BodyMotion motion(const World& world, BodyId body) const;
+
+  /// Largest distance of a vertex from the rest shape, best rigid motion (SVD) removed, in diagonals.
+  double restError(const World& world, BodyId body) const;
+
+  /// What matching can turn into motion, J: the elastic energy of the clusters, Σ_c ½ M ω_h² r² tr(D A_qq D^T) with
+  /// ω_h² = ω² / (1 + (ω h)²), since a pass of h releases no more, and of what is no deformation of the clusters
+  /// (neighbours that disagree, a reflection), Σ m |x - g|² / (2 h²), g the blended goals of proper matches.
+  double potential(const World& world, BodyId body, double pass_seconds) const;
+
+  /// The lowest frequency a cluster has, Hz; 0 where one has none; infinite where all are rigid.
+  double slowestHz() const { return slowest_hz_; }
+  /// The highest angular frequency of a cluster that is not rigid, rad/s.
+  double fastestOmega() const { return fastest_omega_; }
+
+ private:
+  struct ClusterData {
+    int columns = 3;
+    double omega = 0;                    ///< rad/s; 0 for rigid clusters
+    Eigen::Matrix<double, 9, 9> a_qq;    ///< upper left 3 x 3 unless quadratic
+    Eigen::Matrix<double, 3, 9> moment;  ///< of the rest shape
+    std::vector<Eigen::Matrix<double, 9, 1>> monomials;
+  };
+  struct Match {
+    Eigen::Vector3d center;
+    Eigen::Matrix3d rotation;
+    Eigen::Matrix<double, 3, 9> deviation;  ///< D = A_pq - R M
+  };
+  Match match(std::size_t cluster, std::span<const Vec3> positions) const;
+
+  const Asset* asset_;
+  std::vector<ClusterData> clusters_;
+  double slowest_hz_ = 0, fastest_omega_ = 0;
+};
+
+}  // namespace sinew::tools

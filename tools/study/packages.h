@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Packages that studies make in memory: good ones, and such as nobody would author.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sinew/formats/writer.h"
+#include "sinew/runtime/asset.h"
+
+namespace sinew::tools {
+
+/// The bodies that studies simulate.
+enum class StudyBody : std::uint8_t {
+  box,         ///< 1 m, 27 vertices, one cluster
+  box2,        ///< 1 m, 125 vertices, 2 x 2 x 2 overlapping clusters
+  box3,        ///< 1 m, 216 vertices, 3 x 3 x 3 overlapping clusters
+  bar,         ///< 4 x 0.4 x 0.4 m, 6 clusters along it
+  ring,        ///< a torus in 2 x 2 clusters, each shaped like a C
+  animal,      ///< a trunk with four legs and a head, clusters as a bake chooses them
+  one_vertex,  ///< a single vertex
+  two_vertices,
+  three_vertices,
+  line,        ///< 5 vertices on a line
+  plane,       ///< 16 vertices in a plane
+  coincident,  ///< a box whose every vertex is there twice
+  odd,         ///< a box in clusters of 1, 2 and 3 vertices, of a line, of a sheet, and one of all
+  tiny,        ///< box2 of 1e-6 m
+  huge,        ///< box2 of 1e6 m
+};
+inline constexpr std::size_t kStudyBodyCount = 15;
+
+std::string_view nameOf(StudyBody body);
+
+/// What may be asked of a study's package.
+struct StudyPackageOptions {
+  formats::ClusterMode mode = formats::ClusterMode::linear;
+  double frequency_hz = 1;  ///< of all classes of modes
+  double mass_ratio = 1;    ///< heaviest to lightest vertex, >= 1: vertices lie between, evenly over the logarithm
+};
+
+/// Made anew at each call; equal arguments give equal bytes. Degenerate clusters keep the mode that is asked for.
+std::shared_ptr<const Asset> studyPackage(StudyBody body, const StudyPackageOptions& options);
+
+/// A box of cells (five tetrahedra each) in a grid of overlapping clusters. \param size metres. \param jitter moves the
+/// inner vertices by at most this part of a cell.
+struct BoxBody {
+  std::array<int, 3> cells = {2, 2, 2};
+  std::array<double, 3> size = {1, 1, 1};
+  std::array<std::uint32_t, 3> clusters = {1, 1, 1};
+};
+std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOptions& options);
+
+/// A number in 0..1 that depends on its arguments alone: the studies' source of chance.
+double chance(std::uint64_t seed, std::uint64_t index);
+
+}  // namespace sinew::tools
