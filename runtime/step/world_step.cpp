@@ -395,8 +395,10 @@ class BodyStep {
     a.vertices = vertexRange(chunk);
     a.h = h_;
     a.free = part.free;
-    const double rate =
+    double rate =
         std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
+    // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
+    if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.kept = float(std::exp(-rate * double(h_)));
     RigidMotion moved_as = part.wanted;
     // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.

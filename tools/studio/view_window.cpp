@@ -463,8 +463,7 @@ class View {
     bool changed = ImGui::SliderFloat("gravity", &gravity_, 0, 3, "%.2f x");
     changed |= ImGui::SliderInt("iterations", &iterations_, 1, 16);
     changed |= ImGui::SliderFloat("air damping", &damping_, 0, 10, "%.2f /s", ImGuiSliderFlags_Logarithmic);
-    changed |=
-        ImGui::SliderFloat("inner friction", &deformation_damping_, 0, 1, "%.2f of critical");
+    changed |= ImGui::SliderFloat("inner friction", &deformation_damping_, 0, 1, "%.2f of critical");
     if (changed) applySettings();
     ImGui::SliderFloat("stiffness", &stiffness_, 0.05F, 20, "%.2f x", ImGuiSliderFlags_Logarithmic);
     if (ImGui::IsItemDeactivatedAfterEdit()) startScene(scene_->options().kind);
