@@ -305,46 +305,63 @@ void World::unpinAll(BodyId id) {
 
 Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vertices, const RigidTransform& at,
                                   PinMethod method) {
-  Body* body = impl_->find(id);
+  Body* body = impl_->find(id, "addPinSet");
   if (body == nullptr) return Error{"addPinSet: no such body"};
   if (!isProper(at)) return Error{"addPinSet: the transform is not finite, or its rotation not proper"};
   if (method > PinMethod::constrained_fit) return Error{"addPinSet: no such method"};
-  internal::PinSet set;
-  set.id = impl_->next_pin_set;
-  set.method = method;
-  set.at = set.target = at;
-  const auto weights = body->package().pinWeights();
-  for (const std::uint32_t vertex : vertices) {
-    if (vertex >= body->vertexCount()) return Error{"addPinSet: vertex " + std::to_string(vertex) + " does not exist"};
-    if (body->pinned[vertex] != 0) return Error{"addPinSet: vertex " + std::to_string(vertex) + " is pinned already"};
-    const float weight = weights.empty() ? 1.0F : weights[vertex];
-    if (weight > 0) set.vertices.push_back({vertex, weight});
-  }
-  std::sort(set.vertices.begin(), set.vertices.end(),
-            [](const internal::PinnedVertex& a, const internal::PinnedVertex& b) { return a.vertex < b.vertex; });
-  for (std::size_t i = 1; i < set.vertices.size(); ++i) {
-    if (set.vertices[i].vertex == set.vertices[i - 1].vertex) {
-      return Error{"addPinSet: vertex " + std::to_string(set.vertices[i].vertex) + " is given twice"};
+  return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
+    internal::PinSet set;
+    set.id = impl_->next_pin_set;
+    set.method = method;
+    set.at = set.target = at;
+    const auto weights = body->package().pinWeights();
+    for (const std::uint32_t vertex : vertices) {
+      if (vertex >= body->vertexCount())
+        return Error{"addPinSet: vertex " + std::to_string(vertex) + " does not exist"};
+      if (body->pinned[vertex] != 0) return Error{"addPinSet: vertex " + std::to_string(vertex) + " is pinned already"};
+      const float weight = weights.empty() ? 1.0F : weights[vertex];
+      if (weight > 0) set.vertices.push_back({vertex, weight});
     }
-  }
-  if (set.vertices.empty()) return Error{"addPinSet: no vertex with a pin weight above 0"};
-  internal::addPinSet(*body, std::move(set));
-  return PinSetId{impl_->next_pin_set++};
+    std::sort(set.vertices.begin(), set.vertices.end(),
+              [](const internal::PinnedVertex& a, const internal::PinnedVertex& b) { return a.vertex < b.vertex; });
+    for (std::size_t i = 1; i < set.vertices.size(); ++i) {
+      if (set.vertices[i].vertex == set.vertices[i - 1].vertex) {
+        return Error{"addPinSet: vertex " + std::to_string(set.vertices[i].vertex) + " is given twice"};
+      }
+    }
+    if (set.vertices.empty()) return Error{"addPinSet: no vertex with a pin weight above 0"};
+    internal::addPinSet(*body, std::move(set));
+    impl_->growScratch();
+    return PinSetId{impl_->next_pin_set++};
+  });
 }
 
 void World::movePinSet(PinSetId id, const RigidTransform& to) {
   const auto [body, index] = impl_->findPinSet(id);
-  if (body != nullptr && isProper(to)) body->pin_sets[index].target = to;
+  if (body == nullptr || !isProper(to)) {
+    impl_->tell(LogSeverity::error, body == nullptr ? "movePinSet: there is no such pin set"
+                                                    : "movePinSet: the transform is not finite and proper");
+    return;
+  }
+  body->pin_sets[index].target = to;
 }
 
 void World::removePinSet(PinSetId id) {
   const auto [body, index] = impl_->findPinSet(id);
-  if (body != nullptr) internal::removePinSet(*body, index);
+  if (body == nullptr) {
+    impl_->tell(LogSeverity::error, "removePinSet: there is no such pin set");
+    return;
+  }
+  impl_->guarded("removePinSet", false, [found = body, at = index] {
+    internal::removePinSet(*found, at);
+    return true;
+  });
 }
 
 PinReaction World::pinReaction(PinSetId id) const {
   const auto [body, index] = impl_->findPinSet(id);
   PinReaction reaction;
+  if (body == nullptr) impl_->tell(LogSeverity::error, "pinReaction: there is no such pin set");
   if (body == nullptr || body->pin_sets[index].passes == 0) return reaction;
   const internal::PinSet& set = body->pin_sets[index];
   const double passes = double(set.passes);
