@@ -154,18 +154,6 @@ TEST(State, MechanicsAndPinSetsGoOnBitForBit) {
   }
 }
 
-TEST(State, PinSetsTeleportAlong) {
-  World world(weightless());
-  const BodyId body = *world.addBody(boxAsset(softBox()));
-  const std::array<std::uint32_t, 4> corner = {0, 1, 5, 25};
-  ASSERT_TRUE(world.addPinSet(body, corner));
-  world.step(1.0F / 60);
-  world.teleport(body, {0, -1, 0, 1, 0, 0, 0, 0, 1}, {3, 0, 0});
-  run(world, 0.5);
-  EXPECT_LT(rmsSpeed(world, body), 1e-4);
-  EXPECT_LT(restError(world, body).max, 1e-4);
-}
-
 TEST(State, PicksComeBackWithTheirIdsUnlessTaken) {
   const auto asset = boxAsset(softBox());
   World world;
