@@ -141,6 +141,7 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.damping = s.damping;
   result.deformation_damping_ratio = s.deformation_damping_ratio;
   result.support_damping = s.support_damping;
+  result.measure_phases = s.measure_phases ? 1 : 0;
   return result;
 }
 
@@ -154,6 +155,7 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.damping = s.damping;
   result.deformation_damping_ratio = s.deformation_damping_ratio;
   result.support_damping = s.support_damping;
+  result.measure_phases = s.measure_phases != 0;
 }
 
 sinew_body_settings fromCpp(const sinew::BodySettings& s) {
@@ -188,6 +190,13 @@ sinew::VisualOutput toCpp(const sinew_visual_output& o) {
 }
 
 sinew::Vec3 vec3(const float* v) { return {v[0], v[1], v[2]}; }
+
+sinew::RigidTransform transform(const float* position, const float* rotation) {
+  sinew::RigidTransform result;
+  result.position = vec3(position);
+  std::copy(rotation, rotation + 9, result.rotation.begin());
+  return result;
+}
 
 struct SectionBytes {
   const void* data = nullptr;
@@ -598,6 +607,57 @@ sinew_status sinew_body_unpin(sinew_world* world, uint32_t body, uint32_t vertex
 
 sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body) {
   return onBody("sinew_body_unpin_all", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.unpinAll(id); });
+}
+
+sinew_status sinew_body_pin_set(sinew_world* world, uint32_t body, const uint32_t* vertices, uint32_t count,
+                                const float position[3], const float rotation[9], uint32_t method, uint32_t* pin_set) {
+  const bool given = vertices != nullptr && position != nullptr && rotation != nullptr && pin_set != nullptr;
+  sinew_status result = SINEW_OK;
+  const sinew_status status = onBody("sinew_body_pin_set", world, body, given, [&](sinew::World& w, sinew::BodyId id) {
+    const auto made = w.addPinSet(id, {vertices, count}, transform(position, rotation), sinew::PinMethod(method));
+    if (made) {
+      *pin_set = (*made).value;
+    } else {
+      result = fail(SINEW_ERROR_ARGUMENT, made.reason());
+    }
+  });
+  return status != SINEW_OK ? status : result;
+}
+
+sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const float position[3],
+                                const float rotation[9]) {
+  return onWorld("sinew_pin_set_move", world, position != nullptr && rotation != nullptr,
+                 [&](sinew::World& w) { w.movePinSet({pin_set}, transform(position, rotation)); });
+}
+
+sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set) {
+  return onWorld("sinew_pin_set_remove", world, true, [&](sinew::World& w) { w.removePinSet({pin_set}); });
+}
+
+sinew_status sinew_pin_set_reaction(const sinew_world* world, uint32_t pin_set, float force[3], float torque[3]) {
+  return onWorld("sinew_pin_set_reaction", world, force != nullptr && torque != nullptr, [&](const sinew::World& w) {
+    const sinew::PinReaction reaction = w.pinReaction({pin_set});
+    std::copy(reaction.force.begin(), reaction.force.end(), force);
+    std::copy(reaction.torque.begin(), reaction.torque.end(), torque);
+  });
+}
+
+sinew_status sinew_body_set_activation(sinew_world* world, uint32_t body, uint32_t channel, float value) {
+  bool found = true;
+  const sinew_status status =
+      onBody("sinew_body_set_activation", world, body, true,
+             [&](sinew::World& w, sinew::BodyId id) { found = w.setActivation(id, channel, value); });
+  if (status != SINEW_OK || found) return status;
+  return fail(SINEW_ERROR_ARGUMENT, "sinew_body_set_activation: the package has no such channel");
+}
+
+sinew_status sinew_body_set_activation_by_name(sinew_world* world, uint32_t body, const char* channel, float value) {
+  bool found = true;
+  const sinew_status status =
+      onBody("sinew_body_set_activation_by_name", world, body, channel != nullptr,
+             [&](sinew::World& w, sinew::BodyId id) { found = w.setActivation(id, std::string_view(channel), value); });
+  if (status != SINEW_OK || found) return status;
+  return fail(SINEW_ERROR_ARGUMENT, "sinew_body_set_activation_by_name: the package has no such channel");
 }
 
 sinew_status sinew_body_pick(sinew_world* world, uint32_t body, uint32_t visual_vertex, const float target[3],

@@ -31,6 +31,24 @@ void addRow(Body& body, std::uint32_t vertex, const Vector3& target, float weigh
   body.rows.push_back(row);
 }
 
+// A force on the body at a place, over the pass; the reaction on the owner is its opposite.
+void addForce(PinSet& set, const Vector3& force, const Vector3& place) {
+  const Eigen::Vector3d f = force.cast<double>();
+  set.force_sum -= f;
+  set.torque_sum -= (place - asVector(set.at.position)).cast<double>().cross(f);
+}
+
+}  // namespace
+
+RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransform& to, float part) {
+  if (part >= 1) return to;
+  RigidTransform result;
+  asVector(result.position) = asVector(from.position) + part * (asVector(to.position) - asVector(from.position));
+  const Eigen::Quaternionf a(Matrix3(asMatrix(from.rotation))), b(Matrix3(asMatrix(to.rotation)));
+  Eigen::Map<RowMatrix>(result.rotation.data()) = a.slerp(part, b).normalized().toRotationMatrix();
+  return result;
+}
+
 // Fits are remade as a whole: sets come and go rarely.
 void rebuildFits(Body& body) {
   struct Pinned {
@@ -60,24 +78,6 @@ void rebuildFits(Body& body) {
     body.fits.emplace_back(body.package(), cluster, pinned.method, std::move(pinned.points));
   }
   if (by_cluster.empty()) body.fit_of.clear();
-}
-
-// A force on the body at a place, over the pass; the reaction on the owner is its opposite.
-void addForce(PinSet& set, const Vector3& force, const Vector3& place) {
-  const Eigen::Vector3d f = force.cast<double>();
-  set.force_sum -= f;
-  set.torque_sum -= (place - asVector(set.at.position)).cast<double>().cross(f);
-}
-
-}  // namespace
-
-RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransform& to, float part) {
-  if (part >= 1) return to;
-  RigidTransform result;
-  asVector(result.position) = asVector(from.position) + part * (asVector(to.position) - asVector(from.position));
-  const Eigen::Quaternionf a(Matrix3(asMatrix(from.rotation))), b(Matrix3(asMatrix(to.rotation)));
-  Eigen::Map<RowMatrix>(result.rotation.data()) = a.slerp(part, b).normalized().toRotationMatrix();
-  return result;
 }
 
 void addPinSet(Body& body, PinSet set) {

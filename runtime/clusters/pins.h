@@ -16,6 +16,8 @@ RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransfor
 
 /// Adds a set to the body; the arguments are sound. Its vertices stay where they are in its transform.
 void addPinSet(Body& body, PinSet set);
+/// Makes Body::fits again from its sets, as they are.
+void rebuildFits(Body& body);
 /// Removes the set at an index.
 void removePinSet(Body& body, std::size_t index);
 

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <type_traits>
 
+#include "runtime/clusters/pins.h"
 #include "runtime/geometry/rotation.h"
 #include "runtime/world/world_impl.h"
 
@@ -29,9 +30,22 @@ struct StateHeader {
   std::uint32_t vertices, blocks, pins, picks;
   std::uint32_t history_positions, history_columns;
   std::uint32_t repaired;
-  std::uint32_t mechanics;  ///< floats of MechanicsState
+  std::uint32_t shapes, dampings, channels;  ///< of MechanicsState
+  std::uint32_t pin_sets, pinned_vertices;
+  std::uint32_t reserved;
 };
-static_assert(sizeof(StateHeader) == 56);
+static_assert(sizeof(StateHeader) == 80);
+
+/// A PinSet without its vertices, which follow behind all sets.
+struct SavedPinSet {
+  std::uint32_t id;
+  PinMethod method;
+  RigidTransform at, target;
+  std::uint32_t passes, first_pass, vertices, reserved;
+  std::array<double, 3> force_sum, torque_sum;
+};
+
+constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
 
 template <class T>
 std::size_t bytesOf(std::size_t count) {
@@ -51,8 +65,11 @@ StateHeader headerOf(const Body& body) {
   header.history_positions = std::uint32_t(body.history.positions.size());
   header.history_columns = std::uint32_t(body.history.columns.size());
   header.repaired = body.repaired;
-  header.mechanics = std::uint32_t(9 * body.mechanics.shapes.size() + 27 * body.mechanics.previous.size() +
-                                   body.mechanics.activation.size());
+  header.shapes = std::uint32_t(body.mechanics.shapes.size());
+  header.dampings = std::uint32_t(body.mechanics.previous.size());
+  header.channels = std::uint32_t(body.mechanics.activation.size());
+  header.pin_sets = std::uint32_t(body.pin_sets.size());
+  for (const internal::PinSet& set : body.pin_sets) header.pinned_vertices += std::uint32_t(set.vertices.size());
   return header;
 }
 
@@ -60,7 +77,9 @@ StateHeader headerOf(const Body& body) {
 std::size_t totalBytes(const StateHeader& h) {
   return sizeof h + 3 * bytesOf<Vec3>(h.vertices) + bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) +
          bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
-         bytesOf<internal::ClusterColumns>(h.history_columns) + bytesOf<float>(h.mechanics);
+         bytesOf<internal::ClusterColumns>(h.history_columns) +
+         bytesOf<float>(kShapeFloats * std::size_t(h.shapes) + kDampingFloats * std::size_t(h.dampings) + h.channels) +
+         bytesOf<SavedPinSet>(h.pin_sets) + bytesOf<internal::PinnedVertex>(h.pinned_vertices);
 }
 
 class Writer {
@@ -115,9 +134,14 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   if (h.package != body.asset->checksum() || h.vertices != body.vertexCount() || h.blocks != body.blocks.size()) {
     return "saved from a body of another package";
   }
+  const internal::MechanicsState& mechanics = body.mechanics;
+  if (h.shapes != mechanics.shapes.size() || h.dampings != mechanics.previous.size() ||
+      h.channels != mechanics.activation.size() || h.pinned_vertices > h.vertices || h.pin_sets > h.pinned_vertices) {
+    return "the saved state is damaged";
+  }
   const bool columns = h.history_columns == 0 || h.history_columns == body.clusterCount();
   if (h.pins > h.vertices || (h.history_positions != 0 && h.history_positions != h.vertices) || !columns ||
-      h.mechanics != headerOf(body).mechanics || h.bytes != totalBytes(h)) {
+      h.bytes != totalBytes(h)) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
@@ -141,7 +165,21 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   }
   for (std::uint32_t i = 0; i < h.history_positions; ++i) reader.get<Vec3>();
   for (std::uint32_t i = 0; i < h.history_columns; ++i) reader.get<internal::ClusterColumns>();
-  for (std::uint32_t i = 0; i < h.mechanics; ++i) sound &= std::isfinite(reader.get<float>());
+  const std::size_t mechanics_floats =
+      kShapeFloats * std::size_t(h.shapes) + kDampingFloats * std::size_t(h.dampings) + h.channels;
+  for (std::size_t i = 0; i < mechanics_floats; ++i) sound &= std::isfinite(reader.get<float>());
+  std::uint64_t pinned = 0;
+  for (std::uint32_t i = 0; i < h.pin_sets; ++i) {
+    const auto set = reader.get<SavedPinSet>();
+    sound &= internal::isProper(set.at) && internal::isProper(set.target) && set.method <= PinMethod::constrained_fit &&
+             set.vertices > 0;
+    pinned += set.vertices;
+  }
+  sound &= pinned == h.pinned_vertices;
+  for (std::uint32_t i = 0; i < h.pinned_vertices; ++i) {
+    const auto vertex = reader.get<internal::PinnedVertex>();
+    sound &= vertex.vertex < h.vertices && vertex.weight > 0 && vertex.weight <= 1 && allFinite(vertex.local.data(), 3);
+  }
   return sound ? "" : "the saved state is damaged";
 }
 
@@ -168,9 +206,26 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   writer.put(body->picks.data(), header.picks);
   writer.put(body->history.positions.data(), header.history_positions);
   writer.put(body->history.columns.data(), header.history_columns);
-  for (const internal::ShapeState& shape : body->mechanics.shapes) writer.put(shape.plastic.data(), 9);
-  for (const auto& previous : body->mechanics.previous) writer.put(previous.data(), 27);
-  writer.put(body->mechanics.activation.data(), body->mechanics.activation.size());
+  for (const internal::ShapeState& shape : body->mechanics.shapes) {
+    writer.put(shape.plastic.data(), 9);
+    writer.put(shape.shape.data(), 9);
+  }
+  for (const auto& previous : body->mechanics.previous) writer.put(previous.data(), kDampingFloats);
+  writer.put(body->mechanics.activation.data(), header.channels);
+  for (const internal::PinSet& set : body->pin_sets) {
+    SavedPinSet saved = {};
+    saved.id = set.id;
+    saved.method = set.method;
+    saved.at = set.at;
+    saved.target = set.target;
+    saved.passes = set.passes;
+    saved.first_pass = set.first_pass ? 1 : 0;
+    saved.vertices = std::uint32_t(set.vertices.size());
+    std::copy(set.force_sum.data(), set.force_sum.data() + 3, saved.force_sum.begin());
+    std::copy(set.torque_sum.data(), set.torque_sum.data() + 3, saved.torque_sum.begin());
+    writer.put(&saved, 1);
+  }
+  for (const internal::PinSet& set : body->pin_sets) writer.put(set.vertices.data(), set.vertices.size());
   return header.bytes;
 }
 
@@ -185,11 +240,17 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   StateHeader header;
   Reader reader(bytes.data());
   reader.get(&header, 1);
-  // Memory first: from here on nothing fails.
+  // Memory first, so that a failure leaves the body as it was.
+  std::pmr::vector<internal::PinSet> sets(impl_->memory);
   const bool reserved = impl_->guarded("restoreState", false, [&] {
     body->pins.reserve(header.pins);
     body->picks.reserve(header.picks);
     if (body->settings.keep_previous) keepHistory(*body);
+    sets.resize(header.pin_sets);
+    Reader tail(bytes.data() + header.bytes - bytesOf<internal::PinnedVertex>(header.pinned_vertices) -
+                bytesOf<SavedPinSet>(header.pin_sets));
+    for (internal::PinSet& set : sets) set.vertices.resize(tail.get<SavedPinSet>().vertices);
+    for (internal::PinSet& set : sets) tail.get(set.vertices.data(), set.vertices.size());
     return true;
   });
   if (!reserved) return Error{"restoreState: out of memory"};
@@ -202,11 +263,8 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   reader.get(body->pins.data(), header.pins);
   std::fill(body->pinned.begin(), body->pinned.end(), std::uint8_t(0));
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 1;
-  // Pin sets belong to what they are attached to, not to the state: they stay as they are.
-  for (const internal::PinSet& set : body->pin_sets) {
-    for (const internal::PinnedVertex& vertex : set.vertices) body->pinned[vertex.vertex] = 1;
-  }
   body->picks.clear();
+  body->pin_sets.clear();
   for (std::uint32_t i = 0; i < header.picks; ++i) {
     auto pick = reader.get<internal::Pick>();
     if (impl_->findPick({pick.id}).first != nullptr) pick.id = impl_->next_pick;
@@ -214,22 +272,48 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     body->picks.push_back(pick);
   }
   body->repaired = header.repaired;
-  if (body->settings.keep_previous) {
-    if (header.history_positions > 0) {
-      reader.get(body->history.positions.data(), header.history_positions);
-      if (header.history_columns > 0 && header.history_columns == body->history.columns.size()) {
-        reader.get(body->history.columns.data(), header.history_columns);
-      }
-    } else {
-      keepHistory(*body);
-    }
+  if (body->settings.keep_previous) keepHistory(*body);  // where the saved body kept none
+  for (std::uint32_t i = 0; i < header.history_positions; ++i) {
+    const Vec3 previous = reader.get<Vec3>();
+    if (body->settings.keep_previous) body->history.positions[i] = previous;
   }
-  // At the end of the bytes, whatever of the history was of use.
-  Reader mechanics(bytes.data() + header.bytes - bytesOf<float>(header.mechanics));
-  for (internal::ShapeState& shape : body->mechanics.shapes) mechanics.get(shape.plastic.data(), 9);
-  for (auto& previous : body->mechanics.previous) mechanics.get(previous.data(), 27);
-  mechanics.get(body->mechanics.activation.data(), body->mechanics.activation.size());
-  body->mechanics.updateShapes(body->package());
+  for (std::uint32_t i = 0; i < header.history_columns; ++i) {
+    const auto columns = reader.get<internal::ClusterColumns>();
+    if (i < body->history.columns.size()) body->history.columns[i] = columns;
+  }
+  for (internal::ShapeState& shape : body->mechanics.shapes) {
+    reader.get(shape.plastic.data(), 9);
+    reader.get(shape.shape.data(), 9);
+  }
+  for (auto& previous : body->mechanics.previous) reader.get(previous.data(), kDampingFloats);
+  reader.get(body->mechanics.activation.data(), header.channels);
+  std::size_t next_set = 0;
+  for (std::uint32_t i = 0; i < header.pin_sets; ++i) {
+    const auto saved = reader.get<SavedPinSet>();
+    internal::PinSet& set = sets[next_set++];
+    set.id = impl_->findPinSet({saved.id}).first != nullptr ? impl_->next_pin_set : saved.id;
+    impl_->next_pin_set = std::max(impl_->next_pin_set, set.id + 1);
+    set.method = saved.method;
+    set.at = saved.at;
+    set.target = saved.target;
+    set.passes = saved.passes;
+    set.first_pass = saved.first_pass != 0;
+    std::copy(saved.force_sum.begin(), saved.force_sum.end(), set.force_sum.data());
+    std::copy(saved.torque_sum.begin(), saved.torque_sum.end(), set.torque_sum.data());
+  }
+  body->pin_sets.swap(sets);
+  for (const internal::PinSet& set : body->pin_sets) {
+    for (const internal::PinnedVertex& vertex : set.vertices) body->pinned[vertex.vertex] = 1;
+  }
+  const bool fitted = impl_->guarded("restoreState", false, [&] {
+    internal::rebuildFits(*body);
+    impl_->growScratch();
+    return true;
+  });
+  if (!fitted) {
+    body->reset();
+    return Error{"restoreState: out of memory; the body was reset"};
+  }
   return std::size_t(header.bytes);
 }
 
@@ -283,16 +367,17 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
     }
   }
   for (internal::Pin& pin : body->pins) move(pin.target.data(), 1);
-  for (internal::PinSet& set : body->pin_sets) {
-    for (RigidTransform* at : {&set.at, &set.target}) {
-      move(at->position.data(), 1);
-      Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> axes(at->rotation.data());
-      axes = (r * axes.cast<double>()).cast<float>().eval();
-    }
-  }
   for (internal::Pick& pick : body->picks) {
     move(pick.target.data(), 1);
     rotate(pick.force.data(), 1);
+  }
+  for (internal::PinSet& set : body->pin_sets) {
+    for (RigidTransform* transform : {&set.at, &set.target}) {
+      move(transform->position.data(), 1);
+      for (std::size_t column = 0; column < 3; ++column) rotate(&transform->rotation[column], 3);
+    }
+    set.force_sum = r * set.force_sum;
+    set.torque_sum = r * set.torque_sum;
   }
   for (Vec3& previous : body->history.positions) move(previous.data(), 1);
   for (internal::ClusterColumns& columns : body->history.columns) {

@@ -50,6 +50,12 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
   return {nullptr, 0};
 }
 
+bool internal::isProper(const RigidTransform& transform) {
+  const Eigen::Map<const internal::Matrix3> rotation(transform.rotation.data());
+  return asVector(transform.position).allFinite() &&
+         (rotation * rotation.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && rotation.determinant() > 0;
+}
+
 std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
   for (const internal::BodyPointer& body : bodies) {
     if (body == nullptr) continue;
@@ -71,12 +77,6 @@ void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
 }
 
 namespace {
-
-bool isProper(const RigidTransform& transform) {
-  const Eigen::Map<const internal::Matrix3> rotation(transform.rotation.data());
-  return asVector(transform.position).allFinite() &&
-         (rotation * rotation.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && rotation.determinant() > 0;
-}
 
 bool finite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
 
@@ -317,7 +317,7 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
     return Result<PinSetId>(Error{"addPinSet: " + reason});
   };
   return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
-    if (!isProper(at)) return refused("the transform is not finite, or its rotation not proper");
+    if (!internal::isProper(at)) return refused("the transform is not finite, or its rotation not proper");
     if (method > PinMethod::constrained_fit) return refused("no such method");
     internal::PinSet set;
     set.id = impl_->next_pin_set;
@@ -346,14 +346,22 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
 
 void World::movePinSet(PinSetId id, const RigidTransform& to) {
   const auto [body, index] = impl_->findPinSet(id);
-  if (body != nullptr && isProper(to)) body->pin_sets[index].target = to;
+  if (body == nullptr || !internal::isProper(to)) {
+    impl_->tell(LogSeverity::error, body == nullptr ? "movePinSet: there is no such pin set"
+                                                    : "movePinSet: the transform is not finite and proper");
+    return;
+  }
+  body->pin_sets[index].target = to;
 }
 
 void World::removePinSet(PinSetId id) {
   const auto [body, index] = impl_->findPinSet(id);
-  if (body == nullptr) return;
-  impl_->guarded("removePinSet", false, [body = body, index = index] {
-    internal::removePinSet(*body, index);
+  if (body == nullptr) {
+    impl_->tell(LogSeverity::error, "removePinSet: there is no such pin set");
+    return;
+  }
+  impl_->guarded("removePinSet", false, [found = body, at = index] {
+    internal::removePinSet(*found, at);
     return true;
   });
 }
@@ -361,6 +369,7 @@ void World::removePinSet(PinSetId id) {
 PinReaction World::pinReaction(PinSetId id) const {
   const auto [body, index] = impl_->findPinSet(id);
   PinReaction reaction;
+  if (body == nullptr) impl_->tell(LogSeverity::error, "pinReaction: there is no such pin set");
   if (body == nullptr || body->pin_sets[index].passes == 0) return reaction;
   const internal::PinSet& set = body->pin_sets[index];
   const double passes = double(set.passes);

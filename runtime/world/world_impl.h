@@ -16,6 +16,11 @@
 
 namespace sinew {
 
+namespace internal {
+/// Finite, and its rotation proper.
+bool isProper(const RigidTransform& transform);
+}  // namespace internal
+
 struct World::Impl {
   Impl(const WorldSettings& world_settings, const WorldResources& resources);
 

@@ -254,6 +254,30 @@ static void testMotion(const sinew_asset* asset) {
   CHECK_OK(sinew_body_unpin(world, body, 0));
   CHECK_OK(sinew_body_unpin_all(world, body));
 
+  /* A bone that holds three vertices of a body under gravity. */
+  {
+    const uint32_t held[3] = {0, 1, 2}, twice[2] = {3, 3};
+    const float origin[3] = {0, 0, 0};
+    uint32_t set = SINEW_NONE;
+    float force[3], torque[3];
+    CHECK_OK(sinew_body_pin_set(world, body, held, 3, origin, identity, SINEW_PIN_CONSTRAINED_FIT, &set));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT,
+                sinew_body_pin_set(world, body, held, 3, origin, identity, SINEW_PIN_HOLD, &pick));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT,
+                sinew_body_pin_set(world, body, twice, 2, origin, identity, SINEW_PIN_HOLD, &pick));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_pin_set(world, body, twice, 1, origin, identity, 99, &pick));
+    CHECK_OK(sinew_pin_set_move(world, set, up, identity));
+    CHECK_OK(sinew_world_step(world, 1.0f / 60));
+    CHECK_OK(sinew_pin_set_reaction(world, set, force, torque));
+    CHECK(force[1] < 0); /* lifting the body pulls the bone down */
+    CHECK_OK(sinew_pin_set_remove(world, set));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_pin_set_remove(world, set));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_pin_set_move(world, set, up, identity));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_pin_set_reaction(world, set, force, torque));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_set_activation(world, body, 1000, 0.5f));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_set_activation_by_name(world, body, "no such channel", 0.5f));
+  }
+
   /* Teleport and set_state. */
   CHECK_OK(sinew_body_reset(world, body));
   CHECK_OK(sinew_body_positions(world, body, &x, &count));

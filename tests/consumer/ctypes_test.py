@@ -20,7 +20,7 @@ class WorldSettings(Structure):
     _fields_ = [("struct_size", c_uint32), ("gravity", c_float * 3), ("ground_enabled", c_uint32),
                 ("ground_normal", c_float * 3), ("ground_offset", c_float), ("ground_friction", c_float),
                 ("iterations", c_uint32), ("damping", c_float), ("deformation_damping_ratio", c_float),
-                ("support_damping", c_float)]
+                ("support_damping", c_float), ("measure_phases", c_uint32)]
 
 
 LOG = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, ctypes.c_char_p)

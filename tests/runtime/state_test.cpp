@@ -130,6 +130,56 @@ TEST(State, ARestoredBodyGoesOnBitForBit) {
   }
 }
 
+// Damping, plasticity, activation, elastic modes and moving pin sets of two methods: all that mechanics remember.
+TEST(State, MechanicsAndPinSetsGoOnBitForBit) {
+  formats::PackageContent content = boxContent(softBox());
+  formats::ClusterMechanics m = formats::kPlainMechanics;
+  m.damping = 3;
+  m.plastic_yield = 0.05F;
+  m.plastic_creep = 5;
+  m.fibre = {0.6F, 0.8F, 0};
+  m.channel = 0;
+  m.contraction = 0.4F;
+  content.channels = {{content.addText("flex")}};
+  content.mechanics.assign(content.clusters.size(), m);
+  const auto asset = makeAsset(content);
+  const RigidTransform turned = {{0.3F, 0.6F, 0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}};
+  for (const PinMethod method :
+       {PinMethod::hold, PinMethod::infinite_mass, PinMethod::matrix, PinMethod::constrained_fit}) {
+    World world(onGround());
+    BodySettings settings;
+    settings.position = {0, 0.7F, 0};
+    const BodyId body = *world.addBody(asset, settings);
+    const std::array<std::uint32_t, 4> corner = {0, 1, 5, 25};
+    const std::array<std::uint32_t, 3> other = {119, 123, 124};
+    const PinSetId set = *world.addPinSet(body, corner, {}, method);
+    ASSERT_TRUE(world.addPinSet(body, other, {}, PinMethod::hold));
+    ASSERT_TRUE(world.setActivation(body, "flex", 0.7F));
+    run(world, 0.1);
+    world.movePinSet(set, turned);
+    const auto bytes = saved(world, body);
+    const auto go_on = [](World& w, BodyId id, PinSetId pins) {
+      std::vector<Snapshot> states;
+      std::vector<Vec3> forces;
+      for (int i = 0; i < 30; ++i) {
+        w.step(1.0F / 60);
+        states.push_back(snapshotOf(w, id));
+        forces.push_back(w.pinReaction(pins).force);
+      }
+      return std::pair(states, forces);
+    };
+    const auto expected = go_on(world, body, set);
+    ASSERT_TRUE(world.restoreState(body, bytes));
+    EXPECT_EQ(saved(world, body), bytes);
+    EXPECT_TRUE(go_on(world, body, set) == expected) << int(method);
+    World fresh(onGround());
+    const BodyId another = *fresh.addBody(asset);
+    ASSERT_TRUE(fresh.restoreState(another, bytes));
+    EXPECT_TRUE(go_on(fresh, another, set) == expected) << int(method);
+    ASSERT_TRUE(fresh.addBody(asset));
+  }
+}
+
 TEST(State, PicksComeBackWithTheirIdsUnlessTaken) {
   const auto asset = boxAsset(softBox());
   World world;
@@ -165,14 +215,15 @@ TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
     ASSERT_FALSE(restored) << size;
     EXPECT_FALSE(restored.reason().empty());
   }
-  for (const std::size_t place : {0UL, 4UL, 8UL, 16UL, 24UL, 28UL, 32UL, 36UL, 40UL, 44UL}) {
+  for (const std::size_t place :
+       {0UL, 4UL, 8UL, 16UL, 24UL, 28UL, 32UL, 36UL, 40UL, 44UL, 52UL, 56UL, 60UL, 64UL, 68UL}) {
     auto damaged = bytes;
     damaged[place] ^= std::byte(0x41);
     EXPECT_FALSE(world.restoreState(body, damaged)) << place;
   }
   // Not a number in each part behind positions and velocities.
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const std::size_t forces = 56 + 24 * world.positions(body).size();
+  const std::size_t forces = 80 + 24 * world.positions(body).size();
   for (const std::size_t place : {forces, forces + 12 * world.positions(body).size(), bytes.size()}) {
     auto damaged = bytes;
     if (place == bytes.size()) {  // the vertex of the first pin

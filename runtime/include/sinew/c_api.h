@@ -140,6 +140,7 @@ typedef struct sinew_world_settings {
   float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
   float deformation_damping_ratio; /* of what is not rigid motion, to critical damping, 0..1; 0.3 */
   float support_damping;           /* of turning on supports, 1/s, 0..1e4; 4 */
+  uint32_t measure_phases;         /* 1: fills sinew_world_phase; 0 */
 } sinew_world_settings;
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);
@@ -154,8 +155,8 @@ SINEW_API sinew_status sinew_world_get_settings(const sinew_world* world, sinew_
 /* Advances all bodies. seconds: above 0 and finite (1e-5 .. 1 is tested). */
 SINEW_API sinew_status sinew_world_step(sinew_world* world, float seconds);
 
-/* Phase number `index` of the last step: its name (static) and its time, for profiling. SINEW_ERROR_ARGUMENT beyond the
-   last phase. */
+/* Phase number `index` of the last step: its name (static) and its time, 0 unless settings.measure_phases, for
+   profiling. SINEW_ERROR_ARGUMENT beyond the last phase. */
 SINEW_API sinew_status sinew_world_phase(const sinew_world* world, uint32_t index, const char** name,
                                          double* milliseconds);
 
@@ -207,6 +208,30 @@ SINEW_API sinew_status sinew_body_restore(sinew_world* world, uint32_t body, con
 SINEW_API sinew_status sinew_body_pin(sinew_world* world, uint32_t body, uint32_t vertex, const float target[3]);
 SINEW_API sinew_status sinew_body_unpin(sinew_world* world, uint32_t body, uint32_t vertex);
 SINEW_API sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body);
+
+/* How a pin set holds its vertices: see sinew::PinMethod. */
+#define SINEW_PIN_HOLD 0u
+#define SINEW_PIN_INFINITE_MASS 1u
+#define SINEW_PIN_MATRIX 2u
+#define SINEW_PIN_CONSTRAINED_FIT 3u
+
+/* Attaches `count` physical vertices to a rigid transform (a bone, a rigid body), which is now at position (m) and
+   rotation, at the places that they have now. */
+SINEW_API sinew_status sinew_body_pin_set(sinew_world* world, uint32_t body, const uint32_t* vertices, uint32_t count,
+                                          const float position[3], const float rotation[9], uint32_t method,
+                                          uint32_t* pin_set);
+/* Moves the transform: reached at the end of the next step. */
+SINEW_API sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const float position[3],
+                                          const float rotation[9]);
+SINEW_API sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set);
+/* Force (N) and torque (N m, about the transform's position) on the transform's owner, mean of the last step. */
+SINEW_API sinew_status sinew_pin_set_reaction(const sinew_world* world, uint32_t pin_set, float force[3],
+                                              float torque[3]);
+
+/* Contracts the fibres that a channel of the package activates. value: 0 (rest) .. 1. */
+SINEW_API sinew_status sinew_body_set_activation(sinew_world* world, uint32_t body, uint32_t channel, float value);
+SINEW_API sinew_status sinew_body_set_activation_by_name(sinew_world* world, uint32_t body, const char* channel,
+                                                         float value);
 
 /* Pulls the point that a visual vertex is attached to towards a place (m, world), as a spring of this frequency
    (Hz, 0.1 .. 100), critically damped. */
