@@ -24,6 +24,7 @@ LatticeOptions stepLattice() {
   LatticeOptions lattice;
   lattice.points = {20, 25, 10};
   lattice.boxes = {4, 8, 2};
+  lattice.limits = true;
   return lattice;
 }
 

@@ -197,6 +197,12 @@ LatticeBody makeLattice(const LatticeOptions& o) {
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
   if (o.visual_vertices > 0) addVisual(o, low, spacing, content);
+  if (o.limits) {
+    formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+    mechanics.limit = formats::LimitMethod::principal;
+    mechanics.volume = formats::VolumeMethod::principal;
+    content.mechanics.assign(content.clusters.size(), mechanics);
+  }
   const formats::StringRef name = content.addText("lattice");
   for (formats::Cluster& cluster : content.clusters) cluster.name = name;
   content.bodies.push_back({0, std::uint32_t(content.physical_vertices.size()), 0,
