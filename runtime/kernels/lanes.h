@@ -42,6 +42,7 @@ struct Float8 {
 struct Int8 {
   Int4 low, high;
 };
+// NOLINTBEGIN(bugprone-macro-parentheses): the argument is an operator.
 #define SINEW_LANES_OPERATOR(op)                                                                     \
   SINEW_INLINE Float8 operator op(Float8 a, Float8 b) { return {a.low op b.low, a.high op b.high}; } \
   SINEW_INLINE Float8 operator op(Float8 a, float b) { return {a.low op b, a.high op b}; }           \
@@ -70,6 +71,7 @@ SINEW_LANES_BITS(&)
 SINEW_LANES_BITS(|)
 SINEW_LANES_BITS(^)
 #undef SINEW_LANES_BITS
+// NOLINTEND(bugprone-macro-parentheses)
 SINEW_INLINE Int8 operator~(Int8 a) { return {~a.low, ~a.high}; }
 SINEW_INLINE Float8 operator-(Float8 a) { return {-a.low, -a.high}; }
 #endif
