@@ -80,8 +80,7 @@ class BodyStep {
   BodyStep(Body& body, const WorldSettings& settings, JobSystem* jobs, float pass_seconds, StepTimes* times)
       : body_(body), rest_(body.rest()), settings_(settings), jobs_(jobs), h_(pass_seconds), clock_(times) {}
 
-  // Sums of a pass are taken about a point that moves with its part, so that neither distance nor speed costs them
-  // digits: here from what a step finds, so that a restored state goes on as the saved one did.
+  // After a state from outside: where the parts are. Steps carry the centres on.
   void findCenters() {
     forChunks([&](VertexChunk& chunk) {
       chunk.center = {};
@@ -104,6 +103,7 @@ class BodyStep {
       part.reference = Eigen::Vector3d(sum[1], sum[2], sum[3]) / sum[0];
       part.moving = Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0];
     }
+    body_.centers_known = true;
   }
 
   void pass(std::uint32_t passes_left) {
@@ -191,7 +191,6 @@ class BodyStep {
   // Predict: velocities and positions as if every vertex were alone.
   void predict() {
     const float kept = std::exp(-settings_.damping * h_);
-    // Sums are taken about a point that moves with the part, so that neither distance nor speed costs them digits.
     for (Part& part : body_.parts) {
       part.moving = double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>());
       part.reference += double(h_) * part.moving;
@@ -370,6 +369,7 @@ class BodyStep {
     for (Part& part : body_.parts) {
       part.reference = part.found.center;
       part.moving = part.wanted.velocity;
+      body_.centers_known &= part.reference.allFinite() && part.moving.allFinite();
     }
   }
 
@@ -464,7 +464,7 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
     body.responses.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
-  step.findCenters();
+  if (!body.centers_known) step.findCenters();
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();

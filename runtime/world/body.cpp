@@ -124,6 +124,7 @@ void Body::reset() {
 }
 
 void Body::matchPositions() {
+  centers_known = false;
   // A lost vertex must not take its clusters along: it counts as being where they had wanted it.
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
   const Kernels& kernel = kernels();

@@ -74,7 +74,8 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  /// Centre of mass and its velocity (near them while the part is held): sums are taken about this moving point.
+  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so that
+  /// neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
@@ -129,6 +130,7 @@ struct Body {
   // The body's work, cut for jobs.
   std::pmr::vector<VertexChunk> chunks;
   std::pmr::vector<Part> parts;
+  bool centers_known = false;  ///< Part::reference and moving are those of x and v; not after a state from outside
 
   // Scratch of the solver of rows: lent by the world for the time of a step, empty otherwise.
   std::pmr::vector<Row> rows;
