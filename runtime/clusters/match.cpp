@@ -71,13 +71,14 @@ bool isPlain(const MatchExtras& extras) {
 
 }  // namespace
 
-void matchBlock(Body& body, std::uint32_t b, float pass_seconds) {
+void matchBlocks(Body& body, std::uint32_t begin, std::uint32_t end, float pass_seconds) {
   const RestConstants& rest = body.rest();
-  ClusterBlock& block = body.blocks[b];
-  kernels().match(rest.blocks[b], body.stiffness->blocks[b], block);
+  kernels().match(rest.blocks.data() + begin, body.stiffness->blocks.data() + begin, body.blocks.data() + begin,
+                  end - begin);
   if (rest.mechanics.limits.empty() && body.fits.empty()) return;
-  const std::uint32_t end = std::min(8 * b + 8, body.clusterCount());
-  for (std::uint32_t c = 8 * b; c < end; ++c) {
+  const std::uint32_t last = std::min(8 * end, body.clusterCount());
+  for (std::uint32_t c = 8 * begin; c < last; ++c) {
+    ClusterBlock& block = body.blocks[c / 8];
     const MatchExtras extras =
         matchExtras(rest.mechanics, body.mechanics, body.stiffness->kept, body.package(), c, pass_seconds);
     const bool pinned = !body.fit_of.empty() && body.fit_of[c] != formats::kNone;

@@ -294,7 +294,7 @@ void matchUsedBlocks(Body& body, float pass_seconds) {
   for (std::uint32_t b = 0; 8 * b < count; ++b) {
     bool used = false;
     for (std::uint32_t c = 8 * b; c < std::min(count, 8 * b + 8); ++c) used |= body.responses[c].used;
-    if (used) matchBlock(body, b, pass_seconds);
+    if (used) matchBlocks(body, b, b + 1, pass_seconds);
   }
 }
 

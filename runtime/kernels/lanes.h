@@ -77,8 +77,10 @@ SINEW_INLINE Float8 operator-(Float8 a) { return {-a.low, -a.high}; }
 #endif
 
 #if defined(__AVX512F__)
-/// Two Float8 side by side, for loops whose canonical order lets them: see moments.h.
+/// Two Float8 side by side: two blocks of clusters (match.h), or of members where the canonical order lets them
+/// (moments.h).
 using Float16 = float __attribute__((vector_size(64)));
+using Int16 = std::int32_t __attribute__((vector_size(64)));
 #endif
 
 // A float as any F.
@@ -87,30 +89,23 @@ SINEW_INLINE F splat(float value) {
   return F{} + value;
 }
 
-// One lane.
-SINEW_INLINE float lane(const Float8& a, std::uint32_t i) {
-  float values[8];
-  __builtin_memcpy(values, &a, sizeof values);
-  return values[i];
+// One lane of Float8 or Float16, of Int8 or Int16.
+template <class F>
+SINEW_INLINE float lane(const F& a, std::uint32_t i) {
+  float value;
+  __builtin_memcpy(&value, reinterpret_cast<const char*>(&a) + 4 * i, sizeof value);
+  return value;
 }
-SINEW_INLINE bool lane(const Int8& a, std::uint32_t i) {
-  std::int32_t values[8];
-  __builtin_memcpy(values, &a, sizeof values);
-  return values[i] != 0;
+template <class Mask>
+SINEW_INLINE bool isSet(const Mask& a, std::uint32_t i) {
+  std::int32_t value;
+  __builtin_memcpy(&value, reinterpret_cast<const char*>(&a) + 4 * i, sizeof value);
+  return value != 0;
 }
-SINEW_INLINE void setLane(Float8& a, std::uint32_t i, float value) {
-  float values[8];
-  __builtin_memcpy(values, &a, sizeof values);
-  values[i] = value;
-  __builtin_memcpy(&a, values, sizeof values);
+template <class F>
+SINEW_INLINE void setLane(F& a, std::uint32_t i, float value) {
+  __builtin_memcpy(reinterpret_cast<char*>(&a) + 4 * i, &value, sizeof value);
 }
-SINEW_INLINE void setLane(Int8& a, std::uint32_t i, bool value) {
-  std::int32_t values[8];
-  __builtin_memcpy(values, &a, sizeof values);
-  values[i] = value ? -1 : 0;
-  __builtin_memcpy(&a, values, sizeof values);
-}
-
 // Unaligned loads and stores.
 SINEW_INLINE Float8 load8(const float* p) {
   Float8 result;
@@ -146,10 +141,21 @@ SINEW_INLINE Float8 select(Int8 mask, Float8 a, Float8 b) {
   return {select(mask.low, a.low, b.low), select(mask.high, a.high, b.high)};
 #endif
 }
+#if defined(__AVX512F__)
+SINEW_INLINE Float16 select(Int16 mask, Float16 a, Float16 b) { return mask ? a : b; }
+#endif
 SINEW_INLINE float select(bool mask, float a, float b) { return mask ? a : b; }
 SINEW_INLINE double select(bool mask, double a, double b) { return mask ? a : b; }
 
 SINEW_INLINE Int8 both(Int8 a, Int8 b) { return a & b; }
+#if defined(__AVX512F__)
+SINEW_INLINE Int16 both(Int16 a, Int16 b) { return a & b; }
+SINEW_INLINE Int16 either(Int16 a, Int16 b) { return a | b; }
+SINEW_INLINE Int16 no(Int16 a) { return ~a; }
+SINEW_INLINE bool any(Int16 mask) { return _mm512_movepi32_mask(__m512i(mask)) != 0; }
+SINEW_INLINE Float16 absolute(Float16 a) { return Float16(Int16(a) & 0x7fffffff); }
+SINEW_INLINE Float16 squareRoot(Float16 a) { return Float16(_mm512_maskz_sqrt_ps(0xffff, __m512(a))); }
+#endif
 SINEW_INLINE bool both(bool a, bool b) { return a && b; }
 SINEW_INLINE Int8 either(Int8 a, Int8 b) { return a | b; }
 SINEW_INLINE bool either(bool a, bool b) { return a || b; }

@@ -21,11 +21,22 @@ void momentsOf(const ClusterRestBlock& rest, const MemberBlock* members, const f
     moments<false>(rest, members, y, state, slots);
   }
 }
-void matchOf(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state) {
-  if (rest.quadratic != 0) {
-    match<true>(rest, stiffness, state);
-  } else {
-    match<false>(rest, stiffness, state);
+void matchOf(const ClusterRestBlock* rest, const StiffnessBlock* stiffness, ClusterBlock* state, std::uint32_t blocks) {
+#if defined(__AVX512F__)
+  using W = Float16;
+#else
+  using W = Float8;
+#endif
+  for (std::uint32_t b = 0; b < blocks; ++b) {
+    const bool quadratic = rest[b].quadratic != 0;
+    const bool two = sizeof(W) > sizeof(Float8) && b + 1 < blocks && (rest[b + 1].quadratic != 0) == quadratic;
+    const std::uint32_t next = two ? 1 : 0;
+    if (quadratic) {
+      match<true, W>({rest + b, next}, {stiffness + b, next}, {state + b, next});
+    } else {
+      match<false, W>({rest + b, next}, {stiffness + b, next}, {state + b, next});
+    }
+    b += next;
   }
 }
 void goalsOf(const ClusterRestBlock& rest, const MemberBlock* members, const StiffnessBlock& stiffness,

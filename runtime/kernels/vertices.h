@@ -52,20 +52,33 @@ struct MotionAccumulator {
   }
 };
 
+// Whether any of eight vertices' floats is out of bounds or no number.
+SINEW_INLINE bool anyUnusable(const Triples8& x, const Triples8& v) {
+  Int8 usable = absolute(x.part[0]) <= kLargestPosition;
+  usable &= absolute(v.part[0]) <= kLargestVelocity;
+  for (int k = 1; k < 3; ++k) {
+    usable &= absolute(x.part[k]) <= kLargestPosition;
+    usable &= absolute(v.part[k]) <= kLargestVelocity;
+  }
+  return any(~usable);
+}
+
 SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
   const VertexRange& r = a.vertices;
-  const Vec3Of<Float8> kick = broadcast(a.kick), reference = broadcast(a.reference), moving = broadcast(a.moving);
+  const Vec3Of<Float8> reference = broadcast(a.reference), moving = broadcast(a.moving);
+  const Triples8 kick = repeated(a.kick);
   const Float8 kept = splat<Float8>(a.kept), h = splat<Float8>(a.h);
   MotionAccumulator sums;
   std::uint32_t repaired = 0;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    Vec3Of<Float8> x = loadTriples(r.x + 3 * std::uint64_t(i), count);
-    Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count);
-    const Int8 unusable = ~(within(x, kLargestPosition) & within(v, kLargestVelocity));
-    if (any(unusable)) {
+    Triples8 x = loadTriples(r.x + 3 * std::uint64_t(i), count);
+    Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count);
+    if (anyUnusable(x, v)) {
+      const Vec3Of<Float8> at = lanesOf(x), speed = lanesOf(v);
+      const Int8 unusable = ~(within(at, kLargestPosition) & within(speed, kLargestVelocity));
       for (std::uint32_t k = 0; k < count; ++k) {
-        if (!lane(unusable, k)) continue;
+        if (!isSet(unusable, k)) continue;
         a.repair(a.context, i + k);
         ++repaired;
       }
@@ -73,10 +86,10 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
       v = loadTriples(r.v + 3 * std::uint64_t(i), count);
     }
     v = kept * (v + kick);
-    const Vec3Of<Float8> y = x + h * v;
+    const Triples8 y = x + h * v;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
-    sums.addMomentum(loadScalars(r.mass + i, count), y - reference, v - moving);
+    sums.addMomentum(loadScalars(r.mass + i, count), lanesOf(y) - reference, lanesOf(v) - moving);
   }
   sums.store(*a.sums);
   return repaired;
@@ -90,29 +103,31 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
     const UseBlock use = a.uses[(i - r.begin) / 8];
     const std::uint32_t* offset = a.use_offset + 8 * std::uint64_t(use.first);
-    // Vertices k and k + 4 side by side.
     Float8 moves[4] = {};
     for (std::uint32_t row = 0; row < use.rows; ++row, offset += 8) {
-      for (int k = 0; k < 4; ++k) moves[k] += joined(load4(a.slots + offset[k]), load4(a.slots + offset[k + 4]));
+      for (int k = 0; k < 4; ++k) {
+        moves[k] += joined(load4(a.slots + offset[2 * k]), load4(a.slots + offset[2 * k + 1]));
+      }
     }
-    Vec3Of<Float8> moved = toLanes(moves);
-    const Vec3Of<Float8> start = loadTriples(r.y + 3 * std::uint64_t(i), count);
+    Triples8 moved = triplesOf(moves);
+    const Triples8 start = loadTriples(r.y + 3 * std::uint64_t(i), count);
     if (a.ground) {
       // Rows hold the clusters up; what a vertex keeps of its own below the surface is taken here.
-      const Float8 below = dot(normal, start + moved) - a.offset;
-      const Float8 height = dot(normal, loadTriples(r.x + 3 * std::uint64_t(i), count)) - a.offset;
+      const Float8 below = dot(normal, lanesOf(start + moved)) - a.offset;
+      const Float8 height = dot(normal, lanesOf(loadTriples(r.x + 3 * std::uint64_t(i), count))) - a.offset;
       const Float8 least = select(height >= 0.0F, Float8{}, smaller(height + splat<Float8>(a.recovery), Float8{}));
-      moved = moved + select(below < least, least - below, Float8{}) * normal;
+      const Int8 sunk = below < least;
+      if (any(sunk)) moved = moved + triplesOf(select(sunk, least - below, Float8{}) * normal);
     }
     // v = (y - x) / h, but from the move: far from the origin the rounding of positions must not become speed.
-    const Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count) + splat<Float8>(a.inverse_h) * moved;
-    const Vec3Of<Float8> y = start + moved;
+    const Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count) + splat<Float8>(a.inverse_h) * moved;
+    const Triples8 y = start + moved;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
     if (a.sums != nullptr) {
       const Float8 mass = loadScalars(r.mass + i, count);
-      const Vec3Of<Float8> arm = y - reference;
-      sums.addMomentum(mass, arm, v - moving);
+      const Vec3Of<Float8> arm = lanesOf(y) - reference;
+      sums.addMomentum(mass, arm, lanesOf(v) - moving);
       sums.addMass(mass, arm);
     }
   }
@@ -134,33 +149,45 @@ SINEW_INLINE void sum(const SumArguments& a) {
         }
       }
     }
-    const Vec3Of<Float8> arm = loadTriples(a.at + 3 * std::uint64_t(i), count) - reference;
-    sums.addMomentum(mass, arm, loadTriples(r.v + 3 * std::uint64_t(i), count) - moving);
+    const Vec3Of<Float8> arm = lanesOf(loadTriples(a.at + 3 * std::uint64_t(i), count)) - reference;
+    sums.addMomentum(mass, arm, lanesOf(loadTriples(r.v + 3 * std::uint64_t(i), count)) - moving);
     sums.addMass(mass, arm);
   }
   sums.store(*a.sums);
 }
 
+// Differences of speeds are taken before anything is scaled or added: they are exact then, and fast bodies keep their
+// momentum to rounding.
 SINEW_INLINE void settle(const SettleArguments& a) {
   const VertexRange& r = a.vertices;
   const Float8 h = splat<Float8>(a.h);
+  const Triples8 moving = repeated(a.moving), shift = repeated(a.shift), change = repeated(a.change);
+  const Vec3Of<Float8> center = broadcast(a.center), lost_omega = broadcast(a.lost_omega),
+                       change_omega = broadcast(a.change_omega);
+  const bool shift_turns = a.shift_omega[0] != 0 || a.shift_omega[1] != 0 || a.shift_omega[2] != 0;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    const Vec3Of<Float8> y = loadTriples(r.y + 3 * std::uint64_t(i), count);
-    const Vec3Of<Float8> own = loadTriples(r.v + 3 * std::uint64_t(i), count) - velocityAt(a.found, y);
-    const Vec3Of<Float8> arm = y - broadcast(a.found.center);
-    const auto rigid = [&](const MotionOf3& motion) {
-      return broadcast(motion.velocity) + cross(broadcast(motion.omega), arm);
-    };
+    const Triples8 y = loadTriples(r.y + 3 * std::uint64_t(i), count);
+    const Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count);
+    const Vec3Of<Float8> arm = lanesOf(y) - center;
     if (a.free) {
-      const Vec3Of<Float8> x = loadTriples(r.x + 3 * std::uint64_t(i), count);
-      storeTriples(r.x + 3 * std::uint64_t(i), x + h * (rigid(a.moved_as) + own), count);
+      Triples8 speed = v + shift;
+      if (shift_turns) speed = speed + triplesOf(cross(broadcast(a.shift_omega), arm));
+      storeTriples(r.x + 3 * std::uint64_t(i), loadTriples(r.x + 3 * std::uint64_t(i), count) + h * speed, count);
     } else {
       storeTriples(r.x + 3 * std::uint64_t(i), y, count);
     }
-    Float8 kept = splat<Float8>(a.kept);
-    if (a.vertex_kept != nullptr) kept = kept * loadScalars(a.vertex_kept + (i - r.begin), count);
-    storeTriples(r.v + 3 * std::uint64_t(i), rigid(a.wanted) + kept * own, count);
+    if (a.vertex_kept == nullptr) {
+      const Float8 lost = splat<Float8>(a.lost);
+      const Triples8 turn = triplesOf(cross(change_omega + lost * lost_omega, arm));
+      storeTriples(r.v + 3 * std::uint64_t(i), v + ((change - lost * (v - moving)) + turn), count);
+    } else {
+      const Float8 kept = loadScalars(a.vertex_kept + (i - r.begin), count);
+      const Float8 lost = splat<Float8>(1.0F) - (splat<Float8>(1.0F) - splat<Float8>(a.lost)) * kept;
+      const Vec3Of<Float8> stopped = lost * (lanesOf(v - moving) - cross(lost_omega, arm));
+      const Triples8 turn = triplesOf(cross(change_omega, arm) - stopped);
+      storeTriples(r.v + 3 * std::uint64_t(i), v + (change + turn), count);
+    }
   }
 }
 
@@ -168,9 +195,9 @@ SINEW_INLINE void addMotion(const AddMotionArguments& a) {
   const VertexRange& r = a.vertices;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    const Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count);
-    const Vec3Of<Float8> x = loadTriples(r.x + 3 * std::uint64_t(i), count);
-    storeTriples(r.v + 3 * std::uint64_t(i), v + velocityAt(a.motion, x), count);
+    const Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count);
+    const Vec3Of<Float8> x = lanesOf(loadTriples(r.x + 3 * std::uint64_t(i), count));
+    storeTriples(r.v + 3 * std::uint64_t(i), v + triplesOf(velocityAt(a.motion, x)), count);
   }
 }
 

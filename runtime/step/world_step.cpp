@@ -74,6 +74,10 @@ class PhaseClock {
   std::chrono::steady_clock::time_point last_;
 };
 
+bool mayHaveRows(const Body& body, const WorldSettings& settings) {
+  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty();
+}
+
 // One body's passes of one step.
 class BodyStep {
  public:
@@ -113,11 +117,10 @@ class BodyStep {
 
     // Moments of the predicted positions: all that matching wants to know of the vertices. Nearly always nothing
     // stands between moments and goals, and a block of clusters goes through all at once, its members still in cache.
-    const bool rows_are_possible =
-        settings_.ground.enabled || !body_.pins.empty() || !body_.picks.empty() || !body_.pin_sets.empty();
-    forBlocks([&](std::uint32_t b) {
-      moments(b);
-      if (!rows_are_possible) matchAndAsk(b);
+    const bool rows_are_possible = mayHaveRows(body_, settings_);
+    forBlocks([&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t b = begin; b < end; ++b) moments(b);
+      if (!rows_are_possible) matchAndAsk(begin, end);
     });
     clock_.finish(kMoments);
 
@@ -129,14 +132,16 @@ class BodyStep {
       // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase
       // and the next: what follows only asks blocks for goals.
       if (body_.rows.empty()) {
-        forBlocks([&](std::uint32_t b) { matchAndAsk(b); });
+        forBlocks([&](std::uint32_t begin, std::uint32_t end) { matchAndAsk(begin, end); });
       } else {
-        forBlocks([&](std::uint32_t b) { matchBlock(body_, b, h_); });
+        forBlocks([&](std::uint32_t begin, std::uint32_t end) { matchBlocks(body_, begin, end, h_); });
         clock_.finish(kMatch);
         // Solve: impulses that make the goals satisfy the rows.
         solveRows(body_, h_, {});
         clock_.finish(kSolve);
-        forBlocks([&](std::uint32_t b) { ask(b); });
+        forBlocks([&](std::uint32_t begin, std::uint32_t end) {
+          for (std::uint32_t b = begin; b < end; ++b) ask(b);
+        });
       }
     }
     if (body_.rows.empty()) recoverLost();
@@ -157,10 +162,12 @@ class BodyStep {
       for (std::uint32_t i = begin; i < end; ++i) work(body_.chunks[i]);
     });
   }
+  // Runs work(begin, end) over two blocks of clusters at a time, which kernels may match as one.
   template <class Work>
   void forBlocks(const Work& work) {
-    forRange(jobs_, body_.blocks.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t b = begin; b < end; ++b) work(b);
+    const std::uint32_t count = std::uint32_t(body_.blocks.size());
+    forRange(jobs_, (count + 1) / 2, 1, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t pair = begin; pair < end; ++pair) work(2 * pair, std::min(2 * pair + 2, count));
     });
   }
 
@@ -183,9 +190,9 @@ class BodyStep {
   void ask(std::uint32_t b) {
     kernel_.goals(rest_.blocks[b], rest_.members.data(), stiffness(b), body_.blocks[b], slots());
   }
-  void matchAndAsk(std::uint32_t b) {
-    matchBlock(body_, b, h_);
-    ask(b);
+  void matchAndAsk(std::uint32_t begin, std::uint32_t end) {
+    matchBlocks(body_, begin, end, h_);
+    for (std::uint32_t b = begin; b < end; ++b) ask(b);
   }
 
   // Predict: velocities and positions as if every vertex were alone.
@@ -277,7 +284,7 @@ class BodyStep {
       // Goals have taken the place of what moments left in the slots; and the pose moves centres.
       for (std::uint32_t b = first; b <= last; ++b) moments(b);
       findPose(part, as_one ? kHardlyAstray : kAstray);
-      for (std::uint32_t b = first; b <= last; ++b) matchAndAsk(b);
+      matchAndAsk(first, last + 1);
     }
   }
 
@@ -399,13 +406,19 @@ class BodyStep {
         std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
-    a.kept = float(std::exp(-rate * double(h_)));
-    RigidMotion moved_as = part.wanted;
+    a.lost = float(-std::expm1(-rate * double(h_)));
+    const auto copy = [](const Eigen::Vector3d& from, float (&to)[3]) {
+      for (int k = 0; k < 3; ++k) to[k] = float(from[k]);
+    };
+    const Eigen::Vector3d turned = part.wanted.omega - part.found.omega;
+    copy(part.found.center, a.center);
+    copy(part.found.velocity, a.moving);
+    copy(part.found.omega, a.lost_omega);
+    copy(part.wanted.velocity - part.found.velocity, a.change);
+    copy(turned, a.change_omega);
+    copy(part.wanted.velocity - part.found.velocity, a.shift);
     // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
-    if ((part.wanted.omega - part.found.omega).norm() * double(h_) > kRoundingTurn) moved_as.omega = part.found.omega;
-    a.found = part.found.forKernels();
-    a.wanted = part.wanted.forKernels();
-    a.moved_as = moved_as.forKernels();
+    if (turned.norm() * double(h_) <= kRoundingTurn) copy(turned, a.shift_omega);
     std::array<float, kVerticesPerChunk> vertex_kept;
     if (part.limited) {
       // What a cluster's guard stopped, it stopped for good.
@@ -442,10 +455,6 @@ class BodyStep {
 };
 
 bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
-
-bool mayHaveRows(const Body& body, const WorldSettings& settings) {
-  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty();
-}
 
 // Lends scratch to a body, or takes it back.
 void exchange(Body& body, RowScratch& scratch) {

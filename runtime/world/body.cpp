@@ -137,7 +137,7 @@ void Body::matchPositions() {
   for (const Part& part : parts) {
     updatePartPose(package(), rest(), loose.clusters, part.first_cluster, part.cluster_count, blocks);
   }
-  for (std::size_t b = 0; b < blocks.size(); ++b) kernel.match(rest().blocks[b], loose.blocks[b], blocks[b]);
+  kernel.match(rest().blocks.data(), loose.blocks.data(), blocks.data(), std::uint32_t(blocks.size()));
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {

@@ -130,7 +130,7 @@ void KernelBody::moments(const internal::Kernels& kernels) {
 }
 
 void KernelBody::match(const internal::Kernels& kernels) {
-  for (std::size_t b = 0; b < rest_.size(); ++b) kernels.match(rest_[b], stiffness_[b], state_[b]);
+  kernels.match(rest_.data(), stiffness_.data(), state_.data(), std::uint32_t(rest_.size()));
 }
 
 void KernelBody::goals(const internal::Kernels& kernels) {
@@ -150,10 +150,15 @@ void KernelBody::apply(const internal::Kernels& kernels) {
 }
 
 void KernelBody::all(const internal::Kernels& kernels) {
-  for (std::size_t b = 0; b < rest_.size(); ++b) {
-    kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
-    kernels.match(rest_[b], stiffness_[b], state_[b]);
-    kernels.goals(rest_[b], members_.data(), stiffness_[b], state_[b], slots_.data());
+  for (std::size_t first = 0; first < rest_.size(); first += 2) {
+    const std::size_t end = std::min(first + 2, rest_.size());
+    for (std::size_t b = first; b < end; ++b) {
+      kernels.moments(rest_[b], members_.data(), y_.data(), state_[b], slots_.data());
+    }
+    kernels.match(rest_.data() + first, stiffness_.data() + first, state_.data() + first, std::uint32_t(end - first));
+    for (std::size_t b = first; b < end; ++b) {
+      kernels.goals(rest_[b], members_.data(), stiffness_[b], state_[b], slots_.data());
+    }
   }
   apply(kernels);
 }
