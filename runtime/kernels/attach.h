@@ -17,11 +17,6 @@ SINEW_INLINE Float8 splat8(float v) { return joined(splat4(v), splat4(v)); }
 #if defined(__AVX512F__)
 using Float16 = float __attribute__((vector_size(64)));
 SINEW_INLINE Float16 splat16(float v) { return Float16{v, v, v, v, v, v, v, v, v, v, v, v, v, v, v, v}; }
-SINEW_INLINE Float16 load16(const float* p) {
-  Float16 result;
-  __builtin_memcpy(&result, p, sizeof result);
-  return result;
-}
 #endif
 template <int K>
 SINEW_INLINE Float4 spread(Float4 v) {

@@ -56,7 +56,7 @@ SINEW_LANES_OPERATOR(/)
 #undef SINEW_LANES_OPERATOR
 #define SINEW_LANES_COMPARISON(op)                                                                             \
   SINEW_INLINE Int8 operator op(Float8 a, Float8 b) { return {Int4(a.low op b.low), Int4(a.high op b.high)}; } \
-  SINEW_INLINE Int8 operator op(Float8 a, float b) { return a op Float8{Float4{} + b, Float4{} + b}; }
+  SINEW_INLINE Int8 operator op(Float8 a, float b) { return a op Float8{Float4{b, b, b, b}, Float4{b, b, b, b}}; }
 SINEW_LANES_COMPARISON(<)
 SINEW_LANES_COMPARISON(<=)
 SINEW_LANES_COMPARISON(>)
@@ -83,11 +83,25 @@ using Float16 = float __attribute__((vector_size(64)));
 using Int16 = std::int32_t __attribute__((vector_size(64)));
 #endif
 
-// A float as any F.
+// A float as any F. Not F{} + value, which would have to make a positive zero of a negative one.
 template <class F>
 SINEW_INLINE F splat(float value) {
-  return F{} + value;
+  return F(value);
 }
+template <>
+SINEW_INLINE Float8 splat<Float8>(float v) {
+#if defined(__AVX__)
+  return Float8{v, v, v, v, v, v, v, v};
+#else
+  return {Float4{v, v, v, v}, Float4{v, v, v, v}};
+#endif
+}
+#if defined(__AVX512F__)
+template <>
+SINEW_INLINE Float16 splat<Float16>(float v) {
+  return Float16{v, v, v, v, v, v, v, v, v, v, v, v, v, v, v, v};
+}
+#endif
 
 // One lane of Float8 or Float16, of Int8 or Int16.
 template <class F>
@@ -125,6 +139,15 @@ SINEW_INLINE Float4 load4(const float* p) {
   return result;
 }
 SINEW_INLINE void store4(float* p, Float4 value) { __builtin_memcpy(p, &value, sizeof value); }
+
+#if defined(__AVX512F__)
+SINEW_INLINE Float16 load16(const float* p) {
+  Float16 result;
+  __builtin_memcpy(&result, p, sizeof result);
+  return result;
+}
+SINEW_INLINE void store16(float* p, Float16 value) { __builtin_memcpy(p, &value, sizeof value); }
+#endif
 
 // select(mask, a, b): a where the mask is true. For scalars the mask is a bool.
 SINEW_INLINE Float4 select(Int4 mask, Float4 a, Float4 b) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
@@ -86,6 +87,24 @@ struct Part {
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
 
+/// Memory that begins at a cache line: kernels read and write whole lines of vertices.
+class LineMemory : public std::pmr::memory_resource {
+ public:
+  explicit LineMemory(std::pmr::memory_resource* upstream) : upstream_(upstream) {}
+
+ private:
+  static constexpr std::size_t kLine = 64;
+  void* do_allocate(std::size_t bytes, std::size_t alignment) override {
+    return upstream_->allocate(bytes, std::max(alignment, kLine));
+  }
+  void do_deallocate(void* place, std::size_t bytes, std::size_t alignment) override {
+    upstream_->deallocate(place, bytes, std::max(alignment, kLine));
+  }
+  bool do_is_equal(const std::pmr::memory_resource& other) const noexcept override { return this == &other; }
+
+  std::pmr::memory_resource* upstream_;
+};
+
 /// State of one body. Constants stay in the asset.
 struct Body {
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
@@ -106,6 +125,7 @@ struct Body {
 
   std::shared_ptr<const Asset> asset;
   BodySettings settings;
+  LineMemory lines;  ///< where the arrays by vertex and membership live
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
   std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
