@@ -20,7 +20,7 @@ enum class RowPoint : std::uint8_t { physical_vertex, visual_vertex };
 
 struct Row {
   Vector3 target = Vector3::Zero();            ///< metres, world
-  Vector3 impulse = Vector3::Zero();           ///< Λ = force h², kg m; from warmStartRows on over the body's mass, m
+  Vector3 impulse = Vector3::Zero();           ///< Λ = force h² over the body's mass, metres
   Vector3 normal = Vector3::Zero();            ///< of a contact, unit
   Matrix3 inverse_response = Matrix3::Zero();  ///< of a hold: (W + E)^-1; responses are relative to the body's mass
   float compliance = 0;                        ///< E = e 1: the row gives way by e Λ

@@ -353,9 +353,7 @@ void warmStartRows(Body& body) {
     forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
   }
   loadUsedFrames(body);
-  const float to_relative = 1.0F / body.package().info().total_mass;
-  for (Row& row : body.rows) {
-    row.impulse *= to_relative;
+  for (const Row& row : body.rows) {
     if (row.impulse.isZero(0)) continue;
     forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
       const formats::Cluster& cluster = body.package().clusters()[c];
@@ -385,7 +383,7 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
     loadUsedFrames(body);
   }
 
-  const float to_force = body.package().info().total_mass / (pass_seconds * pass_seconds);
+  const float to_force = 1.0F / (pass_seconds * pass_seconds);
   for (const Row& row : body.rows) {
     Vec3& remembered = row.point == RowPoint::physical_vertex ? body.force[row.index] : body.picks[row.pick].force;
     remembered = asArray(to_force * row.impulse);

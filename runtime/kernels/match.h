@@ -12,8 +12,9 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-// A_pq of this many times its norm at rest: the cluster is torn apart.
-constexpr float kTorn = 2.5F;
+// A_pq of more than this part of what the largest stretches make of its norm at rest: the cluster is torn apart. What
+// the guard has let through, stretched by 3 along every axis, is not.
+constexpr float kTorn = 1.1F;
 
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
@@ -96,9 +97,13 @@ SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, c
 template <class W, class Mask = decltype(W{} < W{})>
 [[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mat3Of<W>& a,
                                              Mask& shaped) {
-  const W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
+  W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
   const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
   const SvdOf<W> svd = rotationSvd(a);
+  const Mask guarded = (svd.sigma.z < kLeastStretch) | (svd.sigma.x > larger(largest, splat<W>(kLargestStretch)));
+  // A little inside its bounds, or rounding would have the guard act, and stop the return, pass after pass.
+  least = select(guarded, larger(least, splat<W>(kLeastStretch * kGuardMargin)), least);
+  largest = select(guarded, smaller(largest, splat<W>(kLargestStretch / kGuardMargin)), largest);
   const Vec3Of<W> held = limitPrincipal(svd, least, largest);
   const Mask outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
   const Vec3Of<W> kept = volumePrincipal(held, least, largest);
@@ -108,8 +113,7 @@ template <class W, class Mask = decltype(W{} < W{})>
   for (int k = 1; k < 9; ++k) finite += absolute(a.m[k]);
   shaped = act & (outside | keeps_volume) & (finite < splat<W>(3.0e38F));
   a = select(shaped, compose(svd, sigma), a);
-  const W guard = larger(largest, splat<W>(kLargestStretch));
-  return shaped & ((svd.sigma.z < kLeastStretch) | (svd.sigma.x > guard));
+  return shaped & guarded;
 }
 
 template <bool quadratic, class W>
@@ -125,7 +129,8 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   const Mat3Of<W> moment = rest.loadMatrix<W>(rest->moment);
   const Mask lost = orientationIsLost(r, a_pq, moment) | state.loadMask<W>(state->astray);
   // Torn apart: no guard acts on a cluster that does not deform.
-  const Mask torn = squaredNorm(a_pq) > kTorn * kTorn * squaredNorm(moment);
+  const W stretched = larger(stiffness.load<W>(stiffness->largest), splat<W>(kLargestStretch));
+  const Mask torn = squaredNorm(a_pq) > kTorn * kTorn * stretched * stretched * squaredNorm(moment);
   if (any(lost)) {
     // Neighbours that guess differently would tangle for good (a ring of four, scattered, came to rest inside out), so
     // all that are lost take the part's rotation.

@@ -91,7 +91,8 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments a) {
     const Triples8 y = x + h * v;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
-    sums.addMomentum(loadScalars(r.mass + i, count), lanesOf(y) - reference, lanesOf(v) - moving);
+    // At x the angular momentum is the same as at y = x + h v, and the arms are short however fast the vertices are.
+    sums.addMomentum(loadScalars(r.mass + i, count), lanesOf(x) - reference, lanesOf(v) - moving);
   }
   sums.store(*a.sums);
   return repaired;

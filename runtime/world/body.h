@@ -53,7 +53,7 @@ struct Pick {
   std::uint32_t visual_vertex;
   Vec3 target;
   float frequency_hz;
-  Vec3 force = {};  ///< of the last pass, N: where the next one starts from
+  Vec3 force = {};  ///< of the last pass over the body's mass, m/s²: where the next one starts from
 };
 
 /// Vertices of a chunk, at most.
@@ -78,6 +78,9 @@ struct Part {
   /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so that
   /// neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
+  /// Angular momentum about the centre over the body's mass, m²/s, that is faster than passes can follow. Between steps
+  /// the velocities hold it too.
+  Eigen::Vector3d spin = Eigen::Vector3d::Zero();
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
@@ -131,7 +134,8 @@ struct Body {
   std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
   std::pmr::vector<Vec3> v;      ///< velocities, m/s
   std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
-  std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
+  /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
+  std::pmr::vector<Vec3> force;
   std::pmr::vector<std::uint8_t> pinned;
   std::pmr::vector<std::array<float, 4>>
       slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
