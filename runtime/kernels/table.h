@@ -8,6 +8,7 @@
 #include "runtime/kernels/kernels.h"
 #include "runtime/kernels/match.h"
 #include "runtime/kernels/moments.h"
+#include "runtime/kernels/rows.h"
 #include "runtime/kernels/vertices.h"
 
 namespace sinew::internal::SINEW_KERNELS {
@@ -52,11 +53,15 @@ void applyOf(const ApplyArguments& a) { apply(a); }
 void sumOf(const SumArguments& a) { sum(a); }
 void settleOf(const SettleArguments& a) { settle(a); }
 void addMotionOf(const AddMotionArguments& a) { addMotion(a); }
+float relaxRowsOf(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most) {
+  return relaxRows(rows, count, terms, answers, most);
+}
 
 }  // namespace
 
 inline constexpr Kernels tableNamed(const char* name) {
-  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf, attachTable()};
+  return {name,  momentsOf, matchOf,     goalsOf,     predictOf,    applyOf,
+          sumOf, settleOf,  addMotionOf, relaxRowsOf, attachTable()};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -68,6 +68,9 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       rows(memory),
       frames(memory),
       responses(memory),
+      solver_rows(memory),
+      terms(memory),
+      answers(memory),
       history(memory) {
   std::uint32_t use_block = 0;
   for (const formats::BodyRange& range : package().bodies()) {

@@ -75,8 +75,8 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so that
-  /// neither distance nor speed costs them digits.
+  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so
+  /// that neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
   /// Angular momentum about the centre over the body's mass, m²/s, that is faster than passes can follow. Between steps
   /// the velocities hold it too.
@@ -131,9 +131,9 @@ struct Body {
   LineMemory lines;  ///< where the arrays by vertex and membership live
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
-  std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
-  std::pmr::vector<Vec3> v;      ///< velocities, m/s
-  std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
+  std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
+  std::pmr::vector<Vec3> v;  ///< velocities, m/s
+  std::pmr::vector<Vec3> y;  ///< predicted, then matched positions
   /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
   std::pmr::vector<Vec3> force;
   std::pmr::vector<std::uint8_t> pinned;
@@ -160,6 +160,9 @@ struct Body {
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
   std::pmr::vector<ClusterResponse> responses;
+  std::pmr::vector<SolverRow> solver_rows;  ///< `rows` as the sweeps see them
+  std::pmr::vector<RowTerm> terms;
+  std::pmr::vector<ClusterAnswer> answers;  ///< by cluster
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 
