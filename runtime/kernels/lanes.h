@@ -23,6 +23,8 @@
 #define SINEW_INLINE [[gnu::always_inline]] inline
 // Before loops over arrays of lanes: taken apart, so that the arrays are registers.
 #define SINEW_UNROLL _Pragma("GCC unroll 32")
+// Before loops over arrays of lanes that are too many for registers: a third of the code at the same speed.
+#define SINEW_ROLLED _Pragma("GCC unroll 1")
 
 namespace sinew::internal::SINEW_KERNELS {
 

@@ -16,6 +16,12 @@ namespace sinew::internal::SINEW_KERNELS {
 // the guard has let through, stretched by 3 along every axis, is not.
 constexpr float kTorn = 1.1F;
 
+// Where the packed lower triangle of a symmetric matrix has row i, column j.
+constexpr std::uint8_t kPackedPlace[9][9] = {
+    {0, 1, 3, 6, 10, 15, 21, 28, 36},     {1, 2, 4, 7, 11, 16, 22, 29, 37},     {3, 4, 5, 8, 12, 17, 23, 30, 38},
+    {6, 7, 8, 9, 13, 18, 24, 31, 39},     {10, 11, 12, 13, 14, 19, 25, 32, 40}, {15, 16, 17, 18, 19, 20, 26, 33, 41},
+    {21, 22, 23, 24, 25, 26, 27, 34, 42}, {28, 29, 30, 31, 32, 33, 34, 35, 43}, {36, 37, 38, 39, 40, 41, 42, 43, 44}};
+
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
 
@@ -148,28 +154,29 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   // F = [R 0] + (A_pq - R M) S.
   W f[27];
   for (int k = 0; k < 9; ++k) f[k] = r.m[k];
-  SINEW_UNROLL for (int k = 9; k < 3 * kColumns; ++k) f[k] = W{};
+  SINEW_ROLLED for (int k = 9; k < 3 * kColumns; ++k) f[k] = W{};
   const Mask deforms = stiffness.loadMask<W>(stiffness->deforms);
   Mask limited = {}, shaped = {};
   if (any(deforms)) {
     W deviation[27];
-    SINEW_UNROLL for (int k = 0; k < kColumns; ++k) {
+    SINEW_ROLLED for (int k = 0; k < kColumns; ++k) {
       const Vec3Of<W> at_rest = r * Vec3Of<W>{rest.load<W>(rest->moment[3 * k]), rest.load<W>(rest->moment[3 * k + 1]),
                                               rest.load<W>(rest->moment[3 * k + 2])};
       deviation[3 * k] = state.load<W>(state->a_pq[3 * k]) - at_rest.x;
       deviation[3 * k + 1] = state.load<W>(state->a_pq[3 * k + 1]) - at_rest.y;
       deviation[3 * k + 2] = state.load<W>(state->a_pq[3 * k + 2]) - at_rest.z;
     }
-    SINEW_UNROLL for (int j = 0; j < kColumns; ++j) {
+    SINEW_ROLLED for (int j = 0; j < kColumns; ++j) {
+      W sum[3] = {f[3 * j], f[3 * j + 1], f[3 * j + 2]};
       SINEW_UNROLL for (int i = 0; i < kColumns; ++i) {
-        const int low = i < j ? i : j, high = i < j ? j : i;
-        const W s = stiffness.load<W>(stiffness->s[high * (high + 1) / 2 + low]);
-        for (int row = 0; row < 3; ++row) f[3 * j + row] += deviation[3 * i + row] * s;
+        const W s = stiffness.load<W>(stiffness->s[kPackedPlace[j][i]]);
+        for (int row = 0; row < 3; ++row) sum[row] += deviation[3 * i + row] * s;
       }
+      for (int row = 0; row < 3; ++row) f[3 * j + row] = sum[row];
     }
     // A rigid cluster's F does not depend on which clusters are its neighbours.
     for (int k = 0; k < 9; ++k) f[k] = select(deforms, f[k], r.m[k]);
-    for (int k = 9; k < 3 * kColumns; ++k) f[k] = select(deforms, f[k], W{});
+    SINEW_ROLLED for (int k = 9; k < 3 * kColumns; ++k) f[k] = select(deforms, f[k], W{});
     Mat3Of<W> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
     const Mask act =
@@ -178,7 +185,7 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
     if (any(act)) {
       limited = limitStretches(stiffness, act, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
-      for (int k = 9; k < 3 * kColumns; ++k) {
+      SINEW_ROLLED for (int k = 9; k < 3 * kColumns; ++k) {
         const W most = splat<W>(kLargestStretch);
         f[k] = select(limited, clamped(f[k], -most, most), f[k]);
       }
@@ -192,7 +199,7 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   const Mask turned = (stiffness.loadMask<W>(stiffness->mixes) | limited | shaped) & ~lost;
   if (any(turned)) {
     Mat3Of<W> product = {};
-    for (int k = 0; k < kColumns; ++k) {
+    SINEW_ROLLED for (int k = 0; k < kColumns; ++k) {
       for (int j = 0; j < 3; ++j) {
         for (int i = 0; i < 3; ++i) product(i, j) += state.load<W>(state->a_pq[3 * k + i]) * f[3 * k + j];
       }
@@ -200,14 +207,14 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
     QuaternionOf<W> turn = {splat<W>(1.0F), W{}, W{}, W{}};
     nearestRotation(product, turn);
     const Mat3Of<W> t = rotationMatrix(turn);
-    for (int k = 0; k < kColumns; ++k) {
+    SINEW_ROLLED for (int k = 0; k < kColumns; ++k) {
       const Vec3Of<W> column = t * Vec3Of<W>{f[3 * k], f[3 * k + 1], f[3 * k + 2]};
       f[3 * k] = select(turned, column.x, f[3 * k]);
       f[3 * k + 1] = select(turned, column.y, f[3 * k + 1]);
       f[3 * k + 2] = select(turned, column.z, f[3 * k + 2]);
     }
   }
-  SINEW_UNROLL for (int k = 0; k < 3 * kColumns; ++k) state.store(state->f[k], f[k]);
+  SINEW_ROLLED for (int k = 0; k < 3 * kColumns; ++k) state.store(state->f[k], f[k]);
   state.storeMask(state->limited, limited);
   state.storeMask(state->lost, lost);
 }
