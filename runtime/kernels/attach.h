@@ -30,14 +30,6 @@ SINEW_INLINE Float8 spreadPair(Float4 v) {
   return joined(spread<I>(v), spread<K>(v));
 #endif
 }
-SINEW_INLINE Float4 absolute(Float4 a) { return Float4(Int4(a) & 0x7fffffff); }
-SINEW_INLINE bool any(Int4 mask) {
-#if defined(__SSE4_1__)
-  return _mm_movemask_ps(__m128(Float4(mask))) != 0;
-#else
-  return (mask[0] | mask[1] | mask[2] | mask[3]) != 0;
-#endif
-}
 // Three floats, without touching what lies behind them.
 SINEW_INLINE Float4 load3(const float* p) {
 #if defined(__SSE4_1__)

@@ -98,6 +98,10 @@ SINEW_INLINE Float8 splat<Float8>(float v) {
   return {Float4{v, v, v, v}, Float4{v, v, v, v}};
 #endif
 }
+template <>
+SINEW_INLINE Float4 splat<Float4>(float v) {
+  return Float4{v, v, v, v};
+}
 #if defined(__AVX512F__)
 template <>
 SINEW_INLINE Float16 splat<Float16>(float v) {
@@ -172,6 +176,7 @@ SINEW_INLINE Float16 select(Int16 mask, Float16 a, Float16 b) { return mask ? a 
 SINEW_INLINE float select(bool mask, float a, float b) { return mask ? a : b; }
 SINEW_INLINE double select(bool mask, double a, double b) { return mask ? a : b; }
 
+SINEW_INLINE Int4 both(Int4 a, Int4 b) { return a & b; }
 SINEW_INLINE Int8 both(Int8 a, Int8 b) { return a & b; }
 #if defined(__AVX512F__)
 SINEW_INLINE Int16 both(Int16 a, Int16 b) { return a & b; }
@@ -182,23 +187,27 @@ SINEW_INLINE Float16 absolute(Float16 a) { return Float16(Int16(a) & 0x7fffffff)
 SINEW_INLINE Float16 squareRoot(Float16 a) { return Float16(_mm512_maskz_sqrt_ps(0xffff, __m512(a))); }
 #endif
 SINEW_INLINE bool both(bool a, bool b) { return a && b; }
+SINEW_INLINE Int4 either(Int4 a, Int4 b) { return a | b; }
 SINEW_INLINE Int8 either(Int8 a, Int8 b) { return a | b; }
 SINEW_INLINE bool either(bool a, bool b) { return a || b; }
+SINEW_INLINE Int4 no(Int4 a) { return ~a; }
 SINEW_INLINE Int8 no(Int8 a) { return ~a; }
 SINEW_INLINE bool no(bool a) { return !a; }
 
+SINEW_INLINE bool any(Int4 mask) {
+#if defined(__SSE4_1__)
+  return _mm_movemask_ps(__m128(Float4(mask))) != 0;
+#else
+  std::uint64_t bits[2];
+  __builtin_memcpy(bits, &mask, sizeof bits);
+  return (bits[0] | bits[1]) != 0;
+#endif
+}
 SINEW_INLINE bool any(Int8 mask) {
 #if defined(__AVX__)
   return _mm256_movemask_ps(__m256(Float8(mask))) != 0;
 #else
-  const Int4 half = mask.low | mask.high;
-#if defined(__SSE4_1__)
-  return _mm_movemask_ps(__m128(Float4(half))) != 0;
-#else
-  std::uint64_t bits[2];
-  __builtin_memcpy(bits, &half, sizeof bits);
-  return (bits[0] | bits[1]) != 0;
-#endif
+  return any(mask.low | mask.high);
 #endif
 }
 SINEW_INLINE bool any(bool mask) { return mask; }
@@ -217,11 +226,12 @@ SINEW_INLINE F clamped(F value, F low, F high) {
   return smaller(larger(value, low), high);
 }
 
+SINEW_INLINE Float4 absolute(Float4 a) { return Float4(Int4(a) & 0x7fffffff); }
 SINEW_INLINE Float8 absolute(Float8 a) {
 #if defined(__AVX__)
   return Float8(Int8(a) & 0x7fffffff);
 #else
-  return {Float4(Int4(a.low) & 0x7fffffff), Float4(Int4(a.high) & 0x7fffffff)};
+  return {absolute(a.low), absolute(a.high)};
 #endif
 }
 SINEW_INLINE float absolute(float a) { return __builtin_fabsf(a); }
