@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/clusters/stiffness.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -66,16 +65,14 @@ Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>&
 // Whether a cluster is so thin that its classes of modes cannot be told apart under a load: a wire's bend turns it
 // about its own axis, where it has next to no inertia, and contacts then drove it without bound.
 bool isSlender(const ClusterRest& rest) {
-  const Square<3> moment = rest.moment.leftCols<3>();
-  const Eigen::SelfAdjointEigenSolver<Square<3>> solver(moment, Eigen::EigenvaluesOnly);
-  return solver.eigenvalues()[0] < kSlender * solver.eigenvalues()[2];
+  const Eigen::Matrix3d moment = rest.moment.leftCols<3>().cast<double>();
+  std::array<double, 3> values;
+  Eigen::Matrix3d axes;
+  geometry::symmetricEigen(geometry::viewOf(moment), values, geometry::viewOf(axes));
+  return values[0] < double(kSlender) * values[2];
 }
 
 }  // namespace
-
-float keptDeformation(float frequency_hz, float step_seconds) {
-  return float(1 / (1 + stiffnessRatio(frequency_hz, 1, step_seconds)));
-}
 
 std::array<double, 3> classRatios(const formats::PackageView& package, const RestConstants& rest, std::uint32_t index,
                                   float stiffness_scale, float step_seconds) {
@@ -166,8 +163,12 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   return result;
 }
 
-StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_scale)
-    : scale(stiffness_scale), clusters(package.clusters().size()), blocks((clusters.size() + 7) / 8) {}
+StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_scale,
+                           std::pmr::memory_resource* memory)
+    : scale(stiffness_scale),
+      clusters(package.clusters().size(), memory),
+      blocks((clusters.size() + 7) / 8, memory),
+      kept(memory) {}
 
 void StiffnessSet::storeBlock(std::uint32_t c) {
   const ClusterStiffness& stiffness = clusters[c];

@@ -61,7 +61,7 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       pin_sets(memory),
       fits(memory),
       fit_of(memory),
-      mechanics(package(), rest().mechanics),
+      mechanics(package(), rest().mechanics, memory),
       chunks(memory),
       parts(memory),
       rows(memory),
@@ -129,7 +129,7 @@ void Body::matchPositions() {
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
   const Kernels& kernel = kernels();
   // No frequency: F = A shows the positions as they are.
-  StiffnessSet loose(package(), 0.0F);
+  StiffnessSet loose(package(), 0.0F, x.get_allocator().resource());
   loose.loosen(package());
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b], slots.data()->data());

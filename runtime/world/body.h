@@ -39,11 +39,20 @@ struct PinSet {
   PinMethod method = PinMethod::constrained_fit;
   RigidTransform at;      ///< where it is in this pass
   RigidTransform target;  ///< where it is at the end of the step
-  std::vector<PinnedVertex> vertices;
+  std::pmr::vector<PinnedVertex> vertices;
   // Reactions of the step's passes; means are taken over `passes`.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
   std::uint32_t passes = 0;
   bool first_pass = true;  ///< the next pass is the first of a step
+
+  using allocator_type = std::pmr::polymorphic_allocator<>;
+  explicit PinSet(allocator_type allocator) : vertices(allocator) {}
+  PinSet(PinSet&& other) noexcept = default;
+  PinSet(PinSet&& other, allocator_type) noexcept : PinSet(std::move(other)) {}  // of the same memory
+  PinSet& operator=(PinSet&& other) = default;
+  PinSet(const PinSet&) = delete;
+  PinSet& operator=(const PinSet&) = delete;
+  ~PinSet() = default;
 };
 
 /// A spring between a visual vertex and a target.
@@ -74,8 +83,8 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so that
-  /// neither distance nor speed costs them digits.
+  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so
+  /// that neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
@@ -88,8 +97,9 @@ struct Part {
 
 /// State of one body. Constants stay in the asset.
 struct Body {
+  /// \param memory all that the body keeps comes from there.
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
-       std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+       std::pmr::memory_resource* memory);
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }
