@@ -170,10 +170,7 @@ StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_
       blocks((clusters.size() + 7) / 8, memory),
       kept(memory) {}
 
-void StiffnessSet::storeBlock(std::uint32_t c) {
-  const ClusterStiffness& stiffness = clusters[c];
-  StiffnessBlock& block = blocks[c / 8];
-  const std::uint32_t lane = c % 8;
+void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block) {
   int k = 0;
   for (int row = 0; row < 9; ++row) {
     for (int column = 0; column <= row; ++column) block.s[k++][lane] = stiffness.s(row, column);
@@ -187,19 +184,12 @@ void StiffnessSet::storeBlock(std::uint32_t c) {
   block.keeps_volume[lane] = 0;
 }
 
-void StiffnessSet::loosen(const formats::PackageView& package) {
-  for (std::uint32_t c = 0; c < clusters.size(); ++c) {
-    clusters[c] = freeStiffness(package, c);
-    storeBlock(c);
-  }
-}
-
 void StiffnessSet::update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds) {
   if (step_seconds == pass_seconds) return;
   step_seconds = pass_seconds;
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
-    storeBlock(c);
+    storeStiffness(clusters[c], c % 8, blocks[c / 8]);
     if (rest.mechanics.limits.empty()) continue;
     const GoalLimits& limits = rest.mechanics.limits[c];
     blocks[c / 8].least[c % 8] = limits.least;

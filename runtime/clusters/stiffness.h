@@ -38,13 +38,13 @@ ClusterStiffness freeStiffness(const formats::PackageView& package, std::uint32_
 ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
                                   float stiffness_scale, float step_seconds);
 
+/// The same for kernels, with the guard's limits and no volume kept. \param lane 0..7 of the block.
+void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block);
+
 /// The stiffness of all clusters of a package for one length of pass; bodies with the same scale share it.
 struct StiffnessSet {
   /// \param scale multiplies all frequencies, 0.. \param memory what it keeps comes from there.
   StiffnessSet(const formats::PackageView& package, float scale, std::pmr::memory_resource* memory);
-
-  /// No stiffness at all, whatever the package says: F = A.
-  void loosen(const formats::PackageView& package);
 
   /// Computes it for another length of pass; does not allocate after the first time.
   void update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds);
@@ -55,9 +55,6 @@ struct StiffnessSet {
   std::pmr::vector<StiffnessBlock> blocks;  ///< the same for kernels
   /// By entry of MechanicsConstants::modes: what a pass keeps of each.
   std::pmr::vector<Eigen::Matrix<float, 27, 1>> kept;
-
- private:
-  void storeBlock(std::uint32_t cluster);
 };
 
 }  // namespace sinew::internal
