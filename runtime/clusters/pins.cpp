@@ -31,9 +31,8 @@ void addRow(Body& body, std::uint32_t vertex, const Vector3& target, float weigh
   body.rows.push_back(row);
 }
 
-// A force on the body at a place, over the pass; the reaction on the owner is its opposite.
-void addForce(PinSet& set, const Vector3& force, const Vector3& place) {
-  const Eigen::Vector3d f = force.cast<double>();
+// A force on the body at a place, N, over the pass; the reaction on the owner is its opposite.
+void addForce(PinSet& set, const Eigen::Vector3d& f, const Vector3& place) {
   set.force_sum -= f;
   set.torque_sum -= (place - asVector(set.at.position)).cast<double>().cross(f);
 }
@@ -161,8 +160,8 @@ void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
       if (vertex.weight < 1) continue;
       auto y = asVector(body.y[vertex.vertex]);
       const Vector3 place = placeOf(set.at, vertex);
-      const float mass = body.vertices()[vertex.vertex].mass;
-      addForce(set, (mass / (pass_seconds * pass_seconds)) * (place - y), place);
+      const double mass = double(body.vertices()[vertex.vertex].mass), h = double(pass_seconds);
+      addForce(set, mass / (h * h) * (place - y).cast<double>(), place);
       y = place;
     }
   }
@@ -191,14 +190,15 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
     // What the fit did to the cluster as a whole: the goals' force and torque, Σ mu (g - y) and Σ mu y x (g - y).
     const formats::Cluster& cluster = body.package().clusters()[fit.cluster()];
     const ClusterFrame frame = loadFrame(body.blocks, fit.cluster());
-    const float scale = to_force * cluster.mass * body.stiffness->clusters[fit.cluster()].alpha;
-    const Eigen::Vector3d force = double(scale) * (frame.center - fit.momentCenter()).cast<double>();
+    const double scale =
+        double(to_force) * double(cluster.mass) * double(body.stiffness->clusters[fit.cluster()].alpha);
+    const Eigen::Vector3d force = scale * (frame.center - fit.momentCenter()).cast<double>();
     Eigen::Vector3d torque = Eigen::Vector3d::Zero();
     const int columns = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
     for (int k = 0; k < columns; ++k) {
       torque += frame.a_pq.col(k).cast<double>().cross(frame.f.col(k).cast<double>());
     }
-    torque *= double(scale) * double(cluster.radius) * double(cluster.radius);
+    torque *= scale * double(cluster.radius) * double(cluster.radius);
     const double part = 1.0 / double(fit.points().size());
     for (const PinPoint& point : fit.points()) {
       PinSet& set = body.pin_sets[point.set];
@@ -212,8 +212,9 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
       auto y = asVector(body.y[vertex.vertex]);
       const Vector3 start = asVector(body.x[vertex.vertex]), place = placeOf(set.at, vertex);
       if (isHeldByRows(set)) {
-        const float mass = body.vertices()[vertex.vertex].mass;
-        addForce(set, asVector(body.force[vertex.vertex]) + vertex.weight * mass * to_force * (place - y), place);
+        const float part = body.rest().masses[vertex.vertex];
+        const Vector3 acceleration = asVector(body.force[vertex.vertex]) + vertex.weight * part * to_force * (place - y);
+        addForce(set, double(body.package().info().total_mass) * acceleration.cast<double>(), place);
         y += vertex.weight * (place - y);
       } else if (vertex.weight >= 1) {
         y = place;

@@ -16,6 +16,8 @@ namespace sinew::internal {
 /// squashed or mirrored past it comes back on the right side.
 inline constexpr float kLeastStretch = 0.1F;
 inline constexpr float kLargestStretch = 3.0F;
+/// The guard brings a stretch this factor inside its bounds.
+inline constexpr float kGuardMargin = 1.05F;
 
 /// Beyond these a state counts as lost: floats could no longer square or difference it.
 inline constexpr float kLargestPosition = 1e15F;  // metres
@@ -45,7 +47,7 @@ struct PredictArguments {
   /// Called for each vertex whose state is not usable; has to mend x and v.
   void (*repair)(void* context, std::uint32_t vertex);
   void* context;
-  MotionLanes* sums;  ///< momentum and angular momentum of v at y only
+  MotionLanes* sums;  ///< momentum and angular momentum of v at x only
 };
 
 struct ApplyArguments {
@@ -108,6 +110,7 @@ struct Kernels {
   void (*sum)(const SumArguments& arguments);
   void (*settle)(const SettleArguments& arguments);
   void (*add_motion)(const AddMotionArguments& arguments);
+  float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
   AttachKernels attach;
 };
 

@@ -17,6 +17,7 @@
 #include "runtime/contact/solve.h"
 #include "runtime/interact/pick.h"
 #include "runtime/kernels/kernels.h"
+#include "runtime/step/spin.h"
 
 namespace sinew::internal {
 namespace {
@@ -108,6 +109,33 @@ class BodyStep {
       part.moving = Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0];
     }
     body_.centers_known = true;
+    forChunks([&](VertexChunk& chunk) { sumMotion(chunk, body_.x, 0.0F); });
+    for (Part& part : body_.parts) {
+      const MotionSums now = partSums(part);
+      const RigidMotionSolver solver(now, part.reference);
+      const Eigen::Vector3d angular = now.angular - solver.offset().cross(now.momentum);
+      part.spin.setZero();
+      if (angular.allFinite()) setSpinAside(solver, angular, double(h_), part.spin);
+    }
+  }
+
+  // Takes the spin that is faster than passes can follow out of the velocities, before the first pass of a step, or
+  // gives it back behind the last.
+  void moveSpin(double sign) {
+    const auto spins = [](const Part& part) { return !part.spin.isZero(0); };
+    if (std::none_of(body_.parts.begin(), body_.parts.end(), spins)) return;
+    forChunks([&](VertexChunk& chunk) {
+      if (spins(body_.parts[chunk.part])) sumMotion(chunk, body_.x, 0.0F);
+    });
+    for (Part& part : body_.parts) {
+      if (!spins(part)) continue;
+      const RigidMotionSolver solver(partSums(part), part.reference);
+      part.lacking = {solver.center(), Eigen::Vector3d::Zero(), sign * solver.turning(part.spin)};
+    }
+    forChunks([&](VertexChunk& chunk) {
+      const Part& part = body_.parts[chunk.part];
+      if (spins(part)) kernel_.add_motion({vertexRange(chunk), part.lacking.forKernels()});
+    });
   }
 
   void pass(std::uint32_t passes_left) {
@@ -199,8 +227,8 @@ class BodyStep {
   void predict() {
     const float kept = std::exp(-settings_.damping * h_);
     for (Part& part : body_.parts) {
+      part.spin *= double(kept);
       part.moving = double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>());
-      part.reference += double(h_) * part.moving;
     }
     forChunks([&](VertexChunk& chunk) {
       PredictArguments a{};
@@ -218,7 +246,10 @@ class BodyStep {
       a.sums = &chunk.sums;
       chunk.repaired += kernel_.predict(a);
     });
-    for (Part& part : body_.parts) part.before = partSums(part);
+    for (Part& part : body_.parts) {
+      part.before = partSums(part);
+      part.reference += double(h_) * part.moving;
+    }
   }
 
   MotionSums partSums(const Part& part) const {
@@ -359,7 +390,9 @@ class BodyStep {
       part.found = part.wanted = solver.motion(now.momentum, now.angular);
       if (part.free) {
         add(part.wanted, defect(part, now, solver));
+        keepSpin(part, solver);
       } else {
+        part.spin.setZero();                // what touches it stops what passes cannot follow
         part.wanted.omega *= kept_turning;  // soft things do not roll or swing for ever: turning on a support flexes
       }
       part.found.velocity += part.moving;
@@ -378,6 +411,15 @@ class BodyStep {
       part.moving = part.wanted.velocity;
       body_.centers_known &= part.reference.allFinite() && part.moving.allFinite();
     }
+  }
+
+  // What the part would turn by too much in the next pass is set aside, or comes back from there.
+  void keepSpin(Part& part, const RigidMotionSolver& solver) const {
+    const double turn = part.wanted.omega.norm() * double(h_);
+    if (part.spin.isZero(0) && !(turn > kMostTurn)) return;
+    const Eigen::Vector3d had = part.spin;
+    part.wanted.omega = setSpinAside(solver, had + solver.inertia() * part.wanted.omega, double(h_), part.spin);
+    part.before.angular += had - part.spin;
   }
 
   // The inelastic stop took a different part of each vertex's motion, and a large turn moved the arms: gives free parts
@@ -407,7 +449,7 @@ class BodyStep {
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));
-    const auto copy = [](const Eigen::Vector3d& from, float (&to)[3]) {
+    const auto copy = [](const Eigen::Vector3d& from, float(&to)[3]) {
       for (int k = 0; k < 3; ++k) to[k] = float(from[k]);
     };
     const Eigen::Vector3d turned = part.wanted.omega - part.found.omega;
@@ -461,6 +503,9 @@ void exchange(Body& body, RowScratch& scratch) {
   body.rows.swap(scratch.rows);
   body.frames.swap(scratch.frames);
   body.responses.swap(scratch.responses);
+  body.solver_rows.swap(scratch.solver_rows);
+  body.terms.swap(scratch.terms);
+  body.answers.swap(scratch.answers);
 }
 
 void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
@@ -471,10 +516,13 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
   if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
     body.frames.resize(body.clusterCount());
     body.responses.resize(body.clusterCount());
+    body.answers.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
   if (!body.centers_known) step.findCenters();
+  step.moveSpin(-1);
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
+  step.moveSpin(1);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();
   exchange(body, scratch);
@@ -484,11 +532,12 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
 
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
   struct Need {
-    std::size_t bodies = 0, rows = 0, clusters = 0;
+    std::size_t bodies = 0, rows = 0, terms = 0, clusters = 0;
     void add(const Body& body, bool rows_too) {
       ++bodies;
       if (!rows_too) return;
       rows = std::max(rows, body.vertexCount() + body.picks.size());
+      terms = std::max(terms, mostTerms(body));
       clusters = std::max<std::size_t>(clusters, body.clusterCount());
     }
   } all, small;
@@ -506,6 +555,9 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
     scratch.lanes[i].rows.reserve(need.rows);
     scratch.lanes[i].frames.reserve(need.clusters);
     scratch.lanes[i].responses.reserve(need.clusters);
+    scratch.lanes[i].solver_rows.reserve(need.rows);
+    scratch.lanes[i].terms.reserve(need.terms);
+    scratch.lanes[i].answers.reserve(need.clusters);
   }
 }
 

@@ -48,12 +48,13 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
            std::pmr::memory_resource* memory)
     : asset(std::move(source)),
       settings(body_settings),
-      x(vertexCount() + 1, memory),
-      v(vertexCount() + 1, memory),
-      y(vertexCount() + 1, memory),
+      lines(memory),
+      x(vertexCount() + 1, &lines),
+      v(vertexCount() + 1, &lines),
+      y(vertexCount() + 1, &lines),
       force(vertexCount(), memory),
       pinned(vertexCount(), memory),
-      slots(8 * rest().members.size() + 1, memory),
+      slots(8 * rest().members.size() + 1, &lines),
       blocks(rest().blocks.size(), memory),
       stiffness(std::move(shared)),
       pins(memory),
@@ -67,6 +68,9 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       rows(memory),
       frames(memory),
       responses(memory),
+      solver_rows(memory),
+      terms(memory),
+      answers(memory),
       history(memory) {
   std::uint32_t use_block = 0;
   for (const formats::BodyRange& range : package().bodies()) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
@@ -61,7 +62,7 @@ struct Pick {
   std::uint32_t visual_vertex;
   Vec3 target;
   float frequency_hz;
-  Vec3 force = {};  ///< of the last pass, N: where the next one starts from
+  Vec3 force = {};  ///< of the last pass over the body's mass, m/s²: where the next one starts from
 };
 
 /// Vertices of a chunk, at most.
@@ -86,6 +87,9 @@ struct Part {
   /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so
   /// that neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
+  /// Angular momentum about the centre over the body's mass, m²/s, that is faster than passes can follow. Between steps
+  /// the velocities hold it too.
+  Eigen::Vector3d spin = Eigen::Vector3d::Zero();
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
@@ -93,6 +97,24 @@ struct Part {
   bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
+};
+
+/// Memory that begins at a cache line: kernels read and write whole lines of vertices.
+class LineMemory : public std::pmr::memory_resource {
+ public:
+  explicit LineMemory(std::pmr::memory_resource* upstream) : upstream_(upstream) {}
+
+ private:
+  static constexpr std::size_t kLine = 64;
+  void* do_allocate(std::size_t bytes, std::size_t alignment) override {
+    return upstream_->allocate(bytes, std::max(alignment, kLine));
+  }
+  void do_deallocate(void* place, std::size_t bytes, std::size_t alignment) override {
+    upstream_->deallocate(place, bytes, std::max(alignment, kLine));
+  }
+  bool do_is_equal(const std::pmr::memory_resource& other) const noexcept override { return this == &other; }
+
+  std::pmr::memory_resource* upstream_;
 };
 
 /// State of one body. Constants stay in the asset.
@@ -116,12 +138,14 @@ struct Body {
 
   std::shared_ptr<const Asset> asset;
   BodySettings settings;
+  LineMemory lines;  ///< where the arrays by vertex and membership live
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
-  std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
-  std::pmr::vector<Vec3> v;      ///< velocities, m/s
-  std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
-  std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
+  std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
+  std::pmr::vector<Vec3> v;  ///< velocities, m/s
+  std::pmr::vector<Vec3> y;  ///< predicted, then matched positions
+  /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
+  std::pmr::vector<Vec3> force;
   std::pmr::vector<std::uint8_t> pinned;
   std::pmr::vector<std::array<float, 4>>
       slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
@@ -146,6 +170,9 @@ struct Body {
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
   std::pmr::vector<ClusterResponse> responses;
+  std::pmr::vector<SolverRow> solver_rows;  ///< `rows` as the sweeps see them
+  std::pmr::vector<RowTerm> terms;
+  std::pmr::vector<ClusterAnswer> answers;  ///< by cluster
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 

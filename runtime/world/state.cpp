@@ -20,7 +20,7 @@ using internal::ClusterBlock;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 2;
+constexpr std::uint32_t kStateVersion = 3;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -45,9 +45,9 @@ struct SavedPinSet {
   std::array<double, 3> force_sum, torque_sum;
 };
 
-/// The moving point about which a part's motion is summed.
+/// The moving point about which a part's motion is summed, and its fast spin.
 struct SavedCenter {
-  std::array<double, 3> reference, moving;
+  std::array<double, 3> reference, moving, spin;
 };
 
 constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
@@ -157,7 +157,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   for (std::size_t i = 0; i < body.parts.size(); ++i) {
     const auto center = reader.get<SavedCenter>();
     for (std::size_t k = 0; k < 3; ++k) {
-      sound &= std::isfinite(center.reference[k]) && std::isfinite(center.moving[k]);
+      sound &= std::isfinite(center.reference[k]) && std::isfinite(center.moving[k]) && std::isfinite(center.spin[k]);
     }
   }
   for (std::uint32_t i = 0; i < 2 * h.vertices; ++i) reader.get<Vec3>();  // any: what is lost a step puts right
@@ -214,6 +214,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
     SavedCenter saved;
     std::copy(part.reference.data(), part.reference.data() + 3, saved.reference.begin());
     std::copy(part.moving.data(), part.moving.data() + 3, saved.moving.begin());
+    std::copy(part.spin.data(), part.spin.data() + 3, saved.spin.begin());
     writer.put(&saved, 1);
   }
   writer.put(body->x.data(), header.vertices);
@@ -278,6 +279,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     const auto saved = reader.get<SavedCenter>();
     std::copy(saved.reference.begin(), saved.reference.end(), part.reference.data());
     std::copy(saved.moving.begin(), saved.moving.end(), part.moving.data());
+    std::copy(saved.spin.begin(), saved.spin.end(), part.spin.data());
   }
   reader.get(body->x.data(), header.vertices);
   reader.get(body->v.data(), header.vertices);
