@@ -40,11 +40,20 @@ struct PinSet {
   PinMethod method = PinMethod::constrained_fit;
   RigidTransform at;      ///< where it is in this pass
   RigidTransform target;  ///< where it is at the end of the step
-  std::vector<PinnedVertex> vertices;
+  std::pmr::vector<PinnedVertex> vertices;
   // Reactions of the step's passes; means are taken over `passes`.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
   std::uint32_t passes = 0;
   bool first_pass = true;  ///< the next pass is the first of a step
+
+  using allocator_type = std::pmr::polymorphic_allocator<>;
+  explicit PinSet(allocator_type allocator) : vertices(allocator) {}
+  PinSet(PinSet&& other) noexcept = default;
+  PinSet(PinSet&& other, allocator_type) noexcept : PinSet(std::move(other)) {}  // of the same memory
+  PinSet& operator=(PinSet&& other) = default;
+  PinSet(const PinSet&) = delete;
+  PinSet& operator=(const PinSet&) = delete;
+  ~PinSet() = default;
 };
 
 /// A spring between a visual vertex and a target.
@@ -110,8 +119,9 @@ class LineMemory : public std::pmr::memory_resource {
 
 /// State of one body. Constants stay in the asset.
 struct Body {
+  /// \param memory all that the body keeps comes from there.
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
-       std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+       std::pmr::memory_resource* memory);
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }
