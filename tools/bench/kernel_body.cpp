@@ -9,14 +9,13 @@ namespace sinew::tools {
 
 KernelBody::KernelBody(const formats::PackageView& package, float kept)
     : rest_(internal::makeRestConstants(package)), vertices_(std::uint32_t(package.physicalVertices().size())) {
-  internal::StiffnessSet loose(package, 0);
-  loose.loosen(package);
-  stiffness_.assign(loose.blocks.begin(), loose.blocks.end());
-  for (internal::StiffnessBlock& block : stiffness_) {
-    for (auto& component : block.s) {
-      for (float& value : component) value *= kept;
-    }
-    for (std::int32_t& deforms : block.deforms) deforms = kept > 0 ? deforms : 0;
+  const std::uint32_t clusters = std::uint32_t(package.clusters().size());
+  stiffness_.resize(rest_.blocks.size());
+  for (std::uint32_t c = 0; c < clusters; ++c) {
+    internal::ClusterStiffness stiffness = internal::freeStiffness(package, c);
+    stiffness.s *= kept;
+    stiffness.deforms &= kept > 0;
+    internal::storeStiffness(stiffness, c % 8, stiffness_[c / 8]);
   }
   state_.resize(rest_.blocks.size());
   for (internal::ClusterBlock& block : state_) {
