@@ -27,7 +27,7 @@ constexpr float kLostResistance = 0.3F;
 
 // Two times eight lanes, floats or masks, as sixteen.
 template <class V>
-SINEW_INLINE void joinInto(V& value, Float8 low, Float8 high) {
+SINEW_INLINE void joinInto([[maybe_unused]] V& value, [[maybe_unused]] Float8 low, [[maybe_unused]] Float8 high) {
   static_assert(sizeof(V) == 2 * sizeof(Float8));
 #if defined(__AVX512F__)
   value = V(joined(low, high));  // the bits
