@@ -5,8 +5,8 @@
 
 namespace sinew::internal {
 
-/// R and F of eight clusters from their moments: by the kernel, and where a cluster has more to it than frequencies
-/// (docs/method.md §9, §10) by itself.
-void matchBlock(Body& body, std::uint32_t block, float pass_seconds);
+/// R and F of the clusters of blocks begin..end from their moments: by the kernel, and where a cluster has more to it
+/// than frequencies (docs/method.md §9, §10) by itself.
+void matchBlocks(Body& body, std::uint32_t begin, std::uint32_t end, float pass_seconds);
 
 }  // namespace sinew::internal

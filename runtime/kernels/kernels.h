@@ -16,6 +16,8 @@ namespace sinew::internal {
 /// squashed or mirrored past it comes back on the right side.
 inline constexpr float kLeastStretch = 0.1F;
 inline constexpr float kLargestStretch = 3.0F;
+/// The guard brings a stretch this factor inside its bounds.
+inline constexpr float kGuardMargin = 1.05F;
 
 /// Beyond these a state counts as lost: floats could no longer square or difference it.
 inline constexpr float kLargestPosition = 1e15F;  // metres
@@ -45,7 +47,7 @@ struct PredictArguments {
   /// Called for each vertex whose state is not usable; has to mend x and v.
   void (*repair)(void* context, std::uint32_t vertex);
   void* context;
-  MotionLanes* sums;  ///< momentum and angular momentum of v at y only
+  MotionLanes* sums;  ///< momentum and angular momentum of v at x only
 };
 
 struct ApplyArguments {
@@ -74,15 +76,19 @@ struct SumArguments {
   MotionLanes* sums;
 };
 
+/// What is left of a vertex's own motion, v - found (the part's rigid motion), is damped; the rigid motion changes:
+/// v += change + change_omega x arm - lost (v - found), with arm = y - center and found = moving + lost_omega x arm.
+/// x of a free part goes on by h (v + shift + shift_omega x arm), otherwise x = y.
 struct SettleArguments {
   VertexRange vertices;
   float h;
-  bool free;                 ///< x follows the corrected velocity; else x = y
-  MotionOf3 found;           ///< rigid motion of the part as it is
-  MotionOf3 wanted;          ///< and as it has to be
-  MotionOf3 moved_as;        ///< for the positions
-  float kept;                ///< part of the motion beyond the rigid one that inner friction leaves
-  const float* vertex_kept;  ///< null, or factors on `kept` by vertex from `begin` on
+  bool free;
+  float center[3];
+  float moving[3], lost_omega[3];    ///< rigid motion of the part as it is
+  float change[3], change_omega[3];  ///< to the one it has to have
+  float shift[3], shift_omega[3];    ///< the same for the positions
+  float lost;                        ///< part of the motion beyond the rigid one that inner friction takes
+  const float* vertex_kept;          ///< null, or factors on 1 - lost by vertex from `begin` on
 };
 
 /// v += motion at x.
@@ -95,7 +101,8 @@ struct Kernels {
   const char* name;
   void (*moments)(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state,
                   float* slots);
-  void (*match)(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state);
+  void (*match)(const ClusterRestBlock* rest, const StiffnessBlock* stiffness, ClusterBlock* state,
+                std::uint32_t blocks);
   void (*goals)(const ClusterRestBlock& rest, const MemberBlock* members, const StiffnessBlock& stiffness,
                 const ClusterBlock& state, float* slots);
   std::uint32_t (*predict)(const PredictArguments& arguments);  ///< \return vertices repaired
@@ -103,6 +110,7 @@ struct Kernels {
   void (*sum)(const SumArguments& arguments);
   void (*settle)(const SettleArguments& arguments);
   void (*add_motion)(const AddMotionArguments& arguments);
+  float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
   AttachKernels attach;
 };
 

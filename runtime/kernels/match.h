@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// R, then F, of eight clusters from their moments (docs/method.md eq. 3, 5, 8, 10, 11). For kernel files only, see
-// lanes.h.
+// R, then F, of eight or sixteen clusters from their moments (docs/method.md eq. 3, 5, 8, 10, 11). For kernel files
+// only, see lanes.h.
 #pragma once
 
 #include "runtime/kernels/layout.h"
@@ -12,141 +12,227 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-// A_pq of this many times its norm at rest: the cluster is torn apart.
-constexpr float kTorn = 2.5F;
+// A_pq of more than this part of what the largest stretches make of its norm at rest: the cluster is torn apart. What
+// the guard has let through, stretched by 3 along every axis, is not.
+constexpr float kTorn = 1.1F;
+
+// Where the packed lower triangle of a symmetric matrix has row i, column j.
+constexpr std::uint8_t kPackedPlace[9][9] = {
+    {0, 1, 3, 6, 10, 15, 21, 28, 36},     {1, 2, 4, 7, 11, 16, 22, 29, 37},     {3, 4, 5, 8, 12, 17, 23, 30, 38},
+    {6, 7, 8, 9, 13, 18, 24, 31, 39},     {10, 11, 12, 13, 14, 19, 25, 32, 40}, {15, 16, 17, 18, 19, 20, 26, 33, 41},
+    {21, 22, 23, 24, 25, 26, 27, 34, 42}, {28, 29, 30, 31, 32, 33, 34, 35, 43}, {36, 37, 38, 39, 40, 41, 42, 43, 44}};
 
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
 
-SINEW_INLINE Mat3Of<Float8> loadMatrix(const float (*p)[8]) {
-  Mat3Of<Float8> result;
-  for (int k = 0; k < 9; ++k) result.m[k] = load8(p[k]);
-  return result;
+// Two times eight lanes, floats or masks, as sixteen.
+template <class V>
+SINEW_INLINE void joinInto(V& value, Float8 low, Float8 high) {
+  static_assert(sizeof(V) == 2 * sizeof(Float8));
+#if defined(__AVX512F__)
+  value = V(joined(low, high));  // the bits
+#endif
 }
+
+/// What one match takes: a block of clusters, half of one where W has four lanes, or two where it has sixteen. The
+/// second is `next` blocks further: 1, or 0 where there is none, and then the same lanes are computed and stored twice.
+template <class Block>
+struct BlocksAt {
+  Block* first;
+  std::uint32_t next;
+  std::uint32_t lane;  ///< 4 for the second half of the block
+  Block* operator->() const { return first; }
+
+  template <class W>
+  SINEW_INLINE W load(const float (&at)[8]) const {
+    return read<W>(at);
+  }
+  template <class W>
+  SINEW_INLINE auto loadMask(const std::int32_t (&at)[8]) const {
+    return read<decltype(W{} < W{})>(at);
+  }
+  template <class W>
+  SINEW_INLINE void store(float (&at)[8], const W& value) const {
+    write(at, value);
+  }
+  template <class Mask>
+  SINEW_INLINE void storeMask(std::int32_t (&at)[8], const Mask& value) const {
+    write(at, value);
+  }
+  template <class W>
+  SINEW_INLINE Mat3Of<W> loadMatrix(const float (*p)[8]) const {
+    Mat3Of<W> result;
+    for (int k = 0; k < 9; ++k) result.m[k] = load<W>(p[k]);
+    return result;
+  }
+
+ private:
+  static constexpr std::size_t kBytes = 32;  // of eight lanes
+
+  template <class V, class T>
+  SINEW_INLINE V read(const T (&at)[8]) const {
+    V value;
+    if constexpr (sizeof(V) > kBytes) {
+      Float8 low, high;  // joined in registers: a vector stored in halves is slow to read as a whole
+      __builtin_memcpy(&low, at, kBytes);
+      __builtin_memcpy(&high, at + stride(), kBytes);
+      joinInto(value, low, high);
+    } else {
+      __builtin_memcpy(&value, at + (sizeof(V) < kBytes ? lane : 0), sizeof value);
+    }
+    return value;
+  }
+  template <class V, class T>
+  SINEW_INLINE void write(T (&at)[8], const V& value) const {
+    if constexpr (sizeof(V) > kBytes) {
+      __builtin_memcpy(at, &value, kBytes);
+      __builtin_memcpy(at + stride(), reinterpret_cast<const char*>(&value) + kBytes, kBytes);
+    } else {
+      __builtin_memcpy(at + (sizeof(V) < kBytes ? lane : 0), &value, sizeof value);
+    }
+  }
+  SINEW_INLINE std::size_t stride() const { return next * (sizeof(Block) / sizeof(float)); }
+};
 
 // Whether the moments no longer say how the cluster is turned: J = tr(S) 1 - S, S = sym(R^T A_pq), the curvature of
 // tr(R^T A_pq) at its maximum, is not above kLostResistance of its rest value in every direction (Sylvester's minors).
 // Directions that the rest shape lacks as well do not count.
-SINEW_INLINE Int8 orientationIsLost(const Mat3Of<Float8>& r, const Mat3Of<Float8>& a_pq, const Mat3Of<Float8>& moment) {
-  const Float8 trace = moment(0, 0) + moment(1, 1) + moment(2, 2);
-  const Mat3Of<Float8> c = transposedTimes(r, a_pq);
-  const Float8 diagonal = c(0, 0) + c(1, 1) + c(2, 2) - (kLostResistance - 1e-3F) * trace;
-  const Float8 m00 = diagonal - (c(0, 0) - kLostResistance * moment(0, 0));
-  const Float8 m11 = diagonal - (c(1, 1) - kLostResistance * moment(1, 1));
-  const Float8 m22 = diagonal - (c(2, 2) - kLostResistance * moment(2, 2));
-  const Float8 m01 = kLostResistance * moment(0, 1) - 0.5F * (c(0, 1) + c(1, 0));
-  const Float8 m02 = kLostResistance * moment(0, 2) - 0.5F * (c(0, 2) + c(2, 0));
-  const Float8 m12 = kLostResistance * moment(1, 2) - 0.5F * (c(1, 2) + c(2, 1));
-  const Float8 minor = m00 * m11 - m01 * m01;
-  const Float8 det = m22 * minor - m12 * (m00 * m12 - m01 * m02) + m02 * (m01 * m12 - m11 * m02);
+template <class W>
+SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, const Mat3Of<W>& moment) {
+  const W trace = moment(0, 0) + moment(1, 1) + moment(2, 2);
+  const Mat3Of<W> c = transposedTimes(r, a_pq);
+  const W diagonal = c(0, 0) + c(1, 1) + c(2, 2) - (kLostResistance - 1e-3F) * trace;
+  const W m00 = diagonal - (c(0, 0) - kLostResistance * moment(0, 0));
+  const W m11 = diagonal - (c(1, 1) - kLostResistance * moment(1, 1));
+  const W m22 = diagonal - (c(2, 2) - kLostResistance * moment(2, 2));
+  const W m01 = kLostResistance * moment(0, 1) - 0.5F * (c(0, 1) + c(1, 0));
+  const W m02 = kLostResistance * moment(0, 2) - 0.5F * (c(0, 2) + c(2, 0));
+  const W m12 = kLostResistance * moment(1, 2) - 0.5F * (c(1, 2) + c(2, 1));
+  const W minor = m00 * m11 - m01 * m01;
+  const W det = m22 * minor - m12 * (m00 * m12 - m01 * m02) + m02 * (m01 * m12 - m11 * m02);
   return (trace > 0.0F) & ~((m00 > 0.0F) & (minor > 0.0F) & (det > 0.0F));
 }
 
-// Limit and volume of eight linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off
+// Limit and volume of linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off
 // the usual path of clusters that have neither. \param[in,out] a the linear blocks. \param act lanes to look at.
 // \param[out] shaped lanes that changed. \return lanes that the guard moved.
-static inline Int8 limitStretches(const StiffnessBlock& stiffness, Int8 act, Mat3Of<Float8>& a, Int8& shaped) {
-  const Float8 least = load8(stiffness.least), largest = load8(stiffness.largest);
-  const Int8 keeps_volume = loadMask(stiffness.keeps_volume);
-  const SvdOf<Float8> svd = rotationSvd(a);
-  const Vec3Of<Float8> held = limitPrincipal(svd, least, largest);
-  const Int8 outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
-  const Vec3Of<Float8> kept = volumePrincipal(held, least, largest);
-  const Vec3Of<Float8> sigma = {select(keeps_volume, kept.x, held.x), select(keeps_volume, kept.y, held.y),
-                                select(keeps_volume, kept.z, held.z)};
-  Float8 finite = absolute(a.m[0]);
+template <class W, class Mask = decltype(W{} < W{})>
+[[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mat3Of<W>& a,
+                                             Mask& shaped) {
+  W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
+  const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
+  const SvdOf<W> svd = rotationSvd(a);
+  const Mask guarded = (svd.sigma.z < kLeastStretch) | (svd.sigma.x > larger(largest, splat<W>(kLargestStretch)));
+  // A little inside its bounds, or rounding would have the guard act, and stop the return, pass after pass.
+  least = select(guarded, larger(least, splat<W>(kLeastStretch * kGuardMargin)), least);
+  largest = select(guarded, smaller(largest, splat<W>(kLargestStretch / kGuardMargin)), largest);
+  const Vec3Of<W> held = limitPrincipal(svd, least, largest);
+  const Mask outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
+  const Vec3Of<W> kept = volumePrincipal(held, least, largest);
+  const Vec3Of<W> sigma = {select(keeps_volume, kept.x, held.x), select(keeps_volume, kept.y, held.y),
+                           select(keeps_volume, kept.z, held.z)};
+  W finite = absolute(a.m[0]);
   for (int k = 1; k < 9; ++k) finite += absolute(a.m[k]);
-  shaped = act & (outside | keeps_volume) & (finite < splat<Float8>(3.0e38F));
+  shaped = act & (outside | keeps_volume) & (finite < splat<W>(3.0e38F));
   a = select(shaped, compose(svd, sigma), a);
-  const Float8 guard = larger(largest, splat<Float8>(kLargestStretch));
-  return shaped & ((svd.sigma.z < kLeastStretch) | (svd.sigma.x > guard));
+  return shaped & guarded;
 }
 
-template <bool quadratic>
-SINEW_INLINE void match(const ClusterRestBlock& rest, const StiffnessBlock& stiffness, ClusterBlock& state) {
-  constexpr int kColumns = quadratic ? 9 : 3;
-  const Mat3Of<Float8> a_pq = loadMatrix(state.a_pq);
-  QuaternionOf<Float8> q = {load8(state.rotation[0]), load8(state.rotation[1]), load8(state.rotation[2]),
-                            load8(state.rotation[3])};
+/// \param columns 3, or 9 where a cluster is quadratic.
+template <class W>
+SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, BlocksAt<const StiffnessBlock> stiffness,
+                        BlocksAt<ClusterBlock> state) {
+  using Mask = decltype(W{} < W{});
+  const Mat3Of<W> a_pq = state.loadMatrix<W>(state->a_pq);
+  QuaternionOf<W> q = {state.load<W>(state->rotation[0]), state.load<W>(state->rotation[1]),
+                       state.load<W>(state->rotation[2]), state.load<W>(state->rotation[3])};
   nearestRotation(a_pq, q);
-  Mat3Of<Float8> r = rotationMatrix(q);
-  const Mat3Of<Float8> moment = loadMatrix(rest.moment);
-  const Int8 lost = orientationIsLost(r, a_pq, moment) | loadMask(state.astray);
+  Mat3Of<W> r = rotationMatrix(q);
+  const Mat3Of<W> moment = rest.loadMatrix<W>(rest->moment);
+  const Mask lost = orientationIsLost(r, a_pq, moment) | state.loadMask<W>(state->astray);
   // Torn apart: no guard acts on a cluster that does not deform.
-  const Int8 torn = squaredNorm(a_pq) > kTorn * kTorn * squaredNorm(moment);
+  const W stretched = larger(stiffness.load<W>(stiffness->largest), splat<W>(kLargestStretch));
+  const Mask torn = squaredNorm(a_pq) > kTorn * kTorn * stretched * stretched * squaredNorm(moment);
   if (any(lost)) {
     // Neighbours that guess differently would tangle for good (a ring of four, scattered, came to rest inside out), so
     // all that are lost take the part's rotation.
-    q = {select(lost, load8(state.part_rotation[0]), q.w), select(lost, load8(state.part_rotation[1]), q.x),
-         select(lost, load8(state.part_rotation[2]), q.y), select(lost, load8(state.part_rotation[3]), q.z)};
+    q = {select(lost, state.load<W>(state->part_rotation[0]), q.w),
+         select(lost, state.load<W>(state->part_rotation[1]), q.x),
+         select(lost, state.load<W>(state->part_rotation[2]), q.y),
+         select(lost, state.load<W>(state->part_rotation[3]), q.z)};
     r = rotationMatrix(q);
   }
-  store8(state.rotation[0], q.w);
-  store8(state.rotation[1], q.x);
-  store8(state.rotation[2], q.y);
-  store8(state.rotation[3], q.z);
+  state.store(state->rotation[0], q.w);
+  state.store(state->rotation[1], q.x);
+  state.store(state->rotation[2], q.y);
+  state.store(state->rotation[3], q.z);
 
   // F = [R 0] + (A_pq - R M) S.
-  Float8 f[27];
+  W f[27];
   for (int k = 0; k < 9; ++k) f[k] = r.m[k];
-  SINEW_UNROLL for (int k = 9; k < 3 * kColumns; ++k) f[k] = Float8{};
-  const Int8 deforms = loadMask(stiffness.deforms);
-  Int8 limited = {}, shaped = {};
+  SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) f[k] = W{};
+  const Mask deforms = stiffness.loadMask<W>(stiffness->deforms);
+  Mask limited = {}, shaped = {};
   if (any(deforms)) {
-    Float8 deviation[27];
-    SINEW_UNROLL for (int k = 0; k < kColumns; ++k) {
-      const Vec3Of<Float8> at_rest =
-          r * Vec3Of<Float8>{load8(rest.moment[3 * k]), load8(rest.moment[3 * k + 1]), load8(rest.moment[3 * k + 2])};
-      deviation[3 * k] = load8(state.a_pq[3 * k]) - at_rest.x;
-      deviation[3 * k + 1] = load8(state.a_pq[3 * k + 1]) - at_rest.y;
-      deviation[3 * k + 2] = load8(state.a_pq[3 * k + 2]) - at_rest.z;
+    W deviation[27];
+    SINEW_ROLLED for (int k = 0; k < columns; ++k) {
+      const Vec3Of<W> at_rest = r * Vec3Of<W>{rest.load<W>(rest->moment[3 * k]), rest.load<W>(rest->moment[3 * k + 1]),
+                                              rest.load<W>(rest->moment[3 * k + 2])};
+      deviation[3 * k] = state.load<W>(state->a_pq[3 * k]) - at_rest.x;
+      deviation[3 * k + 1] = state.load<W>(state->a_pq[3 * k + 1]) - at_rest.y;
+      deviation[3 * k + 2] = state.load<W>(state->a_pq[3 * k + 2]) - at_rest.z;
     }
-    SINEW_UNROLL for (int j = 0; j < kColumns; ++j) {
-      SINEW_UNROLL for (int i = 0; i < kColumns; ++i) {
-        const int low = i < j ? i : j, high = i < j ? j : i;
-        const Float8 s = load8(stiffness.s[high * (high + 1) / 2 + low]);
-        for (int row = 0; row < 3; ++row) f[3 * j + row] += deviation[3 * i + row] * s;
+    SINEW_ROLLED for (int j = 0; j < columns; ++j) {
+      W sum[3] = {f[3 * j], f[3 * j + 1], f[3 * j + 2]};
+      SINEW_ROLLED for (int i = 0; i < columns; ++i) {
+        const W s = stiffness.load<W>(stiffness->s[kPackedPlace[j][i]]);
+        for (int row = 0; row < 3; ++row) sum[row] += deviation[3 * i + row] * s;
       }
+      for (int row = 0; row < 3; ++row) f[3 * j + row] = sum[row];
     }
-    Mat3Of<Float8> linear;
+    // A rigid cluster's F does not depend on which clusters are its neighbours.
+    for (int k = 0; k < 9; ++k) f[k] = select(deforms, f[k], r.m[k]);
+    SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) f[k] = select(deforms, f[k], W{});
+    Mat3Of<W> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
-    const Int8 act = deforms & (loadMask(stiffness.keeps_volume) |
-                                ~surelyWithin(linear, load8(stiffness.least), load8(stiffness.largest)));
+    const Mask act =
+        deforms & (stiffness.loadMask<W>(stiffness->keeps_volume) |
+                   ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest)));
     if (any(act)) {
       limited = limitStretches(stiffness, act, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
-      for (int k = 9; k < 3 * kColumns; ++k) {
-        const Float8 most = splat<Float8>(kLargestStretch);
+      SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) {
+        const W most = splat<W>(kLargestStretch);
         f[k] = select(limited, clamped(f[k], -most, most), f[k]);
       }
     }
   }
-  limited |= (lost & loadMask(stiffness.stiff)) | torn;
+  limited |= (lost & stiffness.loadMask<W>(stiffness->stiff)) | torn;
 
   // Where the classes of modes differ in stiffness, S mixes them and the deviation turns the cluster by itself: in a
   // C-shaped cluster that grew without bound out of nothing (a ring of four, stretch 12 Hz, bend 6 Hz). Turned back,
   // so that A_pq F^T is symmetric, the match never lengthens a deviation.
-  const Int8 turned = (loadMask(stiffness.mixes) | limited | shaped) & ~lost;
+  const Mask turned = (stiffness.loadMask<W>(stiffness->mixes) | limited | shaped) & ~lost;
   if (any(turned)) {
-    Mat3Of<Float8> product = {};
-    for (int k = 0; k < kColumns; ++k) {
+    Mat3Of<W> product = {};
+    SINEW_ROLLED for (int k = 0; k < columns; ++k) {
       for (int j = 0; j < 3; ++j) {
-        for (int i = 0; i < 3; ++i) product(i, j) += load8(state.a_pq[3 * k + i]) * f[3 * k + j];
+        for (int i = 0; i < 3; ++i) product(i, j) += state.load<W>(state->a_pq[3 * k + i]) * f[3 * k + j];
       }
     }
-    QuaternionOf<Float8> turn = {splat<Float8>(1.0F), Float8{}, Float8{}, Float8{}};
+    QuaternionOf<W> turn = {splat<W>(1.0F), W{}, W{}, W{}};
     nearestRotation(product, turn);
-    const Mat3Of<Float8> t = rotationMatrix(turn);
-    for (int k = 0; k < kColumns; ++k) {
-      const Vec3Of<Float8> column = t * Vec3Of<Float8>{f[3 * k], f[3 * k + 1], f[3 * k + 2]};
+    const Mat3Of<W> t = rotationMatrix(turn);
+    SINEW_ROLLED for (int k = 0; k < columns; ++k) {
+      const Vec3Of<W> column = t * Vec3Of<W>{f[3 * k], f[3 * k + 1], f[3 * k + 2]};
       f[3 * k] = select(turned, column.x, f[3 * k]);
       f[3 * k + 1] = select(turned, column.y, f[3 * k + 1]);
       f[3 * k + 2] = select(turned, column.z, f[3 * k + 2]);
     }
   }
-  SINEW_UNROLL for (int k = 0; k < 3 * kColumns; ++k) store8(state.f[k], f[k]);
-  storeMask(state.limited, limited);
-  storeMask(state.lost, lost);
+  SINEW_ROLLED for (int k = 0; k < 3 * columns; ++k) state.store(state->f[k], f[k]);
+  state.storeMask(state->limited, limited);
+  state.storeMask(state->lost, lost);
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -10,7 +10,10 @@ namespace sinew::internal::SINEW_KERNELS {
 #define SINEW_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 
 #if defined(__AVX__)
-SINEW_INLINE Float8 joined(Float4 low, Float4 high) { return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7); }
+// By intrinsics where halves may come from memory: the compiler makes a load and a shuffle of the general form.
+SINEW_INLINE Float8 joined(Float4 low, Float4 high) {
+  return Float8(_mm256_insertf128_ps(_mm256_castps128_ps256(__m128(low)), __m128(high), 1));
+}
 SINEW_INLINE Float4 lowHalf(Float8 a) { return SINEW_SHUFFLE(a, a, 0, 1, 2, 3); }
 SINEW_INLINE Float4 highHalf(Float8 a) { return SINEW_SHUFFLE(a, a, 4, 5, 6, 7); }
 #else
@@ -46,6 +49,12 @@ SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return joined(highHalf(a), 
 SINEW_INLINE Float16 joined(Float8 low, Float8 high) {
   return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
+SINEW_INLINE Float16 joined(Float4 a, Float4 b, Float4 c, Float4 d) {
+  __m512 result = _mm512_castps128_ps512(__m128(a));
+  result = _mm512_insertf32x4(result, __m128(b), 1);
+  result = _mm512_insertf32x4(result, __m128(c), 2);
+  return Float16(_mm512_insertf32x4(result, __m128(d), 3));
+}
 SINEW_INLINE Float8 lowHalf(Float16 a) { return SINEW_SHUFFLE(a, a, 0, 1, 2, 3, 4, 5, 6, 7); }
 SINEW_INLINE Float8 highHalf(Float16 a) { return SINEW_SHUFFLE(a, a, 8, 9, 10, 11, 12, 13, 14, 15); }
 SINEW_INLINE Float16 interleaveLow(Float16 a, Float16 b) {
@@ -79,8 +88,8 @@ SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t
 SINEW_INLINE Vec3Of<Float16> gatherTriples(const float* data, const std::uint32_t* first, const std::uint32_t* second) {
   Float16 four[4];
   for (int i = 0; i < 4; ++i) {
-    four[i] = joined(joined(load4(data + first[i]), load4(data + first[i + 4])),
-                     joined(load4(data + second[i]), load4(data + second[i + 4])));
+    four[i] = joined(load4(data + first[i]), load4(data + first[i + 4]), load4(data + second[i]),
+                     load4(data + second[i + 4]));
   }
   const Float16 xy0 = interleaveLow(four[0], four[1]), xy1 = interleaveLow(four[2], four[3]);
   const Float16 z0 = interleaveHigh(four[0], four[1]), z1 = interleaveHigh(four[2], four[3]);
@@ -120,62 +129,114 @@ SINEW_INLINE void storeQuadruples(float* out, float* second, const Vec3Of<Float1
 }
 #endif
 
-/// Eight consecutive triples, 24 floats.
-SINEW_INLINE Vec3Of<Float8> loadTriples(const float* p) {
-#if defined(__AVX__)
-  // a = x0 y0 z0 x1 | y1 z1 x2 y2, b = z2 x3 y3 z3 | x4 y4 z4 x5, c = y5 z5 x6 y6 | z6 x7 y7 z7
-  const Float8 a = load8(p), b = load8(p + 8), c = load8(p + 16);
-  const Float8 x = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
-  const Float8 y = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
-  const Float8 z = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
-  return {x, y, z};
-#else
-  Vec3Of<Float4> part[2];
-  for (int half = 0; half < 2; ++half, p += 12) {
-    // a = x0 y0 z0 x1, b = y1 z1 x2 y2, c = z2 x3 y3 z3
-    const Float4 a = load4(p), b = load4(p + 4), c = load4(p + 8);
-    const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
-    const Float4 yz = SINEW_SHUFFLE(a, b, 1, 2, 4, 5);  // y0 z0 y1 z1
-    part[half] = {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7),
-                  SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
-  }
-  return {joined(part[0].x, part[1].x), joined(part[0].y, part[1].y), joined(part[0].z, part[1].z)};
-#endif
+/// Eight consecutive xyz triples as they lie in memory: what treats x, y and z alike need not take them apart.
+struct Triples8 {
+  Float8 part[3];
+};
+SINEW_INLINE Triples8 loadTriples(const float* p) { return {{load8(p), load8(p + 8), load8(p + 16)}}; }
+SINEW_INLINE void storeTriples(float* p, const Triples8& t) {
+  for (int k = 0; k < 3; ++k) store8(p + 8 * k, t.part[k]);
 }
-SINEW_INLINE void storeTriples(float* p, const Vec3Of<Float8>& v) {
-#if defined(__AVX__)
-  const Float8 a = SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 8, 0, 1, 9, 0, 2, 10), v.z, 0, 1, 8, 3, 4, 9, 6, 7);
-  const Float8 b = SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 3, 11, 0, 4, 12, 0, 5), v.z, 10, 1, 2, 11, 4, 5, 12, 7);
-  const Float8 c = SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 13, 0, 6, 14, 0, 7, 15, 0), v.z, 0, 13, 2, 3, 14, 5, 6, 15);
-  store8(p, a);
-  store8(p + 8, b);
-  store8(p + 16, c);
-#else
-  for (int half = 0; half < 2; ++half, p += 12) {
-    const Float4 x = half == 0 ? lowHalf(v.x) : highHalf(v.x), y = half == 0 ? lowHalf(v.y) : highHalf(v.y),
-                 z = half == 0 ? lowHalf(v.z) : highHalf(v.z);
-    const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5), zx = SINEW_SHUFFLE(z, x, 0, 5, 2, 7),
-                 yz = SINEW_SHUFFLE(y, z, 1, 5, 3, 7);   // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3
-    const Float4 xy2 = SINEW_SHUFFLE(x, y, 2, 6, 3, 7);  // x2 y2 x3 y3
-    store4(p, SINEW_SHUFFLE(xy, zx, 0, 1, 4, 5));
-    store4(p + 4, SINEW_SHUFFLE(yz, xy2, 0, 1, 4, 5));
-    store4(p + 8, SINEW_SHUFFLE(zx, yz, 2, 3, 6, 7));
-  }
-#endif
-}
-/// The same for the last `count` < 8 of an array; missing lanes repeat the first triple.
-SINEW_INLINE Vec3Of<Float8> loadTriples(const float* p, std::uint32_t count) {
+/// The same for the last `count` < 8 of an array; missing triples repeat the first.
+SINEW_INLINE Triples8 loadTriples(const float* p, std::uint32_t count) {
   if (count >= 8) return loadTriples(p);
   float copy[24];
   for (std::uint32_t i = 0; i < 24; ++i) copy[i] = p[i < 3 * count ? i : i % 3];
   return loadTriples(copy);
 }
-SINEW_INLINE void storeTriples(float* p, const Vec3Of<Float8>& v, std::uint32_t count) {
-  if (count >= 8) return storeTriples(p, v);
+SINEW_INLINE void storeTriples(float* p, const Triples8& t, std::uint32_t count) {
+  if (count >= 8) return storeTriples(p, t);
   float copy[24];
-  storeTriples(copy, v);
+  storeTriples(copy, t);
   for (std::uint32_t i = 0; i < 3 * count; ++i) p[i] = copy[i];
 }
+/// The same triple eight times.
+SINEW_INLINE Triples8 repeated(const float (&v)[3]) {
+  float values[24];
+  for (int i = 0; i < 24; ++i) values[i] = v[i % 3];
+  return loadTriples(values);
+}
+SINEW_INLINE Triples8 operator+(const Triples8& a, const Triples8& b) {
+  return {{a.part[0] + b.part[0], a.part[1] + b.part[1], a.part[2] + b.part[2]}};
+}
+SINEW_INLINE Triples8 operator-(const Triples8& a, const Triples8& b) {
+  return {{a.part[0] - b.part[0], a.part[1] - b.part[1], a.part[2] - b.part[2]}};
+}
+SINEW_INLINE Triples8 operator*(Float8 s, const Triples8& a) {  // s: the same in all lanes
+  return {{s * a.part[0], s * a.part[1], s * a.part[2]}};
+}
+
+SINEW_INLINE Vec3Of<Float8> lanesOf(const Triples8& t) {
+#if defined(__AVX__)
+  // a = x0 y0 z0 x1 | y1 z1 x2 y2, b = z2 x3 y3 z3 | x4 y4 z4 x5, c = y5 z5 x6 y6 | z6 x7 y7 z7
+  const Float8 a = t.part[0], b = t.part[1], c = t.part[2];
+  const Float8 x = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
+  const Float8 y = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 1, 4, 7, 10, 13, 0, 0, 0), c, 0, 1, 2, 3, 4, 8, 11, 14);
+  const Float8 z = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
+  return {x, y, z};
+#else
+  const Float4 four[2][3] = {{t.part[0].low, t.part[0].high, t.part[1].low},
+                             {t.part[1].high, t.part[2].low, t.part[2].high}};
+  Vec3Of<Float4> half[2];
+  for (int i = 0; i < 2; ++i) {
+    // a = x0 y0 z0 x1, b = y1 z1 x2 y2, c = z2 x3 y3 z3
+    const Float4 a = four[i][0], b = four[i][1], c = four[i][2];
+    const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
+    const Float4 yz = SINEW_SHUFFLE(a, b, 1, 2, 4, 5);  // y0 z0 y1 z1
+    half[i] = {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7), SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
+  }
+  return {joined(half[0].x, half[1].x), joined(half[0].y, half[1].y), joined(half[0].z, half[1].z)};
+#endif
+}
+SINEW_INLINE Triples8 triplesOf(const Vec3Of<Float8>& v) {
+#if defined(__AVX__)
+  return {{SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 8, 0, 1, 9, 0, 2, 10), v.z, 0, 1, 8, 3, 4, 9, 6, 7),
+           SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 3, 11, 0, 4, 12, 0, 5), v.z, 10, 1, 2, 11, 4, 5, 12, 7),
+           SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 13, 0, 6, 14, 0, 7, 15, 0), v.z, 0, 13, 2, 3, 14, 5, 6, 15)}};
+#else
+  Float4 four[2][3];
+  for (int half = 0; half < 2; ++half) {
+    const Float4 x = half == 0 ? lowHalf(v.x) : highHalf(v.x), y = half == 0 ? lowHalf(v.y) : highHalf(v.y),
+                 z = half == 0 ? lowHalf(v.z) : highHalf(v.z);
+    const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5), zx = SINEW_SHUFFLE(z, x, 0, 5, 2, 7),
+                 yz = SINEW_SHUFFLE(y, z, 1, 5, 3, 7);   // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3
+    const Float4 xy2 = SINEW_SHUFFLE(x, y, 2, 6, 3, 7);  // x2 y2 x3 y3
+    four[half][0] = SINEW_SHUFFLE(xy, zx, 0, 1, 4, 5);
+    four[half][1] = SINEW_SHUFFLE(yz, xy2, 0, 1, 4, 5);
+    four[half][2] = SINEW_SHUFFLE(zx, yz, 2, 3, 6, 7);
+  }
+  return {{joined(four[0][0], four[0][1]), joined(four[0][2], four[1][0]), joined(four[1][1], four[1][2])}};
+#endif
+}
+/// Eight vectors of four floats, two and two side by side, without their fourth floats.
+SINEW_INLINE Triples8 triplesOf(const Float8 (&v)[4]) {
+#if defined(__AVX__)
+  return {{SINEW_SHUFFLE(v[0], v[1], 0, 1, 2, 4, 5, 6, 8, 9), SINEW_SHUFFLE(v[1], v[2], 2, 4, 5, 6, 8, 9, 10, 12),
+           SINEW_SHUFFLE(v[2], v[3], 5, 6, 8, 9, 10, 12, 13, 14)}};
+#else
+  Float4 four[2][3];
+  for (int half = 0; half < 2; ++half) {
+    const Float4 a = v[2 * half].low, b = v[2 * half].high, c = v[2 * half + 1].low, d = v[2 * half + 1].high;
+    four[half][0] = SINEW_SHUFFLE(a, SINEW_SHUFFLE(a, b, 2, 2, 4, 4), 0, 1, 4, 6);
+    four[half][1] = SINEW_SHUFFLE(b, c, 1, 2, 4, 5);
+    four[half][2] = SINEW_SHUFFLE(SINEW_SHUFFLE(c, d, 2, 2, 4, 4), d, 0, 2, 5, 6);
+  }
+  return {{joined(four[0][0], four[0][1]), joined(four[0][2], four[1][0]), joined(four[1][1], four[1][2])}};
+#endif
+}
+#if defined(__AVX512F__)
+/// Sixteen of them: 48 floats.
+struct Triples16 {
+  Float16 part[3];
+};
+/// Sixteen vectors of four floats, four and four side by side, without their fourth floats.
+SINEW_INLINE Triples16 triplesOf(const Float16 (&v)[4]) {
+  return {{SINEW_SHUFFLE(v[0], v[1], 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20),
+           SINEW_SHUFFLE(v[1], v[2], 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24, 25),
+           SINEW_SHUFFLE(v[2], v[3], 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24, 25, 26, 28, 29, 30)}};
+}
+#endif
+
 /// `count` scalars; 0 in missing lanes.
 SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
   if (count >= 8) return load8(p);

@@ -21,6 +21,8 @@ SINEW_INLINE Int8 within(const Vec3Of<Float8>& v, float limit) {
   return (absolute(v.x) <= limit) & (absolute(v.y) <= limit) & (absolute(v.z) <= limit);  // false for NaN
 }
 
+// Arguments are taken by value below: what lives in a register need not be read again after each store.
+
 // Partial sums of eight vertices at a time.
 struct MotionAccumulator {
   Float8 sum[16] = {};
@@ -52,20 +54,33 @@ struct MotionAccumulator {
   }
 };
 
-SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
+// Whether any of eight vertices' floats is out of bounds or no number.
+SINEW_INLINE bool anyUnusable(const Triples8& x, const Triples8& v) {
+  Int8 usable = absolute(x.part[0]) <= kLargestPosition;
+  usable &= absolute(v.part[0]) <= kLargestVelocity;
+  for (int k = 1; k < 3; ++k) {
+    usable &= absolute(x.part[k]) <= kLargestPosition;
+    usable &= absolute(v.part[k]) <= kLargestVelocity;
+  }
+  return any(~usable);
+}
+
+SINEW_INLINE std::uint32_t predict(const PredictArguments a) {
   const VertexRange& r = a.vertices;
-  const Vec3Of<Float8> kick = broadcast(a.kick), reference = broadcast(a.reference), moving = broadcast(a.moving);
+  const Vec3Of<Float8> reference = broadcast(a.reference), moving = broadcast(a.moving);
+  const Triples8 kick = repeated(a.kick);
   const Float8 kept = splat<Float8>(a.kept), h = splat<Float8>(a.h);
   MotionAccumulator sums;
   std::uint32_t repaired = 0;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    Vec3Of<Float8> x = loadTriples(r.x + 3 * std::uint64_t(i), count);
-    Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count);
-    const Int8 unusable = ~(within(x, kLargestPosition) & within(v, kLargestVelocity));
-    if (any(unusable)) {
+    Triples8 x = loadTriples(r.x + 3 * std::uint64_t(i), count);
+    Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count);
+    if (anyUnusable(x, v)) {
+      const Vec3Of<Float8> at = lanesOf(x), speed = lanesOf(v);
+      const Int8 unusable = ~(within(at, kLargestPosition) & within(speed, kLargestVelocity));
       for (std::uint32_t k = 0; k < count; ++k) {
-        if (!lane(unusable, k)) continue;
+        if (!isSet(unusable, k)) continue;
         a.repair(a.context, i + k);
         ++repaired;
       }
@@ -73,53 +88,98 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
       v = loadTriples(r.v + 3 * std::uint64_t(i), count);
     }
     v = kept * (v + kick);
-    const Vec3Of<Float8> y = x + h * v;
+    const Triples8 y = x + h * v;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
-    sums.addMomentum(loadScalars(r.mass + i, count), y - reference, v - moving);
+    // At x the angular momentum is the same as at y = x + h v, and the arms are short however fast the vertices are.
+    sums.addMomentum(loadScalars(r.mass + i, count), lanesOf(x) - reference, lanesOf(v) - moving);
   }
   sums.store(*a.sums);
   return repaired;
 }
 
-SINEW_INLINE void apply(const ApplyArguments& a) {
+#if defined(__AVX512F__)
+// y += moves and v += moves / h of sixteen vertices, without ground.
+SINEW_INLINE void applyToSixteen(const ApplyArguments& a, std::uint32_t i, UseBlock use, UseBlock second) {
+  const std::uint32_t* one = a.use_offset + 8 * std::uint64_t(use.first);
+  const std::uint32_t* two = a.use_offset + 8 * std::uint64_t(second.first);
+  const auto four = [&](const std::uint32_t* offset) {
+    return joined(load4(a.slots + offset[0]), load4(a.slots + offset[1]), load4(a.slots + offset[2]),
+                  load4(a.slots + offset[3]));
+  };
+  Float16 moves[4] = {four(one), four(one + 4), four(two), four(two + 4)};
+  for (std::uint32_t row = 1; row < use.rows; ++row) {
+    one += 8;
+    two += 8;
+    moves[0] += four(one);
+    moves[1] += four(one + 4);
+    moves[2] += four(two);
+    moves[3] += four(two + 4);
+  }
+  const Triples16 moved = triplesOf(moves);
+  float* y = a.vertices.y + 3 * std::uint64_t(i);
+  float* v = a.vertices.v + 3 * std::uint64_t(i);
+  for (int k = 0; k < 3; ++k) {
+    store16(v + 16 * k, load16(v + 16 * k) + splat<Float16>(a.inverse_h) * moved.part[k]);
+    store16(y + 16 * k, load16(y + 16 * k) + moved.part[k]);
+  }
+}
+#endif
+
+SINEW_INLINE void apply(const ApplyArguments a) {
   const VertexRange& r = a.vertices;
   const Vec3Of<Float8> normal = broadcast(a.normal), reference = broadcast(a.reference), moving = broadcast(a.moving);
   MotionAccumulator sums;
+  const auto add = [&](std::uint32_t i, std::uint32_t count, const Triples8& y, const Triples8& v) {
+    const Float8 mass = loadScalars(r.mass + i, count);
+    const Vec3Of<Float8> arm = lanesOf(y) - reference;
+    sums.addMomentum(mass, arm, lanesOf(v) - moving);
+    sums.addMass(mass, arm);
+  };
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
+#if defined(__AVX512F__)
+    const UseBlock* const both = a.uses + (i - r.begin) / 8;
+    if (!a.ground && i + 16 <= r.end && both[0].rows == both[1].rows && both[0].rows > 0) [[likely]] {
+      applyToSixteen(a, i, both[0], both[1]);
+      if (a.sums != nullptr) {
+        for (std::uint32_t k = i; k < i + 16; k += 8) {
+          add(k, 8, loadTriples(r.y + 3 * std::uint64_t(k)), loadTriples(r.v + 3 * std::uint64_t(k)));
+        }
+      }
+      i += 8;
+      continue;
+    }
+#endif
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
     const UseBlock use = a.uses[(i - r.begin) / 8];
     const std::uint32_t* offset = a.use_offset + 8 * std::uint64_t(use.first);
-    // Vertices k and k + 4 side by side.
     Float8 moves[4] = {};
     for (std::uint32_t row = 0; row < use.rows; ++row, offset += 8) {
-      for (int k = 0; k < 4; ++k) moves[k] += joined(load4(a.slots + offset[k]), load4(a.slots + offset[k + 4]));
+      for (int k = 0; k < 4; ++k) {
+        moves[k] += joined(load4(a.slots + offset[2 * k]), load4(a.slots + offset[2 * k + 1]));
+      }
     }
-    Vec3Of<Float8> moved = toLanes(moves);
-    const Vec3Of<Float8> start = loadTriples(r.y + 3 * std::uint64_t(i), count);
+    Triples8 moved = triplesOf(moves);
+    const Triples8 start = loadTriples(r.y + 3 * std::uint64_t(i), count);
     if (a.ground) {
       // Rows hold the clusters up; what a vertex keeps of its own below the surface is taken here.
-      const Float8 below = dot(normal, start + moved) - a.offset;
-      const Float8 height = dot(normal, loadTriples(r.x + 3 * std::uint64_t(i), count)) - a.offset;
+      const Float8 below = dot(normal, lanesOf(start + moved)) - a.offset;
+      const Float8 height = dot(normal, lanesOf(loadTriples(r.x + 3 * std::uint64_t(i), count))) - a.offset;
       const Float8 least = select(height >= 0.0F, Float8{}, smaller(height + splat<Float8>(a.recovery), Float8{}));
-      moved = moved + select(below < least, least - below, Float8{}) * normal;
+      const Int8 sunk = below < least;
+      if (any(sunk)) moved = moved + triplesOf(select(sunk, least - below, Float8{}) * normal);
     }
     // v = (y - x) / h, but from the move: far from the origin the rounding of positions must not become speed.
-    const Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count) + splat<Float8>(a.inverse_h) * moved;
-    const Vec3Of<Float8> y = start + moved;
+    const Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count) + splat<Float8>(a.inverse_h) * moved;
+    const Triples8 y = start + moved;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
-    if (a.sums != nullptr) {
-      const Float8 mass = loadScalars(r.mass + i, count);
-      const Vec3Of<Float8> arm = y - reference;
-      sums.addMomentum(mass, arm, v - moving);
-      sums.addMass(mass, arm);
-    }
+    if (a.sums != nullptr) add(i, count, y, v);
   }
   if (a.sums != nullptr) sums.store(*a.sums);
 }
 
-SINEW_INLINE void sum(const SumArguments& a) {
+SINEW_INLINE void sum(const SumArguments a) {
   const VertexRange& r = a.vertices;
   const Vec3Of<Float8> reference = broadcast(a.reference), moving = broadcast(a.moving);
   MotionAccumulator sums;
@@ -134,43 +194,55 @@ SINEW_INLINE void sum(const SumArguments& a) {
         }
       }
     }
-    const Vec3Of<Float8> arm = loadTriples(a.at + 3 * std::uint64_t(i), count) - reference;
-    sums.addMomentum(mass, arm, loadTriples(r.v + 3 * std::uint64_t(i), count) - moving);
+    const Vec3Of<Float8> arm = lanesOf(loadTriples(a.at + 3 * std::uint64_t(i), count)) - reference;
+    sums.addMomentum(mass, arm, lanesOf(loadTriples(r.v + 3 * std::uint64_t(i), count)) - moving);
     sums.addMass(mass, arm);
   }
   sums.store(*a.sums);
 }
 
-SINEW_INLINE void settle(const SettleArguments& a) {
+// Differences of speeds are taken before anything is scaled or added: they are exact then, and fast bodies keep their
+// momentum to rounding.
+SINEW_INLINE void settle(const SettleArguments a) {
   const VertexRange& r = a.vertices;
   const Float8 h = splat<Float8>(a.h);
+  const Triples8 moving = repeated(a.moving), shift = repeated(a.shift), change = repeated(a.change);
+  const Vec3Of<Float8> center = broadcast(a.center), lost_omega = broadcast(a.lost_omega),
+                       change_omega = broadcast(a.change_omega);
+  const bool shift_turns = a.shift_omega[0] != 0 || a.shift_omega[1] != 0 || a.shift_omega[2] != 0;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    const Vec3Of<Float8> y = loadTriples(r.y + 3 * std::uint64_t(i), count);
-    const Vec3Of<Float8> own = loadTriples(r.v + 3 * std::uint64_t(i), count) - velocityAt(a.found, y);
-    const Vec3Of<Float8> arm = y - broadcast(a.found.center);
-    const auto rigid = [&](const MotionOf3& motion) {
-      return broadcast(motion.velocity) + cross(broadcast(motion.omega), arm);
-    };
+    const Triples8 y = loadTriples(r.y + 3 * std::uint64_t(i), count);
+    const Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count);
+    const Vec3Of<Float8> arm = lanesOf(y) - center;
     if (a.free) {
-      const Vec3Of<Float8> x = loadTriples(r.x + 3 * std::uint64_t(i), count);
-      storeTriples(r.x + 3 * std::uint64_t(i), x + h * (rigid(a.moved_as) + own), count);
+      Triples8 speed = v + shift;
+      if (shift_turns) speed = speed + triplesOf(cross(broadcast(a.shift_omega), arm));
+      storeTriples(r.x + 3 * std::uint64_t(i), loadTriples(r.x + 3 * std::uint64_t(i), count) + h * speed, count);
     } else {
       storeTriples(r.x + 3 * std::uint64_t(i), y, count);
     }
-    Float8 kept = splat<Float8>(a.kept);
-    if (a.vertex_kept != nullptr) kept = kept * loadScalars(a.vertex_kept + (i - r.begin), count);
-    storeTriples(r.v + 3 * std::uint64_t(i), rigid(a.wanted) + kept * own, count);
+    if (a.vertex_kept == nullptr) {
+      const Float8 lost = splat<Float8>(a.lost);
+      const Triples8 turn = triplesOf(cross(change_omega + lost * lost_omega, arm));
+      storeTriples(r.v + 3 * std::uint64_t(i), v + ((change - lost * (v - moving)) + turn), count);
+    } else {
+      const Float8 kept = loadScalars(a.vertex_kept + (i - r.begin), count);
+      const Float8 lost = splat<Float8>(1.0F) - (splat<Float8>(1.0F) - splat<Float8>(a.lost)) * kept;
+      const Vec3Of<Float8> stopped = lost * (lanesOf(v - moving) - cross(lost_omega, arm));
+      const Triples8 turn = triplesOf(cross(change_omega, arm) - stopped);
+      storeTriples(r.v + 3 * std::uint64_t(i), v + (change + turn), count);
+    }
   }
 }
 
-SINEW_INLINE void addMotion(const AddMotionArguments& a) {
+SINEW_INLINE void addMotion(const AddMotionArguments a) {
   const VertexRange& r = a.vertices;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
-    const Vec3Of<Float8> v = loadTriples(r.v + 3 * std::uint64_t(i), count);
-    const Vec3Of<Float8> x = loadTriples(r.x + 3 * std::uint64_t(i), count);
-    storeTriples(r.v + 3 * std::uint64_t(i), v + velocityAt(a.motion, x), count);
+    const Triples8 v = loadTriples(r.v + 3 * std::uint64_t(i), count);
+    const Vec3Of<Float8> x = lanesOf(loadTriples(r.x + 3 * std::uint64_t(i), count));
+    storeTriples(r.v + 3 * std::uint64_t(i), v + triplesOf(velocityAt(a.motion, x)), count);
   }
 }
 

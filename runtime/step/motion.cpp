@@ -35,14 +35,18 @@ MotionOf3 RigidMotion::forKernels() const {
 }
 
 RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector3d& reference)
-    : mass_(sums.mass), offset_(sums.first / sums.mass), inverse_inertia_(Eigen::Matrix3d::Zero()), gyration_(0) {
+    : mass_(sums.mass),
+      offset_(sums.first / sums.mass),
+      inertia_(Eigen::Matrix3d::Zero()),
+      inverse_inertia_(Eigen::Matrix3d::Zero()),
+      gyration_(0) {
   center_ = reference + offset_;
   const Eigen::Matrix3d second = sums.second - sums.mass * offset_ * offset_.transpose();
   gyration_ = std::sqrt(std::max(0.0, second.trace() / sums.mass));
-  const Eigen::Matrix3d inertia = second.trace() * Eigen::Matrix3d::Identity() - second;
-  const double scale = inertia.cwiseAbs().maxCoeff();
+  inertia_ = second.trace() * Eigen::Matrix3d::Identity() - second;
+  const double scale = inertia_.cwiseAbs().maxCoeff();
   if (!(scale > 0) || !std::isfinite(scale)) return;
-  const Eigen::Matrix3d scaled = inertia / scale;
+  const Eigen::Matrix3d scaled = inertia_ / scale;
   // Well away from singular, as nearly every body is, the inverse comes from the cofactors.
   constexpr double kWellConditioned = 1e-3, kLeastInertia = 1e-6, kLittleInertia = 1e-2;
   if (scaled.determinant() > kWellConditioned && scaled(0, 0) > kWellConditioned) {

@@ -44,6 +44,10 @@ class RigidMotionSolver {
   /// of little inertia counts as none: what is only rounding would turn a thin or unevenly heavy part fast.
   RigidMotion correction(const Eigen::Vector3d& momentum, const Eigen::Vector3d& angular, double least_angular) const;
 
+  /// Angular velocity with this angular momentum about the part's own centre.
+  Eigen::Vector3d turning(const Eigen::Vector3d& angular) const { return inverse_inertia_ * angular; }
+  const Eigen::Matrix3d& inertia() const { return inertia_; }
+  const Eigen::Vector3d& center() const { return center_; }
   /// Centre of mass relative to the reference.
   const Eigen::Vector3d& offset() const { return offset_; }
   /// Root mean square distance from the centre, metres.
@@ -52,7 +56,7 @@ class RigidMotionSolver {
  private:
   double mass_;
   Eigen::Vector3d offset_, center_;
-  Eigen::Matrix3d inverse_inertia_;
+  Eigen::Matrix3d inertia_, inverse_inertia_;
   double gyration_;
   Eigen::Matrix3d weak_axes_ = Eigen::Matrix3d::Zero();  // columns; zero where an axis has enough inertia
 };

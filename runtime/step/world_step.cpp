@@ -17,6 +17,7 @@
 #include "runtime/contact/solve.h"
 #include "runtime/interact/pick.h"
 #include "runtime/kernels/kernels.h"
+#include "runtime/step/spin.h"
 
 namespace sinew::internal {
 namespace {
@@ -74,14 +75,17 @@ class PhaseClock {
   std::chrono::steady_clock::time_point last_;
 };
 
+bool mayHaveRows(const Body& body, const WorldSettings& settings) {
+  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty();
+}
+
 // One body's passes of one step.
 class BodyStep {
  public:
   BodyStep(Body& body, const WorldSettings& settings, JobSystem* jobs, float pass_seconds, StepTimes* times)
       : body_(body), rest_(body.rest()), settings_(settings), jobs_(jobs), h_(pass_seconds), clock_(times) {}
 
-  // Sums of a pass are taken about a point that moves with its part, so that neither distance nor speed costs them
-  // digits: here from what a step finds, so that a restored state goes on as the saved one did.
+  // After a state from outside: where the parts are. Steps carry the centres on.
   void findCenters() {
     forChunks([&](VertexChunk& chunk) {
       chunk.center = {};
@@ -104,6 +108,34 @@ class BodyStep {
       part.reference = Eigen::Vector3d(sum[1], sum[2], sum[3]) / sum[0];
       part.moving = Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0];
     }
+    body_.centers_known = true;
+    forChunks([&](VertexChunk& chunk) { sumMotion(chunk, body_.x, 0.0F); });
+    for (Part& part : body_.parts) {
+      const MotionSums now = partSums(part);
+      const RigidMotionSolver solver(now, part.reference);
+      const Eigen::Vector3d angular = now.angular - solver.offset().cross(now.momentum);
+      part.spin.setZero();
+      if (angular.allFinite()) setSpinAside(solver, angular, double(h_), part.spin);
+    }
+  }
+
+  // Takes the spin that is faster than passes can follow out of the velocities, before the first pass of a step, or
+  // gives it back behind the last.
+  void moveSpin(double sign) {
+    const auto spins = [](const Part& part) { return !part.spin.isZero(0); };
+    if (std::none_of(body_.parts.begin(), body_.parts.end(), spins)) return;
+    forChunks([&](VertexChunk& chunk) {
+      if (spins(body_.parts[chunk.part])) sumMotion(chunk, body_.x, 0.0F);
+    });
+    for (Part& part : body_.parts) {
+      if (!spins(part)) continue;
+      const RigidMotionSolver solver(partSums(part), part.reference);
+      part.lacking = {solver.center(), Eigen::Vector3d::Zero(), sign * solver.turning(part.spin)};
+    }
+    forChunks([&](VertexChunk& chunk) {
+      const Part& part = body_.parts[chunk.part];
+      if (spins(part)) kernel_.add_motion({vertexRange(chunk), part.lacking.forKernels()});
+    });
   }
 
   void pass(std::uint32_t passes_left) {
@@ -113,11 +145,10 @@ class BodyStep {
 
     // Moments of the predicted positions: all that matching wants to know of the vertices. Nearly always nothing
     // stands between moments and goals, and a block of clusters goes through all at once, its members still in cache.
-    const bool rows_are_possible =
-        settings_.ground.enabled || !body_.pins.empty() || !body_.picks.empty() || !body_.pin_sets.empty();
-    forBlocks([&](std::uint32_t b) {
-      moments(b);
-      if (!rows_are_possible) matchAndAsk(b);
+    const bool rows_are_possible = mayHaveRows(body_, settings_);
+    forBlocks([&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t b = begin; b < end; ++b) moments(b);
+      if (!rows_are_possible) matchAndAsk(begin, end);
     });
     clock_.finish(kMoments);
 
@@ -129,14 +160,16 @@ class BodyStep {
       // Match: rotation and goal transform of every cluster. The solver of cluster transforms sits behind this phase
       // and the next: what follows only asks blocks for goals.
       if (body_.rows.empty()) {
-        forBlocks([&](std::uint32_t b) { matchAndAsk(b); });
+        forBlocks([&](std::uint32_t begin, std::uint32_t end) { matchAndAsk(begin, end); });
       } else {
-        forBlocks([&](std::uint32_t b) { matchBlock(body_, b, h_); });
+        forBlocks([&](std::uint32_t begin, std::uint32_t end) { matchBlocks(body_, begin, end, h_); });
         clock_.finish(kMatch);
         // Solve: impulses that make the goals satisfy the rows.
         solveRows(body_, h_, {});
         clock_.finish(kSolve);
-        forBlocks([&](std::uint32_t b) { ask(b); });
+        forBlocks([&](std::uint32_t begin, std::uint32_t end) {
+          for (std::uint32_t b = begin; b < end; ++b) ask(b);
+        });
       }
     }
     if (body_.rows.empty()) recoverLost();
@@ -157,10 +190,12 @@ class BodyStep {
       for (std::uint32_t i = begin; i < end; ++i) work(body_.chunks[i]);
     });
   }
+  // Runs work(begin, end) over two blocks of clusters at a time, which kernels may match as one.
   template <class Work>
   void forBlocks(const Work& work) {
-    forRange(jobs_, body_.blocks.size(), 1, [&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t b = begin; b < end; ++b) work(b);
+    const std::uint32_t count = std::uint32_t(body_.blocks.size());
+    forRange(jobs_, (count + 1) / 2, 1, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t pair = begin; pair < end; ++pair) work(2 * pair, std::min(2 * pair + 2, count));
     });
   }
 
@@ -183,18 +218,17 @@ class BodyStep {
   void ask(std::uint32_t b) {
     kernel_.goals(rest_.blocks[b], rest_.members.data(), stiffness(b), body_.blocks[b], slots());
   }
-  void matchAndAsk(std::uint32_t b) {
-    matchBlock(body_, b, h_);
-    ask(b);
+  void matchAndAsk(std::uint32_t begin, std::uint32_t end) {
+    matchBlocks(body_, begin, end, h_);
+    for (std::uint32_t b = begin; b < end; ++b) ask(b);
   }
 
   // Predict: velocities and positions as if every vertex were alone.
   void predict() {
     const float kept = std::exp(-settings_.damping * h_);
-    // Sums are taken about a point that moves with the part, so that neither distance nor speed costs them digits.
     for (Part& part : body_.parts) {
+      part.spin *= double(kept);
       part.moving = double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>());
-      part.reference += double(h_) * part.moving;
     }
     forChunks([&](VertexChunk& chunk) {
       PredictArguments a{};
@@ -212,7 +246,10 @@ class BodyStep {
       a.sums = &chunk.sums;
       chunk.repaired += kernel_.predict(a);
     });
-    for (Part& part : body_.parts) part.before = partSums(part);
+    for (Part& part : body_.parts) {
+      part.before = partSums(part);
+      part.reference += double(h_) * part.moving;
+    }
   }
 
   MotionSums partSums(const Part& part) const {
@@ -278,7 +315,7 @@ class BodyStep {
       // Goals have taken the place of what moments left in the slots; and the pose moves centres.
       for (std::uint32_t b = first; b <= last; ++b) moments(b);
       findPose(part, as_one ? kHardlyAstray : kAstray);
-      for (std::uint32_t b = first; b <= last; ++b) matchAndAsk(b);
+      matchAndAsk(first, last + 1);
     }
   }
 
@@ -353,7 +390,9 @@ class BodyStep {
       part.found = part.wanted = solver.motion(now.momentum, now.angular);
       if (part.free) {
         add(part.wanted, defect(part, now, solver));
+        keepSpin(part, solver);
       } else {
+        part.spin.setZero();                // what touches it stops what passes cannot follow
         part.wanted.omega *= kept_turning;  // soft things do not roll or swing for ever: turning on a support flexes
       }
       part.found.velocity += part.moving;
@@ -370,7 +409,17 @@ class BodyStep {
     for (Part& part : body_.parts) {
       part.reference = part.found.center;
       part.moving = part.wanted.velocity;
+      body_.centers_known &= part.reference.allFinite() && part.moving.allFinite();
     }
+  }
+
+  // What the part would turn by too much in the next pass is set aside, or comes back from there.
+  void keepSpin(Part& part, const RigidMotionSolver& solver) const {
+    const double turn = part.wanted.omega.norm() * double(h_);
+    if (part.spin.isZero(0) && !(turn > kMostTurn)) return;
+    const Eigen::Vector3d had = part.spin;
+    part.wanted.omega = setSpinAside(solver, had + solver.inertia() * part.wanted.omega, double(h_), part.spin);
+    part.before.angular += had - part.spin;
   }
 
   // The inelastic stop took a different part of each vertex's motion, and a large turn moved the arms: gives free parts
@@ -399,13 +448,19 @@ class BodyStep {
         std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
-    a.kept = float(std::exp(-rate * double(h_)));
-    RigidMotion moved_as = part.wanted;
+    a.lost = float(-std::expm1(-rate * double(h_)));
+    const auto copy = [](const Eigen::Vector3d& from, float(&to)[3]) {
+      for (int k = 0; k < 3; ++k) to[k] = float(from[k]);
+    };
+    const Eigen::Vector3d turned = part.wanted.omega - part.found.omega;
+    copy(part.found.center, a.center);
+    copy(part.found.velocity, a.moving);
+    copy(part.found.omega, a.lost_omega);
+    copy(part.wanted.velocity - part.found.velocity, a.change);
+    copy(turned, a.change_omega);
+    copy(part.wanted.velocity - part.found.velocity, a.shift);
     // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
-    if ((part.wanted.omega - part.found.omega).norm() * double(h_) > kRoundingTurn) moved_as.omega = part.found.omega;
-    a.found = part.found.forKernels();
-    a.wanted = part.wanted.forKernels();
-    a.moved_as = moved_as.forKernels();
+    if (turned.norm() * double(h_) <= kRoundingTurn) copy(turned, a.shift_omega);
     std::array<float, kVerticesPerChunk> vertex_kept;
     if (part.limited) {
       // What a cluster's guard stopped, it stopped for good.
@@ -443,15 +498,14 @@ class BodyStep {
 
 bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
 
-bool mayHaveRows(const Body& body, const WorldSettings& settings) {
-  return settings.ground.enabled || !body.pins.empty() || !body.picks.empty() || !body.pin_sets.empty();
-}
-
 // Lends scratch to a body, or takes it back.
 void exchange(Body& body, RowScratch& scratch) {
   body.rows.swap(scratch.rows);
   body.frames.swap(scratch.frames);
   body.responses.swap(scratch.responses);
+  body.solver_rows.swap(scratch.solver_rows);
+  body.terms.swap(scratch.terms);
+  body.answers.swap(scratch.answers);
 }
 
 void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
@@ -462,10 +516,13 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
   if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
     body.frames.resize(body.clusterCount());
     body.responses.resize(body.clusterCount());
+    body.answers.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
-  step.findCenters();
+  if (!body.centers_known) step.findCenters();
+  step.moveSpin(-1);
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
+  step.moveSpin(1);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();
   exchange(body, scratch);
@@ -475,11 +532,12 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
 
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
   struct Need {
-    std::size_t bodies = 0, rows = 0, clusters = 0;
+    std::size_t bodies = 0, rows = 0, terms = 0, clusters = 0;
     void add(const Body& body, bool rows_too) {
       ++bodies;
       if (!rows_too) return;
       rows = std::max(rows, body.vertexCount() + body.picks.size());
+      terms = std::max(terms, mostTerms(body));
       clusters = std::max<std::size_t>(clusters, body.clusterCount());
     }
   } all, small;
@@ -497,6 +555,9 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
     scratch.lanes[i].rows.reserve(need.rows);
     scratch.lanes[i].frames.reserve(need.clusters);
     scratch.lanes[i].responses.reserve(need.clusters);
+    scratch.lanes[i].solver_rows.reserve(need.rows);
+    scratch.lanes[i].terms.reserve(need.terms);
+    scratch.lanes[i].answers.reserve(need.clusters);
   }
 }
 

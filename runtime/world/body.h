@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
@@ -39,11 +40,20 @@ struct PinSet {
   PinMethod method = PinMethod::constrained_fit;
   RigidTransform at;      ///< where it is in this pass
   RigidTransform target;  ///< where it is at the end of the step
-  std::vector<PinnedVertex> vertices;
+  std::pmr::vector<PinnedVertex> vertices;
   // Reactions of the step's passes; means are taken over `passes`.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
   std::uint32_t passes = 0;
   bool first_pass = true;  ///< the next pass is the first of a step
+
+  using allocator_type = std::pmr::polymorphic_allocator<>;
+  explicit PinSet(allocator_type allocator) : vertices(allocator) {}
+  PinSet(PinSet&& other) noexcept = default;
+  PinSet(PinSet&& other, allocator_type) noexcept : PinSet(std::move(other)) {}  // of the same memory
+  PinSet& operator=(PinSet&& other) = default;
+  PinSet(const PinSet&) = delete;
+  PinSet& operator=(const PinSet&) = delete;
+  ~PinSet() = default;
 };
 
 /// A spring between a visual vertex and a target.
@@ -52,7 +62,7 @@ struct Pick {
   std::uint32_t visual_vertex;
   Vec3 target;
   float frequency_hz;
-  Vec3 force = {};  ///< of the last pass, N: where the next one starts from
+  Vec3 force = {};  ///< of the last pass over the body's mass, m/s²: where the next one starts from
 };
 
 /// Vertices of a chunk, at most.
@@ -74,8 +84,12 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  /// Centre of mass and its velocity (near them while the part is held): sums are taken about this moving point.
+  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so
+  /// that neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
+  /// Angular momentum about the centre over the body's mass, m²/s, that is faster than passes can follow. Between steps
+  /// the velocities hold it too.
+  Eigen::Vector3d spin = Eigen::Vector3d::Zero();
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
@@ -85,10 +99,29 @@ struct Part {
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
 
+/// Memory that begins at a cache line: kernels read and write whole lines of vertices.
+class LineMemory : public std::pmr::memory_resource {
+ public:
+  explicit LineMemory(std::pmr::memory_resource* upstream) : upstream_(upstream) {}
+
+ private:
+  static constexpr std::size_t kLine = 64;
+  void* do_allocate(std::size_t bytes, std::size_t alignment) override {
+    return upstream_->allocate(bytes, std::max(alignment, kLine));
+  }
+  void do_deallocate(void* place, std::size_t bytes, std::size_t alignment) override {
+    upstream_->deallocate(place, bytes, std::max(alignment, kLine));
+  }
+  bool do_is_equal(const std::pmr::memory_resource& other) const noexcept override { return this == &other; }
+
+  std::pmr::memory_resource* upstream_;
+};
+
 /// State of one body. Constants stay in the asset.
 struct Body {
+  /// \param memory all that the body keeps comes from there.
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
-       std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+       std::pmr::memory_resource* memory);
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }
@@ -105,12 +138,14 @@ struct Body {
 
   std::shared_ptr<const Asset> asset;
   BodySettings settings;
+  LineMemory lines;  ///< where the arrays by vertex and membership live
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
-  std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
-  std::pmr::vector<Vec3> v;      ///< velocities, m/s
-  std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
-  std::pmr::vector<Vec3> force;  ///< of contact or pin in the last pass, N: where the next one starts from
+  std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
+  std::pmr::vector<Vec3> v;  ///< velocities, m/s
+  std::pmr::vector<Vec3> y;  ///< predicted, then matched positions
+  /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
+  std::pmr::vector<Vec3> force;
   std::pmr::vector<std::uint8_t> pinned;
   std::pmr::vector<std::array<float, 4>>
       slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
@@ -129,11 +164,15 @@ struct Body {
   // The body's work, cut for jobs.
   std::pmr::vector<VertexChunk> chunks;
   std::pmr::vector<Part> parts;
+  bool centers_known = false;  ///< Part::reference and moving are those of x and v; not after a state from outside
 
   // Scratch of the solver of rows: lent by the world for the time of a step, empty otherwise.
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
   std::pmr::vector<ClusterResponse> responses;
+  std::pmr::vector<SolverRow> solver_rows;  ///< `rows` as the sweeps see them
+  std::pmr::vector<RowTerm> terms;
+  std::pmr::vector<ClusterAnswer> answers;  ///< by cluster
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 

@@ -20,7 +20,7 @@ using internal::ClusterBlock;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 1;
+constexpr std::uint32_t kStateVersion = 3;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -32,7 +32,7 @@ struct StateHeader {
   std::uint32_t repaired;
   std::uint32_t shapes, dampings, channels;  ///< of MechanicsState
   std::uint32_t pin_sets, pinned_vertices;
-  std::uint32_t reserved;
+  std::uint32_t centers_known;
 };
 static_assert(sizeof(StateHeader) == 80);
 
@@ -43,6 +43,11 @@ struct SavedPinSet {
   RigidTransform at, target;
   std::uint32_t passes, first_pass, vertices, reserved;
   std::array<double, 3> force_sum, torque_sum;
+};
+
+/// The moving point about which a part's motion is summed, and its fast spin.
+struct SavedCenter {
+  std::array<double, 3> reference, moving, spin;
 };
 
 constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
@@ -65,6 +70,7 @@ StateHeader headerOf(const Body& body) {
   header.history_positions = std::uint32_t(body.history.positions.size());
   header.history_columns = std::uint32_t(body.history.columns.size());
   header.repaired = body.repaired;
+  header.centers_known = body.centers_known ? 1 : 0;
   header.shapes = std::uint32_t(body.mechanics.shapes.size());
   header.dampings = std::uint32_t(body.mechanics.previous.size());
   header.channels = std::uint32_t(body.mechanics.activation.size());
@@ -74,10 +80,10 @@ StateHeader headerOf(const Body& body) {
 }
 
 // Sizes are bounded by 2^32 records of under 2 KB each: no overflow.
-std::size_t totalBytes(const StateHeader& h) {
-  return sizeof h + 3 * bytesOf<Vec3>(h.vertices) + bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) +
-         bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
-         bytesOf<internal::ClusterColumns>(h.history_columns) +
+std::size_t totalBytes(const StateHeader& h, const Body& body) {
+  return sizeof h + bytesOf<SavedCenter>(body.parts.size()) + 3 * bytesOf<Vec3>(h.vertices) +
+         bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) + bytesOf<internal::Pick>(h.picks) +
+         bytesOf<Vec3>(h.history_positions) + bytesOf<internal::ClusterColumns>(h.history_columns) +
          bytesOf<float>(kShapeFloats * std::size_t(h.shapes) + kDampingFloats * std::size_t(h.dampings) + h.channels) +
          bytesOf<SavedPinSet>(h.pin_sets) + bytesOf<internal::PinnedVertex>(h.pinned_vertices);
 }
@@ -141,14 +147,20 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   }
   const bool columns = h.history_columns == 0 || h.history_columns == body.clusterCount();
   if (h.pins > h.vertices || (h.history_positions != 0 && h.history_positions != h.vertices) || !columns ||
-      h.bytes != totalBytes(h)) {
+      h.centers_known > 1 || h.bytes != totalBytes(h, body)) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
 
   Reader reader(bytes.data() + sizeof h);
-  for (std::uint32_t i = 0; i < 2 * h.vertices; ++i) reader.get<Vec3>();  // any: what is lost a step puts right
   bool sound = true;
+  for (std::size_t i = 0; i < body.parts.size(); ++i) {
+    const auto center = reader.get<SavedCenter>();
+    for (std::size_t k = 0; k < 3; ++k) {
+      sound &= std::isfinite(center.reference[k]) && std::isfinite(center.moving[k]) && std::isfinite(center.spin[k]);
+    }
+  }
+  for (std::uint32_t i = 0; i < 2 * h.vertices; ++i) reader.get<Vec3>();  // any: what is lost a step puts right
   for (std::uint32_t i = 0; i < h.vertices; ++i) sound &= allFinite(reader.get<Vec3>().data(), 3);
   for (std::uint32_t i = 0; i < h.blocks; ++i) sound &= isSound(reader.get<ClusterBlock>());
   std::uint32_t next = 0;
@@ -187,17 +199,24 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
 
 std::size_t World::stateBytes(BodyId id) const {
   const Body* body = impl_->find(id, "stateBytes");
-  return body != nullptr ? totalBytes(headerOf(*body)) : 0;
+  return body != nullptr ? totalBytes(headerOf(*body), *body) : 0;
 }
 
 std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   const Body* body = impl_->find(id, "saveState");
   if (body == nullptr) return 0;
   StateHeader header = headerOf(*body);
-  header.bytes = totalBytes(header);
+  header.bytes = totalBytes(header, *body);
   if (bytes.size() < header.bytes) return 0;
   Writer writer(bytes.data());
   writer.put(&header, 1);
+  for (const internal::Part& part : body->parts) {
+    SavedCenter saved;
+    std::copy(part.reference.data(), part.reference.data() + 3, saved.reference.begin());
+    std::copy(part.moving.data(), part.moving.data() + 3, saved.moving.begin());
+    std::copy(part.spin.data(), part.spin.data() + 3, saved.spin.begin());
+    writer.put(&saved, 1);
+  }
   writer.put(body->x.data(), header.vertices);
   writer.put(body->v.data(), header.vertices);
   writer.put(body->force.data(), header.vertices);
@@ -255,6 +274,13 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   });
   if (!reserved) return Error{"restoreState: out of memory"};
   impl_->changed(*body);
+  body->centers_known = header.centers_known != 0;
+  for (internal::Part& part : body->parts) {
+    const auto saved = reader.get<SavedCenter>();
+    std::copy(saved.reference.begin(), saved.reference.end(), part.reference.data());
+    std::copy(saved.moving.begin(), saved.moving.end(), part.moving.data());
+    std::copy(saved.spin.begin(), saved.spin.end(), part.spin.data());
+  }
   reader.get(body->x.data(), header.vertices);
   reader.get(body->v.data(), header.vertices);
   reader.get(body->force.data(), header.vertices);
@@ -327,6 +353,7 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
     return;
   }
   impl_->changed(*body);
+  body->centers_known = false;
   geometry::Quaternion turn = geometry::kIdentityQuaternion;
   geometry::nearestRotation(internal::Matrix3(given), turn);
   const Eigen::Quaterniond q =

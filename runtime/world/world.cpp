@@ -30,8 +30,8 @@ std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& as
   for (const internal::BodyPointer& body : bodies) {
     if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
   }
-  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(),
-                                                      scale);
+  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(), scale,
+                                                      memory);
 }
 
 Body* World::Impl::find(BodyId id, const char* call) const {
@@ -319,7 +319,7 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
   return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
     if (!internal::isProper(at)) return refused("the transform is not finite, or its rotation not proper");
     if (method > PinMethod::constrained_fit) return refused("no such method");
-    internal::PinSet set;
+    internal::PinSet set(impl_->memory);
     set.id = impl_->next_pin_set;
     set.method = method;
     set.at = set.target = at;

@@ -223,14 +223,17 @@ TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
   }
   // Not a number in each part behind positions and velocities.
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const std::size_t forces = 80 + 24 * world.positions(body).size();
-  for (const std::size_t place : {forces, forces + 12 * world.positions(body).size(), bytes.size()}) {
+  const std::size_t centers = 80, forces = centers + 48 + 24 * world.positions(body).size();
+  for (const std::size_t place : {centers, forces, forces + 12 * world.positions(body).size(), bytes.size()}) {
     auto damaged = bytes;
     if (place == bytes.size()) {  // the vertex of the first pin
       const std::uint32_t far = 1U << 30;
       const std::size_t history = 12 * world.positions(body).size();
       const std::size_t pins = bytes.size() - history - 36 - 2 * 16;
       std::memcpy(damaged.data() + pins, &far, 4);
+    } else if (place == centers) {
+      const double wide_nan = std::numeric_limits<double>::quiet_NaN();
+      std::memcpy(damaged.data() + place, &wide_nan, 8);
     } else {
       std::memcpy(damaged.data() + place, &nan, 4);
     }
