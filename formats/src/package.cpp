@@ -76,8 +76,8 @@ class PackageReader {
   bool read() {
     return readHeader() && readTable() && checkPresence() && bindSections() && checkTexts() && checkInfo() &&
            checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
-           checkMechanics() && checkVisualMesh() && checkMaterials() && checkAttachments() && checkIdentity() &&
-           checkGroups();
+           checkMechanics() && checkPinSets() && checkVisualMesh() && checkMaterials() && checkAttachments() &&
+           checkIdentity() && checkGroups();
   }
 
   std::string reason() && { return std::move(reason_); }
@@ -240,7 +240,8 @@ class PackageReader {
       if (!needs(id, section::visual_positions)) return false;
     }
     if (!needs(section::curve_points, section::mechanics) || !needs(section::texture_bytes, section::textures) ||
-        !needs(section::group_vertices, section::groups) || !needs(section::barycentric, section::tetrahedra)) {
+        !needs(section::group_vertices, section::groups) || !needs(section::pin_set_vertices, section::pin_sets) ||
+        !needs(section::barycentric, section::tetrahedra)) {
       return false;
     }
     if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
@@ -272,6 +273,8 @@ class PackageReader {
     bind(section::channels, view_.channels_);
     bind(section::vertex_stiffness, view_.vertex_stiffness_);
     bind(section::pin_weights, view_.pin_weights_);
+    bind(section::pin_sets, view_.pin_sets_);
+    bind(section::pin_set_vertices, view_.pin_set_vertices_);
     bind(section::visual_positions, view_.visual_positions_);
     bind(section::visual_normals, view_.visual_normals_);
     bind(section::visual_uv, view_.visual_uvs_);
@@ -313,8 +316,9 @@ class PackageReader {
       if (badText(ref) != 0) return refuse(section::info, "a text lies outside section STRS");
     }
     return checkNames(section::bodies, view_.bodies_) && checkNames(section::clusters, view_.clusters_) &&
-           checkNames(section::channels, view_.channels_) && checkNames(section::sub_meshes, view_.sub_meshes_) &&
-           checkNames(section::materials, view_.materials_) && checkNames(section::textures, view_.textures_) &&
+           checkNames(section::channels, view_.channels_) && checkNames(section::pin_sets, view_.pin_sets_) &&
+           checkNames(section::sub_meshes, view_.sub_meshes_) && checkNames(section::materials, view_.materials_) &&
+           checkNames(section::textures, view_.textures_) &&
            check(section::textures, view_.textures_, "its mime type lies outside section STRS",
                  [this](const Texture& t) { return badText(t.mime); }) &&
            checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_);
@@ -471,6 +475,30 @@ class PackageReader {
     return index == kAllGood ||
            refuseSection(section::memberships, "the shares of physical vertex %zu over its clusters do not sum to 1",
                          index);
+  }
+
+  bool checkPinSets() {
+    const std::span<const std::uint32_t> members = view_.pin_set_vertices_;
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < view_.pin_sets_.size(); ++i) {
+      const PinSet& set = view_.pin_sets_[i];
+      if (badText(set.target) != 0) return refuse(section::pin_sets, i, "its target lies outside section STRS");
+      if (set.method > 3 || set.reserved0 != 0) {
+        return refuse(section::pin_sets, i, "unknown method, or a reserved field that is not 0");
+      }
+      if (set.first != end || set.count > members.size() - end) {
+        return refuse(section::pin_sets, i, "does not start where the set before ends, or reaches beyond section PSTV");
+      }
+      std::uint64_t lowest = 0;
+      for (const std::uint32_t v : members.subspan(set.first, set.count)) {
+        if (v < lowest || v >= view_.physical_vertices_.size()) {
+          return refuse(section::pin_sets, i, "its vertices are not ascending, or not physical vertices");
+        }
+        lowest = std::uint64_t{v} + 1;
+      }
+      end += set.count;
+    }
+    return end == members.size() || refuse(section::pin_set_vertices, "has vertices of no pin set");
   }
 
   bool checkMechanics() {

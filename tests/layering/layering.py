@@ -68,6 +68,7 @@ TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
     "import": ("assimp", "cgal"),
     "tetrahedralize": ("cgal",),
+    "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
     "studio": ("opencv", "epoxy", "glfw", "imgui"),
@@ -83,6 +84,7 @@ TOOL_OWN = {
 BEHIND = {
     ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
+    ("tools/author/", "opencv"): ("tools/author/mask_image.cpp",),
     ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),
     ("tests/", "bullet"): ("tests/benchmarks/bullet_*",),
     ("tests/", "cgal"): ("tests/topology/exact_pairs.cpp",),  # a second opinion with exact constructions
