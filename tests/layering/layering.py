@@ -77,7 +77,7 @@ TOOL_THIRD = {
 # What a part may include beyond the parts below it.
 TOOL_OWN = {
     # The references that its figures are compared with, and the kernels that it times alone.
-    "bench": ("tests/benchmarks/", "runtime/kernels/"),
+    "bench": ("tests/benchmarks/", "runtime/kernels/", "runtime/load/", "runtime/world/"),
 }
 # Each of these sits behind the named files of its part.
 BEHIND = {
