@@ -157,6 +157,96 @@ class TetrahedronTree {
   std::vector<Node> nodes_;
 };
 
+// Tetrahedra around each vertex.
+class Neighbourhood {
+ public:
+  explicit Neighbourhood(const PhysicalMesh& mesh) : mesh_(mesh), first_(mesh.positions.size() + 1, 0) {
+    for (const auto& t : mesh.tetrahedra) {
+      for (const std::uint32_t v : t) ++first_[v + 1];
+    }
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    around_.resize(first_.back());
+    std::vector<std::uint32_t> filled = first_;
+    for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+      for (const std::uint32_t v : mesh.tetrahedra[t]) around_[filled[v]++] = t;
+    }
+  }
+
+  // Whether two tetrahedra share a vertex or are both beside a third.
+  bool close(std::uint32_t a, std::uint32_t b) const {
+    const auto& wanted = mesh_.tetrahedra[b];
+    for (const std::uint32_t v : mesh_.tetrahedra[a]) {
+      if (std::find(wanted.begin(), wanted.end(), v) != wanted.end()) return true;
+    }
+    for (const std::uint32_t v : mesh_.tetrahedra[a]) {
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+        for (const std::uint32_t w : mesh_.tetrahedra[around_[i]]) {
+          if (std::find(wanted.begin(), wanted.end(), w) != wanted.end()) return true;
+        }
+      }
+    }
+    return false;
+  }
+
+  // From one tetrahedron to ever nearer ones beside it.
+  std::uint32_t walk(std::uint32_t from, const Vector3d& p, double& squared_distance) const {
+    squared_distance = distance(from, p);
+    for (std::uint32_t last = kNoIndex; last != from && squared_distance > 0;) {
+      last = from;
+      for (const std::uint32_t v : mesh_.tetrahedra[last]) {
+        for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+          const double d = distance(around_[i], p);
+          if (d < squared_distance) {
+            squared_distance = d;
+            from = around_[i];
+          }
+        }
+      }
+    }
+    return from;
+  }
+
+ private:
+  double distance(std::uint32_t t, const Vector3d& p) const {
+    const auto& v = mesh_.tetrahedra[t];
+    return squaredDistance(
+        p, {mesh_.positions[v[0]], mesh_.positions[v[1]], mesh_.positions[v[2]], mesh_.positions[v[3]]});
+  }
+
+  const PhysicalMesh& mesh_;
+  std::vector<std::uint32_t> first_, around_;
+};
+
+// A tetrahedron for each welded point to start from: its home, else that of the first point along the surface that has
+// one. kNoIndex where none can be reached.
+std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const PhysicalMesh& physical) {
+  std::vector<std::uint32_t> start = physical.home;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Triangle points = mesh.weldedTriangle(t);
+    for (const std::uint32_t a : points) {
+      for (const std::uint32_t b : points) {
+        if (a != b && start[b] == kNoIndex) edges.emplace_back(a, b);
+      }
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  std::vector<std::uint32_t> queue;
+  for (std::uint32_t p = 0; p < start.size(); ++p) {
+    if (start[p] != kNoIndex) queue.push_back(p);
+  }
+  for (std::size_t at = 0; at < queue.size(); ++at) {
+    const std::uint32_t p = queue[at];
+    for (auto edge = std::lower_bound(edges.begin(), edges.end(), std::pair(p, 0U));
+         edge != edges.end() && edge->first == p; ++edge) {
+      if (start[edge->second] != kNoIndex) continue;
+      start[edge->second] = start[p];
+      queue.push_back(edge->second);
+    }
+  }
+  return start;
+}
+
 }  // namespace
 
 std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
@@ -176,9 +266,15 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
   for (const PhysicalBody& body : physical.bodies)
     trees.emplace_back(physical, body.first_tetrahedron, body.tetrahedron_count);
 
+  const Neighbourhood neighbourhood(physical);
+  const std::vector<std::uint32_t> start = startingPlaces(mesh, physical);
   std::vector<TetrahedronPlace> places(mesh.welded_positions.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
     for (std::size_t p = range.begin(); p != range.end(); ++p) {
+      if (physical.home[p] != kNoIndex) {
+        places[p] = {physical.home[p], {}, 0};
+        continue;
+      }
       const Vector3d& x = mesh.welded_positions[p];
       double best = std::numeric_limits<double>::infinity();
       std::uint32_t best_tetrahedron = kNoIndex;
@@ -190,6 +286,10 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
           best = d;
           best_tetrahedron = t;
         }
+      }
+      // The nearest one may lie across a gap.
+      if (start[p] != kNoIndex && !neighbourhood.close(start[p], best_tetrahedron)) {
+        best_tetrahedron = neighbourhood.walk(start[p], x, best);
       }
       places[p] = {best_tetrahedron, {}, std::sqrt(best)};
     }

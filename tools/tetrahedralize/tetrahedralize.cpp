@@ -14,6 +14,7 @@
 #include "tools/tetrahedralize/bodies.h"
 #include "tools/tetrahedralize/delaunay.h"
 #include "tools/tetrahedralize/fill.h"
+#include "tools/tetrahedralize/split.h"
 
 namespace sinew::tools {
 namespace {
@@ -268,6 +269,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   }
   PhysicalMesh result;
   result.part_body = set.part_body;
+  result.home.assign(mesh.welded_positions.size(), kNoIndex);
   // Only delaunay works on the surface itself.
   std::vector<char> crosses_itself(set.bodies.size(), 0);
   if (options.method == TetrahedraMethod::delaunay) {
@@ -287,7 +289,13 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     Choice choice = fillBody(body, options.method, share[b], crosses_itself[b] != 0, mesh.file, remarks);
     TetMesh& tets = choice.filled.mesh;
     geometry::sortForLocality(tets);
-    const std::vector<double> fill = fillFractions(body, tets, parallelFor);
+    SplitMesh split;
+    if (choice.method != TetrahedraMethod::delaunay) {
+      split =
+          splitAtGaps(body, tets, std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
+      tets = std::move(split.mesh);
+    }
+    const std::vector<double> fill = fillFractions(body, tets, split.inside, parallelFor);
 
     PhysicalBody physical;
     physical.name = body.name;
@@ -297,7 +305,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     physical.vertex_count = static_cast<std::uint32_t>(tets.positions.size());
     physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
     physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
-    physical.volume = choice.filled.volume;
+    physical.volume = geometry::volume(tets);
     physical.source_volume = body.volume;
     for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);
     for (auto t : tets.tetrahedra) {
@@ -316,6 +324,21 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       remarks.add("tetrahedra-bridged", Severity::warning, "had pieces joined by cells outside the surface",
                   body.name + " (" + std::to_string(choice.filled.bridges) + " cells)",
                   "Lower tetrahedra.join to make the pieces bodies of their own, or connect them in the source.");
+    }
+    if (split.cells > 0) {
+      remarks.add("tetrahedra-split", Severity::info, "had cells split along gaps narrower than they are",
+                  body.name + " (" + std::to_string(split.cells) + " cells, " + std::to_string(split.vertices) +
+                      " vertices more)",
+                  "");
+    }
+    if (!split.doubtful.empty()) {
+      remarks.add("tetrahedra-overlap", Severity::info,
+                  "had sheets of one part inside its own solid: they were kept apart as far as the surface tells",
+                  body.name + " (" + std::to_string(split.doubtful.size()) + " cells)",
+                  "Move the sheets apart where sinew check reports self-intersections.");
+    }
+    for (std::size_t p = 0; p < split.home.size(); ++p) {
+      if (split.home[p] != kNoIndex) result.home[body.points[p]] = physical.first_tetrahedron + split.home[p];
     }
     result.bodies.push_back(std::move(physical));
   }

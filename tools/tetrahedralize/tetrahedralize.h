@@ -41,6 +41,8 @@ struct TetrahedraQuality {
 };
 
 /// The coarse mesh that is simulated. Vertices, tetrahedra grouped by body. Every tetrahedron has positive volume.
+/// Where near but separate pieces of a body pass through one cell of its lattice (lips, fingers), the cell has a copy
+/// for each: these tetrahedra lie over one another.
 struct PhysicalMesh {
   std::vector<Eigen::Vector3d> positions;  ///< metres, world
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
@@ -50,6 +52,9 @@ struct PhysicalMesh {
   std::vector<PhysicalBody> bodies;
   TetrahedraQuality quality;
   std::vector<std::uint32_t> part_body;  ///< body of each surface part (loose sheets: the nearest body)
+  /// Per welded point: the tetrahedron it lies in, of several copies in one place the one on its own side of the gap.
+  /// kNoIndex for points outside all of them, of loose sheets, and of bodies filled by delaunay.
+  std::vector<std::uint32_t> home;
   std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
 };
 
