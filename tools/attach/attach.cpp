@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <tuple>
 
 namespace sinew::tools {
 namespace {
@@ -170,6 +171,35 @@ class Neighbourhood {
     for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
       for (const std::uint32_t v : mesh.tetrahedra[t]) around_[filled[v]++] = t;
     }
+    std::vector<std::uint32_t> order(mesh.positions.size());
+    std::iota(order.begin(), order.end(), 0U);
+    const auto key = [&](std::uint32_t v) {
+      return std::tuple(mesh.positions[v].x(), mesh.positions[v].y(), mesh.positions[v].z());
+    };
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
+    doubled_.assign(order.size(), 0);
+    for (std::size_t i = 1; i < order.size(); ++i) {
+      if (key(order[i]) == key(order[i - 1])) doubled_[order[i]] = doubled_[order[i - 1]] = 1;
+    }
+  }
+
+  // Whether other tetrahedra may lie over this one.
+  bool doubled(std::uint32_t t) const {
+    return std::any_of(mesh_.tetrahedra[t].begin(), mesh_.tetrahedra[t].end(),
+                       [&](std::uint32_t v) { return doubled_[v] != 0; });
+  }
+
+  // Squared.
+  double distance(std::uint32_t t, const Vector3d& p) const {
+    const auto& v = mesh_.tetrahedra[t];
+    return squaredDistance(
+        p, {mesh_.positions[v[0]], mesh_.positions[v[1]], mesh_.positions[v[2]], mesh_.positions[v[3]]});
+  }
+
+  // But for the rounding of positions to single precision since it was found.
+  bool holds(std::uint32_t t, const Vector3d& p) const {
+    const auto& v = mesh_.tetrahedra[t];
+    return distance(t, p) <= 1e-12 * (mesh_.positions[v[0]] - mesh_.positions[v[1]]).squaredNorm();
   }
 
   // Whether two tetrahedra share a vertex or are both beside a third.
@@ -207,41 +237,44 @@ class Neighbourhood {
   }
 
  private:
-  double distance(std::uint32_t t, const Vector3d& p) const {
-    const auto& v = mesh_.tetrahedra[t];
-    return squaredDistance(
-        p, {mesh_.positions[v[0]], mesh_.positions[v[1]], mesh_.positions[v[2]], mesh_.positions[v[3]]});
-  }
-
   const PhysicalMesh& mesh_;
   std::vector<std::uint32_t> first_, around_;
+  std::vector<char> doubled_;  // of each vertex: another lies in its place
 };
 
 // A tetrahedron for each welded point to start from: its home, else that of the first point along the surface that has
 // one. kNoIndex where none can be reached.
 std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const PhysicalMesh& physical) {
-  std::vector<std::uint32_t> start = physical.home;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Triangle points = mesh.weldedTriangle(t);
-    for (const std::uint32_t a : points) {
+  std::vector<std::uint32_t> start(mesh.welded_positions.size(), kNoIndex);
+  if (physical.home.empty()) return start;
+  start = physical.home;
+  // Edges that lead to points without a home.
+  const auto forEdges = [&](auto&& visit) {
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      const Triangle points = mesh.weldedTriangle(t);
       for (const std::uint32_t b : points) {
-        if (a != b && start[b] == kNoIndex) edges.emplace_back(a, b);
+        if (physical.home[b] != kNoIndex) continue;
+        for (const std::uint32_t a : points) {
+          if (a != b) visit(a, b);
+        }
       }
     }
-  }
-  std::sort(edges.begin(), edges.end());
+  };
+  std::vector<std::uint32_t> first(start.size() + 1, 0);
+  forEdges([&](std::uint32_t a, std::uint32_t) { ++first[a + 1]; });
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<std::uint32_t> next(first.back()), filled = first;
+  forEdges([&](std::uint32_t a, std::uint32_t b) { next[filled[a]++] = b; });
   std::vector<std::uint32_t> queue;
   for (std::uint32_t p = 0; p < start.size(); ++p) {
     if (start[p] != kNoIndex) queue.push_back(p);
   }
   for (std::size_t at = 0; at < queue.size(); ++at) {
     const std::uint32_t p = queue[at];
-    for (auto edge = std::lower_bound(edges.begin(), edges.end(), std::pair(p, 0U));
-         edge != edges.end() && edge->first == p; ++edge) {
-      if (start[edge->second] != kNoIndex) continue;
-      start[edge->second] = start[p];
-      queue.push_back(edge->second);
+    for (std::uint32_t i = first[p]; i < first[p + 1]; ++i) {
+      if (start[next[i]] != kNoIndex) continue;
+      start[next[i]] = start[p];
+      queue.push_back(next[i]);
     }
   }
   return start;
@@ -271,11 +304,11 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
   std::vector<TetrahedronPlace> places(mesh.welded_positions.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
     for (std::size_t p = range.begin(); p != range.end(); ++p) {
-      if (physical.home[p] != kNoIndex) {
-        places[p] = {physical.home[p], {}, 0};
+      const Vector3d& x = mesh.welded_positions[p];
+      if (start[p] != kNoIndex && neighbourhood.holds(start[p], x)) {
+        places[p] = {start[p], {}, 0};
         continue;
       }
-      const Vector3d& x = mesh.welded_positions[p];
       double best = std::numeric_limits<double>::infinity();
       std::uint32_t best_tetrahedron = kNoIndex;
       for (std::uint32_t b = 0; b < trees.size(); ++b) {
@@ -288,7 +321,8 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
         }
       }
       // The nearest one may lie across a gap.
-      if (start[p] != kNoIndex && !neighbourhood.close(start[p], best_tetrahedron)) {
+      if (start[p] != kNoIndex &&
+          (neighbourhood.doubled(best_tetrahedron) || !neighbourhood.close(start[p], best_tetrahedron))) {
         best_tetrahedron = neighbourhood.walk(start[p], x, best);
       }
       places[p] = {best_tetrahedron, {}, std::sqrt(best)};

@@ -56,7 +56,7 @@ struct Cell {
   std::vector<std::uint8_t> faces;       // of each: bits of the cell's faces that it reaches
   std::uint32_t pieces = 1;
   bool solid = true;      // its middle, where no triangle passes through
-  bool doubtful = false;  // solid of one part twice over
+  bool doubtful = false;  // sheets of one part pierce each other
   // Only where there are several pieces:
   std::array<std::array<std::int32_t, kFaceSamples>, 4> face_piece{};  // piece of solid at each sample
   std::vector<double> inside;                                          // of each piece
@@ -143,9 +143,13 @@ class CellCutter {
     }
     Sets sets(cell.triangles.size());
     joinAlongSurface(cell, sets);
+    sample_set_.fill(kAir);
     if (countPieces(cell, sets) > 1) {
-      joinNearParts(cell, sets);
-      if (countPieces(cell, sets) > 1 && body_.encloses) joinThroughSolid(cell, sets);
+      cell.doubtful = pierced(cell, sets);
+      // Where solids of one part overlap, what lies between two sheets joins them only if it is solid once.
+      most_winding_ = cell.doubtful ? 1.5 : std::numeric_limits<double>::infinity();
+      if (body_.encloses) joinThroughSolid(cell, sets);
+      if (countPieces(cell, sets) > 1) joinNearParts(cell, sets);
     }
     numberPieces(cell, sets);
     for (const auto& [point, triangle] : inside_points_) cell.points.push_back({point, cell.piece[triangle]});
@@ -160,7 +164,8 @@ class CellCutter {
   struct Local {
     std::array<Vector4d, 3> corners;  // barycentric
     Vector3d normal;                  // not of unit length
-    Vector3d middle;                  // of what is inside the cell
+    Clip inside;                      // what of it is inside the cell
+    Vector3d middle;                  // of that
     double area = 0;                  // of that, relative
   };
 
@@ -207,7 +212,8 @@ class CellCutter {
       for (std::size_t i = 0; i < 3; ++i) local.corners[i] = barycentric(body_.positions[triangle[i]]);
       const Vector4d highest = local.corners[0].cwiseMax(local.corners[1]).cwiseMax(local.corners[2]);
       if (highest.minCoeff() < -kTouch) continue;
-      const Clip inside = clip(local.corners);
+      local.inside = clip(local.corners);
+      const Clip& inside = local.inside;
       if (inside.count == 0) continue;
       std::uint8_t faces = 0;
       Vector4d middle = Vector4d::Zero();
@@ -258,44 +264,64 @@ class CellCutter {
     }
   }
 
-  static std::size_t countPieces(const Cell& cell, Sets& sets) {
-    std::size_t count = 0;
-    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) count += std::size_t(sets.find(n) == n);
-    return count;
-  }
+  static std::size_t countPieces(const Cell& cell, Sets& sets) { return roots(cell, sets).size(); }
 
-  void joinNearParts(const Cell& cell, Sets& sets) const {
-    const auto part = [&](std::uint32_t n) { return parts_.of_triangle[cell.triangles[n]]; };
+  std::uint32_t part(const Cell& cell, std::uint32_t n) const { return parts_.of_triangle[cell.triangles[n]]; }
+  static std::vector<std::uint32_t> roots(const Cell& cell, Sets& sets) {
     std::vector<std::uint32_t> roots;
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
       if (sets.find(n) == n) roots.push_back(n);
     }
+    return roots;
+  }
+  // Whether sheets of one part cross in the cell.
+  bool pierced(const Cell& cell, Sets& sets) const {
+    const auto all = roots(cell, sets);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      for (std::size_t j = i + 1; j < all.size(); ++j) {
+        if (part(cell, all[i]) == part(cell, all[j]) && near(sets, all[i], all[j], 0)) return true;
+      }
+    }
+    return false;
+  }
+  void joinNearParts(const Cell& cell, Sets& sets) const {
+    const auto all = roots(cell, sets);
     const auto severalPieces = [&](std::uint32_t p) {
-      return std::count_if(roots.begin(), roots.end(), [&](std::uint32_t r) { return part(r) == p; }) > 1;
+      return std::count_if(all.begin(), all.end(), [&](std::uint32_t r) { return part(cell, r) == p; }) > 1;
     };
-    for (std::size_t i = 0; i < roots.size(); ++i) {
-      for (std::size_t j = i + 1; j < roots.size(); ++j) {
-        std::uint32_t small = part(roots[i]), large = part(roots[j]);
-        if (small == large) continue;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      for (std::size_t j = i + 1; j < all.size(); ++j) {
+        std::uint32_t small = part(cell, all[i]), large = part(cell, all[j]);
+        if (small == large || sets.find(all[i]) == sets.find(all[j])) continue;
         if (parts_.volume[small] > parts_.volume[large]) std::swap(small, large);
         if (parts_.volume[small] <= kSmallPart * parts_.volume[large] && severalPieces(large)) continue;
-        if (near(cell, sets, roots[i], roots[j])) sets.join(roots[i], roots[j]);
+        if (near(sets, all[i], all[j], join_)) sets.join(all[i], all[j]);
       }
     }
   }
-  bool near(const Cell& cell, Sets& sets, std::uint32_t a, std::uint32_t b) const {
-    const auto corners = [&](std::uint32_t n) {
-      const auto& t = body_.triangles[cell.triangles[n]];
-      return std::array{body_.positions[t[0]], body_.positions[t[1]], body_.positions[t[2]]};
-    };
-    const auto part_a = parts_.of_triangle[cell.triangles[a]], part_b = parts_.of_triangle[cell.triangles[b]];
+  // Whether something of two sets is as close within the cell.
+  bool near(Sets& sets, std::uint32_t a, std::uint32_t b, double distance) const {
     a = sets.find(a);
     b = sets.find(b);
-    for (std::uint32_t m = 0; m < cell.triangles.size(); ++m) {
-      if (sets.find(m) != a || parts_.of_triangle[cell.triangles[m]] != part_a) continue;
-      for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-        if (sets.find(n) != b || parts_.of_triangle[cell.triangles[n]] != part_b) continue;
-        if (geometry::squaredDistance(corners(m), corners(n)) <= join_ * join_) return true;
+    std::vector<std::array<Vector3d, 3>> fan_a, fan_b;
+    for (std::uint32_t n = 0; n < local_.size(); ++n) {
+      const std::uint32_t root = sets.find(n);
+      if (root != a && root != b) continue;
+      const Clip& inside = local_[n].inside;
+      for (std::size_t i = 2; i < inside.count; ++i) {
+        (root == a ? fan_a : fan_b)
+            .push_back({position(inside.corners[0]), position(inside.corners[i - 1]), position(inside.corners[i])});
+      }
+    }
+    const auto box = [&](const std::array<Vector3d, 3>& t) {
+      const Vector3d margin = Vector3d::Constant(distance);
+      return AlignedBox3d(t[0].cwiseMin(t[1]).cwiseMin(t[2]) - margin, t[0].cwiseMax(t[1]).cwiseMax(t[2]) + margin);
+    };
+    for (const auto& s : fan_a) {
+      const AlignedBox3d reach = box(s);
+      for (const auto& t : fan_b) {
+        if (!reach.intersects(box(t))) continue;
+        if (geometry::squaredDistance(s, t) <= distance * distance) return true;
       }
     }
     return false;
@@ -320,15 +346,24 @@ class CellCutter {
       const double at = normal.dot(p - a) / slope;
       if (!(at > kEnd && at < 1 - kEnd && at < nearest)) continue;
       const Vector3d x = a + at * d;
+      // A line through an edge must not slip between its triangles.
+      const double slack = -1e-9 * normal.squaredNorm();
       const double u = (q - p).cross(x - p).dot(normal), v = (r - q).cross(x - q).dot(normal),
                    w = (p - r).cross(x - r).dot(normal);
-      if (u < 0 || v < 0 || w < 0) continue;
+      if (u < slack || v < slack || w < slack) continue;
       nearest = at;
       first = n;
     }
     return first;
   }
 
+  bool solidOnce(const Vector3d& p) const {
+    const double winding = body_.winding.at(p);
+    return winding > 0.5 && winding < most_winding_;
+  }
+  bool between(const Vector3d& a, const Vector3d& b) const {
+    return std::isinf(most_winding_) || solidOnce((a + b) / 2);
+  }
   void chooseLookouts(const Cell& cell, Sets& sets) {
     lookouts_.clear();
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
@@ -355,15 +390,8 @@ class CellCutter {
   // Sheets that bound the same solid. sample_set_ receives which sheet a sample of the solid belongs to.
   void joinThroughSolid(Cell& cell, Sets& sets) {
     chooseLookouts(cell, sets);
-    sample_set_.fill(kAir);
-    bool one_part = true;
-    for (const std::uint32_t t : cell.triangles) {
-      one_part = one_part && parts_.of_triangle[t] == parts_.of_triangle[cell.triangles[0]];
-    }
     for (std::size_t s = 0; s < kSamples; ++s) {
-      const double winding = body_.winding.at(samplePosition(s));
-      if (winding > 0.5) sample_set_[s] = kUnknown;
-      if (winding > 1.5 && one_part && body_.balanced) cell.doubtful = true;
+      if (solidOnce(samplePosition(s))) sample_set_[s] = kUnknown;
     }
     for (std::size_t s = 0; s < kSamples; ++s) {
       if (sample_set_[s] == kAir) continue;
@@ -398,7 +426,10 @@ class CellCutter {
       for (std::size_t j = 0; j < i; ++j) {
         const std::uint32_t n = lookouts_[j];
         if (sets.find(m) == sets.find(n)) continue;
-        if (mine.normal.dot(local_[n].middle - mine.middle) < 0 && sees(cell, n, mine.middle)) sets.join(m, n);
+        if (mine.normal.dot(local_[n].middle - mine.middle) < 0 && sees(cell, n, mine.middle) &&
+            between(mine.middle, local_[n].middle)) {
+          sets.join(m, n);
+        }
       }
       // Straight inwards: what it meets from behind is the other side of the same solid.
       const Vector3d inwards = mine.middle - length * mine.normal.normalized();
@@ -406,7 +437,7 @@ class CellCutter {
       const std::uint32_t n = firstCrossing(cell, mine.middle, inwards, at);
       if (n == kNoIndex || local_[n].normal.dot(inwards - mine.middle) <= 0) continue;
       const Vector3d met = mine.middle + at * (inwards - mine.middle);
-      if (barycentric(met).minCoeff() >= -kTouch) sets.join(m, n);
+      if (barycentric(met).minCoeff() >= -kTouch && between(mine.middle, met)) sets.join(m, n);
     }
   }
 
@@ -432,7 +463,7 @@ class CellCutter {
     for (std::size_t f = 0; f < 4; ++f) {
       const auto points = facePoints(lattice_, tetrahedron_, f);
       for (std::size_t k = 0; k < kFaceSamples; ++k) {
-        if (body_.winding.inside(points[k])) cell.face_piece[f][k] = pieceAt(cell, points[k]);
+        if (solidOnce(points[k])) cell.face_piece[f][k] = pieceAt(cell, points[k]);
       }
     }
   }
@@ -477,6 +508,7 @@ class CellCutter {
   std::vector<std::array<std::uint32_t, 2>> inside_points_;  // point, triangle of the cell
   std::vector<std::array<std::uint32_t, 3>> edges_;
   std::vector<std::uint32_t> candidates_, stack_, lookouts_;
+  double most_winding_ = 0;
   std::array<std::int32_t, kSamples> sample_set_{};  // triangle of the cell whose solid it is, or kAir, kUnknown
 };
 
@@ -688,13 +720,35 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     const std::size_t made = result.mesh.tetrahedra.size() - begin;
     if (made > 1) ++result.cells;
     if (made == 1) result.inside[begin] = -1;
-    if (made > 1 && cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());
+    if (cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());
   }
   result.home.assign(body.positions.size(), kNoIndex);
   for (std::uint32_t t = 0; t < count; ++t) {
     if (air[t] != 0) continue;
     for (const auto& [point, piece] : cells[t].points) {
       if (result.home[point] == kNoIndex) result.home[point] = tetrahedron_of[first_copy[t] + piece];
+    }
+  }
+  // Points outside: where their own triangles enter the cells, the nearest place.
+  std::vector<double> nearest(body.positions.size(), std::numeric_limits<double>::infinity());
+  for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = result.home[p] == kNoIndex ? nearest[p] : -1;
+  for (std::uint32_t t = 0; t < count; ++t) {
+    if (air[t] != 0) continue;
+    const Tetrahedron& v = lattice.tetrahedra[t];
+    for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
+      for (const std::uint32_t point : body.triangles[cells[t].triangles[n]]) {
+        if (nearest[point] < 0) continue;
+        double distance = std::numeric_limits<double>::infinity();
+        for (const auto& f : kFaces) {
+          const Vector3d& p = body.positions[point];
+          const Vector3d q = geometry::closestPointOnTriangle(p, lattice.positions[v[f[0]]], lattice.positions[v[f[1]]],
+                                                              lattice.positions[v[f[2]]]);
+          distance = std::min(distance, (q - p).squaredNorm());
+        }
+        if (distance >= nearest[point]) continue;
+        nearest[point] = distance;
+        result.home[point] = tetrahedron_of[first_copy[t] + cells[t].piece[n]];
+      }
     }
   }
   // Vertices of cells that fell away.

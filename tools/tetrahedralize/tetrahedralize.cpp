@@ -286,15 +286,24 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   for (std::size_t b = 0; b < set.bodies.size(); ++b) {
     const SolidBody& body = set.bodies[b];
     progress.fraction(double(b) / double(set.bodies.size()));
-    Choice choice = fillBody(body, options.method, share[b], crosses_itself[b] != 0, mesh.file, remarks);
-    TetMesh& tets = choice.filled.mesh;
-    geometry::sortForLocality(tets);
+    Choice choice;
     SplitMesh split;
-    if (choice.method != TetrahedraMethod::delaunay) {
-      split =
-          splitAtGaps(body, tets, std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
-      tets = std::move(split.mesh);
+    const Remarks before = remarks;
+    // Splitting adds vertices that the lattice did not count: once more with fewer where they are many.
+    std::uint32_t target = share[b];
+    for (int round = 0; round < 2; ++round) {
+      remarks = before;
+      choice = fillBody(body, options.method, target, crosses_itself[b] != 0, mesh.file, remarks);
+      geometry::sortForLocality(choice.filled.mesh);
+      if (choice.method == TetrahedraMethod::delaunay) break;
+      split = splitAtGaps(body, choice.filled.mesh,
+                          std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
+      choice.filled.mesh = split.mesh;
+      const double count = double(split.mesh.positions.size());
+      if (count < 1.2 * share[b] || split.vertices < 0.1 * share[b]) break;
+      target = std::max(kLeastVertices, std::uint32_t(target * share[b] / count));
     }
+    const TetMesh& tets = choice.filled.mesh;
     const std::vector<double> fill = fillFractions(body, tets, split.inside, parallelFor);
 
     PhysicalBody physical;
@@ -333,9 +342,9 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     }
     if (!split.doubtful.empty()) {
       remarks.add("tetrahedra-overlap", Severity::info,
-                  "had sheets of one part inside its own solid: they were kept apart as far as the surface tells",
+                  "had sheets that pierce each other: each was taken for a surface of its own",
                   body.name + " (" + std::to_string(split.doubtful.size()) + " cells)",
-                  "Move the sheets apart where sinew check reports self-intersections.");
+                  "Move them apart, or join them by faces, where sinew check reports self-intersections.");
     }
     for (std::size_t p = 0; p < split.home.size(); ++p) {
       if (split.home[p] != kNoIndex) result.home[body.points[p]] = physical.first_tetrahedron + split.home[p];

@@ -52,8 +52,9 @@ struct PhysicalMesh {
   std::vector<PhysicalBody> bodies;
   TetrahedraQuality quality;
   std::vector<std::uint32_t> part_body;  ///< body of each surface part (loose sheets: the nearest body)
-  /// Per welded point: the tetrahedron it lies in, of several copies in one place the one on its own side of the gap.
-  /// kNoIndex for points outside all of them, of loose sheets, and of bodies filled by delaunay.
+  /// Per welded point: the tetrahedron it lies in, of several copies in one place the one on its own side of the gap;
+  /// outside all of them the nearest that one of its own triangles passes through. kNoIndex where there is none, for
+  /// points of loose sheets and of bodies filled by delaunay. May be empty: nothing is known.
   std::vector<std::uint32_t> home;
   std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
 };
