@@ -122,7 +122,8 @@ Motion move(const VisualMesh& mesh, const PhysicalMesh& physical, const std::vec
   }
   int ties = 0;
   for (std::size_t p = 0; p < physical.positions.size(); ++p) {
-    if (to_moved[p] == 0 && to_kept[p] == 0 && ++ties < 6) std::cout << "tie " << physical.positions[p].transpose() << "\n";
+    if (to_moved[p] == 0 && to_kept[p] == 0 && ++ties < 6)
+      std::cout << "tie " << physical.positions[p].transpose() << "\n";
   }
   std::cout << ties << " ties\n";
   for (const std::uint32_t v : moved) motion.least_moved = std::min(motion.least_moved, motion.of[v]);

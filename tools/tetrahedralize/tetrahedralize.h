@@ -14,12 +14,13 @@
 
 namespace sinew::tools {
 
-enum class TetrahedraMethod { automatic, grid, stuffing, delaunay };
+enum class TetrahedraMethod { automatic, grid, stuffing, delaunay, shell };
 
 struct TetrahedraOptions {
   TetrahedraMethod method = TetrahedraMethod::automatic;
   std::uint32_t target_vertices = 1500;  ///< physical vertices over all bodies; the result is within about 30 %
   double join_distance = 1e-3;           ///< parts closer than this share a body; of the diagonal
+  double shell_thickness = 0;            ///< of a shell, metres; 0 = half of the mean edge of its coarse surface
 };
 
 /// One separate body of the source.
