@@ -151,13 +151,16 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.import.seconds, 0.1, 86400}},
       {"tetrahedra.method", "",
        "How the solid is filled: stuffing follows the surface, grid is a cage of boxes that loses nothing, delaunay "
-       "fits best and is slow; "
-       "auto takes stuffing where it loses nothing, else grid.",
-       Choice{{"auto", "grid", "stuffing", "delaunay"},
+       "fits best and is slow, shell is a skin over an open surface; "
+       "auto takes stuffing where it loses nothing, else grid, and shell for sheets that enclose nothing.",
+       Choice{{"auto", "grid", "stuffing", "delaunay", "shell"},
               [](const Settings& x) { return int(x.tetrahedra.method); },
               [](Settings& x, int v) { x.tetrahedra.method = TetrahedraMethod(v); }}},
       {"tetrahedra.vertices", "", "Physical vertices wanted, over all bodies; more cost more and bend finer.",
        Count{&s.tetrahedra.target_vertices, 8, 1000000}},
+      {"tetrahedra.thickness", "m",
+       "Thickness of a shell; 0 = half of the mean edge of its tetrahedra. Shortened at creases.",
+       Number{&s.tetrahedra.shell_thickness, 0, 1e6}},
       {"tetrahedra.join", "diagonals",
        "Parts closer than this move as one body; parts further apart are separate bodies.",
        Number{&s.tetrahedra.join_distance, 0, 1}},

@@ -270,6 +270,8 @@ std::string methodName(TetrahedraMethod method) {
       return "stuffing";
     case TetrahedraMethod::delaunay:
       return "delaunay";
+    case TetrahedraMethod::shell:
+      return "shell";
     case TetrahedraMethod::automatic:
       break;
   }
