@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/match.h"
@@ -89,8 +90,12 @@ class BodyStep {
   void findCenters() {
     forChunks([&](VertexChunk& chunk) {
       chunk.center = {};
+      chunk.repaired = 0;
       for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
-        if (!stateIsUsable(body_.x[i], body_.v[i])) continue;
+        if (!stateIsUsable(body_.x[i], body_.v[i])) {
+          ++chunk.repaired;
+          continue;
+        }
         const double m = double(rest_.masses[i]);
         chunk.center[0] += m;
         for (std::size_t k = 0; k < 3; ++k) {
@@ -115,7 +120,12 @@ class BodyStep {
       const RigidMotionSolver solver(now, part.reference);
       const Eigen::Vector3d angular = now.angular - solver.offset().cross(now.momentum);
       part.spin.setZero();
-      if (angular.allFinite()) setSpinAside(solver, angular, double(h_), part.spin);
+      // What is lost does not say how a part spins: the step repairs it first.
+      bool lost = false;
+      for (std::uint32_t i = part.first_chunk; i < part.first_chunk + part.chunk_count; ++i) {
+        lost |= std::exchange(body_.chunks[i].repaired, 0U) > 0;  // prediction counts anew
+      }
+      if (!lost && angular.allFinite()) setSpinAside(solver, angular, double(h_), part.spin);
     }
   }
 
