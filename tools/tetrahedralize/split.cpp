@@ -647,6 +647,38 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     return number;
   };
   std::uint32_t number = pieces();
+  // What meets along the surface where the lattice has no cell: copies that share a point of the surface and a corner.
+  if (number > 1) {
+    std::vector<std::array<std::uint32_t, 3>> copies_at;  // point, copy, cell
+    for (std::uint32_t t = 0; t < count; ++t) {
+      for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
+        for (const std::uint32_t point : body.triangles[cells[t].triangles[n]]) {
+          copies_at.push_back({point, first_copy[t] + cells[t].piece[n], t});
+        }
+      }
+    }
+    std::sort(copies_at.begin(), copies_at.end());
+    copies_at.erase(std::unique(copies_at.begin(), copies_at.end()), copies_at.end());
+    for (std::size_t i = 0; i < copies_at.size();) {
+      std::size_t end = i + 1;
+      while (end < copies_at.size() && copies_at[end][0] == copies_at[i][0]) ++end;
+      const auto apart = [&](std::size_t k) { return bodies.find(copies_at[k][1]) != bodies.find(copies_at[i][1]); };
+      for (std::size_t k = i + 1; k < end; ++k) {
+        for (std::size_t m = i; m < k && apart(k); ++m) {
+          const std::uint32_t a = copies_at[m][1], b = copies_at[k][1];
+          const Tetrahedron &s = lattice.tetrahedra[copies_at[m][2]], &t = lattice.tetrahedra[copies_at[k][2]];
+          if (copies_at[m][2] == copies_at[k][2] || bodies.find(a) == bodies.find(b)) continue;
+          for (std::uint32_t p = 0; p < 4; ++p) {
+            const auto q = std::uint32_t(std::find(t.begin(), t.end(), s[p]) - t.begin());
+            if (q == 4) continue;
+            corners.join(4 * a + p, 4 * b + q);
+            if (bodies.join(a, b)) --number;
+          }
+        }
+      }
+      i = end;
+    }
+  }
   for (std::uint32_t t = 0; t < count && number > 1; ++t) {
     for (std::uint32_t copy = first_copy[t] + 1; copy < first_copy[t + 1]; ++copy) {
       if (!bodies.join(first_copy[t], copy)) continue;
