@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <iostream>
 #include <limits>
 #include <queue>
 #include <set>
@@ -195,31 +194,7 @@ TEST(Separation, LipsOfAHead) {
       const Motion motion = move(mesh, physical, middle_lower, middle_upper);
       EXPECT_LT(motion.most_kept, 0.05) << what;
       EXPECT_GT(motion.least_moved, 0.95) << what;
-      std::cout << what << " " << motion.least_moved << " of " << middle_upper.size() << " and " << middle_lower.size()
-                << " vertices\n";
     }
-  }
-}
-
-TEST(Separation, LidsOfAnEye) {
-  const VisualMesh mesh = import("makehuman_head.obj");
-  for (const char* side : {"l", "r"}) {
-    std::vector<std::uint32_t> upper = groupVertices(mesh, std::string("eyelid_upper_") + side),
-                               lower = groupVertices(mesh, std::string("eyelid_lower_") + side);
-    ASSERT_GT(upper.size(), 50U);
-    ASSERT_GT(lower.size(), 50U);
-    double low = 1e300, high = -1e300;
-    for (const std::uint32_t v : upper) {
-      low = std::min(low, mesh.positions[v].x());
-      high = std::max(high, mesh.positions[v].x());
-    }
-    upper = middleOf(mesh, upper, (low + high) / 2, (high - low) / 8);
-    lower = middleOf(mesh, lower, (low + high) / 2, (high - low) / 8);
-    const Motion motion = move(mesh, fill(mesh, automatic, 8000), lower, upper);
-    EXPECT_LT(motion.most_kept, 0.05) << side;
-    EXPECT_GT(motion.least_moved, 0.95) << side;
-    std::cout << "eye " << side << " " << motion.least_moved << " of " << upper.size() << " and " << lower.size()
-              << "\n";
   }
 }
 

@@ -327,11 +327,11 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     Choice choice;
     SplitMesh split;
     const Remarks before = remarks;
-    // Splitting adds vertices that the lattice did not count: once more with fewer where they are many.
     std::uint32_t target = share[b];
-    for (int round = 0; round < 2; ++round) {
+    TetrahedraMethod method = options.method;
+    for (int round = 0; round < 3; ++round) {
       remarks = before;
-      choice = fillBody(body, options, options.method, target, crosses_itself[b] != 0, mesh.file, remarks);
+      choice = fillBody(body, options, method, target, crosses_itself[b] != 0, mesh.file, remarks);
       if (choice.method == TetrahedraMethod::shell) {
         split.home = choice.home;
         break;
@@ -341,6 +341,17 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       split = splitAtGaps(body, choice.filled.mesh,
                           std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
       choice.filled.mesh = split.mesh;
+      if (method != options.method) {
+        remarks.add("tetrahedra-method", Severity::info, "filled by grid",
+                    body.name + " (stuffing holds thin parts only across gaps)", "");
+      }
+      // What hung together only across a gap, thinner than a cell elsewhere: a cage loses nothing.
+      if (options.method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::stuffing &&
+          split.joined > 0) {
+        method = TetrahedraMethod::grid;
+        continue;
+      }
+      // Splitting adds vertices that the lattice did not count: once more with fewer where they are many.
       const double count = double(split.mesh.positions.size());
       if (count < 1.2 * share[b] || split.vertices < 0.1 * share[b]) break;
       target = std::max(kLeastVertices, std::uint32_t(target * share[b] / count));
