@@ -76,7 +76,7 @@ def check_model(sinew, file, folder, quick):
     if not inspect["attachment"]["max_rest_error"] <= 1e-6:
         fail(name, f"rest error {inspect['attachment']['max_rest_error']}")
     methods = {body["method"] for body in report["bodies"]}
-    least = min({"stuffing": 8.9, "delaunay": 10.0, "grid": 30.0}[m] for m in methods)
+    least = min({"stuffing": 8.9, "delaunay": 10.0, "grid": 30.0, "shell": 0.1}[m] for m in methods)
     if quality["min_dihedral_deg"] < least:
         fail(name, f"smallest dihedral angle {quality['min_dihedral_deg']:.2f} with {methods}")
     row = {}

@@ -5,8 +5,12 @@
 #include <CGAL/Surface_mesh.h>
 #include <CGAL/Surface_mesh_simplification/Edge_collapse_visitor_base.h>
 #include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Bounded_normal_change_filter.h>
+#include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Edge_length_cost.h>
 #include <CGAL/Surface_mesh_simplification/edge_collapse.h>
 
+#include <algorithm>
+#include <boost/optional.hpp>
+#include <cmath>
 #include <new>
 #include <numeric>
 
@@ -23,12 +27,62 @@ class StopAtVertices {
   StopAtVertices(const Mesh& mesh, std::size_t vertices) : mesh_(mesh), vertices_(vertices) {}
   template <typename Cost, typename Profile, typename Count>
   bool operator()(const Cost& /*cost*/, const Profile& /*profile*/, Count /*initial*/, Count /*current*/) const {
-    return mesh_.number_of_vertices() - mesh_.number_of_removed_vertices() <= vertices_;
+    return mesh_.number_of_vertices() <= vertices_;
   }
 
  private:
   const Mesh& mesh_;
   std::size_t vertices_;
+};
+
+// The middle of an edge; but a corner of the border or a vertex of a crease stays, and what hangs on the border by one
+// end is drawn onto it. Nothing where the surface would be pinched together between two borders.
+class KeepOutline {
+ public:
+  template <typename Profile>
+  boost::optional<Kernel::Point_3> operator()(const Profile& profile) const {
+    const Mesh& mesh = profile.surface_mesh();
+    const auto v0 = profile.v0(), v1 = profile.v1();
+    const bool border0 = mesh.is_border(v0, true), border1 = mesh.is_border(v1, true);
+    const bool along = mesh.is_border(mesh.edge(profile.v0_v1()));
+    if (border0 && border1 && !along) return boost::none;
+    if (border0 != border1) return border0 ? profile.p0() : profile.p1();
+    const double sharp0 = along ? borderTurn(mesh, v0) : creaseTurn(mesh, v0),
+                 sharp1 = along ? borderTurn(mesh, v1) : creaseTurn(mesh, v1);
+    if (std::max(sharp0, sharp1) > kSharp && std::abs(sharp0 - sharp1) > kSharp / 2) {
+      return sharp0 > sharp1 ? profile.p0() : profile.p1();
+    }
+    return CGAL::midpoint(profile.p0(), profile.p1());
+  }
+
+ private:
+  static constexpr double kSharp = 30;  // degrees
+  static double angle(const Kernel::Vector_3& a, const Kernel::Vector_3& b) {
+    const double lengths = std::sqrt(a.squared_length() * b.squared_length());
+    return lengths > 0 ? std::acos(std::clamp(a * b / lengths, -1.0, 1.0)) * 57.295779513082321 : 0;
+  }
+  // How far the border turns at a vertex.
+  static double borderTurn(const Mesh& mesh, Mesh::Vertex_index v) {
+    for (const auto h : mesh.halfedges_around_target(mesh.halfedge(v))) {
+      if (!mesh.is_border(h)) continue;
+      return angle(mesh.point(v) - mesh.point(mesh.source(h)), mesh.point(mesh.target(mesh.next(h))) - mesh.point(v));
+    }
+    return 0;
+  }
+  // The widest angle between the normals of two faces around a vertex.
+  static double creaseTurn(const Mesh& mesh, Mesh::Vertex_index v) {
+    std::vector<Kernel::Vector_3> normals;
+    for (const auto h : mesh.halfedges_around_target(mesh.halfedge(v))) {
+      if (mesh.is_border(h)) continue;
+      normals.push_back(CGAL::cross_product(mesh.point(mesh.target(mesh.next(h))) - mesh.point(v),
+                                            mesh.point(mesh.source(h)) - mesh.point(v)));
+    }
+    double widest = 0;
+    for (std::size_t i = 0; i < normals.size(); ++i) {
+      for (std::size_t j = i + 1; j < normals.size(); ++j) widest = std::max(widest, angle(normals[i], normals[j]));
+    }
+    return widest;
+  }
 };
 
 struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
@@ -58,9 +112,11 @@ SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t ver
     if (manifold) {
       std::vector<std::uint32_t> into(surface.positions.size());
       std::iota(into.begin(), into.end(), 0U);
-      simplification::edge_collapse(
-          mesh, StopAtVertices(mesh, vertices),
-          CGAL::parameters::visitor(Follow(into)).filter(simplification::Bounded_normal_change_filter<>()));
+      simplification::edge_collapse(mesh, StopAtVertices(mesh, vertices),
+                                    CGAL::parameters::visitor(Follow(into))
+                                        .get_cost(simplification::Edge_length_cost<Mesh>())
+                                        .get_placement(KeepOutline())
+                                        .filter(simplification::Bounded_normal_change_filter<>()));
       std::vector<std::uint32_t> number(into.size(), 0);
       for (const auto v : mesh.vertices()) {
         const auto& p = mesh.point(v);

@@ -15,9 +15,10 @@ struct SimplifiedSurface {
   std::vector<std::uint32_t> vertex_of;  ///< of each position given: the vertex it was merged into
 };
 
-/// Collapses edges of an open or closed surface until about `vertices` are left, keeping the shape of its borders and
-/// its volume to first order (Lindstrom & Turk 1998, 1999; CGAL Surface_mesh_simplification). The result can have more
-/// where no further edge may go. Deterministic.
+/// Collapses the shortest edges of a surface, one after another, until about `vertices` are left (CGAL
+/// Surface_mesh_simplification): triangles of even size. Corners of borders and vertices of creases of more than 30
+/// degrees stay where they are, and borders stay borders. The result can have more where no further edge may go.
+/// Deterministic.
 /// \param surface manifold, neighbours turned the same way, every position used.
 /// \param vertices at least 4.
 /// \param reason receives why the result is empty, if it is. Never throws but for lack of memory.

@@ -221,7 +221,6 @@ void measureFill(const SolidBody& body, FilledBody& filled, const ParallelFor& p
 std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, std::span<const double> known,
                                   const ParallelFor& parallel_for) {
   std::vector<double> fill(mesh.tetrahedra.size(), 1);
-  if (!body.encloses) return fill;
   // Barycentric coordinates in positive sixths: 10 points inside.
   std::vector<std::array<double, 4>> points;
   for (int a = 1; a <= 3; ++a) {

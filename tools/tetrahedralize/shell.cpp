@@ -123,10 +123,8 @@ std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
   return three;
 }
 
-}  // namespace
-
-FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, std::span<const double> thickness,
-                         ShellOutcome& outcome) {
+FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const double> thickness,
+                    ShellOutcome& outcome) {
   FilledBody filled;
   PlainSurface fine;
   fine.positions = body.positions;
@@ -146,9 +144,9 @@ FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, std::span<
 
   // 1. Coarsen.
   SimplifiedSurface coarse;
-  const std::uint32_t wanted = std::max(target / 2, 4U);
   if (fine.positions.size() > wanted) {
     coarse = simplifySurface(fine, wanted, outcome.reason);
+    outcome.coarsened = true;
     if (!outcome.reason.empty()) return filled;
   } else {
     coarse.surface = fine;
@@ -259,6 +257,20 @@ FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, std::span<
   filled.spacing = mean_edge;
   filled.components = 1;
   filled.volume = geometry::volume(mesh);
+  return filled;
+}
+
+}  // namespace
+
+FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, std::span<const double> thickness,
+                         ShellOutcome& outcome) {
+  // Coarsening can fold what is narrow (a lid, a nostril): then less of it.
+  FilledBody filled;
+  for (double wanted = target / 2.0; filled.mesh.tetrahedra.empty(); wanted *= 1.5) {
+    outcome = {};
+    filled = fillOnce(body, std::max(std::uint32_t(wanted), 4U), thickness, outcome);
+    if (!outcome.coarsened) break;
+  }
   return filled;
 }
 

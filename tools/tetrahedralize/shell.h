@@ -14,6 +14,7 @@ namespace sinew::tools {
 struct ShellOutcome {
   std::string reason;               ///< why the result is empty, if it is
   std::uint32_t triangle = 0;       ///< of the body, where that shows
+  bool coarsened = false;           ///< the surface had more points than the budget allows
   double thickness = 0;             ///< mean, metres
   std::uint32_t thinned = 0;        ///< vertices at which creases left no room for the whole thickness
   std::vector<std::uint32_t> home;  ///< per position of the body: a tetrahedron beside it

@@ -26,6 +26,8 @@ constexpr double kTouch = 1e-9;
 constexpr std::size_t kLookouts = 10;
 // A part of at most this fraction of another's volume joins no two pieces of it.
 constexpr double kSmallPart = 0.02;
+// Pieces of up to so many cells are not worth a join across a gap.
+constexpr std::uint32_t kCrumb = 12;
 // The face opposite to each corner.
 constexpr std::array<std::array<std::size_t, 3>, 4> kFaces = {{{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}}};
 
@@ -647,10 +649,57 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     return number;
   };
   std::uint32_t number = pieces();
+  // What meets along the surface where the lattice has no cell: copies that share a point of the surface and a corner.
+  if (number > 1) {
+    std::vector<std::array<std::uint32_t, 3>> copies_at;  // point, copy, cell
+    for (std::uint32_t t = 0; t < count; ++t) {
+      for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
+        for (const std::uint32_t point : body.triangles[cells[t].triangles[n]]) {
+          copies_at.push_back({point, first_copy[t] + cells[t].piece[n], t});
+        }
+      }
+    }
+    std::sort(copies_at.begin(), copies_at.end());
+    copies_at.erase(std::unique(copies_at.begin(), copies_at.end()), copies_at.end());
+    for (std::size_t i = 0; i < copies_at.size();) {
+      std::size_t end = i + 1;
+      while (end < copies_at.size() && copies_at[end][0] == copies_at[i][0]) ++end;
+      const auto apart = [&](std::size_t k) { return bodies.find(copies_at[k][1]) != bodies.find(copies_at[i][1]); };
+      for (std::size_t k = i + 1; k < end; ++k) {
+        for (std::size_t m = i; m < k && apart(k); ++m) {
+          const std::uint32_t a = copies_at[m][1], b = copies_at[k][1];
+          const Tetrahedron &s = lattice.tetrahedra[copies_at[m][2]], &t = lattice.tetrahedra[copies_at[k][2]];
+          if (copies_at[m][2] == copies_at[k][2] || bodies.find(a) == bodies.find(b)) continue;
+          for (std::uint32_t p = 0; p < 4; ++p) {
+            const auto q = std::uint32_t(std::find(t.begin(), t.end(), s[p]) - t.begin());
+            if (q == 4) continue;
+            corners.join(4 * a + p, 4 * b + q);
+            if (bodies.join(a, b)) --number;
+          }
+        }
+      }
+      i = end;
+    }
+  }
+  // A few cells that nothing holds but cells of air are left out: joined elsewhere they would hang across a gap.
+  std::vector<char> dropped(copies, 0);
+  if (number > 1) {
+    std::vector<std::uint32_t> size(copies, 0);
+    for (std::uint32_t copy = 0; copy < copies; ++copy) ++size[bodies.find(copy)];
+    const std::uint32_t largest = *std::max_element(size.begin(), size.end());
+    for (std::uint32_t t = 0; t < count; ++t) {
+      for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1] && air[t] == 0; ++copy) {
+        const std::uint32_t root = bodies.find(copy);
+        if (size[root] > kCrumb || size[root] == largest) continue;
+        dropped[copy] = 1;
+        if (root == copy) --number;
+      }
+    }
+  }
   for (std::uint32_t t = 0; t < count && number > 1; ++t) {
     for (std::uint32_t copy = first_copy[t] + 1; copy < first_copy[t + 1]; ++copy) {
-      if (!bodies.join(first_copy[t], copy)) continue;
-      for (std::uint32_t k = 0; k < 4; ++k) corners.join(4 * first_copy[t] + k, 4 * copy + k);
+      if (dropped[copy] != 0 || dropped[copy - 1] != 0 || !bodies.join(copy - 1, copy)) continue;
+      for (std::uint32_t k = 0; k < 4; ++k) corners.join(4 * (copy - 1) + k, 4 * copy + k);
       ++result.joined;
       --number;
     }
@@ -658,6 +707,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
   for (std::size_t f = 0; f < faces.size() && number > 1; ++f) {
     const InnerFace& face = faces[f];
     if (air[face.first] != 0 || air[face.second] != 0) continue;
+    if (dropped[first_copy[face.first]] != 0 || dropped[first_copy[face.second]] != 0) continue;
     if (bodies.find(first_copy[face.first]) == bodies.find(first_copy[face.second])) continue;
     joinFace(face, 0, 0);
     ++result.joined;
@@ -667,7 +717,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
   std::vector<std::uint32_t> holder(number > 1 ? lattice.positions.size() : 0, kNoIndex);
   for (std::uint32_t corner = 0; corner < 4 * count && number > 1; ++corner) {
     const std::uint32_t t = corner / 4, k = corner % 4;
-    if (air[t] != 0) continue;
+    if (air[t] != 0 || dropped[first_copy[t]] != 0) continue;
     std::uint32_t& held = holder[lattice.tetrahedra[t][k]];
     if (held == kNoIndex) held = 4 * first_copy[t] + k;
     if (!bodies.join(held / 4, first_copy[t])) continue;
@@ -677,10 +727,16 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
   }
   if (number != 1) {
     std::fill(air.begin(), air.end(), char(0));
+    std::fill(dropped.begin(), dropped.end(), char(0));
     for (const InnerFace& face : faces) {
       if (cells[face.first].triangles.empty() || cells[face.second].triangles.empty()) joinFace(face, 0, 0);
     }
   }
+
+  const auto hasDropped = [&](std::uint32_t t) {
+    return std::find(dropped.begin() + first_copy[t], dropped.begin() + first_copy[t + 1], char(1)) !=
+           dropped.begin() + first_copy[t + 1];
+  };
 
   // Vertices: the first copy keeps the lattice's number.
   result.mesh.positions = lattice.positions;
@@ -691,6 +747,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     const std::size_t begin = result.mesh.tetrahedra.size();
     for (std::uint32_t p = 0; p < cells[t].pieces; ++p) {
       const std::uint32_t copy = first_copy[t] + p;
+      if (dropped[copy] != 0) continue;
       Tetrahedron tetrahedron{};
       for (std::uint32_t k = 0; k < 4; ++k) {
         std::uint32_t& v = vertex[corners.find(4 * copy + k)];
@@ -719,7 +776,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     }
     const std::size_t made = result.mesh.tetrahedra.size() - begin;
     if (made > 1) ++result.cells;
-    if (made == 1) result.inside[begin] = -1;
+    if (made == 1 && cells[t].pieces > 1 && !hasDropped(t)) result.inside[begin] = -1;
     if (cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());
   }
   result.home.assign(body.positions.size(), kNoIndex);
@@ -746,6 +803,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
           distance = std::min(distance, (q - p).squaredNorm());
         }
         if (distance >= nearest[point]) continue;
+        if (dropped[first_copy[t] + cells[t].piece[n]] != 0) continue;
         nearest[point] = distance;
         result.home[point] = tetrahedron_of[first_copy[t] + cells[t].piece[n]];
       }

@@ -145,7 +145,7 @@ std::string complaint(const SolidBody& body, const FilledBody& filled) {
   return "";
 }
 
-// A body that encloses nothing.
+// A body that encloses nothing, or that is to be hollow.
 Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, double thickness,
                  const std::string& file, Remarks& remarks) {
   Choice choice;
@@ -164,7 +164,8 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
     std::string detail = text("%.3g", outcome.thickness) + " m thick on average";
     if (outcome.thinned > 0) detail += ", thinner at " + std::to_string(outcome.thinned) + " vertices of creases";
     const bool other = wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay;
-    remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info, "enclosed nothing and became a shell",
+    remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info,
+                body.encloses ? "became a hollow shell" : "enclosed nothing and became a shell",
                 body.name + " (" + detail + ")",
                 other ? "Give the surface a volume, or close it, for other methods." : "");
     return choice;
@@ -183,11 +184,8 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
 
 Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, TetrahedraMethod wanted, std::uint32_t target,
                 bool crosses_itself, const std::string& file, Remarks& remarks) {
-  if (!body.encloses) return fillSheet(body, wanted, target, options.shell_thickness, file, remarks);
-  if (wanted == TetrahedraMethod::shell) {
-    remarks.add("tetrahedra-method", Severity::warning, "enclosed a volume, filled as by auto instead of as a shell",
-                body.name, "Give shell open surfaces.");
-    return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
+  if (!body.encloses || wanted == TetrahedraMethod::shell) {
+    return fillSheet(body, wanted, target, options.shell_thickness, file, remarks);
   }
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
@@ -329,11 +327,11 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     Choice choice;
     SplitMesh split;
     const Remarks before = remarks;
-    // Splitting adds vertices that the lattice did not count: once more with fewer where they are many.
     std::uint32_t target = share[b];
-    for (int round = 0; round < 2; ++round) {
+    TetrahedraMethod method = options.method;
+    for (int round = 0; round < 3; ++round) {
       remarks = before;
-      choice = fillBody(body, options, options.method, target, crosses_itself[b] != 0, mesh.file, remarks);
+      choice = fillBody(body, options, method, target, crosses_itself[b] != 0, mesh.file, remarks);
       if (choice.method == TetrahedraMethod::shell) {
         split.home = choice.home;
         break;
@@ -343,12 +341,25 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       split = splitAtGaps(body, choice.filled.mesh,
                           std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
       choice.filled.mesh = split.mesh;
+      if (method != options.method) {
+        remarks.add("tetrahedra-method", Severity::info, "filled by grid",
+                    body.name + " (stuffing holds thin parts only across gaps)", "");
+      }
+      // What hung together only across a gap, thinner than a cell elsewhere: a cage loses nothing.
+      if (options.method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::stuffing &&
+          split.joined > 0) {
+        method = TetrahedraMethod::grid;
+        continue;
+      }
+      // Splitting adds vertices that the lattice did not count: once more with fewer where they are many.
       const double count = double(split.mesh.positions.size());
       if (count < 1.2 * share[b] || split.vertices < 0.1 * share[b]) break;
       target = std::max(kLeastVertices, std::uint32_t(target * share[b] / count));
     }
     const TetMesh& tets = choice.filled.mesh;
-    const std::vector<double> fill = fillFractions(body, tets, split.inside, parallelFor);
+    const bool solid = body.encloses && choice.method != TetrahedraMethod::shell;
+    const std::vector<double> fill =
+        solid ? fillFractions(body, tets, split.inside, parallelFor) : std::vector<double>(tets.tetrahedra.size(), 1);
 
     PhysicalBody physical;
     physical.name = body.name;
@@ -359,7 +370,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
     physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
     physical.volume = geometry::volume(tets);
-    physical.source_volume = body.volume;
+    physical.source_volume = solid ? body.volume : -1;
     for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);
     for (auto t : tets.tetrahedra) {
       for (std::uint32_t& v : t) v += physical.first_vertex;
@@ -367,7 +378,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     }
     result.fill.insert(result.fill.end(), fill.begin(), fill.end());
 
-    const double ratio = volumeRatio(body, choice.filled);
+    const double ratio = solid ? volumeRatio(body, choice.filled) : 1;
     if (std::abs(ratio - 1) > kReportedRatio) {
       remarks.add("tetrahedra-volume", Severity::warning, "whose tetrahedra do not have the volume of the source",
                   body.name + " (" + text("%.2f", ratio) + " times)",

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/tetrahedralize/shell.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+
+#include "runtime/geometry/winding_number.h"
+#include "tests/geometry/shapes.h"
+#include "tests/support/obj_reader.h"
+#include "tests/tetrahedralize/check.h"
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using testing::checkPhysicalMesh;
+using testing::fill;
+using testing::findingOf;
+using enum TetrahedraMethod;
+
+constexpr double kPi = 3.14159265358979323846;
+
+// n x m quads over the unit square; `closed` joins the ends along u.
+VisualMesh sheet(const std::function<Vector3d(double, double)>& place, std::uint32_t n, std::uint32_t m, bool closed) {
+  std::vector<Vector3d> positions;
+  std::vector<std::vector<std::uint32_t>> faces;
+  const std::uint32_t row = closed ? n : n + 1;
+  for (std::uint32_t j = 0; j <= m; ++j) {
+    for (std::uint32_t i = 0; i < row; ++i) positions.push_back(place(double(i) / n, double(j) / m));
+  }
+  for (std::uint32_t j = 0; j < m; ++j) {
+    for (std::uint32_t i = 0; i < n; ++i) {
+      const std::uint32_t k = (i + 1) % row;
+      faces.push_back({j * row + i, j * row + k, (j + 1) * row + k, (j + 1) * row + i});
+    }
+  }
+  return testing::makeMesh(positions, faces);
+}
+
+// Two halves of a square that meet at an angle.
+VisualMesh crease(double degrees) {
+  const double a = degrees * kPi / 180;
+  return sheet(
+      [a](double u, double v) {
+        const double s = 2 * u - 1;
+        return s <= 0 ? Vector3d(s, 0, v) : Vector3d(-s * std::cos(a), s * std::sin(a), v);
+      },
+      20, 10, false);
+}
+
+PhysicalMesh shellOf(const VisualMesh& mesh, std::uint32_t vertices, double thickness) {
+  Progress progress(false);
+  TetrahedraOptions options;
+  options.method = shell;
+  options.target_vertices = vertices;
+  options.shell_thickness = thickness;
+  return tetrahedralize(mesh, analyzeTopology(mesh), options, progress);
+}
+
+VisualMesh asset(const std::string& name) { return testing::readObj(std::filesystem::path(SINEW_TEST_ASSETS) / name); }
+
+// Every point of the surface lies in the skin or within `reach` of it.
+void expectCovered(const VisualMesh& mesh, const PhysicalMesh& physical, double reach, const std::string& what) {
+  double farthest = 0;
+  for (const PhysicalBody& body : physical.bodies) {
+    const geometry::TetMesh one = testing::bodyMesh(physical, body);
+    const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
+    if (physical.bodies.size() > 1) return;
+    for (const Vector3d& p : mesh.positions) {
+      if (!cage.inside(p)) farthest = std::max(farthest, std::sqrt(cage.bvh().closest(p).squared_distance));
+    }
+  }
+  EXPECT_LE(farthest, reach) << what;
+}
+
+TEST(Shell, SkinPatchAtSeveralBudgets) {
+  const VisualMesh mesh = asset("generated/skin_patch.obj");
+  for (const std::uint32_t target : {60U, 200U, 600U, 1500U}) {
+    const std::string what = "skin patch " + std::to_string(target);
+    const PhysicalMesh physical = fill(mesh, automatic, target);
+    checkPhysicalMesh(physical, what);
+    ASSERT_EQ(physical.bodies.size(), 1U);
+    EXPECT_EQ(physical.bodies[0].method, shell) << what;
+    EXPECT_LE(physical.positions.size(), 1.2 * target) << what;
+    EXPECT_GE(physical.positions.size(), 0.8 * std::min(target, 1250U)) << what;
+    EXPECT_GT(physical.quality.min_dihedral_deg, 5) << what;
+    expectCovered(mesh, physical, 0.02, what);
+  }
+  const Finding* finding = findingOf(fill(mesh, automatic, 600), "tetrahedra-method");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_NE(finding->message.find("shell"), std::string::npos) << finding->message;
+}
+
+TEST(Shell, CoarseningKeepsTheBorder) {
+  const VisualMesh mesh = sheet([](double u, double v) { return Vector3d(u, 0, v); }, 30, 30, false);
+  const PhysicalMesh physical = shellOf(mesh, 100, 0.02);
+  checkPhysicalMesh(physical, "square");
+  // All of the square's area, at its thickness.
+  EXPECT_NEAR(physical.bodies[0].volume, 0.02, 1e-9);
+}
+
+TEST(Shell, ThicknessIsWhatWasAsked) {
+  const double r = 0.3;
+  const VisualMesh tube =
+      sheet([r](double u, double v) { return Vector3d(r * std::cos(2 * kPi * u), v, r * std::sin(2 * kPi * u)); }, 48,
+            16, true);
+  const PhysicalMesh physical = shellOf(tube, 4000, 0.01);
+  checkPhysicalMesh(physical, "tube");
+  EXPECT_NEAR(physical.bodies[0].volume / (2 * kPi * r * 0.01), 1, 0.01);
+  EXPECT_LT(physical.bodies[0].source_volume, 0);
+  EXPECT_EQ(findingOf(physical, "tetrahedra-volume"), nullptr);
+}
+
+TEST(Shell, SharpCreasesDoNotFoldOver) {
+  for (const double degrees : {90.0, 30.0}) {
+    for (const double thickness : {0.0, 0.02, 0.3}) {
+      for (const std::uint32_t target : {120U, 1000U}) {
+        const std::string what = std::to_string(degrees) + " degrees, " + std::to_string(thickness) + " m";
+        const PhysicalMesh physical = shellOf(crease(degrees), target, thickness);
+        checkPhysicalMesh(physical, what);
+        expectCovered(crease(degrees), physical, 1e-6, what);
+      }
+    }
+  }
+}
+
+TEST(Shell, MaskOfAFaceAndFins) {
+  // The front of the head, with all that is open in it.
+  const VisualMesh head = asset("models/makehuman_head.obj");
+  const Topology topology = analyzeTopology(head);
+  std::vector<std::vector<std::uint32_t>> faces;
+  for (std::size_t t = 0; t < head.triangles.size(); ++t) {
+    double z = 0;
+    for (const std::uint32_t v : head.triangles[t]) z += head.positions[v].z() / 3;
+    if (z > 0.95 && topology.part_of_triangle[t] == 0) {
+      faces.push_back({head.triangles[t][0], head.triangles[t][1], head.triangles[t][2]});
+    }
+  }
+  const VisualMesh mask = testing::makeMesh(head.positions, faces);
+  for (const std::uint32_t target : {800U, 3000U}) {
+    const PhysicalMesh physical = shellOf(mask, target, 0);
+    checkPhysicalMesh(physical, "mask");
+    EXPECT_EQ(physical.bodies[0].method, shell);
+  }
+
+  const VisualMesh fish = asset("models/trout/trout.obj");
+  const Topology parts = analyzeTopology(fish);
+  faces.clear();
+  for (std::size_t t = 0; t < fish.triangles.size(); ++t) {
+    const std::uint32_t part = parts.part_of_triangle[t];
+    if (part == kNoIndex || parts.parts[part].closed) continue;
+    faces.push_back({fish.triangles[t][0], fish.triangles[t][1], fish.triangles[t][2]});
+  }
+  if (faces.empty()) return;
+  checkPhysicalMesh(fill(testing::makeMesh(fish.positions, faces), automatic, 1500), "fins");
+}
+
+TEST(Shell, AClosedSurfaceBecomesHollowWhereAShellIsAsked) {
+  const testing::Surface ball = testing::sphere(1, 20);
+  std::vector<std::vector<std::uint32_t>> faces;
+  for (const auto& t : ball.triangles) faces.push_back({t[0], t[1], t[2]});
+  const PhysicalMesh physical = shellOf(testing::makeMesh(ball.positions, faces), 4000, 0.05);
+  checkPhysicalMesh(physical, "ball");
+  EXPECT_NEAR(physical.bodies[0].volume / (4 * kPi * 0.05), 1, 0.03);
+}
+
+TEST(Shell, OneSidedAndBranchingSheetsAreRefusedWithPlaceAndCure) {
+  // A Moebius band.
+  std::vector<Vector3d> positions;
+  std::vector<std::vector<std::uint32_t>> faces;
+  constexpr std::uint32_t kAround = 40, kAcross = 4;
+  for (std::uint32_t i = 0; i < kAround; ++i) {
+    const double t = 2 * kPi * i / kAround;
+    for (std::uint32_t j = 0; j <= kAcross; ++j) {
+      const double w = 0.4 * (double(j) / kAcross - 0.5);
+      positions.emplace_back((1 + w * std::cos(t / 2)) * std::cos(t), w * std::sin(t / 2),
+                             (1 + w * std::cos(t / 2)) * std::sin(t));
+    }
+  }
+  for (std::uint32_t i = 0; i < kAround; ++i) {
+    for (std::uint32_t j = 0; j < kAcross; ++j) {
+      const std::uint32_t a = i * (kAcross + 1) + j;
+      if (i + 1 < kAround) {
+        faces.push_back({a, a + 1, a + kAcross + 2, a + kAcross + 1});
+      } else {
+        faces.push_back({a, a + 1, kAcross - j - 1, kAcross - j});
+      }
+    }
+  }
+  const VisualMesh band = testing::makeMesh(positions, faces);
+  // Three wings on one edge.
+  const VisualMesh wings = testing::makeMesh({{0, 0, 0}, {0, 1, 0}, {1, 0.5, 0}, {-0.5, 0.5, 0.8}, {-0.5, 0.5, -0.8}},
+                                             {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}});
+  const auto expectRefused = [](const VisualMesh& mesh, const std::string& why) {
+    try {
+      shellOf(mesh, 600, 0);
+      FAIL() << "expected a refusal: " << why;
+    } catch (const ToolError& error) {
+      EXPECT_EQ(error.code(), ExitCode::bad_input);
+      const std::string text = error.what();
+      EXPECT_NE(text.find(why), std::string::npos) << text;
+      EXPECT_NE(text.find(" near ("), std::string::npos) << text;
+      EXPECT_NE(text.find("tetrahedra.method=grid"), std::string::npos) << text;
+    }
+  };
+  expectRefused(band, "only one side");
+  expectRefused(wings, "edge of 3 faces");
+  // Left to itself the bake goes on with cells.
+  const PhysicalMesh cells = fill(wings, automatic, 200);
+  checkPhysicalMesh(cells, "wings");
+  EXPECT_EQ(cells.bodies[0].method, grid);
+  ASSERT_NE(findingOf(cells, "tetrahedra-method"), nullptr);
+  EXPECT_EQ(findingOf(cells, "tetrahedra-method")->severity, Severity::warning);
+}
+
+}  // namespace
+}  // namespace sinew::tools
