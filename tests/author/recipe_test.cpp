@@ -21,7 +21,7 @@ class RecipeFile : public testing::Test {
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
   std::filesystem::path write(const std::string& text) {
-    const auto file = folder_ / "recipe.json";
+    auto file = folder_ / "recipe.json";
     std::ofstream(file) << text;
     return file;
   }
