@@ -50,6 +50,18 @@ TEST_F(RecipeFile, ReadsSourceBesideItselfAndSettings) {
   EXPECT_EQ(recipe.settings.import.unit, "cm");
 }
 
+TEST_F(RecipeFile, VersionOneMayNameASourceAnywhereAboveIt) {
+  std::filesystem::create_directories(folder_ / "a/b");
+  const auto file = folder_ / "a/b/old.json";
+  std::ofstream(file) << R"({"sinew_recipe": 1, "source": "../../cow.obj"})";
+  EXPECT_EQ(std::filesystem::weakly_canonical(readRecipe(file).source),
+            std::filesystem::weakly_canonical(folder_ / "cow.obj"));
+  std::ofstream(file) << R"({"sinew_recipe": 2, "project": "../..", "source": "../../cow.obj"})";
+  EXPECT_NO_THROW(readRecipe(file));
+  std::ofstream(file) << R"({"sinew_recipe": 2, "project": "..", "source": "../../cow.obj"})";
+  EXPECT_THROW(readRecipe(file), ToolError);
+}
+
 TEST_F(RecipeFile, FaultsNameThePlace) {
   EXPECT_NE(errorOf("{\n\"sinew_recipe\": 1,\n\"source\" \"x\"}").find("line 3"), std::string::npos);
   EXPECT_NE(errorOf(R"({"sinew_recipe": 9, "source": "x.obj"})").find("version 9"), std::string::npos);
