@@ -377,6 +377,8 @@ class Commands(Folder):
         do("rename", "spot", "dot")
         self.assertEqual(self.recipe()["masks"]["both"], {"or": ["dot", "all"]})
         do("add-pins", "ends", "--from", '{"half_space": [0.1, 0, 0], "normal": [-1, 0, 0]}', "--target", "Wall")
+        do("set", "ends.method=hold")
+        self.assertEqual(self.recipe()["pins"][0]["method"], "hold")
         do("set", "/clusters/0/overlap=default")
         self.assertNotIn("overlap", self.recipe()["clusters"][0])
         shown = json.loads(self.author("show", "--json").stdout)

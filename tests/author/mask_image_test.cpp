@@ -21,7 +21,7 @@ class MaskFile : public testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
   std::filesystem::path save(const cv::Mat& image, const char* name) {
-    const auto file = folder_ / name;
+    auto file = folder_ / name;
     cv::imwrite(file.string(), image);
     return file;
   }
@@ -50,7 +50,7 @@ TEST_F(MaskFile, ClosesHolesRemovesSpecksAndFeathers) {
   image.at<std::uint8_t>(30, 30) = 0;      // a hole
   image(cv::Rect(5, 5, 2, 2)).setTo(255);  // a speck
   const auto file = save(image, "m.png");
-  const auto at = [](const MaskImage& mask, int x, int y) { return mask.values[std::size_t(y * 64 + x)]; };
+  const auto at = [](const MaskImage& mask, std::size_t x, std::size_t y) { return mask.values[y * 64 + x]; };
   const MaskImage plain = readMaskImage(file, {.threshold = 0.5});
   EXPECT_EQ(at(plain, 30, 30), 0);
   EXPECT_EQ(at(plain, 5, 5), 1);

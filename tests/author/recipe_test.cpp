@@ -21,7 +21,7 @@ class RecipeFile : public testing::Test {
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
   std::filesystem::path write(const std::string& text) {
-    const auto file = folder_ / "recipe.json";
+    auto file = folder_ / "recipe.json";
     std::ofstream(file) << text;
     return file;
   }
@@ -48,6 +48,18 @@ TEST_F(RecipeFile, ReadsSourceBesideItselfAndSettings) {
   EXPECT_EQ(recipe.settings.clusters.grid, (std::array<std::uint32_t, 3>{2, 3, 4}));
   EXPECT_FALSE(recipe.settings.package.groups);
   EXPECT_EQ(recipe.settings.import.unit, "cm");
+}
+
+TEST_F(RecipeFile, VersionOneMayNameASourceAnywhereAboveIt) {
+  std::filesystem::create_directories(folder_ / "a/b");
+  const auto file = folder_ / "a/b/old.json";
+  std::ofstream(file) << R"({"sinew_recipe": 1, "source": "../../cow.obj"})";
+  EXPECT_EQ(std::filesystem::weakly_canonical(readRecipe(file).source),
+            std::filesystem::weakly_canonical(folder_ / "cow.obj"));
+  std::ofstream(file) << R"({"sinew_recipe": 2, "project": "../..", "source": "../../cow.obj"})";
+  EXPECT_NO_THROW(readRecipe(file));
+  std::ofstream(file) << R"({"sinew_recipe": 2, "project": "..", "source": "../../cow.obj"})";
+  EXPECT_THROW(readRecipe(file), ToolError);
 }
 
 TEST_F(RecipeFile, FaultsNameThePlace) {

@@ -7,6 +7,8 @@
 #include <numeric>
 #include <span>
 
+#include "tools/author/tet_graph.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -25,34 +27,6 @@ struct Box {
   Eigen::Vector3d low, size;
   std::array<std::uint32_t, 3> count;
 };
-
-// Neighbours over tetrahedron edges, for the vertices of one body (numbered from its first vertex).
-struct Graph {
-  std::vector<std::uint32_t> first;
-  std::vector<std::uint32_t> neighbour;
-};
-
-Graph buildGraph(const PhysicalMesh& mesh, const PhysicalBody& body) {
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-  edges.reserve(std::size_t(body.tetrahedron_count) * 12);
-  for (std::uint32_t t = 0; t < body.tetrahedron_count; ++t) {
-    const auto& tet = mesh.tetrahedra[body.first_tetrahedron + t];
-    for (std::uint32_t a : tet) {
-      for (std::uint32_t b : tet) {
-        if (a != b) edges.emplace_back(a - body.first_vertex, b - body.first_vertex);
-      }
-    }
-  }
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
-  Graph graph;
-  graph.first.assign(body.vertex_count + 1, 0);
-  for (const auto& edge : edges) ++graph.first[edge.first + 1];
-  std::partial_sum(graph.first.begin(), graph.first.end(), graph.first.begin());
-  graph.neighbour.reserve(edges.size());
-  for (const auto& edge : edges) graph.neighbour.push_back(edge.second);
-  return graph;
-}
 
 std::array<std::uint32_t, 3> boxOf(const Box& box, const Eigen::Vector3d& x) {
   std::array<std::uint32_t, 3> index{};
@@ -118,6 +92,7 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
                                         std::vector<Finding>& findings) {
   std::vector<ClusterSource> clusters;
   std::size_t merged = 0;
+  const TetGraph graph = makeTetGraph(mesh);
   for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
     const PhysicalBody& body = mesh.bodies[b];
     const std::span<const Eigen::Vector3d> positions(mesh.positions.data() + body.first_vertex, body.vertex_count);
@@ -130,7 +105,7 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
     const Eigen::Vector3d extent = high - low;
     const bool automatic = options.grid[0] == 0;
     const Box box = makeBox(low, extent, automatic ? automaticGrid(low, extent, positions) : options.grid);
-    const Graph graph = buildGraph(mesh, body);
+    const std::uint32_t base = body.first_vertex;
 
     // Members of each box: the boxes a vertex can reach are its own and the two beside it on each axis.
     std::map<std::array<std::uint32_t, 3>, std::vector<std::pair<std::uint32_t, double>>> boxes;
@@ -179,8 +154,8 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
         for (std::size_t at = 0; at < queue.size(); ++at) {
           const std::uint32_t v = queue[at];
           piece.members.emplace_back(v, weight[v]);
-          for (std::uint32_t e = graph.first[v]; e < graph.first[v + 1]; ++e) {
-            const std::uint32_t n = graph.neighbour[e];
+          for (std::uint32_t e = graph.first[base + v]; e < graph.first[base + v + 1]; ++e) {
+            const std::uint32_t n = graph.neighbour[e] - base;
             if (weight[n] > 0 && piece_of[n] == kNoIndex) {
               piece_of[n] = piece_count;
               queue.push_back(n);
@@ -205,7 +180,8 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
       std::vector<std::uint8_t> near(body.vertex_count, 0);
       for (const auto& [v, w] : piece.members) {
         near[v] = 1;
-        for (std::uint32_t e = graph.first[v]; e < graph.first[v + 1]; ++e) near[graph.neighbour[e]] = 1;
+        for (std::uint32_t e = graph.first[base + v]; e < graph.first[base + v + 1]; ++e)
+          near[graph.neighbour[e] - base] = 1;
       }
       std::size_t best_shared = 0;
       std::uint32_t best = kNoIndex;

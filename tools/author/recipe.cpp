@@ -182,8 +182,9 @@ class MaskCheck {
       const auto at = std::find(stack_.begin(), stack_.end(), name);
       if (at != stack_.end()) {
         std::string cycle;
-        for (auto it = at; it != stack_.end(); ++it) cycle += *it + " -> ";
-        recipe_.text->fail(pointer, "the selection needs itself: " + cycle + name,
+        for (auto it = at; it != stack_.end(); ++it) cycle.append(*it).append(" -> ");
+        cycle += name;
+        recipe_.text->fail(pointer, "the selection needs itself: " + cycle,
                            "Break the cycle: one of these masks must do without the next.");
       }
       if (done_.contains(name)) continue;
@@ -250,7 +251,8 @@ Json migratedRecipe(const JsonText& text, const fs::path& file) {
     const fs::path folder = folderOf(file);
     const fs::path source = folder / json["source"].get<std::string>();
     std::string project;
-    const auto depth = std::distance(fs::weakly_canonical(folder).begin(), fs::weakly_canonical(folder).end());
+    const fs::path whole = fs::weakly_canonical(folder);
+    const auto depth = std::distance(whole.begin(), whole.end());
     while (!isInside(source, folder / project) && std::count(project.begin(), project.end(), '.') < 2 * depth) {
       project += project.empty() ? ".." : "/..";
     }

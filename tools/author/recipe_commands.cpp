@@ -70,7 +70,7 @@ Json valueOf(const std::string& text) {
 }
 
 Json selectionOf(const std::string& text) {
-  const Json json = valueOf(text);
+  Json json = valueOf(text);
   if (json.is_string() && !text.empty() && (text.front() == '{' || text.front() == '[')) {
     usage("the selection is not valid JSON: " + text, R"(Write it as in '{"group": "lip_upper"}', in single quotes.)");
   }
@@ -306,8 +306,10 @@ void RecipeEditor::set(const std::string& key, const std::string& value) {
   } else {
     const std::size_t dot = key.rfind('.');
     Json* entry = nullptr;
+    bool is_cluster = false;
     if (dot != std::string::npos) {
       entry = namedEntry(document, "clusters", key.substr(0, dot));
+      is_cluster = entry != nullptr;
       if (entry == nullptr) entry = namedEntry(document, "pins", key.substr(0, dot));
     }
     if (entry == nullptr) {
@@ -317,10 +319,9 @@ void RecipeEditor::set(const std::string& key, const std::string& value) {
             "All settings: sinew help settings.");
     }
     const std::string name = key.substr(dot + 1);
-    if (entry->contains("method") || !isSetting(std::string(kClusterPrefix) + name)) {
+    // A cluster's own overlap is in metres, and no setting.
+    if (!is_cluster || name == "overlap" || !isSetting(std::string(kClusterPrefix) + name)) {
       put(*entry, name);
-    } else if (name == "overlap") {
-      put(*entry, name);  // a cluster's own, in metres
     } else {
       put((*entry)["settings"], name);
       if ((*entry)["settings"].empty()) entry->erase("settings");

@@ -249,8 +249,9 @@ class Selections::Evaluator {
       std::vector<std::string> distinct = names;
       std::sort(distinct.begin(), distinct.end());
       distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
-      fail(place.value.is_array() ? childPointer(place.value_pointer, i) : place.value_pointer,
-           "the source has no " + what + " '" + pattern + "'",
+      std::string missing = "the source has no ";
+      missing.append(what).append(" '").append(pattern).append("'");
+      fail(place.value.is_array() ? childPointer(place.value_pointer, i) : place.value_pointer, missing,
            distinct.empty() ? "It has none at all."
                             : "Did you mean " + nearestName(pattern, distinct) + "? It has: " + listed(distinct) + ".");
     }
@@ -822,7 +823,7 @@ class Selections::Evaluator {
   }
 
   VisualWeights soften(const Place& place) {
-    const VisualWeights weights = at(place.value, place.value_pointer);
+    VisualWeights weights = at(place.value, place.value_pointer);
     const double by = place.number("by");
     if (!(by > 0)) return weights;
     std::vector<double> points = surface_.signedDistances(onPoints(weights));

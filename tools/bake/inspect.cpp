@@ -130,6 +130,10 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   for (const auto& m : package.mechanics()) json["mechanics"].push_back(mechanicsJson(package, m));
   json["channels"] = ordered_json::array();
   for (const auto& channel : package.channels()) json["channels"].push_back(package.text(channel.name));
+  for (const auto& set : package.pinSets()) {
+    json["pin_sets"].push_back(
+        {{"name", package.text(set.name)}, {"target", package.text(set.target)}, {"vertices", set.count}});
+  }
   json["memberships"] = package.memberships().size();
   json["visual_vertices"] = package.visualPositions().size();
   json["visual_triangles"] = package.visualTriangles().size();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <iostream>
 
+#include "tools/bake/authored.h"
 #include "tools/bake/check_package.h"
 #include "tools/bake/check_source.h"
 #include "tools/bake/findings_json.h"
@@ -46,12 +47,14 @@ Diagnosis checkSourceFile(const Command& command) {
   applyAssignments(recipe.settings, command.assignments);
   Progress progress(!command.json);
   progress.stage("import");
-  const VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+  VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
   progress.stage("check");
+  const Topology topology = analyzeTopology(mesh);
   CheckOptions options;
   options.join_distance = recipe.settings.tetrahedra.join_distance;
-  Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(mesh, analyzeTopology(mesh), options),
-                      ""};
+  Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(mesh, topology, options), ""};
+  evaluateRecipe(recipe, mesh, topology, cluster_meshes, diagnosis.findings);
   diagnosis.verdict = sourceVerdict(diagnosis.findings);
   if (!command.picture.empty()) {
     progress.stage("picture");

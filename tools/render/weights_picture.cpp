@@ -26,6 +26,9 @@ constexpr int kTitle = 40;
 constexpr std::size_t kMostAlone = 40;
 constexpr float kFitMargin = 0.08F;
 constexpr float kLitYaw = 0.70F;  // the direction the lights are made for
+constexpr float kFrontYaw = 0.35F, kFrontPitch = 0.15F;
+// Of its area: a surface whose mean normal is shorter than this looks to no side.
+constexpr float kOneSided = 0.35F;
 constexpr std::array<float, 3> kBare = {0.42F, 0.43F, 0.45F};
 
 // A mesh that shows nothing but weights.
@@ -64,14 +67,18 @@ void tint(DrawModel& model, const std::vector<NamedWeights>& named, std::size_t 
 // Yaw and pitch of the side that the weights look to.
 std::pair<float, float> sideOf(const DrawModel& model, const std::vector<double>& weights) {
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  float total = 0;
   for (const auto& t : model.triangles) {
     const Eigen::Vector3f n =
         (model.positions[t[1]] - model.positions[t[0]]).cross(model.positions[t[2]] - model.positions[t[0]]);
-    sum += float((weights[t[0]] + weights[t[1]] + weights[t[2]]) / 3) * n;
+    const float weight = float((weights[t[0]] + weights[t[1]] + weights[t[2]]) / 3);
+    sum += weight * n;
+    total += weight * n.norm();
   }
-  if (!(sum.norm() > 0)) return {kLitYaw, 0.3F};
+  // What looks to all sides (a whole head, both sides of a lip) is seen from the front.
+  if (!(sum.norm() > kOneSided * total)) return {kFrontYaw, kFrontPitch};
   const Eigen::Vector3f n = sum.normalized();
-  return {std::atan2(n.x(), n.z()) + 0.3F, std::clamp(std::asin(std::clamp(n.y(), -1.0F, 1.0F)) + 0.1F, -1.3F, 1.3F)};
+  return {std::atan2(n.x(), n.z()) + 0.3F, std::clamp(std::asin(std::clamp(n.y(), -1.0F, 1.0F)) + 0.1F, -0.6F, 0.6F)};
 }
 
 }  // namespace
@@ -101,10 +108,10 @@ void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& name
   {
     tint(model, named, 0, named.size());
     Renderer renderer(model);
-    draw(renderer, 0.35F, 0.15F, "all, front");
-    draw(renderer, -1.2F, 0.15F, "all, left");
-    draw(renderer, 1.9F, 0.15F, "all, right");
-    draw(renderer, 3.5F, 0.15F, "all, back");
+    draw(renderer, kFrontYaw, kFrontPitch, "all, front");
+    draw(renderer, -1.2F, kFrontPitch, "all, from -x");
+    draw(renderer, 1.9F, kFrontPitch, "all, from +x");
+    draw(renderer, 3.5F, kFrontPitch, "all, back");
   }
   for (std::size_t i = 0; i < std::min(named.size(), kMostAlone); ++i) {
     tint(model, named, i, 1);
