@@ -181,7 +181,8 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
       const Vector3 start = asVector(body.x[vertex.vertex]), place = placeOf(set.at, vertex);
       if (isHeldByRows(set)) {
         const float part = body.rest().masses[vertex.vertex];
-        const Vector3 acceleration = asVector(body.force[vertex.vertex]) + vertex.weight * part * to_force * (place - y);
+        const Vector3 acceleration =
+            asVector(body.force[vertex.vertex]) + vertex.weight * part * to_force * (place - y);
         addForce(set, double(body.package().info().total_mass) * acceleration.cast<double>(), place);
         y += vertex.weight * (place - y);
       } else if (vertex.weight >= 1) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// R, then F, of eight or sixteen clusters from their moments (docs/method.md eq. 3, 5, 8, 10, 11). For kernel files only, see
-// lanes.h.
+// R, then F, of eight or sixteen clusters from their moments (docs/method.md eq. 3, 5, 8, 10, 11). For kernel files
+// only, see lanes.h.
 #pragma once
 
 #include "runtime/kernels/layout.h"
@@ -108,7 +108,7 @@ template <class W, class Mask = decltype(W{} < W{})>
   const Mask outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
   const Vec3Of<W> kept = volumePrincipal(held, least, largest);
   const Vec3Of<W> sigma = {select(keeps_volume, kept.x, held.x), select(keeps_volume, kept.y, held.y),
-                                select(keeps_volume, kept.z, held.z)};
+                           select(keeps_volume, kept.z, held.z)};
   W finite = absolute(a.m[0]);
   for (int k = 1; k < 9; ++k) finite += absolute(a.m[k]);
   shaped = act & (outside | keeps_volume) & (finite < splat<W>(3.0e38F));
@@ -122,8 +122,8 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   using Mask = decltype(W{} < W{});
   constexpr int kColumns = quadratic ? 9 : 3;
   const Mat3Of<W> a_pq = state.loadMatrix<W>(state->a_pq);
-  QuaternionOf<W> q = {state.load<W>(state->rotation[0]), state.load<W>(state->rotation[1]), state.load<W>(state->rotation[2]),
-                            state.load<W>(state->rotation[3])};
+  QuaternionOf<W> q = {state.load<W>(state->rotation[0]), state.load<W>(state->rotation[1]),
+                       state.load<W>(state->rotation[2]), state.load<W>(state->rotation[3])};
   nearestRotation(a_pq, q);
   Mat3Of<W> r = rotationMatrix(q);
   const Mat3Of<W> moment = rest.loadMatrix<W>(rest->moment);
@@ -134,8 +134,10 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   if (any(lost)) {
     // Neighbours that guess differently would tangle for good (a ring of four, scattered, came to rest inside out), so
     // all that are lost take the part's rotation.
-    q = {select(lost, state.load<W>(state->part_rotation[0]), q.w), select(lost, state.load<W>(state->part_rotation[1]), q.x),
-         select(lost, state.load<W>(state->part_rotation[2]), q.y), select(lost, state.load<W>(state->part_rotation[3]), q.z)};
+    q = {select(lost, state.load<W>(state->part_rotation[0]), q.w),
+         select(lost, state.load<W>(state->part_rotation[1]), q.x),
+         select(lost, state.load<W>(state->part_rotation[2]), q.y),
+         select(lost, state.load<W>(state->part_rotation[3]), q.z)};
     r = rotationMatrix(q);
   }
   state.store(state->rotation[0], q.w);
@@ -152,8 +154,8 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   if (any(deforms)) {
     W deviation[27];
     SINEW_UNROLL for (int k = 0; k < kColumns; ++k) {
-      const Vec3Of<W> at_rest =
-          r * Vec3Of<W>{rest.load<W>(rest->moment[3 * k]), rest.load<W>(rest->moment[3 * k + 1]), rest.load<W>(rest->moment[3 * k + 2])};
+      const Vec3Of<W> at_rest = r * Vec3Of<W>{rest.load<W>(rest->moment[3 * k]), rest.load<W>(rest->moment[3 * k + 1]),
+                                              rest.load<W>(rest->moment[3 * k + 2])};
       deviation[3 * k] = state.load<W>(state->a_pq[3 * k]) - at_rest.x;
       deviation[3 * k + 1] = state.load<W>(state->a_pq[3 * k + 1]) - at_rest.y;
       deviation[3 * k + 2] = state.load<W>(state->a_pq[3 * k + 2]) - at_rest.z;
@@ -170,8 +172,9 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
     for (int k = 9; k < 3 * kColumns; ++k) f[k] = select(deforms, f[k], W{});
     Mat3Of<W> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
-    const Mask act = deforms & (stiffness.loadMask<W>(stiffness->keeps_volume) |
-                                ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest)));
+    const Mask act =
+        deforms & (stiffness.loadMask<W>(stiffness->keeps_volume) |
+                   ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest)));
     if (any(act)) {
       limited = limitStretches(stiffness, act, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];

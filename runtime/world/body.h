@@ -74,8 +74,8 @@ struct Part {
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
-  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so that
-  /// neither distance nor speed costs them digits.
+  /// Centre of mass and its velocity (near them while the part is held). Sums are taken about this moving point, so
+  /// that neither distance nor speed costs them digits.
   Eigen::Vector3d reference = Eigen::Vector3d::Zero(), moving = Eigen::Vector3d::Zero();
   /// Angular momentum about the centre over the body's mass, m²/s, that is faster than passes can follow. Between steps
   /// the velocities hold it too.
@@ -111,9 +111,9 @@ struct Body {
   BodySettings settings;
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
-  std::pmr::vector<Vec3> x;      ///< positions at the start of the pass, metres
-  std::pmr::vector<Vec3> v;      ///< velocities, m/s
-  std::pmr::vector<Vec3> y;      ///< predicted, then matched positions
+  std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
+  std::pmr::vector<Vec3> v;  ///< velocities, m/s
+  std::pmr::vector<Vec3> y;  ///< predicted, then matched positions
   /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
   std::pmr::vector<Vec3> force;
   std::pmr::vector<std::uint8_t> pinned;
