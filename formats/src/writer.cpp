@@ -53,6 +53,10 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.vertex_stiffness);
     case section::pin_weights:
       return payload(content.pin_weights);
+    case section::pin_sets:
+      return payload(content.pin_sets);
+    case section::pin_set_vertices:
+      return payload(content.pin_set_vertices);
     case section::visual_positions:
       return payload(content.visual_positions);
     case section::visual_normals:

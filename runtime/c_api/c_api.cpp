@@ -33,9 +33,20 @@ sinew_status failNull(const char* call) {
   return fail(SINEW_ERROR_ARGUMENT, line);
 }
 
-// Runs work() -> sinew_status; an exception becomes a status.
-template <class Work>
-sinew_status guarded(const char* call, const Work& work) noexcept {
+// Something to call, whatever it is: so that what goes around it is compiled once and not for each function below.
+struct Callable {
+  // NOLINTNEXTLINE(google-explicit-constructor): lambdas are passed as they are
+  template <class Work>
+  Callable(const Work& given)
+      : work(&given), run([](const void* it) -> sinew_status { return (*static_cast<const Work*>(it))(); }) {}
+  sinew_status operator()() const { return run(work); }
+
+  const void* work;
+  sinew_status (*run)(const void*);
+};
+
+// Runs work(); an exception becomes a status.
+sinew_status guarded(const char* call, const Callable& work) noexcept {
   char line[128];
   try {
     return work();
@@ -297,13 +308,31 @@ struct sinew_world {
 
 namespace {
 
+sinew_status runOnWorld(const char* call, const sinew_world* world, bool arguments_given,
+                        const Callable& work) noexcept {
+  if (world == nullptr || !arguments_given) return failNull(call);
+  const sinew_status status = guarded(call, work);
+  const sinew_status told = world->log.takeStatus();
+  return status != SINEW_OK ? status : told;
+}
+
+sinew_status runOnBody(const char* call, const sinew_world* world, std::uint32_t body, bool arguments_given,
+                       const Callable& work) noexcept {
+  if (world == nullptr || !arguments_given) return failNull(call);
+  if (!world->world->contains({body})) {
+    char line[128];
+    std::snprintf(line, sizeof line, "%s: there is no body %u in this world", call, body);
+    return fail(SINEW_ERROR_ARGUMENT, line);
+  }
+  return runOnWorld(call, world, true, work);
+}
+
 // Runs work(world) and reports what it told the log.
 template <class WorldHandle, class Work>
 sinew_status onWorld(const char* call, WorldHandle* world, bool arguments_given, const Work& work) noexcept {
-  if (world == nullptr || !arguments_given) return failNull(call);
-  return guarded(call, [&] {
+  return runOnWorld(call, world, arguments_given, [&] {
     work(*world->world);
-    return world->log.takeStatus();
+    return SINEW_OK;
   });
 }
 
@@ -311,13 +340,10 @@ sinew_status onWorld(const char* call, WorldHandle* world, bool arguments_given,
 template <class WorldHandle, class Work>
 sinew_status onBody(const char* call, WorldHandle* world, std::uint32_t body, bool arguments_given,
                     const Work& work) noexcept {
-  if (world == nullptr || !arguments_given) return failNull(call);
-  if (!world->world->contains({body})) {
-    char line[128];
-    std::snprintf(line, sizeof line, "%s: there is no body %u in this world", call, body);
-    return fail(SINEW_ERROR_ARGUMENT, line);
-  }
-  return onWorld(call, world, true, [&](auto& w) { work(w, sinew::BodyId{body}); });
+  return runOnBody(call, world, body, arguments_given, [&] {
+    work(*world->world, sinew::BodyId{body});
+    return SINEW_OK;
+  });
 }
 
 sinew_status finishLoad(const sinew::Result<std::shared_ptr<const sinew::Asset>>& loaded, sinew_asset** asset) {

@@ -65,7 +65,8 @@ void updatePartPose(const formats::PackageView& package, const RestConstants& co
     block(c).astray[lane] = astray ? -1 : 0;
     if (!astray) continue;
     const Vector3 goal = reference + (center + r * (restAt(c) - rest_center)).cast<float>();
-    const Vector3 moved = centerOf(c) + (1.0F - stiffness[first + c].kept) * (goal - centerOf(c));
+    const float kept = stiffness.empty() ? 0.0F : stiffness[first + c].kept;
+    const Vector3 moved = centerOf(c) + (1.0F - kept) * (goal - centerOf(c));
     for (int k = 0; k < 3; ++k) block(c).center[k][lane] = moved[k];
   }
 }

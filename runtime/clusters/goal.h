@@ -16,7 +16,8 @@ inline constexpr double kAstray = 0.5;
 /// Rigid pose of a body part from its clusters' moments: its rotation into ClusterBlock::part_rotation of each, what a
 /// cluster falls back to that has lost its own. Where the part is far from its rest shape, ClusterBlock::astray is set
 /// and centres move to where that pose has them, so that it goes back as one: all at once where it is stiff, at the
-/// rate of its frequency where it is soft. \param first, count the part's clusters. \param stiffness of all clusters.
+/// rate of its frequency where it is soft. \param first, count the part's clusters. \param stiffness of all clusters;
+/// empty = stiff.
 /// \param far how far that is: root mean square, in radii of gyration.
 void updatePartPose(const formats::PackageView& package, const RestConstants& constants,
                     std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,

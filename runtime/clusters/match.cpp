@@ -8,55 +8,51 @@
 namespace sinew::internal {
 namespace {
 
-// Eq. 11: turns F so that the match exerts no torque: A_pq F^T becomes symmetric.
-template <int N>
-void removeTorque(Columns<N>& f, const Columns<N>& a_pq) {
-  const Matrix3 turn = geometry::nearestRotation(a_pq * f.transpose());
-  f = (turn * f).eval();
-}
-
-// Eq. 5, 8: [R S 0] plus the elastic answer to A_pq - R S M, with S the rest shape's own deformation.
-template <int N>
-Columns<N> deform(const Matrix3& r, const Columns<N>& a_pq, const ClusterRest& rest, const ClusterStiffness& stiffness,
-                  const MatchExtras& extras) {
-  const Matrix3 rest_linear = extras.shape != nullptr ? Matrix3(r * *extras.shape) : r;
-  Columns<N> f = Columns<N>::Zero();
-  f.template leftCols<3>() = rest_linear;
-  if (!stiffness.deforms) return f;
-  Columns<N> deviation = a_pq - rest_linear * rest.moment.leftCols<N>();
-  // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
-  if (extras.previous != nullptr) deviation += extras.damping_passes * (r * extras.previous->leftCols<N>());
-  if (extras.modes != nullptr) {
-    const Columns<N> local = r.transpose() * deviation;
-    constexpr int kCount = 3 * N;
-    const auto vectors = extras.modes->vectors.topLeftCorner<kCount, kCount>();
-    const Eigen::Map<const Eigen::Matrix<float, kCount, 1>> flat(local.data());
-    const Eigen::Matrix<float, kCount, 1> amplitude =
-        (vectors.transpose() * flat).cwiseProduct(extras.kept->head<kCount>());
-    const Eigen::Matrix<float, kCount, 1> answer = vectors * amplitude;
-    f += r * Eigen::Map<const Columns<N>>(answer.data());
-    return f;
+// The answer of elastic modes to a deviation, both in the cluster's own frame: Σ v kept (v . deviation).
+// \param columns 3 or 9; the others of the result are zero.
+Columns<9> elasticAnswer(const MatchExtras& extras, int columns, const Columns<9>& deviation) {
+  Columns<9> answer = Columns<9>::Zero();
+  for (int k = 0; k < 3 * columns; ++k) {
+    const Eigen::Map<const Columns<9>> mode(extras.modes->vectors.col(k).data());
+    answer += ((*extras.kept)[k] * mode.cwiseProduct(deviation).sum()) * mode;
   }
-  f.noalias() += deviation * stiffness.s.topLeftCorner<N, N>();
-  return f;
+  return answer;
 }
 
-// What the kernel did, again for a cluster with mechanics. \param lost the moments do not say how the cluster is
-// turned; frame.rotation is the part's then. \return whether the motion of its vertices has to be stopped.
-template <int N>
-bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const MatchExtras& extras, bool lost,
-           ClusterFrame& frame) {
-  const Columns<N> a_pq = frame.a_pq.leftCols<N>();
+// What the kernel did, again for a cluster with mechanics (eq. 5, 8, 10, 11), with S the rest shape's own deformation:
+// F = [R S 0] plus the elastic answer to A_pq - R S M. It differs from kernels/match.h in what a kernel has no lanes
+// for: S, elastic modes, damping, and the limits that blend. Columns 3.. are zero in a linear cluster.
+// \param lost the moments do not say how the cluster is turned; frame.rotation is the part's then.
+// \return whether the motion of its vertices has to be stopped.
+bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const MatchExtras& extras, bool quadratic,
+           bool lost, ClusterFrame& frame) {
+  Columns<9> a_pq = frame.a_pq;
+  if (!quadratic) a_pq.rightCols<6>().setZero();
   if (extras.shape != nullptr && !lost) {
     // Of the deformed rest shape S q: R is nearest to A_pq S^T.
-    geometry::nearestRotation(a_pq.template leftCols<3>() * extras.shape->transpose(), frame.rotation);
+    geometry::nearestRotation(a_pq.leftCols<3>() * extras.shape->transpose(), frame.rotation);
   }
   const Matrix3 r = geometry::rotationMatrix(frame.rotation);
-  Columns<N> f = deform<N>(r, a_pq, rest, stiffness, extras);
+  const Matrix3 rest_linear = extras.shape != nullptr ? Matrix3(r * *extras.shape) : r;
+  Columns<9> f = Columns<9>::Zero();
+  f.leftCols<3>() = rest_linear;
   Limited limited = Limited::nothing;
-  if (stiffness.deforms) limited = applyGoalLimits<N>(*extras.limits, r, extras.shape, f);
-  if (!lost && (limited != Limited::nothing || stiffness.mixes_classes)) removeTorque<N>(f, a_pq);
-  frame.f.leftCols<N>() = f;
+  if (stiffness.deforms) {
+    Columns<9> deviation = a_pq - rest_linear * rest.moment;
+    // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
+    if (extras.previous != nullptr) deviation += extras.damping_passes * (r * *extras.previous);
+    if (extras.modes != nullptr) {
+      f += r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * deviation);
+    } else {
+      f += deviation * stiffness.s;
+    }
+    limited = applyGoalLimits(*extras.limits, r, extras.shape, f);
+  }
+  if (!lost && (limited != Limited::nothing || stiffness.mixes_classes)) {
+    // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.
+    f = (geometry::nearestRotation(a_pq * f.transpose()) * f).eval();
+  }
+  frame.f = f;
   return limited == Limited::guarded || lost;
 }
 
@@ -89,9 +85,8 @@ void matchBlocks(Body& body, std::uint32_t begin, std::uint32_t end, float pass_
     if (!isPlain(extras)) {
       const bool lost = block.lost[c % 8] != 0;
       const ClusterStiffness& stiffness = body.stiffness->clusters[c];
-      limited = cluster.mode == formats::ClusterMode::quadratic
-                    ? match<9>(rest.clusters[c], stiffness, extras, lost, frame)
-                    : match<3>(rest.clusters[c], stiffness, extras, lost, frame);
+      const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
+      limited = match(rest.clusters[c], stiffness, extras, quadratic, lost, frame);
     }
     if (pinned) limited |= body.fits[body.fit_of[c]].match(cluster, rest.clusters[c], extras, frame);
     storeFrame(frame, body.blocks, c);

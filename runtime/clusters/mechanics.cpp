@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/clusters/mechanics.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 #include "runtime/geometry/pseudo_inverse.h"
 #include "runtime/kernels/kernels.h"
@@ -18,7 +19,6 @@ namespace lanes = SINEW_KERNELS;
 
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
-using Matrix27d = Eigen::Matrix<double, 27, 27>;
 
 constexpr double kFallbackDensity = 1000;  // kg/m³, of packages that state neither density nor volume
 
@@ -74,28 +74,29 @@ ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
     const Vector9d b = monomialsOf(q.cast<double>());
     total += double(member.mu);
     basis.mean += double(member.mu) * b;
-    basis.moment.selfadjointView<Eigen::Lower>().rankUpdate(b, double(member.mu));
+    basis.moment += (double(member.mu) * b) * b.transpose();
   }
-  basis.moment = basis.moment.selfadjointView<Eigen::Lower>();
   basis.mean /= total;
   basis.moment = (basis.moment / total - basis.mean * basis.mean.transpose()).eval();
 
   // Equilibrated, so that the cut-off means dependence between coordinates and not their size.
-  const double largest = basis.moment.topLeftCorner(n, n).diagonal().maxCoeff();
-  Vector9d scale = Vector9d::Zero();
-  for (int i = 0; i < n; ++i) {
-    if (basis.moment(i, i) > geometry::kMomentCutoff * largest) scale[i] = 1 / std::sqrt(basis.moment(i, i));
+  const geometry::ConstMatrixView moment = geometry::viewOf(std::as_const(basis.moment)).block(0, 0, n, n);
+  std::array<double, 9> scale, values;
+  geometry::equilibration(moment, geometry::kMomentCutoff, scale);
+  geometry::SmallMatrix<81> scaled(n, n), vectors(n, n);
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) scaled(i, j) = scale[std::size_t(i)] * moment(i, j) * scale[std::size_t(j)];
   }
-  const Matrix9d scaled = scale.asDiagonal() * basis.moment * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scaled.topLeftCorner(n, n));
+  geometry::symmetricEigen(scaled, values, vectors);
   int modes = 0;
-  basis.t.resize(n, n);
+  basis.t = geometry::SmallMatrix<81>(n, n);
   for (int k = 0; k < n; ++k) {
-    const double value = solver.eigenvalues()[k];
-    if (!(value > geometry::kMomentCutoff * solver.eigenvalues()[n - 1])) continue;
-    basis.t.col(modes++) = scale.head(n).asDiagonal() * solver.eigenvectors().col(k) / std::sqrt(value);
+    const double value = values[std::size_t(k)];
+    if (!(value > geometry::kMomentCutoff * values[std::size_t(n - 1)])) continue;
+    for (int i = 0; i < n; ++i) basis.t(i, modes) = scale[std::size_t(i)] * vectors(i, k) / std::sqrt(value);
+    ++modes;
   }
-  basis.t.conservativeResize(n, modes);
+  basis.t.keepColumns(modes);
   return basis;
 }
 
@@ -123,48 +124,59 @@ ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t inde
   affine.block<3, 3>(1, 1) = basis.moment.topLeftCorner<3, 3>() + mean * mean.transpose();
 
   // W_ij = ∫ (d_i q~)(d_j q~)^T in the modes; the energy density is mu |sym|² terms of grad u and lambda tr².
-  const int n = int(basis.t.rows()), modes = int(basis.t.cols());
-  Eigen::MatrixXd w[3][3];
+  const int n = basis.t.rows(), modes = basis.t.columns();
+  // 2 * density = mu Σ_ab (d_b u_a)² + mu Σ_ab d_b u_a d_a u_b + lambda (Σ_a d_a u_a)².
+  const double radius = double(cluster.radius);
+  const double scale = 0.5 / (densityOf(package.info()) * radius * radius);
+  ModeMatrix energy(3 * modes, 3 * modes);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
       Matrix9d sum = Matrix9d::Zero();
       for (int s = 0; s < 4; ++s) {
-        for (int t = 0; t < 4; ++t) sum += affine(s, t) * gradient[s].col(i) * gradient[t].col(j).transpose();
+        for (int t = 0; t < 4; ++t) {
+          sum += (affine(s, t) * gradient[s].col(i)) * gradient[t].col(j).transpose();
+        }
       }
-      w[i][j] = basis.t.transpose() * sum.topLeftCorner(n, n) * basis.t;
+      geometry::SmallMatrix<81> w(modes, modes);
+      geometry::addCongruence(w, scale, geometry::viewOf(std::as_const(sum)).block(0, 0, n, n), basis.t);
+      // Each block with its transpose, so that the sum is symmetric to the last bit.
+      const auto add = [&](int a, int b, double factor) {
+        geometry::addScaled(energy.block(a * modes, b * modes, modes, modes), factor, w);
+        geometry::addScaled(energy.block(b * modes, a * modes, modes, modes), factor, w.transposed());
+      };
+      add(j, i, mu);
+      add(i, j, lambda);
+      if (i == j) {
+        for (int a = 0; a < 3; ++a) add(a, a, mu);
+      }
     }
   }
-  // 2 * density = mu Σ_ab (d_b u_a)² + mu Σ_ab d_b u_a d_a u_b + lambda (Σ_a d_a u_a)².
-  ModeMatrix energy = ModeMatrix::Zero(3 * modes, 3 * modes);
-  for (int a = 0; a < 3; ++a) {
-    for (int b = 0; b < 3; ++b) {
-      auto block = energy.block(a * modes, b * modes, modes, modes);
-      block += mu * w[b][a] + lambda * w[a][b];
-      if (a == b) block += mu * (w[0][0] + w[1][1] + w[2][2]);
-    }
-  }
-  const double radius = double(cluster.radius);
-  return (0.5 / (densityOf(package.info()) * radius * radius)) * (energy + energy.transpose()).eval();
+  return energy;
 }
 
 ElasticModes elasticModes(const formats::PackageView& package, std::uint32_t index) {
   ElasticModes result;
   const ModeBasis basis = modeBasis(package, index);
   const ModeMatrix energy = elasticEnergy(package, index, basis);
-  const int modes = int(basis.t.cols()), n = int(basis.t.rows());
+  const int modes = basis.t.columns(), n = basis.t.rows();
   if (modes == 0) return result;
   // With equal stiffness the modes are those of the energy of 1 Pa, so scaling first keeps E = 0 and 1e12 alike.
-  const double scale = energy.diagonal().maxCoeff();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale > 0 ? Eigen::MatrixXd(energy / scale)
-                                                                        : Eigen::MatrixXd(energy));
-  const double largest = solver.eigenvalues()[3 * modes - 1];
+  double scale = 0;
+  for (int k = 0; k < 3 * modes; ++k) scale = std::max(scale, energy(k, k));
+  if (!(scale > 0)) scale = 1;
+  ModeMatrix scaled(3 * modes, 3 * modes), vectors(3 * modes, 3 * modes);
+  geometry::addScaled(scaled, 1 / scale, energy);
+  std::array<double, 27> values;
+  geometry::symmetricEigen(scaled, values, vectors);
+  const double largest = values[std::size_t(3 * modes - 1)];
   for (int k = 0; k < 3 * modes; ++k) {
     // A turn costs nothing: its eigenvalue is rounding.
-    const double value = solver.eigenvalues()[k];
+    const double value = values[std::size_t(k)];
     result.omega2[k] = value > 1e-10 * largest ? float(std::min(value * scale, 1e30)) : 0.0F;
     for (int axis = 0; axis < 3; ++axis) {
-      const Eigen::VectorXd column = basis.t * solver.eigenvectors().col(k).segment(axis * modes, modes);
-      for (int j = 0; j < n; ++j) result.vectors(3 * j + axis, k) = float(column[j]);
+      geometry::SmallMatrix<9> column(n, 1);
+      geometry::addProduct(column, 1, basis.t, vectors.block(axis * modes, k, modes, 1));
+      for (int j = 0; j < n; ++j) result.vectors(3 * j + axis, k) = float(column(j, 0));
     }
   }
   return result;
@@ -217,7 +229,9 @@ MechanicsConstants makeMechanics(const formats::PackageView& package) {
   return result;
 }
 
-MechanicsState::MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants) {
+MechanicsState::MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants,
+                               std::pmr::memory_resource* memory)
+    : shapes(memory), previous(memory), activation(memory) {
   const std::size_t clusters = package.clusters().size();
   if (constants.changes_shape) shapes.resize(clusters);
   if (constants.damps) previous.resize(clusters, Columns<9>::Zero());
@@ -268,9 +282,8 @@ float curveResponse(std::span<const formats::CurvePoint> curve, float phi) {
   return curve.back().response;
 }
 
-template <int N>
-Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<N>& f) {
-  Matrix3 a = f.template leftCols<3>();
+Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
+  Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
   if (shape != nullptr) a = (a * shape->inverse()).eval();
   Limited done = Limited::nothing;
@@ -282,7 +295,7 @@ Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix
     const float gamma = blendOf(limits, toLanes(a), toLanes(r));
     if (gamma < 1) {
       a = r + gamma * (a - r);
-      if constexpr (N == 9) f.template rightCols<6>() *= gamma;
+      f.rightCols<6>() *= gamma;
     }
   }
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
@@ -295,20 +308,15 @@ Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
     if (guarded) {
       done = Limited::guarded;
-      if constexpr (N == 9) {
-        f.template rightCols<6>() = f.template rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
-      }
+      f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
     }
     if (keeps_volume) sigma = lanes::volumePrincipal(sigma, least, largest);
     if (outside || keeps_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
   if (done == Limited::nothing && a == start) return Limited::nothing;
-  f.template leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
+  f.leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
   return done == Limited::guarded ? done : Limited::shaped;
 }
-
-template Limited applyGoalLimits<3>(const GoalLimits&, const Matrix3&, const Matrix3*, Columns<3>&);
-template Limited applyGoalLimits<9>(const GoalLimits&, const Matrix3&, const Matrix3*, Columns<9>&);
 
 Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation) {
   const Vector3 fibre = asVector(mechanics.fibre);

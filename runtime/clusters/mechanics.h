@@ -4,11 +4,12 @@
 // (docs/method.md §9).
 #pragma once
 
-#include <memory>
+#include <memory_resource>
 #include <span>
 #include <vector>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/geometry/small_matrix.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -16,7 +17,7 @@ namespace sinew::internal {
 /// The modes that a cluster can deform in, in double: b = T^T q~ with Σ mu b b^T = 1, so directions that the rest shape
 /// lacks are left out and what remains is well conditioned.
 struct ModeBasis {
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 9, 9> t;          ///< T, columns of q~ x modes
+  geometry::SmallMatrix<81> t;                                               ///< T, columns of q~ x modes
   Eigen::Matrix<double, 9, 1> mean = Eigen::Matrix<double, 9, 1>::Zero();    ///< Σ mu q~ of the uncentred q~
   Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();  ///< Σ mu q~ q~^T, centred
 };
@@ -25,7 +26,7 @@ ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t cluster);
 /// Strain energy of an isotropic solid in the modes of a cluster: 3 x modes square, index (axis, mode) = axis * modes +
 /// mode, so that 1/2 a^T K a is the energy of the goals G = (a) T^T over the cluster's mass and radius². 1/s².
 /// The cluster's vertices are the quadrature (their mu over the density is their volume), so it needs moments only.
-using ModeMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 27, 27>;
+using ModeMatrix = geometry::SmallMatrix<729>;
 ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t cluster, const ModeBasis& basis);
 
 /// Elastic eigenmodes of a cluster: columns v of `vectors` with (M x 1) v' = ... orthonormal in the mass, so that the
@@ -66,10 +67,10 @@ enum class Limited {
   guarded,  ///< it was squashed, mirrored or stretched beyond the guard: the motion of its vertices has to be stopped
 };
 
-/// Limits and volume on the linear block of F (eq. 10); blending limits take the squares and products along.
+/// Limits and volume on the linear block of F (eq. 10); blending limits take the squares and products along, which are
+/// zero in a linear cluster.
 /// \param shape the rest shape's own deformation (plasticity, activation), null for none: limits count from it.
-template <int N>
-Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<N>& f);
+Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<9>& f);
 
 /// Deformation of the rest shape of one cluster, body state.
 struct ShapeState {
@@ -79,11 +80,12 @@ struct ShapeState {
 
 /// State of a body beyond frames; vectors are empty where the package needs none.
 struct MechanicsState {
-  std::vector<ShapeState> shapes;    ///< by cluster
-  std::vector<Columns<9>> previous;  ///< by cluster: (R^T F - S) M of the last pass, for damping
-  std::vector<float> activation;     ///< by channel, 0..1
+  std::pmr::vector<ShapeState> shapes;    ///< by cluster
+  std::pmr::vector<Columns<9>> previous;  ///< by cluster: (R^T F - S) M of the last pass, for damping
+  std::pmr::vector<float> activation;     ///< by channel, 0..1
 
-  MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants);
+  MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants,
+                 std::pmr::memory_resource* memory);
   /// Nothing permanent, nothing activated, at rest.
   void reset();
   /// Makes the shapes again from what is permanent and what is activated.

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/clusters/pin_fit.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "runtime/clusters/goal.h"
+#include "runtime/geometry/pseudo_inverse.h"
 
 namespace sinew::internal {
 namespace {
@@ -21,25 +22,39 @@ constexpr double kPinFrequency = 60;
 // A ratio (2 pi f h)² from which on a class of modes counts as rigid.
 constexpr double kRigidRatio = 1e9;
 
-PinFit::Basis constant(int size, double first) {
-  PinFit::Basis b = PinFit::Basis::Zero(size);
-  b[0] = first;
-  return b;
+using geometry::addProduct;
+using geometry::addScaled;
+using geometry::ConstMatrixView;
+using geometry::MatrixView;
+using geometry::SmallMatrix;
+using geometry::viewOf;
+using Matrix9d = Eigen::Matrix<double, 9, 9>;
+using Vector9d = Eigen::Matrix<double, 9, 1>;
+
+// to += scale a b^T with b a vector of three.
+void addOuter(MatrixView to, double scale, ConstMatrixView a, const Eigen::Vector3d& b) {
+  addProduct(to, scale, a, {b.data(), 1, 3, 1, 1});
 }
 
 // N (N^T H N)^-1 N^T.
-template <class Matrix>
-Matrix inverseWithin(const Matrix& n, const Matrix& system) {
-  if (n.cols() == 0) return Matrix::Zero(n.rows(), n.rows());
-  const Matrix reduced = n.transpose() * system * n;
-  const Matrix identity = Matrix::Identity(n.cols(), n.cols());
-  const Matrix inner = reduced.llt().solve(identity);
-  return n * inner * n.transpose();
+template <int kMost>
+SmallMatrix<kMost> inverseWithin(const SmallMatrix<kMost>& n, const SmallMatrix<kMost>& system) {
+  SmallMatrix<kMost> inner(n.columns(), n.columns()), result(n.rows(), n.rows());
+  geometry::addCongruence(inner, 1, system, n);
+  geometry::invertPositive(inner);
+  geometry::addCongruence(result, 1, inner, ConstMatrixView(n).transposed());
+  return result;
+}
+
+Vector9d monomialsOf(const Eigen::Vector3d& q) {
+  Vector9d result;
+  result << q, q.cwiseProduct(q), q[0] * q[1], q[1] * q[2], q[2] * q[0];
+  return result;
 }
 
 // A of q~(q' + s) = A q~'(q') + q~(s).
-Eigen::Matrix<double, 9, 9> shiftedMonomials(const Eigen::Vector3d& s) {
-  Eigen::Matrix<double, 9, 9> a = Eigen::Matrix<double, 9, 9>::Identity();
+Matrix9d shiftedMonomials(const Eigen::Vector3d& s) {
+  Matrix9d a = Matrix9d::Identity();
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;
     a(3 + axis, axis) = 2 * s[axis];
@@ -52,71 +67,79 @@ Eigen::Matrix<double, 9, 9> shiftedMonomials(const Eigen::Vector3d& s) {
 }  // namespace
 
 PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method,
-               std::vector<PinPoint> points)
-    : cluster_(cluster), method_(method), points_(std::move(points)), basis_(modeBasis(package, cluster)) {
+               std::span<const PinPoint> points, allocator_type allocator)
+    : cluster_(cluster),
+      method_(method),
+      points_(points.begin(), points.end(), allocator),
+      values_(allocator),
+      offsets_(allocator),
+      basis_(modeBasis(package, cluster)) {
   const formats::Cluster& record = package.clusters()[cluster];
-  if (record.mode == formats::ClusterMode::rigid) basis_.t.resize(3, 0);
+  if (record.mode == formats::ClusterMode::rigid) basis_.t = SmallMatrix<81>(3, 0);
   elastic_ = !package.mechanics().empty() && record.mode != formats::ClusterMode::rigid &&
              package.mechanics()[cluster].stiffness == formats::StiffnessModel::elastic;
   if (elastic_) energy_ = elasticEnergy(package, cluster, basis_);
-  const int size = int(basis_.t.cols()) + 1;
-  Square10 moment = Square10::Zero(size, size);
+  const int size = basis_.t.columns() + 1;
+  Square10 moment(size, size);
   Eigen::Vector3d first = Eigen::Vector3d::Zero();
   Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
   double count = 0;
+  values_.reserve(points.size());
+  offsets_.reserve(points.size());
   for (const PinPoint& point : points_) {
     const Vector3 rest = asVector(package.physicalVertices()[point.vertex].rest_position);
     values_.push_back(basisAt(record, rest));
     offsets_.push_back(restOffset(record, rest) - basis_.mean.head<3>().cast<float>());
+    pin_mean_ += (offsets_.back().cast<double>() + basis_.mean.head<3>()) / double(points.size());
     if (point.weight < 1) continue;
-    moment += values_.back() * values_.back().transpose();
+    addProduct(moment, 1, values_.back(), std::as_const(values_.back()).transposed());
     const Eigen::Vector3d q = restOffset(record, rest).cast<double>();
     first += q;
     second += q * q.transpose();
     ++count;
   }
-  const Eigen::SelfAdjointEigenSolver<Square10> solver(moment);
-  from_points_ = Square10::Zero(size, size);
-  Eigen::Index free_count = 0;
-  null_space_.resize(size, size);
+  std::array<double, 10> values;
+  Square10 vectors(size, size);
+  geometry::symmetricEigen(moment, values, vectors);
+  from_points_ = free_ = null_space_ = Square10(size, size);
+  int free_count = 0;
   for (int k = 0; k < size; ++k) {
-    const double value = solver.eigenvalues()[k];
-    const Square10 outer = solver.eigenvectors().col(k) * solver.eigenvectors().col(k).transpose();
-    if (value > 0 && value > kPinCutoff * solver.eigenvalues()[size - 1]) {
-      from_points_ += outer / value;
+    const double value = values[std::size_t(k)];
+    const ConstMatrixView vector = vectors.block(0, k, size, 1);
+    if (value > 0 && value > kPinCutoff * values[std::size_t(size - 1)]) {
+      addProduct(from_points_, 1 / value, vector, vector.transposed());
     } else {
-      null_space_.col(free_count++) = solver.eigenvectors().col(k);
+      addScaled(null_space_.block(0, free_count++, size, 1), 1, vector);
     }
   }
-  null_space_.conservativeResize(size, free_count);
-  free_ = null_space_ * null_space_.transpose();
+  null_space_.keepColumns(free_count);
+  addProduct(free_, 1, null_space_, std::as_const(null_space_).transposed());
   // Six points that have the cluster's second moment: the mean of a cubic, which a volume ratio is, but for its
   // skewness.
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(Eigen::Matrix3d(basis_.moment.topLeftCorner<3, 3>()));
+  std::array<double, 3> spread;
+  Eigen::Matrix3d axes;
+  geometry::symmetricEigen(viewOf(std::as_const(basis_.moment)).block(0, 0, 3, 3), spread, viewOf(axes));
   for (int k = 0; k < 6; ++k) {
-    const double reach = std::sqrt(3 * std::max(axes.eigenvalues()[k / 2], 0.0)) * (k % 2 == 0 ? 1 : -1);
-    const Eigen::Vector3d q = basis_.mean.head<3>() + reach * axes.eigenvectors().col(k / 2);
+    const double reach = std::sqrt(3 * std::max(spread[std::size_t(k / 2)], 0.0)) * (k % 2 == 0 ? 1 : -1);
+    const Eigen::Vector3d q = basis_.mean.head<3>() + reach * axes.col(k / 2);
     const Eigen::Matrix<double, 9, 3> gradient = monomialGradient<9>(q.cast<float>()).cast<double>();
-    strain_points_.push_back(basis_.t.transpose() * gradient.topRows(basis_.t.rows()));
-  }
-  for (const Vector3& offset : offsets_) {
-    pin_mean_ += (offset.cast<double>() + basis_.mean.head<3>()) / double(offsets_.size());
+    ModeGradient& at = strain_points_[std::size_t(k)];
+    at = ModeGradient(size - 1, 3);
+    addProduct(at, 1, std::as_const(basis_.t).transposed(), viewOf(gradient).block(0, 0, basis_.t.rows(), 3));
   }
   if (count >= 3) {
     second = (second / count - first * first.transpose() / (count * count)).eval();
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(second, Eigen::EigenvaluesOnly);
-    oriented_ = spread.eigenvalues()[1] > 1e-6 * spread.eigenvalues()[2];
+    geometry::symmetricEigen(viewOf(std::as_const(second)), spread, viewOf(axes));
+    oriented_ = spread[1] > 1e-6 * spread[2];
   }
 }
 
 PinFit::Basis PinFit::basisAt(const formats::Cluster& cluster, const Vector3& rest_position) const {
-  const Eigen::Vector3d q = restOffset(cluster, rest_position).cast<double>();
-  Eigen::Matrix<double, 9, 1> monomial;
-  monomial << q, q.cwiseProduct(q), q[0] * q[1], q[1] * q[2], q[2] * q[0];
-  monomial -= basis_.mean;
-  Basis b(basis_.t.cols() + 1);
-  b[0] = 1;
-  b.tail(basis_.t.cols()) = basis_.t.transpose() * monomial.head(basis_.t.rows());
+  const Vector9d monomial = monomialsOf(restOffset(cluster, rest_position).cast<double>()) - basis_.mean;
+  const int modes = basis_.t.columns(), n = basis_.t.rows();
+  Basis b(modes + 1, 1);
+  b(0, 0) = 1;
+  addProduct(b.block(1, 0, modes, 1), 1, basis_.t.transposed(), viewOf(monomial).block(0, 0, n, 1));
   return b;
 }
 
@@ -125,34 +148,34 @@ void PinFit::prepare(const formats::PackageView& package, const RestConstants& r
   if (pass_seconds_ == pass_seconds) return;
   pass_seconds_ = pass_seconds;
   const double h = double(pass_seconds);
-  const int modes = int(basis_.t.cols()), size = modes + 1;
+  const int modes = basis_.t.columns(), size = modes + 1;
   const formats::ClusterMechanics& mechanics =
       package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[cluster_];
   const double damping = h * double(mechanics.damping);
-  Square10 springs = Square10::Zero(size, size);
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    springs += springOf(points_[i]) * values_[i] * values_[i].transpose();
-  }
 
   // Mass (the identity), damping of the modes, springs of the soft pins; then the return of the modes.
-  system_ = Square10::Identity(size, size) + springs;
-  system_.diagonal().tail(modes).array() += damping;
+  system_ = Square10(size, size);
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    addProduct(system_, springOf(points_[i]), values_[i], std::as_const(values_[i]).transposed());
+  }
+  geometry::addToDiagonal(system_, 1);
+  geometry::addToDiagonal(system_.block(1, 1, modes, modes), damping);
   if (elastic_ && method_ == PinMethod::constrained_fit) {
     const double scale = h * h * double(stiffness_scale) * double(stiffness_scale);
-    system3_ = Square30::Zero(3 * size, 3 * size);
-    const Eigen::Index free_count = null_space_.cols();
-    Square30 null_space3 = Square30::Zero(3 * size, 3 * free_count);
+    system3_ = Square30(3 * size, 3 * size);
+    const int free_count = null_space_.columns();
+    Square30 null_space3(3 * size, 3 * free_count);
     for (int a = 0; a < 3; ++a) {
-      system3_.block(a * size, a * size, size, size) = system_;
-      null_space3.block(a * size, a * free_count, size, free_count) = null_space_;
+      addScaled(system3_.block(a * size, a * size, size, size), 1, system_);
+      addScaled(null_space3.block(a * size, a * free_count, size, free_count), 1, null_space_);
       for (int b = 0; b < 3; ++b) {
-        system3_.block(a * size + 1, b * size + 1, modes, modes) +=
-            scale * energy_.block(a * modes, b * modes, modes, modes);
+        addScaled(system3_.block(a * size + 1, b * size + 1, modes, modes), scale,
+                  energy_.block(a * modes, b * modes, modes, modes));
       }
     }
     inverse3_ = inverseWithin(null_space3, system3_);
-    response_ = Square10::Zero(size, size);
-    for (int a = 0; a < 3; ++a) response_ += inverse3_.block(a * size, a * size, size, size) / 3;
+    response_ = Square10(size, size);
+    for (int a = 0; a < 3; ++a) addScaled(response_, 1.0 / 3, inverse3_.block(a * size, a * size, size, size));
     return;
   }
   std::array<double, 3> ratios = classRatios(package, rest, cluster_, stiffness_scale, pass_seconds);
@@ -161,21 +184,25 @@ void PinFit::prepare(const formats::PackageView& package, const RestConstants& r
   if (method_ == PinMethod::constrained_fit && modes > 0) {
     // About the pins: q~' of q' = q - (mean of the pins), q~ = A q~' + constant, so that a mode that leaves the pins in
     // place has the frequency of its class. K = D M' D in those, M' with the mean: the pins take the translation.
-    const int n = int(basis_.t.rows());
-    Eigen::Matrix<double, 9, 1> root = Eigen::Matrix<double, 9, 1>::Zero();
-    for (int k = 0; k < n; ++k) root[k] = std::sqrt(ratios[std::size_t(k / 3)]);
-    Eigen::Matrix<double, 9, 1> at_pins;
-    at_pins << pin_mean_, pin_mean_.cwiseProduct(pin_mean_), pin_mean_[0] * pin_mean_[1], pin_mean_[1] * pin_mean_[2],
-        pin_mean_[2] * pin_mean_[0];
-    const Eigen::Matrix<double, 9, 9> to = shiftedMonomials(pin_mean_), back = shiftedMonomials(-pin_mean_);
-    const Eigen::Matrix<double, 9, 1> offset = basis_.mean - at_pins;
-    const Eigen::Matrix<double, 9, 9> moment = back * (basis_.moment + offset * offset.transpose()) * back.transpose();
-    const Eigen::Matrix<double, 9, 9> about = root.asDiagonal() * moment * root.asDiagonal();
-    const Eigen::Matrix<double, 9, 9> energy = to * about * to.transpose();
-    system_.bottomRightCorner(modes, modes) += (basis_.t.transpose() * energy.topLeftCorner(n, n) * basis_.t).eval();
+    const int n = basis_.t.rows();
+    const Vector9d offset = basis_.mean - monomialsOf(pin_mean_);
+    const Matrix9d to = shiftedMonomials(pin_mean_), back = shiftedMonomials(-pin_mean_);
+    const Matrix9d moment = basis_.moment + offset * offset.transpose();
+    Matrix9d about = Matrix9d::Zero(), energy = Matrix9d::Zero();
+    geometry::addCongruence(viewOf(about), 1, viewOf(moment), viewOf(back).transposed());
+    for (int j = 0; j < 9; ++j) {
+      for (int i = 0; i < 9; ++i) {
+        const bool both = i < n && j < n;
+        about(i, j) *= both ? std::sqrt(ratios[std::size_t(i / 3)]) * std::sqrt(ratios[std::size_t(j / 3)]) : 0.0;
+      }
+    }
+    geometry::addCongruence(viewOf(energy), 1, viewOf(std::as_const(about)), viewOf(to).transposed());
+    geometry::addCongruence(system_.block(1, 1, modes, modes), 1, viewOf(std::as_const(energy)).block(0, 0, n, n),
+                            basis_.t);
   }
   inverse_ = inverseWithin(null_space_, system_);
-  response_ = method_ == PinMethod::infinite_mass ? Square10(beta_ * inverse_) : inverse_;
+  response_ = Square10(size, size);
+  addScaled(response_, method_ == PinMethod::infinite_mass ? beta_ : 1.0, inverse_);
 }
 
 double PinFit::springOf(const PinPoint& point) const {
@@ -187,12 +214,12 @@ double PinFit::springOf(const PinPoint& point) const {
 
 bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
                    ClusterFrame& frame) const {
-  const int modes = int(basis_.t.cols()), n = int(basis_.t.rows()), size = modes + 1;
+  const int modes = basis_.t.columns(), n = basis_.t.rows(), size = modes + 1;
   const Matrix3 shape = extras.shape != nullptr ? *extras.shape : Matrix3(Matrix3::Identity());
   const auto points_at = [&](const PinPoint& point) {
     return Vector3((point.place - moment_center_) / cluster.radius);
   };
-  const auto rest_at = [&](std::size_t i) { return restOfPoint(i, shape); };
+  const auto rest_at = [&](std::size_t i) { return Vector3(shape * offsets_[i]); };
   // R: what the pins say. Frequencies are about that frame: about a frame that follows the body they would let it sag
   // without end. The energy of elastic modes does not mind turns, and large ones are right only about the body's own.
   if (oriented_ && !elastic_ && method_ != PinMethod::matrix) {
@@ -215,54 +242,45 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   const Eigen::Matrix3d back = r.transpose().cast<double>();
 
   // Where the pins want their points, and the exact ones' least-norm answer to it.
-  Answer wanted = Answer::Zero(size, 3), soft = Answer::Zero(size, 3);
+  Answer wanted(size, 3), load(size, 3);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   double exact = 0;
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const Eigen::Vector3d d = back * points_at(points_[i]).cast<double>() - rest_at(i).cast<double>();
     if (points_[i].weight < 1) {
-      soft += springOf(points_[i]) * values_[i] * d.transpose();
+      addOuter(load, springOf(points_[i]), values_[i], d);
     } else {
-      wanted += values_[i] * d.transpose();
+      addOuter(wanted, 1, values_[i], d);
       mean += d;
       ++exact;
     }
   }
-  const Answer held = from_points_ * wanted;
+  Answer held(size, 3);
+  addProduct(held, 1, from_points_, wanted);
 
-  const auto answer_of = [&](const Columns<9>& f, const Eigen::Vector3d& shift) {
-    Eigen::Matrix<double, 3, 9> g = back * f.cast<double>();
-    g.leftCols<3>() -= shape.cast<double>();
-    Answer answer(size, 3);
-    answer.row(0) = shift.transpose();
-    answer.bottomRows(modes) = (g.leftCols(n) * basis_.moment.topLeftCorner(n, n) * basis_.t).transpose();
-    return answer;
-  };
-  Answer g(size, 3);
+  Answer g = held;
   if (method_ == PinMethod::matrix) {
-    g = held + free_ * (answer_of(frame.f, Eigen::Vector3d::Zero()) - held);
+    addFreePart(g, answerOf(frame.f, r, shape, Eigen::Vector3d::Zero()), held);
   } else {
-    Answer load = soft;
     if (modes > 0) {
       Eigen::Matrix<double, 3, 9> deviation = back * frame.a_pq.cast<double>() - (shape * rest.moment).cast<double>();
-      if (extras.previous != nullptr) {
-        deviation += double(extras.damping_passes) * extras.previous->cast<double>();
-      }
-      load.bottomRows(modes) += (deviation.leftCols(n) * basis_.t).transpose();
+      if (extras.previous != nullptr) deviation += double(extras.damping_passes) * extras.previous->cast<double>();
+      addProduct(load.block(1, 0, modes, 3), 1, basis_.t.transposed(),
+                 viewOf(std::as_const(deviation)).block(0, 0, 3, n).transposed());
     }
     if (elastic_ && method_ == PinMethod::constrained_fit) {
-      const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 1>> flat_held(held.data(), 3 * size);
-      const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 1>> flat_load(load.data(), 3 * size);
-      Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 30, 1> left = flat_load;
-      left.noalias() -= system3_ * flat_held;
-      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 1>> flat(g.data(), 3 * size);
-      flat.noalias() = inverse3_ * left;
-      g += held;
+      // The three axes together: an answer's columns one below the other.
+      const auto flat = [size](auto& answer) {
+        return decltype(answer.view()){answer.data(), 3 * size, 1, 1, 3 * size};
+      };
+      addProduct(flat(load), -1, system3_, flat(std::as_const(held)));
+      addProduct(flat(g), 1, inverse3_, flat(std::as_const(load)));
     } else {
-      const Answer left = load - system_ * held;
-      g = held + inverse_ * left;
+      addProduct(load, -1, system_, held);
+      addProduct(g, 1, inverse_, load);
       if (method_ == PinMethod::infinite_mass && exact > 0) {
-        g = (beta_ * g + (1 - beta_) * constant(size, 1) * (mean / exact).transpose()).eval();
+        addScaled(g, beta_ - 1, g);
+        for (int a = 0; a < 3; ++a) g(0, a) += (1 - beta_) * mean[a] / exact;
       }
     }
   }
@@ -275,59 +293,90 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   GoalLimits limits = *extras.limits;
   limits.volume = formats::VolumeMethod::none;
   Columns<9> f = frame.f;
-  Columns<3> linear = f.leftCols<3>();
-  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-  const Limited limited =
-      quadratic ? applyGoalLimits<9>(limits, r, extras.shape, f) : applyGoalLimits<3>(limits, r, extras.shape, linear);
-  if (limited == Limited::nothing) return false;
-  if (!quadratic) f.leftCols<3>() = linear;
-  g = (held + free_ * (answer_of(f, g.row(0)) - held)).eval();
+  if (applyGoalLimits(limits, r, extras.shape, f) == Limited::nothing) return false;
+  const Eigen::Vector3d shift(g(0, 0), g(0, 1), g(0, 2));
+  g = held;
+  addFreePart(g, answerOf(f, r, shape, shift), held);
   write(cluster, r, shape, g, frame);
   return true;
+}
+
+// g += N N^T (answer - held).
+void PinFit::addFreePart(Answer& g, Answer answer, const Answer& held) const {
+  addScaled(answer, -1, held);
+  addProduct(g, 1, free_, answer);
+}
+
+// What an F is in the basis. \param shift of the goals' centre, over the radius, in the frame R.
+PinFit::Answer PinFit::answerOf(const Columns<9>& f, const Matrix3& r, const Matrix3& shape,
+                                const Eigen::Vector3d& shift) const {
+  const int modes = basis_.t.columns(), n = basis_.t.rows();
+  Eigen::Matrix<double, 3, 9> g = r.transpose().cast<double>() * f.cast<double>();
+  g.leftCols<3>() -= shape.cast<double>();
+  SmallMatrix<81> moment(n, modes);
+  addProduct(moment, 1, viewOf(basis_.moment).block(0, 0, n, n), basis_.t);
+  Answer answer(modes + 1, 3);
+  for (int a = 0; a < 3; ++a) answer(0, a) = shift[a];
+  addProduct(answer.block(1, 0, modes, 3), 1, std::as_const(moment).transposed(),
+             viewOf(std::as_const(g)).block(0, 0, 3, n).transposed());
+  return answer;
 }
 
 // The free modes move by the least mass-weighted amount that makes the mean volume ratio that of the rest shape:
 // Newton's steps along its gradient, which is the force of a pressure. Clamping principal stretches is no such least
 // change, and with pins in the way it fed a beam energy until it burst.
 void PinFit::keepVolume(const Matrix3& shape, Answer& g) const {
-  const int modes = int(basis_.t.cols()), size = modes + 1;
+  const int modes = basis_.t.columns(), size = modes + 1;
   const Eigen::Matrix3d rest = shape.cast<double>();
   const double part = 1.0 / double(strain_points_.size());
   for (int step = 0; step < 3; ++step) {
     double ratio = 0;
-    Answer gradient = Answer::Zero(size, 3);
+    Answer gradient(size, 3);
     for (const ModeGradient& at : strain_points_) {
-      const Eigen::Matrix3d local = rest + (at.transpose() * g.bottomRows(modes)).transpose();
+      Eigen::Matrix3d local = rest;
+      addProduct(viewOf(local).transposed(), 1, at.transposed(), g.block(1, 0, modes, 3));
       Eigen::Matrix3d cofactor;
       for (int k = 0; k < 3; ++k) cofactor.col(k) = local.col((k + 1) % 3).cross(local.col((k + 2) % 3));
       ratio += part * local.determinant();
-      gradient.bottomRows(modes) += part * (cofactor * at.transpose()).transpose();
+      addProduct(gradient.block(1, 0, modes, 3), part, at, viewOf(std::as_const(cofactor)).transposed());
     }
-    const Answer along = free_ * gradient;
-    const double response = (along.array() * gradient.array()).sum();
-    if (!(response > 1e-6 * gradient.squaredNorm())) return;
+    Answer along(size, 3);
+    addProduct(along, 1, free_, gradient);
+    double response = 0, norm2 = 0;
+    for (int k = 0; k < 3 * size; ++k) {
+      response += along.data()[k] * gradient.data()[k];
+      norm2 += gradient.data()[k] * gradient.data()[k];
+    }
+    if (!(response > 1e-6 * norm2)) return;
     // Far from the wanted volume the gradient says little: never more than a tenth at a time.
-    g += (std::clamp(rest.determinant() - ratio, -0.1, 0.1) / response) * along;
+    addScaled(g, std::clamp(rest.determinant() - ratio, -0.1, 0.1) / response, along);
   }
 }
 
-Vector3 PinFit::restOfPoint(std::size_t i, const Matrix3& shape) const { return shape * offsets_[i]; }
-
 void PinFit::write(const formats::Cluster& cluster, const Matrix3& r, const Matrix3& shape, const Answer& g,
                    ClusterFrame& frame) const {
-  const int modes = int(basis_.t.cols()), n = int(basis_.t.rows());
+  const int modes = basis_.t.columns(), n = basis_.t.rows();
   Eigen::Matrix<double, 3, 9> f = Eigen::Matrix<double, 3, 9>::Zero();
   f.leftCols<3>() = shape.cast<double>();
-  if (modes > 0) f.leftCols(n) += (basis_.t * g.bottomRows(modes)).transpose();
+  addProduct(viewOf(f).block(0, 0, 3, n), 1, g.block(1, 0, modes, 3).transposed(), basis_.t.transposed());
   frame.f = (r.cast<double>() * f).cast<float>();
-  frame.center = moment_center_ + cluster.radius * (r * g.row(0).transpose().cast<float>());
+  frame.center = moment_center_ + cluster.radius * (r * Vector3(float(g(0, 0)), float(g(0, 1)), float(g(0, 2))));
 }
 
 float PinFit::response(const Basis& b, Monomials<9>& columns) const {
-  const Basis answer = response_ * b;
+  Basis answer(b.rows(), 1);
+  addProduct(answer, 1, response_, b);
+  SmallMatrix<9> moved(basis_.t.rows(), 1);
+  addProduct(moved, 1, basis_.t, std::as_const(answer).block(1, 0, basis_.t.columns(), 1));
   columns.setZero();
-  columns.head(basis_.t.rows()) = (basis_.t * answer.tail(basis_.t.cols())).cast<float>();
-  return float(answer[0]);
+  for (int k = 0; k < moved.rows(); ++k) columns[k] = float(moved(k, 0));
+  return float(answer(0, 0));
+}
+
+float PinFit::ownResponse(const Basis& b) const {
+  SmallMatrix<1> result(1, 1);
+  geometry::addCongruence(result, 1, response_, b);
+  return float(result(0, 0));
 }
 
 }  // namespace sinew::internal

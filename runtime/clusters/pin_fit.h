@@ -4,7 +4,9 @@
 // pinned vertices (docs/method.md §10).
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <memory_resource>
 #include <span>
 #include <vector>
 
@@ -31,13 +33,21 @@ struct PinPoint {
 /// column per axis, and u = g^T b is the displacement of a goal from c + r R S q over the radius, in the frame R.
 class PinFit {
  public:
-  using Basis = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 10, 1>;
-  using Square10 = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 10, 10>;
-  using Square30 = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 30, 30>;
-  using Answer = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 10, 3>;
+  using Basis = geometry::SmallMatrix<10>;
+  using Square10 = geometry::SmallMatrix<100>;
+  using Square30 = geometry::SmallMatrix<900>;
+  using Answer = geometry::SmallMatrix<30>;
+  using allocator_type = std::pmr::polymorphic_allocator<>;
 
-  /// \param points of this cluster, at least one.
-  PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method, std::vector<PinPoint> points);
+  /// \param points of this cluster, at least one. \param allocator what the fit keeps comes from there.
+  PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method, std::span<const PinPoint> points,
+         allocator_type allocator);
+  PinFit(PinFit&& other) noexcept = default;
+  PinFit(PinFit&& other, allocator_type) noexcept : PinFit(std::move(other)) {}  // of the same memory
+  PinFit(const PinFit&) = delete;
+  PinFit& operator=(const PinFit&) = delete;
+  PinFit& operator=(PinFit&&) = delete;
+  ~PinFit() = default;
 
   std::uint32_t cluster() const { return cluster_; }
   std::span<const PinPoint> points() const { return points_; }
@@ -64,24 +74,25 @@ class PinFit {
   float response(const Basis& b, Monomials<9>& columns) const;
 
   /// How far a goal with basis b moves along an impulse on itself, x mass.
-  float ownResponse(const Basis& b) const { return float(b.dot(response_ * b)); }
+  float ownResponse(const Basis& b) const;
 
  private:
   void keepVolume(const Matrix3& shape, Answer& g) const;
+  void addFreePart(Answer& g, Answer answer, const Answer& held) const;
   double springOf(const PinPoint& point) const;
-  Vector3 restOfPoint(std::size_t point, const Matrix3& shape) const;
+  Answer answerOf(const Columns<9>& f, const Matrix3& r, const Matrix3& shape, const Eigen::Vector3d& shift) const;
   void write(const formats::Cluster& cluster, const Matrix3& r, const Matrix3& shape, const Answer& g,
              ClusterFrame& frame) const;
 
   std::uint32_t cluster_;
   PinMethod method_;
-  std::vector<PinPoint> points_;
-  std::vector<Basis> values_;     ///< by point
-  std::vector<Vector3> offsets_;  ///< by point: centred q
+  std::pmr::vector<PinPoint> points_;
+  std::pmr::vector<Basis> values_;     ///< by point
+  std::pmr::vector<Vector3> offsets_;  ///< by point: centred q
   ModeBasis basis_;
   ModeMatrix energy_;  ///< of an elastic cluster, E and nu as baked
-  using ModeGradient = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 9, 3>;
-  std::vector<ModeGradient> strain_points_;             ///< d b / d q where volume is measured
+  using ModeGradient = geometry::SmallMatrix<27>;
+  std::array<ModeGradient, 6> strain_points_;           ///< d b / d q (modes x 3) where volume is measured
   Square10 from_points_;                                ///< (C^T C)^+ of the exact points
   Square10 null_space_;                                 ///< N: what the exact points leave free, columns orthonormal
   Square10 free_;                                       ///< N N^T

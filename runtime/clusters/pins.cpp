@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <map>
+#include <tuple>
 
 #include "runtime/clusters/goal.h"
 
@@ -48,55 +48,87 @@ RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransfor
   return result;
 }
 
-// Fits are remade as a whole: sets come and go rarely.
+namespace {
+
+// Whether the vertices of a set count as held.
+void setHeld(Body& body, const PinSet& set, bool held) {
+  for (const PinnedVertex& vertex : set.vertices) {
+    body.pinned[vertex.vertex] = held ? 1 : 0;
+    body.force[vertex.vertex] = {};
+  }
+}
+
+}  // namespace
+
+// Fits are remade as a whole: sets come and go rarely. Where memory runs out, the body keeps those that it had.
 void rebuildFits(Body& body) {
-  struct Pinned {
-    PinMethod method = PinMethod::infinite_mass;
-    std::vector<PinPoint> points;
+  const auto memory = body.fits.get_allocator();
+  struct Reached {
+    std::uint32_t cluster;
+    PinPoint point;
   };
-  std::map<std::uint32_t, Pinned> by_cluster;
+  std::pmr::vector<Reached> reached(memory);
   for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
     const PinSet& set = body.pin_sets[s];
     if (isHeldByRows(set)) continue;
     for (std::uint32_t item = 0; item < set.vertices.size(); ++item) {
       const PinnedVertex& vertex = set.vertices[item];
       for (const ClusterUse& use : body.rest().usesOf(vertex.vertex)) {
-        Pinned& pinned = by_cluster[use.cluster];
-        pinned.method = std::max(pinned.method, set.method);
         const formats::Cluster& cluster = body.package().clusters()[use.cluster];
         const float mu = use.share * body.vertices()[vertex.vertex].mass / cluster.mass;
-        pinned.points.push_back({vertex.vertex, s, item, vertex.weight, mu, Vector3::Zero()});
+        reached.push_back({use.cluster, {vertex.vertex, s, item, vertex.weight, mu, Vector3::Zero()}});
       }
     }
   }
-  body.fits.clear();
-  std::fill(body.fit_of.begin(), body.fit_of.end(), formats::kNone);
-  if (!by_cluster.empty()) body.fit_of.resize(body.clusterCount(), formats::kNone);
-  for (auto& [cluster, pinned] : by_cluster) {
-    body.fit_of[cluster] = std::uint32_t(body.fits.size());
-    body.fits.emplace_back(body.package(), cluster, pinned.method, std::move(pinned.points));
+  std::sort(reached.begin(), reached.end(), [](const Reached& a, const Reached& b) {
+    return std::tie(a.cluster, a.point.set, a.point.item) < std::tie(b.cluster, b.point.set, b.point.item);
+  });
+  std::pmr::vector<PinFit> fits(memory);
+  std::pmr::vector<std::uint32_t> fit_of(memory);
+  std::pmr::vector<PinPoint> points(memory);
+  if (!reached.empty()) fit_of.resize(body.clusterCount(), formats::kNone);
+  for (auto first = reached.begin(); first != reached.end();) {
+    PinMethod method = PinMethod::infinite_mass;
+    points.clear();
+    auto last = first;
+    for (; last != reached.end() && last->cluster == first->cluster; ++last) {
+      method = std::max(method, body.pin_sets[last->point.set].method);
+      points.push_back(last->point);
+    }
+    fit_of[first->cluster] = std::uint32_t(fits.size());
+    fits.emplace_back(body.package(), first->cluster, method, points);
+    first = last;
   }
-  if (by_cluster.empty()) body.fit_of.clear();
+  body.fits.swap(fits);
+  body.fit_of.swap(fit_of);
 }
 
 void addPinSet(Body& body, PinSet set) {
   const auto rotation = asMatrix(set.at.rotation);
   for (PinnedVertex& vertex : set.vertices) {
     vertex.local = asArray(rotation.transpose() * (asVector(body.x[vertex.vertex]) - asVector(set.at.position)));
-    body.pinned[vertex.vertex] = 1;
-    body.force[vertex.vertex] = {};
   }
   body.pin_sets.push_back(std::move(set));
-  rebuildFits(body);
+  try {
+    rebuildFits(body);
+  } catch (...) {
+    body.pin_sets.pop_back();
+    throw;
+  }
+  setHeld(body, body.pin_sets.back(), true);
 }
 
 void removePinSet(Body& body, std::size_t index) {
-  for (const PinnedVertex& vertex : body.pin_sets[index].vertices) {
-    body.pinned[vertex.vertex] = 0;
-    body.force[vertex.vertex] = {};
+  const auto place = body.pin_sets.begin() + std::ptrdiff_t(index);
+  PinSet removed = std::move(*place);
+  body.pin_sets.erase(place);
+  try {
+    rebuildFits(body);
+  } catch (...) {
+    body.pin_sets.insert(body.pin_sets.begin() + std::ptrdiff_t(index), std::move(removed));  // there is room
+    throw;
   }
-  body.pin_sets.erase(body.pin_sets.begin() + std::ptrdiff_t(index));
-  rebuildFits(body);
+  setHeld(body, removed, false);
 }
 
 void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left) {

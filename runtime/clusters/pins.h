@@ -18,7 +18,7 @@ RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransfor
 void addPinSet(Body& body, PinSet set);
 /// Makes Body::fits again from its sets, as they are.
 void rebuildFits(Body& body);
-/// Removes the set at an index.
+/// Removes the set at an index. This and addPinSet() leave all as it was where memory runs out (std::bad_alloc).
 void removePinSet(Body& body, std::size_t index);
 
 /// Appends a row for each vertex that is held (method `hold`: positions held, forces passed on through the match).

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/clusters/stiffness.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -66,16 +65,14 @@ Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>&
 // Whether a cluster is so thin that its classes of modes cannot be told apart under a load: a wire's bend turns it
 // about its own axis, where it has next to no inertia, and contacts then drove it without bound.
 bool isSlender(const ClusterRest& rest) {
-  const Square<3> moment = rest.moment.leftCols<3>();
-  const Eigen::SelfAdjointEigenSolver<Square<3>> solver(moment, Eigen::EigenvaluesOnly);
-  return solver.eigenvalues()[0] < kSlender * solver.eigenvalues()[2];
+  const Eigen::Matrix3d moment = rest.moment.leftCols<3>().cast<double>();
+  std::array<double, 3> values;
+  Eigen::Matrix3d axes;
+  geometry::symmetricEigen(geometry::viewOf(moment), values, geometry::viewOf(axes));
+  return values[0] < double(kSlender) * values[2];
 }
 
 }  // namespace
-
-float keptDeformation(float frequency_hz, float step_seconds) {
-  return float(1 / (1 + stiffnessRatio(frequency_hz, 1, step_seconds)));
-}
 
 std::array<double, 3> classRatios(const formats::PackageView& package, const RestConstants& rest, std::uint32_t index,
                                   float stiffness_scale, float step_seconds) {
@@ -166,13 +163,14 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   return result;
 }
 
-StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_scale)
-    : scale(stiffness_scale), clusters(package.clusters().size()), blocks((clusters.size() + 7) / 8) {}
+StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_scale,
+                           std::pmr::memory_resource* memory)
+    : scale(stiffness_scale),
+      clusters(package.clusters().size(), memory),
+      blocks((clusters.size() + 7) / 8, memory),
+      kept(memory) {}
 
-void StiffnessSet::storeBlock(std::uint32_t c) {
-  const ClusterStiffness& stiffness = clusters[c];
-  StiffnessBlock& block = blocks[c / 8];
-  const std::uint32_t lane = c % 8;
+void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block) {
   int k = 0;
   for (int row = 0; row < 9; ++row) {
     for (int column = 0; column <= row; ++column) block.s[k++][lane] = stiffness.s(row, column);
@@ -186,19 +184,12 @@ void StiffnessSet::storeBlock(std::uint32_t c) {
   block.keeps_volume[lane] = 0;
 }
 
-void StiffnessSet::loosen(const formats::PackageView& package) {
-  for (std::uint32_t c = 0; c < clusters.size(); ++c) {
-    clusters[c] = freeStiffness(package, c);
-    storeBlock(c);
-  }
-}
-
 void StiffnessSet::update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds) {
   if (step_seconds == pass_seconds) return;
   step_seconds = pass_seconds;
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
-    storeBlock(c);
+    storeStiffness(clusters[c], c % 8, blocks[c / 8]);
     if (rest.mechanics.limits.empty()) continue;
     const GoalLimits& limits = rest.mechanics.limits[c];
     blocks[c / 8].least[c % 8] = limits.least;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory_resource>
 #include <vector>
 
 #include "runtime/clusters/algebra.h"
@@ -31,35 +32,29 @@ std::array<double, 3> classRatios(const formats::PackageView& package, const Res
 Eigen::Matrix<float, 27, 1> keptModes(const formats::ClusterMechanics& mechanics, const ElasticModes& modes,
                                       float stiffness_scale, float step_seconds);
 
-/// beta_h = 1 / (1 + (2 pi f h)^2), eq. 6: the part of a deformation that outlives one step.
-float keptDeformation(float frequency_hz, float step_seconds);
-
 /// No stiffness at all: F = A shows the positions as they are.
 ClusterStiffness freeStiffness(const formats::PackageView& package, std::uint32_t cluster);
 
 ClusterStiffness clusterStiffness(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
                                   float stiffness_scale, float step_seconds);
 
+/// The same for kernels, with the guard's limits and no volume kept. \param lane 0..7 of the block.
+void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block);
+
 /// The stiffness of all clusters of a package for one length of pass; bodies with the same scale share it.
 struct StiffnessSet {
-  /// \param scale multiplies all frequencies, 0..
-  StiffnessSet(const formats::PackageView& package, float scale);
-
-  /// No stiffness at all, whatever the package says: F = A.
-  void loosen(const formats::PackageView& package);
+  /// \param scale multiplies all frequencies, 0.. \param memory what it keeps comes from there.
+  StiffnessSet(const formats::PackageView& package, float scale, std::pmr::memory_resource* memory);
 
   /// Computes it for another length of pass; does not allocate after the first time.
   void update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds);
 
   float scale;
   float step_seconds = 0;  ///< pass length it holds for; 0 = none yet
-  std::vector<ClusterStiffness> clusters;
-  std::vector<StiffnessBlock> blocks;  ///< the same for kernels
+  std::pmr::vector<ClusterStiffness> clusters;
+  std::pmr::vector<StiffnessBlock> blocks;  ///< the same for kernels
   /// By entry of MechanicsConstants::modes: what a pass keeps of each.
-  std::vector<Eigen::Matrix<float, 27, 1>> kept;
-
- private:
-  void storeBlock(std::uint32_t cluster);
+  std::pmr::vector<Eigen::Matrix<float, 27, 1>> kept;
 };
 
 }  // namespace sinew::internal

@@ -19,17 +19,13 @@ enum class RowKind : std::uint8_t {
 enum class RowPoint : std::uint8_t { physical_vertex, visual_vertex };
 
 struct Row {
-  Vector3 target = Vector3::Zero();            ///< metres, world
-  Vector3 impulse = Vector3::Zero();           ///< Λ = force h² over the body's mass, metres
-  Vector3 normal = Vector3::Zero();            ///< of a contact, unit
-  Matrix3 inverse_response = Matrix3::Zero();  ///< of a hold: (W + E)^-1; responses are relative to the body's mass
-  float compliance = 0;                        ///< E = e 1: the row gives way by e Λ
-  float normal_response = 0;                   ///< of a contact: n^T W n + e
-  float tangent_response = 0;                  ///< of a contact: largest W in the plane + e
-  float weight = 1;                            ///< of a hold: how firmly, 0..1
-  float friction = 0;                          ///< Coulomb coefficient
-  std::uint32_t index = 0;                     ///< physical or visual vertex
-  std::uint32_t pick = 0;                      ///< into Body::picks for a visual vertex
+  Vector3 target = Vector3::Zero();   ///< metres, world
+  Vector3 impulse = Vector3::Zero();  ///< Λ = force h² over the body's mass, metres
+  Vector3 normal = Vector3::Zero();   ///< of a contact, unit
+  float weight = 1;                   ///< of a hold: how firmly, 0..1
+  float friction = 0;                 ///< Coulomb coefficient
+  std::uint32_t index = 0;            ///< physical or visual vertex
+  std::uint32_t pick = 0;             ///< into Body::picks for a visual vertex
   RowKind kind = RowKind::hold;
   RowPoint point = RowPoint::physical_vertex;
 };

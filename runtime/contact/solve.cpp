@@ -12,6 +12,7 @@
 
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/match.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
@@ -23,8 +24,7 @@ constexpr float kRelativeCompliance = 1e-1F;
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;
 
-// Turn of a cluster, radians, and move of a point, diagonals, that one relaxation of a row may cause.
-constexpr float kLargestTurn = 0.5F;
+// Move of a point, diagonals, that one relaxation of a row may cause.
 constexpr float kLargestMove = 0.25F;
 
 // A part whose rows are further off than this, in diagonals, is first moved there as a whole.
@@ -89,69 +89,10 @@ void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const
   }
 }
 
-// The same with the frame's F following to first order, so that later rows of the sweep see it.
-template <int N>
-void push(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterStiffness& stiffness,
-          const ClusterResponse& response, const Vector3& shift, const Vector3& position, ClusterFrame& frame) {
-  const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
-  const Vector3 scaled = shift / cluster.radius;
-  frame.center += shift;
-  frame.a_pq.leftCols<N>() += scaled * q.transpose();
-  const Vector3 arm = geometry::rotationMatrix(frame.rotation) * q.template head<3>();
-  Vector3 turn = response.inertia_inverse * arm.cross(scaled);
-  // First order holds for small turns only.
-  const float angle = turn.norm();
-  if (angle > kLargestTurn) turn *= kLargestTurn / angle;
-  for (int k = 0; k < N; ++k) frame.f.col(k) += turn.cross(response.lever.col(k));
-  if (stiffness.deforms) {
-    const Monomials<N> sq = stiffness.s.topLeftCorner<N, N>() * q;
-    frame.f.leftCols<N>() += scaled * sq.transpose();
-  }
-}
-
 // The fit of a pinned cluster; null for others.
-PinFit* fitOf(Body& body, std::uint32_t cluster) {
-  const bool none = body.fit_of.empty() || body.fit_of[cluster] == formats::kNone;
-  return none ? nullptr : &body.fits[body.fit_of[cluster]];
-}
 const PinFit* fitOf(const Body& body, std::uint32_t cluster) {
   const bool none = body.fit_of.empty() || body.fit_of[cluster] == formats::kNone;
   return none ? nullptr : &body.fits[body.fit_of[cluster]];
-}
-
-// The same for a pinned cluster: its goals answer as the pins let them.
-void pushPinned(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift, const Vector3& position,
-                PinFit& fit, ClusterFrame& frame) {
-  Monomials<9> columns;
-  const float center = fit.response(fit.basisAt(cluster, position), columns);
-  frame.center += center * shift;
-  frame.f += (shift / cluster.radius) * columns.transpose();
-  // The moments take the whole impulse: the fit sees it when the cluster is matched again.
-  fit.momentCenter() += shift;
-  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-  const Vector3 q = restOffset(cluster, position);
-  if (quadratic) {
-    frame.a_pq += (shift / cluster.radius) * (monomials<9>(q) - rest.mean).transpose();
-  } else {
-    frame.a_pq.leftCols<3>() += (shift / cluster.radius) * (q - rest.mean.head<3>()).transpose();
-  }
-}
-
-void push(Body& body, const Row& row, const Vector3& impulse) {
-  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
-    const formats::Cluster& cluster = body.package().clusters()[c];
-    const ClusterRest& rest = body.rest().clusters[c];
-    const Vector3 part = (coefficient / relativeMass(body, cluster)) * impulse;
-    if (PinFit* fit = fitOf(body, c)) {
-      pushPinned(cluster, rest, part, position, *fit, body.frames[c]);
-      return;
-    }
-    if (cluster.mode == formats::ClusterMode::quadratic) {
-      push<9>(cluster, rest, body.stiffness->clusters[c], body.responses[c], part, position, body.frames[c]);
-    } else {
-      push<3>(cluster, rest, body.stiffness->clusters[c], body.responses[c], part, position, body.frames[c]);
-    }
-  });
 }
 
 // How R turns under a torque: the inverse of the derivative of the polar decomposition, J = tr(S) 1 - S with
@@ -188,88 +129,87 @@ Matrix3 crossMatrix(const Vector3& v) {
   return m;
 }
 
-// W: how the row's point answers to its own impulse (rows of one cluster do not see the others here; Gauss-Seidel
-// does).
-Matrix3 ownResponse(const Body& body, const Row& row) {
+void copy(const Vector3& from, float* to) { std::copy(from.data(), from.data() + 3, to); }
+
+// Appends the terms of a row. \return W: how its point answers to its own impulse (rows of one cluster do not see the
+// others here; Gauss-Seidel does).
+Matrix3 addTerms(Body& body, const Row& row) {
   Matrix3 w = Matrix3::Zero();
   forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+    if (coefficient == 0) return;
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
+    RowTerm term = {};
+    term.cluster = c;
+    term.coefficient = coefficient;
+    term.scale = coefficient / relativeMass(body, cluster);
+    term.answer = 1;
+    const Vector3 offset = restOffset(cluster, position);
+    Monomials<9> q = monomials<9>(offset) - rest.mean;
+    if (cluster.mode != formats::ClusterMode::quadratic) q.tail<6>().setZero();
+    Eigen::Map<Monomials<9>> in(term.in), out(term.out);
     if (const PinFit* fit = fitOf(body, c)) {
-      const PinFit::Basis b = fit->basisAt(cluster, position);
-      w += (coefficient * coefficient * fit->ownResponse(b) / relativeMass(body, cluster)) * Matrix3::Identity();
-      return;
-    }
-    const ClusterResponse& response = body.responses[c];
-    const Vector3 q = restOffset(cluster, position);
-    const Matrix3 r = geometry::rotationMatrix(body.frames[c].rotation);
-    const Vector3 arm = r * (q - rest.mean.head<3>());
-    float deformation = 0;
-    Vector3 lever;
-    if (cluster.mode == formats::ClusterMode::quadratic) {
-      const Monomials<9> monomial = monomials<9>(q) - rest.mean;
-      lever = response.lever * monomial;
-      if (body.stiffness->clusters[c].deforms) deformation = monomial.dot(body.stiffness->clusters[c].s * monomial);
+      const PinFit::Basis basis = fit->basisAt(cluster, position);
+      Monomials<9> columns = Monomials<9>::Zero();
+      term.answer = fit->response(basis, columns);
+      in = columns / cluster.radius;
+      out = coefficient * cluster.radius * q;
+      w += coefficient * term.scale * fit->ownResponse(basis) * Matrix3::Identity();
     } else {
-      const Vector3 monomial = q - rest.mean.head<3>();
-      lever = response.lever.leftCols<3>() * monomial;
-      if (body.stiffness->clusters[c].deforms)
-        deformation = monomial.dot(body.stiffness->clusters[c].s.topLeftCorner<3, 3>() * monomial);
+      const ClusterResponse& response = body.responses[c];
+      const ClusterStiffness& stiffness = body.stiffness->clusters[c];
+      const Vector3 arm = geometry::rotationMatrix(body.frames[c].rotation) * q.head<3>();
+      const Vector3 lever = response.lever.lazyProduct(q);
+      in = q / cluster.radius;
+      float deformation = 0;
+      if (stiffness.deforms) {
+        const Monomials<9> sq = stiffness.s.lazyProduct(q);
+        deformation = q.dot(sq);
+        out = coefficient * cluster.radius * sq;
+      }
+      copy(arm / cluster.radius, term.arm);
+      copy(coefficient * cluster.radius * lever, term.lever);
+      const Matrix3 turning = crossMatrix(lever) * response.inertia_inverse * crossMatrix(arm).transpose();
+      w += coefficient * term.scale *
+           ((1.0F + deformation) * Matrix3::Identity() + 0.5F * (turning + turning.transpose()));
     }
-    const Matrix3 turning = crossMatrix(lever) * response.inertia_inverse * crossMatrix(arm).transpose();
-    w += (coefficient * coefficient / relativeMass(body, cluster)) *
-         ((1.0F + deformation) * Matrix3::Identity() + 0.5F * (turning + turning.transpose()));
+    body.terms.push_back(term);
   });
   return w;
 }
 
-void prepareRow(const Body& body, Row& row, float pass_seconds) {
-  const Matrix3 w = ownResponse(body, row);
+void addSolverRow(Body& body, const Row& row, float pass_seconds) {
+  SolverRow result = {};
+  result.first_term = std::uint32_t(body.terms.size());
+  const Matrix3 w = addTerms(body, row);
+  result.term_count = std::uint32_t(body.terms.size()) - result.first_term;
   const float mean = w.trace() / 3.0F;
-  row.compliance = (row.kind == RowKind::hold ? kHoldCompliance : kRelativeCompliance) * mean;
-  if (row.weight < 1) row.compliance /= std::max(row.weight, 1e-3F);
+  result.compliance = (row.kind == RowKind::hold ? kHoldCompliance : kRelativeCompliance) * mean;
+  if (row.weight < 1) result.compliance /= std::max(row.weight, 1e-3F);
+  Vector3 target = row.target;
   if (row.kind == RowKind::contact) {
-    row.normal_response = row.normal.dot(w * row.normal) + row.compliance;
-    row.tangent_response = w.trace() - row.normal.dot(w * row.normal) + row.compliance;
-    return;
-  }
-  if (row.point == RowPoint::visual_vertex) {
-    // A critically damped spring of frequency f on the mass it feels, 1/mean, implicit: eq. 12.
-    const Pick& pick = body.picks[row.pick];
-    const float phase = 6.2831853F * pick.frequency_hz * pass_seconds;
-    row.compliance = mean / (phase * phase + 2.0F * phase);
-    const Vector3 now = row.target;  // where the point is at the start of the pass; addPickRows put it there
-    row.target = (asVector(pick.target) * phase + 2.0F * now) / (phase + 2.0F);
-  }
-  // Scaled for the inverse: cubes of small numbers are none.
-  row.inverse_response = ((w + row.compliance * Matrix3::Identity()) / mean).inverse() / mean;
-}
-
-// One row of a sweep. \return how far its point moved, metres.
-float relax(Body& body, Row& row) {
-  const Vector3 error = row.target - pointOf(body, row) - row.compliance * row.impulse;
-  Vector3 change;
-  if (row.kind == RowKind::hold) {
-    change = row.inverse_response * error;
+    result.contact = 1;
+    result.friction = row.friction;
+    copy(row.normal, result.normal);
+    const float along = row.normal.dot(w * row.normal);
+    result.normal_response = along + result.compliance;
+    result.tangent_response = w.trace() - along + result.compliance;
   } else {
-    const float pressed = row.normal.dot(row.impulse);
-    const float normal_error = row.normal.dot(error);
-    const float push_normal = std::max(0.0F, pressed + normal_error / row.normal_response);
-    const Vector3 old_tangent = row.impulse - pressed * row.normal;
-    Vector3 tangent = old_tangent + (error - normal_error * row.normal) / row.tangent_response;
-    const float limit = row.friction * push_normal;
-    const float length = tangent.norm();
-    if (length > limit) tangent *= length > 0 ? limit / length : 0.0F;
-    change = (push_normal - pressed) * row.normal + (tangent - old_tangent);
+    if (row.point == RowPoint::visual_vertex) {
+      // A critically damped spring of frequency f on the mass it feels, 1/mean, implicit: eq. 12. The row's target is
+      // where the point is at the start of the pass.
+      const Pick& pick = body.picks[row.pick];
+      const float phase = 6.2831853F * pick.frequency_hz * pass_seconds;
+      result.compliance = mean / (phase * phase + 2.0F * phase);
+      target = (asVector(pick.target) * phase + 2.0F * row.target) / (phase + 2.0F);
+    }
+    // Scaled for the inverse: cubes of small numbers are none.
+    const Matrix3 inverse = ((w + result.compliance * Matrix3::Identity()) / mean).inverse() / mean;
+    for (int k = 0; k < 3; ++k) copy(inverse.col(k), result.inverse_response[k]);
   }
-  if (!change.allFinite() || change.isZero(0)) return 0;
-  // One relaxation moves its point no further than this: what is far off comes in over several.
-  const float moved = row.kind == RowKind::contact ? change.norm() * row.normal_response : error.norm();
-  const float most = kLargestMove * body.package().info().diagonal;
-  if (moved > most) change *= most / moved;
-  row.impulse += change;
-  push(body, row, change);
-  return std::min(moved, most);
+  copy(target, result.target);
+  copy(row.impulse, result.impulse);
+  body.solver_rows.push_back(result);
 }
 
 // Visits the clusters that some row reaches.
@@ -287,18 +227,70 @@ void storeUsedFrames(Body& body) {
   forEachUsedCluster(body, [&](std::uint32_t c) { storeFrame(body.frames[c], body.blocks, c); });
 }
 
-// Matches the clusters again that rows reach (and those that share a block with one: from the same moments, to the
+// Matches the clusters again that rows reach (and those that share two blocks with one: from the same moments, to the
 // same end).
 void matchUsedBlocks(Body& body, float pass_seconds) {
-  const std::uint32_t count = body.clusterCount();
-  for (std::uint32_t b = 0; 8 * b < count; ++b) {
+  const std::uint32_t count = body.clusterCount(), blocks = std::uint32_t(body.blocks.size());
+  for (std::uint32_t b = 0; b < blocks; b += 2) {
     bool used = false;
-    for (std::uint32_t c = 8 * b; c < std::min(count, 8 * b + 8); ++c) used |= body.responses[c].used;
-    if (used) matchBlocks(body, b, b + 1, pass_seconds);
+    for (std::uint32_t c = 8 * b; c < std::min(count, 8 * b + 16); ++c) used |= body.responses[c].used;
+    if (used) matchBlocks(body, b, std::min(b + 2, blocks), pass_seconds);
+  }
+}
+
+// Before a round: nothing answered yet, and where the frames put the points.
+void beginRound(Body& body) {
+  forEachUsedCluster(body, [&](std::uint32_t c) {
+    ClusterAnswer& answer = body.answers[c];
+    answer = {};
+    answer.columns = body.package().clusters()[c].mode == formats::ClusterMode::quadratic ? 9 : 3;
+    if (fitOf(body, c) != nullptr) return;  // answers as its pins let it
+    for (int k = 0; k < 3; ++k) copy(body.responses[c].inertia_inverse.col(k), answer.inertia_inverse[k]);
+  });
+  for (std::size_t i = 0; i < body.rows.size(); ++i) copy(pointOf(body, body.rows[i]), body.solver_rows[i].base);
+}
+
+// After a round: the impulses' share of each cluster's moments.
+void endRound(Body& body) {
+  forEachUsedCluster(body, [&](std::uint32_t c) {
+    const ClusterAnswer& answer = body.answers[c];
+    ClusterFrame& frame = body.frames[c];
+    frame.center += Eigen::Map<const Vector3>(answer.center);
+    if (fitOf(body, c) != nullptr) return;
+    for (std::uint32_t k = 0; k < answer.columns; ++k) {
+      frame.a_pq.col(Eigen::Index(k)) += Eigen::Map<const Vector3>(answer.column[k]);
+    }
+  });
+  for (std::size_t i = 0; i < body.rows.size(); ++i) {
+    Row& row = body.rows[i];
+    const Vector3 impulse = Eigen::Map<const Vector3>(body.solver_rows[i].impulse) - row.impulse;
+    row.impulse += impulse;
+    if (body.fits.empty()) continue;
+    // Where pins hold a cluster the moments take the whole impulse: the fit sees it when the cluster is matched again.
+    forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+      if (fitOf(body, c) == nullptr) return;
+      const formats::Cluster& cluster = body.package().clusters()[c];
+      const Vector3 shift = (coefficient / relativeMass(body, cluster)) * impulse;
+      const Vector3 center = body.frames[c].center;
+      pushMoments(cluster, body.rest().clusters[c], shift, position, body.frames[c]);
+      body.frames[c].center = center;
+      body.fits[body.fit_of[c]].momentCenter() += shift;
+    });
   }
 }
 
 }  // namespace
+
+std::size_t mostTerms(const Body& body) {
+  std::size_t count = body.package().memberships().size();
+  for (const Pick& pick : body.picks) {
+    Row row;
+    row.point = RowPoint::visual_vertex;
+    row.index = pick.visual_vertex;
+    forEachTerm(body, row, [&](std::uint32_t, float, const Vector3&) { ++count; });
+  }
+  return count;
+}
 
 void bringNear(Body& body, float pass_seconds) {
   const float far_off = kFarOff * body.package().info().diagonal;
@@ -370,17 +362,22 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
     updateResponse(body.package().clusters()[c], body.rest().clusters[c], body.stiffness->clusters[c], body.frames[c],
                    body.responses[c]);
   });
-  for (Row& row : body.rows) prepareRow(body, row, pass_seconds);
+  body.solver_rows.clear();
+  body.terms.clear();
+  for (const Row& row : body.rows) addSolverRow(body, row, pass_seconds);
 
+  const float diagonal = body.package().info().diagonal;
   for (std::uint32_t round = 0; round < settings.rounds; ++round) {
+    beginRound(body);
     for (std::uint32_t sweep = 0; sweep < settings.sweeps; ++sweep) {
-      float moved = 0;
-      for (Row& row : body.rows) moved = std::max(moved, relax(body, row));
-      if (moved < settings.tolerance * body.package().info().diagonal) break;
+      const float moved = kernels().relax_rows(body.solver_rows.data(), std::uint32_t(body.solver_rows.size()),
+                                               body.terms.data(), body.answers.data(), kLargestMove * diagonal);
+      if (moved < settings.tolerance * diagonal) break;
     }
+    endRound(body);
     storeUsedFrames(body);
     matchUsedBlocks(body, pass_seconds);
-    loadUsedFrames(body);
+    if (round + 1 < settings.rounds) loadUsedFrames(body);
   }
 
   const float to_force = 1.0F / (pass_seconds * pass_seconds);

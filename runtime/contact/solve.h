@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstddef>
+
 #include "runtime/world/body.h"
 
 namespace sinew::internal {
@@ -11,6 +13,9 @@ struct RowSolverSettings {
   std::uint32_t sweeps = 6;  ///< projected Gauss-Seidel sweeps in each round, at most
   float tolerance = 1e-6F;   ///< a sweep that moves no point further than this (diagonals) is the last of its round
 };
+
+/// How many terms the rows of a body can have at most: every vertex and every pick in a row.
+std::size_t mostTerms(const Body& body);
 
 /// Moves a part whose rows are more than a quarter of a diagonal off (a fall at 10,000 g, a pin that was set elsewhere)
 /// as a whole: turns and deformations of the match answer only what is near. Call between moments and warmStartRows.

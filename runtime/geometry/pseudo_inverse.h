@@ -2,14 +2,24 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
-#include <cmath>
+
+#include "runtime/geometry/small_matrix.h"
 
 namespace sinew::geometry {
 
 /// Default relative cut-off of pseudoInverse() for moments of float positions: a direction in which the spread of a
 /// cluster is less than 1/1000 of its largest one (1e-6 in the moment) counts as missing.
 inline constexpr double kMomentCutoff = 1e-6;
+
+/// An Eigen matrix of fixed size, for the functions of small_matrix.h.
+template <int kRows, int kColumns>
+ConstMatrixView viewOf(const Eigen::Matrix<double, kRows, kColumns>& matrix) {
+  return {matrix.data(), kRows, kColumns, 1, kRows};
+}
+template <int kRows, int kColumns>
+MatrixView viewOf(Eigen::Matrix<double, kRows, kColumns>& matrix) {
+  return {matrix.data(), kRows, kColumns, 1, kRows};
+}
 
 /// Moore-Penrose pseudo-inverse of a symmetric positive semi-definite matrix (a moment: Σ mu q q^T).
 ///
@@ -18,16 +28,9 @@ inline constexpr double kMomentCutoff = 1e-6;
 /// \param cutoff relative to the largest eigenvalue, > 0.
 template <int N>
 Eigen::Matrix<double, N, N> pseudoInverse(const Eigen::Matrix<double, N, N>& moment, double cutoff = kMomentCutoff) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>> solver(moment);
-  const double largest = solver.eigenvalues()[N - 1];
-  Eigen::Matrix<double, N, 1> inverse = Eigen::Matrix<double, N, 1>::Zero();
-  for (int i = 0; i < N; ++i) {
-    const double value = solver.eigenvalues()[i];
-    if (value > cutoff * largest && value > 0) inverse[i] = 1.0 / value;
-  }
-  const Eigen::Matrix<double, N, N> result =
-      solver.eigenvectors() * inverse.asDiagonal() * solver.eigenvectors().transpose();
-  return 0.5 * (result + result.transpose());
+  Eigen::Matrix<double, N, N> result;
+  pseudoInverse(viewOf(moment), cutoff, viewOf(result));
+  return result;
 }
 
 /// The same for a moment whose coordinates differ in scale (squares beside lengths): scaled to unit diagonal first, so
@@ -36,13 +39,9 @@ Eigen::Matrix<double, N, N> pseudoInverse(const Eigen::Matrix<double, N, N>& mom
 template <int N>
 Eigen::Matrix<double, N, N> equilibratedPseudoInverse(const Eigen::Matrix<double, N, N>& moment,
                                                       double cutoff = kMomentCutoff) {
-  const double largest = moment.diagonal().maxCoeff();
-  Eigen::Matrix<double, N, 1> scale = Eigen::Matrix<double, N, 1>::Zero();
-  for (int i = 0; i < N; ++i) {
-    if (moment(i, i) > cutoff * largest && moment(i, i) > 0) scale[i] = 1.0 / std::sqrt(moment(i, i));
-  }
-  const Eigen::Matrix<double, N, N> scaled = scale.asDiagonal() * moment * scale.asDiagonal();
-  return scale.asDiagonal() * pseudoInverse<N>(scaled, cutoff) * scale.asDiagonal();
+  Eigen::Matrix<double, N, N> result;
+  equilibratedPseudoInverse(viewOf(moment), cutoff, viewOf(result));
+  return result;
 }
 
 }  // namespace sinew::geometry

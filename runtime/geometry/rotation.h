@@ -4,11 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <array>
-#include <cmath>
-#include <limits>
 
 namespace sinew::geometry {
 
@@ -17,43 +13,8 @@ using Quaternion = std::array<float, 4>;
 
 inline constexpr Quaternion kIdentityQuaternion = {1.0F, 0.0F, 0.0F, 0.0F};
 
-template <class Scalar>
-Eigen::Matrix<Scalar, 3, 3> rotationMatrix(const std::array<Scalar, 4>& q) {
-  const Scalar w = q[0], x = q[1], y = q[2], z = q[3];
-  Eigen::Matrix<Scalar, 3, 3> r;
-  r << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),  //
-      2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),   //
-      2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
-  return r;
-}
-
-namespace detail {
-
-/// The nearest rotation as the leading eigenvector of Horn's 4x4 matrix K (Horn 1987, eq. 31: tr(R^T A) = q^T K q),
-/// in double. Where the leading eigenvalue is multiple (a collapsed or mirrored A) every vector of its eigenspace is
-/// equally near: the one closest to the previous quaternion is taken, so that R stays continuous in time.
-inline Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const Quaternion& previous) {
-  Eigen::Matrix4d k;
-  k << a.trace(), a(2, 1) - a(1, 2), a(0, 2) - a(2, 0), a(1, 0) - a(0, 1),                   //
-      a(2, 1) - a(1, 2), a(0, 0) - a(1, 1) - a(2, 2), a(0, 1) + a(1, 0), a(0, 2) + a(2, 0),  //
-      a(0, 2) - a(2, 0), a(0, 1) + a(1, 0), a(1, 1) - a(0, 0) - a(2, 2), a(1, 2) + a(2, 1),  //
-      a(1, 0) - a(0, 1), a(0, 2) + a(2, 0), a(1, 2) + a(2, 1), a(2, 2) - a(0, 0) - a(1, 1);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(k);
-  const Eigen::Vector4d& values = solver.eigenvalues();  // ascending
-  const double tie =
-      2e-6 * std::max(std::abs(values[0]), std::abs(values[3]));  // a few times the rounding of a float A
-  const Eigen::Vector4d before = Eigen::Map<const Eigen::Vector4f>(previous.data()).cast<double>();
-  Eigen::Vector4d q = Eigen::Vector4d::Zero();
-  for (int i = 3; i >= 0 && values[i] >= values[3] - tie; --i) {
-    q += solver.eigenvectors().col(i) * solver.eigenvectors().col(i).dot(before);
-  }
-  if (!(q.squaredNorm() > 1e-6)) q = solver.eigenvectors().col(3);  // the previous rotation is as far off as can be
-  q.normalize();
-  if (q.dot(before) < 0) q = -q;
-  return {float(q[0]), float(q[1]), float(q[2]), float(q[3])};
-}
-
-}  // namespace detail
+/// The rotation of a unit quaternion.
+Eigen::Matrix3f rotationMatrix(const Quaternion& q);
 
 /// Finds the proper rotation R (det = +1) that is nearest to `a`, i.e. that maximizes tr(R^T a).
 ///
@@ -68,62 +29,9 @@ inline Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const 
 ///
 /// \param a any 3x3 matrix.
 /// \param[in,out] q the previous rotation as a unit quaternion (warm start); the result.
-inline void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q) {
-  const float scale = a.cwiseAbs().maxCoeff();
-  if (!(scale > 0) || !(scale <= std::numeric_limits<float>::max()) || a.hasNaN()) return;
-  const Eigen::Matrix3f b = a * (1.0F / scale);
-  if (!(scale >= std::numeric_limits<float>::min())) {  // 1/scale may overflow
-    q = detail::nearestRotationByEigenvectors(a.cast<double>() / double(scale), q);
-    return;
-  }
-  constexpr float kDefinite =
-      1e-2F;                     // least pivot of J that Newton is trusted with, relative to the largest entry of a
-  constexpr float kNear = 0.5F;  // largest step, radians
-  Quaternion iterate = q;
-  for (int iteration = 0; iteration < 6; ++iteration) {
-    const Eigen::Matrix3f c = rotationMatrix(iterate).transpose() * b;
-    const Eigen::Vector3f gradient(c(2, 1) - c(1, 2), c(0, 2) - c(2, 0), c(1, 0) - c(0, 1));
-    const float j00 = c(1, 1) + c(2, 2), j11 = c(0, 0) + c(2, 2), j22 = c(0, 0) + c(1, 1);
-    const float j01 = -0.5F * (c(0, 1) + c(1, 0)), j02 = -0.5F * (c(0, 2) + c(2, 0)), j12 = -0.5F * (c(1, 2) + c(2, 1));
-    // J = L D L^T; its pivots tell whether this is the neighbourhood of the maximum.
-    const float d0 = j00;
-    if (!(d0 > kDefinite)) break;
-    const float l10 = j01 / d0, l20 = j02 / d0;
-    const float d1 = j11 - l10 * j01;
-    if (!(d1 > kDefinite)) break;
-    const float l21 = (j12 - l20 * j01) / d1;
-    const float d2 = j22 - l20 * j02 - l21 * l21 * d1;
-    if (!(d2 > kDefinite)) break;
-    const float y1 = gradient[1] - l10 * gradient[0];
-    const float y2 = gradient[2] - l20 * gradient[0] - l21 * y1;
-    Eigen::Vector3f step;
-    step[2] = y2 / d2;
-    step[1] = y1 / d1 - l21 * step[2];
-    step[0] = gradient[0] / d0 - l10 * step[1] - l20 * step[2];
-    const float length2 = step.squaredNorm();
-    if (!(length2 < kNear * kNear)) break;
-    // iterate * (1, step/2), normalized: the Cayley map, exact to third order.
-    const float w = iterate[0], x = iterate[1], y = iterate[2], z = iterate[3];
-    const Eigen::Vector3f s = 0.5F * step;
-    Quaternion next = {w - x * s[0] - y * s[1] - z * s[2], x + w * s[0] + y * s[2] - z * s[1],
-                       y + w * s[1] + z * s[0] - x * s[2], z + w * s[2] + x * s[1] - y * s[0]};
-    const float inverse =
-        1.0F / std::sqrt(next[0] * next[0] + next[1] * next[1] + next[2] * next[2] + next[3] * next[3]);
-    for (float& component : next) component *= inverse;
-    iterate = next;
-    if (length2 < 1e-6F) {  // the step after this one would be about length^2: below rounding
-      q = iterate;
-      return;
-    }
-  }
-  q = detail::nearestRotationByEigenvectors(b.cast<double>(), q);
-}
+void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q);
 
 /// The nearest rotation without a previous one.
-inline Eigen::Matrix3f nearestRotation(const Eigen::Matrix3f& a) {
-  Quaternion q = kIdentityQuaternion;
-  nearestRotation(a, q);
-  return rotationMatrix(q);
-}
+Eigen::Matrix3f nearestRotation(const Eigen::Matrix3f& a);
 
 }  // namespace sinew::geometry

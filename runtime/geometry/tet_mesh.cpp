@@ -81,7 +81,18 @@ std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32
   for (std::size_t i = 0; i < faces.size();) {
     std::size_t end = i + 1;
     while (end < faces.size() && faces[end].key == faces[i].key) ++end;
-    if (end == i + 1) border.push_back({faces[i].tetrahedron, faces[i].face});
+    // What is left when tetrahedra on either side have paired off, in order.
+    const auto even = [&](const Face& f) {
+      const Tetrahedron& t = mesh.tetrahedra[f.tetrahedron];
+      const auto& corners = kFaces[f.face];
+      return (t[corners[0]] < t[corners[1]]) == ((t[corners[1]] < t[corners[2]]) == (t[corners[0]] < t[corners[2]]));
+    };
+    const auto sides =
+        std::stable_partition(faces.begin() + std::ptrdiff_t(i), faces.begin() + std::ptrdiff_t(end), even);
+    const auto evens = std::size_t(sides - faces.begin()) - i, odds = end - i - evens;
+    const std::size_t pairs = std::min(evens, odds);
+    for (std::size_t k = i + pairs; k < i + evens; ++k) border.push_back({faces[k].tetrahedron, faces[k].face});
+    for (std::size_t k = i + evens + pairs; k < end; ++k) border.push_back({faces[k].tetrahedron, faces[k].face});
     i = end;
   }
   std::sort(border.begin(), border.end());

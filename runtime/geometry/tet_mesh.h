@@ -30,7 +30,8 @@ double volume(const TetMesh& mesh, const Tetrahedron& tetrahedron);
 std::array<double, 2> dihedralRange(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
                                     const Eigen::Vector3d& d);
 
-/// Faces that belong to exactly one tetrahedron, seen counter-clockwise from outside, in order of their tetrahedra.
+/// Faces that no tetrahedron on the other side matches, seen counter-clockwise from outside, in order of their
+/// tetrahedra: together a closed surface. Where tetrahedra lie over one another on one side, the surplus counts.
 /// \param tetrahedron_of if not null, receives the tetrahedron of each face.
 std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32_t>* tetrahedron_of = nullptr);
 

@@ -17,11 +17,6 @@ SINEW_INLINE Float8 splat8(float v) { return joined(splat4(v), splat4(v)); }
 #if defined(__AVX512F__)
 using Float16 = float __attribute__((vector_size(64)));
 SINEW_INLINE Float16 splat16(float v) { return Float16{v, v, v, v, v, v, v, v, v, v, v, v, v, v, v, v}; }
-SINEW_INLINE Float16 load16(const float* p) {
-  Float16 result;
-  __builtin_memcpy(&result, p, sizeof result);
-  return result;
-}
 #endif
 template <int K>
 SINEW_INLINE Float4 spread(Float4 v) {
@@ -33,14 +28,6 @@ SINEW_INLINE Float8 spreadPair(Float4 v) {
   return SINEW_SHUFFLE(v, v, I, I, I, I, K, K, K, K);
 #else
   return joined(spread<I>(v), spread<K>(v));
-#endif
-}
-SINEW_INLINE Float4 absolute(Float4 a) { return Float4(Int4(a) & 0x7fffffff); }
-SINEW_INLINE bool any(Int4 mask) {
-#if defined(__SSE4_1__)
-  return _mm_movemask_ps(__m128(Float4(mask))) != 0;
-#else
-  return (mask[0] | mask[1] | mask[2] | mask[3]) != 0;
 #endif
 }
 // Three floats, without touching what lies behind them.

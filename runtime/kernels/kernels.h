@@ -110,6 +110,7 @@ struct Kernels {
   void (*sum)(const SumArguments& arguments);
   void (*settle)(const SettleArguments& arguments);
   void (*add_motion)(const AddMotionArguments& arguments);
+  float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
   AttachKernels attach;
 };
 

@@ -59,6 +59,47 @@ struct alignas(32) StiffnessBlock {
   std::int32_t keeps_volume[8];  ///< -1: principal stretches are moved to product 1
 };
 
+/// A row as sweeps see it (docs/method.md §6). Vectors are xyz and one float that does not count. Masses, and impulses
+/// with them, are relative to the body's.
+struct alignas(16) SolverRow {
+  float target[4];               ///< where the point is asked to be, metres
+  float impulse[4];              ///< force h², m
+  float normal[4];               ///< of a contact, unit
+  float base[4];                 ///< the point before this round's impulses
+  float inverse_response[3][4];  ///< of a hold: (W + E)^-1 by columns
+  float compliance;              ///< E = e 1: the row gives way by e x impulse
+  float normal_response;         ///< of a contact: n^T W n + e
+  float tangent_response;        ///< of a contact: largest W in the plane + e
+  float friction;                ///< Coulomb coefficient
+  std::uint32_t first_term, term_count;
+  std::uint32_t contact;  ///< not 0: a contact, which only pushes; 0: a hold
+  std::uint32_t unused;
+};
+
+/// How a row hangs on one cluster: its point moves with coefficient x centre + turn x lever + Σ column out, and an
+/// impulse moves centre by answer x scale, the columns by scale in, and turns by inertia_inverse (arm x scale).
+struct RowTerm {
+  std::uint32_t cluster;  ///< into the ClusterAnswers
+  float coefficient;
+  float scale;   ///< coefficient over the cluster's mass
+  float answer;  ///< 1, less where pins hold the cluster
+  float arm[3];
+  float lever[3];
+  float in[9];
+  float out[9];
+};
+static_assert(sizeof(RowTerm) == 112);
+
+/// What the impulses of a round have done to a cluster.
+struct alignas(64) ClusterAnswer {
+  float center[4];              ///< metres
+  float turn[4];                ///< radians
+  float column[9][4];           ///< of A_pq (of F where pins hold the cluster)
+  float inertia_inverse[3][4];  ///< by columns; 0 where a push does not turn
+  std::uint32_t columns;        ///< 3 or 9
+  std::uint32_t unused[3];
+};
+
 /// Sums over vertices about a reference point, as kernels leave them: eight partial sums each.
 /// 0 mass, 1-3 first, 4-6 momentum, 7-9 angular, 10-15 second xx yy zz xy yz zx.
 struct alignas(32) MotionLanes {

@@ -16,50 +16,48 @@ namespace sinew::internal::SINEW_KERNELS {
 // the guard has let through, stretched by 3 along every axis, is not.
 constexpr float kTorn = 1.1F;
 
+// Where the packed lower triangle of a symmetric matrix has row i, column j.
+constexpr std::uint8_t kPackedPlace[9][9] = {
+    {0, 1, 3, 6, 10, 15, 21, 28, 36},     {1, 2, 4, 7, 11, 16, 22, 29, 37},     {3, 4, 5, 8, 12, 17, 23, 30, 38},
+    {6, 7, 8, 9, 13, 18, 24, 31, 39},     {10, 11, 12, 13, 14, 19, 25, 32, 40}, {15, 16, 17, 18, 19, 20, 26, 33, 41},
+    {21, 22, 23, 24, 25, 26, 27, 34, 42}, {28, 29, 30, 31, 32, 33, 34, 35, 43}, {36, 37, 38, 39, 40, 41, 42, 43, 44}};
+
 // A cluster has lost its orientation where what resists a turn of R falls below this part of the rest shape's.
 constexpr float kLostResistance = 0.3F;
 
-/// What one match takes: a block of clusters, or two where W holds them. The second is `next` blocks further: 1, or 0
-/// where there is none, and then the same lanes are computed and stored twice.
+// Two times eight lanes, floats or masks, as sixteen.
+template <class V>
+SINEW_INLINE void joinInto([[maybe_unused]] V& value, [[maybe_unused]] Float8 low, [[maybe_unused]] Float8 high) {
+  static_assert(sizeof(V) == 2 * sizeof(Float8));
+#if defined(__AVX512F__)
+  value = V(joined(low, high));  // the bits
+#endif
+}
+
+/// What one match takes: a block of clusters, half of one where W has four lanes, or two where it has sixteen. The
+/// second is `next` blocks further: 1, or 0 where there is none, and then the same lanes are computed and stored twice.
 template <class Block>
 struct BlocksAt {
   Block* first;
   std::uint32_t next;
+  std::uint32_t lane;  ///< 4 for the second half of the block
   Block* operator->() const { return first; }
 
-  // Eight floats or masks of `first` and, where W is wide, the same of the second block.
   template <class W>
   SINEW_INLINE W load(const float (&at)[8]) const {
-    if constexpr (sizeof(W) == sizeof(Float8)) {
-      return load8(at);
-    } else {
-      return joined(load8(at), load8(at + stride()));
-    }
+    return read<W>(at);
   }
   template <class W>
   SINEW_INLINE auto loadMask(const std::int32_t (&at)[8]) const {
-    using Mask = decltype(W{} < W{});
-    Mask mask;
-    constexpr std::size_t kBytes = sizeof(at);
-    __builtin_memcpy(&mask, at, kBytes);
-    if constexpr (sizeof(W) > sizeof(Float8)) {
-      __builtin_memcpy(reinterpret_cast<char*>(&mask) + kBytes, at + stride(), kBytes);
-    }
-    return mask;
+    return read<decltype(W{} < W{})>(at);
   }
   template <class W>
   SINEW_INLINE void store(float (&at)[8], const W& value) const {
-    __builtin_memcpy(at, &value, sizeof(at));
-    if constexpr (sizeof(W) > sizeof(Float8)) {
-      __builtin_memcpy(at + stride(), reinterpret_cast<const char*>(&value) + sizeof(at), sizeof(at));
-    }
+    write(at, value);
   }
   template <class Mask>
   SINEW_INLINE void storeMask(std::int32_t (&at)[8], const Mask& value) const {
-    __builtin_memcpy(at, &value, sizeof(at));
-    if constexpr (sizeof(Mask) > sizeof(Int8)) {
-      __builtin_memcpy(at + stride(), reinterpret_cast<const char*>(&value) + sizeof(at), sizeof(at));
-    }
+    write(at, value);
   }
   template <class W>
   SINEW_INLINE Mat3Of<W> loadMatrix(const float (*p)[8]) const {
@@ -69,6 +67,30 @@ struct BlocksAt {
   }
 
  private:
+  static constexpr std::size_t kBytes = 32;  // of eight lanes
+
+  template <class V, class T>
+  SINEW_INLINE V read(const T (&at)[8]) const {
+    V value;
+    if constexpr (sizeof(V) > kBytes) {
+      Float8 low, high;  // joined in registers: a vector stored in halves is slow to read as a whole
+      __builtin_memcpy(&low, at, kBytes);
+      __builtin_memcpy(&high, at + stride(), kBytes);
+      joinInto(value, low, high);
+    } else {
+      __builtin_memcpy(&value, at + (sizeof(V) < kBytes ? lane : 0), sizeof value);
+    }
+    return value;
+  }
+  template <class V, class T>
+  SINEW_INLINE void write(T (&at)[8], const V& value) const {
+    if constexpr (sizeof(V) > kBytes) {
+      __builtin_memcpy(at, &value, kBytes);
+      __builtin_memcpy(at + stride(), reinterpret_cast<const char*>(&value) + kBytes, kBytes);
+    } else {
+      __builtin_memcpy(at + (sizeof(V) < kBytes ? lane : 0), &value, sizeof value);
+    }
+  }
   SINEW_INLINE std::size_t stride() const { return next * (sizeof(Block) / sizeof(float)); }
 };
 
@@ -116,11 +138,11 @@ template <class W, class Mask = decltype(W{} < W{})>
   return shaped & guarded;
 }
 
-template <bool quadratic, class W>
-SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const StiffnessBlock> stiffness,
+/// \param columns 3, or 9 where a cluster is quadratic.
+template <class W>
+SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, BlocksAt<const StiffnessBlock> stiffness,
                         BlocksAt<ClusterBlock> state) {
   using Mask = decltype(W{} < W{});
-  constexpr int kColumns = quadratic ? 9 : 3;
   const Mat3Of<W> a_pq = state.loadMatrix<W>(state->a_pq);
   QuaternionOf<W> q = {state.load<W>(state->rotation[0]), state.load<W>(state->rotation[1]),
                        state.load<W>(state->rotation[2]), state.load<W>(state->rotation[3])};
@@ -148,28 +170,29 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   // F = [R 0] + (A_pq - R M) S.
   W f[27];
   for (int k = 0; k < 9; ++k) f[k] = r.m[k];
-  SINEW_UNROLL for (int k = 9; k < 3 * kColumns; ++k) f[k] = W{};
+  SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) f[k] = W{};
   const Mask deforms = stiffness.loadMask<W>(stiffness->deforms);
   Mask limited = {}, shaped = {};
   if (any(deforms)) {
     W deviation[27];
-    SINEW_UNROLL for (int k = 0; k < kColumns; ++k) {
+    SINEW_ROLLED for (int k = 0; k < columns; ++k) {
       const Vec3Of<W> at_rest = r * Vec3Of<W>{rest.load<W>(rest->moment[3 * k]), rest.load<W>(rest->moment[3 * k + 1]),
                                               rest.load<W>(rest->moment[3 * k + 2])};
       deviation[3 * k] = state.load<W>(state->a_pq[3 * k]) - at_rest.x;
       deviation[3 * k + 1] = state.load<W>(state->a_pq[3 * k + 1]) - at_rest.y;
       deviation[3 * k + 2] = state.load<W>(state->a_pq[3 * k + 2]) - at_rest.z;
     }
-    SINEW_UNROLL for (int j = 0; j < kColumns; ++j) {
-      SINEW_UNROLL for (int i = 0; i < kColumns; ++i) {
-        const int low = i < j ? i : j, high = i < j ? j : i;
-        const W s = stiffness.load<W>(stiffness->s[high * (high + 1) / 2 + low]);
-        for (int row = 0; row < 3; ++row) f[3 * j + row] += deviation[3 * i + row] * s;
+    SINEW_ROLLED for (int j = 0; j < columns; ++j) {
+      W sum[3] = {f[3 * j], f[3 * j + 1], f[3 * j + 2]};
+      SINEW_ROLLED for (int i = 0; i < columns; ++i) {
+        const W s = stiffness.load<W>(stiffness->s[kPackedPlace[j][i]]);
+        for (int row = 0; row < 3; ++row) sum[row] += deviation[3 * i + row] * s;
       }
+      for (int row = 0; row < 3; ++row) f[3 * j + row] = sum[row];
     }
     // A rigid cluster's F does not depend on which clusters are its neighbours.
     for (int k = 0; k < 9; ++k) f[k] = select(deforms, f[k], r.m[k]);
-    for (int k = 9; k < 3 * kColumns; ++k) f[k] = select(deforms, f[k], W{});
+    SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) f[k] = select(deforms, f[k], W{});
     Mat3Of<W> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
     const Mask act =
@@ -178,7 +201,7 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
     if (any(act)) {
       limited = limitStretches(stiffness, act, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
-      for (int k = 9; k < 3 * kColumns; ++k) {
+      SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) {
         const W most = splat<W>(kLargestStretch);
         f[k] = select(limited, clamped(f[k], -most, most), f[k]);
       }
@@ -192,7 +215,7 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
   const Mask turned = (stiffness.loadMask<W>(stiffness->mixes) | limited | shaped) & ~lost;
   if (any(turned)) {
     Mat3Of<W> product = {};
-    for (int k = 0; k < kColumns; ++k) {
+    SINEW_ROLLED for (int k = 0; k < columns; ++k) {
       for (int j = 0; j < 3; ++j) {
         for (int i = 0; i < 3; ++i) product(i, j) += state.load<W>(state->a_pq[3 * k + i]) * f[3 * k + j];
       }
@@ -200,14 +223,14 @@ SINEW_INLINE void match(BlocksAt<const ClusterRestBlock> rest, BlocksAt<const St
     QuaternionOf<W> turn = {splat<W>(1.0F), W{}, W{}, W{}};
     nearestRotation(product, turn);
     const Mat3Of<W> t = rotationMatrix(turn);
-    for (int k = 0; k < kColumns; ++k) {
+    SINEW_ROLLED for (int k = 0; k < columns; ++k) {
       const Vec3Of<W> column = t * Vec3Of<W>{f[3 * k], f[3 * k + 1], f[3 * k + 2]};
       f[3 * k] = select(turned, column.x, f[3 * k]);
       f[3 * k + 1] = select(turned, column.y, f[3 * k + 1]);
       f[3 * k + 2] = select(turned, column.z, f[3 * k + 2]);
     }
   }
-  SINEW_UNROLL for (int k = 0; k < 3 * kColumns; ++k) state.store(state->f[k], f[k]);
+  SINEW_ROLLED for (int k = 0; k < 3 * columns; ++k) state.store(state->f[k], f[k]);
   state.storeMask(state->limited, limited);
   state.storeMask(state->lost, lost);
 }

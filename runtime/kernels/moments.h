@@ -31,10 +31,12 @@ SINEW_INLINE void weighMembers(const MemberBlock* block, const float* y, const V
 /// time where W holds two; then step is 2); p = y - reference goes to the slots. What a sum is made of and in which
 /// order does not depend on how the work is cut below.
 template <bool quadratic, class W>
-SINEW_INLINE void sweepMoments(const MemberBlock* blocks, std::uint32_t count, std::uint32_t step, const float* y,
-                               const float (&reference)[3], const float (&mean)[9], float* slots,
-                               W (&sums)[quadratic ? 30 : 12]) {
-  SINEW_UNROLL for (int k = 0; k < (quadratic ? 30 : 12); ++k) sums[k] = W{};
+SINEW_INLINE void sweepInline(const MemberBlock* blocks, std::uint32_t count, std::uint32_t step, const float* y,
+                              const float (&reference)[3], const float (&mean)[9], float* slots,
+                              W (&result)[quadratic ? 30 : 12]) {
+  constexpr std::uint32_t kSums = quadratic ? 30 : 12;
+  W sums[kSums];  // in registers, which what `result` refers to could not be: slots are written between
+  SINEW_UNROLL for (std::uint32_t k = 0; k < kSums; ++k) sums[k] = W{};
   const Vec3Of<W> origin = {splat<W>(reference[0]), splat<W>(reference[1]), splat<W>(reference[2])};
 #if defined(__AVX512F__)
   constexpr bool at_once = true;  // 32 registers hold all sums
@@ -56,6 +58,7 @@ SINEW_INLINE void sweepMoments(const MemberBlock* blocks, std::uint32_t count, s
         for (int k = 0; k < 3; ++k) addColumn(p, W(q[k] * q[k == 2 ? 0 : k + 1] - mean[6 + k]), sums + 21 + 3 * k);
       }
     }
+    SINEW_UNROLL for (std::uint32_t k = 0; k < kSums; ++k) result[k] = sums[k];
     return;
   }
   // Column by column over a tile, so that each sweep keeps its sums in registers.
@@ -76,6 +79,25 @@ SINEW_INLINE void sweepMoments(const MemberBlock* blocks, std::uint32_t count, s
         }
       }
     }
+    SINEW_UNROLL for (std::uint32_t k = 0; k < kSums; ++k) result[k] = sums[k];
+  }
+}
+
+// Nine columns are much code, which is not inlined everywhere; three are little work, which a call would slow down.
+template <class W>
+[[gnu::noinline]] static void sweepNine(const MemberBlock* blocks, std::uint32_t count, std::uint32_t step,
+                                        const float* y, const float (&reference)[3], const float (&mean)[9],
+                                        float* slots, W (&result)[30]) {
+  sweepInline<true, W>(blocks, count, step, y, reference, mean, slots, result);
+}
+template <bool quadratic, class W>
+SINEW_INLINE void sweepMoments(const MemberBlock* blocks, std::uint32_t count, std::uint32_t step, const float* y,
+                               const float (&reference)[3], const float (&mean)[9], float* slots,
+                               W (&result)[quadratic ? 30 : 12]) {
+  if constexpr (quadratic) {
+    sweepNine<W>(blocks, count, step, y, reference, mean, slots, result);
+  } else {
+    sweepInline<false, W>(blocks, count, step, y, reference, mean, slots, result);
   }
 }
 

@@ -32,8 +32,7 @@ template <class F>
     const Mat3Of<F> c = transposedTimes(rotationMatrix(iterate), b);
     const F g0 = c(2, 1) - c(1, 2), g1 = c(0, 2) - c(2, 0), g2 = c(1, 0) - c(0, 1);
     const F j00 = c(1, 1) + c(2, 2), j11 = c(0, 0) + c(2, 2), j22 = c(0, 0) + c(1, 1);
-    const F j01 = -0.5F * (c(0, 1) + c(1, 0)), j02 = -0.5F * (c(0, 2) + c(2, 0)),
-                 j12 = -0.5F * (c(1, 2) + c(2, 1));
+    const F j01 = -0.5F * (c(0, 1) + c(1, 0)), j02 = -0.5F * (c(0, 2) + c(2, 0)), j12 = -0.5F * (c(1, 2) + c(2, 1));
     active &= j00 > kDefinite;
     const F d0 = select(active, j00, splat<F>(1.0F));
     const F i0 = 1.0F / d0, l10 = j01 * i0, l20 = j02 * i0;
@@ -53,8 +52,8 @@ template <class F>
     // iterate * (1, step / 2), normalized: the Cayley map, exact to third order.
     const F w = iterate.w, x = iterate.x, y = iterate.y, z = iterate.z;
     const F h0 = 0.5F * s0, h1 = 0.5F * s1, h2 = 0.5F * s2;
-    const F nw = w - x * h0 - y * h1 - z * h2, nx = x + w * h0 + y * h2 - z * h1,
-                 ny = y + w * h1 + z * h0 - x * h2, nz = z + w * h2 + x * h1 - y * h0;
+    const F nw = w - x * h0 - y * h1 - z * h2, nx = x + w * h0 + y * h2 - z * h1, ny = y + w * h1 + z * h0 - x * h2,
+            nz = z + w * h2 + x * h1 - y * h0;
     const F unit = 1.0F / squareRoot(nw * nw + nx * nx + ny * ny + nz * nz);
     iterate = {select(active, nw * unit, w), select(active, nx * unit, x), select(active, ny * unit, y),
                select(active, nz * unit, z)};

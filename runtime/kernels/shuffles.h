@@ -10,7 +10,10 @@ namespace sinew::internal::SINEW_KERNELS {
 #define SINEW_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 
 #if defined(__AVX__)
-SINEW_INLINE Float8 joined(Float4 low, Float4 high) { return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7); }
+// By intrinsics where halves may come from memory: the compiler makes a load and a shuffle of the general form.
+SINEW_INLINE Float8 joined(Float4 low, Float4 high) {
+  return Float8(_mm256_insertf128_ps(_mm256_castps128_ps256(__m128(low)), __m128(high), 1));
+}
 SINEW_INLINE Float4 lowHalf(Float8 a) { return SINEW_SHUFFLE(a, a, 0, 1, 2, 3); }
 SINEW_INLINE Float4 highHalf(Float8 a) { return SINEW_SHUFFLE(a, a, 4, 5, 6, 7); }
 #else
@@ -46,6 +49,12 @@ SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return joined(highHalf(a), 
 SINEW_INLINE Float16 joined(Float8 low, Float8 high) {
   return SINEW_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
+SINEW_INLINE Float16 joined(Float4 a, Float4 b, Float4 c, Float4 d) {
+  __m512 result = _mm512_castps128_ps512(__m128(a));
+  result = _mm512_insertf32x4(result, __m128(b), 1);
+  result = _mm512_insertf32x4(result, __m128(c), 2);
+  return Float16(_mm512_insertf32x4(result, __m128(d), 3));
+}
 SINEW_INLINE Float8 lowHalf(Float16 a) { return SINEW_SHUFFLE(a, a, 0, 1, 2, 3, 4, 5, 6, 7); }
 SINEW_INLINE Float8 highHalf(Float16 a) { return SINEW_SHUFFLE(a, a, 8, 9, 10, 11, 12, 13, 14, 15); }
 SINEW_INLINE Float16 interleaveLow(Float16 a, Float16 b) {
@@ -79,8 +88,8 @@ SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t
 SINEW_INLINE Vec3Of<Float16> gatherTriples(const float* data, const std::uint32_t* first, const std::uint32_t* second) {
   Float16 four[4];
   for (int i = 0; i < 4; ++i) {
-    four[i] = joined(joined(load4(data + first[i]), load4(data + first[i + 4])),
-                     joined(load4(data + second[i]), load4(data + second[i + 4])));
+    four[i] = joined(load4(data + first[i]), load4(data + first[i + 4]), load4(data + second[i]),
+                     load4(data + second[i + 4]));
   }
   const Float16 xy0 = interleaveLow(four[0], four[1]), xy1 = interleaveLow(four[2], four[3]);
   const Float16 z0 = interleaveHigh(four[0], four[1]), z1 = interleaveHigh(four[2], four[3]);
@@ -215,6 +224,19 @@ SINEW_INLINE Triples8 triplesOf(const Float8 (&v)[4]) {
   return {{joined(four[0][0], four[0][1]), joined(four[0][2], four[1][0]), joined(four[1][1], four[1][2])}};
 #endif
 }
+#if defined(__AVX512F__)
+/// Sixteen of them: 48 floats.
+struct Triples16 {
+  Float16 part[3];
+};
+/// Sixteen vectors of four floats, four and four side by side, without their fourth floats.
+SINEW_INLINE Triples16 triplesOf(const Float16 (&v)[4]) {
+  return {{SINEW_SHUFFLE(v[0], v[1], 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20),
+           SINEW_SHUFFLE(v[1], v[2], 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24, 25),
+           SINEW_SHUFFLE(v[2], v[3], 10, 12, 13, 14, 16, 17, 18, 20, 21, 22, 24, 25, 26, 28, 29, 30)}};
+}
+#endif
+
 /// `count` scalars; 0 in missing lanes.
 SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
   if (count >= 8) return load8(p);

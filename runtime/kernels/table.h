@@ -8,6 +8,7 @@
 #include "runtime/kernels/kernels.h"
 #include "runtime/kernels/match.h"
 #include "runtime/kernels/moments.h"
+#include "runtime/kernels/rows.h"
 #include "runtime/kernels/vertices.h"
 
 namespace sinew::internal::SINEW_KERNELS {
@@ -24,17 +25,18 @@ void momentsOf(const ClusterRestBlock& rest, const MemberBlock* members, const f
 void matchOf(const ClusterRestBlock* rest, const StiffnessBlock* stiffness, ClusterBlock* state, std::uint32_t blocks) {
 #if defined(__AVX512F__)
   using W = Float16;
-#else
+#elif defined(__AVX__)
   using W = Float8;
+#else
+  using W = Float4;
 #endif
+  constexpr std::uint32_t kWidth = sizeof(W) / sizeof(float);
   for (std::uint32_t b = 0; b < blocks; ++b) {
     const bool quadratic = rest[b].quadratic != 0;
-    const bool two = sizeof(W) > sizeof(Float8) && b + 1 < blocks && (rest[b + 1].quadratic != 0) == quadratic;
+    const bool two = kWidth > kLanes && b + 1 < blocks && (rest[b + 1].quadratic != 0) == quadratic;
     const std::uint32_t next = two ? 1 : 0;
-    if (quadratic) {
-      match<true, W>({rest + b, next}, {stiffness + b, next}, {state + b, next});
-    } else {
-      match<false, W>({rest + b, next}, {stiffness + b, next}, {state + b, next});
+    for (std::uint32_t lane = 0; lane < kLanes; lane += kWidth) {
+      match<W>(quadratic ? 9 : 3, {rest + b, next, lane}, {stiffness + b, next, lane}, {state + b, next, lane});
     }
     b += next;
   }
@@ -52,11 +54,15 @@ void applyOf(const ApplyArguments& a) { apply(a); }
 void sumOf(const SumArguments& a) { sum(a); }
 void settleOf(const SettleArguments& a) { settle(a); }
 void addMotionOf(const AddMotionArguments& a) { addMotion(a); }
+float relaxRowsOf(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most) {
+  return relaxRows(rows, count, terms, answers, most);
+}
 
 }  // namespace
 
 inline constexpr Kernels tableNamed(const char* name) {
-  return {name, momentsOf, matchOf, goalsOf, predictOf, applyOf, sumOf, settleOf, addMotionOf, attachTable()};
+  return {name,  momentsOf, matchOf,     goalsOf,     predictOf,    applyOf,
+          sumOf, settleOf,  addMotionOf, relaxRowsOf, attachTable()};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -21,6 +21,8 @@ SINEW_INLINE Int8 within(const Vec3Of<Float8>& v, float limit) {
   return (absolute(v.x) <= limit) & (absolute(v.y) <= limit) & (absolute(v.z) <= limit);  // false for NaN
 }
 
+// Arguments are taken by value below: what lives in a register need not be read again after each store.
+
 // Partial sums of eight vertices at a time.
 struct MotionAccumulator {
   Float8 sum[16] = {};
@@ -63,7 +65,7 @@ SINEW_INLINE bool anyUnusable(const Triples8& x, const Triples8& v) {
   return any(~usable);
 }
 
-SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
+SINEW_INLINE std::uint32_t predict(const PredictArguments a) {
   const VertexRange& r = a.vertices;
   const Vec3Of<Float8> reference = broadcast(a.reference), moving = broadcast(a.moving);
   const Triples8 kick = repeated(a.kick);
@@ -96,11 +98,58 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments& a) {
   return repaired;
 }
 
-SINEW_INLINE void apply(const ApplyArguments& a) {
+#if defined(__AVX512F__)
+// y += moves and v += moves / h of sixteen vertices, without ground.
+SINEW_INLINE void applyToSixteen(const ApplyArguments& a, std::uint32_t i, UseBlock use, UseBlock second) {
+  const std::uint32_t* one = a.use_offset + 8 * std::uint64_t(use.first);
+  const std::uint32_t* two = a.use_offset + 8 * std::uint64_t(second.first);
+  const auto four = [&](const std::uint32_t* offset) {
+    return joined(load4(a.slots + offset[0]), load4(a.slots + offset[1]), load4(a.slots + offset[2]),
+                  load4(a.slots + offset[3]));
+  };
+  Float16 moves[4] = {four(one), four(one + 4), four(two), four(two + 4)};
+  for (std::uint32_t row = 1; row < use.rows; ++row) {
+    one += 8;
+    two += 8;
+    moves[0] += four(one);
+    moves[1] += four(one + 4);
+    moves[2] += four(two);
+    moves[3] += four(two + 4);
+  }
+  const Triples16 moved = triplesOf(moves);
+  float* y = a.vertices.y + 3 * std::uint64_t(i);
+  float* v = a.vertices.v + 3 * std::uint64_t(i);
+  for (int k = 0; k < 3; ++k) {
+    store16(v + 16 * k, load16(v + 16 * k) + splat<Float16>(a.inverse_h) * moved.part[k]);
+    store16(y + 16 * k, load16(y + 16 * k) + moved.part[k]);
+  }
+}
+#endif
+
+SINEW_INLINE void apply(const ApplyArguments a) {
   const VertexRange& r = a.vertices;
   const Vec3Of<Float8> normal = broadcast(a.normal), reference = broadcast(a.reference), moving = broadcast(a.moving);
   MotionAccumulator sums;
+  const auto add = [&](std::uint32_t i, std::uint32_t count, const Triples8& y, const Triples8& v) {
+    const Float8 mass = loadScalars(r.mass + i, count);
+    const Vec3Of<Float8> arm = lanesOf(y) - reference;
+    sums.addMomentum(mass, arm, lanesOf(v) - moving);
+    sums.addMass(mass, arm);
+  };
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
+#if defined(__AVX512F__)
+    const UseBlock* const both = a.uses + (i - r.begin) / 8;
+    if (!a.ground && i + 16 <= r.end && both[0].rows == both[1].rows && both[0].rows > 0) [[likely]] {
+      applyToSixteen(a, i, both[0], both[1]);
+      if (a.sums != nullptr) {
+        for (std::uint32_t k = i; k < i + 16; k += 8) {
+          add(k, 8, loadTriples(r.y + 3 * std::uint64_t(k)), loadTriples(r.v + 3 * std::uint64_t(k)));
+        }
+      }
+      i += 8;
+      continue;
+    }
+#endif
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
     const UseBlock use = a.uses[(i - r.begin) / 8];
     const std::uint32_t* offset = a.use_offset + 8 * std::uint64_t(use.first);
@@ -125,17 +174,12 @@ SINEW_INLINE void apply(const ApplyArguments& a) {
     const Triples8 y = start + moved;
     storeTriples(r.v + 3 * std::uint64_t(i), v, count);
     storeTriples(r.y + 3 * std::uint64_t(i), y, count);
-    if (a.sums != nullptr) {
-      const Float8 mass = loadScalars(r.mass + i, count);
-      const Vec3Of<Float8> arm = lanesOf(y) - reference;
-      sums.addMomentum(mass, arm, lanesOf(v) - moving);
-      sums.addMass(mass, arm);
-    }
+    if (a.sums != nullptr) add(i, count, y, v);
   }
   if (a.sums != nullptr) sums.store(*a.sums);
 }
 
-SINEW_INLINE void sum(const SumArguments& a) {
+SINEW_INLINE void sum(const SumArguments a) {
   const VertexRange& r = a.vertices;
   const Vec3Of<Float8> reference = broadcast(a.reference), moving = broadcast(a.moving);
   MotionAccumulator sums;
@@ -159,7 +203,7 @@ SINEW_INLINE void sum(const SumArguments& a) {
 
 // Differences of speeds are taken before anything is scaled or added: they are exact then, and fast bodies keep their
 // momentum to rounding.
-SINEW_INLINE void settle(const SettleArguments& a) {
+SINEW_INLINE void settle(const SettleArguments a) {
   const VertexRange& r = a.vertices;
   const Float8 h = splat<Float8>(a.h);
   const Triples8 moving = repeated(a.moving), shift = repeated(a.shift), change = repeated(a.change);
@@ -192,7 +236,7 @@ SINEW_INLINE void settle(const SettleArguments& a) {
   }
 }
 
-SINEW_INLINE void addMotion(const AddMotionArguments& a) {
+SINEW_INLINE void addMotion(const AddMotionArguments a) {
   const VertexRange& r = a.vertices;
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;

@@ -11,31 +11,32 @@ namespace {
 // Least inertia about any axis, relative to the largest: a straight cluster has none about itself.
 constexpr double kInertiaFloor = 1e-3;
 
-template <int N>
+// \param[out] full Σ mu q~ q~^T; null unless the cluster is quadratic.
 void addMoments(const formats::PackageView& package, const formats::Cluster& cluster, ClusterRest& rest,
                 Square<9>* full) {
+  using Vector9d = Eigen::Matrix<double, 9, 1>;
   const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
   const auto vertices = package.physicalVertices();
-  Eigen::Matrix<double, N, 1> sum = Eigen::Matrix<double, N, 1>::Zero();
-  Eigen::Matrix<double, N, N> moment = Eigen::Matrix<double, N, N>::Zero();
+  Vector9d sum = Vector9d::Zero();
+  Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();
   double total = 0;
   for (const formats::Membership& member : members) {
-    const Monomials<N> q = monomials<N>(restOffset(cluster, asVector(vertices[member.vertex].rest_position)));
-    const Eigen::Matrix<double, N, 1> wide = q.template cast<double>();
+    const Monomials<9> q = monomials<9>(restOffset(cluster, asVector(vertices[member.vertex].rest_position)));
+    const Vector9d wide = q.cast<double>();
     const double mu = double(member.mu);
     total += mu;
     sum += mu * wide;
-    moment.template selfadjointView<Eigen::Lower>().rankUpdate(wide, mu);
+    moment += (mu * wide) * wide.transpose();
   }
-  const Eigen::Matrix<double, N, 1> mean = sum / total;
-  moment = moment.template selfadjointView<Eigen::Lower>();
-  moment = moment / total - mean * mean.transpose();
-  rest.mean.template head<N>() = mean.template cast<float>();
-  rest.moment.template leftCols<N>() = moment.template topRows<3>().template cast<float>();
-  if constexpr (N == 9) {
-    *full = moment.template cast<float>();
+  const Vector9d mean = sum / total;
+  moment = (moment / total - mean * mean.transpose()).eval();
+  const int columns = full != nullptr ? 9 : 3;
+  for (int k = 0; k < columns; ++k) {
+    rest.mean[k] = float(mean[k]);
+    for (int axis = 0; axis < 3; ++axis) rest.moment(axis, k) = float(moment(axis, k));
   }
-  const Eigen::Matrix3d spread = moment.template topLeftCorner<3, 3>();
+  if (full != nullptr) *full = moment.cast<float>();
+  const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
   const double trace = spread.trace();
   if (trace > 0) {
     const Eigen::Matrix3d inertia = trace * (1.0 + kInertiaFloor) * Eigen::Matrix3d::Identity() - spread;
@@ -126,11 +127,9 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
   result.clusters.resize(clusters.size());
   result.full_moments.resize(package.quadraticMoments().size(), Square<9>::Zero());
   for (std::size_t c = 0; c < clusters.size(); ++c) {
-    if (clusters[c].mode == formats::ClusterMode::quadratic) {
-      addMoments<9>(package, clusters[c], result.clusters[c], &result.full_moments[clusters[c].quadratic]);
-    } else {
-      addMoments<3>(package, clusters[c], result.clusters[c], nullptr);
-    }
+    const bool quadratic = clusters[c].mode == formats::ClusterMode::quadratic;
+    addMoments(package, clusters[c], result.clusters[c],
+               quadratic ? &result.full_moments[clusters[c].quadratic] : nullptr);
   }
   for (const formats::BodyRange& range : package.bodies()) {
     const double part_radius = gyrationRadius(package, range);

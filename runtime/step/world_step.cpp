@@ -515,6 +515,9 @@ void exchange(Body& body, RowScratch& scratch) {
   body.rows.swap(scratch.rows);
   body.frames.swap(scratch.frames);
   body.responses.swap(scratch.responses);
+  body.solver_rows.swap(scratch.solver_rows);
+  body.terms.swap(scratch.terms);
+  body.answers.swap(scratch.answers);
 }
 
 void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
@@ -525,6 +528,7 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
   if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
     body.frames.resize(body.clusterCount());
     body.responses.resize(body.clusterCount());
+    body.answers.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
   if (!body.centers_known) step.findCenters();
@@ -540,11 +544,12 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
 
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
   struct Need {
-    std::size_t bodies = 0, rows = 0, clusters = 0;
+    std::size_t bodies = 0, rows = 0, terms = 0, clusters = 0;
     void add(const Body& body, bool rows_too) {
       ++bodies;
       if (!rows_too) return;
       rows = std::max(rows, body.vertexCount() + body.picks.size());
+      terms = std::max(terms, mostTerms(body));
       clusters = std::max<std::size_t>(clusters, body.clusterCount());
     }
   } all, small;
@@ -562,6 +567,9 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
     scratch.lanes[i].rows.reserve(need.rows);
     scratch.lanes[i].frames.reserve(need.clusters);
     scratch.lanes[i].responses.reserve(need.clusters);
+    scratch.lanes[i].solver_rows.reserve(need.rows);
+    scratch.lanes[i].terms.reserve(need.terms);
+    scratch.lanes[i].answers.reserve(need.clusters);
   }
 }
 

@@ -17,11 +17,15 @@ using StepTimes = std::array<double, kStepPhaseCount>;
 
 /// What solving the rows of one body takes: much memory for a short time, so bodies share it.
 struct RowScratch {
-  explicit RowScratch(std::pmr::memory_resource* memory) : rows(memory), frames(memory), responses(memory) {}
+  explicit RowScratch(std::pmr::memory_resource* memory)
+      : rows(memory), frames(memory), responses(memory), solver_rows(memory), terms(memory), answers(memory) {}
 
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;
   std::pmr::vector<ClusterResponse> responses;
+  std::pmr::vector<SolverRow> solver_rows;
+  std::pmr::vector<RowTerm> terms;
+  std::pmr::vector<ClusterAnswer> answers;
 };
 
 /// Scratch of a world: one RowScratch for each body that may be stepped at the same time, each large enough for any.

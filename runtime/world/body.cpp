@@ -48,12 +48,13 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
            std::pmr::memory_resource* memory)
     : asset(std::move(source)),
       settings(body_settings),
-      x(vertexCount() + 1, memory),
-      v(vertexCount() + 1, memory),
-      y(vertexCount() + 1, memory),
+      lines(memory),
+      x(vertexCount() + 1, &lines),
+      v(vertexCount() + 1, &lines),
+      y(vertexCount() + 1, &lines),
       force(vertexCount(), memory),
       pinned(vertexCount(), memory),
-      slots(8 * rest().members.size() + 1, memory),
+      slots(8 * rest().members.size() + 1, &lines),
       blocks(rest().blocks.size(), memory),
       stiffness(std::move(shared)),
       pins(memory),
@@ -61,12 +62,15 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       pin_sets(memory),
       fits(memory),
       fit_of(memory),
-      mechanics(package(), rest().mechanics),
+      mechanics(package(), rest().mechanics, memory),
       chunks(memory),
       parts(memory),
       rows(memory),
       frames(memory),
       responses(memory),
+      solver_rows(memory),
+      terms(memory),
+      answers(memory),
       history(memory) {
   std::uint32_t use_block = 0;
   for (const formats::BodyRange& range : package().bodies()) {
@@ -129,15 +133,19 @@ void Body::matchPositions() {
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
   const Kernels& kernel = kernels();
   // No frequency: F = A shows the positions as they are.
-  StiffnessSet loose(package(), 0.0F);
-  loose.loosen(package());
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     kernel.moments(rest().blocks[b], rest().members.data(), y.data()->data(), blocks[b], slots.data()->data());
   }
   for (const Part& part : parts) {
-    updatePartPose(package(), rest(), loose.clusters, part.first_cluster, part.cluster_count, blocks);
+    updatePartPose(package(), rest(), {}, part.first_cluster, part.cluster_count, blocks);
   }
-  kernel.match(rest().blocks.data(), loose.blocks.data(), blocks.data(), std::uint32_t(blocks.size()));
+  for (std::uint32_t b = 0; b < blocks.size(); ++b) {
+    StiffnessBlock loose = {};
+    for (std::uint32_t c = 8 * b; c < std::min(8 * b + 8, clusterCount()); ++c) {
+      storeStiffness(freeStiffness(package(), c), c % 8, loose);
+    }
+    kernel.match(&rest().blocks[b], &loose, &blocks[b], 1);
+  }
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
@@ -39,11 +40,20 @@ struct PinSet {
   PinMethod method = PinMethod::constrained_fit;
   RigidTransform at;      ///< where it is in this pass
   RigidTransform target;  ///< where it is at the end of the step
-  std::vector<PinnedVertex> vertices;
+  std::pmr::vector<PinnedVertex> vertices;
   // Reactions of the step's passes; means are taken over `passes`.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
   std::uint32_t passes = 0;
   bool first_pass = true;  ///< the next pass is the first of a step
+
+  using allocator_type = std::pmr::polymorphic_allocator<>;
+  explicit PinSet(allocator_type allocator) : vertices(allocator) {}
+  PinSet(PinSet&& other) noexcept = default;
+  PinSet(PinSet&& other, allocator_type) noexcept : PinSet(std::move(other)) {}  // of the same memory
+  PinSet& operator=(PinSet&& other) = default;
+  PinSet(const PinSet&) = delete;
+  PinSet& operator=(const PinSet&) = delete;
+  ~PinSet() = default;
 };
 
 /// A spring between a visual vertex and a target.
@@ -89,10 +99,29 @@ struct Part {
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
 
+/// Memory that begins at a cache line: kernels read and write whole lines of vertices.
+class LineMemory : public std::pmr::memory_resource {
+ public:
+  explicit LineMemory(std::pmr::memory_resource* upstream) : upstream_(upstream) {}
+
+ private:
+  static constexpr std::size_t kLine = 64;
+  void* do_allocate(std::size_t bytes, std::size_t alignment) override {
+    return upstream_->allocate(bytes, std::max(alignment, kLine));
+  }
+  void do_deallocate(void* place, std::size_t bytes, std::size_t alignment) override {
+    upstream_->deallocate(place, bytes, std::max(alignment, kLine));
+  }
+  bool do_is_equal(const std::pmr::memory_resource& other) const noexcept override { return this == &other; }
+
+  std::pmr::memory_resource* upstream_;
+};
+
 /// State of one body. Constants stay in the asset.
 struct Body {
+  /// \param memory all that the body keeps comes from there.
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
-       std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+       std::pmr::memory_resource* memory);
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }
@@ -109,6 +138,7 @@ struct Body {
 
   std::shared_ptr<const Asset> asset;
   BodySettings settings;
+  LineMemory lines;  ///< where the arrays by vertex and membership live
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
   std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
@@ -140,6 +170,9 @@ struct Body {
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
   std::pmr::vector<ClusterResponse> responses;
+  std::pmr::vector<SolverRow> solver_rows;  ///< `rows` as the sweeps see them
+  std::pmr::vector<RowTerm> terms;
+  std::pmr::vector<ClusterAnswer> answers;  ///< by cluster
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 

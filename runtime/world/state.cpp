@@ -347,8 +347,7 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
   Body* body = impl_->find(id, "teleport");
   if (body == nullptr) return;
   const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> given(rotation.data());
-  if (!((given * given.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F) || !(given.determinant() > 0) ||
-      !asVector(translation).allFinite()) {
+  if (!internal::isProper(rotation) || !asVector(translation).allFinite()) {
     impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a finite translation");
     return;
   }

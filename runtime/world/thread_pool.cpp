@@ -96,15 +96,20 @@ struct ThreadPool::Impl {
   }
 };
 
-ThreadPool::ThreadPool(std::uint32_t threads) : impl_(std::make_unique<Impl>()) {
+ThreadPool::ThreadPool(std::uint32_t threads) noexcept {
   const std::uint32_t cores = std::max(1U, std::thread::hardware_concurrency());
   if (threads == 0) threads = cores;
-  // Where there are more threads than cores, spinning only keeps the others from working.
-  if (threads > cores) impl_->spins = 1;
-  for (std::uint32_t i = 1; i < threads; ++i) impl_->threads.emplace_back([this] { impl_->helper(); });
+  try {
+    impl_ = std::make_unique<Impl>();
+    // Where there are more threads than cores, spinning only keeps the others from working.
+    if (threads > cores) impl_->spins = 1;
+    for (std::uint32_t i = 1; i < threads; ++i) impl_->threads.emplace_back([pool = impl_.get()] { pool->helper(); });
+  } catch (...) {  // NOLINT(bugprone-empty-catch): as many threads as there are by now
+  }
 }
 
 ThreadPool::~ThreadPool() {
+  if (impl_ == nullptr) return;
   {
     const std::lock_guard lock(impl_->mutex);
     impl_->stop = true;
@@ -113,16 +118,16 @@ ThreadPool::~ThreadPool() {
   for (std::thread& thread : impl_->threads) thread.join();
 }
 
-std::uint32_t ThreadPool::threads() const { return std::uint32_t(impl_->threads.size()) + 1; }
+std::uint32_t ThreadPool::threads() const { return impl_ == nullptr ? 1 : std::uint32_t(impl_->threads.size()) + 1; }
 
 void ThreadPool::parallelFor(std::uint32_t count, std::uint32_t grain,
                              const std::function<void(std::uint32_t, std::uint32_t)>& body) {
-  Impl& pool = *impl_;
   grain = std::max(1U, grain);
-  if (count <= grain || pool.threads.empty()) {
+  if (count <= grain || threads() == 1) {
     if (count > 0) body(0, count);
     return;
   }
+  Impl& pool = *impl_;
   pool.count = count;
   pool.grain = std::max(grain, count / (threads() * 8));  // a few ranges a thread balance the load
   pool.body = &body;

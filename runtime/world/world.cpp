@@ -30,8 +30,8 @@ std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& as
   for (const internal::BodyPointer& body : bodies) {
     if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
   }
-  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(),
-                                                      scale);
+  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(), scale,
+                                                      memory);
 }
 
 Body* World::Impl::find(BodyId id, const char* call) const {
@@ -50,10 +50,13 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
   return {nullptr, 0};
 }
 
+bool internal::isProper(const Mat3& rotation) {
+  const Eigen::Map<const internal::Matrix3> m(rotation.data());
+  return (m * m.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && m.determinant() > 0;
+}
+
 bool internal::isProper(const RigidTransform& transform) {
-  const Eigen::Map<const internal::Matrix3> rotation(transform.rotation.data());
-  return asVector(transform.position).allFinite() &&
-         (rotation * rotation.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && rotation.determinant() > 0;
+  return asVector(transform.position).allFinite() && isProper(transform.rotation);
 }
 
 std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
@@ -127,10 +130,23 @@ void World::Release::operator()(Impl* impl) const {
 
 World::World(const WorldSettings& settings, const WorldResources& resources) {
   std::pmr::memory_resource* memory = resources.memory != nullptr ? resources.memory : std::pmr::get_default_resource();
-  impl_.reset(new (memory->allocate(sizeof(Impl), alignof(Impl))) Impl(settings, resources));
+  void* place = memory->allocate(sizeof(Impl), alignof(Impl));
+  try {
+    impl_.reset(new (place) Impl(settings, resources));
+  } catch (...) {
+    memory->deallocate(place, sizeof(Impl), alignof(Impl));
+    throw;
+  }
 }
 World::World(const WorldSettings& settings, JobSystem* jobs)
     : World(settings, WorldResources{nullptr, jobs, nullptr}) {}
+Result<World> World::create(const WorldSettings& settings, const WorldResources& resources) noexcept {
+  try {
+    return World(settings, resources);
+  } catch (...) {
+    return Error{"out of memory"};  // short enough to lie in the string itself
+  }
+}
 World::~World() = default;
 World::World(World&&) noexcept = default;
 World& World::operator=(World&&) noexcept = default;
@@ -144,9 +160,7 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
   if (!std::all_of(settings.position.begin(), settings.position.end(), finite)) {
     return Error{"addBody: BodySettings::position is not finite"};
   }
-  const Eigen::Map<const internal::Matrix3> rotation(settings.rotation.data());
-  if (!((rotation * rotation.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F) ||
-      !(rotation.determinant() > 0)) {
+  if (!internal::isProper(settings.rotation)) {
     return Error{"addBody: BodySettings::rotation is not a proper rotation"};
   }
   if (!(settings.stiffness_scale >= 0) || !finite(settings.stiffness_scale)) {
@@ -319,7 +333,7 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
   return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
     if (!internal::isProper(at)) return refused("the transform is not finite, or its rotation not proper");
     if (method > PinMethod::constrained_fit) return refused("no such method");
-    internal::PinSet set;
+    internal::PinSet set(impl_->memory);
     set.id = impl_->next_pin_set;
     set.method = method;
     set.at = set.target = at;

@@ -17,7 +17,9 @@
 namespace sinew {
 
 namespace internal {
-/// Finite, and its rotation proper.
+/// Finite, orthonormal to 1e-3 and not mirrored.
+bool isProper(const Mat3& rotation);
+/// The same with a finite position.
 bool isProper(const RigidTransform& transform);
 }  // namespace internal
 

@@ -264,6 +264,40 @@ const std::vector<ContentFault> kMechanicsFaults = {
     {"PPIN, element 0: outside", [](auto& c) { c.pin_weights[0] = kNan; }},
 };
 
+struct PinFault {
+  const char* reason_has;
+  void (*spoil)(PackageContent&);
+};
+
+TEST(PackageFaults, EachBrokenRuleOfPinSetsIsRefusedAndNamed) {
+  const auto sound = [] {
+    PackageContent content = test::mechanicsPackage();
+    content.pin_sets = {{content.addText("skull"), content.addText("Head"), 3, 0, 2, 0},
+                        {content.addText("none"), content.addText("world"), 0, 2, 0, 0}};
+    content.pin_set_vertices = {1, 4};
+    return content;
+  };
+  EXPECT_EQ(test::reasonOf(writePackage(sound())), "");
+  const PinFault faults[] = {
+      {"PSET, element 0: its name", [](PackageContent& c) { c.pin_sets[0].name.offset = 9999; }},
+      {"PSET, element 1: its target", [](PackageContent& c) { c.pin_sets[1].target.bytes = 9999; }},
+      {"PSET, element 0: unknown", [](PackageContent& c) { c.pin_sets[0].method = 4; }},
+      {"PSET, element 1: unknown", [](PackageContent& c) { c.pin_sets[1].reserved0 = 1; }},
+      {"PSET, element 1: does not", [](PackageContent& c) { c.pin_sets[1].first = 1; }},
+      {"PSET, element 1: does not", [](PackageContent& c) { c.pin_sets[1].count = 0xffffffff; }},
+      {"PSET, element 0: its vertices", [](PackageContent& c) { c.pin_set_vertices[1] = 1; }},
+      {"PSET, element 0: its vertices", [](PackageContent& c) { c.pin_set_vertices[1] = 5; }},
+      {"PSTV: has vertices", [](PackageContent& c) { c.pin_set_vertices.push_back(0); }},
+      {"PSTV: needs section PSET", [](PackageContent& c) { c.pin_sets.clear(); }},
+  };
+  for (const PinFault& fault : faults) {
+    PackageContent content = sound();
+    fault.spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_NE(reason.find(fault.reason_has), std::string::npos) << fault.reason_has << " gave: " << reason;
+  }
+}
+
 TEST(PackageFaults, EachBrokenRuleOfMechanicsIsRefusedAndNamed) {
   EXPECT_EQ(test::reasonOf(writePackage(test::mechanicsPackage())), "");
   for (std::size_t i = 0; i < kMechanicsFaults.size(); ++i) {

@@ -163,6 +163,8 @@ SECTIONS = {
     "CHAN": ("<2I", 1, False, 9),
     "PSTF": ("<f", 1, False, 10),
     "PPIN": ("<f", 1, False, 11),
+    "PSET": ("<4I4I", 0, False, None),
+    "PSTV": ("<I", 0, False, None),
     "VPOS": ("<3f", 1, False, 2),
     "VNRM": ("<3f", 0, False, None),
     "VUV0": ("<2f", 0, False, None),
@@ -184,7 +186,7 @@ SECTIONS = {
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights"]
-NEEDS = [("CURV", "CMEC"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
+NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP")]
 
 
@@ -292,7 +294,7 @@ class Package:
         return self.strings[offset:offset + size].decode("utf-8", "replace")
 
     def check_texts(self):
-        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "CHAN": (0,), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
+        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "CHAN": (0,), "PSET": (0, 2), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
               "SMSH": (0,), "GRUP": (0,)}
         for name, fields in at.items():
             for i, record in enumerate(self.records[name]):
@@ -359,6 +361,12 @@ class Package:
 
     def check_mechanics(self):
         r = self.records
+        held = [v for (v,) in r["PSTV"]]
+        tile("PSET", [(s[5], s[6]) for s in r["PSET"]], len(held))
+        for i, s in enumerate(r["PSET"]):
+            run = held[s[5]:s[5] + s[6]]
+            need(s[4] <= 3 and s[7] == 0, f"section PSET, element {i}: method or reserved")
+            need(ascending(run) and all(v < len(r["PVTX"]) for v in run), f"section PSET, element {i}: vertices")
         for name in ("PSTF", "PPIN"):
             need(len(r[name]) in (0, len(r["PVTX"])), f"section {name}: not one element for each physical vertex")
             for i, (value,) in enumerate(r[name]):

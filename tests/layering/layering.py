@@ -68,6 +68,7 @@ TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
     "import": ("assimp", "cgal"),
     "tetrahedralize": ("cgal",),
+    "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
     "studio": ("opencv", "epoxy", "glfw", "imgui"),
@@ -77,12 +78,13 @@ TOOL_THIRD = {
 # What a part may include beyond the parts below it.
 TOOL_OWN = {
     # The references that its figures are compared with, and the kernels that it times alone.
-    "bench": ("tests/benchmarks/", "runtime/kernels/"),
+    "bench": ("tests/benchmarks/", "runtime/kernels/", "runtime/load/", "runtime/world/"),
 }
 # Each of these sits behind the named files of its part.
 BEHIND = {
     ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
+    ("tools/author/", "opencv"): ("tools/author/mask_image.cpp",),
     ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),
     ("tests/", "bullet"): ("tests/benchmarks/bullet_*",),
     ("tests/", "cgal"): ("tests/topology/exact_pairs.cpp",),  # a second opinion with exact constructions

@@ -178,6 +178,55 @@ TEST(Resources, RunningOutOfMemoryIsToldAndTheWorldGoesOn) {
   }
 }
 
+TEST(Resources, AWorldThatFindsNoMemorySaysSo) {
+  CountingMemory memory;
+  memory.dry_after = 0;
+  EXPECT_EQ(World::create({}, WorldResources{&memory, nullptr, nullptr}).reason(), "out of memory");
+  EXPECT_EQ(memory.live_blocks, 0U);
+  memory.dry_after = std::numeric_limits<std::size_t>::max();
+  auto world = World::create({}, WorldResources{&memory, nullptr, nullptr});
+  ASSERT_TRUE(world);
+  EXPECT_TRUE(world->addBody(boxAsset(softBox())));
+}
+
+// Whatever a pin set needs comes from the world's memory, and where it runs out the sets that there are stay.
+TEST(Resources, APinSetThatFindsNoMemoryChangesNothing) {
+  formats::PackageContent content = boxContent(softBox());
+  formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+  mechanics.damping = 1;  // so that the body keeps a state of mechanics as well
+  content.mechanics.assign(content.clusters.size(), mechanics);
+  const auto asset = makeAsset(content);
+  CountingMemory memory;
+  Lines log;
+  World world({}, WorldResources{&memory, nullptr, &log});
+  const BodyId body = *world.addBody(asset);
+  const std::vector<std::uint32_t> some = {0, 1, 2}, others = {3, 4, 5};
+  const PinSetId held = *world.addPinSet(body, some, {}, PinMethod::constrained_fit);
+  world.step(1.0F / 60);
+  const Vec3 place = world.positions(body)[1];
+  bool added = false;
+  std::size_t dry_after = 0;
+  for (; !added; ++dry_after) {
+    ASSERT_LT(dry_after, 100U);
+    memory.dry_after = dry_after;
+    added = bool(world.addPinSet(body, others, {}, PinMethod::constrained_fit));
+    memory.dry_after = std::numeric_limits<std::size_t>::max();
+    EXPECT_EQ(log.count(LogSeverity::error), dry_after + (added ? 0 : 1));
+    world.step(1.0F / 60);
+    ASSERT_TRUE(allFinite(world, body));
+    ASSERT_EQ(world.positions(body)[1], place) << dry_after;
+  }
+  EXPECT_GT(dry_after, 8U);  // sets, points, values and offsets of each fit
+  memory.dry_after = 0;
+  world.removePinSet(held);
+  memory.dry_after = std::numeric_limits<std::size_t>::max();
+  world.step(1.0F / 60);
+  EXPECT_EQ(world.positions(body)[1], place);  // still held
+  world.removePinSet(held);
+  for (int i = 0; i < 10; ++i) world.step(1.0F / 60);
+  EXPECT_NE(world.positions(body)[1], place);
+}
+
 TEST(Resources, TheLogTellsWhatWasRefusedOrPutRight) {
   Lines log;
   World world({}, WorldResources{nullptr, nullptr, &log});

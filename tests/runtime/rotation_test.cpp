@@ -9,7 +9,6 @@
 #include <random>
 
 #include "runtime/geometry/pseudo_inverse.h"
-#include "runtime/geometry/svd3.h"
 
 namespace sinew::geometry {
 namespace {
@@ -127,25 +126,6 @@ TEST(Rotation, StaysContinuousThroughCollapseAndMirroring) {
     const float s = 1.0F - 0.01F * float(i);
     nearestRotation(Eigen::Vector3f(1, 0.8F, s).asDiagonal().toDenseMatrix(), q);
     ASSERT_NEAR(std::abs(q[0]), 1.0F, 1e-5F) << s;
-  }
-}
-
-TEST(RotationSvd, RebuildsTheMatrixWithProperFactors) {
-  Random random;
-  for (int i = 0; i < 300; ++i) {
-    Matrix3d a;
-    for (int k = 0; k < 9; ++k) a.data()[k] = random.uniform();
-    if (i % 3 == 1) a.col(2) = a.col(0) - 2 * a.col(1);
-    if (i % 7 == 2) a.setZero();
-    const RotationSvd svd = rotationSvd(a.cast<float>());
-    expectProper(svd.u);
-    expectProper(svd.v);
-    EXPECT_LT((svd.u * svd.sigma.asDiagonal() * svd.v.transpose() - a.cast<float>()).norm(), 3e-6F);
-    EXPECT_GE(svd.sigma[0], svd.sigma[1]);
-    EXPECT_GE(svd.sigma[1], std::abs(svd.sigma[2]));
-    if (std::abs(a.determinant()) > 1e-4) {
-      EXPECT_EQ(svd.sigma[2] < 0, a.determinant() < 0);
-    }
   }
 }
 

@@ -17,7 +17,7 @@ inline constexpr std::array kMethods = {tools::TetrahedraMethod::automatic, tool
                                         tools::TetrahedraMethod::stuffing, tools::TetrahedraMethod::delaunay};
 
 inline std::string name(tools::TetrahedraMethod method) {
-  return std::array{"auto", "grid", "stuffing", "delaunay"}[std::size_t(method)];
+  return std::array{"auto", "grid", "stuffing", "delaunay", "shell"}[std::size_t(method)];
 }
 
 inline tools::PhysicalMesh fill(const tools::VisualMesh& mesh, tools::TetrahedraMethod method, std::uint32_t vertices) {
@@ -71,7 +71,7 @@ inline void checkPhysicalMesh(const tools::PhysicalMesh& mesh, const std::string
     EXPECT_EQ(geometry::connectedComponents(one, component), 1U) << what;
     EXPECT_NEAR(geometry::volume(one), body.volume, 1e-6 * body.volume) << what;
     using enum tools::TetrahedraMethod;
-    const double least = body.method == grid ? 30 : body.method == stuffing ? 8.9 : 10;
+    const double least = body.method == grid ? 30 : body.method == stuffing ? 8.9 : body.method == shell ? 0.5 : 10;
     EXPECT_NE(body.method, automatic) << what;
     EXPECT_GE(body_smallest, least) << what << " by " << name(body.method);
   }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <tuple>
 
 namespace sinew::tools {
 namespace {
@@ -157,6 +158,128 @@ class TetrahedronTree {
   std::vector<Node> nodes_;
 };
 
+// Tetrahedra around each vertex.
+class Neighbourhood {
+ public:
+  explicit Neighbourhood(const PhysicalMesh& mesh) : mesh_(mesh), first_(mesh.positions.size() + 1, 0) {
+    for (const auto& t : mesh.tetrahedra) {
+      for (const std::uint32_t v : t) ++first_[v + 1];
+    }
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    around_.resize(first_.back());
+    std::vector<std::uint32_t> filled = first_;
+    for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+      for (const std::uint32_t v : mesh.tetrahedra[t]) around_[filled[v]++] = t;
+    }
+    std::vector<std::uint32_t> order(mesh.positions.size());
+    std::iota(order.begin(), order.end(), 0U);
+    const auto key = [&](std::uint32_t v) {
+      return std::tuple(mesh.positions[v].x(), mesh.positions[v].y(), mesh.positions[v].z());
+    };
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
+    doubled_.assign(order.size(), 0);
+    for (std::size_t i = 1; i < order.size(); ++i) {
+      if (key(order[i]) == key(order[i - 1])) doubled_[order[i]] = doubled_[order[i - 1]] = 1;
+    }
+  }
+
+  // Whether other tetrahedra may lie over this one.
+  bool doubled(std::uint32_t t) const {
+    return std::any_of(mesh_.tetrahedra[t].begin(), mesh_.tetrahedra[t].end(),
+                       [&](std::uint32_t v) { return doubled_[v] != 0; });
+  }
+
+  // Squared.
+  double distance(std::uint32_t t, const Vector3d& p) const {
+    const auto& v = mesh_.tetrahedra[t];
+    return squaredDistance(
+        p, {mesh_.positions[v[0]], mesh_.positions[v[1]], mesh_.positions[v[2]], mesh_.positions[v[3]]});
+  }
+
+  // But for the rounding of positions to single precision since it was found.
+  bool holds(std::uint32_t t, const Vector3d& p) const {
+    const auto& v = mesh_.tetrahedra[t];
+    return distance(t, p) <= 1e-12 * (mesh_.positions[v[0]] - mesh_.positions[v[1]]).squaredNorm();
+  }
+
+  // Whether two tetrahedra share a vertex or are both beside a third.
+  bool close(std::uint32_t a, std::uint32_t b) const {
+    const auto& wanted = mesh_.tetrahedra[b];
+    for (const std::uint32_t v : mesh_.tetrahedra[a]) {
+      if (std::find(wanted.begin(), wanted.end(), v) != wanted.end()) return true;
+    }
+    for (const std::uint32_t v : mesh_.tetrahedra[a]) {
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+        for (const std::uint32_t w : mesh_.tetrahedra[around_[i]]) {
+          if (std::find(wanted.begin(), wanted.end(), w) != wanted.end()) return true;
+        }
+      }
+    }
+    return false;
+  }
+
+  // From one tetrahedron to ever nearer ones beside it.
+  std::uint32_t walk(std::uint32_t from, const Vector3d& p, double& squared_distance) const {
+    squared_distance = distance(from, p);
+    for (std::uint32_t last = kNoIndex; last != from && squared_distance > 0;) {
+      last = from;
+      for (const std::uint32_t v : mesh_.tetrahedra[last]) {
+        for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+          const double d = distance(around_[i], p);
+          if (d < squared_distance) {
+            squared_distance = d;
+            from = around_[i];
+          }
+        }
+      }
+    }
+    return from;
+  }
+
+ private:
+  const PhysicalMesh& mesh_;
+  std::vector<std::uint32_t> first_, around_;
+  std::vector<char> doubled_;  // of each vertex: another lies in its place
+};
+
+// A tetrahedron for each welded point to start from: its home, else that of the first point along the surface that has
+// one. kNoIndex where none can be reached.
+std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const PhysicalMesh& physical) {
+  std::vector<std::uint32_t> start(mesh.welded_positions.size(), kNoIndex);
+  if (physical.home.empty()) return start;
+  start = physical.home;
+  // Edges that lead to points without a home.
+  const auto forEdges = [&](auto&& visit) {
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      const Triangle points = mesh.weldedTriangle(t);
+      for (const std::uint32_t b : points) {
+        if (physical.home[b] != kNoIndex) continue;
+        for (const std::uint32_t a : points) {
+          if (a != b) visit(a, b);
+        }
+      }
+    }
+  };
+  std::vector<std::uint32_t> first(start.size() + 1, 0);
+  forEdges([&](std::uint32_t a, std::uint32_t) { ++first[a + 1]; });
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<std::uint32_t> next(first.back()), filled = first;
+  forEdges([&](std::uint32_t a, std::uint32_t b) { next[filled[a]++] = b; });
+  std::vector<std::uint32_t> queue;
+  for (std::uint32_t p = 0; p < start.size(); ++p) {
+    if (start[p] != kNoIndex) queue.push_back(p);
+  }
+  for (std::size_t at = 0; at < queue.size(); ++at) {
+    const std::uint32_t p = queue[at];
+    for (std::uint32_t i = first[p]; i < first[p + 1]; ++i) {
+      if (start[next[i]] != kNoIndex) continue;
+      start[next[i]] = start[p];
+      queue.push_back(next[i]);
+    }
+  }
+  return start;
+}
+
 }  // namespace
 
 std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
@@ -176,10 +299,16 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
   for (const PhysicalBody& body : physical.bodies)
     trees.emplace_back(physical, body.first_tetrahedron, body.tetrahedron_count);
 
+  const Neighbourhood neighbourhood(physical);
+  const std::vector<std::uint32_t> start = startingPlaces(mesh, physical);
   std::vector<TetrahedronPlace> places(mesh.welded_positions.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
     for (std::size_t p = range.begin(); p != range.end(); ++p) {
       const Vector3d& x = mesh.welded_positions[p];
+      if (start[p] != kNoIndex && neighbourhood.holds(start[p], x)) {
+        places[p] = {start[p], {}, 0};
+        continue;
+      }
       double best = std::numeric_limits<double>::infinity();
       std::uint32_t best_tetrahedron = kNoIndex;
       for (std::uint32_t b = 0; b < trees.size(); ++b) {
@@ -190,6 +319,11 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
           best = d;
           best_tetrahedron = t;
         }
+      }
+      // The nearest one may lie across a gap.
+      if (start[p] != kNoIndex &&
+          (neighbourhood.doubled(best_tetrahedron) || !neighbourhood.close(start[p], best_tetrahedron))) {
+        best_tetrahedron = neighbourhood.walk(start[p], x, best);
       }
       places[p] = {best_tetrahedron, {}, std::sqrt(best)};
     }

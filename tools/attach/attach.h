@@ -25,7 +25,10 @@ struct TetrahedronPlace {
   double distance = 0;                           ///< metres outside the tetrahedron, 0 inside
 };
 
-/// Finds for each visual vertex the tetrahedron of its body that holds it, or else the nearest one.
+/// Finds for each visual vertex the tetrahedron of its body that holds it, or else the nearest one. A vertex never
+/// hangs on the far side of a gap that its own surface leads round: of tetrahedra that lie over one another it takes
+/// its own (PhysicalMesh::home), and the nearest one counts only beside the place where its surface next enters the
+/// tetrahedra.
 std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
                                                   const PhysicalMesh& physical);
 

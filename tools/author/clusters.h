@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,10 +14,16 @@
 
 namespace sinew::tools {
 
+/// How clusters are made where nobody authored any.
+enum class ClusterMethod { grid, kmeans };
+
 struct ClusterOptions {
+  ClusterMethod method = ClusterMethod::grid;
   std::array<std::uint32_t, 3> grid = {0, 0,
                                        0};  ///< boxes along x, y, z of each body; all 0 = chosen by size and shape
   double overlap = 0.5;                     ///< how far a box reaches into its neighbours, of its own size
+  double size = 0;                          ///< m, width of a cluster of kmeans; 0 = chosen
+  double overlap_metres = 0;                ///< m, of authored clusters and kmeans; 0 = 1.5 edges of the tetrahedra
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
   double alpha = 1.0;        ///< part of the way to the goal in 1/60 s
   double stretch_hz = 10.0;  ///< frequency of stretch and shear
@@ -45,8 +52,9 @@ struct ClusterSource {
   std::string name;
   std::uint32_t body = 0;
   formats::ClusterMode mode = formats::ClusterMode::linear;
-  std::vector<std::uint32_t> vertices;  ///< physical, ascending
-  std::vector<double> weights;          ///< w_ic, > 0
+  std::vector<std::uint32_t> vertices;    ///< physical, ascending
+  std::vector<double> weights;            ///< w_ic, > 0
+  std::optional<ClusterOptions> options;  ///< its own; none = those of all
 };
 
 /// Cuts every body into a regular grid of overlapping boxes. A box whose vertices fall into several pieces of the

@@ -2,68 +2,317 @@
 #include "tools/author/recipe.h"
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
+#include <functional>
+#include <set>
 
+#include "tools/author/recipe_keys.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
 namespace {
 
-[[noreturn]] void bad(const std::filesystem::path& file, const std::string& what, const std::string& cure) {
-  throw ToolError(ExitCode::bad_input, file.string(), what, cure);
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+std::string textOf(const Json& value) { return value.is_string() ? value.get<std::string>() : value.dump(); }
+
+// Runs a setting's own check, and adds line and place to its complaint.
+void checked(const JsonText& text, const std::string& pointer, const std::function<void()>& set) {
+  try {
+    set();
+  } catch (const ToolError& error) {
+    const std::string what = error.what();
+    const std::size_t stop = what.find(". ");
+    text.fail(pointer, what.substr(0, stop), what.substr(stop + 2));
+  }
+}
+
+SelectionText selectionAt(const Json& object, const std::string& pointer, std::string_view key) {
+  const auto at = object.find(key);
+  if (at == object.end()) return {};
+  return {*at, childPointer(pointer, key)};
+}
+
+const RecipeObject& shapeOf(std::string_view name) {
+  const auto& all = recipeObjects();
+  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
+}
+
+void readClusterSettings(const JsonText& text, const Json& json, const std::string& pointer, RecipeCluster& cluster) {
+  Settings trial;
+  std::vector<std::string> known;
+  for (const auto& d : Settings::declarations(trial)) {
+    if (d.of_cluster) known.emplace_back(d.key.substr(kClusterPrefix.size()));
+  }
+  for (const auto& [name, value] : json.items()) {
+    const std::string place = childPointer(pointer, name);
+    if (std::find(known.begin(), known.end(), name) == known.end()) {
+      text.fail(place, "a cluster has no setting '" + name + "'",
+                "Did you mean " + nearestName(name, known) +
+                    "? They are those of `sinew help settings` under clusters., "
+                    "without that prefix and without method, grid, size and overlap.");
+    }
+    const std::string key = std::string(kClusterPrefix) + name;
+    checked(text, place, [&, setting = textOf(value)] { trial.set(key, setting); });
+    cluster.settings.emplace_back(key, textOf(value));
+  }
+}
+
+RecipeCluster readCluster(const JsonText& text, const Json& json, const std::string& pointer) {
+  RecipeCluster cluster;
+  const RecipeObject& shape = shapeOf("cluster");
+  cluster.name = json["name"].get<std::string>();
+  cluster.pointer = pointer;
+  cluster.from = selectionAt(json, pointer, "from");
+  if (json.contains("settings")) {
+    readClusterSettings(text, json["settings"], childPointer(pointer, "settings"), cluster);
+  }
+  if (json.contains("overlap")) cluster.overlap = json["overlap"].get<double>();
+  if (json.contains("split")) cluster.split = json["split"].get<double>();
+  if (json.contains("channel")) cluster.channel = json["channel"].get<std::string>();
+  cluster.contraction = recipeValue(shape, json, "contraction").get<double>();
+  const Json fibre = recipeValue(shape, json, "fibre");
+  if (fibre.is_array()) {
+    cluster.fibre = Eigen::Vector3d(fibre[0].get<double>(), fibre[1].get<double>(), fibre[2].get<double>());
+    if (!(cluster.fibre->norm() > 0)) {
+      text.fail(childPointer(pointer, "fibre"), "a fibre needs a direction that is not zero",
+                "Give [1, 0, 0], or auto.");
+    }
+  }
+  cluster.origin = selectionAt(json, pointer, "origin");
+  cluster.insertion = selectionAt(json, pointer, "insertion");
+  for (const char* key : {"contraction", "fibre"}) {
+    if (json.contains(key) && cluster.channel.empty()) {
+      text.fail(childPointer(pointer, key), std::string(key) + " says nothing without a channel",
+                "Add \"channel\": the name of the input that contracts the cluster.");
+    }
+  }
+  if (cluster.split && !cluster.channel.empty()) {
+    text.fail(childPointer(pointer, "split"), "a cluster with a channel cannot be split", "Remove one of the two.");
+  }
+  return cluster;
+}
+
+void readContent(const Json& json, Recipe& recipe) {
+  const JsonText& text = *recipe.text;
+  if (json.contains("settings")) {
+    for (const auto& [key, value] : json["settings"].items()) {
+      checked(text, childPointer("/settings", key),
+              [&, name = key, setting = textOf(value)] { recipe.settings.set(name, setting); });
+    }
+  }
+  if (json.contains("masks")) {
+    for (const auto& [name, mask] : json["masks"].items()) {
+      recipe.masks.emplace_back(name, SelectionText{mask, childPointer("/masks", name)});
+    }
+  }
+  std::set<std::string> names;
+  const auto list = [&](const char* key, auto take) {
+    if (!json.contains(key)) return;
+    names.clear();
+    for (std::size_t i = 0; i < json[key].size(); ++i) take(json[key][i], childPointer(childPointer("", key), i));
+  };
+  const auto unique = [&](const std::string& name, const std::string& pointer, const char* what) {
+    if (!names.insert(name).second) {
+      text.fail(childPointer(pointer, "name"), "there are two " + std::string(what) + " named '" + name + "'",
+                "Rename or remove one of them.");
+    }
+  };
+  list("clusters", [&](const Json& entry, const std::string& pointer) {
+    recipe.clusters.push_back(readCluster(text, entry, pointer));
+    unique(recipe.clusters.back().name, pointer, "clusters");
+  });
+  list("pins", [&](const Json& entry, const std::string& pointer) {
+    RecipePins pins;
+    pins.name = entry["name"].get<std::string>();
+    pins.from = selectionAt(entry, pointer, "from");
+    const std::string method = recipeValue(shapeOf("pin"), entry, "method").get<std::string>();
+    const std::vector<std::string_view>& choices = shapeOf("pin").keys[3].choices;
+    pins.method = std::uint32_t(std::find(choices.begin(), choices.end(), method) - choices.begin());
+    pins.target = recipeValue(shapeOf("pin"), entry, "target").get<std::string>();
+    unique(pins.name, pointer, "pins");
+    recipe.pins.push_back(std::move(pins));
+  });
+  list("stiffness", [&](const Json& entry, const std::string& pointer) {
+    recipe.stiffness.push_back({selectionAt(entry, pointer, "from"), entry["value"].get<double>()});
+  });
+}
+
+// Masks that a selection names, each with the place where it does.
+void namedMasks(const Json& selection, const std::string& pointer,
+                std::vector<std::pair<std::string, std::string>>& names) {
+  if (selection.is_string()) {
+    names.emplace_back(selection.get<std::string>(), pointer);
+    return;
+  }
+  const RecipeObject* kind = selectionKind(selection);
+  if (kind == nullptr) return;
+  const Json& value = selection[std::string(kind->name)];
+  const std::string place = childPointer(pointer, kind->name);
+  if (kind->name == "rest" && value.is_array()) {
+    for (std::size_t i = 0; i < value.size(); ++i) {
+      names.emplace_back(value[i].get<std::string>(), childPointer(place, i));
+    }
+  }
+  const std::uint32_t type = kind->keys.front().type;
+  if ((type & kRecipeSelection) != 0) namedMasks(value, place, names);
+  if ((type & kRecipeSelections) != 0) {
+    for (std::size_t i = 0; i < value.size(); ++i) namedMasks(value[i], childPointer(place, i), names);
+  }
+}
+
+// Every mask that is named exists, and none needs itself.
+class MaskCheck {
+ public:
+  explicit MaskCheck(const Recipe& recipe) : recipe_(recipe) {
+    for (const auto& [name, mask] : recipe.masks) known_.push_back(name);
+  }
+
+  void selection(const SelectionText& selection) {
+    if (selection.json.is_null()) return;
+    std::vector<std::pair<std::string, std::string>> names;
+    namedMasks(selection.json, selection.pointer, names);
+    for (const auto& [name, pointer] : names) {
+      const SelectionText* mask = recipe_.mask(name);
+      if (mask == nullptr) {
+        recipe_.text->fail(pointer, "there is no mask '" + name + "'",
+                           known_.empty() ? "The recipe has no masks; add it under \"masks\"."
+                                          : "Did you mean " + nearestName(name, known_) + "? Add it under \"masks\".");
+      }
+      const auto at = std::find(stack_.begin(), stack_.end(), name);
+      if (at != stack_.end()) {
+        std::string cycle;
+        for (auto it = at; it != stack_.end(); ++it) cycle += *it + " -> ";
+        recipe_.text->fail(pointer, "the selection needs itself: " + cycle + name,
+                           "Break the cycle: one of these masks must do without the next.");
+      }
+      if (done_.contains(name)) continue;
+      stack_.push_back(name);
+      this->selection(*mask);
+      stack_.pop_back();
+      done_.insert(name);
+    }
+  }
+
+ private:
+  const Recipe& recipe_;
+  std::vector<std::string> known_;
+  std::vector<std::string> stack_;
+  std::set<std::string> done_;
+};
+
+fs::path folderOf(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
+
+bool isInside(const fs::path& file, const fs::path& folder) {
+  const fs::path inner = fs::weakly_canonical(file);
+  const fs::path outer = fs::weakly_canonical(folder);
+  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+}
+
+void takeProject(const Json& json, Recipe& recipe) {
+  recipe.project = recipe.folder;
+  if (!json.contains("project")) return;
+  const fs::path steps = json["project"].get<std::string>();
+  if (!std::all_of(steps.begin(), steps.end(), [](const fs::path& p) { return p == ".." || p == "." || p.empty(); })) {
+    recipe.text->fail("/project", "the project folder must be the recipe's folder or one above it",
+                      "Write \".\", \"..\", \"../..\" and so on.");
+  }
+  recipe.project = recipe.folder / steps;
 }
 
 }  // namespace
 
-bool isRecipe(const std::filesystem::path& file) { return file.extension() == ".json"; }
+bool isRecipe(const fs::path& file) { return file.extension() == ".json"; }
 
-Recipe readRecipe(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) bad(file, "cannot be read", "Check the name and its permissions.");
-  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  nlohmann::json json;
-  try {
-    json = nlohmann::json::parse(text, nullptr, true, true);
-  } catch (const nlohmann::json::parse_error& error) {
-    const auto line =
-        1 + std::count(text.begin(), text.begin() + std::ptrdiff_t(std::min(error.byte, text.size())), '\n');
-    bad(file, "is not valid JSON (line " + std::to_string(line) + ")",
-        "Mend the syntax there; a missing comma or quote is usual.");
-  }
+Json migratedRecipe(const JsonText& text, const fs::path& file) {
+  const Json& json = text.json();
   if (!json.is_object() || !json.contains("sinew_recipe")) {
-    bad(file, "is JSON but no recipe (the key sinew_recipe is missing)",
-        R"(A recipe looks like {"sinew_recipe": 1, "source": "mesh.obj", "settings": {}}.)");
+    throw ToolError(ExitCode::bad_input, text.file(), "is JSON but no recipe (the key sinew_recipe is missing)",
+                    R"(A recipe looks like {"sinew_recipe": 2, "source": "mesh.obj", "settings": {}}.)");
   }
-  if (json["sinew_recipe"] != Recipe::kVersion) {
-    bad(file,
-        "is a recipe of version " + json["sinew_recipe"].dump() + ", this program reads version " +
-            std::to_string(Recipe::kVersion),
-        "Use the version of sinew that wrote it, or set sinew_recipe to 1 if it was written by hand.");
+  if (json["sinew_recipe"] == Recipe::kVersion) return json;
+  if (json["sinew_recipe"] != 1) {
+    text.fail("/sinew_recipe",
+              "is a recipe of version " + json["sinew_recipe"].dump() + ", this program reads versions 1 and " +
+                  std::to_string(Recipe::kVersion),
+              "Use the version of sinew that wrote it, or set sinew_recipe to 2 if it was written by hand.");
   }
-  Recipe recipe;
   for (const auto& [key, value] : json.items()) {
-    if (key == "sinew_recipe") continue;
-    if (key == "source" && value.is_string() && !value.get<std::string>().empty()) {
-      recipe.source = file.parent_path() / value.get<std::string>();
-    } else if (key == "settings" && value.is_object()) {
-      recipe.settings.apply(value, file.string());
-    } else if (key == "source" || key == "settings") {
-      bad(file, "the key " + key + " has the wrong type",
-          key == "source" ? "Give a file name." : "Give an object of settings.");
-    } else {
-      bad(file, "has the unknown key '" + key + "'", "Known keys: sinew_recipe, source, settings.");
+    if (key != "sinew_recipe" && key != "source" && key != "settings") {
+      text.fail(childPointer("", key), "a recipe of version 1 has no key '" + key + "'",
+                "Set sinew_recipe to 2, or remove the key.");
     }
   }
-  if (recipe.source.empty()) bad(file, "names no source", R"(Add "source": "mesh.obj", relative to the recipe.)");
+  // Version 1 had no project folder: take the nearest one that holds the source.
+  Json migrated = json;
+  migrated["sinew_recipe"] = Recipe::kVersion;
+  if (json.contains("source") && json["source"].is_string()) {
+    const fs::path folder = folderOf(file);
+    const fs::path source = folder / json["source"].get<std::string>();
+    std::string project;
+    const auto depth = std::distance(fs::weakly_canonical(folder).begin(), fs::weakly_canonical(folder).end());
+    while (!isInside(source, folder / project) && std::count(project.begin(), project.end(), '.') < 2 * depth) {
+      project += project.empty() ? ".." : "/..";
+    }
+    if (!project.empty()) {
+      migrated["project"] = project;
+      migrated["source"] =
+          source.is_absolute() ? fs::relative(source, folder).string() : json["source"].get<std::string>();
+    }
+  }
+  return migrated;
+}
+
+Recipe parseRecipe(std::string_view content, const fs::path& file) {
+  Recipe recipe;
+  auto text = std::make_shared<JsonText>(content, file.string());
+  recipe.text = text;
+  recipe.folder = folderOf(file);
+  Json json = migratedRecipe(*text, file);
+  checkRecipeShape(text->with(json));
+  takeProject(json, recipe);
+  recipe.source = recipe.file(json["source"].get<std::string>(), "/source");
+  readContent(json, recipe);
+  MaskCheck masks(recipe);
+  for (const auto& [name, mask] : recipe.masks) masks.selection(SelectionText{name, mask.pointer});
+  for (const RecipeCluster& cluster : recipe.clusters) {
+    for (const SelectionText* s : {&cluster.from, &cluster.origin, &cluster.insertion}) masks.selection(*s);
+  }
+  for (const RecipePins& pins : recipe.pins) masks.selection(pins.from);
+  for (const RecipeStiffness& stiffness : recipe.stiffness) masks.selection(stiffness.from);
   return recipe;
 }
 
-Recipe recipeFor(const std::filesystem::path& source_or_recipe) {
+Recipe readRecipe(const fs::path& file) {
+  std::string content;
+  JsonText::readFile(file.string(), content);
+  return parseRecipe(content, file);
+}
+
+Recipe recipeFor(const fs::path& source_or_recipe) {
   if (isRecipe(source_or_recipe)) return readRecipe(source_or_recipe);
   Recipe recipe;
   recipe.source = source_or_recipe;
+  recipe.text = std::make_shared<JsonText>("{}", source_or_recipe.string());
   return recipe;
+}
+
+const SelectionText* Recipe::mask(const std::string& name) const {
+  const auto at = std::find_if(masks.begin(), masks.end(), [&](const auto& entry) { return entry.first == name; });
+  return at == masks.end() ? nullptr : &at->second;
+}
+
+fs::path Recipe::file(const std::string& name, const std::string& pointer) const {
+  fs::path path = folder / name;
+  if (fs::path(name).is_absolute()) {
+    text->fail(pointer, "'" + name + "' is an absolute path",
+               "Give it relative to the recipe, so that others can use it.");
+  }
+  if (!isInside(path, project)) {
+    text->fail(pointer, "'" + name + "' lies outside the project folder",
+               "Move the file beside the recipe, or add \"project\": \"..\" where the folders above belong to it.");
+  }
+  return path;
 }
 
 }  // namespace sinew::tools

@@ -1,27 +1,85 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
+#include "tools/author/json_text.h"
 #include "tools/author/settings.h"
 
 namespace sinew::tools {
 
-/// What was authored: the source and every setting that differs from its default. JSON:
-/// {"sinew_recipe": 1, "source": "spot.obj", "settings": {"tetrahedra.vertices": 2000}}
+/// A selection as the recipe has it, with its place in the recipe's text.
+struct SelectionText {
+  nlohmann::ordered_json json;  ///< null: none
+  std::string pointer;          ///< JSON pointer
+};
+
+/// A named region that is matched as one.
+struct RecipeCluster {
+  std::string name;
+  std::string pointer;
+  SelectionText from;                                         ///< null: the cluster mesh of this name
+  std::vector<std::pair<std::string, std::string>> settings;  ///< full keys ("clusters.mode") and values as text
+  std::optional<double> overlap;                              ///< m
+  std::optional<double> split;                                ///< m
+  std::string channel;                                        ///< empty: none
+  double contraction = 0.3;                                   ///< 0..0.9
+  std::optional<Eigen::Vector3d> fibre;                       ///< as given, not unit; none: found
+  SelectionText origin, insertion;                            ///< null: none
+};
+
+struct RecipePins {
+  std::string name;
+  SelectionText from;
+  std::uint32_t method = 3;  ///< number of a sinew::PinMethod (runtime settings.h)
+  std::string target = "world";
+};
+
+struct RecipeStiffness {
+  SelectionText from;
+  double value = 1;
+};
+
+/// What was authored: the source, every setting that differs from its default, and the artist's masks, clusters, pins.
+/// The format: docs/recipe-format.md.
 struct Recipe {
-  static constexpr int kVersion = 1;
+  static constexpr int kVersion = 2;
   std::filesystem::path source;  ///< absolute or relative to the working folder (in the file: relative to the recipe)
   Settings settings;
+  std::vector<std::pair<std::string, SelectionText>> masks;
+  std::vector<RecipeCluster> clusters;
+  std::vector<RecipePins> pins;
+  std::vector<RecipeStiffness> stiffness;
+  std::filesystem::path folder;          ///< the recipe's; empty for a bare source
+  std::filesystem::path project;         ///< no file lies outside of it
+  std::shared_ptr<const JsonText> text;  ///< for messages; never null
+
+  /// A file that the recipe names. Throws ToolError(bad_input) where it lies outside the project folder.
+  std::filesystem::path file(const std::string& name, const std::string& pointer) const;
+  /// The mask of a name; null where there is none.
+  const SelectionText* mask(const std::string& name) const;
 };
 
 /// Whether a file is a recipe, by its extension .json.
 bool isRecipe(const std::filesystem::path& file);
 
-/// Reads and validates a recipe. Throws ToolError(bad_input) naming the file, the key or line, and the cure.
+/// Reads and validates a recipe: everything but what needs the source. Throws ToolError(bad_input) naming file, line,
+/// place and cure.
 Recipe readRecipe(const std::filesystem::path& file);
+/// The same of a text that is, or will be, in `file`.
+Recipe parseRecipe(std::string_view text, const std::filesystem::path& file);
 
 /// The recipe of a bare source: its path and the defaults; of a recipe: its content.
 Recipe recipeFor(const std::filesystem::path& source_or_recipe);
+
+/// A recipe's JSON in the present version. Throws ToolError(bad_input) where it is of a version that is not known.
+/// \param file where it stands, for paths that version 1 allowed to leave its folder.
+nlohmann::ordered_json migratedRecipe(const JsonText& text, const std::filesystem::path& file);
 
 }  // namespace sinew::tools

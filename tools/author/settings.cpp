@@ -7,10 +7,15 @@
 #include <optional>
 #include <sstream>
 
+#include "tools/author/json_text.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
 namespace {
+
+// How clusters are laid out over a body: of all of them, so no cluster has its own.
+constexpr std::array<std::string_view, 5> kLayoutKeys = {"clusters.method", "clusters.grid", "clusters.size",
+                                                         "clusters.overlap", "clusters.overlap_metres"};
 
 constexpr std::array<std::string_view, 6> kUnits = {"m", "dm", "cm", "mm", "in", "ft"};
 
@@ -39,22 +44,6 @@ std::string numberText(double value) {
   std::array<char, 32> buffer{};
   const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
   return {buffer.data(), result.ptr};
-}
-
-// Levenshtein distance, to name the key that was probably meant.
-std::size_t editDistance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
-      diagonal = above;
-    }
-  }
-  return row[b.size()];
 }
 
 [[noreturn]] void badValue(const Settings::Declaration& d, std::string_view text) {
@@ -147,7 +136,7 @@ std::vector<formats::CurvePoint> curvePoints(std::string_view text) {
 
 std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
   using formats::ClusterMode;
-  return {
+  std::vector<Declaration> all = {
       {"import.unit", "",
        "Unit of length of the source; auto takes it from the file where the format says it, else metres.",
        Text{&s.import.unit, legalUnit, "auto | m | dm | cm | mm | in | ft | metres per unit"}},
@@ -162,13 +151,16 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.import.seconds, 0.1, 86400}},
       {"tetrahedra.method", "",
        "How the solid is filled: stuffing follows the surface, grid is a cage of boxes that loses nothing, delaunay "
-       "fits best and is slow; "
-       "auto takes stuffing where it loses nothing, else grid.",
-       Choice{{"auto", "grid", "stuffing", "delaunay"},
+       "fits best and is slow, shell is a skin over an open surface; "
+       "auto takes stuffing where it loses nothing, else grid, and shell for sheets that enclose nothing.",
+       Choice{{"auto", "grid", "stuffing", "delaunay", "shell"},
               [](const Settings& x) { return int(x.tetrahedra.method); },
               [](Settings& x, int v) { x.tetrahedra.method = TetrahedraMethod(v); }}},
       {"tetrahedra.vertices", "", "Physical vertices wanted, over all bodies; more cost more and bend finer.",
        Count{&s.tetrahedra.target_vertices, 8, 1000000}},
+      {"tetrahedra.thickness", "m",
+       "Thickness of a shell; 0 = half of the mean edge of its tetrahedra. Shortened at creases.",
+       Number{&s.tetrahedra.shell_thickness, 0, 1e6}},
       {"tetrahedra.join", "diagonals",
        "Parts closer than this move as one body; parts further apart are separate bodies.",
        Number{&s.tetrahedra.join_distance, 0, 1}},
@@ -176,6 +168,17 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Grid{&s.clusters.grid, 64}},
       {"clusters.overlap", "boxes", "How far a box reaches into its neighbours; more is smoother and stiffer.",
        Number{&s.clusters.overlap, 0, 1}},
+      {"clusters.method", "",
+       "How clusters are made where the recipe has none: boxes along the axes, or k-means (regions of equal size that "
+       "follow the shape).",
+       Choice{{"grid", "kmeans"},
+              [](const Settings& x) { return int(x.clusters.method); },
+              [](Settings& x, int v) { x.clusters.method = ClusterMethod(v); }}},
+      {"clusters.size", "m", "Of kmeans: how wide a cluster is; 0 chooses by the number of physical vertices.",
+       Number{&s.clusters.size, 0, 1e6}},
+      {"clusters.overlap_metres", "m",
+       "How far a cluster of a recipe, or of kmeans, reaches into its neighbours; 0 takes 1.5 edges of the tetrahedra.",
+       Number{&s.clusters.overlap_metres, 0, 1e6}},
       {"clusters.mode", "",
        "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",
        Choice{{"rigid", "linear", "quadratic"},
@@ -246,6 +249,11 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"package.identity", "", "Keep the maps between source vertices and visual vertices.", Flag{&s.package.identity}},
       {"package.groups", "", "Keep the artist's named groups.", Flag{&s.package.groups}},
   };
+  for (Declaration& d : all) {
+    d.of_cluster = d.key.starts_with(kClusterPrefix) &&
+                   std::find(kLayoutKeys.begin(), kLayoutKeys.end(), d.key) == kLayoutKeys.end();
+  }
+  return all;
 }
 
 void Settings::set(std::string_view key, std::string_view text) {
@@ -255,11 +263,10 @@ void Settings::set(std::string_view key, std::string_view text) {
     if (!setFromText(*this, d, text)) badValue(d, text);
     return;
   }
-  const auto nearest = std::min_element(all.begin(), all.end(), [&](const Declaration& a, const Declaration& b) {
-    return editDistance(a.key, key) < editDistance(b.key, key);
-  });
+  std::vector<std::string> keys;
+  for (const Declaration& d : all) keys.emplace_back(d.key);
   throw ToolError(ExitCode::usage, "", "there is no setting '" + std::string(key) + "'",
-                  "Did you mean " + std::string(nearest->key) + "? All settings: sinew help settings.");
+                  "Did you mean " + nearestName(key, keys) + "? All settings: sinew help settings.");
 }
 
 void Settings::assign(std::string_view assignment) {
@@ -269,19 +276,6 @@ void Settings::assign(std::string_view assignment) {
                     "All settings: sinew help settings.");
   }
   set(assignment.substr(0, equals), assignment.substr(equals + 1));
-}
-
-void Settings::apply(const nlohmann::json& object, const std::string& file) {
-  for (const auto& [key, value] : object.items()) {
-    try {
-      set(key, value.is_string() ? value.get<std::string>() : value.dump());
-    } catch (const ToolError& error) {
-      const std::string text = error.what();
-      const std::size_t stop = text.find(". ");
-      throw ToolError(ExitCode::bad_input, file, text.substr(0, stop) + " (settings/" + key + ")",
-                      text.substr(stop + 2));
-    }
-  }
 }
 
 nlohmann::ordered_json Settings::toJson() const {

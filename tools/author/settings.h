@@ -17,6 +17,9 @@
 
 namespace sinew::tools {
 
+/// What the keys of clusters' settings begin with.
+inline constexpr std::string_view kClusterPrefix = "clusters.";
+
 struct MaterialOptions {
   double density = 1000;  ///< kg/m^3
 };
@@ -67,6 +70,7 @@ struct Settings {
     std::string_view unit;      ///< "" where it has none
     std::string_view sentence;  ///< what it does
     std::variant<Number, Count, Flag, Choice, Text, Grid> type;
+    bool of_cluster = false;  ///< a recipe's cluster can have a value of its own
   };
 
   /// The declarations, bound to the values of `settings`.
@@ -77,8 +81,6 @@ struct Settings {
   void set(std::string_view key, std::string_view text);
   /// The same from "KEY=VALUE".
   void assign(std::string_view assignment);
-  /// Sets keys from a recipe's object {"tetrahedra.vertices": 2000, ...}. Throws ToolError(bad_input) naming `file`.
-  void apply(const nlohmann::json& object, const std::string& file);
   /// All values, keys in order of declaration.
   nlohmann::ordered_json toJson() const;
 };

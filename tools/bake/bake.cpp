@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <memory>
 #include <new>
 
@@ -12,6 +13,8 @@
 #include "sinew/formats/version.h"
 #include "sinew/formats/writer.h"
 #include "tools/attach/attach.h"
+#include "tools/author/regions.h"
+#include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
 #include "tools/bake/moments.h"
 #include "tools/core/error.h"
@@ -102,8 +105,7 @@ double restError(const formats::PackageContent& content, std::size_t v) {
   return std::sqrt(squared);
 }
 
-// CMEC and CURV, where the settings say more than frequencies.
-void addMechanics(const ClusterOptions& options, formats::PackageContent& content) {
+formats::ClusterMechanics mechanicsOf(const ClusterOptions& options) {
   formats::ClusterMechanics mechanics = formats::kPlainMechanics;
   mechanics.stiffness = options.stiffness;
   mechanics.per_step_beta.fill(float(options.per_step_beta));
@@ -119,18 +121,36 @@ void addMechanics(const ClusterOptions& options, formats::PackageContent& conten
   mechanics.plastic_yield = float(options.plastic_yield);
   mechanics.plastic_creep = float(options.plastic_creep);
   mechanics.plastic_limit = float(options.plastic_limit);
-  if (options.limit == formats::LimitMethod::curve) {
-    content.curve_points = curvePoints(options.limit_curve);
-    if (content.curve_points.empty()) {
-      throw ToolError(ExitCode::usage, "", "clusters.limit is curve, but clusters.limit_curve is empty",
-                      "Give its points, as in --set clusters.limit_curve=4:4,9:5.");
+  return mechanics;
+}
+
+// CMEC and CURV, where a cluster's settings say more than frequencies.
+void addMechanics(const std::vector<ClusterSource>& sources, const ClusterOptions& of_all,
+                  formats::PackageContent& content) {
+  bool plain = true;
+  std::vector<formats::ClusterMechanics> mechanics;
+  std::map<std::string, std::pair<std::uint32_t, std::uint32_t>> curves;  // first point and count, by text
+  for (const ClusterSource& source : sources) {
+    const ClusterOptions& options = source.options ? *source.options : of_all;
+    mechanics.push_back(mechanicsOf(options));
+    plain = plain && options.stiffness == formats::StiffnessModel::frequency && !(options.damping > 0) &&
+            options.limit == formats::LimitMethod::none && options.volume == formats::VolumeMethod::none &&
+            !(options.plastic_creep > 0);
+    if (options.limit != formats::LimitMethod::curve) continue;
+    const auto [at, fresh] = curves.try_emplace(options.limit_curve);
+    if (fresh) {
+      const std::vector<formats::CurvePoint> points = curvePoints(options.limit_curve);
+      if (points.empty()) {
+        throw ToolError(ExitCode::usage, "", "clusters.limit is curve, but clusters.limit_curve is empty",
+                        "Give its points, as in --set clusters.limit_curve=4:4,9:5.");
+      }
+      at->second = {std::uint32_t(content.curve_points.size()), std::uint32_t(points.size())};
+      content.curve_points.insert(content.curve_points.end(), points.begin(), points.end());
     }
-    mechanics.curve_point_count = std::uint32_t(content.curve_points.size());
+    mechanics.back().first_curve_point = at->second.first;
+    mechanics.back().curve_point_count = at->second.second;
   }
-  const bool plain = options.stiffness == formats::StiffnessModel::frequency && !(options.damping > 0) &&
-                     options.limit == formats::LimitMethod::none && options.volume == formats::VolumeMethod::none &&
-                     !(options.plastic_creep > 0);
-  if (!plain) content.mechanics.assign(content.clusters.size(), mechanics);
+  if (!plain) content.mechanics = std::move(mechanics);
 }
 
 void attachToTetrahedra(const std::vector<TetrahedronPlace>& places, formats::PackageContent& content) {
@@ -250,6 +270,8 @@ std::string methodName(TetrahedraMethod method) {
       return "stuffing";
     case TetrahedraMethod::delaunay:
       return "delaunay";
+    case TetrahedraMethod::shell:
+      return "shell";
     case TetrahedraMethod::automatic:
       break;
   }
@@ -270,9 +292,12 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   const Settings& settings = recipe.settings;
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(recipe.source, settings.import, progress);
+  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
 
   progress.stage("topology");
   const Topology topology = analyzeTopology(mesh);
+  std::vector<Finding> authored_findings;
+  const AuthoredWeights authored = evaluateRecipe(recipe, mesh, topology, cluster_meshes, authored_findings);
 
   progress.stage("tetrahedra");
   PhysicalMesh physical = tetrahedralize(mesh, topology, settings.tetrahedra, progress);
@@ -289,7 +314,18 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   progress.stage("clusters");
   std::vector<Finding> findings = mesh.findings;
   findings.insert(findings.end(), physical.findings.begin(), physical.findings.end());
-  const std::vector<ClusterSource> clusters = gridClusters(physical, settings.clusters, findings);
+  findings.insert(findings.end(), authored_findings.begin(), authored_findings.end());
+  const std::vector<TetrahedronPlace> places = placeVisualVertices(mesh, topology, physical);
+  const WeightTransfer transfer(mesh, physical, places);
+  std::vector<std::uint32_t> recipe_cluster;
+  std::vector<ClusterSource> clusters;
+  if (authored.clusters.empty()) {
+    clusters = automaticClusters(physical, settings.clusters, {}, findings);
+    recipe_cluster.assign(clusters.size(), kNoIndex);
+  } else {
+    clusters =
+        authoredClusters(transfer, authored.clusters, authored.cluster_weights, settings, findings, recipe_cluster);
+  }
 
   formats::PackageContent content;
   content.physical_vertices = physicalVertices(physical, settings.material.density);
@@ -299,7 +335,8 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
-  addMechanics(settings.clusters, content);
+  addMechanics(clusters, settings.clusters, content);
+  addAuthored(recipe, authored, transfer, clusters, recipe_cluster, mesh, content, findings);
   std::uint32_t next_cluster = 0;
   for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
     const PhysicalBody& body = physical.bodies[b];
@@ -310,7 +347,6 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   }
 
   progress.stage("attachment");
-  const std::vector<TetrahedronPlace> places = placeVisualVertices(mesh, topology, physical);
   addVisual(mesh, settings.package, content);
   if (settings.attachment.method == AttachmentMethod::clusters)
     attachToClusters(places, content);
@@ -424,6 +460,8 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
                                   {"inverted", physical.quality.inverted}};
   report["clusters"] = content.clusters.size();
   report["memberships"] = content.memberships.size();
+  if (!content.channels.empty()) report["channels"] = content.channels.size();
+  if (!content.pin_sets.empty()) report["pin_sets"] = content.pin_sets.size();
   report["mass"] = mass;
   report["attachment"] = {
       {"method", settings.attachment.method == AttachmentMethod::clusters ? "clusters" : "barycentric"},

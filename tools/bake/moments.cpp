@@ -64,15 +64,16 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
   std::vector<std::string> flat;
   std::vector<std::string> poor;
   for (const ClusterSource& source : sources) {
+    const ClusterOptions& own = source.options ? *source.options : options;
     formats::Cluster cluster{};
     cluster.mode = source.mode;
     cluster.body = source.body;
     cluster.first_member = std::uint32_t(result.memberships.size());
     cluster.member_count = std::uint32_t(source.vertices.size());
-    cluster.alpha = float(options.alpha);
-    cluster.stretch_hz = float(options.stretch_hz);
-    cluster.bend_hz = float(options.bend_hz);
-    cluster.twist_hz = float(options.twist_hz);
+    cluster.alpha = float(own.alpha);
+    cluster.stretch_hz = float(own.stretch_hz);
+    cluster.bend_hz = float(own.bend_hz);
+    cluster.twist_hz = float(own.twist_hz);
     cluster.quadratic = formats::kNone;
 
     const auto position = [&](std::size_t i) {

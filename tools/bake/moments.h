@@ -20,6 +20,7 @@ struct ClusterConstants {
 /// Rest-shape moments and their pseudo-inverses (method.md §1), in double from the package's own float positions.
 /// A cluster whose vertices lie in a plane or on a line is made rigid, one that cannot carry any quadratic term linear;
 /// findings say which.
+/// \param options of clusters that have none of their own.
 ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
                                   std::span<const formats::PhysicalVertex> vertices, const ClusterOptions& options,
                                   std::vector<Finding>& findings);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <memory_resource>
 #include <span>
 #include <vector>
 
 #include "runtime/kernels/kernels.h"
+#include "runtime/load/rest_constants.h"
+#include "runtime/world/body.h"
 #include "sinew/formats/package.h"
 #include "sinew/runtime/settings.h"
 
@@ -25,21 +27,23 @@ class KernelBody {
   void match(const internal::Kernels& kernels);
   void goals(const internal::Kernels& kernels);
   void apply(const internal::Kernels& kernels);
-  /// All four, the first three block by block of eight clusters.
+  /// All four, the first three two blocks of eight clusters at a time.
   void all(const internal::Kernels& kernels);
 
   /// Positions after apply(), metres.
   std::vector<Vec3> positions() const;
 
  private:
-  std::vector<internal::ClusterRestBlock> rest_;
-  std::vector<internal::MemberBlock> members_;
+  // The same for blocks begin..end of eight clusters.
+  void momentsOf(const internal::Kernels& kernels, std::size_t begin, std::size_t end);
+  void matchOf(const internal::Kernels& kernels, std::size_t begin, std::size_t end);
+  void goalsOf(const internal::Kernels& kernels, std::size_t begin, std::size_t end);
+
+  internal::RestConstants rest_;
   std::vector<internal::StiffnessBlock> stiffness_;
   std::vector<internal::ClusterBlock> state_;
-  std::vector<float> slots_;
-  std::vector<internal::UseBlock> use_blocks_;
-  std::vector<std::uint32_t> use_offset_;
-  std::vector<float> x_, v_, y_, mass_;
+  internal::LineMemory lines_{std::pmr::get_default_resource()};  // as the runtime keeps them
+  std::pmr::vector<float> slots_{&lines_}, x_{&lines_}, v_{&lines_}, y_{&lines_};
   std::uint32_t vertices_;
 };
 

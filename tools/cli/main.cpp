@@ -35,9 +35,10 @@ int main(int argument_count, char** arguments) {
   app.set_version_flag("--version", std::string("sinew ") + sinew::formats::kSoftwareVersion);
   app.require_subcommand(1);
   int exit_code = int(ExitCode::done);
-  for (auto* add : {sinew::tools::addBakeVerb, sinew::tools::addCheckVerb, sinew::tools::addInspectVerb,
-                    sinew::tools::addSimulateVerb, sinew::tools::addRenderVerb, sinew::tools::addViewVerb,
-                    sinew::tools::addBenchVerb, sinew::tools::addStudyVerb, sinew::tools::addHelpVerb}) {
+  for (auto* add :
+       {sinew::tools::addAuthorVerb, sinew::tools::addBakeVerb, sinew::tools::addCheckVerb,
+        sinew::tools::addInspectVerb, sinew::tools::addSimulateVerb, sinew::tools::addRenderVerb,
+        sinew::tools::addViewVerb, sinew::tools::addBenchVerb, sinew::tools::addStudyVerb, sinew::tools::addHelpVerb}) {
     add(app, exit_code);
   }
   try {

@@ -7,6 +7,7 @@ namespace sinew::tools {
 
 /// One file per verb: each adds its subcommand with its options to the program and sets `exit_code` from its callback
 /// (ToolError is caught in main). Results go to stdout, everything else to stderr.
+void addAuthorVerb(CLI::App& app, int& exit_code);
 void addBakeVerb(CLI::App& app, int& exit_code);
 void addCheckVerb(CLI::App& app, int& exit_code);
 void addInspectVerb(CLI::App& app, int& exit_code);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <iostream>
 
+#include "tools/author/recipe_keys.h"
 #include "tools/author/settings.h"
 #include "tools/cli/verb.h"
 #include "tools/core/error.h"
@@ -25,9 +26,10 @@ void addHelpVerb(CLI::App& app, int& exit_code) {
     bool markdown = false;
   };
   auto command = std::make_shared<Command>();
-  CLI::App* verb = app.add_subcommand("help", "Help on a verb, or: help settings");
-  verb->add_option("topic", command->topic, "A verb, or 'settings'");
-  verb->add_flag("--markdown", command->markdown, "With settings: as the table of docs/settings.md");
+  CLI::App* verb = app.add_subcommand("help", "Help on a verb, or: help settings, help recipe, help schema");
+  verb->add_option("topic", command->topic,
+                   "A verb, settings, recipe (its format) or schema (of the recipe, for editors)");
+  verb->add_flag("--markdown", command->markdown, "With settings or recipe: as docs/ has it");
   verb->callback([command, &app, &exit_code] {
     exit_code = int(ExitCode::done);
     if (command->topic == "settings") {
@@ -35,6 +37,10 @@ void addHelpVerb(CLI::App& app, int& exit_code) {
         std::cout << settingsMarkdown();
       else
         printSettings();
+    } else if (command->topic == "recipe") {
+      std::cout << recipeMarkdown();
+    } else if (command->topic == "schema") {
+      std::cout << recipeSchema().dump(1) << "\n";
     } else if (command->topic.empty()) {
       std::cout << app.help();
     } else {

@@ -6,6 +6,8 @@
 #include <map>
 #include <numeric>
 
+#include "tools/tetrahedralize/sets.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -22,23 +24,6 @@ constexpr double kMostOpen = 0.35;
 // much of a plate; of a closed one only rounding is not a solid (both sides of a leaf, back to back).
 constexpr double kLeastVolumeOpen = 3e-3;
 constexpr double kLeastVolumeClosed = 1e-7;
-
-class Sets {
- public:
-  explicit Sets(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0U); }
-  std::uint32_t find(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
 
 // Triangles over welded points, neighbours turned the same way, relative to the middle of the mesh.
 struct Frame {
@@ -530,6 +515,7 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
         if (n == kNoIndex) {
           n = static_cast<std::uint32_t>(body.positions.size());
           body.positions.emplace_back(frame.points[t[i]] - bounds.center());
+          body.points.push_back(t[i]);
         }
         local[i] = n;
       }

@@ -25,6 +25,7 @@ struct SolidBody {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< metres, world
   Eigen::AlignedBox3d bounds;                        ///< of its solid parts (else of its sheets), relative to center
   std::vector<Eigen::Vector3d> positions;            ///< relative to center
+  std::vector<std::uint32_t> points;                 ///< welded point of each position
   std::vector<geometry::Triangle> triangles;  ///< of its solid parts, outward; of its sheets where it is only these
   geometry::WindingNumber winding;            ///< over these
   double area = 0;                            ///< m^2

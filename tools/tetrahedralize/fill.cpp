@@ -218,7 +218,8 @@ void measureFill(const SolidBody& body, FilledBody& filled, const ParallelFor& p
   filled.uncovered = findOutside(body, filled.mesh, filled.spacing, 20000, parallel_for).fraction;
 }
 
-std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, const ParallelFor& parallel_for) {
+std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, std::span<const double> known,
+                                  const ParallelFor& parallel_for) {
   std::vector<double> fill(mesh.tetrahedra.size(), 1);
   if (!body.encloses) return fill;
   // Barycentric coordinates in positive sixths: 10 points inside.
@@ -230,6 +231,10 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, co
   }
   parallel_for(fill.size(), 32, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
+      if (!known.empty() && known[i] >= 0) {
+        fill[i] = std::max(kLeastFill, known[i]);
+        continue;
+      }
       const geometry::Tetrahedron& t = mesh.tetrahedra[i];
       const auto& x = mesh.positions;
       AlignedBox3d box;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,9 @@ void measureFill(const SolidBody& body, FilledBody& filled, const geometry::Para
 /// Fraction of each tetrahedron inside the solid, from 10 points each where the surface passes, at least 0.02, so that
 /// no vertex is without mass; then scaled so that volume times fill adds up to the body's volume. So a cage that cuts
 /// corners has fills a little above 1. All 1 where the body encloses nothing.
-std::vector<double> fillFractions(const SolidBody& body, const geometry::TetMesh& mesh,
+/// \param known what splitAtGaps says of tetrahedra that have copies, negative for the others; may be empty.
+/// \param known what splitAtGaps says of tetrahedra that have copies, negative for the others; may be empty.
+std::vector<double> fillFractions(const SolidBody& body, const geometry::TetMesh& mesh, std::span<const double> known,
                                   const geometry::ParallelFor& parallel_for);
 
 }  // namespace sinew::tools

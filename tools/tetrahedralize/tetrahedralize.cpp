@@ -14,6 +14,8 @@
 #include "tools/tetrahedralize/bodies.h"
 #include "tools/tetrahedralize/delaunay.h"
 #include "tools/tetrahedralize/fill.h"
+#include "tools/tetrahedralize/shell.h"
+#include "tools/tetrahedralize/split.h"
 
 namespace sinew::tools {
 namespace {
@@ -115,7 +117,15 @@ std::vector<std::uint32_t> shareVertices(const std::vector<SolidBody>& bodies, s
 struct Choice {
   FilledBody filled;
   TetrahedraMethod method = TetrahedraMethod::grid;
+  std::vector<std::uint32_t> home;  // of a shell: per position of the body
 };
+
+// The middle of a triangle, in the source's metres.
+std::string pointText(const SolidBody& body, std::uint32_t triangle) {
+  Vector3d middle = body.center;
+  for (const std::uint32_t v : body.triangles[triangle]) middle += body.positions[v] / 3;
+  return "(" + text("%.4g", middle.x()) + ", " + text("%.4g", middle.y()) + ", " + text("%.4g", middle.z()) + ")";
+}
 
 double volumeRatio(const SolidBody& body, const FilledBody& filled) {
   return body.volume > 0 ? filled.volume / body.volume : 1;
@@ -135,20 +145,51 @@ std::string complaint(const SolidBody& body, const FilledBody& filled) {
   return "";
 }
 
-Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, bool crosses_itself,
-                const std::string& file, Remarks& remarks) {
+// A body that encloses nothing.
+Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, double thickness,
+                 const std::string& file, Remarks& remarks) {
   Choice choice;
-  if (!body.encloses) {
-    if (wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay) {
-      remarks.add("tetrahedra-method", Severity::warning, "enclosed nothing and became a layer of grid cells",
-                  body.name, "Give the surface a thickness, or close it, for other methods.");
-    } else {
-      remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.name,
-                  "");
-    }
+  if (wanted == TetrahedraMethod::grid) {
+    remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.name,
+                "");
     choice.filled = fillWithGrid(body, target, parallelFor);
     return choice;
   }
+  ShellOutcome outcome;
+  const std::vector<double> thicknesses(thickness > 0 ? body.positions.size() : 0, thickness);
+  choice.filled = fillWithShell(body, target, thicknesses, outcome);
+  if (!choice.filled.mesh.tetrahedra.empty()) {
+    choice.method = TetrahedraMethod::shell;
+    choice.home = std::move(outcome.home);
+    std::string detail = text("%.3g", outcome.thickness) + " m thick on average";
+    if (outcome.thinned > 0) detail += ", thinner at " + std::to_string(outcome.thinned) + " vertices of creases";
+    const bool other = wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay;
+    remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info, "enclosed nothing and became a shell",
+                body.name + " (" + detail + ")",
+                other ? "Give the surface a volume, or close it, for other methods." : "");
+    return choice;
+  }
+  const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
+  if (wanted == TetrahedraMethod::shell) {
+    throw ToolError(ExitCode::bad_input, file, "body '" + body.name + "' " + outcome.reason + place,
+                    "Repair it there, or set tetrahedra.method=grid.");
+  }
+  remarks.add("tetrahedra-method", Severity::warning,
+              "enclosed nothing and became a layer of grid cells because a shell was not possible",
+              body.name + " (" + outcome.reason + place + ")", "Repair it there for a shell that follows the surface.");
+  choice.filled = fillWithGrid(body, target, parallelFor);
+  return choice;
+}
+
+Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, TetrahedraMethod wanted, std::uint32_t target,
+                bool crosses_itself, const std::string& file, Remarks& remarks) {
+  if (!body.encloses) return fillSheet(body, wanted, target, options.shell_thickness, file, remarks);
+  if (wanted == TetrahedraMethod::shell) {
+    remarks.add("tetrahedra-method", Severity::warning, "enclosed a volume, filled as by auto instead of as a shell",
+                body.name, "Give shell open surfaces.");
+    return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
+  }
+  Choice choice;
   if (wanted == TetrahedraMethod::grid) {
     choice.filled = fillWithGrid(body, target, parallelFor);
     return choice;
@@ -174,7 +215,7 @@ Choice fillBody(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t ta
     }
     remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
                 body.name + " (" + outcome.reason + ")", "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
-    return fillBody(body, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
+    return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
   }
   choice.filled = fillWithStuffing(body, target, parallelFor);
   choice.method = TetrahedraMethod::stuffing;
@@ -268,6 +309,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   }
   PhysicalMesh result;
   result.part_body = set.part_body;
+  result.home.assign(mesh.welded_positions.size(), kNoIndex);
   // Only delaunay works on the surface itself.
   std::vector<char> crosses_itself(set.bodies.size(), 0);
   if (options.method == TetrahedraMethod::delaunay) {
@@ -284,10 +326,29 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   for (std::size_t b = 0; b < set.bodies.size(); ++b) {
     const SolidBody& body = set.bodies[b];
     progress.fraction(double(b) / double(set.bodies.size()));
-    Choice choice = fillBody(body, options.method, share[b], crosses_itself[b] != 0, mesh.file, remarks);
-    TetMesh& tets = choice.filled.mesh;
-    geometry::sortForLocality(tets);
-    const std::vector<double> fill = fillFractions(body, tets, parallelFor);
+    Choice choice;
+    SplitMesh split;
+    const Remarks before = remarks;
+    // Splitting adds vertices that the lattice did not count: once more with fewer where they are many.
+    std::uint32_t target = share[b];
+    for (int round = 0; round < 2; ++round) {
+      remarks = before;
+      choice = fillBody(body, options, options.method, target, crosses_itself[b] != 0, mesh.file, remarks);
+      if (choice.method == TetrahedraMethod::shell) {
+        split.home = choice.home;
+        break;
+      }
+      geometry::sortForLocality(choice.filled.mesh);
+      if (choice.method == TetrahedraMethod::delaunay) break;
+      split = splitAtGaps(body, choice.filled.mesh,
+                          std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
+      choice.filled.mesh = split.mesh;
+      const double count = double(split.mesh.positions.size());
+      if (count < 1.2 * share[b] || split.vertices < 0.1 * share[b]) break;
+      target = std::max(kLeastVertices, std::uint32_t(target * share[b] / count));
+    }
+    const TetMesh& tets = choice.filled.mesh;
+    const std::vector<double> fill = fillFractions(body, tets, split.inside, parallelFor);
 
     PhysicalBody physical;
     physical.name = body.name;
@@ -297,7 +358,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     physical.vertex_count = static_cast<std::uint32_t>(tets.positions.size());
     physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
     physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
-    physical.volume = choice.filled.volume;
+    physical.volume = geometry::volume(tets);
     physical.source_volume = body.volume;
     for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);
     for (auto t : tets.tetrahedra) {
@@ -316,6 +377,21 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       remarks.add("tetrahedra-bridged", Severity::warning, "had pieces joined by cells outside the surface",
                   body.name + " (" + std::to_string(choice.filled.bridges) + " cells)",
                   "Lower tetrahedra.join to make the pieces bodies of their own, or connect them in the source.");
+    }
+    if (split.cells > 0) {
+      remarks.add("tetrahedra-split", Severity::info, "had cells split along gaps narrower than they are",
+                  body.name + " (" + std::to_string(split.cells) + " cells, " + std::to_string(split.vertices) +
+                      " vertices more)",
+                  "");
+    }
+    if (!split.doubtful.empty()) {
+      remarks.add("tetrahedra-overlap", Severity::info,
+                  "had sheets that pierce each other: each was taken for a surface of its own",
+                  body.name + " (" + std::to_string(split.doubtful.size()) + " cells)",
+                  "Move them apart, or join them by faces, where sinew check reports self-intersections.");
+    }
+    for (std::size_t p = 0; p < split.home.size(); ++p) {
+      if (split.home[p] != kNoIndex) result.home[body.points[p]] = physical.first_tetrahedron + split.home[p];
     }
     result.bodies.push_back(std::move(physical));
   }

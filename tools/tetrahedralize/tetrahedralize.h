@@ -14,12 +14,13 @@
 
 namespace sinew::tools {
 
-enum class TetrahedraMethod { automatic, grid, stuffing, delaunay };
+enum class TetrahedraMethod { automatic, grid, stuffing, delaunay, shell };
 
 struct TetrahedraOptions {
   TetrahedraMethod method = TetrahedraMethod::automatic;
   std::uint32_t target_vertices = 1500;  ///< physical vertices over all bodies; the result is within about 30 %
   double join_distance = 1e-3;           ///< parts closer than this share a body; of the diagonal
+  double shell_thickness = 0;            ///< of a shell, metres; 0 = half of the mean edge of its coarse surface
 };
 
 /// One separate body of the source.
@@ -41,6 +42,8 @@ struct TetrahedraQuality {
 };
 
 /// The coarse mesh that is simulated. Vertices, tetrahedra grouped by body. Every tetrahedron has positive volume.
+/// Where near but separate pieces of a body pass through one cell of its lattice (lips, fingers), the cell has a copy
+/// for each: these tetrahedra lie over one another.
 struct PhysicalMesh {
   std::vector<Eigen::Vector3d> positions;  ///< metres, world
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
@@ -50,6 +53,10 @@ struct PhysicalMesh {
   std::vector<PhysicalBody> bodies;
   TetrahedraQuality quality;
   std::vector<std::uint32_t> part_body;  ///< body of each surface part (loose sheets: the nearest body)
+  /// Per welded point: the tetrahedron it lies in, of several copies in one place the one on its own side of the gap;
+  /// outside all of them the nearest that one of its own triangles passes through. kNoIndex where there is none, for
+  /// points of loose sheets and of bodies filled by delaunay. May be empty: nothing is known.
+  std::vector<std::uint32_t> home;
   std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
 };
 

@@ -253,6 +253,18 @@ static_assert(sizeof(ActivationChannel) == 8);
 // PSTF: float per physical vertex, 0..1: multiplies the clusters' alpha. PPIN: float per physical vertex, 0..1: how
 // firmly a pin set holds the vertex; 0 = not at all.
 
+/// PSET: a named set of held physical vertices, PSTV[first .. first+count), ascending: what an artist pinned, for a
+/// game to hand to World::addPinSet.
+struct PinSet {
+  StringRef name;
+  StringRef target;         ///< what it is to follow: "world", or a name of the game's (a bone, a rigid body)
+  std::uint32_t method;     ///< 0..3, a sinew::PinMethod
+  std::uint32_t first;      ///< into PSTV
+  std::uint32_t count;      ///< may be 0
+  std::uint32_t reserved0;  ///< 0
+};
+static_assert(sizeof(PinSet) == 32);
+
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
 using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
 using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
@@ -349,6 +361,7 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                quadratic_moments = fourcc("AQQ9"), mechanics = fourcc("CMEC"),
                                curve_points = fourcc("CURV"), channels = fourcc("CHAN"),
                                vertex_stiffness = fourcc("PSTF"), pin_weights = fourcc("PPIN"),
+                               pin_sets = fourcc("PSET"), pin_set_vertices = fourcc("PSTV"),
                                visual_positions = fourcc("VPOS"), visual_normals = fourcc("VNRM"),
                                visual_uv = fourcc("VUV0"), visual_colors = fourcc("VCOL"),
                                visual_triangles = fourcc("VTRI"), sub_meshes = fourcc("VSUB"),

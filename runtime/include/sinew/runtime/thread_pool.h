@@ -12,8 +12,9 @@ namespace sinew {
 /// Guarantee: a world's state does not depend on the number of threads, bit for bit.
 class SINEW_API ThreadPool final : public JobSystem {
  public:
-  /// \param threads that work on a loop, the caller's included; 0 = one for each core.
-  explicit ThreadPool(std::uint32_t threads = 0);
+  /// Never fails: what the system has no threads or memory for does without, the caller's thread at least works.
+  /// threads() tells. \param threads that work on a loop, the caller's included; 0 = one for each core.
+  explicit ThreadPool(std::uint32_t threads = 0) noexcept;
   ~ThreadPool() override;
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;

@@ -51,11 +51,15 @@ struct WorldResources {
 ///
 /// Threads: calls on one world must not overlap, also const ones; different worlds are independent, and may share
 /// assets. Same input, same state, bit for bit, for any job system.
-/// Failures: no call throws. A call with an unknown body (or vertex, pick, sub-mesh) does nothing and tells the log
-/// sink; a call that runs out of memory as well, and leaves the world as it was (step: in a state that may be stepped
-/// on). step() allocates nothing from the second one on, unless bodies, pins or picks came in between.
+/// Failures: no call throws, once there is a world. A call with an unknown body (or vertex, pick, sub-mesh) does
+/// nothing and tells the log sink; a call that runs out of memory as well, and leaves the world as it was (step: in a
+/// state that may be stepped on). step() allocates nothing from the second one on, unless bodies, pins or picks came in
+/// between.
 class SINEW_API World {
  public:
+  /// A world without bodies, or "out of memory". Never throws.
+  static Result<World> create(const WorldSettings& settings, const WorldResources& resources) noexcept;
+  /// The same for programs that use exceptions: std::bad_alloc where memory runs out.
   explicit World(const WorldSettings& settings = {}, JobSystem* jobs = nullptr);
   World(const WorldSettings& settings, const WorldResources& resources);
   ~World();

@@ -1,0 +1,455 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/recipe_commands.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <sstream>
+
+#include "tools/author/recipe.h"
+#include "tools/author/recipe_keys.h"
+#include "tools/core/atomic_file.h"
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostStates = 200;
+
+[[noreturn]] void usage(const std::string& what, const std::string& cure) {
+  throw ToolError(ExitCode::usage, "", what, cure);
+}
+
+fs::path historyFile(const fs::path& file) { return fs::path(file).concat(".history"); }
+
+// One line for what fits, as people write recipes: lists of numbers and short objects stay on theirs.
+void write(std::ostream& out, const Json& json, std::size_t indent) {
+  const std::string flat = json.dump();
+  const bool document = indent == 0;
+  if (!document && (!json.is_structured() || json.empty() || flat.size() + indent <= 100)) {
+    std::string spaced;
+    bool text = false;
+    for (std::size_t i = 0; i < flat.size(); ++i) {
+      spaced += flat[i];
+      if (flat[i] == '\\' && text) {
+        spaced += flat[++i];
+      } else if (flat[i] == '"') {
+        text = !text;
+      } else if (!text && (flat[i] == ',' || flat[i] == ':')) {
+        spaced += ' ';
+      }
+    }
+    out << spaced;
+    return;
+  }
+  out << (json.is_object() ? "{\n" : "[\n");
+  const std::string margin(indent + 2, ' ');
+  std::size_t i = 0;
+  for (const auto& [key, value] : json.items()) {
+    out << margin;
+    if (json.is_object()) out << Json(key).dump() << ": ";
+    write(out, value, indent + 2);
+    out << (++i < json.size() ? ",\n" : "\n");
+  }
+  out << std::string(indent, ' ') << (json.is_object() ? "}" : "]");
+}
+
+std::string written(const Json& document) {
+  std::ostringstream out;
+  write(out, document, 0);
+  return out.str() + "\n";
+}
+
+// A value from the command line: JSON where it is, else the text itself.
+Json valueOf(const std::string& text) {
+  Json json = Json::parse(text, nullptr, false);
+  return json.is_discarded() ? Json(text) : json;
+}
+
+Json selectionOf(const std::string& text) {
+  const Json json = valueOf(text);
+  if (json.is_string() && !text.empty() && (text.front() == '{' || text.front() == '[')) {
+    usage("the selection is not valid JSON: " + text, R"(Write it as in '{"group": "lip_upper"}', in single quotes.)");
+  }
+  if (!json.is_string() && !json.is_object()) {
+    usage("'" + text + "' is no selection", "Give a mask's name, or JSON as in '{\"group\": \"lip_upper\"}'.");
+  }
+  return json;
+}
+
+Json* namedEntry(Json& document, const char* list, const std::string& name) {
+  if (!document.contains(list)) return nullptr;
+  for (Json& entry : document[list]) {
+    if (entry.contains("name") && entry["name"] == name) return &entry;
+  }
+  return nullptr;
+}
+
+std::vector<std::string> allNames(const Json& document) {
+  std::vector<std::string> names;
+  if (document.contains("masks")) {
+    for (const auto& [name, mask] : document["masks"].items()) names.push_back(name);
+  }
+  for (const char* list : {"clusters", "pins"}) {
+    if (!document.contains(list)) continue;
+    for (const Json& entry : document[list]) names.push_back(entry["name"].get<std::string>());
+  }
+  return names;
+}
+
+[[noreturn]] void noSuchName(const Json& document, const std::string& name) {
+  const std::vector<std::string> names = allNames(document);
+  usage("there is no mask, cluster or set of pins named '" + name + "'",
+        names.empty() ? "The recipe has none yet." : "Did you mean " + nearestName(name, names) + "?");
+}
+
+// Every place where a selection names a mask; `visit` may change it.
+template <class Visit>
+void visitMaskNames(Json& selection, const Visit& visit) {
+  if (selection.is_string()) {
+    visit(selection);
+    return;
+  }
+  if (!selection.is_object()) return;
+  const RecipeObject* kind = selectionKind(selection);
+  if (kind == nullptr) return;
+  Json& value = selection[std::string(kind->name)];
+  const std::uint32_t type = kind->keys.front().type;
+  if (kind->name == "rest" && value.is_array()) {
+    for (Json& name : value) visit(name);
+  } else if ((type & kRecipeSelections) != 0) {
+    for (Json& each : value) visitMaskNames(each, visit);
+  } else if ((type & kRecipeSelection) != 0) {
+    visitMaskNames(value, visit);
+  }
+}
+
+template <class Visit>
+void visitSelections(Json& document, const Visit& visit) {
+  if (document.contains("masks")) {
+    for (auto& [name, mask] : document["masks"].items()) visitMaskNames(mask, visit);
+  }
+  for (const char* list : {"clusters", "pins", "stiffness"}) {
+    if (!document.contains(list)) continue;
+    for (Json& entry : document[list]) {
+      for (const char* key : {"from", "origin", "insertion"}) {
+        if (entry.contains(key)) visitMaskNames(entry[key], visit);
+      }
+    }
+  }
+}
+
+bool isSetting(std::string_view key) {
+  Settings settings;
+  const auto all = Settings::declarations(settings);
+  return std::any_of(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
+}
+
+// A path as the recipe has it. Both relative to the working folder.
+std::string relativeTo(const fs::path& recipe, const fs::path& file) {
+  const fs::path folder = recipe.has_parent_path() ? recipe.parent_path() : fs::path(".");
+  return fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder)).generic_string();
+}
+
+}  // namespace
+
+std::string otherSide(const std::string& name) {
+  static constexpr std::array<std::pair<std::string_view, std::string_view>, 3> kWords = {
+      {{"left", "right"}, {"Left", "Right"}, {"LEFT", "RIGHT"}}};
+  for (const auto& [left, right] : kWords) {
+    for (const auto& [from, to] : {std::pair{left, right}, std::pair{right, left}}) {
+      const std::size_t at = name.find(from);
+      if (at != std::string::npos) return std::string(name).replace(at, from.size(), to);
+    }
+  }
+  // A single letter at the end, or between two separators.
+  for (std::size_t i = 1; i < name.size(); ++i) {
+    if (std::string_view("._-").find(name[i - 1]) == std::string_view::npos) continue;
+    if (i + 1 < name.size() && std::string_view("._-").find(name[i + 1]) == std::string_view::npos) continue;
+    const std::size_t side = std::string_view("lrLR").find(name[i]);
+    if (side == std::string_view::npos) continue;
+    std::string other = name;
+    other[i] = "rlRL"[side];
+    return other;
+  }
+  return name;
+}
+
+RecipeEditor RecipeEditor::create(const fs::path& file, const fs::path& source) {
+  if (!isRecipe(file)) usage("a recipe's name ends in .json, not '" + file.string() + "'", "Name it NAME.json.");
+  std::error_code error;
+  if (fs::exists(file, error)) usage(file.string() + " is there already", "Choose another name, or edit that one.");
+  if (!fs::is_regular_file(source, error)) {
+    throw ToolError(ExitCode::bad_input, source.string(), "cannot be read", "Check the name and its permissions.");
+  }
+  Json document = {{"sinew_recipe", Recipe::kVersion}};
+  const std::string relative = relativeTo(file, source);
+  if (relative.empty()) usage(source.string() + " has no path from the recipe", "Put both on one drive.");
+  // As many folders up as the path begins with.
+  std::string project;
+  for (const fs::path& step : fs::path(relative)) {
+    if (step != "..") break;
+    project += project.empty() ? ".." : "/..";
+  }
+  if (!project.empty()) document["project"] = project;
+  document["source"] = relative;
+  RecipeEditor editor;
+  editor.file_ = file;
+  editor.states_.push_back({"new", ""});
+  editor.commitText("new " + relative, written(document));
+  editor.states_.erase(editor.states_.begin());
+  editor.at_ = 0;
+  return editor;
+}
+
+RecipeEditor RecipeEditor::open(const fs::path& file) {
+  RecipeEditor editor;
+  editor.file_ = file;
+  std::string text;
+  JsonText::readFile(file.string(), text);
+  parseRecipe(text, file);
+  std::error_code error;
+  if (fs::exists(historyFile(file), error)) {
+    try {
+      const JsonText history = JsonText::read(historyFile(file).string());
+      for (const Json& state : history.json().at("states")) {
+        editor.states_.push_back({state.at("command").get<std::string>(), state.at("text").get<std::string>()});
+      }
+      editor.at_ = history.json().at("at").get<std::size_t>();
+      if (editor.at_ >= editor.states_.size()) editor.states_.clear();
+    } catch (const nlohmann::json::exception&) {
+      editor.states_.clear();
+    } catch (const ToolError&) {
+      editor.states_.clear();  // a history that cannot be read is as good as none
+    }
+  }
+  if (editor.states_.empty()) {
+    editor.states_.push_back({"opened", text});
+    editor.at_ = 0;
+  } else if (editor.states_[editor.at_].text != text) {
+    editor.states_.resize(editor.at_ + 1);
+    editor.states_.push_back({"edited by hand", text});
+    editor.at_ = editor.states_.size() - 1;
+  }
+  return editor;
+}
+
+Json RecipeEditor::document() const { return migratedRecipe(JsonText(text(), file_.string()), file_); }
+
+void RecipeEditor::commit(const std::string& command, const Json& document) { commitText(command, written(document)); }
+
+void RecipeEditor::commitText(const std::string& command, std::string text) {
+  parseRecipe(text, file_);
+  states_.resize(at_ + 1);
+  states_.push_back({command, std::move(text)});
+  if (states_.size() > kMostStates) states_.erase(states_.begin());
+  at_ = states_.size() - 1;
+}
+
+void RecipeEditor::addCluster(const std::string& name, const std::string& selection) {
+  Json document = this->document();
+  Json cluster = {{"name", name}};
+  if (!selection.empty()) cluster["from"] = selectionOf(selection);
+  document["clusters"].push_back(cluster);
+  commit("add-cluster " + name, document);
+}
+
+void RecipeEditor::setMask(const std::string& name, const std::string& selection) {
+  Json document = this->document();
+  document["masks"][name] = selectionOf(selection);
+  commit("add-mask " + name, document);
+}
+
+void RecipeEditor::addPins(const std::string& name, const std::string& selection, const std::string& method,
+                           const std::string& target) {
+  Json document = this->document();
+  Json pins = {{"name", name}, {"from", selectionOf(selection)}};
+  if (!method.empty()) pins["method"] = method;
+  if (!target.empty()) pins["target"] = target;
+  document["pins"].push_back(pins);
+  commit("add-pins " + name, document);
+}
+
+void RecipeEditor::set(const std::string& key, const std::string& value) {
+  Json document = this->document();
+  const bool removes = value == "default";
+  const auto put = [&](Json& object, const std::string& name) {
+    if (removes) {
+      if (object.is_object()) object.erase(name);
+    } else {
+      object[name] = valueOf(value);
+    }
+  };
+  if (!key.empty() && key.front() == '/') {
+    try {
+      const Json::json_pointer pointer(key);
+      if (removes) {
+        if (document.contains(pointer)) {
+          Json& parent = document[pointer.parent_pointer()];
+          if (parent.is_object())
+            parent.erase(pointer.back());
+          else
+            parent.erase(std::stoul(pointer.back()));
+        }
+      } else {
+        document[pointer] = valueOf(value);
+      }
+    } catch (const nlohmann::json::exception&) {
+      usage("'" + key + "' is no place of the recipe", "Write it as in /clusters/0/from.");
+    }
+  } else if (isSetting(key)) {
+    put(document["settings"], key);
+    if (document["settings"].empty()) document.erase("settings");
+  } else {
+    const std::size_t dot = key.rfind('.');
+    Json* entry = nullptr;
+    if (dot != std::string::npos) {
+      entry = namedEntry(document, "clusters", key.substr(0, dot));
+      if (entry == nullptr) entry = namedEntry(document, "pins", key.substr(0, dot));
+    }
+    if (entry == nullptr) {
+      Settings settings;
+      settings.set(key, value);  // says what is wrong with it
+      usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster or set of pins",
+            "All settings: sinew help settings.");
+    }
+    const std::string name = key.substr(dot + 1);
+    if (entry->contains("method") || !isSetting(std::string(kClusterPrefix) + name)) {
+      put(*entry, name);
+    } else if (name == "overlap") {
+      put(*entry, name);  // a cluster's own, in metres
+    } else {
+      put((*entry)["settings"], name);
+      if ((*entry)["settings"].empty()) entry->erase("settings");
+    }
+  }
+  commit("set " + key + "=" + value, document);
+}
+
+void RecipeEditor::rename(const std::string& from, const std::string& to) {
+  Json document = this->document();
+  if (to.empty()) usage("a name cannot be empty", "Give the new name.");
+  bool found = false;
+  if (document.contains("masks") && document["masks"].contains(from)) {
+    found = true;
+    if (document["masks"].contains(to)) usage("there is a mask named '" + to + "'", "Choose another name.");
+    Json masks = Json::object();
+    for (const auto& [name, mask] : document["masks"].items()) masks[name == from ? to : name] = mask;
+    document["masks"] = masks;
+    visitSelections(document, [&](Json& name) {
+      if (name == from) name = to;
+    });
+  }
+  for (const char* list : {"clusters", "pins"}) {
+    Json* entry = namedEntry(document, list, from);
+    if (entry == nullptr) continue;
+    found = true;
+    // A cluster that its cluster mesh defines keeps it.
+    if (std::string_view(list) == "clusters" && !entry->contains("from")) (*entry)["from"] = {{"cluster_mesh", from}};
+    (*entry)["name"] = to;
+  }
+  if (!found) noSuchName(document, from);
+  commit("rename " + from + " " + to, document);
+}
+
+void RecipeEditor::remove(const std::string& name) {
+  Json document = this->document();
+  bool found = false;
+  for (const char* list : {"clusters", "pins"}) {
+    if (namedEntry(document, list, name) == nullptr) continue;
+    found = true;
+    Json kept = Json::array();
+    for (const Json& entry : document[list]) {
+      if (entry["name"] != name) kept.push_back(entry);
+    }
+    document[list] = kept;
+    if (kept.empty()) document.erase(list);
+  }
+  if (!found && document.contains("masks") && document["masks"].contains(name)) {
+    found = true;
+    document["masks"].erase(name);
+    if (document["masks"].empty()) document.erase("masks");
+    std::size_t uses = 0;
+    visitSelections(document, [&](Json& used) { uses += used == name ? 1U : 0U; });
+    if (uses > 0) {
+      usage("mask '" + name + "' is used by " + std::to_string(uses) + (uses == 1 ? " selection" : " selections"),
+            "Remove or change what uses it first: sinew author " + file_.string() + " show --json.");
+    }
+  }
+  if (!found) noSuchName(document, name);
+  commit("remove " + name, document);
+}
+
+void RecipeEditor::mirror(const std::string& name, const std::string& to, const std::string& plane) {
+  Json document = this->document();
+  const std::string target = to.empty() ? otherSide(name) : to;
+  if (target == name) {
+    usage("'" + name + "' has no side in its name that could be exchanged", "Give the new name with --to.");
+  }
+  const auto image = [&](const Json& selection) {
+    Json mirrored = {{"mirror", selection}};
+    if (plane != "auto" && !plane.empty()) mirrored["plane"] = plane;
+    return mirrored;
+  };
+  if (Json* entry = namedEntry(document, "clusters", name)) {
+    Json copy = *entry;
+    copy["name"] = target;
+    copy["from"] = image(entry->contains("from") ? (*entry)["from"] : Json{{"cluster_mesh", name}});
+    for (const char* key : {"origin", "insertion"}) {
+      if (copy.contains(key)) copy[key] = image(copy[key]);
+    }
+    if (copy.contains("channel")) copy["channel"] = otherSide(copy["channel"].get<std::string>());
+    // A given direction would need the plane; found ones mirror by themselves.
+    if (copy.contains("fibre") && copy["fibre"].is_array()) {
+      if (plane.empty() || plane == "auto") {
+        usage("cluster '" + name + "' has a fibre direction, so its mirror image needs a plane",
+              "Add --plane x, y or z.");
+      }
+      const std::size_t axis = plane == "x" ? 0 : plane == "y" ? 1 : 2;
+      copy["fibre"][axis] = -copy["fibre"][axis].get<double>();
+    }
+    document["clusters"].push_back(copy);
+  } else if (document.contains("masks") && document["masks"].contains(name)) {
+    if (document["masks"].contains(target)) usage("there is a mask named '" + target + "'", "Give another with --to.");
+    document["masks"][target] = image(Json(name));
+  } else {
+    noSuchName(document, name);
+  }
+  commit("mirror " + name + " " + target, document);
+}
+
+void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {
+  Json document = this->document();
+  Json mask = {{file.extension() == ".json" ? "strokes" : "image", relativeTo(file_, file)}};
+  if (!options.empty()) {
+    const Json further = Json::parse(options, nullptr, false);
+    if (!further.is_object()) usage("'" + options + "' is no JSON object", R"(Write it as in '{"threshold": 0.5}'.)");
+    mask.update(further);
+  }
+  document["masks"][name] = mask;
+  commit("paint " + name + " " + file.filename().string(), document);
+}
+
+std::string RecipeEditor::undo() { return at_ == 0 ? std::string() : states_[at_--].command; }
+
+std::string RecipeEditor::redo() { return at_ + 1 >= states_.size() ? std::string() : states_[++at_].command; }
+
+std::vector<std::string> RecipeEditor::history() const {
+  std::vector<std::string> commands;
+  for (const State& state : states_) commands.push_back(state.command);
+  return commands;
+}
+
+void RecipeEditor::save() const {
+  Json states = Json::array();
+  for (const State& state : states_) states.push_back({{"command", state.command}, {"text", state.text}});
+  const Json history = {{"at", at_}, {"states", states}};
+  // The history first: if the second write fails, the recipe counts as edited by hand, and nothing is lost.
+  writeFileAtomically(historyFile(file_), history.dump(1) + "\n");
+  writeFileAtomically(file_, text());
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Every edit of a recipe, as an undoable command. The program's `author` verb and windows run the same ones.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/author/json_text.h"
+
+namespace sinew::tools {
+
+/// A recipe that is being edited, with its history. A command changes the document in memory, which is validated as a
+/// whole before it counts: one that would make the recipe wrong throws ToolError and changes nothing. Nothing reaches
+/// the disk before save().
+///
+/// The history lies beside the recipe in RECIPE.history (JSON: the texts after each command, at most 200 of them); it
+/// may be deleted at any time. A recipe that was changed by hand in between gets that change as a step of its own, so
+/// undo goes back over it too.
+class RecipeEditor {
+ public:
+  /// Begins a new recipe for a source. Throws ToolError(usage) where `file` exists, is no .json, or `source` is not
+  /// there or outside the recipe's folder and all folders above it.
+  static RecipeEditor create(const std::filesystem::path& file, const std::filesystem::path& source);
+  /// Opens a recipe; one of an older version becomes one of the present version with the first command.
+  static RecipeEditor open(const std::filesystem::path& file);
+
+  /// Adds a cluster. \param selection JSON, or a mask's name; empty: the cluster mesh of this name.
+  void addCluster(const std::string& name, const std::string& selection);
+  /// Adds or replaces a mask.
+  void setMask(const std::string& name, const std::string& selection);
+  /// Adds a set of pins.
+  void addPins(const std::string& name, const std::string& selection, const std::string& method,
+               const std::string& target);
+  /// Sets one value. \param key a setting ("clusters.mode"), a cluster's key or setting ("NAME.overlap",
+  /// "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"). \param value JSON, or plain text; "default" removes
+  /// it.
+  void set(const std::string& key, const std::string& value);
+  /// Renames a mask (with all selections that use it), a cluster or a set of pins.
+  void rename(const std::string& from, const std::string& to);
+  /// Removes a mask, a cluster or a set of pins. A mask that is in use stays, with an error that says where.
+  void remove(const std::string& name);
+  /// Adds the mirror image of a mask or cluster. \param to empty: the name with left and right exchanged (.L/.R, _l/_r,
+  /// left/right). \param plane auto, x, y or z.
+  void mirror(const std::string& name, const std::string& to, const std::string& plane);
+  /// Adds a mask from a picture or a stroke file (.json). \param file relative to the working folder; it must lie in
+  /// the project folder. \param options further keys of the selection as a JSON object; may be empty.
+  void paint(const std::string& name, const std::filesystem::path& file, const std::string& options);
+
+  /// Steps back or forward. \return the command that was undone or is done again; empty where there is none.
+  std::string undo();
+  std::string redo();
+
+  /// The commands so far, oldest first, and how many of them are in effect.
+  std::vector<std::string> history() const;
+  std::size_t position() const { return at_; }
+  /// The recipe as it would be written.
+  const std::string& text() const { return states_[at_].text; }
+  const std::filesystem::path& file() const { return file_; }
+  /// Writes recipe and history, whole or not at all.
+  void save() const;
+
+ private:
+  struct State {
+    std::string command;
+    std::string text;
+  };
+  RecipeEditor() = default;
+  nlohmann::ordered_json document() const;
+  void commit(const std::string& command, const nlohmann::ordered_json& document);
+  void commitText(const std::string& command, std::string text);
+
+  std::filesystem::path file_;
+  std::vector<State> states_;
+  std::size_t at_ = 0;
+};
+
+/// A name with left and right exchanged; the name itself where it has no side.
+std::string otherSide(const std::string& name);
+
+}  // namespace sinew::tools

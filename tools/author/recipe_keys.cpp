@@ -1,0 +1,642 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/recipe_keys.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+
+#include "tools/author/settings.h"
+
+namespace sinew::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kFar = 1e9;  // metres; beyond any scene
+
+std::string numberText(double value) {
+  std::array<char, 32> buffer{};
+  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return {buffer.data(), result.ptr};
+}
+
+RecipeKey falloff() {
+  return {"falloff", kRecipeNumber, "Outside, the weight falls smoothly to 0 over this.", "0", "m", 0, kFar};
+}
+RecipeKey radius() { return {"radius", kRecipeNumber, "Inside this the weight is 1.", "", "m", 1e-9, kFar}; }
+RecipeKey by(std::string_view sentence) { return {"by", kRecipeNumber, sentence, "", "m", 0, kFar}; }
+RecipeKey note() { return {"note", kRecipeText, "A comment for people.", "none"}; }
+
+std::string typeText(const RecipeKey& key) {
+  std::vector<std::string> texts;
+  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
+  if (has(kRecipeNumber)) texts.push_back("number " + numberText(key.minimum) + " .. " + numberText(key.maximum));
+  if (has(kRecipeInteger)) {
+    texts.push_back("whole number " + numberText(key.minimum) + " .. " + numberText(key.maximum));
+  }
+  if (has(kRecipeFlag)) texts.emplace_back("true or false");
+  if (has(kRecipeText)) texts.emplace_back("text");
+  if (has(kRecipeTexts)) texts.emplace_back("list of texts");
+  if (has(kRecipeChoice)) {
+    for (const auto& choice : key.choices) texts.push_back("\"" + std::string(choice) + "\"");
+  }
+  if (has(kRecipePath)) texts.emplace_back("file name");
+  if (has(kRecipePoint)) texts.emplace_back("[x, y, z]");
+  if (has(kRecipePoints)) texts.emplace_back("[[x, y, z], [x, y, z]]");
+  if (has(kRecipeColor)) texts.emplace_back("[r, g, b] or [r, g, b, a], each 0 .. 1");
+  if (has(kRecipeSelection)) texts.emplace_back("selection");
+  if (has(kRecipeSelections)) texts.emplace_back("list of selections");
+  if (has(kRecipeMasks)) texts.emplace_back("object: name -> selection");
+  if (has(kRecipeSettings)) texts.emplace_back("object of settings");
+  if (has(kRecipeClusterSettings)) texts.emplace_back("object of cluster settings");
+  if (key.type == 0) texts.push_back("list of " + std::string(key.object) + " objects");
+  std::string text;
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    text += (i == 0 ? "" : i + 1 == texts.size() ? " or " : ", ") + texts[i];
+  }
+  return text;
+}
+
+bool isNumbers(const Json& value, std::size_t least, std::size_t most, double minimum, double maximum) {
+  if (!value.is_array() || value.size() < least || value.size() > most) return false;
+  return std::all_of(value.begin(), value.end(), [&](const Json& x) {
+    return x.is_number() && x.get<double>() >= minimum && x.get<double>() <= maximum;
+  });
+}
+
+bool isFilledText(const Json& value) { return value.is_string() && !value.get_ref<const std::string&>().empty(); }
+
+const RecipeObject& objectNamed(std::string_view name) {
+  const auto& all = recipeObjects();
+  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
+}
+
+// Whether a value is legal in itself; what it holds (objects, selections) is looked at by check().
+bool legal(const RecipeKey& key, const Json& value) {
+  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
+  if (key.type == 0) return value.is_array();
+  if (has(kRecipeNumber) && value.is_number()) {
+    const double x = value.get<double>();
+    if (x >= key.minimum && x <= key.maximum) return true;
+  }
+  if (has(kRecipeInteger) && value.is_number()) {
+    const double x = value.get<double>();
+    if (x >= key.minimum && x <= key.maximum && x == std::floor(x)) return true;
+  }
+  if (has(kRecipeFlag) && value.is_boolean()) return true;
+  if (has(kRecipeChoice) && value.is_string() &&
+      std::find(key.choices.begin(), key.choices.end(), value.get_ref<const std::string&>()) != key.choices.end())
+    return true;
+  if (has(kRecipeText | kRecipePath) && isFilledText(value)) return true;
+  if (has(kRecipeTexts) && value.is_array() && !value.empty() && std::all_of(value.begin(), value.end(), isFilledText))
+    return true;
+  if (has(kRecipePoint) && isNumbers(value, 3, 3, -kFar, kFar)) return true;
+  if (has(kRecipePoints) && value.is_array() && value.size() == 2 && isNumbers(value[0], 3, 3, -kFar, kFar) &&
+      isNumbers(value[1], 3, 3, -kFar, kFar))
+    return true;
+  if (has(kRecipeColor) && isNumbers(value, 3, 4, 0, 1)) return true;
+  if (has(kRecipeSelection) && (isFilledText(value) || value.is_object())) return true;
+  if (has(kRecipeSelections) && value.is_array() && !value.empty()) return true;
+  return has(kRecipeMasks | kRecipeSettings | kRecipeClusterSettings) && value.is_object();
+}
+
+std::string shortened(const Json& value) {
+  std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
+  if (text.size() > 60) text = text.substr(0, 57) + "...";
+  return text;
+}
+
+class ShapeCheck {
+ public:
+  explicit ShapeCheck(const JsonText& text) : text_(text) {}
+
+  void object(const RecipeObject& shape, const Json& json, const std::string& pointer) const {
+    if (!json.is_object()) {
+      text_.fail(pointer, "a " + std::string(shape.name) + " must be an object, not " + shortened(json),
+                 "It looks like " + std::string(shape.example) + ".");
+    }
+    std::vector<std::string> names;
+    for (const RecipeKey& key : shape.keys) names.emplace_back(key.name);
+    for (const auto& [name, value] : json.items()) {
+      const auto key = std::find_if(shape.keys.begin(), shape.keys.end(),
+                                    [wanted = std::string_view(name)](const RecipeKey& k) { return k.name == wanted; });
+      const std::string place = childPointer(pointer, name);
+      if (key == shape.keys.end()) {
+        std::string known;
+        for (const std::string& n : names) known += (known.empty() ? "" : ", ") + n;
+        text_.fail(place, "there is no key '" + name + "' in a " + std::string(shape.name),
+                   "Did you mean " + nearestName(name, names) + "? Known: " + known + ".");
+      }
+      if (!legal(*key, value)) {
+        text_.fail(place, std::string(key->name) + " cannot be " + shortened(value), "Legal: " + typeText(*key) + ".");
+      }
+      inside(*key, value, place);
+    }
+    for (const RecipeKey& key : shape.keys) {
+      if (key.fallback.empty() && !json.contains(key.name)) {
+        text_.fail(pointer, "a " + std::string(shape.name) + " lacks its key '" + std::string(key.name) + "'",
+                   "It looks like " + std::string(shape.example) + ".");
+      }
+    }
+  }
+
+  void selection(const Json& json, const std::string& pointer) const {
+    if (isFilledText(json)) return;
+    if (json.is_object()) {
+      if (const RecipeObject* kind = selectionKind(json)) {
+        object(*kind, json, pointer);
+        return;
+      }
+    }
+    std::vector<std::string> kinds;
+    std::string found;
+    for (const RecipeObject& kind : selectionKinds()) {
+      kinds.emplace_back(kind.name);
+      if (json.is_object() && json.contains(kind.name))
+        found += (found.empty() ? "" : " and ") + std::string(kind.name);
+    }
+    if (!found.empty()) {
+      text_.fail(pointer, "a selection is of one kind, this one is " + found,
+                 "Combine two with {\"and\": [..., ...]} or {\"or\": [..., ...]}.");
+    }
+    std::string known;
+    for (const std::string& k : kinds) known += (known.empty() ? "" : ", ") + k;
+    std::string cure;
+    if (json.is_object() && !json.empty()) cure = "Did you mean " + nearestName(json.begin().key(), kinds) + "? ";
+    text_.fail(json.is_object() && !json.empty() ? childPointer(pointer, json.begin().key()) : pointer,
+               shortened(json) + " is no selection",
+               cure + "Give a mask's name, or an object with one of: " + known + ".");
+  }
+
+ private:
+  void inside(const RecipeKey& key, const Json& value, const std::string& pointer) const {
+    const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
+    if (key.type == 0) {
+      const RecipeObject& shape = objectNamed(key.object);
+      for (std::size_t i = 0; i < value.size(); ++i) object(shape, value[i], childPointer(pointer, i));
+    } else if (has(kRecipeSelection)) {
+      selection(value, pointer);
+    } else if (has(kRecipeSelections)) {
+      for (std::size_t i = 0; i < value.size(); ++i) selection(value[i], childPointer(pointer, i));
+    } else if (has(kRecipeMasks)) {
+      for (const auto& [name, mask] : value.items()) selection(mask, childPointer(pointer, name));
+    }
+  }
+
+  const JsonText& text_;
+};
+
+std::vector<RecipeObject> declareObjects() {
+  return {
+      {"recipe",
+       "A whole recipe. Lengths and points are metres, y up, as `sinew inspect` shows the source.",
+       {{"$schema", kRecipeText, "Where editors find the schema.", "none"},
+        {"sinew_recipe", kRecipeInteger, "Version of the format.", "", "", 1, 2},
+        note(),
+        {"project", kRecipeText, "Folder that no file of the recipe lies outside of: \".\" or \"..\", \"../..\", ...",
+         "\".\""},
+        {"source", kRecipePath, "The artist's file; it is never changed.", ""},
+        {"settings", kRecipeSettings, "Settings that differ from their defaults: [settings.md](settings.md).", "{}"},
+        {"masks", kRecipeMasks, "Selections with names, to be used in other selections.", "{}"},
+        {"clusters",
+         0,
+         "What moves as one. Where there is none, clusters are made automatically.",
+         "[]",
+         "",
+         0,
+         0,
+         {},
+         "cluster"},
+        {"pins", 0, "What is held.", "[]", "", 0, 0, {}, "pin"},
+        {"stiffness", 0, "What is softer than the rest.", "[]", "", 0, 0, {}, "stiffness"}},
+       R"({"sinew_recipe": 2, "source": "head.obj", "clusters": [{"name": "nose", "from": {"group": "nose"}}]})"},
+      {"cluster",
+       "A named region that is matched as one. Regions may overlap; where they leave gaps, the nearest one along the "
+       "surface takes over, and the bake says how many vertices that were.",
+       {{"name", kRecipeText, "Its name in the package.", ""},
+        note(),
+        {"from", kRecipeSelection, "The region. Without it: the cluster mesh of this name.", "none"},
+        {"settings", kRecipeClusterSettings,
+         "Settings of its own, without their prefix `clusters.`: mode, stretch_hz, ...", "{}"},
+        {"overlap", kRecipeNumber, "How far it reaches into its neighbours; absent: clusters.overlap_metres.", "none",
+         "m", 0, kFar},
+        {"split", kRecipeNumber, "Cut it into pieces of about this size, named NAME.1, NAME.2, ...", "none", "m", 1e-9,
+         kFar},
+        {"channel", kRecipeText, "Name of the input 0..1 that contracts it.", "none"},
+        {"contraction", kRecipeNumber, "With a channel: shortening along the fibre at full activation.", "0.3", "", 0,
+         0.9},
+        {"fibre",
+         kRecipeChoice | kRecipePoint,
+         "Direction in which it contracts; auto: from origin to insertion where both are given, else its longest axis "
+         "along the surface.",
+         "\"auto\"",
+         "",
+         0,
+         1,
+         {"auto"}},
+        {"origin", kRecipeSelection, "Where a muscle hangs on the bone: pinned as NAME.origin.", "none"},
+        {"insertion", kRecipeSelection, "Where a muscle pulls; gives the fibre its direction.", "none"}},
+       R"({"name": "smile.L", "from": {"cluster_mesh": "smile.L"}, "settings": {"stretch_hz": 20}, "channel": "smile.L"})"},
+      {"pin",
+       "A named set of held vertices.",
+       {{"name", kRecipeText, "Its name in the package.", ""},
+        note(),
+        {"from", kRecipeSelection, "What is held, and how firmly (weight 0..1).", ""},
+        {"method",
+         kRecipeChoice,
+         "How it holds: docs/method.md.",
+         "\"constrained_fit\"",
+         "",
+         0,
+         1,
+         {"hold", "infinite_mass", "matrix", "constrained_fit"}},
+        {"target", kRecipeText, "What it is held by: \"world\", or the name of a bone or body of the game.",
+         "\"world\""}},
+       R"({"name": "skull", "from": {"half_space": [0, 1.6, 0], "normal": [0, 0, -1]}, "target": "Head"})"},
+      {"stiffness",
+       "Multiplies `clusters.alpha` of vertices; where entries overlap, their values are multiplied.",
+       {note(),
+        {"from", kRecipeSelection, "Which vertices.", ""},
+        {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", ""}},
+       R"({"from": {"color": "r"}, "value": 0.4})"},
+  };
+}
+
+std::vector<RecipeObject> declareKinds() {
+  const RecipeKey tolerance{
+      "tolerance", kRecipeNumber, "Furthest distance of a colour that counts as this one, of 1.", "0.25", "", 0, 2};
+  return {
+      {"all", "Every vertex.", {{"all", kRecipeFlag, "true", ""}, note()}, R"({"all": true})"},
+      {"rest",
+       "What the named masks leave; with true, in a cluster's `from`: what all clusters without `rest` leave.",
+       {{"rest", kRecipeFlag | kRecipeTexts, "true, or names of masks.", ""}, note()},
+       R"({"rest": true})"},
+      {"group",
+       "Vertices of the faces of a group (OBJ `g`, vertex sets).",
+       {{"group", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""}, note()},
+       R"({"group": "lip_*"})"},
+      {"material",
+       "Vertices of the faces of a material.",
+       {{"material", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""}, note()},
+       R"({"material": "skin"})"},
+      {"object",
+       "Vertices of an object: a node or a mesh of the source.",
+       {{"object", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""}, note()},
+       R"({"object": "eyeball_*"})"},
+      {"part",
+       "A loose part: what hangs together over edges.",
+       {{"part", kRecipeInteger | kRecipePoint,
+         "Its number (parts are counted by their first face, from 0), or a point: the part "
+         "nearest to it.",
+         "", "m", 0, 4e9},
+        note()},
+       R"({"part": [0.03, 1.62, 0.1]})"},
+      {"bone",
+       "What a bone moves.",
+       {{"bone", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""},
+        note(),
+        {"weights",
+         kRecipeChoice,
+         "The skin's weights as they are, or 1 where these bones weigh most.",
+         "\"blended\"",
+         "",
+         0,
+         1,
+         {"blended", "dominant"}},
+        {"children", kRecipeFlag, "With the bones below it.", "false"}},
+       R"({"bone": "Jaw", "weights": "dominant"})"},
+      {"morph",
+       "What a morph target (shape key) moves.",
+       {{"morph", kRecipeText, "Its name.", ""},
+        note(),
+        {"threshold", kRecipeNumber,
+         "Weight 1 where it moves further than this part of its furthest; 0: weight in proportion to the distance.",
+         "0.02"}},
+       R"({"morph": "smile", "threshold": 0.1})"},
+      {"color",
+       "A vertex colour channel, or the vertices of one colour (as the file has it; linear).",
+       {{"color", kRecipeChoice | kRecipeColor, "Channel or colour.", "", "", 0, 1, {"r", "g", "b", "a"}},
+        note(),
+        tolerance,
+        {"set", kRecipeText, "COLOR_0 is the first colour set; others by the attribute's name.", "\"COLOR_0\""}},
+       R"({"color": [1, 0, 0], "tolerance": 0.3})"},
+      {"attribute",
+       "A vertex attribute of the file (glTF `_NAME`, further PLY properties).",
+       {{"attribute", kRecipeText, "Its name, as in the file.", ""},
+        note(),
+        {"component", kRecipeInteger, "Which one, where it has several.", "0", "", 0, 15},
+        {"low", kRecipeNumber, "Value of weight 0.", "0", "", -kFar, kFar},
+        {"high", kRecipeNumber, "Value of weight 1.", "1", "", -kFar, kFar}},
+       R"({"attribute": "_SMILE_L"})"},
+      {"values",
+       "A JSON file with one number 0..1 for each source vertex.",
+       {{"values", kRecipePath, "The file.", ""}, note()},
+       R"({"values": "weights/smile.json"})"},
+      {"image",
+       "A picture painted in UV space (PNG, EXR, TIFF, JPEG). Steps in this order: channel or key, threshold, close, "
+       "specks, feather; then bilinear sampling, repeated outside 0..1.",
+       {{"image", kRecipePath, "The picture.", ""},
+        note(),
+        {"channel", kRecipeChoice, "What is read.", "\"luminance\"", "", 0, 1, {"luminance", "r", "g", "b", "a"}},
+        {"key", kRecipeColor, "Instead of a channel: weight 1 where the picture has this colour.", "none"},
+        tolerance,
+        {"threshold", kRecipeNumber, "Weight 1 from this value on, else 0; absent: greys are weights.", "none"},
+        {"close", kRecipeInteger, "Closes holes and gaps up to twice this.", "0", "texels", 0, 256},
+        {"specks", kRecipeInteger, "Removes spots of fewer texels.", "0", "texels", 0, 1e9},
+        {"feather", kRecipeNumber, "Softens edges over this width.", "0", "texels", 0, 1000},
+        {"v", kRecipeChoice, "Where v = 1 lies in the picture.", "\"up\"", "", 0, 1, {"up", "down"}},
+        {"material", kRecipeText, "Only on faces of this material, where several share the UV space.", "none"}},
+       R"({"image": "masks/smile.png", "threshold": 0.5, "close": 2, "specks": 20, "feather": 6})"},
+      {"cluster_mesh",
+       "A duplicate of part of the surface, in the source: an object named CLUSTER_x, or with a property "
+       "sinew_cluster.",
+       {{"cluster_mesh", kRecipeText, "Its name, without CLUSTER_.", ""},
+        note(),
+        {"tolerance", kRecipeNumber,
+         "How far its vertices may lie from the surface; absent: half an edge, at most 2 % of the diagonal.", "none",
+         "m", 0, kFar}},
+       R"({"cluster_mesh": "smile.L"})"},
+      {"box",
+       "Vertices in a box.",
+       {{"box", kRecipePoints, "Two opposite corners.", "", "m"}, note(), falloff()},
+       R"({"box": [[0, 1.5, 0], [0.1, 1.6, 0.2]], "falloff": 0.01})"},
+      {"sphere",
+       "Vertices in a sphere.",
+       {{"sphere", kRecipePoint, "Its centre.", "", "m"}, note(), radius(), falloff()},
+       R"({"sphere": [0, 1.6, 0.1], "radius": 0.05})"},
+      {"capsule",
+       "Vertices near a line.",
+       {{"capsule", kRecipePoints, "The line's ends.", "", "m"}, note(), radius(), falloff()},
+       R"({"capsule": [[0, 1.5, 0.1], [0.05, 1.6, 0.1]], "radius": 0.01, "falloff": 0.01})"},
+      {"half_space",
+       "Vertices on the side of a plane to which its normal points.",
+       {{"half_space", kRecipePoint, "A point of the plane.", "", "m"},
+        note(),
+        {"normal", kRecipePoint, "Any length.", ""},
+        falloff()},
+       R"({"half_space": [0, 0, 0], "normal": [1, 0, 0], "falloff": 0.02})"},
+      {"disc",
+       "What lies within a distance along the surface of the surface point nearest to a point.",
+       {{"disc", kRecipePoint, "The point.", "", "m"}, note(), radius(), falloff()},
+       R"({"disc": [0.04, 1.55, 0.1], "radius": 0.02, "falloff": 0.01})"},
+      {"strokes",
+       "A stroke file: `{\"strokes\": [{\"points\": [[x, y, z], ...], \"radius\": m, \"falloff\": m, \"strength\": "
+       "0..1, \"erase\": false}]}`, distances along the surface, later strokes over earlier ones.",
+       {{"strokes", kRecipePath, "The file.", ""}, note()},
+       R"({"strokes": "masks/brow.json"})"},
+      {"and",
+       "The least of the weights.",
+       {{"and", kRecipeSelections, "", ""}, note()},
+       R"({"and": [{"group": "lip_upper"}, {"half_space": [0, 0, 0], "normal": [1, 0, 0]}]})"},
+      {"or",
+       "The largest of the weights.",
+       {{"or", kRecipeSelections, "", ""}, note()},
+       R"({"or": [{"group": "lip_upper"}, {"group": "lip_lower"}]})"},
+      {"not", "1 less the weight.", {{"not", kRecipeSelection, "", ""}, note()}, R"({"not": {"material": "skin"}})"},
+      {"minus",
+       "The first without the others.",
+       {{"minus", kRecipeSelections, "", ""}, note()},
+       R"({"minus": [{"group": "jaw"}, {"group": "lip_lower"}]})"},
+      {"grow",
+       "With all that is nearer than this to where the weight is above one half, along the surface.",
+       {{"grow", kRecipeSelection, "", ""}, note(), by("How far.")},
+       R"({"grow": {"group": "nose"}, "by": 0.01})"},
+      {"shrink",
+       "Without all that is nearer than this to where the weight is below one half, along the surface.",
+       {{"shrink", kRecipeSelection, "", ""}, note(), by("How far.")},
+       R"({"shrink": {"group": "nose"}, "by": 0.005})"},
+      {"soften",
+       "Makes the edge a smooth ramp of this width, along the surface.",
+       {{"soften", kRecipeSelection, "", ""}, note(), by("Width of the ramp.")},
+       R"({"soften": {"group": "nose"}, "by": 0.02})"},
+      {"mirror",
+       "The mirror image.",
+       {{"mirror", kRecipeSelection, "", ""},
+        note(),
+        {"plane",
+         kRecipeChoice,
+         "x, y, z: the plane through `point` across this axis; auto: the source's plane of symmetry is found.",
+         "\"auto\"",
+         "",
+         0,
+         1,
+         {"auto", "x", "y", "z"}},
+        {"point", kRecipePoint, "A point of the plane.", "[0, 0, 0]", "m"},
+        {"normal", kRecipePoint, "The plane's normal, instead of an axis.", "none"},
+        {"tolerance", kRecipeNumber, "How far the two sides may differ, in diagonals.", "0.02"}},
+       R"({"mirror": {"group": "cheek_l"}, "plane": "x"})"},
+      {"scale",
+       "The weight times a factor.",
+       {{"scale", kRecipeSelection, "", ""}, note(), {"by", kRecipeNumber, "The factor.", ""}},
+       R"({"scale": {"group": "nose"}, "by": 0.5})"},
+  };
+}
+
+// JSON Schema of one key.
+Json keySchema(const RecipeKey& key);
+
+Json withRange(Json schema, const RecipeKey& key) {
+  schema["minimum"] = key.minimum;
+  schema["maximum"] = key.maximum;
+  return schema;
+}
+
+Json objectSchema(const RecipeObject& object) {
+  Json schema = {{"type", "object"}, {"description", object.sentence}, {"additionalProperties", false}};
+  Json properties = Json::object();
+  Json required = Json::array();
+  for (const RecipeKey& key : object.keys) {
+    properties[std::string(key.name)] = keySchema(key);
+    if (key.fallback.empty()) required.push_back(key.name);
+  }
+  schema["properties"] = properties;
+  schema["required"] = required;
+  return schema;
+}
+
+Json numbersSchema(std::size_t least, std::size_t most) {
+  return {{"type", "array"}, {"items", {{"type", "number"}}}, {"minItems", least}, {"maxItems", most}};
+}
+
+Json keySchema(const RecipeKey& key) {
+  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
+  const Json selection = {{"$ref", "#/$defs/selection"}};
+  const Json filled = {{"type", "string"}, {"minLength", 1}};
+  Json any = Json::array();
+  if (key.type == 0) any.push_back({{"type", "array"}, {"items", {{"$ref", "#/$defs/" + std::string(key.object)}}}});
+  if (has(kRecipeNumber)) any.push_back(withRange({{"type", "number"}}, key));
+  if (has(kRecipeInteger)) any.push_back(withRange({{"type", "integer"}}, key));
+  if (has(kRecipeFlag)) any.push_back({{"type", "boolean"}});
+  if (has(kRecipeText | kRecipePath)) any.push_back(filled);
+  if (has(kRecipeTexts)) any.push_back({{"type", "array"}, {"items", filled}, {"minItems", 1}});
+  if (has(kRecipeChoice)) any.push_back({{"enum", key.choices}});
+  if (has(kRecipePoint)) any.push_back(numbersSchema(3, 3));
+  if (has(kRecipePoints)) {
+    any.push_back({{"type", "array"}, {"items", numbersSchema(3, 3)}, {"minItems", 2}, {"maxItems", 2}});
+  }
+  if (has(kRecipeColor)) {
+    Json color = numbersSchema(3, 4);
+    color["items"] = {{"type", "number"}, {"minimum", 0}, {"maximum", 1}};
+    any.push_back(color);
+  }
+  if (has(kRecipeSelection)) any.push_back(selection);
+  if (has(kRecipeSelections)) any.push_back({{"type", "array"}, {"items", selection}, {"minItems", 1}});
+  if (has(kRecipeMasks)) any.push_back({{"type", "object"}, {"additionalProperties", selection}});
+  if (has(kRecipeSettings)) any.push_back({{"$ref", "#/$defs/settings"}});
+  if (has(kRecipeClusterSettings)) any.push_back({{"$ref", "#/$defs/cluster_settings"}});
+  Json schema = any.size() == 1 ? any[0] : Json{{"anyOf", any}};
+  std::string sentence(key.sentence);
+  if (!key.unit.empty()) sentence += (sentence.empty() ? "" : " ") + ("[" + std::string(key.unit) + "]");
+  if (!sentence.empty()) schema["description"] = sentence;
+  if (!key.fallback.empty() && key.fallback != "none") schema["default"] = Json::parse(key.fallback);
+  return schema;
+}
+
+Json settingSchema(Settings& defaults, const Settings::Declaration& d) {
+  struct Visitor {
+    const Settings& defaults;
+    Json operator()(const Settings::Number& t) const {
+      return {{"type", "number"}, {"minimum", t.minimum}, {"maximum", t.maximum}, {"default", *t.value}};
+    }
+    Json operator()(const Settings::Count& t) const {
+      return {{"type", "integer"}, {"minimum", t.minimum}, {"maximum", t.maximum}, {"default", *t.value}};
+    }
+    Json operator()(const Settings::Flag& t) const { return {{"type", "boolean"}, {"default", *t.value}}; }
+    Json operator()(const Settings::Choice& t) const {
+      return {{"enum", t.names}, {"default", t.names[std::size_t(t.get(defaults))]}};
+    }
+    Json operator()(const Settings::Text& t) const { return {{"type", {"string", "number"}}, {"default", *t.value}}; }
+    Json operator()(const Settings::Grid& t) const {
+      const Json boxes = {{"type", "array"},
+                          {"items", {{"type", "integer"}, {"minimum", 1}, {"maximum", t.maximum}}},
+                          {"minItems", 3},
+                          {"maxItems", 3}};
+      return {{"anyOf", {{{"const", "auto"}}, boxes}}, {"default", "auto"}};
+    }
+  };
+  Json schema = std::visit(Visitor{defaults}, d.type);
+  schema["description"] = std::string(d.sentence) + (d.unit.empty() ? "" : " [" + std::string(d.unit) + "]");
+  return schema;
+}
+
+void writeTable(std::ostream& out, const RecipeObject& object) {
+  out << object.sentence << "\n\n| key | holds | unit | if absent | meaning |\n|---|---|---|---|---|\n";
+  for (const RecipeKey& key : object.keys) {
+    if (key.name == "note") continue;
+    const std::string fallback = key.fallback.empty()     ? "must be there"
+                                 : key.fallback == "none" ? ""
+                                                          : "`" + std::string(key.fallback) + "`";
+    out << "| `" << key.name << "` | " << typeText(key) << " | " << key.unit << " | " << fallback << " | "
+        << key.sentence << " |\n";
+  }
+  out << "\n```json\n" << object.example << "\n```\n\n";
+}
+
+}  // namespace
+
+const std::vector<RecipeObject>& recipeObjects() {
+  static const std::vector<RecipeObject> objects = declareObjects();
+  return objects;
+}
+
+const std::vector<RecipeObject>& selectionKinds() {
+  static const std::vector<RecipeObject> kinds = declareKinds();
+  return kinds;
+}
+
+const RecipeObject* selectionKind(const Json& selection) {
+  const RecipeObject* found = nullptr;
+  for (const RecipeObject& kind : selectionKinds()) {
+    if (!selection.contains(kind.name)) continue;
+    // An image may name the material it is for.
+    if (kind.name == "material" && selection.contains("image")) continue;
+    if (found != nullptr) return nullptr;
+    found = &kind;
+  }
+  return found;
+}
+
+void checkRecipeShape(const JsonText& text) { ShapeCheck(text).object(objectNamed("recipe"), text.json(), ""); }
+
+void checkSelectionShape(const JsonText& text, const std::string& pointer, const Json& selection) {
+  ShapeCheck(text).selection(selection, pointer);
+}
+
+Json recipeValue(const RecipeObject& object, const Json& json, std::string_view key) {
+  const auto at = json.find(key);
+  if (at != json.end()) return *at;
+  for (const RecipeKey& k : object.keys) {
+    if (k.name == key && !k.fallback.empty() && k.fallback != "none") return Json::parse(k.fallback);
+  }
+  return nullptr;
+}
+
+Json recipeSchema() {
+  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+                 {"title", "Sinew recipe, version 2"},
+                 {"description", "Written by `sinew help schema`."},
+                 {"$ref", "#/$defs/recipe"}};
+  Json defs = Json::object();
+  for (const RecipeObject& object : recipeObjects()) defs[std::string(object.name)] = objectSchema(object);
+  Json any = Json::array({{{"type", "string"}, {"minLength", 1}, {"description", "The name of a mask."}}});
+  for (const RecipeObject& kind : selectionKinds()) any.push_back(objectSchema(kind));
+  defs["selection"] = {{"anyOf", any}};
+  Settings defaults;
+  Json settings = Json::object();
+  Json cluster_settings = Json::object();
+  for (const Settings::Declaration& d : Settings::declarations(defaults)) {
+    settings[std::string(d.key)] = settingSchema(defaults, d);
+    if (d.of_cluster) cluster_settings[std::string(d.key.substr(kClusterPrefix.size()))] = settingSchema(defaults, d);
+  }
+  defs["settings"] = {{"type", "object"}, {"additionalProperties", false}, {"properties", settings}};
+  defs["cluster_settings"] = {{"type", "object"}, {"additionalProperties", false}, {"properties", cluster_settings}};
+  schema["$defs"] = defs;
+  return schema;
+}
+
+std::string recipeMarkdown() {
+  std::ostringstream out;
+  out << R"(# The recipe
+
+Written by `sinew help recipe --markdown` from the declarations in `tools/author/recipe_keys.cpp`; a test compares. How
+to use it: [authoring.md](authoring.md). Editors complete it with [recipe.schema.json](recipe.schema.json) (`sinew help
+schema`).
+
+JSON, UTF-8, one object; comments are read over, but a command that changes the recipe drops them (use the key `note`,
+which every object may have). An unknown key is an error that names the nearest one, and every message names file, line
+and cure. A wrong recipe ends with exit code 3 before anything is written.
+
+**Names.** Clusters have different names, pins have different names. A selection that is a text is the name of a mask;
+masks that need themselves are an error that names the cycle.
+
+**Files** are relative to the recipe's folder and lie inside the project folder: the recipe's own, or a folder above
+it that the key `project` names.
+
+**Versions.** This is version 2. A recipe of version 1 (`source` and `settings` only) is read as it is; the first
+command of `sinew author` that changes it writes version 2.
+
+)";
+  for (const RecipeObject& object : recipeObjects()) {
+    out << "## " << (object.name == "recipe" ? "The whole" : "A " + std::string(object.name)) << "\n\n";
+    writeTable(out, object);
+  }
+  out << R"(## Selections
+
+A selection gives every visual vertex a weight 0..1. It is the name of a mask, or an object of one of the kinds below,
+named by its first key. Where vertices at one point differ (the two sides of a seam, a group's border), the largest
+weight counts for all of them. Shapes and operations "along the surface" measure geodesic distance: by fast marching over
+triangles, exact on flat pieces, within 2 % on curved ones that are finely divided (`tests/author/surface_test.cpp`
+measures it).
+
+)";
+  for (const RecipeObject& kind : selectionKinds()) {
+    out << "### " << kind.name << "\n\n";
+    writeTable(out, kind);
+  }
+  std::string text = out.str();
+  while (text.ends_with("\n\n")) text.pop_back();
+  return text;
+}
+
+}  // namespace sinew::tools

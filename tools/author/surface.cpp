@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/surface.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <queue>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// A mirrored surface that lies further off than this, in diagonals, is no image of itself.
+constexpr double kAsymmetric = 0.03;
+constexpr std::size_t kSymmetrySamples = 600;
+constexpr int kSymmetryRounds = 20;
+
+// Distance at c of a front that has reached a after da and b after db: from one source in the triangle's plane, on the
+// other side of ab, or straight. Where the way to c does not cross ab, along the edges.
+double across(const Vector3d& a, const Vector3d& b, const Vector3d& c, double da, double db, Front front) {
+  const double along_edges = std::min(da + (c - a).norm(), db + (c - b).norm());
+  const Vector3d ab = b - a;
+  const double length = ab.norm();
+  if (!(length > 0)) return along_edges;
+  const Vector3d u = ab / length;
+  const Vector3d ac = c - a;
+  const double cx = ac.dot(u);
+  const double cy = (ac - cx * u).norm();
+  if (front == Front::line) {
+    const double gx = (db - da) / length;
+    if (!(std::abs(gx) < 1)) return along_edges;
+    const double gy = std::sqrt(1 - gx * gx);
+    const double from = cx - gx / gy * cy;
+    if (from < 0 || from > length) return along_edges;
+    return std::min(along_edges, da + gx * cx + gy * cy);
+  }
+  const double sx = (da * da - db * db + length * length) / (2 * length);
+  const double sy2 = da * da - sx * sx;
+  if (sy2 < 0) return along_edges;  // no such source: the distances differ by more than the edge
+  const double sy = -std::sqrt(sy2);
+  if (!(cy - sy > 0)) return along_edges;
+  const double crossing = sx + (cx - sx) * (-sy / (cy - sy));
+  if (crossing < 0 || crossing > length) return along_edges;
+  return std::min(along_edges, std::hypot(cx - sx, cy - sy));
+}
+
+std::vector<geometry::Triangle> bvhTriangles(const std::vector<Triangle>& triangles) {
+  return {triangles.begin(), triangles.end()};
+}
+
+}  // namespace
+
+Vector3d mirrored(const Vector3d& x, const Vector3d& point, const Vector3d& normal) {
+  return x - 2 * normal.dot(x - point) * normal;
+}
+
+Surface::Surface(const VisualMesh& mesh) : mesh_(mesh) {
+  triangles_.reserve(mesh.triangles.size());
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) triangles_.push_back(mesh.weldedTriangle(t));
+  first_.assign(mesh.welded_positions.size() + 1, 0);
+  for (const Triangle& t : triangles_) {
+    for (const std::uint32_t p : t) ++first_[p + 1];
+  }
+  std::partial_sum(first_.begin(), first_.end(), first_.begin());
+  around_.resize(first_.back());
+  std::vector<std::uint32_t> filled(first_.begin(), first_.end() - 1);
+  for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+    for (const std::uint32_t p : triangles_[t]) around_[filled[p]++] = t;
+  }
+  tree_ = geometry::TriangleBvh(mesh.welded_positions, bvhTriangles(triangles_));
+}
+
+std::vector<double> Surface::distances(std::vector<double> start, Front kind) const {
+  std::vector<double> distance = std::move(start);
+  std::vector<std::uint8_t> done(distance.size(), 0);
+  using Entry = std::pair<double, std::uint32_t>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> front;
+  for (std::uint32_t p = 0; p < distance.size(); ++p) {
+    if (std::isfinite(distance[p])) front.emplace(distance[p], p);
+  }
+  const auto& x = mesh_.welded_positions;
+  const auto offer = [&](std::uint32_t p, double d) {
+    if (d < distance[p]) {
+      distance[p] = d;
+      front.emplace(d, p);
+    }
+  };
+  while (!front.empty()) {
+    const auto [d, p] = front.top();
+    front.pop();
+    if (done[p] != 0 || d > distance[p]) continue;
+    done[p] = 1;
+    for (std::uint32_t i = first_[p]; i < first_[p + 1]; ++i) {
+      const Triangle& t = triangles_[around_[i]];
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t c = t[k];
+        if (c == p || done[c] != 0) continue;
+        const std::uint32_t other = t[0] != c && t[0] != p ? t[0] : t[1] != c && t[1] != p ? t[1] : t[2];
+        double reach = d + (x[c] - x[p]).norm();
+        if (other != c && other != p && std::isfinite(distance[other])) {
+          reach = std::min(reach, across(x[p], x[other], x[c], d, distance[other], kind));
+        }
+        offer(c, reach);
+      }
+    }
+  }
+  return distance;
+}
+
+std::vector<double> Surface::distancesFrom(std::span<const SurfacePoint> places) const {
+  std::vector<double> start(mesh_.welded_positions.size(), kInfinity);
+  for (const SurfacePoint& place : places) {
+    if (place.triangle == kNoIndex) continue;
+    for (const std::uint32_t p : triangles_[place.triangle]) {
+      start[p] = std::min(start[p], (mesh_.welded_positions[p] - place.position).norm());
+    }
+  }
+  return distances(std::move(start));
+}
+
+std::vector<double> Surface::signedDistances(std::span<const double> weight) const {
+  std::vector<double> start(weight.size(), kInfinity);
+  const auto& x = mesh_.welded_positions;
+  for (const Triangle& t : triangles_) {
+    // Where the line enters and leaves the triangle.
+    std::array<Vector3d, 2> line;
+    std::size_t crossings = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = t[k];
+      const std::uint32_t b = t[(k + 1) % 3];
+      if ((weight[a] > 0.5) == (weight[b] > 0.5) || crossings == 2) continue;
+      const double s = std::clamp((0.5 - weight[a]) / (weight[b] - weight[a]), 0.0, 1.0);
+      line[crossings++] = x[a] + s * (x[b] - x[a]);
+    }
+    if (crossings < 2) continue;
+    const Vector3d along = line[1] - line[0];
+    for (const std::uint32_t p : t) {
+      const double s = std::clamp((x[p] - line[0]).dot(along) / std::max(along.squaredNorm(), 1e-300), 0.0, 1.0);
+      start[p] = std::min(start[p], (line[0] + s * along - x[p]).norm());
+    }
+  }
+  std::vector<double> distance = distances(std::move(start), Front::line);
+  for (std::size_t p = 0; p < distance.size(); ++p) {
+    if (weight[p] > 0.5) distance[p] = -distance[p];
+  }
+  return distance;
+}
+
+SurfacePoint Surface::nearest(const Vector3d& place) const {
+  const auto hit = tree_.closest(place);
+  return {hit.triangle, hit.point, std::sqrt(hit.squared_distance)};
+}
+
+Vector3d Surface::normal(std::uint32_t triangle) const {
+  const Triangle& t = triangles_[triangle];
+  const auto& x = mesh_.welded_positions;
+  const Vector3d n = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]);
+  return n.norm() > 0 ? Vector3d(n.normalized()) : Vector3d::Zero();
+}
+
+double Surface::interpolate(const SurfacePoint& at, std::span<const double> weight) const {
+  const Triangle& t = triangles_[at.triangle];
+  const auto& x = mesh_.welded_positions;
+  const Vector3d n = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]);
+  if (!(n.squaredNorm() > 0)) return weight[t[0]];
+  std::array<double, 3> area{};
+  double sum = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    area[k] = std::max(0.0, (x[t[(k + 1) % 3]] - at.position).cross(x[t[(k + 2) % 3]] - at.position).dot(n));
+    sum += area[k];
+  }
+  if (!(sum > 0)) return weight[t[0]];
+  return (area[0] * weight[t[0]] + area[1] * weight[t[1]] + area[2] * weight[t[2]]) / sum;
+}
+
+double Surface::mirrorError(const Vector3d& point, const Vector3d& normal) const {
+  const std::size_t step = std::max<std::size_t>(1, mesh_.welded_positions.size() / kSymmetrySamples);
+  double squared = 0;
+  std::size_t count = 0;
+  for (std::size_t p = 0; p < mesh_.welded_positions.size(); p += step) {
+    if (first_[p] == first_[p + 1]) continue;
+    squared += tree_.closest(mirrored(mesh_.welded_positions[p], point, normal)).squared_distance;
+    ++count;
+  }
+  return count == 0 ? 0 : std::sqrt(squared / double(count)) / mesh_.diagonal;
+}
+
+std::optional<MirrorPlane> Surface::symmetryPlane() const {
+  Vector3d center = Vector3d::Zero();
+  double area = 0;
+  for (const Triangle& t : triangles_) {
+    const auto& x = mesh_.welded_positions;
+    const double a = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm();
+    center += a / 3 * (x[t[0]] + x[t[1]] + x[t[2]]);
+    area += a;
+  }
+  if (!(area > 0)) return std::nullopt;
+  center /= area;
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const Vector3d& x : mesh_.welded_positions) spread += (x - center) * (x - center).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(spread);
+  std::vector<MirrorPlane> starts;
+  const Vector3d middle = 0.5 * (mesh_.bounds_min + mesh_.bounds_max);
+  // The x axis first: where several planes are as good, that is the one an artist means.
+  for (int k = 0; k < 3; ++k) starts.push_back({middle, Vector3d::Unit(k), 0});
+  for (int k = 0; k < 3; ++k) starts.push_back({center, axes.eigenvectors().col(k), 0});
+  const std::size_t step = std::max<std::size_t>(1, mesh_.welded_positions.size() / kSymmetrySamples);
+  std::optional<MirrorPlane> best;
+  for (MirrorPlane plane : starts) {
+    plane.error = mirrorError(plane.point, plane.normal);
+    for (int round = 0; round < kSymmetryRounds; ++round) {
+      // The midpoints of point and image lie in the plane, the connections along its normal.
+      Vector3d point = Vector3d::Zero();
+      Eigen::Matrix3d along = Eigen::Matrix3d::Zero();
+      std::vector<Vector3d> middles;
+      for (std::size_t p = 0; p < mesh_.welded_positions.size(); p += step) {
+        if (first_[p] == first_[p + 1]) continue;
+        const Vector3d& x = mesh_.welded_positions[p];
+        const Vector3d image = tree_.closest(mirrored(x, plane.point, plane.normal)).point;
+        middles.push_back(0.5 * (x + image));
+        point += middles.back();
+        along += (x - image) * (x - image).transpose();
+      }
+      point /= double(middles.size());
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(along);
+      const Vector3d normal = solver.eigenvectors().col(2);
+      const double error = mirrorError(point, normal);
+      if (!(error < plane.error * 0.999)) break;
+      plane = {point, normal, error};
+    }
+    if (!best || plane.error < 0.9 * best->error) best = plane;
+  }
+  if (!best || best->error > kAsymmetric) return std::nullopt;
+  return best;
+}
+
+}  // namespace sinew::tools

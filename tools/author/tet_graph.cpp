@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/tet_graph.h"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <queue>
+#include <tuple>
+
+namespace sinew::tools {
+
+TetGraph makeTetGraph(const PhysicalMesh& mesh) {
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
+  edges.reserve(mesh.tetrahedra.size() * 12);
+  for (const auto& tet : mesh.tetrahedra) {
+    for (const std::uint32_t a : tet) {
+      for (const std::uint32_t b : tet) {
+        if (a != b) edges.emplace_back(a, b);
+      }
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  TetGraph graph;
+  graph.first.assign(mesh.positions.size() + 1, 0);
+  for (const auto& edge : edges) ++graph.first[edge.first + 1];
+  std::partial_sum(graph.first.begin(), graph.first.end(), graph.first.begin());
+  for (const auto& [a, b] : edges) {
+    graph.neighbour.push_back(b);
+    graph.length.push_back((mesh.positions[a] - mesh.positions[b]).norm());
+  }
+  for (const PhysicalBody& body : mesh.bodies) {
+    const std::uint32_t from = graph.first[body.first_vertex];
+    const std::uint32_t to = graph.first[body.first_vertex + body.vertex_count];
+    const double sum = std::accumulate(graph.length.begin() + from, graph.length.begin() + to, 0.0);
+    graph.mean_edge.push_back(to > from ? sum / (to - from) : 0);
+  }
+  return graph;
+}
+
+TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> sources, double limit,
+                          std::span<const std::uint8_t> inside) {
+  const std::size_t count = graph.first.size() - 1;
+  TetDistances result{std::vector<double>(count, std::numeric_limits<double>::infinity()),
+                      std::vector<std::uint32_t>(count, kNoIndex)};
+  using Entry = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, vertex
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> front;
+  const auto offer = [&](double d, std::uint32_t source, std::uint32_t v) {
+    if (d > limit || !(std::tie(d, source) < std::tie(result.distance[v], result.nearest[v]))) return;
+    result.distance[v] = d;
+    result.nearest[v] = source;
+    front.emplace(d, source, v);
+  };
+  for (const std::uint32_t s : sources) offer(0, s, s);
+  while (!front.empty()) {
+    const auto [d, source, v] = front.top();
+    front.pop();
+    if (d > result.distance[v] || source != result.nearest[v]) continue;
+    for (std::uint32_t e = graph.first[v]; e < graph.first[v + 1]; ++e) {
+      const std::uint32_t n = graph.neighbour[e];
+      if (inside.empty() || inside[n] != 0) offer(d + graph.length[e], source, n);
+    }
+  }
+  return result;
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,407 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/weights.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "tools/author/regions.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Members that weigh less than this cost time and change nothing (as in the automatic clusters).
+constexpr double kMinimumWeight = 0.02;
+// A tetrahedron's corner to which a visual vertex belongs less than this says nothing of the corner.
+constexpr double kMinimumInfluence = 0.05;
+// Fewer vertices cannot turn, let alone bend.
+constexpr std::size_t kFewMembers = 8;
+// Of the largest weight: clusters that agree so well are one.
+constexpr double kIdentical = 1e-3;
+constexpr double kAutomaticOverlap = 1.5;  // edges
+
+// Weights of one piece of one cluster in one body.
+struct Piece {
+  std::uint32_t cluster;
+  std::string name;
+  std::vector<double> weight;  // per vertex of the body
+};
+
+class BodyClusters {
+ public:
+  BodyClusters(const WeightTransfer& transfer, std::uint32_t body, std::span<const RecipeCluster> clusters,
+               const Settings& settings)
+      : graph_(transfer.graph()),
+        mesh_(transfer.physical()),
+        body_(transfer.physical().bodies[body]),
+        number_(body),
+        clusters_(clusters),
+        settings_(settings) {}
+
+  // Pieces of this body, and how many vertices no cluster covered.
+  std::vector<Piece> run(const std::vector<std::vector<double>>& weights, const std::vector<std::uint8_t>& takes_part,
+                         std::size_t& uncovered) {
+    std::vector<Piece> pieces;
+    for (std::uint32_t c = 0; c < clusters_.size(); ++c) {
+      if (takes_part[c] == 0) continue;
+      Piece piece{c, clusters_[c].name, std::vector<double>(body_.vertex_count)};
+      for (std::uint32_t v = 0; v < body_.vertex_count; ++v) piece.weight[v] = weights[c][body_.first_vertex + v];
+      pieces.push_back(std::move(piece));
+    }
+    if (pieces.empty()) return pieces;
+    uncovered += coverRest(pieces);
+    std::vector<Piece> cut;
+    for (Piece& piece : pieces) split(std::move(piece), cut);
+    for (Piece& piece : cut) widen(piece);
+    prune(cut);
+    return cut;
+  }
+
+ private:
+  std::uint32_t global(std::uint32_t v) const { return body_.first_vertex + v; }
+
+  std::size_t coverRest(std::vector<Piece>& pieces) const {
+    std::vector<std::uint32_t> covered;
+    std::vector<std::uint32_t> bare;
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      double sum = 0;
+      for (const Piece& piece : pieces) sum += piece.weight[v];
+      if (sum >= kMinimumWeight)
+        covered.push_back(global(v));
+      else
+        bare.push_back(v);
+    }
+    if (bare.empty() || covered.empty()) return 0;
+    const TetDistances nearest = tetDistances(graph_, covered, kInfinity);
+    for (const std::uint32_t v : bare) {
+      // What hangs together with no covered vertex (tetrahedra that touch in a point count) goes to the first cluster.
+      const std::uint32_t from = nearest.nearest[global(v)];
+      Piece* strongest = pieces.data();
+      for (Piece& piece : pieces) {
+        if (from != kNoIndex && piece.weight[from - body_.first_vertex] > strongest->weight[from - body_.first_vertex])
+          strongest = &piece;
+      }
+      strongest->weight[v] = 1;
+    }
+    return bare.size();
+  }
+
+  void split(Piece piece, std::vector<Piece>& out) const {
+    const std::optional<double> size = clusters_[piece.cluster].split;
+    if (!size) {
+      out.push_back(std::move(piece));
+      return;
+    }
+    std::vector<std::uint32_t> members;
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      if (piece.weight[v] >= kMinimumWeight) members.push_back(global(v));
+    }
+    const std::vector<std::uint32_t> region = regionsOfSize(mesh_, graph_, members, *size);
+    const std::uint32_t count = region.empty() ? 0 : *std::max_element(region.begin(), region.end()) + 1;
+    for (std::uint32_t r = 0; r < count; ++r) {
+      Piece part{piece.cluster, count == 1 ? piece.name : piece.name + "." + std::to_string(r + 1),
+                 std::vector<double>(body_.vertex_count, 0)};
+      for (std::size_t i = 0; i < members.size(); ++i) {
+        const std::uint32_t v = members[i] - body_.first_vertex;
+        if (region[i] == r) part.weight[v] = piece.weight[v];
+      }
+      out.push_back(std::move(part));
+    }
+  }
+
+  // Neighbours must share vertices, or the body falls apart between them.
+  void widen(Piece& piece) const {
+    double overlap = clusters_[piece.cluster].overlap.value_or(settings_.clusters.overlap_metres);
+    if (!(overlap > 0)) {
+      if (clusters_[piece.cluster].overlap) return;
+      overlap = kAutomaticOverlap * graph_.mean_edge[number_];
+    }
+    const double largest = *std::max_element(piece.weight.begin(), piece.weight.end());
+    std::vector<std::uint32_t> inside;
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      if (piece.weight[v] >= 0.5 * largest) inside.push_back(global(v));
+    }
+    const TetDistances reach = tetDistances(graph_, inside, overlap);
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      const double d = reach.distance[global(v)];
+      if (!std::isfinite(d)) continue;
+      const double t = std::clamp(1 - d / overlap, 0.0, 1.0);
+      piece.weight[v] = std::max(piece.weight[v], largest * t * t * (3 - 2 * t));
+    }
+  }
+
+  // Drops memberships that weigh next to nothing beside the vertex' others.
+  void prune(std::vector<Piece>& pieces) const {
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      double sum = 0;
+      for (const Piece& piece : pieces) sum += piece.weight[v];
+      for (Piece& piece : pieces) {
+        if (piece.weight[v] < kMinimumWeight * sum) piece.weight[v] = 0;
+      }
+    }
+  }
+
+  const TetGraph& graph_;
+  const PhysicalMesh& mesh_;
+  const PhysicalBody& body_;
+  std::uint32_t number_;
+  std::span<const RecipeCluster> clusters_;
+  const Settings& settings_;
+};
+
+void report(std::vector<Finding>& findings, const char* id, const std::vector<std::string>& names,
+            const std::string& what, const std::string& cure, Severity severity = Severity::warning) {
+  if (names.empty()) return;
+  Finding finding;
+  finding.id = id;
+  finding.severity = severity;
+  finding.count = names.size();
+  finding.message = std::to_string(names.size()) + (names.size() == 1 ? " cluster " : " clusters ") + what;
+  for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 8); ++i)
+    finding.place += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > 8) finding.place += ", ...";
+  finding.cure = cure;
+  findings.push_back(finding);
+}
+
+ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings) {
+  Settings own = settings;
+  for (const auto& [key, value] : cluster.settings) own.set(key, value);
+  return own.clusters;
+}
+
+bool hangsTogether(const TetGraph& graph, const ClusterSource& cluster) {
+  std::vector<std::uint8_t> inside(graph.first.size() - 1, 0);
+  for (const std::uint32_t v : cluster.vertices) inside[v] = 1;
+  const std::uint32_t start = cluster.vertices.front();
+  const TetDistances reach = tetDistances(graph, {&start, 1}, kInfinity, inside);
+  return std::all_of(cluster.vertices.begin(), cluster.vertices.end(),
+                     [&](std::uint32_t v) { return std::isfinite(reach.distance[v]); });
+}
+
+// Runs of clusters that share no vertex with each other: the body falls apart there.
+std::size_t looseRuns(std::span<const ClusterSource> clusters, std::size_t vertex_count) {
+  std::vector<std::size_t> root(clusters.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](std::size_t i) {
+    while (root[i] != i) i = root[i];
+    return i;
+  };
+  std::vector<std::size_t> owner(vertex_count, clusters.size());
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    for (const std::uint32_t v : clusters[c].vertices) {
+      if (owner[v] == clusters.size())
+        owner[v] = c;
+      else
+        root[std::max(find(c), find(owner[v]))] = std::min(find(c), find(owner[v]));
+    }
+  }
+  std::size_t runs = 0;
+  for (std::size_t c = 0; c < clusters.size(); ++c) runs += find(c) == c ? 1U : 0U;
+  return runs;
+}
+
+// What an artist did not mean.
+void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clusters,
+           std::span<const RecipeCluster> recipe_clusters, const std::vector<std::uint32_t>& names,
+           std::vector<Finding>& findings) {
+  std::vector<std::string> small;
+  std::vector<std::string> apart;
+  std::vector<std::string> identical;
+  std::vector<std::string> idle;
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    const ClusterSource& cluster = clusters[c];
+    if (names[c] == kNoIndex) continue;
+    if (cluster.vertices.size() < kFewMembers) small.push_back(cluster.name);
+    if (!hangsTogether(transfer.graph(), cluster)) apart.push_back(cluster.name);
+    for (std::size_t other = 0; other < c; ++other) {
+      if (clusters[other].vertices != cluster.vertices) continue;
+      double largest = 0;
+      for (std::size_t i = 0; i < cluster.weights.size(); ++i) {
+        largest = std::max(largest, std::abs(cluster.weights[i] - clusters[other].weights[i]));
+      }
+      if (largest <= kIdentical) identical.push_back(clusters[other].name + " = " + cluster.name);
+    }
+  }
+  for (std::uint32_t c = 0; c < recipe_clusters.size(); ++c) {
+    if (std::find(names.begin(), names.end(), c) == names.end()) idle.push_back(recipe_clusters[c].name);
+  }
+  report(findings, "cluster-small", small,
+         "of the recipe " + std::string(small.size() == 1 ? "has" : "have") + " fewer than " +
+             std::to_string(kFewMembers) + " physical vertices and cannot bend",
+         "Raise tetrahedra.vertices, or make the region larger.");
+  report(findings, "cluster-apart", apart, "of the recipe consist of pieces that do not touch, yet move as one",
+         "If that is not meant, make a cluster of each piece, or use split.", Severity::info);
+  report(findings, "cluster-identical", identical, "of the recipe have the same vertices and weights as another",
+         "Remove one of them.");
+  report(findings, "cluster-idle", idle, "of the recipe have no influence on any physical vertex",
+         "Others cover the same region with far larger weights; make it larger, or remove it.");
+  std::size_t from = 0;
+  for (std::uint32_t b = 0; b < transfer.physical().bodies.size(); ++b) {
+    std::size_t to = from;
+    while (to < clusters.size() && clusters[to].body == b) ++to;
+    const std::size_t runs =
+        looseRuns(std::span(clusters).subspan(from, to - from), transfer.physical().positions.size());
+    from = to;
+    if (runs < 2) continue;
+    Finding finding;
+    finding.id = "clusters-unconnected";
+    finding.count = runs;
+    finding.message = "the clusters of body " + transfer.physical().bodies[b].name + " form " + std::to_string(runs) +
+                      " sets that share no vertex: it falls apart between them";
+    finding.cure = "Raise clusters.overlap_metres, or the overlap of the clusters beside the gap.";
+    findings.push_back(finding);
+  }
+}
+
+}  // namespace
+
+WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physical,
+                               const std::vector<TetrahedronPlace>& places)
+    : physical_(physical), graph_(makeTetGraph(physical)) {
+  std::vector<double> area(mesh.positions.size(), 0);
+  for (const Triangle& t : mesh.triangles) {
+    const auto& x = mesh.positions;
+    const double third = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm() / 6;
+    for (const std::uint32_t v : t) area[v] += third;
+  }
+  std::vector<std::uint8_t> known(physical.positions.size(), 0);
+  for (std::uint32_t v = 0; v < places.size(); ++v) {
+    if (!(area[v] > 0)) continue;
+    double sum = 0;
+    for (const double w : places[v].weights) sum += std::max(w, 0.0);
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double w = std::max(places[v].weights[k], 0.0) / sum;
+      if (w < kMinimumInfluence) continue;
+      const std::uint32_t p = physical.tetrahedra[places[v].tetrahedron][k];
+      contributions_.push_back({p, v, w * area[v]});
+      known[p] = 1;
+    }
+  }
+  std::vector<std::uint32_t> sources;
+  for (std::uint32_t p = 0; p < known.size(); ++p) {
+    if (known[p] != 0) sources.push_back(p);
+  }
+  taken_from_ = tetDistances(graph_, sources, kInfinity).nearest;
+}
+
+std::vector<double> WeightTransfer::operator()(std::span<const double> visual) const {
+  std::vector<double> sum(taken_from_.size(), 0);
+  std::vector<double> total(taken_from_.size(), 0);
+  for (const Contribution& c : contributions_) {
+    sum[c.physical] += c.weight * visual[c.visual];
+    total[c.physical] += c.weight;
+  }
+  std::vector<double> weights(taken_from_.size(), 0);
+  for (std::size_t p = 0; p < weights.size(); ++p) {
+    const std::uint32_t from = taken_from_[p];
+    if (from != kNoIndex) weights[p] = sum[from] / total[from];
+  }
+  return weights;
+}
+
+std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
+                                            std::span<const RecipeCluster> recipe_clusters,
+                                            std::span<const VisualWeights> visual, const Settings& settings,
+                                            std::vector<Finding>& findings, std::vector<std::uint32_t>& names) {
+  const PhysicalMesh& mesh = transfer.physical();
+  std::vector<std::vector<double>> weights;
+  weights.reserve(visual.size());
+  for (const VisualWeights& w : visual) weights.push_back(transfer(w));
+  // A cluster takes part in a body where it has at least a tenth of its largest weight.
+  std::vector<double> largest(weights.size(), 0);
+  for (std::size_t c = 0; c < weights.size(); ++c) largest[c] = *std::max_element(weights[c].begin(), weights[c].end());
+  std::vector<std::uint32_t> bodies_of(weights.size(), 0);
+  std::vector<std::vector<std::uint8_t>> takes_part(mesh.bodies.size());
+  std::vector<std::uint8_t> authored(mesh.bodies.size(), 0);
+  for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
+    const PhysicalBody& body = mesh.bodies[b];
+    takes_part[b].assign(weights.size(), 0);
+    for (std::size_t c = 0; c < weights.size(); ++c) {
+      const auto begin = weights[c].begin() + body.first_vertex;
+      const double here = *std::max_element(begin, begin + body.vertex_count);
+      if (!(here > 0) || here < 0.1 * largest[c] || here < kMinimumWeight) continue;
+      takes_part[b][c] = 1;
+      authored[b] = 1;
+      ++bodies_of[c];
+    }
+  }
+  std::vector<ClusterSource> automatic = automaticClusters(mesh, settings.clusters, authored, findings);
+  std::vector<ClusterSource> clusters;
+  names.clear();
+  std::size_t uncovered = 0;
+  for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
+    if (authored[b] == 0) {
+      for (ClusterSource& cluster : automatic) {
+        if (cluster.body != b) continue;
+        clusters.push_back(std::move(cluster));
+        names.push_back(kNoIndex);
+      }
+      continue;
+    }
+    BodyClusters in_body(transfer, b, recipe_clusters, settings);
+    for (const Piece& piece : in_body.run(weights, takes_part[b], uncovered)) {
+      ClusterSource cluster;
+      cluster.name = bodies_of[piece.cluster] > 1 ? piece.name + "@" + mesh.bodies[b].name : piece.name;
+      cluster.body = b;
+      cluster.options = optionsOf(recipe_clusters[piece.cluster], settings);
+      cluster.mode = cluster.options->mode;
+      for (std::uint32_t v = 0; v < piece.weight.size(); ++v) {
+        if (!(piece.weight[v] > 0)) continue;
+        cluster.vertices.push_back(mesh.bodies[b].first_vertex + v);
+        cluster.weights.push_back(piece.weight[v]);
+      }
+      if (cluster.vertices.empty()) continue;
+      clusters.push_back(std::move(cluster));
+      names.push_back(piece.cluster);
+    }
+  }
+  if (uncovered > 0) {
+    Finding finding;
+    finding.id = "cluster-uncovered";
+    finding.severity = Severity::info;
+    finding.count = uncovered;
+    finding.message = std::to_string(uncovered) + " of " + std::to_string(mesh.positions.size()) +
+                      " physical vertices lie in no cluster of the recipe and went to the nearest one";
+    finding.cure = R"(Add {"name": "rest", "from": {"rest": true}, "split": SIZE} to give them clusters of their own.)";
+    findings.push_back(finding);
+  }
+  judge(transfer, clusters, recipe_clusters, names, findings);
+  return clusters;
+}
+
+Vector3d longestAxis(const PhysicalMesh& mesh, const TetGraph& graph, const ClusterSource& cluster) {
+  std::vector<std::uint8_t> inside(mesh.positions.size(), 0);
+  // The cluster's own region, not what it shares with neighbours.
+  const double largest = *std::max_element(cluster.weights.begin(), cluster.weights.end());
+  std::uint32_t at = cluster.vertices.front();
+  for (std::size_t i = 0; i < cluster.vertices.size(); ++i) {
+    if (cluster.weights[i] < 0.5 * largest) continue;
+    inside[cluster.vertices[i]] = 1;
+    at = cluster.vertices[i];
+  }
+  // Twice to the farthest: the ends of the longest way, or nearly.
+  std::uint32_t ends[2] = {at, at};
+  for (int sweep = 0; sweep < 2; ++sweep) {
+    const TetDistances reach = tetDistances(graph, {&at, 1}, kInfinity, inside);
+    double farthest = -1;
+    for (const std::uint32_t v : cluster.vertices) {
+      if (inside[v] == 0 || !std::isfinite(reach.distance[v]) || reach.distance[v] <= farthest) continue;
+      farthest = reach.distance[v];
+      at = v;
+    }
+    ends[sweep] = at;
+  }
+  Vector3d axis = mesh.positions[ends[1]] - mesh.positions[ends[0]];
+  if (!(axis.norm() > 0)) return Vector3d::Zero();
+  Eigen::Index component = 0;
+  axis.cwiseAbs().maxCoeff(&component);
+  return axis.normalized() * (axis[component] < 0 ? -1.0 : 1.0);
+}
+
+}  // namespace sinew::tools

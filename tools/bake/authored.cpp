@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/authored.h"
+
+#include <algorithm>
+#include <map>
+
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+
+// A physical vertex that is held less than this is not held.
+constexpr double kMinimumPin = 0.02;
+
+Vector3d centerOf(const VisualMesh& mesh, const VisualWeights& weights) {
+  Vector3d sum = Vector3d::Zero();
+  double total = 0;
+  for (std::size_t v = 0; v < weights.size(); ++v) {
+    sum += weights[v] * mesh.positions[v];
+    total += weights[v];
+  }
+  return sum / total;
+}
+
+Vector3d fibreOf(const RecipeCluster& cluster, const VisualWeights& origin, const VisualWeights& insertion,
+                 const ClusterSource& source, const WeightTransfer& transfer, const VisualMesh& mesh) {
+  if (cluster.fibre) return cluster.fibre->normalized();
+  if (!origin.empty() && !insertion.empty()) {
+    const Vector3d along = centerOf(mesh, insertion) - centerOf(mesh, origin);
+    if (along.norm() > 0) return along.normalized();
+  }
+  return longestAxis(transfer.physical(), transfer.graph(), source);
+}
+
+void addChannels(const AuthoredWeights& authored, const WeightTransfer& transfer,
+                 const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
+                 const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
+  std::map<std::string, std::uint32_t> channels;
+  for (const RecipeCluster& cluster : authored.clusters) {
+    if (cluster.channel.empty() || channels.contains(cluster.channel)) continue;
+    channels.emplace(cluster.channel, std::uint32_t(content.channels.size()));
+    content.channels.push_back({content.addText(cluster.channel)});
+  }
+  if (channels.empty()) return;
+  if (content.mechanics.empty()) content.mechanics.assign(content.clusters.size(), formats::kPlainMechanics);
+  for (std::size_t c = 0; c < sources.size(); ++c) {
+    if (recipe_cluster[c] == kNoIndex) continue;
+    const RecipeCluster& cluster = authored.clusters[recipe_cluster[c]];
+    if (cluster.channel.empty()) continue;
+    const Vector3d fibre = fibreOf(cluster, authored.origins[recipe_cluster[c]], authored.insertions[recipe_cluster[c]],
+                                   sources[c], transfer, mesh);
+    if (!(fibre.norm() > 0)) {
+      Finding finding;
+      finding.id = "cluster-no-fibre";
+      finding.count = 1;
+      finding.message = "cluster " + sources[c].name + " has a channel but no direction to contract in";
+      finding.place = sources[c].name;
+      finding.cure = "Give it a fibre, or more physical vertices.";
+      findings.push_back(finding);
+      continue;
+    }
+    formats::ClusterMechanics& mechanics = content.mechanics[c];
+    for (int k = 0; k < 3; ++k) mechanics.fibre[std::size_t(k)] = float(fibre[k]);
+    mechanics.channel = channels.at(cluster.channel);
+    mechanics.contraction = float(cluster.contraction);
+  }
+}
+
+struct PinSet {
+  std::string name, target;
+  std::uint32_t method;
+  const VisualWeights* weights;
+};
+
+void addPins(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
+             formats::PackageContent& content) {
+  std::vector<PinSet> sets;
+  for (std::size_t p = 0; p < recipe.pins.size(); ++p) {
+    sets.push_back({recipe.pins[p].name, recipe.pins[p].target, recipe.pins[p].method, &authored.pins[p]});
+  }
+  for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
+    if (authored.origins[c].empty()) continue;
+    sets.push_back({authored.clusters[c].name + ".origin", "world", RecipePins{}.method, &authored.origins[c]});
+  }
+  if (sets.empty()) return;
+  content.pin_weights.assign(content.physical_vertices.size(), 0);
+  for (const PinSet& set : sets) {
+    const std::vector<double> weights = transfer(*set.weights);
+    const auto first = std::uint32_t(content.pin_set_vertices.size());
+    for (std::uint32_t v = 0; v < weights.size(); ++v) {
+      if (weights[v] < kMinimumPin) continue;
+      content.pin_weights[v] = std::max(content.pin_weights[v], float(std::min(weights[v], 1.0)));
+      content.pin_set_vertices.push_back(v);
+    }
+    const auto count = std::uint32_t(content.pin_set_vertices.size()) - first;
+    content.pin_sets.push_back({content.addText(set.name), content.addText(set.target), set.method, first, count, 0});
+  }
+}
+
+}  // namespace
+
+AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
+                               const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
+  AuthoredWeights authored;
+  authored.clusters = withClusterMeshes(recipe, cluster_meshes);
+  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty()) return authored;
+  Selections selections(recipe, mesh, topology, cluster_meshes, findings);
+  authored.cluster_weights = selections.clusters();
+  const auto evaluate = [&](const SelectionText& s) {
+    return s.json.is_null() ? VisualWeights{} : selections.evaluate(s);
+  };
+  for (const RecipeCluster& cluster : authored.clusters) {
+    authored.origins.push_back(evaluate(cluster.origin));
+    authored.insertions.push_back(evaluate(cluster.insertion));
+  }
+  for (const RecipePins& pins : recipe.pins) authored.pins.push_back(evaluate(pins.from));
+  for (const RecipeStiffness& stiffness : recipe.stiffness) authored.stiffness.push_back(evaluate(stiffness.from));
+  return authored;
+}
+
+void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
+                 const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
+                 const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
+  addChannels(authored, transfer, sources, recipe_cluster, mesh, content, findings);
+  addPins(recipe, authored, transfer, content);
+  if (recipe.stiffness.empty()) return;
+  content.vertex_stiffness.assign(content.physical_vertices.size(), 1);
+  for (std::size_t s = 0; s < recipe.stiffness.size(); ++s) {
+    const std::vector<double> weights = transfer(authored.stiffness[s]);
+    for (std::size_t v = 0; v < weights.size(); ++v) {
+      const double factor = 1 + std::clamp(weights[v], 0.0, 1.0) * (recipe.stiffness[s].value - 1);
+      content.vertex_stiffness[v] *= float(factor);
+    }
+  }
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What a recipe authors, on its way into a package.
+#pragma once
+
+#include <vector>
+
+#include "sinew/formats/writer.h"
+#include "tools/attach/attach.h"
+#include "tools/author/recipe.h"
+#include "tools/author/selection.h"
+#include "tools/author/weights.h"
+
+namespace sinew::tools {
+
+/// A recipe's selections, evaluated on its source.
+struct AuthoredWeights {
+  std::vector<RecipeCluster> clusters;  ///< with the source's cluster meshes
+  std::vector<VisualWeights> cluster_weights;
+  std::vector<VisualWeights> origins, insertions;  ///< per cluster; empty where it has none
+  std::vector<VisualWeights> pins;                 ///< per pin set of the recipe
+  std::vector<VisualWeights> stiffness;            ///< per entry of the recipe
+};
+
+/// Evaluates every selection of a recipe. Throws ToolError(bad_input) for a wrong one, see Selections::evaluate().
+AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
+                               const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings);
+
+/// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), and the
+/// pin sets (PPIN, PSET, PSTV).
+/// \param sources the clusters of content.clusters; \param recipe_cluster their numbers in authored.clusters.
+void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
+                 const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
+                 const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings);
+
+}  // namespace sinew::tools

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tools/author/recipe_commands.h"
+#include "tools/bake/authored.h"
+#include "tools/bake/findings_json.h"
+#include "tools/cli/options.h"
+#include "tools/cli/verb.h"
+#include "tools/core/atomic_file.h"
+#include "tools/core/progress.h"
+#include "tools/import/import.h"
+#include "tools/import/topology.h"
+#include "tools/render/weights_picture.h"
+
+namespace sinew::tools {
+namespace {
+
+struct AuthorCommand {
+  std::string recipe;
+  std::string name, other, from, method, target, plane, options, picture;
+  std::vector<std::string> assignments, names;
+  bool json = false;
+};
+
+// Part of the surface that a weight covers.
+double coverage(const VisualMesh& mesh, const VisualWeights& weights) {
+  double area = 0;
+  double covered = 0;
+  for (const Triangle& t : mesh.triangles) {
+    const auto& x = mesh.positions;
+    const Eigen::Vector3d a = x[t[1]] - x[t[0]];
+    const Eigen::Vector3d b = x[t[2]] - x[t[0]];
+    const double twice =
+        Eigen::Vector3d(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]).norm();
+    area += twice;
+    covered += twice * (weights[t[0]] + weights[t[1]] + weights[t[2]]) / 3;
+  }
+  return area > 0 ? covered / area : 0;
+}
+
+std::size_t selected(const VisualWeights& weights) {
+  std::size_t count = 0;
+  for (const double w : weights) count += w > 0 ? 1U : 0U;
+  return count;
+}
+
+struct Shown {
+  std::string kind;
+  NamedWeights weights;
+};
+
+// The weights of the named masks, clusters and pins; of all of them where none is named.
+std::vector<Shown> evaluate(const AuthorCommand& command, const Recipe& recipe, const VisualMesh& mesh,
+                            const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
+  const Topology topology = analyzeTopology(mesh);
+  Selections selections(recipe, mesh, topology, cluster_meshes, findings);
+  std::vector<Shown> shown;
+  std::vector<std::string> known;
+  const auto wanted = [&](const std::string& name) {
+    known.push_back(name);
+    return command.names.empty() || std::find(command.names.begin(), command.names.end(), name) != command.names.end();
+  };
+  const std::vector<RecipeCluster> clusters = withClusterMeshes(recipe, cluster_meshes);
+  const std::vector<VisualWeights> weights = selections.clusters();
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    if (wanted(clusters[c].name)) shown.push_back({"cluster", {clusters[c].name, weights[c]}});
+  }
+  for (const RecipePins& pins : recipe.pins) {
+    if (wanted(pins.name)) shown.push_back({"pins", {pins.name, selections.evaluate(pins.from)}});
+  }
+  const bool nothing_else = shown.empty() && command.names.empty();
+  for (const auto& [name, mask] : recipe.masks) {
+    if (wanted(name) && (nothing_else || !command.names.empty()))
+      shown.push_back({"mask", {name, selections.evaluate(SelectionText{name, mask.pointer})}});
+  }
+  for (const std::string& name : command.names) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    throw ToolError(ExitCode::usage, "", "there is no mask, cluster or set of pins named '" + name + "'",
+                    known.empty() ? "The recipe has none yet." : "Did you mean " + nearestName(name, known) + "?");
+  }
+  return shown;
+}
+
+void show(const AuthorCommand& command) {
+  const Recipe recipe = readRecipe(command.recipe);
+  if (!command.picture.empty()) requireWritable(command.picture);
+  Progress progress(!command.json);
+  progress.stage("import");
+  VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
+  progress.stage("selections");
+  std::vector<Finding> findings;
+  const std::vector<Shown> shown = evaluate(command, recipe, mesh, cluster_meshes, findings);
+  if (!command.picture.empty()) {
+    progress.stage("picture");
+    std::vector<NamedWeights> named;
+    for (const Shown& entry : shown) named.push_back(entry.weights);
+    renderWeights(mesh, named, command.recipe, command.picture);
+  }
+  progress.finish();
+  if (command.json) {
+    nlohmann::ordered_json json = {{"recipe", command.recipe}, {"source", recipe.source.string()}};
+    json["selections"] = nlohmann::ordered_json::array();
+    for (const Shown& entry : shown) {
+      json["selections"].push_back({{"kind", entry.kind},
+                                    {"name", entry.weights.name},
+                                    {"visual_vertices", selected(entry.weights.weights)},
+                                    {"coverage", coverage(mesh, entry.weights.weights)}});
+    }
+    json["findings"] = findingsJson(findings);
+    std::cout << json.dump(2) << "\n";
+    return;
+  }
+  std::printf("%s: %zu clusters, %zu masks, %zu sets of pins on %s\n", command.recipe.c_str(), recipe.clusters.size(),
+              recipe.masks.size(), recipe.pins.size(), recipe.source.c_str());
+  for (const Shown& entry : shown) {
+    std::printf("  %-8s %-28s %7zu visual vertices, %5.1f %% of the surface\n", entry.kind.c_str(),
+                entry.weights.name.c_str(), selected(entry.weights.weights),
+                100 * coverage(mesh, entry.weights.weights));
+  }
+  std::fflush(stdout);
+  printFindings(std::cout, findings, false);
+}
+
+void say(const std::string& what) { std::cout << what << "\n"; }
+
+void edit(const AuthorCommand& command, const std::function<void(RecipeEditor&)>& change) {
+  RecipeEditor editor = RecipeEditor::open(command.recipe);
+  if (JsonText(editor.text(), command.recipe).hasComments()) {
+    std::cerr << "sinew: " << command.recipe << ": its comments are dropped (undo brings them back). Use \"note\".\n";
+  }
+  change(editor);
+  editor.save();
+  say(command.recipe + ": " + editor.history()[editor.position()]);
+}
+
+void step(const AuthorCommand& command, bool forward) {
+  RecipeEditor editor = RecipeEditor::open(command.recipe);
+  const std::string done = forward ? editor.redo() : editor.undo();
+  if (done.empty()) {
+    throw ToolError(ExitCode::usage, "", std::string("there is nothing to ") + (forward ? "redo" : "undo"),
+                    "The history lies in " + command.recipe + ".history.");
+  }
+  editor.save();
+  say(command.recipe + ": " + (forward ? "did again: " : "undid: ") + done);
+}
+
+}  // namespace
+
+void addAuthorVerb(CLI::App& app, int& exit_code) {
+  auto command = std::make_shared<AuthorCommand>();
+  CLI::App* verb = app.add_subcommand(
+      "author", "Edit and look at a recipe: masks, clusters, pins, settings. Its format: sinew help recipe");
+  verb->add_option("recipe", command->recipe, "The recipe (.json)")->required();
+  verb->require_subcommand(1);
+  const auto add = [&](const char* name, const char* what, const std::function<void()>& run) {
+    CLI::App* sub = verb->add_subcommand(name, what);
+    sub->callback([run, &exit_code] {
+      run();
+      exit_code = int(ExitCode::done);
+    });
+    return sub;
+  };
+  const char* selection = "JSON of a selection, or the name of a mask";
+
+  CLI::App* make = add("new", "Begin a recipe for a source", [command] {
+    const RecipeEditor editor = RecipeEditor::create(command->recipe, command->from);
+    editor.save();
+    say(command->recipe + ": " + editor.history().back());
+  });
+  make->add_option("source", command->from, "The artist's mesh")->required();
+
+  CLI::App* cluster = add("add-cluster", "Add a cluster", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.addCluster(command->name, command->from); });
+  });
+  cluster->add_option("name", command->name)->required();
+  cluster->add_option("--from", command->from, std::string(selection) + "; without it: the cluster mesh of this name");
+
+  CLI::App* mask = add("add-mask", "Add or replace a mask", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.setMask(command->name, command->from); });
+  });
+  mask->add_option("name", command->name)->required();
+  mask->add_option("--from", command->from, selection)->required();
+
+  CLI::App* pins = add("add-pins", "Add a set of pins", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.addPins(command->name, command->from, command->method, command->target); });
+  });
+  pins->add_option("name", command->name)->required();
+  pins->add_option("--from", command->from, selection)->required();
+  pins->add_option("--method", command->method, "hold, infinite_mass, matrix or constrained_fit");
+  pins->add_option("--target", command->target, "world, or a name of the game's");
+
+  CLI::App* set =
+      add("set", "Set values: KEY=VALUE, CLUSTER.KEY=VALUE or /json/pointer=VALUE; default removes one", [command] {
+        edit(*command, [&](RecipeEditor& e) {
+          for (const std::string& assignment : command->assignments) {
+            const std::size_t equals = assignment.find('=');
+            if (equals == std::string::npos) {
+              throw ToolError(ExitCode::usage, "", "'" + assignment + "' is no KEY=VALUE",
+                              "Write it as in clusters.mode=linear.");
+            }
+            e.set(assignment.substr(0, equals), assignment.substr(equals + 1));
+          }
+        });
+      });
+  set->add_option("assignments", command->assignments, "KEY=VALUE")->required();
+
+  CLI::App* rename = add("rename", "Rename a mask, a cluster or a set of pins", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.rename(command->name, command->other); });
+  });
+  rename->add_option("from", command->name)->required();
+  rename->add_option("to", command->other)->required();
+
+  CLI::App* remove = add("remove", "Remove a mask, a cluster or a set of pins",
+                         [command] { edit(*command, [&](RecipeEditor& e) { e.remove(command->name); }); });
+  remove->add_option("name", command->name)->required();
+
+  CLI::App* mirror = add("mirror", "Add the mirror image of a mask or cluster", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.mirror(command->name, command->other, command->plane); });
+  });
+  mirror->add_option("name", command->name)->required();
+  mirror->add_option("--to", command->other, "Its name; without it left and right are exchanged (.L/.R, _l/_r)");
+  mirror->add_option("--plane", command->plane, "auto, x, y or z")->check(CLI::IsMember({"auto", "x", "y", "z"}));
+
+  CLI::App* paint = add("paint", "Add a mask from a picture, or from a stroke file (.json)", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.paint(command->name, command->other, command->options); });
+  });
+  paint->add_option("name", command->name)->required();
+  paint->add_option("file", command->other, "PNG, EXR, TIFF, JPEG or a stroke file")->required();
+  paint->add_option("--options", command->options, R"(Further keys as JSON, as in '{"threshold": 0.5}')");
+
+  CLI::App* look =
+      add("show", "Evaluate on the source: what each cluster, pin set or mask covers", [command] { show(*command); });
+  look->add_option("names", command->names, "Which ones; without: all clusters and pins");
+  look->add_option("-o,--output", command->picture, "Draw the weights on the mesh (.png)");
+  look->add_flag("--json", command->json, "Print JSON");
+
+  add("undo", "Undo the last command", [command] { step(*command, false); });
+  add("redo", "Do again what was undone", [command] { step(*command, true); });
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/render/weights_picture.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "tools/render/camera.h"
+#include "tools/render/draw_model.h"
+#include "tools/render/headless.h"
+#include "tools/render/image.h"
+#include "tools/render/renderer.h"
+#include "tools/render/text.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr Rgb8 kPaper = {250, 250, 251};
+constexpr Rgb8 kInk = {34, 38, 46};
+constexpr int kMargin = 16;
+constexpr int kGap = 6;
+constexpr int kTile = 300;
+constexpr int kColumns = 4;
+constexpr int kTitle = 40;
+constexpr std::size_t kMostAlone = 40;
+constexpr float kFitMargin = 0.08F;
+constexpr float kLitYaw = 0.70F;  // the direction the lights are made for
+constexpr std::array<float, 3> kBare = {0.42F, 0.43F, 0.45F};
+
+// A mesh that shows nothing but weights.
+DrawModel bareModel(const VisualMesh& mesh) {
+  DrawModel model = makeDrawModel(mesh);
+  model.colors.assign(model.positions.size(), {kBare[0], kBare[1], kBare[2], 1});
+  model.textures.clear();
+  for (DrawPart& part : model.parts) {
+    part.texture = kNoIndex;
+    part.base_color = Eigen::Vector3f::Ones();
+    part.vertex_colors = true;
+  }
+  return model;
+}
+
+// Mixes the colours of all weights over grey.
+void tint(DrawModel& model, const std::vector<NamedWeights>& named, std::size_t first, std::size_t count) {
+  for (std::size_t v = 0; v < model.colors.size(); ++v) {
+    std::array<double, 3> sum = {0, 0, 0};
+    double total = 0;
+    double largest = 0;
+    for (std::size_t i = first; i < first + count; ++i) {
+      const double w = named[i].weights[v];
+      const std::array<float, 3> color = distinctColor(std::uint32_t(i));
+      for (std::size_t k = 0; k < 3; ++k) sum[k] += w * double(color[k]);
+      total += w;
+      largest = std::max(largest, w);
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double mixed = total > 0 ? sum[k] / total : 0;
+      model.colors[v][k] = float(largest * mixed + (1 - largest) * double(kBare[k]));
+    }
+  }
+}
+
+// Yaw and pitch of the side that the weights look to.
+std::pair<float, float> sideOf(const DrawModel& model, const std::vector<double>& weights) {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  for (const auto& t : model.triangles) {
+    const Eigen::Vector3f n =
+        (model.positions[t[1]] - model.positions[t[0]]).cross(model.positions[t[2]] - model.positions[t[0]]);
+    sum += float((weights[t[0]] + weights[t[1]] + weights[t[2]]) / 3) * n;
+  }
+  if (!(sum.norm() > 0)) return {kLitYaw, 0.3F};
+  const Eigen::Vector3f n = sum.normalized();
+  return {std::atan2(n.x(), n.z()) + 0.3F, std::clamp(std::asin(std::clamp(n.y(), -1.0F, 1.0F)) + 0.1F, -1.3F, 1.3F)};
+}
+
+}  // namespace
+
+void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& named, const std::string& title,
+                   const std::filesystem::path& png) {
+  DrawModel model = bareModel(mesh);
+  std::vector<Eigen::Vector3f> drawn;
+  for (const Eigen::Vector3f& p : model.positions) drawn.push_back(p / model.diagonal);
+  MotionHull hull;
+  hull.add(drawn);
+  DrawSettings settings;
+  settings.shadow_center = hull.center();
+  settings.shadow_radius = std::max(hull.radius(), 1e-3F);
+  const HeadlessContext context;
+  std::vector<Image> tiles;
+  const auto draw = [&](Renderer& renderer, float yaw, float pitch, const std::string& label) {
+    Camera camera;
+    camera.yaw = yaw;
+    camera.pitch = pitch;
+    fitCamera(camera, hull.points(), 1, kFitMargin);
+    settings.lighting = turnedLighting(Lighting{}, yaw - kLitYaw);
+    renderer.draw(camera, settings, kTile, kTile);
+    tiles.push_back(renderer.read());
+    drawText(tiles.back(), 6, 4, 16, kInk, fitText(label, 16, kTile - 12));
+  };
+  {
+    tint(model, named, 0, named.size());
+    Renderer renderer(model);
+    draw(renderer, 0.35F, 0.15F, "all, front");
+    draw(renderer, -1.2F, 0.15F, "all, left");
+    draw(renderer, 1.9F, 0.15F, "all, right");
+    draw(renderer, 3.5F, 0.15F, "all, back");
+  }
+  for (std::size_t i = 0; i < std::min(named.size(), kMostAlone); ++i) {
+    tint(model, named, i, 1);
+    Renderer renderer(model);
+    const auto [yaw, pitch] = sideOf(model, named[i].weights);
+    draw(renderer, yaw, pitch, named[i].name);
+  }
+  const int rows = (int(tiles.size()) + kColumns - 1) / kColumns;
+  Image sheet(2 * kMargin + kColumns * kTile + (kColumns - 1) * kGap,
+              2 * kMargin + kTitle + rows * kTile + (rows - 1) * kGap, kPaper);
+  drawText(sheet, kMargin, kMargin - 4, 26, kInk, fitText(title, 26, float(sheet.width - 2 * kMargin)));
+  for (int i = 0; i < int(tiles.size()); ++i) {
+    sheet.paste(tiles[std::size_t(i)], kMargin + (i % kColumns) * (kTile + kGap),
+                kMargin + kTitle + (i / kColumns) * (kTile + kGap));
+  }
+  writePng(sheet, png);
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/tetrahedralize/shell.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+#include "tools/tetrahedralize/cgal_simplify.h"
+#include "tools/tetrahedralize/sets.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using geometry::TetMesh;
+
+// The least part of an offset that is left at a crease.
+constexpr double kLeastOffset = 0.05;
+// The least volume of a prism's tetrahedron, of what it has over a flat triangle with the same offsets.
+constexpr double kLeastVolume = 0.02;
+// Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
+constexpr double kAutomaticThickness = 0.5;
+// A normal that leans further than this over a face around it carries no prism there (cosine).
+constexpr double kLeastLean = 0.05;
+
+// Why a surface carries no layer of prisms, or nothing.
+std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
+  struct Side {
+    std::uint32_t low, high, triangle;
+    bool forwards;
+  };
+  std::vector<Side> sides;
+  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = surface.triangles[t][i], b = surface.triangles[t][(i + 1) % 3];
+      sides.push_back({std::min(a, b), std::max(a, b), t, a < b});
+    }
+  }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return std::tie(a.low, a.high, a.triangle) < std::tie(b.low, b.high, b.triangle);
+  });
+  Sets pieces(surface.triangles.size());
+  // Corners of triangles that meet along an edge belong to one fan.
+  Sets fans(surface.triangles.size() * 3);
+  const auto corner = [&](std::uint32_t t, std::uint32_t v) {
+    const auto& corners = surface.triangles[t];
+    return 3 * t + std::uint32_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
+  };
+  for (std::size_t i = 0; i < sides.size();) {
+    std::size_t end = i + 1;
+    while (end < sides.size() && sides[end].low == sides[i].low && sides[end].high == sides[i].high) ++end;
+    triangle = sides[i].triangle;
+    if (end - i > 2) return "has an edge of " + std::to_string(end - i) + " faces";
+    if (end - i == 2) {
+      if (sides[i].forwards == sides[i + 1].forwards) return "has only one side (its faces cannot be turned alike)";
+      pieces.join(sides[i].triangle, sides[i + 1].triangle);
+      for (const std::uint32_t v : {sides[i].low, sides[i].high}) {
+        fans.join(corner(sides[i].triangle, v), corner(sides[i + 1].triangle, v));
+      }
+    }
+    i = end;
+  }
+  std::vector<std::uint32_t> fan(surface.positions.size(), kNoIndex);
+  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+    triangle = t;
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      std::uint32_t& first = fan[surface.triangles[t][i]];
+      if (first == kNoIndex) first = fans.find(3 * t + i);
+      if (first != fans.find(3 * t + i)) return "has a point where faces meet without a common edge";
+    }
+    if (pieces.find(t) != 0) return "is in several pieces";
+  }
+  return "";
+}
+
+std::vector<Vector3d> unitNormals(const PlainSurface& surface) {
+  std::vector<Vector3d> normals;
+  for (const auto& t : surface.triangles) {
+    const Vector3d& a = surface.positions[t[0]];
+    const Vector3d n = (surface.positions[t[1]] - a).cross(surface.positions[t[2]] - a);
+    normals.push_back(n.norm() > 0 ? Vector3d(n.normalized()) : Vector3d::Zero());
+  }
+  return normals;
+}
+
+// The unit vector whose smallest cosine with some unit normals is largest: the centre of their smallest cap, by small
+// steps towards the worst one.
+Vector3d mostNormal(const std::vector<Vector3d>& normals, double& least) {
+  Vector3d n = Vector3d::Zero();
+  for (const Vector3d& m : normals) n += m;
+  n = n.norm() > 0 ? Vector3d(n.normalized()) : normals.front();
+  Vector3d best = n;
+  least = -1;
+  for (int i = 1; i <= 200; ++i) {
+    const auto worst = std::min_element(normals.begin(), normals.end(),
+                                        [&](const Vector3d& a, const Vector3d& b) { return n.dot(a) < n.dot(b); });
+    if (n.dot(*worst) > least) {
+      least = n.dot(*worst);
+      best = n;
+    }
+    const Vector3d next = n + (*worst - n) / (i + 1);
+    if (next.norm() == 0) break;
+    n = next.normalized();
+  }
+  return best;
+}
+
+// The three tetrahedra of the prism over a triangle: vertex v below is 2 v, above 2 v + 1. The diagonal of a side runs
+// from its lower number below to its higher one above, so neighbours agree.
+std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
+  const bool odd = (t[0] < t[1]) != ((t[1] < t[2]) == (t[0] < t[2]));
+  std::sort(t.begin(), t.end());
+  const auto below = [&](std::size_t i) { return 2 * t[i]; };
+  const auto above = [&](std::size_t i) { return 2 * t[i] + 1; };
+  std::array<geometry::Tetrahedron, 3> three = {{{below(0), below(1), below(2), above(2)},
+                                                 {below(0), below(1), above(2), above(1)},
+                                                 {below(0), above(1), above(2), above(0)}}};
+  for (auto& tetrahedron : three) {
+    if (odd) std::swap(tetrahedron[2], tetrahedron[3]);
+  }
+  return three;
+}
+
+}  // namespace
+
+FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, std::span<const double> thickness,
+                         ShellOutcome& outcome) {
+  FilledBody filled;
+  PlainSurface fine;
+  fine.positions = body.positions;
+  std::vector<std::uint32_t> source;  // triangle of the body
+  for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
+    const auto& v = body.triangles[t];
+    if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) continue;
+    fine.triangles.push_back(v);
+    source.push_back(t);
+  }
+  std::uint32_t where = 0;
+  outcome.reason = complaint(fine, where);
+  if (!outcome.reason.empty()) {
+    outcome.triangle = source[where];
+    return filled;
+  }
+
+  // 1. Coarsen.
+  SimplifiedSurface coarse;
+  const std::uint32_t wanted = std::max(target / 2, 4U);
+  if (fine.positions.size() > wanted) {
+    coarse = simplifySurface(fine, wanted, outcome.reason);
+    if (!outcome.reason.empty()) return filled;
+  } else {
+    coarse.surface = fine;
+    coarse.vertex_of.resize(fine.positions.size());
+    std::iota(coarse.vertex_of.begin(), coarse.vertex_of.end(), 0U);
+  }
+  const PlainSurface& surface = coarse.surface;
+  const auto count = std::uint32_t(surface.positions.size());
+
+  // 2. Half of the thickness at each vertex.
+  double mean_edge = 0;
+  for (const auto& t : surface.triangles) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      mean_edge +=
+          (surface.positions[t[i]] - surface.positions[t[(i + 1) % 3]]).norm() / (3 * double(surface.triangles.size()));
+    }
+  }
+  std::vector<double> half(count, kAutomaticThickness * mean_edge / 2);
+  if (!thickness.empty()) {
+    std::vector<double> sum(count, 0), merged(count, 0);
+    for (std::size_t p = 0; p < coarse.vertex_of.size(); ++p) {
+      sum[coarse.vertex_of[p]] += thickness[p];
+      merged[coarse.vertex_of[p]] += 1;
+    }
+    for (std::uint32_t v = 0; v < count; ++v) half[v] = sum[v] / merged[v] / 2;
+  }
+
+  // 3. Normals.
+  const std::vector<Vector3d> face_normals = unitNormals(surface);
+  std::vector<std::vector<Vector3d>> around(count);
+  std::vector<std::uint32_t> some_triangle(count, 0);
+  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+    for (const std::uint32_t v : surface.triangles[t]) {
+      if (face_normals[t].squaredNorm() > 0) around[v].push_back(face_normals[t]);
+      some_triangle[v] = t;
+    }
+  }
+  std::vector<Vector3d> normals(count);
+  for (std::uint32_t v = 0; v < count; ++v) {
+    double least = 0;
+    if (!around[v].empty()) normals[v] = mostNormal(around[v], least);
+    if (least >= kLeastLean) continue;
+    outcome.reason = "folds back onto itself";
+    for (std::uint32_t p = 0; p < coarse.vertex_of.size(); ++p) {
+      if (coarse.vertex_of[p] != v) continue;
+      for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
+        const auto& corners = body.triangles[t];
+        if (std::find(corners.begin(), corners.end(), p) != corners.end()) outcome.triangle = t;
+      }
+      break;
+    }
+    return filled;
+  }
+
+  // 4. Offset; shorten where a prism would turn over.
+  TetMesh& mesh = filled.mesh;
+  mesh.positions.resize(std::size_t(count) * 2);
+  for (const auto& t : surface.triangles) {
+    for (const auto& tetrahedron : prism(t)) mesh.tetrahedra.push_back(tetrahedron);
+  }
+  std::vector<double> part(count, 1);
+  const auto place = [&](std::uint32_t v) {
+    mesh.positions[2 * v] = surface.positions[v] - part[v] * half[v] * normals[v];
+    mesh.positions[2 * v + 1] = surface.positions[v] + part[v] * half[v] * normals[v];
+  };
+  for (std::uint32_t v = 0; v < count; ++v) place(v);
+  bool sound = false;
+  for (int round = 0; round < 60 && !sound; ++round) {
+    sound = true;
+    std::vector<char> shorten(count, 0);
+    for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
+      const auto& corners = surface.triangles[t];
+      const Vector3d& a = surface.positions[corners[0]];
+      const double area = (surface.positions[corners[1]] - a).cross(surface.positions[corners[2]] - a).norm() / 2;
+      double offset = 0;
+      for (const std::uint32_t v : corners) offset += 2 * part[v] * half[v] / 3;
+      for (std::size_t k = 3 * t; k < 3 * t + 3; ++k) {
+        if (geometry::volume(mesh, mesh.tetrahedra[k]) > kLeastVolume * area * offset / 3) continue;
+        sound = false;
+        for (const std::uint32_t v : corners) shorten[v] = 1;
+      }
+    }
+    for (std::uint32_t v = 0; v < count; ++v) {
+      if (shorten[v] == 0 || part[v] <= kLeastOffset) continue;
+      part[v] = std::max(kLeastOffset, 0.8 * part[v]);
+      place(v);
+    }
+  }
+  for (std::size_t k = 0; k < mesh.tetrahedra.size(); ++k) {
+    if (geometry::volume(mesh, mesh.tetrahedra[k]) > 0) continue;
+    outcome.reason = "is too sharply creased for its thickness";
+    const std::uint32_t v = surface.triangles[k / 3][0];
+    for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
+      for (const std::uint32_t p : body.triangles[t]) {
+        if (coarse.vertex_of[p] == v) outcome.triangle = t;
+      }
+    }
+    filled = {};
+    return filled;
+  }
+
+  // 5. What the report and the attachment need.
+  for (std::uint32_t v = 0; v < count; ++v) {
+    outcome.thickness += 2 * part[v] * half[v] / count;
+    if (part[v] < 1) ++outcome.thinned;
+  }
+  for (const std::uint32_t v : coarse.vertex_of) outcome.home.push_back(3 * some_triangle[v]);
+  filled.spacing = mean_edge;
+  filled.components = 1;
+  filled.volume = geometry::volume(mesh);
+  return filled;
+}
+
+}  // namespace sinew::tools

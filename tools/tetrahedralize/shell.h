@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tools/tetrahedralize/fill.h"
+
+namespace sinew::tools {
+
+/// How a shell went for a body, for the report.
+struct ShellOutcome {
+  std::string reason;               ///< why the result is empty, if it is
+  std::uint32_t triangle = 0;       ///< of the body, where that shows
+  double thickness = 0;             ///< mean, metres
+  std::uint32_t thinned = 0;        ///< vertices at which creases left no room for the whole thickness
+  std::vector<std::uint32_t> home;  ///< per position of the body: a tetrahedron beside it
+};
+
+/// A skin: a layer of prisms, half of its thickness to either side of the body's surface, each split into three
+/// tetrahedra along diagonals that neighbours share. A surface of more than half of `target_vertices` points is
+/// coarsened first. Two vertices a point, offset along the normal that is farthest from edge-on to all faces around
+/// (Aubry & Loehner 2008); where prisms would turn over, at creases and borders, the offset is shortened. Empty where
+/// the surface has an edge of more than two faces, one side only, points where fans meet, or several pieces.
+/// \param thickness metres, > 0, per position of the body; empty: half of the mean edge of the coarsened surface.
+FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, std::span<const double> thickness,
+                         ShellOutcome& outcome);
+
+}  // namespace sinew::tools

@@ -1,0 +1,761 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/tetrahedralize/split.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "tools/tetrahedralize/sets.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::AlignedBox3d;
+using Eigen::Vector3d;
+using Eigen::Vector4d;
+using geometry::ParallelFor;
+using geometry::TetMesh;
+using geometry::Tetrahedron;
+
+// In barycentric coordinates: what touches a cell within this is in it.
+constexpr double kTouch = 1e-9;
+// Triangles of a sheet, the largest in the cell, that look for others through the solid.
+constexpr std::size_t kLookouts = 10;
+// A part of at most this fraction of another's volume joins no two pieces of it.
+constexpr double kSmallPart = 0.02;
+// The face opposite to each corner.
+constexpr std::array<std::array<std::size_t, 3>, 4> kFaces = {{{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}}};
+
+// Points of a face in sixths, relative to its corners by ascending number: both cells of it mean the same ones.
+constexpr std::size_t kFaceSamples = 10;
+constexpr std::array<std::array<int, 3>, kFaceSamples> kFaceSample = {
+    {{2, 2, 2}, {4, 1, 1}, {1, 4, 1}, {1, 1, 4}, {3, 2, 1}, {3, 1, 2}, {2, 3, 1}, {1, 3, 2}, {2, 1, 3}, {1, 2, 3}}};
+// Points of a cell in sixths; with its middle 11.
+constexpr std::size_t kSamples = 11;
+std::array<Vector4d, kSamples> cellSamples() {
+  std::array<Vector4d, kSamples> samples;
+  std::size_t n = 0;
+  samples[n++] = Vector4d::Constant(0.25);
+  for (int a = 1; a <= 3; ++a) {
+    for (int b = 1; a + b <= 4; ++b) {
+      for (int c = 1; a + b + c <= 5; ++c) samples[n++] = Vector4d(a, b, c, 6 - a - b - c) / 6;
+    }
+  }
+  return samples;
+}
+
+constexpr std::int32_t kAir = -1, kUnknown = -2;
+
+// A tetrahedron of the lattice and what passes through it.
+struct Cell {
+  std::vector<std::uint32_t> triangles;  // of the surface, ascending
+  std::vector<std::uint32_t> piece;      // of each
+  std::vector<std::uint8_t> faces;       // of each: bits of the cell's faces that it reaches
+  std::uint32_t pieces = 1;
+  bool solid = true;      // its middle, where no triangle passes through
+  bool doubtful = false;  // sheets of one part pierce each other
+  // Only where there are several pieces:
+  std::array<std::array<std::int32_t, kFaceSamples>, 4> face_piece{};  // piece of solid at each sample
+  std::vector<double> inside;                                          // of each piece
+  // Points of the surface in it, with their pieces.
+  std::vector<std::array<std::uint32_t, 2>> points;
+};
+
+// A triangle within a cell.
+struct Clip {
+  std::array<Vector4d, 8> corners;
+  std::size_t count = 0;
+};
+
+Clip clip(const std::array<Vector4d, 3>& triangle) {
+  Clip now;
+  now.count = 3;
+  std::copy(triangle.begin(), triangle.end(), now.corners.begin());
+  for (int plane = 0; plane < 4 && now.count > 0; ++plane) {
+    Clip next;
+    for (std::size_t i = 0; i < now.count; ++i) {
+      const Vector4d &p = now.corners[i], &q = now.corners[(i + 1) % now.count];
+      const double a = p[plane] + kTouch, b = q[plane] + kTouch;
+      if (a >= 0) next.corners[next.count++] = p;
+      if ((a < 0) != (b < 0)) next.corners[next.count++] = p + (q - p) * (a / (a - b));
+    }
+    now = next;
+  }
+  return now;
+}
+
+bool segmentTouches(const Vector4d& p, const Vector4d& q) {
+  double low = 0, high = 1;
+  for (int plane = 0; plane < 4; ++plane) {
+    const double a = p[plane] + kTouch, b = q[plane] + kTouch;
+    if (a < 0 && b < 0) return false;
+    if (a < 0) low = std::max(low, a / (a - b));
+    if (b < 0) high = std::min(high, a / (a - b));
+  }
+  return low <= high;
+}
+
+// Facts about the surface that all cells share.
+struct SurfaceParts {
+  std::vector<std::uint32_t> of_triangle;
+  std::vector<double> volume;  // enclosed, of each part, m^3
+};
+
+SurfaceParts surfaceParts(const SolidBody& body) {
+  Sets sets(body.positions.size());
+  for (const auto& t : body.triangles) {
+    sets.join(t[0], t[1]);
+    sets.join(t[0], t[2]);
+  }
+  SurfaceParts parts;
+  std::vector<std::uint32_t> number(body.positions.size(), kNoIndex);
+  for (const auto& t : body.triangles) {
+    std::uint32_t& n = number[sets.find(t[0])];
+    if (n == kNoIndex) {
+      n = std::uint32_t(parts.volume.size());
+      parts.volume.push_back(0);
+    }
+    parts.of_triangle.push_back(n);
+    // About the part's first point, so that an open one counts as closed by a fan from there.
+    const Vector3d& apex = body.positions[sets.find(t[0])];
+    const Vector3d a = body.positions[t[0]] - apex, b = body.positions[t[1]] - apex, c = body.positions[t[2]] - apex;
+    parts.volume[n] += a.dot(b.cross(c)) / 6;
+  }
+  for (double& v : parts.volume) v = std::abs(v);
+  return parts;
+}
+
+class CellCutter {
+ public:
+  CellCutter(const SolidBody& body, const SurfaceParts& parts, const TetMesh& lattice, double join_distance)
+      : body_(body), parts_(parts), lattice_(lattice), join_(join_distance), samples_(cellSamples()) {}
+
+  Cell cut(std::uint32_t tetrahedron) {
+    start(tetrahedron);
+    Cell cell;
+    findTriangles(cell);
+    if (cell.triangles.empty()) {
+      cell.solid = !body_.encloses || body_.winding.inside(samplePosition(0));
+      return cell;
+    }
+    Sets sets(cell.triangles.size());
+    joinAlongSurface(cell, sets);
+    sample_set_.fill(kAir);
+    if (countPieces(cell, sets) > 1) {
+      cell.doubtful = pierced(cell, sets);
+      // Where solids of one part overlap, what lies between two sheets joins them only if it is solid once.
+      most_winding_ = cell.doubtful ? 1.5 : std::numeric_limits<double>::infinity();
+      if (body_.encloses) joinThroughSolid(cell, sets);
+      if (countPieces(cell, sets) > 1) joinNearParts(cell, sets);
+    }
+    numberPieces(cell, sets);
+    for (const auto& [point, triangle] : inside_points_) cell.points.push_back({point, cell.piece[triangle]});
+    std::sort(cell.points.begin(), cell.points.end());
+    cell.points.erase(std::unique(cell.points.begin(), cell.points.end()), cell.points.end());
+    if (cell.pieces > 1) labelSolid(cell, sets);
+    return cell;
+  }
+
+ private:
+  // A triangle of the cell.
+  struct Local {
+    std::array<Vector4d, 3> corners;  // barycentric
+    Vector3d normal;                  // not of unit length
+    Clip inside;                      // what of it is inside the cell
+    Vector3d middle;                  // of that
+    double area = 0;                  // of that, relative
+  };
+
+  void start(std::uint32_t tetrahedron) {
+    tetrahedron_ = lattice_.tetrahedra[tetrahedron];
+    for (std::size_t i = 0; i < 4; ++i) x_[i] = lattice_.positions[tetrahedron_[i]];
+    Eigen::Matrix3d edges;
+    edges << x_[0] - x_[3], x_[1] - x_[3], x_[2] - x_[3];
+    to_barycentric_ = edges.inverse();
+    local_.clear();
+    inside_points_.clear();
+  }
+  Vector4d barycentric(const Vector3d& p) const {
+    const Vector3d w = to_barycentric_ * (p - x_[3]);
+    return {w[0], w[1], w[2], 1 - w.sum()};
+  }
+  Vector3d position(const Vector4d& b) const { return b[0] * x_[0] + b[1] * x_[1] + b[2] * x_[2] + b[3] * x_[3]; }
+  Vector3d samplePosition(std::size_t i) const { return position(samples_[i]); }
+
+  void findTriangles(Cell& cell) {
+    AlignedBox3d box;
+    for (const Vector3d& x : x_) box.extend(x);
+    const double margin = 4 * kTouch * box.sizes().maxCoeff();
+    box = AlignedBox3d(box.min().array() - margin, box.max().array() + margin);
+    const auto& bvh = body_.winding.bvh();
+    candidates_.clear();
+    stack_.assign(1, 0);
+    while (!stack_.empty()) {
+      const std::uint32_t index = stack_.back();
+      stack_.pop_back();
+      const auto& node = bvh.nodes()[index];
+      if (!node.box.intersects(box)) continue;
+      if (node.right != 0) {
+        stack_.push_back(node.right);
+        stack_.push_back(index + 1);
+        continue;
+      }
+      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) candidates_.push_back(bvh.order()[i]);
+    }
+    std::sort(candidates_.begin(), candidates_.end());
+    for (const std::uint32_t t : candidates_) {
+      const auto& triangle = body_.triangles[t];
+      Local local;
+      for (std::size_t i = 0; i < 3; ++i) local.corners[i] = barycentric(body_.positions[triangle[i]]);
+      const Vector4d highest = local.corners[0].cwiseMax(local.corners[1]).cwiseMax(local.corners[2]);
+      if (highest.minCoeff() < -kTouch) continue;
+      local.inside = clip(local.corners);
+      const Clip& inside = local.inside;
+      if (inside.count == 0) continue;
+      std::uint8_t faces = 0;
+      Vector4d middle = Vector4d::Zero();
+      for (std::size_t i = 0; i < inside.count; ++i) {
+        middle += inside.corners[i];
+        for (unsigned f = 0; f < 4; ++f) {
+          if (inside.corners[i][f] <= kTouch) faces = std::uint8_t(faces | 1U << f);
+        }
+      }
+      local.middle = position(middle / double(inside.count));
+      for (std::size_t i = 2; i < inside.count; ++i) {
+        const auto edge = [&](std::size_t k) { return (inside.corners[k] - inside.corners[0]).head<3>().eval(); };
+        local.area += edge(i - 1).cross(edge(i)).norm();
+      }
+      const auto& p = body_.positions;
+      local.normal = (p[triangle[1]] - p[triangle[0]]).cross(p[triangle[2]] - p[triangle[0]]);
+      const auto number = std::uint32_t(local_.size());
+      for (std::size_t i = 0; i < 3; ++i) {
+        if (local.corners[i].minCoeff() >= -kTouch) inside_points_.push_back({triangle[i], number});
+      }
+      local_.push_back(local);
+      cell.triangles.push_back(t);
+      cell.faces.push_back(faces);
+    }
+  }
+
+  void joinAlongSurface(const Cell& cell, Sets& sets) {
+    std::sort(inside_points_.begin(), inside_points_.end());
+    for (std::size_t i = 1; i < inside_points_.size(); ++i) {
+      if (inside_points_[i][0] == inside_points_[i - 1][0]) sets.join(inside_points_[i][1], inside_points_[i - 1][1]);
+    }
+    // Edges that pass through without an end inside.
+    edges_.clear();
+    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
+      const auto& triangle = body_.triangles[cell.triangles[n]];
+      const auto& corners = local_[n].corners;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const std::size_t j = (i + 1) % 3;
+        if (corners[i].minCoeff() >= -kTouch || corners[j].minCoeff() >= -kTouch) continue;
+        if (!segmentTouches(corners[i], corners[j])) continue;
+        edges_.push_back({std::min(triangle[i], triangle[j]), std::max(triangle[i], triangle[j]), n});
+      }
+    }
+    std::sort(edges_.begin(), edges_.end());
+    for (std::size_t i = 1; i < edges_.size(); ++i) {
+      if (edges_[i][0] == edges_[i - 1][0] && edges_[i][1] == edges_[i - 1][1])
+        sets.join(edges_[i][2], edges_[i - 1][2]);
+    }
+  }
+
+  static std::size_t countPieces(const Cell& cell, Sets& sets) { return roots(cell, sets).size(); }
+
+  std::uint32_t part(const Cell& cell, std::uint32_t n) const { return parts_.of_triangle[cell.triangles[n]]; }
+  static std::vector<std::uint32_t> roots(const Cell& cell, Sets& sets) {
+    std::vector<std::uint32_t> roots;
+    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
+      if (sets.find(n) == n) roots.push_back(n);
+    }
+    return roots;
+  }
+  // Whether sheets of one part cross in the cell.
+  bool pierced(const Cell& cell, Sets& sets) const {
+    const auto all = roots(cell, sets);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      for (std::size_t j = i + 1; j < all.size(); ++j) {
+        if (part(cell, all[i]) == part(cell, all[j]) && near(sets, all[i], all[j], 0)) return true;
+      }
+    }
+    return false;
+  }
+  void joinNearParts(const Cell& cell, Sets& sets) const {
+    const auto all = roots(cell, sets);
+    const auto severalPieces = [&](std::uint32_t p) {
+      return std::count_if(all.begin(), all.end(), [&](std::uint32_t r) { return part(cell, r) == p; }) > 1;
+    };
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      for (std::size_t j = i + 1; j < all.size(); ++j) {
+        std::uint32_t small = part(cell, all[i]), large = part(cell, all[j]);
+        if (small == large || sets.find(all[i]) == sets.find(all[j])) continue;
+        if (parts_.volume[small] > parts_.volume[large]) std::swap(small, large);
+        if (parts_.volume[small] <= kSmallPart * parts_.volume[large] && severalPieces(large)) continue;
+        if (near(sets, all[i], all[j], join_)) sets.join(all[i], all[j]);
+      }
+    }
+  }
+  // Whether something of two sets is as close within the cell.
+  bool near(Sets& sets, std::uint32_t a, std::uint32_t b, double distance) const {
+    a = sets.find(a);
+    b = sets.find(b);
+    std::vector<std::array<Vector3d, 3>> fan_a, fan_b;
+    for (std::uint32_t n = 0; n < local_.size(); ++n) {
+      const std::uint32_t root = sets.find(n);
+      if (root != a && root != b) continue;
+      const Clip& inside = local_[n].inside;
+      for (std::size_t i = 2; i < inside.count; ++i) {
+        (root == a ? fan_a : fan_b)
+            .push_back({position(inside.corners[0]), position(inside.corners[i - 1]), position(inside.corners[i])});
+      }
+    }
+    const auto box = [&](const std::array<Vector3d, 3>& t) {
+      const Vector3d margin = Vector3d::Constant(distance);
+      return AlignedBox3d(t[0].cwiseMin(t[1]).cwiseMin(t[2]) - margin, t[0].cwiseMax(t[1]).cwiseMax(t[2]) + margin);
+    };
+    for (const auto& s : fan_a) {
+      const AlignedBox3d reach = box(s);
+      for (const auto& t : fan_b) {
+        if (!reach.intersects(box(t))) continue;
+        if (geometry::squaredDistance(s, t) <= distance * distance) return true;
+      }
+    }
+    return false;
+  }
+
+  // Whether a triangle of the cell lies between two points of it.
+  bool blocked(const Cell& cell, const Vector3d& a, const Vector3d& b) const {
+    double nearest = 1;
+    return firstCrossing(cell, a, b, nearest) != kNoIndex;
+  }
+  // The first triangle of the cell that the segment crosses, and where (fraction).
+  std::uint32_t firstCrossing(const Cell& cell, const Vector3d& a, const Vector3d& b, double& nearest) const {
+    constexpr double kEnd = 1e-7;  // a segment starts on triangles
+    std::uint32_t first = kNoIndex;
+    const Vector3d d = b - a;
+    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
+      const auto& t = body_.triangles[cell.triangles[n]];
+      const Vector3d &p = body_.positions[t[0]], &q = body_.positions[t[1]], &r = body_.positions[t[2]];
+      const Vector3d& normal = local_[n].normal;
+      const double slope = normal.dot(d);
+      if (slope == 0) continue;
+      const double at = normal.dot(p - a) / slope;
+      if (!(at > kEnd && at < 1 - kEnd && at < nearest)) continue;
+      const Vector3d x = a + at * d;
+      // A line through an edge must not slip between its triangles.
+      const double slack = -1e-9 * normal.squaredNorm();
+      const double u = (q - p).cross(x - p).dot(normal), v = (r - q).cross(x - q).dot(normal),
+                   w = (p - r).cross(x - r).dot(normal);
+      if (u < slack || v < slack || w < slack) continue;
+      nearest = at;
+      first = n;
+    }
+    return first;
+  }
+
+  bool solidOnce(const Vector3d& p) const {
+    const double winding = body_.winding.at(p);
+    return winding > 0.5 && winding < most_winding_;
+  }
+  bool between(const Vector3d& a, const Vector3d& b) const {
+    return std::isinf(most_winding_) || solidOnce((a + b) / 2);
+  }
+  void chooseLookouts(const Cell& cell, Sets& sets) {
+    lookouts_.clear();
+    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
+      if (local_[n].normal.squaredNorm() > 0) lookouts_.push_back(n);
+    }
+    std::stable_sort(lookouts_.begin(), lookouts_.end(), [&](std::uint32_t a, std::uint32_t b) {
+      const std::uint32_t ra = sets.find(a), rb = sets.find(b);
+      return ra != rb ? ra < rb : local_[a].area > local_[b].area;
+    });
+    std::size_t run = 0;
+    std::uint32_t last = kNoIndex;
+    std::erase_if(lookouts_, [&](std::uint32_t n) {
+      const std::uint32_t root = sets.find(n);
+      run = root == last ? run + 1 : 0;
+      last = root;
+      return run >= kLookouts;
+    });
+  }
+  // Whether a triangle has the point on its inner side, in plain sight.
+  bool sees(const Cell& cell, std::uint32_t n, const Vector3d& p) const {
+    return local_[n].normal.dot(p - local_[n].middle) < 0 && !blocked(cell, local_[n].middle, p);
+  }
+
+  // Sheets that bound the same solid. sample_set_ receives which sheet a sample of the solid belongs to.
+  void joinThroughSolid(Cell& cell, Sets& sets) {
+    chooseLookouts(cell, sets);
+    for (std::size_t s = 0; s < kSamples; ++s) {
+      if (solidOnce(samplePosition(s))) sample_set_[s] = kUnknown;
+    }
+    for (std::size_t s = 0; s < kSamples; ++s) {
+      if (sample_set_[s] == kAir) continue;
+      const Vector3d p = samplePosition(s);
+      for (const std::uint32_t n : lookouts_) {
+        if (sample_set_[s] >= 0 && sets.find(std::uint32_t(sample_set_[s])) == sets.find(n)) continue;
+        if (!sees(cell, n, p)) continue;
+        if (sample_set_[s] >= 0) sets.join(std::uint32_t(sample_set_[s]), n);
+        sample_set_[s] = std::int32_t(n);
+      }
+    }
+    // Twice: a sample that no sheet sees takes the sheet of one that it sees.
+    for (int round = 0; round < 2; ++round) {
+      for (std::size_t s = 0; s < kSamples; ++s) {
+        for (std::size_t r = 0; r < s; ++r) {
+          if (sample_set_[s] == kAir || sample_set_[r] == kAir || (sample_set_[s] < 0 && sample_set_[r] < 0)) continue;
+          if (sample_set_[s] >= 0 && sample_set_[r] >= 0 &&
+              sets.find(std::uint32_t(sample_set_[s])) == sets.find(std::uint32_t(sample_set_[r]))) {
+            continue;
+          }
+          if (blocked(cell, samplePosition(s), samplePosition(r))) continue;
+          if (sample_set_[s] < 0) sample_set_[s] = sample_set_[r];
+          if (sample_set_[r] < 0) sample_set_[r] = sample_set_[s];
+          sets.join(std::uint32_t(sample_set_[s]), std::uint32_t(sample_set_[r]));
+        }
+      }
+    }
+    const double length = (x_[0] - x_[1]).norm() + (x_[2] - x_[3]).norm();
+    for (std::size_t i = 0; i < lookouts_.size(); ++i) {
+      const std::uint32_t m = lookouts_[i];
+      const Local& mine = local_[m];
+      for (std::size_t j = 0; j < i; ++j) {
+        const std::uint32_t n = lookouts_[j];
+        if (sets.find(m) == sets.find(n)) continue;
+        if (mine.normal.dot(local_[n].middle - mine.middle) < 0 && sees(cell, n, mine.middle) &&
+            between(mine.middle, local_[n].middle)) {
+          sets.join(m, n);
+        }
+      }
+      // Straight inwards: what it meets from behind is the other side of the same solid.
+      const Vector3d inwards = mine.middle - length * mine.normal.normalized();
+      double at = 1;
+      const std::uint32_t n = firstCrossing(cell, mine.middle, inwards, at);
+      if (n == kNoIndex || local_[n].normal.dot(inwards - mine.middle) <= 0) continue;
+      const Vector3d met = mine.middle + at * (inwards - mine.middle);
+      if (barycentric(met).minCoeff() >= -kTouch && between(mine.middle, met)) sets.join(m, n);
+    }
+  }
+
+  static void numberPieces(Cell& cell, Sets& sets) {
+    cell.pieces = 0;
+    cell.piece.assign(cell.triangles.size(), 0);
+    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
+      const std::uint32_t root = sets.find(n);
+      cell.piece[n] = root == n ? cell.pieces++ : cell.piece[root];
+    }
+  }
+
+  void labelSolid(Cell& cell, Sets& sets) {
+    for (auto& face : cell.face_piece) face.fill(kAir);
+    cell.inside.assign(cell.pieces, -1);
+    if (!body_.encloses) return;
+    chooseLookouts(cell, sets);
+    std::fill(cell.inside.begin(), cell.inside.end(), 0);
+    // The middle is one more point than the ten that fill fractions are made from.
+    for (std::size_t s = 1; s < kSamples; ++s) {
+      if (sample_set_[s] >= 0) cell.inside[cell.piece[std::size_t(sample_set_[s])]] += 1.0 / (kSamples - 1);
+    }
+    for (std::size_t f = 0; f < 4; ++f) {
+      const auto points = facePoints(lattice_, tetrahedron_, f);
+      for (std::size_t k = 0; k < kFaceSamples; ++k) {
+        if (solidOnce(points[k])) cell.face_piece[f][k] = pieceAt(cell, points[k]);
+      }
+    }
+  }
+  std::int32_t pieceAt(const Cell& cell, const Vector3d& p) const {
+    for (std::size_t s = 0; s < kSamples; ++s) {
+      if (sample_set_[s] >= 0 && !blocked(cell, samplePosition(s), p)) {
+        return std::int32_t(cell.piece[std::size_t(sample_set_[s])]);
+      }
+    }
+    for (const std::uint32_t n : lookouts_) {
+      if (sees(cell, n, p)) return std::int32_t(cell.piece[n]);
+    }
+    return kUnknown;
+  }
+
+ public:
+  static std::array<Vector3d, kFaceSamples> facePoints(const TetMesh& lattice, const Tetrahedron& tetrahedron,
+                                                       std::size_t face) {
+    std::array<std::uint32_t, 3> v{};
+    for (std::size_t i = 0; i < 3; ++i) v[i] = tetrahedron[kFaces[face][i]];
+    std::sort(v.begin(), v.end());
+    std::array<Vector3d, kFaceSamples> points;
+    for (std::size_t k = 0; k < kFaceSamples; ++k) {
+      points[k] = (kFaceSample[k][0] * lattice.positions[v[0]] + kFaceSample[k][1] * lattice.positions[v[1]] +
+                   kFaceSample[k][2] * lattice.positions[v[2]]) /
+                  6;
+    }
+    return points;
+  }
+
+ private:
+  const SolidBody& body_;
+  const SurfaceParts& parts_;
+  const TetMesh& lattice_;
+  const double join_;
+  const std::array<Vector4d, kSamples> samples_;
+  // Of the present cell.
+  Tetrahedron tetrahedron_{};
+  std::array<Vector3d, 4> x_;
+  Eigen::Matrix3d to_barycentric_;
+  std::vector<Local> local_;
+  std::vector<std::array<std::uint32_t, 2>> inside_points_;  // point, triangle of the cell
+  std::vector<std::array<std::uint32_t, 3>> edges_;
+  std::vector<std::uint32_t> candidates_, stack_, lookouts_;
+  double most_winding_ = 0;
+  std::array<std::int32_t, kSamples> sample_set_{};  // triangle of the cell whose solid it is, or kAir, kUnknown
+};
+
+struct InnerFace {
+  std::uint32_t first, second;           // tetrahedra
+  std::uint8_t first_face, second_face;  // of each
+};
+
+std::vector<InnerFace> innerFaces(const TetMesh& mesh) {
+  struct Face {
+    geometry::Triangle key;
+    std::uint32_t tetrahedron;
+    std::uint8_t face;
+    bool operator<(const Face& o) const { return std::tie(key, tetrahedron) < std::tie(o.key, o.tetrahedron); }
+  };
+  std::vector<Face> faces;
+  faces.reserve(mesh.tetrahedra.size() * 4);
+  for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    for (std::uint8_t f = 0; f < 4; ++f) {
+      const Tetrahedron& v = mesh.tetrahedra[t];
+      geometry::Triangle key = {v[kFaces[f][0]], v[kFaces[f][1]], v[kFaces[f][2]]};
+      std::sort(key.begin(), key.end());
+      faces.push_back({key, t, f});
+    }
+  }
+  std::sort(faces.begin(), faces.end());
+  std::vector<InnerFace> inner;
+  for (std::size_t i = 1; i < faces.size(); ++i) {
+    if (faces[i].key == faces[i - 1].key) {
+      inner.push_back({faces[i - 1].tetrahedron, faces[i].tetrahedron, faces[i - 1].face, faces[i].face});
+    }
+  }
+  return inner;
+}
+
+// Pairs of pieces of two neighbours that meet on their face.
+std::vector<std::array<std::uint32_t, 2>> meetings(const SolidBody& body, const TetMesh& lattice, const InnerFace& face,
+                                                   const Cell& first, const Cell& second) {
+  std::vector<std::array<std::uint32_t, 2>> pairs;
+  const auto add = [&](std::uint32_t a, std::uint32_t b) {
+    if (std::find(pairs.begin(), pairs.end(), std::array{a, b}) == pairs.end()) pairs.push_back({a, b});
+  };
+  if ((first.triangles.empty() && !first.solid) || (second.triangles.empty() && !second.solid)) return pairs;  // air
+  const bool simple = first.pieces == 1 && second.pieces == 1;
+  // Where a neighbour is all solid, so is the face.
+  if (simple && (first.triangles.empty() || second.triangles.empty())) return {{0, 0}};
+  // A triangle that crosses the face.
+  for (std::size_t i = 0, j = 0; i < first.triangles.size() && j < second.triangles.size();) {
+    if (first.triangles[i] < second.triangles[j]) {
+      ++i;
+    } else if (second.triangles[j] < first.triangles[i]) {
+      ++j;
+    } else {
+      if ((first.faces[i] & 1U << face.first_face) != 0 || (second.faces[j] & 1U << face.second_face) != 0) {
+        add(first.piece[i], second.piece[j]);
+        if (simple) return pairs;
+      }
+      ++i;
+      ++j;
+    }
+  }
+  if (!body.encloses) return pairs;
+  if (simple) {
+    for (const Vector3d& p : CellCutter::facePoints(lattice, lattice.tetrahedra[face.first], face.first_face)) {
+      if (body.winding.inside(p)) return {{0, 0}};
+    }
+    return pairs;
+  }
+  for (std::size_t k = 0; k < kFaceSamples; ++k) {
+    const std::int32_t a = first.pieces > 1 ? first.face_piece[face.first_face][k] : 0;
+    const std::int32_t b = second.pieces > 1 ? second.face_piece[face.second_face][k] : 0;
+    if (a >= 0 && b >= 0) add(std::uint32_t(a), std::uint32_t(b));
+  }
+  return pairs;
+}
+
+}  // namespace
+
+SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join_distance,
+                      const ParallelFor& parallel_for) {
+  const auto count = std::uint32_t(lattice.tetrahedra.size());
+  const SurfaceParts parts = surfaceParts(body);
+  std::vector<Cell> cells(count);
+  parallel_for(count, 64, [&](std::size_t begin, std::size_t end) {
+    CellCutter cutter(body, parts, lattice, join_distance);
+    for (std::size_t t = begin; t < end; ++t) cells[t] = cutter.cut(std::uint32_t(t));
+  });
+  const std::vector<InnerFace> faces = innerFaces(lattice);
+  std::vector<std::vector<std::array<std::uint32_t, 2>>> pairs(faces.size());
+  parallel_for(faces.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      pairs[f] = meetings(body, lattice, faces[f], cells[faces[f].first], cells[faces[f].second]);
+    }
+  });
+
+  // One copy a piece; corners of copies that meet across a face are one vertex.
+  std::vector<std::uint32_t> first_copy(count + 1, 0);
+  for (std::uint32_t t = 0; t < count; ++t) first_copy[t + 1] = first_copy[t] + cells[t].pieces;
+  const std::uint32_t copies = first_copy[count];
+  Sets corners(std::size_t(copies) * 4), bodies(copies);
+  const auto joinFace = [&](const InnerFace& face, std::uint32_t a, std::uint32_t b) {
+    const Tetrahedron &s = lattice.tetrahedra[face.first], &t = lattice.tetrahedra[face.second];
+    const std::uint32_t copy_a = first_copy[face.first] + a, copy_b = first_copy[face.second] + b;
+    for (const std::size_t i : kFaces[face.first_face]) {
+      const auto j = std::uint32_t(std::find(t.begin(), t.end(), s[i]) - t.begin());
+      corners.join(4 * copy_a + std::uint32_t(i), 4 * copy_b + j);
+    }
+    bodies.join(copy_a, copy_b);
+  };
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    for (const auto& pair : pairs[f]) joinFace(faces[f], pair[0], pair[1]);
+  }
+
+  // Cells of air fall away, unless they hold the body together.
+  SplitMesh result;
+  std::vector<char> air(count, 0);
+  for (std::uint32_t t = 0; t < count; ++t) air[t] = cells[t].triangles.empty() && !cells[t].solid ? 1 : 0;
+  const auto pieces = [&] {
+    std::vector<std::uint32_t> holder(std::size_t(copies) * 4, kNoIndex);
+    for (std::uint32_t t = 0; t < count; ++t) {
+      if (air[t] != 0) continue;
+      for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1]; ++copy) {
+        for (std::uint32_t k = 0; k < 4; ++k) {
+          std::uint32_t& h = holder[corners.find(4 * copy + k)];
+          if (h == kNoIndex) h = copy;
+          bodies.join(h, copy);
+        }
+      }
+    }
+    std::uint32_t number = 0;
+    for (std::uint32_t t = 0; t < count; ++t) {
+      for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1] && air[t] == 0; ++copy) {
+        number += std::uint32_t(bodies.find(copy) == copy);
+      }
+    }
+    return number;
+  };
+  std::uint32_t number = pieces();
+  for (std::uint32_t t = 0; t < count && number > 1; ++t) {
+    for (std::uint32_t copy = first_copy[t] + 1; copy < first_copy[t + 1]; ++copy) {
+      if (!bodies.join(first_copy[t], copy)) continue;
+      for (std::uint32_t k = 0; k < 4; ++k) corners.join(4 * first_copy[t] + k, 4 * copy + k);
+      ++result.joined;
+      --number;
+    }
+  }
+  for (std::size_t f = 0; f < faces.size() && number > 1; ++f) {
+    const InnerFace& face = faces[f];
+    if (air[face.first] != 0 || air[face.second] != 0) continue;
+    if (bodies.find(first_copy[face.first]) == bodies.find(first_copy[face.second])) continue;
+    joinFace(face, 0, 0);
+    ++result.joined;
+    --number;
+  }
+  // Cells of a cage that share only an edge or a corner.
+  std::vector<std::uint32_t> holder(number > 1 ? lattice.positions.size() : 0, kNoIndex);
+  for (std::uint32_t corner = 0; corner < 4 * count && number > 1; ++corner) {
+    const std::uint32_t t = corner / 4, k = corner % 4;
+    if (air[t] != 0) continue;
+    std::uint32_t& held = holder[lattice.tetrahedra[t][k]];
+    if (held == kNoIndex) held = 4 * first_copy[t] + k;
+    if (!bodies.join(held / 4, first_copy[t])) continue;
+    corners.join(held, 4 * first_copy[t] + k);
+    ++result.joined;
+    --number;
+  }
+  if (number != 1) {
+    std::fill(air.begin(), air.end(), char(0));
+    for (const InnerFace& face : faces) {
+      if (cells[face.first].triangles.empty() || cells[face.second].triangles.empty()) joinFace(face, 0, 0);
+    }
+  }
+
+  // Vertices: the first copy keeps the lattice's number.
+  result.mesh.positions = lattice.positions;
+  std::vector<std::uint32_t> vertex(std::size_t(copies) * 4, kNoIndex), tetrahedron_of(copies, kNoIndex);
+  std::vector<char> taken(lattice.positions.size(), 0);
+  for (std::uint32_t t = 0; t < count; ++t) {
+    if (air[t] != 0) continue;
+    const std::size_t begin = result.mesh.tetrahedra.size();
+    for (std::uint32_t p = 0; p < cells[t].pieces; ++p) {
+      const std::uint32_t copy = first_copy[t] + p;
+      Tetrahedron tetrahedron{};
+      for (std::uint32_t k = 0; k < 4; ++k) {
+        std::uint32_t& v = vertex[corners.find(4 * copy + k)];
+        const std::uint32_t original = lattice.tetrahedra[t][k];
+        if (v == kNoIndex && taken[original] == 0) {
+          taken[original] = 1;
+          v = original;
+        } else if (v == kNoIndex) {
+          v = std::uint32_t(result.mesh.positions.size());
+          result.mesh.positions.push_back(Vector3d(lattice.positions[original]));
+          ++result.vertices;
+        }
+        tetrahedron[k] = v;
+      }
+      const double inside = cells[t].pieces > 1 ? cells[t].inside[p] : -1;
+      // Pieces whose copies met all round are one again.
+      const auto same =
+          std::find(result.mesh.tetrahedra.begin() + std::ptrdiff_t(begin), result.mesh.tetrahedra.end(), tetrahedron);
+      tetrahedron_of[copy] = std::uint32_t(same - result.mesh.tetrahedra.begin());
+      if (same == result.mesh.tetrahedra.end()) {
+        result.mesh.tetrahedra.push_back(tetrahedron);
+        result.inside.push_back(inside);
+      } else if (inside > 0) {
+        result.inside[tetrahedron_of[copy]] += inside;
+      }
+    }
+    const std::size_t made = result.mesh.tetrahedra.size() - begin;
+    if (made > 1) ++result.cells;
+    if (made == 1) result.inside[begin] = -1;
+    if (cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());
+  }
+  result.home.assign(body.positions.size(), kNoIndex);
+  for (std::uint32_t t = 0; t < count; ++t) {
+    if (air[t] != 0) continue;
+    for (const auto& [point, piece] : cells[t].points) {
+      if (result.home[point] == kNoIndex) result.home[point] = tetrahedron_of[first_copy[t] + piece];
+    }
+  }
+  // Points outside: where their own triangles enter the cells, the nearest place.
+  std::vector<double> nearest(body.positions.size(), std::numeric_limits<double>::infinity());
+  for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = result.home[p] == kNoIndex ? nearest[p] : -1;
+  for (std::uint32_t t = 0; t < count; ++t) {
+    if (air[t] != 0) continue;
+    const Tetrahedron& v = lattice.tetrahedra[t];
+    for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
+      for (const std::uint32_t point : body.triangles[cells[t].triangles[n]]) {
+        if (nearest[point] < 0) continue;
+        double distance = std::numeric_limits<double>::infinity();
+        for (const auto& f : kFaces) {
+          const Vector3d& p = body.positions[point];
+          const Vector3d q = geometry::closestPointOnTriangle(p, lattice.positions[v[f[0]]], lattice.positions[v[f[1]]],
+                                                              lattice.positions[v[f[2]]]);
+          distance = std::min(distance, (q - p).squaredNorm());
+        }
+        if (distance >= nearest[point]) continue;
+        nearest[point] = distance;
+        result.home[point] = tetrahedron_of[first_copy[t] + cells[t].piece[n]];
+      }
+    }
+  }
+  // Vertices of cells that fell away.
+  if (std::find(taken.begin(), taken.end(), char(0)) != taken.end()) {
+    result.mesh = geometry::compact(result.mesh, std::vector<char>(result.mesh.tetrahedra.size(), 1));
+  }
+  return result;
+}
+
+}  // namespace sinew::tools
