@@ -118,9 +118,9 @@ TEST(Extremes, EverythingStaysFinite) {
   }
 }
 
-// Thousands of turns a pass: the momentum stays and its energy with it, in the velocities that a game reads too. A bar
-// turns about an axis that is none of its own, so that energy and momentum hold each other only about the right axis.
-TEST(Extremes, AFastSpinKeepsItsMomentumAndItsEnergy) {
+// Thousands of turns a pass: the momentum stays, in the velocities that a game reads too, and no energy is made of it.
+// A bar turns about an axis that is none of its own: turned about any axis but that of its momentum it would need more.
+TEST(Extremes, AFastSpinKeepsItsMomentumAndGainsNoEnergy) {
   BoxOptions box;
   box.size = {4, 0.4, 0.4};
   box.cells = {10, 2, 2};
@@ -145,25 +145,20 @@ TEST(Extremes, AFastSpinKeepsItsMomentumAndItsEnergy) {
                 1e-4 * before.angular.norm())
           << int(mode);
       EXPECT_LT(after.kinetic, 1.05 * before.kinetic) << int(mode);
-      EXPECT_GT(after.kinetic, 0.2 * before.kinetic) << int(mode);
     }
   }
 }
 
-// Stretched to what the guard allows along every axis, a soft body goes back as its frequency says: the guard, which
-// stops motion, must not act again and again.
+// Stretched to more than the guard allows along every axis, a soft body goes back as its frequency says: the guard,
+// which stops motion, must not act again and again.
 TEST(Extremes, ASoftBodyReturnsFromFarBeyondTheGuard) {
   BoxOptions box;
   box.clusters = {2, 2, 2};
   box.stretch_hz = box.bend_hz = box.twist_hz = 0.25F;
   World world(weightless());
   const BodyId body = *world.addBody(boxAsset(box));
-  std::mt19937 engine(5);
-  std::uniform_real_distribution<float> noise(-1000, 1000);
   std::vector<Vec3> x;
-  for (std::size_t i = 0; i < world.positions(body).size(); ++i) {
-    x.push_back({noise(engine), noise(engine), noise(engine)});
-  }
+  for (const Vec3& p : world.positions(body)) x.push_back({3.5F * p[0], 3.5F * p[1], 3.5F * p[2]});
   world.setState(body, x, {});
   for (int i = 0; i < 5 * 4 * 60; ++i) world.step(1.0F / 60);
   EXPECT_LT(restError(world, body).max, 1e-3);
