@@ -25,10 +25,12 @@ void MotionSums::add(const MotionLanes& lanes) {
 }
 
 MotionOf3 RigidMotion::forKernels() const {
+  const Eigen::Vector3d at = roundedToFloat(center);
+  const Eigen::Vector3d there = velocity + omega.cross(at - center);
   MotionOf3 result;
   for (int k = 0; k < 3; ++k) {
-    result.center[k] = float(center[k]);
-    result.velocity[k] = float(velocity[k]);
+    result.center[k] = float(at[k]);
+    result.velocity[k] = float(there[k]);
     result.omega[k] = float(omega[k]);
   }
   return result;

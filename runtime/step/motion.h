@@ -10,6 +10,9 @@
 
 namespace sinew::internal {
 
+/// What kernels see of a point: far from the origin or for a fast spin the rest matters, and goes elsewhere.
+inline Eigen::Vector3d roundedToFloat(const Eigen::Vector3d& v) { return v.cast<float>().cast<double>(); }
+
 /// Sums that give the rigid motion of a body part, in double, about a reference point.
 struct MotionSums {
   double mass = 0;

@@ -88,12 +88,12 @@ class BodyStep {
 
   // After a state from outside: where the parts are. Steps carry the centres on.
   void findCenters() {
+    std::atomic<bool> lost = false;
     forChunks([&](VertexChunk& chunk) {
       chunk.center = {};
-      chunk.repaired = 0;
       for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
         if (!stateIsUsable(body_.x[i], body_.v[i])) {
-          ++chunk.repaired;
+          lost = true;
           continue;
         }
         const double m = double(rest_.masses[i]);
@@ -110,22 +110,18 @@ class BodyStep {
         for (std::size_t k = 0; k < 7; ++k) sum[k] += body_.chunks[part.first_chunk + i].center[k];
       }
       if (!(sum[0] > 0)) continue;  // all lost: where the part was
-      part.reference = Eigen::Vector3d(sum[1], sum[2], sum[3]) / sum[0];
-      part.moving = Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0];
+      part.reference = roundedToFloat(Eigen::Vector3d(sum[1], sum[2], sum[3]) / sum[0]);
+      part.moving = roundedToFloat(Eigen::Vector3d(sum[4], sum[5], sum[6]) / sum[0]);
     }
-    body_.centers_known = true;
+    for (Part& part : body_.parts) part.spin.setZero();
+    body_.centers_known = !lost;
+    if (lost) return;  // spins are looked at when all vertices are there again
     forChunks([&](VertexChunk& chunk) { sumMotion(chunk, body_.x, 0.0F); });
     for (Part& part : body_.parts) {
       const MotionSums now = partSums(part);
       const RigidMotionSolver solver(now, part.reference);
       const Eigen::Vector3d angular = now.angular - solver.offset().cross(now.momentum);
-      part.spin.setZero();
-      // What is lost does not say how a part spins: the step repairs it first.
-      bool lost = false;
-      for (std::uint32_t i = part.first_chunk; i < part.first_chunk + part.chunk_count; ++i) {
-        lost |= std::exchange(body_.chunks[i].repaired, 0U) > 0;  // prediction counts anew
-      }
-      if (!lost && angular.allFinite()) setSpinAside(solver, angular, double(h_), part.spin);
+      if (angular.allFinite()) setSpinAside(solver, angular, double(h_), part.spin);
     }
   }
 
@@ -238,7 +234,8 @@ class BodyStep {
     const float kept = std::exp(-settings_.damping * h_);
     for (Part& part : body_.parts) {
       part.spin *= double(kept);
-      part.moving = double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>());
+      part.moving =
+          roundedToFloat(double(kept) * (part.moving + double(h_) * asVector(settings_.gravity).cast<double>()));
     }
     forChunks([&](VertexChunk& chunk) {
       PredictArguments a{};
@@ -258,7 +255,7 @@ class BodyStep {
     });
     for (Part& part : body_.parts) {
       part.before = partSums(part);
-      part.reference += double(h_) * part.moving;
+      part.reference = roundedToFloat(part.reference + double(h_) * part.moving);
     }
   }
 
@@ -417,8 +414,11 @@ class BodyStep {
     forChunks([&](VertexChunk& chunk) { settle(chunk); });
     if (any_limited) restoreMomentum();
     for (Part& part : body_.parts) {
-      part.reference = part.found.center;
-      part.moving = part.wanted.velocity;
+      // A part that a support stops in a wild spin may be free in the next step: its spin is looked at then.
+      const bool wild = !part.free && part.found.omega.norm() * double(h_) > kMostTurn;
+      part.reference = roundedToFloat(part.found.center);
+      part.moving = roundedToFloat(part.wanted.velocity);
+      body_.centers_known &= !wild;
       body_.centers_known &= part.reference.allFinite() && part.moving.allFinite();
     }
   }
@@ -463,14 +463,17 @@ class BodyStep {
       for (int k = 0; k < 3; ++k) to[k] = float(from[k]);
     };
     const Eigen::Vector3d turned = part.wanted.omega - part.found.omega;
+    const Eigen::Vector3d change = part.wanted.velocity - part.found.velocity;
+    const Eigen::Vector3d rounding = roundedToFloat(part.found.center) - part.found.center;
     copy(part.found.center, a.center);
-    copy(part.found.velocity, a.moving);
+    copy(part.found.velocity + part.found.omega.cross(rounding), a.moving);
     copy(part.found.omega, a.lost_omega);
-    copy(part.wanted.velocity - part.found.velocity, a.change);
+    copy(change + turned.cross(rounding), a.change);
     copy(turned, a.change_omega);
-    copy(part.wanted.velocity - part.found.velocity, a.shift);
     // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
-    if (turned.norm() * double(h_) <= kRoundingTurn) copy(turned, a.shift_omega);
+    const bool shift_turns = turned.norm() * double(h_) <= kRoundingTurn;
+    copy(shift_turns ? change + turned.cross(rounding) : change, a.shift);
+    if (shift_turns) copy(turned, a.shift_omega);
     std::array<float, kVerticesPerChunk> vertex_kept;
     if (part.limited) {
       // What a cluster's guard stopped, it stopped for good.

@@ -3,6 +3,8 @@
 // From any state back to the rest shape, and finite whatever comes in.
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <array>
 #include <functional>
 #include <limits>
 #include <random>
@@ -114,6 +116,52 @@ TEST(Extremes, EverythingStaysFinite) {
       }
     }
   }
+}
+
+// Thousands of turns a pass: the momentum stays, in the velocities that a game reads too, and no energy is made of it.
+// A bar turns about an axis that is none of its own: turned about any axis but that of its momentum it would need more.
+TEST(Extremes, AFastSpinKeepsItsMomentumAndGainsNoEnergy) {
+  BoxOptions box;
+  box.size = {4, 0.4, 0.4};
+  box.cells = {10, 2, 2};
+  for (const std::array<std::uint32_t, 3>& clusters : {std::array{1U, 1U, 1U}, std::array{4U, 1U, 1U}}) {
+    box.clusters = clusters;
+    for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
+      box.mode = mode;
+      WorldSettings settings = weightless();
+      settings.damping = 0;
+      World world(settings);
+      const BodyId body = *world.addBody(boxAsset(box));
+      std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end()), v;
+      for (const Vec3& p : x) {
+        const Eigen::Vector3f speed = Eigen::Vector3f(3e5F, 5e5F, 0).cross(Eigen::Vector3f(p[0], p[1], p[2]));
+        v.push_back({speed[0], speed[1], speed[2]});
+      }
+      world.setState(body, x, v);
+      const Motion before = motionOf(world, body);
+      for (int i = 0; i < 120; ++i) world.step(1.0F / 60);
+      const Motion after = motionOf(world, body);
+      EXPECT_LT((after.angular - after.center.cross(after.momentum) - before.angular).norm(),
+                1e-4 * before.angular.norm())
+          << int(mode);
+      EXPECT_LT(after.kinetic, 1.05 * before.kinetic) << int(mode);
+    }
+  }
+}
+
+// Stretched to more than the guard allows along every axis, a soft body goes back as its frequency says: the guard,
+// which stops motion, must not act again and again.
+TEST(Extremes, ASoftBodyReturnsFromFarBeyondTheGuard) {
+  BoxOptions box;
+  box.clusters = {2, 2, 2};
+  box.stretch_hz = box.bend_hz = box.twist_hz = 0.25F;
+  World world(weightless());
+  const BodyId body = *world.addBody(boxAsset(box));
+  std::vector<Vec3> x;
+  for (const Vec3& p : world.positions(body)) x.push_back({3.5F * p[0], 3.5F * p[1], 3.5F * p[2]});
+  world.setState(body, x, {});
+  for (int i = 0; i < 5 * 4 * 60; ++i) world.step(1.0F / 60);
+  EXPECT_LT(restError(world, body).max, 1e-3);
 }
 
 TEST(Extremes, ALostVertexIsReportedContainedAndBroughtBack) {

@@ -36,6 +36,21 @@ Matrix3d clampedStretch(const Matrix3d& f) {
   return u * sigma.cwiseMax(kLeast).cwiseMin(kLargest).asDiagonal() * v.transpose();
 }
 
+// Angular velocity of a body with second moments about its centre; axes without inertia do not turn.
+Vector3d angularVelocity(const Matrix3d& second, const Vector3d& angular) {
+  const Matrix3d inertia = second.trace() * Matrix3d::Identity() - second;
+  const double scale = inertia.cwiseAbs().maxCoeff();
+  Vector3d omega = Vector3d::Zero();
+  if (!(scale > 0) || !std::isfinite(scale)) return omega;
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(inertia / scale);
+  for (int k = 0; k < 3; ++k) {
+    if (solver.eigenvalues()[k] < 1e-6) continue;
+    const Vector3d axis = solver.eigenvectors().col(k);
+    omega += axis * axis.dot(angular) / (scale * solver.eigenvalues()[k]);
+  }
+  return omega;
+}
+
 }  // namespace
 
 BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
@@ -137,18 +152,7 @@ BodyMotion BodyMeasure::motion(const World& world, BodyId body) const {
     second += mass * d * d.transpose();
     m.extent = std::max(m.extent, d.norm());
   }
-  const Matrix3d inertia = second.trace() * Matrix3d::Identity() - second;
-  const double scale = inertia.cwiseAbs().maxCoeff();
-  if (scale > 0 && std::isfinite(scale)) {
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(inertia / scale);
-    Vector3d omega = Vector3d::Zero();
-    for (int k = 0; k < 3; ++k) {
-      if (solver.eigenvalues()[k] < 1e-6) continue;
-      const Vector3d axis = solver.eigenvectors().col(k);
-      omega += axis * axis.dot(m.angular) / (scale * solver.eigenvalues()[k]);
-    }
-    m.spin = omega.norm();
-  }
+  m.spin = angularVelocity(second, m.angular).norm();
   m.finite = std::isfinite(m.kinetic) && m.center.allFinite();
   return m;
 }
@@ -177,21 +181,21 @@ double BodyMeasure::restError(const World& world, BodyId body) const {
   return worst / double(asset_->package().info().diagonal);
 }
 
-BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vec3> x) const {
+BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3d> x) const {
   const formats::PackageView& package = asset_->package();
   const formats::Cluster& cluster = package.clusters()[index];
   const ClusterData& data = clusters_[index];
   const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
   Match result;
-  const Vector3d reference = wide(x[members.front().vertex]);
+  const Vector3d reference = x[members.front().vertex];
   Vector3d offset = Vector3d::Zero();
   for (const formats::Membership& member : members) {
-    offset += double(member.mu) * (wide(x[member.vertex]) - reference);
+    offset += double(member.mu) * (x[member.vertex] - reference);
   }
   result.center = reference + offset;
   Eigen::Matrix<double, 3, 9> a = Eigen::Matrix<double, 3, 9>::Zero();
   for (std::size_t k = 0; k < members.size(); ++k) {
-    a += double(members[k].mu) * (wide(x[members[k].vertex]) - result.center) * data.monomials[k].transpose();
+    a += double(members[k].mu) * (x[members[k].vertex] - result.center) * data.monomials[k].transpose();
   }
   a /= double(cluster.radius);
   result.rotation = nearestRotation(a.leftCols<3>());
@@ -201,31 +205,44 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vec3> x
 
 double BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
   const formats::PackageView& package = asset_->package();
-  const auto x = world.positions(body);
-  std::vector<Vector3d> goal(x.size(), Vector3d::Zero());
-  double elastic = 0;
-  for (std::size_t c = 0; c < clusters_.size(); ++c) {
-    const ClusterData& data = clusters_[c];
-    const formats::Cluster& cluster = package.clusters()[c];
-    const Match m = match(c, x);
-    const double phase = data.omega * pass_seconds;
-    const double stretch = (m.deviation * data.a_qq * m.deviation.transpose()).trace();
-    elastic += 0.5 * double(cluster.mass) * std::pow(data.omega * double(cluster.radius), 2) / (1 + phase * phase) *
-               std::max(stretch, 0.0);
-    Eigen::Matrix<double, 3, 9> f = m.deviation * data.a_qq;
-    f.leftCols<3>() += m.rotation;
-    if (data.omega > 0 || data.a_qq(0, 0) > 0) f.leftCols<3>() = clampedStretch(f.leftCols<3>());
-    const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
-    for (std::size_t k = 0; k < members.size(); ++k) {
-      goal[members[k].vertex] +=
-          double(members[k].share) * (m.center + double(cluster.radius) * (f * data.monomials[k]));
+  const auto vertices = package.physicalVertices();
+  std::vector<Vector3d> x;
+  for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
+  // y with goals x: a pass starts from there in effect. Richardson's iteration; what no goals reach is a spring of at
+  // most kIterations m / h².
+  constexpr int kIterations = 24;
+  std::vector<Vector3d> y = x, goal(x.size());
+  double elastic = 0, apart = 0, first = 0;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    elastic = apart = 0;
+    std::fill(goal.begin(), goal.end(), Vector3d::Zero());
+    for (std::size_t c = 0; c < clusters_.size(); ++c) {
+      const ClusterData& data = clusters_[c];
+      const formats::Cluster& cluster = package.clusters()[c];
+      const Match m = match(c, y);
+      const double phase = data.omega * pass_seconds, kept = 1 / (1 + phase * phase);
+      const double stretch = kept * kept * (m.deviation * data.a_qq * m.deviation.transpose()).trace();
+      elastic += 0.5 * double(cluster.mass) * std::pow(data.omega * double(cluster.radius), 2) * std::max(stretch, 0.0);
+      Eigen::Matrix<double, 3, 9> f = kept * m.deviation * data.a_qq;
+      f.leftCols<3>() += m.rotation;
+      if (data.a_qq(0, 0) > 0) f.leftCols<3>() = clampedStretch(f.leftCols<3>());
+      const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+      for (std::size_t k = 0; k < members.size(); ++k) {
+        const std::size_t i = members[k].vertex;
+        const Vector3d g = m.center + double(cluster.radius) * (f * data.monomials[k]);
+        goal[i] += double(members[k].share) * g;
+        apart += double(members[k].share) * double(vertices[i].mass) * (g - x[i]).squaredNorm();
+      }
     }
+    double missing = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      missing += double(vertices[i].mass) * (x[i] - goal[i]).squaredNorm();
+      y[i] += x[i] - goal[i];
+    }
+    if (iteration == 0) first = missing;
+    if (missing <= 1e-8 * first) break;
   }
-  double sum = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    sum += double(package.physicalVertices()[i].mass) * (wide(x[i]) - goal[i]).squaredNorm();
-  }
-  return elastic + sum / (2 * pass_seconds * pass_seconds);
+  return elastic + apart / (2 * pass_seconds * pass_seconds);
 }
 
 }  // namespace sinew::tools

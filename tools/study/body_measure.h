@@ -39,9 +39,10 @@ class BodyMeasure {
   /// Largest distance of a vertex from the rest shape, best rigid motion (SVD) removed, in diagonals.
   double restError(const World& world, BodyId body) const;
 
-  /// What matching can turn into motion, J: the elastic energy of the clusters, Σ_c ½ M ω_h² r² tr(D A_qq D^T) with
-  /// ω_h² = ω² / (1 + (ω h)²), since a pass of h releases no more, and of what is no deformation of the clusters
-  /// (neighbours that disagree, a reflection), Σ m |x - g|² / (2 h²), g the blended goals of proper matches.
+  /// What matching can turn into motion, J. A pass is an implicit step for this energy: each cluster has positions of
+  /// its own for its vertices, with its elastic energy, and a spring of share m / h² ties each to its vertex; of all
+  /// such positions whose mean is x those of least energy. (The blended match is the mean of proximal maps, so the
+  /// proximal map of their proximal average: Bauschke et al. 2008.)
   double potential(const World& world, BodyId body, double pass_seconds) const;
 
   /// The lowest frequency a cluster has, Hz; 0 where one has none; infinite where all are rigid.
@@ -62,7 +63,7 @@ class BodyMeasure {
     Eigen::Matrix3d rotation;
     Eigen::Matrix<double, 3, 9> deviation;  ///< D = A_pq - R M
   };
-  Match match(std::size_t cluster, std::span<const Vec3> positions) const;
+  Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions) const;
 
   const Asset* asset_;
   std::vector<ClusterData> clusters_;

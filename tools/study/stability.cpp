@@ -252,7 +252,6 @@ class CellRun {
       measuring_ = false;
       advance(finishing, kReturnSeconds, 1000000);
       world_.settings().damping = 0;
-      recenter();
       release(finishing);
       advance(finishing, free_seconds, 1000000);
     }
@@ -297,7 +296,9 @@ class CellRun {
       world_.settings().ground.offset = float(low);
     }
     measuring_ = false;
+    holding_ = true;
     advance(setup_.step, kBeforeSeconds, quick_ ? 100 : 500);
+    holding_ = false;
     world_.unpinAll(body_);
     world_.settings().gravity = {0, 0, 0};
     world_.settings().ground.enabled = false;
@@ -331,13 +332,14 @@ class CellRun {
   double advance(float step, double seconds, std::uint32_t most) {
     const std::uint32_t count = std::clamp<std::uint32_t>(
         std::uint32_t(std::min(1e9, std::ceil(seconds / double(step) * (1 - 1e-6)))), 3U, std::max(most, 3U));
-    const std::uint32_t every = std::max(1U, count / 200);
+    const std::uint32_t every = std::max(1U, count / 60);
     for (std::uint32_t i = 0; i < count && result_.finite; ++i) {
       world_.step(step);
       result_.finite = BodyMeasure::finite(world_, body_);
       if (!result_.finite) break;
       checkRepair(i == 0);
       passes_since_release_ += double(step) / passSeconds(step);
+      if (!holding_) recenter();
       if (measuring_ && (i < 8 || i % every == 0 || i + 1 == count)) measureFree();
     }
     return double(count) * double(step);
@@ -364,7 +366,7 @@ class CellRun {
     momentum_scale_ = std::max(momentum_scale_, now.momentum_scale);
     angular_scale_ = std::max(angular_scale_, now.angular_scale);
     // Positions are rounded to a part of their distance from the origin; a step turns that into speed.
-    const double rounding = kUlp * (now.reach + now.extent + now.fastest * pass_seconds_);
+    const double rounding = kUlp * (std::max(reached_, now.reach) + now.extent + now.fastest * pass_seconds_);
     const double rounding_speed = rounding / pass_seconds_;
     const double p = (now.momentum - before_.momentum).norm();
     const double l = (now.angular - before_.angular).norm();
@@ -389,19 +391,19 @@ class CellRun {
     return double(step) / std::clamp(std::floor(double(step) / 1e-5 * (1 + 1e-6)), 1.0, double(setup_.passes));
   }
 
-  // Back to the origin, as an engine moves its own: far from it positions are too coarse to show a return.
+  // Back to the origin, as an engine moves its own: further out positions are too coarse for a body of this size. One
+  // that is itself as large stays.
   void recenter() {
     const BodyMotion now = measure_.motion(world_, body_);
-    if (!(now.reach > kFarAway * double(asset_->package().info().diagonal))) return;
-    std::vector<Vec3> x, v;
-    for (const Vec3& p : world_.positions(body_)) x.push_back(narrow(wide(p) - now.center));
-    for (const Vec3& u : world_.velocities(body_)) v.push_back(narrow(wide(u) - now.momentum / now.mass));
-    world_.setState(body_, x, v);
+    reached_ = now.reach;
+    if (!(now.center.cwiseAbs().maxCoeff() >
+          std::max(kFarAway * double(asset_->package().info().diagonal), now.extent)))
+      return;
+    world_.teleport(body_, {1, 0, 0, 0, 1, 0, 0, 0, 1}, narrow(-now.center));
   }
 
-  bool far() const {
-    return measure_.motion(world_, body_).reach > kFarAway * double(asset_->package().info().diagonal);
-  }
+  // Whether a step takes the body, or leaves it, further than positions can show it.
+  bool far() const { return reached_ > kFarAway * double(asset_->package().info().diagonal); }
 
   // Whether the body still turns so fast that its spin keeps it out of shape.
   bool spinMatters(float step) const {
@@ -425,7 +427,8 @@ class CellRun {
   double released_energy_ = 0;
   double pass_seconds_ = 0;
   double passes_since_release_ = 0;
-  bool measuring_ = true;
+  double reached_ = 0;  // largest coordinate after the last step, metres
+  bool measuring_ = true, holding_ = false;
   bool lost_pending_ = false, lost_done_ = false;
 };
 
