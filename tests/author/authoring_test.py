@@ -416,6 +416,7 @@ class Commands(Folder):
         self.author("remove", "x", code=2)
         self.author("rename", "x", "y", code=2)
         self.author("mirror", "c", code=2)
+        self.author("paint", "p", self.path.parent / "elsewhere.png", code=3)
         self.author("new", self.path / "bar.obj", code=2)
         self.author("redo", code=2)
         self.assertEqual((self.path / "r.json").read_text(), before)

@@ -138,9 +138,11 @@ void readContent(const Json& json, Recipe& recipe) {
   });
 }
 
-// Masks that a selection names, each with the place where it does.
-void namedMasks(const Json& selection, const std::string& pointer,
-                std::vector<std::pair<std::string, std::string>>& names) {
+// Names with the places where they stand.
+using Places = std::vector<std::pair<std::string, std::string>>;
+
+// Masks and files that a selection names.
+void namedThings(const Json& selection, const std::string& pointer, Places& names, Places& files) {
   if (selection.is_string()) {
     names.emplace_back(selection.get<std::string>(), pointer);
     return;
@@ -155,13 +157,14 @@ void namedMasks(const Json& selection, const std::string& pointer,
     }
   }
   const std::uint32_t type = kind->keys.front().type;
-  if ((type & kRecipeSelection) != 0) namedMasks(value, place, names);
+  if ((type & kRecipePath) != 0) files.emplace_back(value.get<std::string>(), place);
+  if ((type & kRecipeSelection) != 0) namedThings(value, place, names, files);
   if ((type & kRecipeSelections) != 0) {
-    for (std::size_t i = 0; i < value.size(); ++i) namedMasks(value[i], childPointer(place, i), names);
+    for (std::size_t i = 0; i < value.size(); ++i) namedThings(value[i], childPointer(place, i), names, files);
   }
 }
 
-// Every mask that is named exists, and none needs itself.
+// Every mask that is named exists, none needs itself, and every file lies inside the project.
 class MaskCheck {
  public:
   explicit MaskCheck(const Recipe& recipe) : recipe_(recipe) {
@@ -170,8 +173,10 @@ class MaskCheck {
 
   void selection(const SelectionText& selection) {
     if (selection.json.is_null()) return;
-    std::vector<std::pair<std::string, std::string>> names;
-    namedMasks(selection.json, selection.pointer, names);
+    Places names;
+    Places files;
+    namedThings(selection.json, selection.pointer, names, files);
+    for (const auto& [name, pointer] : files) recipe_.file(name, pointer);
     for (const auto& [name, pointer] : names) {
       const SelectionText* mask = recipe_.mask(name);
       if (mask == nullptr) {
