@@ -9,7 +9,6 @@
 #include <chrono>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/match.h"
