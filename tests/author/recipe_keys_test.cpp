@@ -19,7 +19,8 @@ std::string fileText(const std::string& name) {
 }
 
 TEST(RecipeKeys, DocsAreWhatTheDeclarationsSay) {
-  EXPECT_TRUE(fileText("recipe-format.md") == recipeMarkdown()) << "run: sinew help recipe --markdown > docs/recipe-format.md";
+  EXPECT_TRUE(fileText("recipe-format.md") == recipeMarkdown())
+      << "run: sinew help recipe --markdown > docs/recipe-format.md";
   EXPECT_TRUE(fileText("recipe.schema.json") == recipeSchema().dump(1) + "\n")
       << "run: sinew help schema > docs/recipe.schema.json";
 }
