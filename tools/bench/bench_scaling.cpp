@@ -278,6 +278,7 @@ void benchThreads(const BenchContext& context) {
     });
     const Timing divided = dividedSpeedup(body, count, calls, context.timing());
     BenchLine line = lineOf(name + ", as its work divides", "x one thread");
+    line.lower_is_better = false;
     line.value = divided.seconds;
     line.spread = divided.spread;
     line.note = "two threads without the cost of waking and waiting";
