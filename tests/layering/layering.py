@@ -71,6 +71,7 @@ TOOL_THIRD = {
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
+    "bake": ("xxhash",),
     "studio": ("opencv", "epoxy", "glfw", "imgui"),
     "bench": ("simd",),  # measures the machine's peak
     "cli": ("cli11",),
