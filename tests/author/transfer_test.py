@@ -18,7 +18,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "formats
 import read_package  # noqa: E402
 
 SINEW = None
-DATA = None
+TESTS = pathlib.Path(__file__).resolve().parent.parent
+MODELS = TESTS / "assets" / "models"
 TABLE = None  # where to write docs/authoring.md's table, for people
 
 
@@ -426,7 +427,7 @@ class Folder(unittest.TestCase):
 
 class Head(Folder):
     def original(self):
-        head = Mesh.read(DATA / "makehuman_head.obj")
+        head = Mesh.read(MODELS / "makehuman_head.obj")
         self.write("head.obj", head.obj())
         self.write("brow.json", STROKES)
         # Painted by number, as no other format or order of vertices can keep it.
@@ -529,13 +530,26 @@ class Head(Folder):
 
     def test_refuses_what_is_not_there(self):
         head, recipe = self.original()
-        self.refused(recipe, self.write("torus.obj", (DATA / "generated" / "torus.obj").read_text()), "of its surface",
+        self.refused(recipe, self.write("torus.obj", (TESTS / "assets" / "generated" / "torus.obj").read_text()), "of its surface",
                      "another model")
         # The ears cut off.
         cut = head.without()
         kept = [f for f in cut.faces if all(abs(cut.points[p][0]) < 0.6 for p, _ in f)]
         cut.faces, cut.groups = kept, ["" for _ in kept]
         self.refused(recipe, self.write("cut.obj", cut.obj()), "mask ears", "remove ears")
+
+    def test_parts_that_ride_along(self):
+        head, recipe = self.original()
+        parts = [{"name": "eye.L", "from": {"group": "eye_l"}, "attach": "rigid", "to": "rest"},
+                 {"name": "eye.R", "from": {"group": "eye_r"}, "attach": "rigid",
+                  "to": {"half_space": [0, 0, 0], "normal": [0, 0, -1]}}]
+        self.write("head.json", {**HEAD, "parts": parts})
+        self.transfer(recipe, self.write("new.ply", head.shuffled(2).ply()))
+        carried = json.loads(recipe.read_text())["parts"]
+        self.assertEqual(carried[0]["from"], {"stored": "head.masks.json", "mask": "eye.L"})
+        self.assertEqual(carried[0]["to"], "rest")
+        self.assertEqual(carried[1]["to"], parts[1]["to"])
+        self.bake(recipe)
 
     def test_recipe_in_another_folder(self):
         _, recipe = self.original()
@@ -566,7 +580,7 @@ class Others(Folder):
                           "".join("f %d %d %d\n" % tuple(last - i for i in t) for t in r["VTRI"]))
 
     def check_stored(self, name, selection):
-        source = self.write(name, (DATA / name).read_bytes())
+        source = self.write(name, (MODELS / name).read_bytes())
         found = self.carried({"sinew_recipe": 2, "source": name, "clusters": [
             {"name": "some", "from": selection}, {"name": "rest", "from": {"rest": True}}]}, self.bare(source))["some"]
         self.assertTrue(found["stored"])
@@ -579,7 +593,7 @@ class Others(Folder):
         self.check_stored("hand_rigged.glb", {"bone": "*index*"})
 
     def test_a_cow_scaled_and_thinned(self):
-        cow = Mesh.read(DATA / "spot" / "spot.obj")
+        cow = Mesh.read(TESTS.parent / "samples" / "assets" / "spot" / "spot.obj")
         self.write("spot.obj", cow.obj())
         thin = cow.thinned(0.5).mapped(lambda p: [3 * c for c in p])
         found = self.carried({"sinew_recipe": 2, "source": "spot.obj", "clusters": [
@@ -594,9 +608,7 @@ class Others(Folder):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--sinew", required=True)
-    parser.add_argument("--data", required=True)
-    parser.add_argument("--table")
+    parser.add_argument("--table", help="where to write the figures of docs/authoring.md")
     options, rest = parser.parse_known_args()
     SINEW, TABLE = options.sinew, options.table
-    DATA = pathlib.Path(options.data)
     unittest.main(argv=[sys.argv[0], *rest])

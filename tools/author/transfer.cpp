@@ -142,10 +142,10 @@ void visitSelections(Json& document, const Visit& visit) {
   if (document.contains("masks")) {
     for (auto& [name, mask] : document["masks"].items()) visit(mask);
   }
-  for (const char* list : {"clusters", "pins", "stiffness"}) {
+  for (const char* list : {"clusters", "pins", "stiffness", "parts"}) {
     if (!document.contains(list)) continue;
     for (Json& entry : document[list]) {
-      for (const char* key : {"from", "origin", "insertion"}) {
+      for (const char* key : {"from", "origin", "insertion", "to"}) {
         if (entry.contains(key)) visit(entry[key]);
       }
     }
@@ -328,11 +328,17 @@ class Carrier {
       for (std::size_t i = 0; document.contains(key) && i < document[key].size(); ++i) {
         Json& entry = document[key][i];
         const std::string name = entry.contains("name") ? entry["name"].get<std::string>() : std::to_string(i);
-        selection(kind, name, childPointer(childPointer(childPointer("", key), i), "from"), entry["from"]);
+        const std::string pointer = childPointer(childPointer("", key), i);
+        selection(kind, name, childPointer(pointer, "from"), entry["from"]);
+        // What carries a part may be the name of a cluster or of pins as well, which are carried over themselves.
+        if (entry.contains("to") && entry["to"].is_object()) {
+          selection("carrier", name, childPointer(pointer, "to"), entry["to"]);
+        }
       }
     };
     list("pins", "pins");
     list("stiffness", "stiffness");
+    list("parts", "part");
   }
 
   std::vector<TransferredSelection> selections;

@@ -23,7 +23,7 @@ struct TransferOptions {
 
 /// What became of one selection.
 struct TransferredSelection {
-  std::string kind;     ///< "mask", "cluster", "origin", "insertion", "pins", "stiffness"
+  std::string kind;     ///< "mask", "cluster", "origin", "insertion", "pins", "stiffness", "part", "carrier"
   std::string name;     ///< of the mask, cluster or pins; the number of a stiffness entry, from 0
   bool stored = false;  ///< it became a stored mask; else it says what it said
   std::array<std::size_t, kMatchRules> matched = {};  ///< visual vertices that it selects, by rule
