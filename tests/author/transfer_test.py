@@ -563,6 +563,57 @@ class Head(Folder):
         self.assertEqual(json.loads(recipe.read_text()), HEAD)
 
 
+class WhoIsWho(Folder):
+    def ask(self, *question, code=0):
+        result = run("inspect", self.path / "out.sinew", *question, "--json")
+        self.assertEqual(result.returncode, code, result.stderr)
+        return json.loads(result.stdout) if code == 0 else result.stderr
+
+    def test_by_number_and_by_name(self):
+        self.write("head.obj", Mesh.read(MODELS / "makehuman_head.obj").obj())
+        package = self.bake(self.write("head.json", {
+            "sinew_recipe": 2, "source": "head.obj", "settings": {"import.unit": "dm", "tetrahedra.vertices": 600},
+            "masks": {"tip": {"sphere": [0, 0.66, 0.15], "radius": 0.02, "falloff": 0.01}},
+            "clusters": [{"name": "nose", "from": "tip", "channel": "sneeze"}, {"name": "rest", "from": {"rest": True}}],
+            "pins": [{"name": "skull", "from": {"half_space": [0, 0, 0], "normal": [0, 0, -1]}}]}))
+        r = package.records
+        mask = dict(r["MSKV"])
+        source = next(s for s in range(len(r["SVTX"])) if r["SVTX"][s][2] > 1 and
+                      r["SVLS"][r["SVTX"][s][1]][0] in mask)
+        answer = self.ask("--vertex", f"source:{source}")
+        welded, first, count = r["SVTX"][source]
+        visual = [v for (v,) in r["SVLS"][first:first + count]]
+        self.assertEqual([v["vertex"] for v in answer["visual"]], visual)
+        self.assertEqual(answer["source"], [{"vertex": source, "mesh": "head", "vertex_in_mesh": source}])
+        for v in answer["visual"]:
+            self.assertEqual((v["source"], v["welded"]), (source, welded))
+            tetrahedron, *weights = r["ATBC"][v["vertex"]]
+            self.assertEqual(v["attachment"]["tetrahedron"], tetrahedron)
+            self.assertEqual(v["attachment"]["physical"], list(r["TETS"][tetrahedron]))
+            self.assertAlmostEqual(sum(v["attachment"]["weights"]), 1, 5)
+            self.assertEqual([(m["name"], m["weight"] > 0) for m in v["masks"]], [("tip", True)])
+            self.assertIn("body", v["groups"])
+        self.assertEqual(self.ask("--vertex", f"welded:{welded}")["source"], answer["source"])
+        self.assertEqual(self.ask("--vertex", f"head:{source}")["visual"], answer["visual"])
+        physical = answer["physical"][0]
+        self.assertAlmostEqual(sum(c["share"] for c in physical["clusters"]), 1, 3)
+        back = self.ask("--vertex", f"physical:{physical['vertex']}")
+        self.assertIn(visual[0], [v["vertex"] for v in back["visual"]])
+        for v in back["visual"]:
+            self.assertIn(physical["vertex"], v["attachment"]["physical"])
+
+        named = self.ask("--name", "tip")["masks"][0]
+        self.assertEqual(dict(zip(named["visual"], named["weights"])).keys(), mask.keys())
+        held = r["PSTV"][r["PSET"][0][5]:r["PSET"][0][5] + r["PSET"][0][6]]
+        self.assertEqual(self.ask("--name", "skull")["pin_sets"][0]["physical"], [v for (v,) in held])
+        self.assertEqual(self.ask("--name", "sneeze")["channels"], [{"number": 0, "clusters": ["nose"]}])
+        members = self.ask("--name", "nose")
+        self.assertEqual(set(members) - {"asked"}, {"clusters", "groups"})
+        self.assertIn("counted from 0", self.ask("--vertex", "source:999999", code=2))
+        self.assertIn("Did you mean skull?", self.ask("--name", "skul", code=2))
+        self.assertIn("Write it as in", self.ask("--vertex", "12", code=2))
+
+
 class Others(Folder):
     def carried(self, recipe, source):
         report = self.transfer(self.write("recipe.json", recipe), source, "-o", self.path / "carried.json")
