@@ -610,7 +610,7 @@ fs::path freeMaskFile(const fs::path& recipe) {
   const fs::path stem = fs::path(recipe).replace_extension();
   std::error_code error;
   for (int n = 1;; ++n) {
-    const fs::path file = stem.string() + ".masks" + (n == 1 ? "" : "." + std::to_string(n)) + ".json";
+    fs::path file = stem.string() + ".masks" + (n == 1 ? "" : "." + std::to_string(n)) + ".json";
     if (!fs::exists(file, error)) return file;
   }
 }

@@ -57,8 +57,9 @@ Asked askedFor(const PackageView& package, const std::string& file, const std::s
   for (const auto& mesh : package.sourceMeshes()) {
     if (package.text(mesh.name) != kind) continue;
     if (asked.number >= mesh.source_vertex_count) {
-      usage(file, "mesh '" + kind + "' has no vertex " + digits,
-            "It has " + std::to_string(mesh.source_vertex_count) + ", counted from 0.");
+      std::string what = "mesh '";
+      what.append(kind).append("' has no vertex ").append(digits);
+      usage(file, what, "It has " + std::to_string(mesh.source_vertex_count) + ", counted from 0.");
     }
     asked.number += mesh.first_source_vertex;
     return asked;
