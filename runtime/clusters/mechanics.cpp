@@ -301,16 +301,15 @@ Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
   if (keeps_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
     const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
-    const bool guarded = svd.sigma.z < kLeastStretch || svd.sigma.x > std::max(kLargestStretch, limits.largest);
-    const float least = guarded ? std::max(limits.least, kLeastStretch * kGuardMargin) : limits.least;
-    const float largest = guarded ? std::min(limits.largest, kLargestStretch / kGuardMargin) : limits.largest;
-    lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, least, largest);
+    const bool guarded = svd.sigma.z < kLeastStretch / kGuardMargin ||
+                         svd.sigma.x > kGuardMargin * std::max(kLargestStretch, limits.largest);
+    lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, limits.least, limits.largest);
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
     if (guarded) {
       done = Limited::guarded;
       f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
     }
-    if (keeps_volume) sigma = lanes::volumePrincipal(sigma, least, largest);
+    if (keeps_volume) sigma = lanes::volumePrincipal(sigma, limits.least, limits.largest);
     if (outside || keeps_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
   if (done == Limited::nothing && a == start) return Limited::nothing;

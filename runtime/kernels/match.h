@@ -119,13 +119,11 @@ SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, c
 template <class W, class Mask = decltype(W{} < W{})>
 [[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mat3Of<W>& a,
                                              Mask& shaped) {
-  W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
+  const W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
   const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
   const SvdOf<W> svd = rotationSvd(a);
-  const Mask guarded = (svd.sigma.z < kLeastStretch) | (svd.sigma.x > larger(largest, splat<W>(kLargestStretch)));
-  // A little inside its bounds, or rounding would have the guard act, and stop the return, pass after pass.
-  least = select(guarded, larger(least, splat<W>(kLeastStretch * kGuardMargin)), least);
-  largest = select(guarded, smaller(largest, splat<W>(kLargestStretch / kGuardMargin)), largest);
+  const Mask guarded = (svd.sigma.z < kLeastStretch / kGuardMargin) |
+                       (svd.sigma.x > kGuardMargin * larger(largest, splat<W>(kLargestStretch)));
   const Vec3Of<W> held = limitPrincipal(svd, least, largest);
   const Mask outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
   const Vec3Of<W> kept = volumePrincipal(held, least, largest);
