@@ -282,7 +282,7 @@ float curveResponse(std::span<const formats::CurvePoint> curve, float phi) {
   return curve.back().response;
 }
 
-Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
+Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
   Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
   if (shape != nullptr) a = (a * shape->inverse()).eval();
@@ -301,15 +301,19 @@ Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
   if (keeps_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
     const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
-    const bool guarded = svd.sigma.z < kLeastStretch / kGuardMargin ||
-                         svd.sigma.x > kGuardMargin * std::max(kLargestStretch, limits.largest);
-    lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, limits.least, limits.largest);
+    const float outside_by = stiff ? 1.0F : kGuardMargin;
+    const bool guarded = svd.sigma.z * outside_by < kLeastStretch ||
+                         svd.sigma.x > outside_by * std::max(kLargestStretch, limits.largest);
+    const bool inside = guarded && stiff;
+    const float least = inside ? std::max(limits.least, kLeastStretch * kStiffGuardMargin) : limits.least;
+    const float largest = inside ? std::min(limits.largest, kLargestStretch / kStiffGuardMargin) : limits.largest;
+    lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, least, largest);
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
     if (guarded) {
       done = Limited::guarded;
       f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
     }
-    if (keeps_volume) sigma = lanes::volumePrincipal(sigma, limits.least, limits.largest);
+    if (keeps_volume) sigma = lanes::volumePrincipal(sigma, least, largest);
     if (outside || keeps_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
   if (done == Limited::nothing && a == start) return Limited::nothing;

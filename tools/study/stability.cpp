@@ -162,6 +162,9 @@ void startState(const CellSetup& setup, const Asset& asset, std::span<const Vec3
       case Start::stretched:
         x[i] = d + 3 * axis * axis.dot(d);
         break;
+      case Start::lost_vertex:
+        x[i] = wide(rest[i]);  // the clusters know only where they saw the vertex last
+        break;
       case Start::fast_random:
         v[i] = 1e6 * chanceVector(setup.seed, i);
         break;
@@ -258,12 +261,12 @@ class CellRun {
     if (returns && result_.finite) {
       result_.rest_error = measure_.restError(world_, body_);
       const BodyMotion m = measure_.motion(world_, body_);
-      // A pass moves a deformation by (2 pi f h)² of itself; where that is below the rounding of a position nothing
-      // moves.
+      // A pass moves a deformation by (2 pi f h)² of itself; where that is below the rounding of a goal nothing moves.
       const double h = passSeconds(finishing);
       const double phase = 2 * std::numbers::pi * slow * h;
       const double moves = std::isfinite(slow) ? phase * phase / (1 + phase * phase) : 1.0;
-      const double rounding = kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
+      const double rounding =
+          measure_.roundingGain() * kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
       result_.shape = result_.rest_error / (kShapeLimit + 2 * rounding / moves);
     }
     if (!result_.finite) result_.shape = result_.energy = result_.momentum = 0;
@@ -376,12 +379,15 @@ class CellRun {
     const auto ratio = [](double value, double limit) { return limit > 0 ? value / limit : value > 0 ? 1e30 : 0.0; };
     result_.momentum = std::max({result_.momentum, ratio(p, p_limit), ratio(l, l_limit)});
 
-    // What rounding adds in each pass may add up: it need not be chance.
-    const double added = rounding_speed * std::max(4.0, double(passes_since_release_));
+    // What the rounding of goals adds in each pass may add up: it need not be chance.
+    const double added = measure_.roundingGain() * rounding_speed * std::max(4.0, double(passes_since_release_));
     const double floor = 0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega() * rounding, 2));
     const double energy = now.kinetic + measure_.potential(world_, body_, pass_seconds_);
     if (energy > floor) {
-      result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor + kEnergyUnjudged * released_energy_));
+      // No motion of a body of this shape and angular momentum has less than the energy of turning about the axis of
+      // its largest inertia: what contracts spins up, as a skater does.
+      const double limit = std::max(energy_, kEnergyLimit * now.least_spin_energy);
+      result_.energy = std::max(result_.energy, ratio(energy, limit + floor + kEnergyUnjudged * released_energy_));
     }
     energy_ = std::min(energy_, energy * kEnergyLimit);
   }
