@@ -210,6 +210,22 @@ const std::vector<ContentFault> kContentFaults = {
     {"GRUP, element 0: its vertices", [](auto& c) { std::swap(c.group_vertices[0], c.group_vertices[1]); }},
     {"GRUP, element 2: its vertices", [](auto& c) { c.group_vertices[4] = 6; }},
     {"GRPV: has vertices", [](auto& c) { c.group_vertices.push_back(5); }},
+    // Parts
+    {"PRTV: needs section PART", [](auto& c) { c.part_vertices = {0}; }},
+    {"PART, element 0: its name", [](auto& c) { c.parts = {{{9999, 1}, kNone, 0, 0, 0}}; }},
+    {"PART, element 0: its cluster", [](auto& c) { c.parts = {{{0, 0}, 99, 0, 0, 0}}; }},
+    {"PART, element 0: its cluster", [](auto& c) { c.parts = {{{0, 0}, kNone, 0, 0, 1}}; }},
+    {"PART, element 0: does not", [](auto& c) { c.parts = {{{0, 0}, 0, 0, 1, 0}}; }},
+    {"PART, element 0: its vertices",
+     [](auto& c) {
+       c.parts = {{{0, 0}, 0, 0, 1, 0}};
+       c.part_vertices = {9999};
+     }},
+    {"PRTV: has vertices",
+     [](auto& c) {
+       c.parts = {{{0, 0}, kNone, 0, 2, 0}};
+       c.part_vertices = {0, 1, 2};
+     }},
 };
 
 TEST(PackageFaults, EachBrokenRuleIsRefusedAndNamed) {
@@ -289,6 +305,37 @@ TEST(PackageFaults, EachBrokenRuleOfPinSetsIsRefusedAndNamed) {
       {"PSET, element 0: its vertices", [](PackageContent& c) { c.pin_set_vertices[1] = 5; }},
       {"PSTV: has vertices", [](PackageContent& c) { c.pin_set_vertices.push_back(0); }},
       {"PSTV: needs section PSET", [](PackageContent& c) { c.pin_sets.clear(); }},
+  };
+  for (const PinFault& fault : faults) {
+    PackageContent content = sound();
+    fault.spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_NE(reason.find(fault.reason_has), std::string::npos) << fault.reason_has << " gave: " << reason;
+  }
+}
+
+TEST(PackageFaults, EachBrokenRuleOfMasksIsRefusedAndNamed) {
+  const auto sound = [] {
+    PackageContent content = test::samplePackage();
+    content.masks = {{content.addText("cheek"), 0, 2}, {content.addText("none"), 2, 0}};
+    content.mask_weights = {{1, 0.5F}, {4, 1}};
+    return content;
+  };
+  EXPECT_EQ(test::reasonOf(writePackage(sound())), "");
+  const PinFault faults[] = {
+      {"MASK, element 1: its name", [](PackageContent& c) { c.masks[1].name.bytes = 9999; }},
+      {"MASK, element 1: does not", [](PackageContent& c) { c.masks[1].first = 1; }},
+      {"MASK, element 0: does not", [](PackageContent& c) { c.masks[0].count = 3; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[1].vertex = 1; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[1].vertex = 9999; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[0].weight = 0; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[0].weight = 1.5F; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[0].weight = kNan; }},
+      {"MSKV: has weights",
+       [](PackageContent& c) {
+         c.mask_weights.push_back({5, 1});
+       }},
+      {"MSKV: needs section MASK", [](PackageContent& c) { c.masks.clear(); }},
   };
   for (const PinFault& fault : faults) {
     PackageContent content = sound();

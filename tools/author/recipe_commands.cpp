@@ -93,7 +93,7 @@ std::vector<std::string> allNames(const Json& document) {
   if (document.contains("masks")) {
     for (const auto& [name, mask] : document["masks"].items()) names.push_back(name);
   }
-  for (const char* list : {"clusters", "pins"}) {
+  for (const char* list : {"clusters", "pins", "parts"}) {
     if (!document.contains(list)) continue;
     for (const Json& entry : document[list]) names.push_back(entry["name"].get<std::string>());
   }
@@ -102,7 +102,7 @@ std::vector<std::string> allNames(const Json& document) {
 
 [[noreturn]] void noSuchName(const Json& document, const std::string& name) {
   const std::vector<std::string> names = allNames(document);
-  usage("there is no mask, cluster or set of pins named '" + name + "'",
+  usage("there is no mask, cluster, part or set of pins named '" + name + "'",
         names.empty() ? "The recipe has none yet." : "Did you mean " + nearestName(name, names) + "?");
 }
 
@@ -132,10 +132,10 @@ void visitSelections(Json& document, const Visit& visit) {
   if (document.contains("masks")) {
     for (auto& [name, mask] : document["masks"].items()) visitMaskNames(mask, visit);
   }
-  for (const char* list : {"clusters", "pins", "stiffness"}) {
+  for (const char* list : {"clusters", "pins", "stiffness", "parts"}) {
     if (!document.contains(list)) continue;
     for (Json& entry : document[list]) {
-      for (const char* key : {"from", "origin", "insertion"}) {
+      for (const char* key : {"from", "origin", "insertion", "to"}) {
         if (entry.contains(key)) visitMaskNames(entry[key], visit);
       }
     }
@@ -148,13 +148,18 @@ bool isSetting(std::string_view key) {
   return std::any_of(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
 }
 
-// A path as the recipe has it. Both relative to the working folder.
-std::string relativeTo(const fs::path& recipe, const fs::path& file) {
-  const fs::path folder = recipe.has_parent_path() ? recipe.parent_path() : fs::path(".");
-  return fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder)).generic_string();
+void requireNewRecipe(const fs::path& file) {
+  if (!isRecipe(file)) usage("a recipe's name ends in .json, not '" + file.string() + "'", "Name it NAME.json.");
+  std::error_code error;
+  if (fs::exists(file, error)) usage(file.string() + " is there already", "Choose another name, or edit that one.");
 }
 
 }  // namespace
+
+std::string pathFromRecipe(const fs::path& recipe, const fs::path& file) {
+  const fs::path folder = recipe.has_parent_path() ? recipe.parent_path() : fs::path(".");
+  return fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder)).generic_string();
+}
 
 std::string otherSide(const std::string& name) {
   static constexpr std::array<std::pair<std::string_view, std::string_view>, 3> kWords = {
@@ -179,14 +184,13 @@ std::string otherSide(const std::string& name) {
 }
 
 RecipeEditor RecipeEditor::create(const fs::path& file, const fs::path& source) {
-  if (!isRecipe(file)) usage("a recipe's name ends in .json, not '" + file.string() + "'", "Name it NAME.json.");
+  requireNewRecipe(file);
   std::error_code error;
-  if (fs::exists(file, error)) usage(file.string() + " is there already", "Choose another name, or edit that one.");
   if (!fs::is_regular_file(source, error)) {
     throw ToolError(ExitCode::bad_input, source.string(), "cannot be read", "Check the name and its permissions.");
   }
   Json document = {{"sinew_recipe", Recipe::kVersion}};
-  const std::string relative = relativeTo(file, source);
+  const std::string relative = pathFromRecipe(file, source);
   if (relative.empty()) usage(source.string() + " has no path from the recipe", "Put both on one drive.");
   // As many folders up as the path begins with.
   std::string project;
@@ -237,6 +241,20 @@ RecipeEditor RecipeEditor::open(const fs::path& file) {
   return editor;
 }
 
+RecipeEditor RecipeEditor::copy(const fs::path& from, const fs::path& file) {
+  requireNewRecipe(file);
+  RecipeEditor editor;
+  std::string text;
+  JsonText::readFile(from.string(), text);
+  parseRecipe(text, from);
+  editor.file_ = file;
+  editor.states_.push_back(
+      {"copied from " + from.filename().string(), written(migratedRecipe(JsonText(text, from.string()), from))});
+  return editor;
+}
+
+void RecipeEditor::replace(const std::string& command, const Json& document) { commit(command, document); }
+
 Json RecipeEditor::document() const { return migratedRecipe(JsonText(text(), file_.string()), file_); }
 
 void RecipeEditor::commit(const std::string& command, const Json& document) { commitText(command, written(document)); }
@@ -271,6 +289,16 @@ void RecipeEditor::addPins(const std::string& name, const std::string& selection
   if (!target.empty()) pins["target"] = target;
   document["pins"].push_back(pins);
   commit("add-pins " + name, document);
+}
+
+void RecipeEditor::addPart(const std::string& name, const std::string& selection, const std::string& attach,
+                           const std::string& to) {
+  Json document = this->document();
+  Json part = {{"name", name}, {"from", selectionOf(selection)}};
+  if (!attach.empty()) part["attach"] = attach;
+  if (!to.empty()) part["to"] = selectionOf(to);
+  document["parts"].push_back(part);
+  commit("add-part " + name, document);
 }
 
 void RecipeEditor::set(const std::string& key, const std::string& value) {
@@ -310,12 +338,14 @@ void RecipeEditor::set(const std::string& key, const std::string& value) {
     if (dot != std::string::npos) {
       entry = namedEntry(document, "clusters", key.substr(0, dot));
       is_cluster = entry != nullptr;
-      if (entry == nullptr) entry = namedEntry(document, "pins", key.substr(0, dot));
+      for (const char* list : {"pins", "parts"}) {
+        if (entry == nullptr) entry = namedEntry(document, list, key.substr(0, dot));
+      }
     }
     if (entry == nullptr) {
       Settings settings;
       settings.set(key, value);  // says what is wrong with it
-      usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster or set of pins",
+      usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster, part or set of pins",
             "All settings: sinew help settings.");
     }
     const std::string name = key.substr(dot + 1);
@@ -344,13 +374,18 @@ void RecipeEditor::rename(const std::string& from, const std::string& to) {
       if (name == from) name = to;
     });
   }
-  for (const char* list : {"clusters", "pins"}) {
+  for (const char* list : {"clusters", "pins", "parts"}) {
     Json* entry = namedEntry(document, list, from);
     if (entry == nullptr) continue;
     found = true;
     // A cluster that its cluster mesh defines keeps it.
     if (std::string_view(list) == "clusters" && !entry->contains("from")) (*entry)["from"] = {{"cluster_mesh", from}};
     (*entry)["name"] = to;
+  }
+  if (found && document.contains("parts")) {
+    for (Json& part : document["parts"]) {
+      if (part.contains("to") && part["to"] == from) part["to"] = to;
+    }
   }
   if (!found) noSuchName(document, from);
   commit("rename " + from + " " + to, document);
@@ -359,7 +394,7 @@ void RecipeEditor::rename(const std::string& from, const std::string& to) {
 void RecipeEditor::remove(const std::string& name) {
   Json document = this->document();
   bool found = false;
-  for (const char* list : {"clusters", "pins"}) {
+  for (const char* list : {"clusters", "pins", "parts"}) {
     if (namedEntry(document, list, name) == nullptr) continue;
     found = true;
     Json kept = Json::array();
@@ -424,7 +459,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
 
 void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {
   Json document = this->document();
-  Json mask = {{file.extension() == ".json" ? "strokes" : "image", relativeTo(file_, file)}};
+  Json mask = {{file.extension() == ".json" ? "strokes" : "image", pathFromRecipe(file_, file)}};
   if (!options.empty()) {
     const Json further = Json::parse(options, nullptr, false);
     if (!further.is_object()) usage("'" + options + "' is no JSON object", R"(Write it as in '{"threshold": 0.5}'.)");

@@ -99,13 +99,50 @@ void addPins(const Recipe& recipe, const AuthoredWeights& authored, const Weight
   }
 }
 
+// What carries a part: a cluster, a set of pins, a mask, or a selection.
+VisualWeights hostWeights(const Recipe& recipe, const RecipePart& part, const AuthoredWeights& authored,
+                          Selections& selections) {
+  if (part.to.json.is_null()) return {};
+  if (!part.to.json.is_string()) return selections.evaluate(part.to);
+  const auto name = part.to.json.get<std::string>();
+  std::vector<std::string> known;
+  for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
+    if (authored.clusters[c].name == name) return authored.cluster_weights[c];
+    known.push_back(authored.clusters[c].name);
+  }
+  for (std::size_t p = 0; p < recipe.pins.size(); ++p) {
+    if (recipe.pins[p].name == name) return authored.pins[p];
+    known.push_back(recipe.pins[p].name);
+  }
+  if (recipe.mask(name) != nullptr) return selections.evaluate(part.to);
+  for (const auto& mask : recipe.masks) known.push_back(mask.first);
+  recipe.text->fail(
+      part.to.pointer, "there is no cluster, set of pins or mask '" + name + "' to carry part " + part.name,
+      known.empty() ? "Leave `to` out: what is nearest carries it." : "Did you mean " + nearestName(name, known) + "?");
+}
+
+void addMasks(const Recipe& recipe, const AuthoredWeights& authored, formats::PackageContent& content) {
+  for (std::size_t m = 0; m < recipe.masks.size(); ++m) {
+    const auto first = std::uint32_t(content.mask_weights.size());
+    for (std::uint32_t v = 0; v < authored.masks[m].size(); ++v) {
+      const auto weight = float(std::min(authored.masks[m][v], 1.0));
+      if (weight > 0) content.mask_weights.push_back({v, weight});
+    }
+    content.masks.push_back(
+        {content.addText(recipe.masks[m].first), first, std::uint32_t(content.mask_weights.size()) - first});
+  }
+}
+
 }  // namespace
 
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
   AuthoredWeights authored;
   authored.clusters = withClusterMeshes(recipe, cluster_meshes);
-  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty()) return authored;
+  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.parts.empty() &&
+      recipe.masks.empty()) {
+    return authored;
+  }
   Selections selections(recipe, mesh, topology, cluster_meshes, findings);
   authored.cluster_weights = selections.clusters();
   const auto evaluate = [&](const SelectionText& s) {
@@ -117,6 +154,11 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
   }
   for (const RecipePins& pins : recipe.pins) authored.pins.push_back(evaluate(pins.from));
   for (const RecipeStiffness& stiffness : recipe.stiffness) authored.stiffness.push_back(evaluate(stiffness.from));
+  for (const RecipePart& part : recipe.parts) {
+    authored.parts.push_back(evaluate(part.from));
+    authored.part_hosts.push_back(hostWeights(recipe, part, authored, selections));
+  }
+  for (const auto& [name, mask] : recipe.masks) authored.masks.push_back(selections.weights({name, mask.pointer}));
   return authored;
 }
 
@@ -125,6 +167,7 @@ void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const We
                  const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
   addChannels(authored, transfer, sources, recipe_cluster, mesh, content, findings);
   addPins(recipe, authored, transfer, content);
+  addMasks(recipe, authored, content);
   if (recipe.stiffness.empty()) return;
   content.vertex_stiffness.assign(content.physical_vertices.size(), 1);
   for (std::size_t s = 0; s < recipe.stiffness.size(); ++s) {

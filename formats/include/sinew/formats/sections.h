@@ -265,6 +265,20 @@ struct PinSet {
 };
 static_assert(sizeof(PinSet) == 32);
 
+/// PART: a loose part of the visual mesh that no tetrahedra of its own fill, by the name that the recipe gave it: an
+/// eyeball, teeth, lashes. Its visual vertices are PRTV[first .. first+count), ascending.
+struct AttachedPart {
+  StringRef name;
+  /// Rigid: the cluster that carries the part. Its mu lie on the host's vertices, which have share 0 in it; share 1
+  /// have the four vertices of the tetrahedron that the part hangs on, with mu 0. kNone: each vertex follows the
+  /// surface.
+  std::uint32_t cluster;
+  std::uint32_t first;      ///< into PRTV
+  std::uint32_t count;      ///< may be 0
+  std::uint32_t reserved0;  ///< 0
+};
+static_assert(sizeof(AttachedPart) == 24);
+
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
 using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
 using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
@@ -354,6 +368,22 @@ struct Group {
 };
 static_assert(sizeof(Group) == 16);
 
+/// MASK: named weights of the recipe on visual vertices, MSKV[first .. first+count), visual vertices ascending: what an
+/// artist painted or selected under a name. For tools and games that ask by name; nothing is simulated from it.
+struct Mask {
+  StringRef name;
+  std::uint32_t first;
+  std::uint32_t count;  ///< may be 0
+};
+static_assert(sizeof(Mask) == 16);
+
+/// MSKV.
+struct MaskWeight {
+  std::uint32_t vertex;  ///< visual vertex
+  float weight;          ///< above 0, at most 1; vertices that are not listed weigh 0
+};
+static_assert(sizeof(MaskWeight) == 8);
+
 namespace section {
 inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), bodies = fourcc("BODY"),
                                physical_vertices = fourcc("PVTX"), tetrahedra = fourcc("TETS"),
@@ -361,15 +391,17 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                quadratic_moments = fourcc("AQQ9"), mechanics = fourcc("CMEC"),
                                curve_points = fourcc("CURV"), channels = fourcc("CHAN"),
                                vertex_stiffness = fourcc("PSTF"), pin_weights = fourcc("PPIN"),
-                               pin_sets = fourcc("PSET"), pin_set_vertices = fourcc("PSTV"),
-                               visual_positions = fourcc("VPOS"), visual_normals = fourcc("VNRM"),
-                               visual_uv = fourcc("VUV0"), visual_colors = fourcc("VCOL"),
-                               visual_triangles = fourcc("VTRI"), sub_meshes = fourcc("VSUB"),
-                               materials = fourcc("VMAT"), textures = fourcc("VTEX"), texture_bytes = fourcc("TEXB"),
-                               barycentric = fourcc("ATBC"), cluster_attachment_ranges = fourcc("ATCR"),
-                               cluster_attachments = fourcc("ATCW"), visual_identity = fourcc("VSRC"),
-                               source_identity = fourcc("SVTX"), source_visual_list = fourcc("SVLS"),
-                               source_meshes = fourcc("SMSH"), groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
+                               pin_sets = fourcc("PSET"), pin_set_vertices = fourcc("PSTV"), parts = fourcc("PART"),
+                               part_vertices = fourcc("PRTV"), visual_positions = fourcc("VPOS"),
+                               visual_normals = fourcc("VNRM"), visual_uv = fourcc("VUV0"),
+                               visual_colors = fourcc("VCOL"), visual_triangles = fourcc("VTRI"),
+                               sub_meshes = fourcc("VSUB"), materials = fourcc("VMAT"), textures = fourcc("VTEX"),
+                               texture_bytes = fourcc("TEXB"), barycentric = fourcc("ATBC"),
+                               cluster_attachment_ranges = fourcc("ATCR"), cluster_attachments = fourcc("ATCW"),
+                               visual_identity = fourcc("VSRC"), source_identity = fourcc("SVTX"),
+                               source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
+                               groups = fourcc("GRUP"), group_vertices = fourcc("GRPV"), masks = fourcc("MASK"),
+                               mask_weights = fourcc("MSKV");
 }  // namespace section
 
 }  // namespace sinew::formats

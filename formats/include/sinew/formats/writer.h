@@ -27,6 +27,8 @@ struct PackageContent {
   std::vector<float> vertex_stiffness, pin_weights;
   std::vector<PinSet> pin_sets;
   std::vector<std::uint32_t> pin_set_vertices;
+  std::vector<AttachedPart> parts;
+  std::vector<std::uint32_t> part_vertices;
   std::vector<Float3> visual_positions, visual_normals;
   std::vector<Float2> visual_uvs;
   std::vector<Color8> visual_colors;
@@ -44,6 +46,8 @@ struct PackageContent {
   std::vector<SourceMesh> source_meshes;
   std::vector<Group> groups;
   std::vector<std::uint32_t> group_vertices;
+  std::vector<Mask> masks;
+  std::vector<MaskWeight> mask_weights;
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);
