@@ -668,12 +668,12 @@ Image stabilityPicture(const std::vector<StabilityResult>& results) {
   const int height = kTop + int(rows.size()) * kCell + 60;
   Image image(width, height);
   const Rgb8 ink = {40, 44, 52};
-  // Ratio to the limit: white at 0 through green to yellow at 1; red above.
-  const auto color_of = [](double worst) -> Rgb8 {
-    if (worst > 1) return {200, 40, 40};
-    const double t = std::clamp(1 + std::log10(std::max(worst, 1e-6)) / 6, 0.0, 1.0);  // 1e-6 .. 1
-    return {std::uint8_t(std::lround(225 - 190 * t * (1 - t) * 2 - 0 * t)), std::uint8_t(std::lround(240 - 45 * t)),
-            std::uint8_t(std::lround(225 - 165 * t))};
+  // Share of cells that fail: green for none, then yellow at 1 % to red at 30 %.
+  const auto color_of = [](double share) -> Rgb8 {
+    if (share == 0) return {150, 205, 150};
+    const double t = std::clamp(std::log(share / 0.01) / std::log(30.0), 0.0, 1.0);
+    return {std::uint8_t(std::lround(250 - 70 * t)), std::uint8_t(std::lround(220 * (1 - t) + 30 * t)),
+            std::uint8_t(std::lround(90 - 60 * t))};
   };
   for (std::size_t row = 0; row < rows.size(); ++row) {
     drawText(image, 8, float(kTop + int(row) * kCell + 4), 14, ink, rows[row]);
@@ -695,12 +695,14 @@ Image stabilityPicture(const std::vector<StabilityResult>& results) {
       }
     }
     for (std::size_t row = 0; row < rows.size(); ++row) {
-      double worst = -1;
+      std::size_t count = 0, bad = 0;
       for (const StabilityResult& r : results) {
-        if (r.cell[0] == row && r.cell[column.factor] == column.level) worst = std::max(worst, r.worst());
+        if (r.cell[0] != row || r.cell[column.factor] != column.level) continue;
+        ++count;
+        bad += r.passed() ? 0U : 1U;
       }
       const int y = kTop + int(row) * kCell;
-      if (worst >= 0) image.fillRectangle(x, y, kCell - 2, kCell - 2, color_of(worst));
+      if (count > 0) image.fillRectangle(x, y, kCell - 2, kCell - 2, color_of(double(bad) / double(count)));
     }
     x += kCell;
   }
@@ -708,9 +710,9 @@ Image stabilityPicture(const std::vector<StabilityResult>& results) {
   for (const StabilityResult& r : results) failed += r.passed() ? 0U : 1U;
   const int legend = kTop + int(rows.size()) * kCell + 16;
   const std::array<std::pair<double, const char*>, 5> shown = {
-      {{1e-6, "1e-6"}, {1e-4, "1e-4"}, {1e-2, "0.01"}, {1.0, "1 (limit)"}, {2.0, "failed"}}};
+      {{0, "none"}, {0.01, "1 %"}, {0.05, "5 %"}, {0.1, "10 %"}, {0.3, "30 %"}}};
   int at = kLeft;
-  drawText(image, 8, float(legend), 14, ink, "worst ratio");
+  drawText(image, 8, float(legend), 14, ink, "share failing");
   for (const auto& [value, label] : shown) {
     image.fillRectangle(at, legend, kCell - 2, kCell - 2, color_of(value));
     drawText(image, float(at + kCell + 2), float(legend + 2), 14, ink, label);
