@@ -215,7 +215,7 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
   const ClusterData& data = clusters_[index];
   const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
   Match result;
-  const Vector3d reference = x[members.front().vertex];
+  const Vector3d& reference = x[members.front().vertex];
   Vector3d offset = Vector3d::Zero();
   for (const formats::Membership& member : members) {
     offset += double(member.mu) * (x[member.vertex] - reference);
@@ -246,7 +246,8 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   double mass = 0;
   Vector3d center = Vector3d::Zero(), rest_center = Vector3d::Zero();
   std::vector<Match> matches;
-  const Vector3d origin = x.front(), rest_origin = wide(clusters[0].rest_center);
+  const Vector3d& origin = x.front();
+  const Vector3d rest_origin = wide(clusters[0].rest_center);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     matches.push_back(match(c, x));
     mass += double(clusters[c].mass);
