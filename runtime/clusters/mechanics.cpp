@@ -264,7 +264,8 @@ MatchExtras matchExtras(const MechanicsConstants& constants, const MechanicsStat
     extras.modes = &constants.modes[constants.modes_of[c]];
     extras.kept = &kept[constants.modes_of[c]];
   }
-  if (!state.shapes.empty()) extras.shape = &state.shapes[c].shape;
+  // A rest shape that is not deformed now is the kernel's own case: the cluster pays nothing.
+  if (!state.shapes.empty() && !state.shapes[c].shape.isIdentity(0)) extras.shape = &state.shapes[c].shape;
   if (!state.previous.empty()) {
     extras.previous = &state.previous[c];
     extras.damping_passes = package.mechanics()[c].damping * pass_seconds;
