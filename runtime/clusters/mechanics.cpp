@@ -244,8 +244,12 @@ void MechanicsState::reset() {
   std::fill(activation.begin(), activation.end(), 0.0F);
 }
 
-void MechanicsState::updateShapes(const formats::PackageView& package) {
-  for (std::uint32_t c = 0; c < shapes.size(); ++c) updateShape(package, c);
+void MechanicsState::activate(const formats::PackageView& package, std::uint32_t channel, float value) {
+  if (activation[channel] == value) return;
+  activation[channel] = value;
+  for (std::uint32_t c = 0; c < shapes.size(); ++c) {
+    if (package.mechanics()[c].channel == channel) updateShape(package, c);
+  }
 }
 
 void MechanicsState::updateShape(const formats::PackageView& package, std::uint32_t c) {

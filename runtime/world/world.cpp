@@ -429,8 +429,7 @@ PinReaction World::pinReaction(PinSetId id) const {
 bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
   Body* body = impl_->find(id);
   if (body == nullptr || channel >= body->mechanics.activation.size()) return false;
-  body->mechanics.activation[channel] = value > 0 ? std::min(value, 1.0F) : 0.0F;
-  body->mechanics.updateShapes(body->package());
+  body->mechanics.activate(body->package(), channel, value > 0 ? std::min(value, 1.0F) : 0.0F);
   return true;
 }
 
