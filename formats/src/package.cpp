@@ -76,8 +76,8 @@ class PackageReader {
   bool read() {
     return readHeader() && readTable() && checkPresence() && bindSections() && checkTexts() && checkInfo() &&
            checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
-           checkMechanics() && checkPinSets() && checkVisualMesh() && checkMaterials() && checkAttachments() &&
-           checkIdentity() && checkGroups();
+           checkMechanics() && checkPinSets() && checkParts() && checkVisualMesh() && checkMaterials() &&
+           checkAttachments() && checkIdentity() && checkGroups();
   }
 
   std::string reason() && { return std::move(reason_); }
@@ -236,12 +236,13 @@ class PackageReader {
     }
     for (const std::uint32_t id :
          {section::visual_normals, section::visual_uv, section::visual_colors, section::sub_meshes, section::materials,
-          section::barycentric, section::cluster_attachments, section::visual_identity, section::groups}) {
+          section::barycentric, section::cluster_attachments, section::visual_identity, section::groups,
+          section::parts}) {
       if (!needs(id, section::visual_positions)) return false;
     }
     if (!needs(section::curve_points, section::mechanics) || !needs(section::texture_bytes, section::textures) ||
         !needs(section::group_vertices, section::groups) || !needs(section::pin_set_vertices, section::pin_sets) ||
-        !needs(section::barycentric, section::tetrahedra)) {
+        !needs(section::part_vertices, section::parts) || !needs(section::barycentric, section::tetrahedra)) {
       return false;
     }
     if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
@@ -275,6 +276,8 @@ class PackageReader {
     bind(section::pin_weights, view_.pin_weights_);
     bind(section::pin_sets, view_.pin_sets_);
     bind(section::pin_set_vertices, view_.pin_set_vertices_);
+    bind(section::parts, view_.parts_);
+    bind(section::part_vertices, view_.part_vertices_);
     bind(section::visual_positions, view_.visual_positions_);
     bind(section::visual_normals, view_.visual_normals_);
     bind(section::visual_uv, view_.visual_uvs_);
@@ -317,8 +320,8 @@ class PackageReader {
     }
     return checkNames(section::bodies, view_.bodies_) && checkNames(section::clusters, view_.clusters_) &&
            checkNames(section::channels, view_.channels_) && checkNames(section::pin_sets, view_.pin_sets_) &&
-           checkNames(section::sub_meshes, view_.sub_meshes_) && checkNames(section::materials, view_.materials_) &&
-           checkNames(section::textures, view_.textures_) &&
+           checkNames(section::parts, view_.parts_) && checkNames(section::sub_meshes, view_.sub_meshes_) &&
+           checkNames(section::materials, view_.materials_) && checkNames(section::textures, view_.textures_) &&
            check(section::textures, view_.textures_, "its mime type lies outside section STRS",
                  [this](const Texture& t) { return badText(t.mime); }) &&
            checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_);
@@ -477,8 +480,22 @@ class PackageReader {
                          index);
   }
 
+  /// One of the runs that tile a list of ascending numbers below `limit`. \param end of the run before, and after.
+  bool checkRun(std::uint32_t id, std::size_t i, std::uint32_t first, std::uint32_t count,
+                std::span<const std::uint32_t> list, std::size_t limit, std::uint64_t& end) {
+    if (first != end || count > list.size() - end) {
+      return refuse(id, i, "does not start where the one before ends, or reaches beyond the list of vertices");
+    }
+    std::uint64_t lowest = 0;
+    for (const std::uint32_t v : list.subspan(first, count)) {
+      if (v < lowest || v >= limit) return refuse(id, i, "its vertices are not ascending, or do not exist");
+      lowest = std::uint64_t{v} + 1;
+    }
+    end += count;
+    return true;
+  }
+
   bool checkPinSets() {
-    const std::span<const std::uint32_t> members = view_.pin_set_vertices_;
     std::uint64_t end = 0;
     for (std::size_t i = 0; i < view_.pin_sets_.size(); ++i) {
       const PinSet& set = view_.pin_sets_[i];
@@ -486,19 +503,27 @@ class PackageReader {
       if (set.method > 3 || set.reserved0 != 0) {
         return refuse(section::pin_sets, i, "unknown method, or a reserved field that is not 0");
       }
-      if (set.first != end || set.count > members.size() - end) {
-        return refuse(section::pin_sets, i, "does not start where the set before ends, or reaches beyond section PSTV");
+      if (!checkRun(section::pin_sets, i, set.first, set.count, view_.pin_set_vertices_,
+                    view_.physical_vertices_.size(), end)) {
+        return false;
       }
-      std::uint64_t lowest = 0;
-      for (const std::uint32_t v : members.subspan(set.first, set.count)) {
-        if (v < lowest || v >= view_.physical_vertices_.size()) {
-          return refuse(section::pin_sets, i, "its vertices are not ascending, or not physical vertices");
-        }
-        lowest = std::uint64_t{v} + 1;
-      }
-      end += set.count;
     }
-    return end == members.size() || refuse(section::pin_set_vertices, "has vertices of no pin set");
+    return end == view_.pin_set_vertices_.size() || refuse(section::pin_set_vertices, "has vertices of no pin set");
+  }
+
+  bool checkParts() {
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < view_.parts_.size(); ++i) {
+      const AttachedPart& part = view_.parts_[i];
+      if ((part.cluster != kNone && part.cluster >= view_.clusters_.size()) || part.reserved0 != 0) {
+        return refuse(section::parts, i, "its cluster is not in section CLUS, or a reserved field is not 0");
+      }
+      if (!checkRun(section::parts, i, part.first, part.count, view_.part_vertices_, view_.visual_positions_.size(),
+                    end)) {
+        return false;
+      }
+    }
+    return end == view_.part_vertices_.size() || refuse(section::part_vertices, "has vertices of no part");
   }
 
   bool checkMechanics() {
@@ -722,24 +747,15 @@ class PackageReader {
   }
 
   bool checkGroups() {
-    const std::span<const std::uint32_t> members = view_.group_vertices_;
-    const std::size_t vertices = view_.visual_positions_.size();
     std::uint64_t end = 0;
     for (std::size_t i = 0; i < view_.groups_.size(); ++i) {
       const Group& group = view_.groups_[i];
-      if (group.first != end || group.count > members.size() - end) {
-        return refuse(section::groups, i, "does not start where the group before ends, or reaches beyond section GRPV");
+      if (!checkRun(section::groups, i, group.first, group.count, view_.group_vertices_, view_.visual_positions_.size(),
+                    end)) {
+        return false;
       }
-      std::uint64_t lowest = 0;
-      for (const std::uint32_t v : members.subspan(group.first, group.count)) {
-        if (v < lowest || v >= vertices) {
-          return refuse(section::groups, i, "its vertices are not ascending, or not visual vertices");
-        }
-        lowest = std::uint64_t{v} + 1;
-      }
-      end += group.count;
     }
-    return end == members.size() || refuse(section::group_vertices, "has vertices of no group");
+    return end == view_.group_vertices_.size() || refuse(section::group_vertices, "has vertices of no group");
   }
 
   std::span<const std::byte> bytes_;

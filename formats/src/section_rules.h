@@ -19,7 +19,7 @@ struct SectionRule {
 };
 
 /// In the order in which the writer lays sections out.
-inline constexpr std::array<SectionRule, 33> kSectionRules = {{
+inline constexpr std::array<SectionRule, 35> kSectionRules = {{
     {section::info, sizeof(BodyInfo), kSectionRequired, true, 0},
     {section::strings, 1, kSectionRequired, false, 0},
     {section::bodies, sizeof(BodyRange), kSectionRequired, true, 0},
@@ -35,6 +35,8 @@ inline constexpr std::array<SectionRule, 33> kSectionRules = {{
     {section::pin_weights, sizeof(float), kSectionRequired, false, kFeaturePinWeights},
     {section::pin_sets, sizeof(PinSet), 0, false, 0},
     {section::pin_set_vertices, sizeof(std::uint32_t), 0, false, 0},
+    {section::parts, sizeof(AttachedPart), 0, false, 0},
+    {section::part_vertices, sizeof(std::uint32_t), 0, false, 0},
     {section::visual_positions, sizeof(Float3), kSectionRequired, false, kFeatureVisual},
     {section::visual_normals, sizeof(Float3), 0, false, 0},
     {section::visual_uv, sizeof(Float2), 0, false, 0},

@@ -57,6 +57,10 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.pin_sets);
     case section::pin_set_vertices:
       return payload(content.pin_set_vertices);
+    case section::parts:
+      return payload(content.parts);
+    case section::part_vertices:
+      return payload(content.part_vertices);
     case section::visual_positions:
       return payload(content.visual_positions);
     case section::visual_normals:

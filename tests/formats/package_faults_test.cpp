@@ -210,6 +210,22 @@ const std::vector<ContentFault> kContentFaults = {
     {"GRUP, element 0: its vertices", [](auto& c) { std::swap(c.group_vertices[0], c.group_vertices[1]); }},
     {"GRUP, element 2: its vertices", [](auto& c) { c.group_vertices[4] = 6; }},
     {"GRPV: has vertices", [](auto& c) { c.group_vertices.push_back(5); }},
+    // Parts
+    {"PRTV: needs section PART", [](auto& c) { c.part_vertices = {0}; }},
+    {"PART, element 0: its name", [](auto& c) { c.parts = {{{9999, 1}, kNone, 0, 0, 0}}; }},
+    {"PART, element 0: its cluster", [](auto& c) { c.parts = {{{0, 0}, 99, 0, 0, 0}}; }},
+    {"PART, element 0: its cluster", [](auto& c) { c.parts = {{{0, 0}, kNone, 0, 0, 1}}; }},
+    {"PART, element 0: does not", [](auto& c) { c.parts = {{{0, 0}, 0, 0, 1, 0}}; }},
+    {"PART, element 0: its vertices",
+     [](auto& c) {
+       c.parts = {{{0, 0}, 0, 0, 1, 0}};
+       c.part_vertices = {9999};
+     }},
+    {"PRTV: has vertices",
+     [](auto& c) {
+       c.parts = {{{0, 0}, kNone, 0, 2, 0}};
+       c.part_vertices = {0, 1, 2};
+     }},
 };
 
 TEST(PackageFaults, EachBrokenRuleIsRefusedAndNamed) {

@@ -165,6 +165,8 @@ SECTIONS = {
     "PPIN": ("<f", 1, False, 11),
     "PSET": ("<4I4I", 0, False, None),
     "PSTV": ("<I", 0, False, None),
+    "PART": ("<2I4I", 0, False, None),
+    "PRTV": ("<I", 0, False, None),
     "VPOS": ("<3f", 1, False, 2),
     "VNRM": ("<3f", 0, False, None),
     "VUV0": ("<2f", 0, False, None),
@@ -186,7 +188,7 @@ SECTIONS = {
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights"]
-NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
+NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("PRTV", "PART"), ("PART", "VPOS"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP")]
 
 
@@ -294,7 +296,7 @@ class Package:
         return self.strings[offset:offset + size].decode("utf-8", "replace")
 
     def check_texts(self):
-        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "CHAN": (0,), "PSET": (0, 2), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
+        at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "CHAN": (0,), "PSET": (0, 2), "PART": (0,), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
               "SMSH": (0,), "GRUP": (0,)}
         for name, fields in at.items():
             for i, record in enumerate(self.records[name]):
@@ -443,6 +445,13 @@ class Package:
             need(ascending(run) and all(r["VSRC"][v] == (i, welded) for v in run),
                  f"section SVTX, element {i}: disagrees with VSRC")
         tile("SMSH", [(m[2], m[3]) for m in r["SMSH"]], len(r["SVTX"]))
+        carried = [v for (v,) in r["PRTV"]]
+        tile("PART", [(p[3], p[4]) for p in r["PART"]], len(carried))
+        need(all(v < len(r["VPOS"]) for v in carried), "section PRTV: no such visual vertex")
+        for i, p in enumerate(r["PART"]):
+            need(p[2] == NONE or p[2] < len(r["CLUS"]), f"section PART, element {i}: no such cluster")
+            need(p[5] == 0, f"section PART, element {i}: reserved")
+            need(ascending(carried[p[3]:p[3] + p[4]]), f"section PART, element {i}: vertices not ascending")
         members = [v for (v,) in r["GRPV"]]
         tile("GRUP", [(g[2], g[3]) for g in r["GRUP"]], len(members))
         need(all(v < len(r["VPOS"]) for v in members), "section GRPV: no such visual vertex")

@@ -280,7 +280,17 @@ std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const Physical
   return start;
 }
 
+Corners cornersOf(const PhysicalMesh& physical, std::uint32_t tetrahedron) {
+  const auto& v = physical.tetrahedra[tetrahedron];
+  return {physical.positions[v[0]], physical.positions[v[1]], physical.positions[v[2]], physical.positions[v[3]]};
+}
+
 }  // namespace
+
+TetrahedronPlace placeIn(std::uint32_t tetrahedron, const Vector3d& point, const PhysicalMesh& physical) {
+  const Corners corners = cornersOf(physical, tetrahedron);
+  return {tetrahedron, barycentric(point, corners), std::sqrt(squaredDistance(point, corners))};
+}
 
 std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
                                                   const PhysicalMesh& physical) {
@@ -335,9 +345,7 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, result.size(), 1024), [&](const auto& range) {
     for (std::size_t v = range.begin(); v != range.end(); ++v) {
       result[v] = places[mesh.welded[v]];
-      const auto& tet = physical.tetrahedra[result[v].tetrahedron];
-      result[v].weights = barycentric(mesh.positions[v], {physical.positions[tet[0]], physical.positions[tet[1]],
-                                                          physical.positions[tet[2]], physical.positions[tet[3]]});
+      result[v].weights = barycentric(mesh.positions[v], cornersOf(physical, result[v].tetrahedron));
     }
   });
   return result;

@@ -136,6 +136,16 @@ void readContent(const Json& json, Recipe& recipe) {
   list("stiffness", [&](const Json& entry, const std::string& pointer) {
     recipe.stiffness.push_back({selectionAt(entry, pointer, "from"), entry["value"].get<double>()});
   });
+  list("parts", [&](const Json& entry, const std::string& pointer) {
+    RecipePart part;
+    part.name = entry["name"].get<std::string>();
+    part.pointer = pointer;
+    part.from = selectionAt(entry, pointer, "from");
+    part.rigid = recipeValue(shapeOf("part"), entry, "attach") == "rigid";
+    part.to = selectionAt(entry, pointer, "to");
+    unique(part.name, pointer, "parts");
+    recipe.parts.push_back(std::move(part));
+  });
 }
 
 // Names with the places where they stand.
@@ -287,6 +297,11 @@ Recipe parseRecipe(std::string_view content, const fs::path& file) {
   }
   for (const RecipePins& pins : recipe.pins) masks.selection(pins.from);
   for (const RecipeStiffness& stiffness : recipe.stiffness) masks.selection(stiffness.from);
+  for (const RecipePart& part : recipe.parts) {
+    masks.selection(part.from);
+    // A name may also be that of a cluster, which the source alone may know: looked up when it is evaluated.
+    if (!part.to.json.is_string()) masks.selection(part.to);
+  }
   return recipe;
 }
 

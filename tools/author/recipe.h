@@ -46,6 +46,15 @@ struct RecipeStiffness {
   double value = 1;
 };
 
+/// Loose parts of the source that ride along without tetrahedra of their own.
+struct RecipePart {
+  std::string name;
+  std::string pointer;
+  SelectionText from;
+  bool rigid = true;  ///< false: each vertex follows the nearest surface
+  SelectionText to;   ///< what carries it; null: what is nearest
+};
+
 /// What was authored: the source, every setting that differs from its default, and the artist's masks, clusters, pins.
 /// The format: docs/recipe-format.md.
 struct Recipe {
@@ -56,6 +65,7 @@ struct Recipe {
   std::vector<RecipeCluster> clusters;
   std::vector<RecipePins> pins;
   std::vector<RecipeStiffness> stiffness;
+  std::vector<RecipePart> parts;
   std::filesystem::path folder;          ///< the recipe's; empty for a bare source
   std::filesystem::path project;         ///< no file lies outside of it
   std::shared_ptr<const JsonText> text;  ///< for messages; never null

@@ -93,7 +93,7 @@ std::vector<std::string> allNames(const Json& document) {
   if (document.contains("masks")) {
     for (const auto& [name, mask] : document["masks"].items()) names.push_back(name);
   }
-  for (const char* list : {"clusters", "pins"}) {
+  for (const char* list : {"clusters", "pins", "parts"}) {
     if (!document.contains(list)) continue;
     for (const Json& entry : document[list]) names.push_back(entry["name"].get<std::string>());
   }
@@ -102,7 +102,7 @@ std::vector<std::string> allNames(const Json& document) {
 
 [[noreturn]] void noSuchName(const Json& document, const std::string& name) {
   const std::vector<std::string> names = allNames(document);
-  usage("there is no mask, cluster or set of pins named '" + name + "'",
+  usage("there is no mask, cluster, part or set of pins named '" + name + "'",
         names.empty() ? "The recipe has none yet." : "Did you mean " + nearestName(name, names) + "?");
 }
 
@@ -132,10 +132,10 @@ void visitSelections(Json& document, const Visit& visit) {
   if (document.contains("masks")) {
     for (auto& [name, mask] : document["masks"].items()) visitMaskNames(mask, visit);
   }
-  for (const char* list : {"clusters", "pins", "stiffness"}) {
+  for (const char* list : {"clusters", "pins", "stiffness", "parts"}) {
     if (!document.contains(list)) continue;
     for (Json& entry : document[list]) {
-      for (const char* key : {"from", "origin", "insertion"}) {
+      for (const char* key : {"from", "origin", "insertion", "to"}) {
         if (entry.contains(key)) visitMaskNames(entry[key], visit);
       }
     }
@@ -273,6 +273,16 @@ void RecipeEditor::addPins(const std::string& name, const std::string& selection
   commit("add-pins " + name, document);
 }
 
+void RecipeEditor::addPart(const std::string& name, const std::string& selection, const std::string& attach,
+                           const std::string& to) {
+  Json document = this->document();
+  Json part = {{"name", name}, {"from", selectionOf(selection)}};
+  if (!attach.empty()) part["attach"] = attach;
+  if (!to.empty()) part["to"] = selectionOf(to);
+  document["parts"].push_back(part);
+  commit("add-part " + name, document);
+}
+
 void RecipeEditor::set(const std::string& key, const std::string& value) {
   Json document = this->document();
   const bool removes = value == "default";
@@ -310,12 +320,14 @@ void RecipeEditor::set(const std::string& key, const std::string& value) {
     if (dot != std::string::npos) {
       entry = namedEntry(document, "clusters", key.substr(0, dot));
       is_cluster = entry != nullptr;
-      if (entry == nullptr) entry = namedEntry(document, "pins", key.substr(0, dot));
+      for (const char* list : {"pins", "parts"}) {
+        if (entry == nullptr) entry = namedEntry(document, list, key.substr(0, dot));
+      }
     }
     if (entry == nullptr) {
       Settings settings;
       settings.set(key, value);  // says what is wrong with it
-      usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster or set of pins",
+      usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster, part or set of pins",
             "All settings: sinew help settings.");
     }
     const std::string name = key.substr(dot + 1);
@@ -344,13 +356,18 @@ void RecipeEditor::rename(const std::string& from, const std::string& to) {
       if (name == from) name = to;
     });
   }
-  for (const char* list : {"clusters", "pins"}) {
+  for (const char* list : {"clusters", "pins", "parts"}) {
     Json* entry = namedEntry(document, list, from);
     if (entry == nullptr) continue;
     found = true;
     // A cluster that its cluster mesh defines keeps it.
     if (std::string_view(list) == "clusters" && !entry->contains("from")) (*entry)["from"] = {{"cluster_mesh", from}};
     (*entry)["name"] = to;
+  }
+  if (found && document.contains("parts")) {
+    for (Json& part : document["parts"]) {
+      if (part.contains("to") && part["to"] == from) part["to"] = to;
+    }
   }
   if (!found) noSuchName(document, from);
   commit("rename " + from + " " + to, document);
@@ -359,7 +376,7 @@ void RecipeEditor::rename(const std::string& from, const std::string& to) {
 void RecipeEditor::remove(const std::string& name) {
   Json document = this->document();
   bool found = false;
-  for (const char* list : {"clusters", "pins"}) {
+  for (const char* list : {"clusters", "pins", "parts"}) {
     if (namedEntry(document, list, name) == nullptr) continue;
     found = true;
     Json kept = Json::array();

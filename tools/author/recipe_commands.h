@@ -35,6 +35,9 @@ class RecipeEditor {
   /// Adds a set of pins.
   void addPins(const std::string& name, const std::string& selection, const std::string& method,
                const std::string& target);
+  /// Adds loose parts that ride along. \param attach "rigid", "follow" or empty. \param to a name or selection, or
+  /// empty.
+  void addPart(const std::string& name, const std::string& selection, const std::string& attach, const std::string& to);
   /// Sets one value. \param key a setting ("clusters.mode"), a cluster's key or setting ("NAME.overlap",
   /// "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"). \param value JSON, or plain text; "default" removes
   /// it.

@@ -209,7 +209,16 @@ std::vector<RecipeObject> declareObjects() {
          {},
          "cluster"},
         {"pins", 0, "What is held.", "[]", "", 0, 0, {}, "pin"},
-        {"stiffness", 0, "What is softer than the rest.", "[]", "", 0, 0, {}, "stiffness"}},
+        {"stiffness", 0, "What is softer than the rest.", "[]", "", 0, 0, {}, "stiffness"},
+        {"parts",
+         0,
+         "Loose parts that ride along instead of being filled: eyeballs, teeth, lashes, buttons.",
+         "[]",
+         "",
+         0,
+         0,
+         {},
+         "part"}},
        R"({"sinew_recipe": 2, "source": "head.obj", "clusters": [{"name": "nose", "from": {"group": "nose"}}]})"},
       {"cluster",
        "A named region that is matched as one. Regions may overlap; where they leave gaps, the nearest one along the "
@@ -260,6 +269,27 @@ std::vector<RecipeObject> declareObjects() {
         {"from", kRecipeSelection, "Which vertices.", ""},
         {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", ""}},
        R"({"from": {"color": "r"}, "value": 0.4})"},
+      {"part",
+       "One or more loose parts of the source, whole, that get no tetrahedra of their own.",
+       {{"name", kRecipeText, "Its name in the package.", ""},
+        note(),
+        {"from", kRecipeSelection, "Which: every loose part of which this selects at least half.", ""},
+        {"attach",
+         kRecipeChoice,
+         "rigid: all of it moves with one rigid motion, without stretch or shear. follow: each vertex keeps its place "
+         "on "
+         "the nearest surface.",
+         "\"rigid\"",
+         "",
+         0,
+         1,
+         {"rigid", "follow"}},
+        {"to", kRecipeSelection,
+         "What carries it: the name of a cluster, a set of pins or a mask, or a selection. rigid: its best-fitting "
+         "rigid "
+         "motion; absent: that of the physical vertices around the part. follow: the surface to sit on; absent: all.",
+         "none"}},
+       R"({"name": "eye.L", "from": {"object": "eyeball_L"}, "attach": "rigid", "to": "skull"})"},
   };
 }
 

@@ -99,13 +99,36 @@ void addPins(const Recipe& recipe, const AuthoredWeights& authored, const Weight
   }
 }
 
+// What carries a part: a cluster, a set of pins, a mask, or a selection.
+VisualWeights hostWeights(const Recipe& recipe, const RecipePart& part, const AuthoredWeights& authored,
+                          Selections& selections) {
+  if (part.to.json.is_null()) return {};
+  if (!part.to.json.is_string()) return selections.evaluate(part.to);
+  const auto name = part.to.json.get<std::string>();
+  std::vector<std::string> known;
+  for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
+    if (authored.clusters[c].name == name) return authored.cluster_weights[c];
+    known.push_back(authored.clusters[c].name);
+  }
+  for (std::size_t p = 0; p < recipe.pins.size(); ++p) {
+    if (recipe.pins[p].name == name) return authored.pins[p];
+    known.push_back(recipe.pins[p].name);
+  }
+  if (recipe.mask(name) != nullptr) return selections.evaluate(part.to);
+  for (const auto& mask : recipe.masks) known.push_back(mask.first);
+  recipe.text->fail(
+      part.to.pointer, "there is no cluster, set of pins or mask '" + name + "' to carry part " + part.name,
+      known.empty() ? "Leave `to` out: what is nearest carries it." : "Did you mean " + nearestName(name, known) + "?");
+}
+
 }  // namespace
 
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
   AuthoredWeights authored;
   authored.clusters = withClusterMeshes(recipe, cluster_meshes);
-  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty()) return authored;
+  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.parts.empty())
+    return authored;
   Selections selections(recipe, mesh, topology, cluster_meshes, findings);
   authored.cluster_weights = selections.clusters();
   const auto evaluate = [&](const SelectionText& s) {
@@ -117,6 +140,10 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
   }
   for (const RecipePins& pins : recipe.pins) authored.pins.push_back(evaluate(pins.from));
   for (const RecipeStiffness& stiffness : recipe.stiffness) authored.stiffness.push_back(evaluate(stiffness.from));
+  for (const RecipePart& part : recipe.parts) {
+    authored.parts.push_back(evaluate(part.from));
+    authored.part_hosts.push_back(hostWeights(recipe, part, authored, selections));
+  }
   return authored;
 }
 

@@ -20,6 +20,7 @@ struct AuthoredWeights {
   std::vector<VisualWeights> origins, insertions;  ///< per cluster; empty where it has none
   std::vector<VisualWeights> pins;                 ///< per pin set of the recipe
   std::vector<VisualWeights> stiffness;            ///< per entry of the recipe
+  std::vector<VisualWeights> parts, part_hosts;    ///< per part of the recipe; hosts empty where the recipe has none
 };
 
 /// Evaluates every selection of a recipe. Throws ToolError(bad_input) for a wrong one, see Selections::evaluate().

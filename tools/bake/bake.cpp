@@ -17,6 +17,8 @@
 #include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
 #include "tools/bake/moments.h"
+#include "tools/bake/parts.h"
+#include "tools/bake/suggest_parts.h"
 #include "tools/core/error.h"
 #include "tools/import/import.h"
 #include "tools/import/topology.h"
@@ -298,10 +300,25 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   const Topology topology = analyzeTopology(mesh);
   std::vector<Finding> authored_findings;
   const AuthoredWeights authored = evaluateRecipe(recipe, mesh, topology, cluster_meshes, authored_findings);
+  const std::vector<RidingPart> parts = findParts(recipe, authored, mesh, topology, authored_findings);
+  if (parts.empty()) {
+    const std::vector<Finding> suggested = suggestParts(mesh, topology);
+    authored_findings.insert(authored_findings.end(), suggested.begin(), suggested.end());
+  }
 
   progress.stage("tetrahedra");
-  PhysicalMesh physical = tetrahedralize(mesh, topology, settings.tetrahedra, progress);
+  // What is filled: the mesh without the parts that ride along, with its own topology.
+  VisualMesh without;
+  Topology topology_without;
+  if (!parts.empty()) {
+    without = withoutParts(mesh, parts);
+    topology_without = analyzeTopology(without);
+  }
+  const Topology& host_topology = parts.empty() ? topology : topology_without;
+  PhysicalMesh physical = tetrahedralize(parts.empty() ? mesh : without, host_topology, settings.tetrahedra, progress);
   const Vector3d origin = moveToOrigin(mesh, physical);
+  if (!parts.empty()) without = withoutParts(mesh, parts);
+  const VisualMesh& host = parts.empty() ? mesh : without;
   physical.quality = measureQuality(physical.positions, physical.tetrahedra);
   if (physical.quality.inverted > 0) {
     throw ToolError(
@@ -315,8 +332,9 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   std::vector<Finding> findings = mesh.findings;
   findings.insert(findings.end(), physical.findings.begin(), physical.findings.end());
   findings.insert(findings.end(), authored_findings.begin(), authored_findings.end());
-  const std::vector<TetrahedronPlace> places = placeVisualVertices(mesh, topology, physical);
-  const WeightTransfer transfer(mesh, physical, places);
+  std::vector<TetrahedronPlace> places = placeVisualVertices(host, host_topology, physical);
+  followHost(parts, host, physical, places);
+  const WeightTransfer transfer(host, physical, places);
   std::vector<std::uint32_t> recipe_cluster;
   std::vector<ClusterSource> clusters;
   if (authored.clusters.empty()) {
@@ -352,6 +370,12 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
     attachToClusters(places, content);
   else
     attachToTetrahedra(places, content);
+  content.info.diagonal = float(mesh.diagonal);
+  addParts(parts, places, transfer, content);
+  for (const RidingPart& part : parts) {
+    if (!part.rigid) continue;
+    for (const std::uint32_t v : part.vertices) places[v].distance = 0;
+  }
   double rest_error = 0;
   std::size_t worst = 0;
   double farthest = 0;
@@ -370,7 +394,6 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   info.metres_per_unit = mesh.metres_per_unit;
   info.bounds_min = toFloat(mesh.bounds_min);
   info.bounds_max = toFloat(mesh.bounds_max);
-  info.diagonal = float(mesh.diagonal);
   double mass = 0;
   for (const auto& vertex : content.physical_vertices) mass += double(vertex.mass);
   info.total_mass = float(mass);
@@ -440,8 +463,8 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
     ordered_json entry = {{"name", body.name},
                           {"method", methodName(body.method)},
                           {"parts", body.parts.size()},
-                          {"physical_vertices", body.vertex_count},
-                          {"tetrahedra", body.tetrahedron_count},
+                          {"physical_vertices", content.bodies[b].vertex_count},
+                          {"tetrahedra", content.bodies[b].tetrahedron_count},
                           {"clusters", content.bodies[b].cluster_count},
                           {"volume", body.volume}};
     if (body.source_volume >= 0) {
@@ -453,14 +476,20 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
     bodies.push_back(entry);
   }
   report["bodies"] = bodies;
-  report["physical_vertices"] = physical.positions.size();
-  report["tetrahedra"] = physical.tetrahedra.size();
+  report["physical_vertices"] = content.physical_vertices.size();
+  report["tetrahedra"] = content.tetrahedra.size();
   report["tetrahedra_quality"] = {{"min_dihedral_deg", physical.quality.min_dihedral_deg},
                                   {"max_dihedral_deg", physical.quality.max_dihedral_deg},
                                   {"inverted", physical.quality.inverted}};
   report["clusters"] = content.clusters.size();
   report["memberships"] = content.memberships.size();
   if (!content.channels.empty()) report["channels"] = content.channels.size();
+  for (const formats::AttachedPart& part : content.parts) {
+    report["attached_parts"].push_back(
+        {{"name", std::string(content.strings.data() + part.name.offset, part.name.bytes)},
+         {"attach", part.cluster == formats::kNone ? "follow" : "rigid"},
+         {"visual_vertices", part.count}});
+  }
   if (!content.pin_sets.empty()) report["pin_sets"] = content.pin_sets.size();
   report["mass"] = mass;
   report["attachment"] = {

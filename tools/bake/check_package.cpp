@@ -321,6 +321,12 @@ class PackageCheck {
     return (moment * inverse * moment - moment).norm() <= kMomentTolerance * moment.norm();
   }
 
+  // Such a cluster moves four vertices with others that it only looks at.
+  bool carriesPart(std::uint32_t c) const {
+    const auto parts = package_.parts();
+    return std::any_of(parts.begin(), parts.end(), [c](const auto& part) { return part.cluster == c; });
+  }
+
   void clusterPieces() {
     // Neighbours over the edges of tetrahedra.
     const std::size_t vertices = package_.physicalVertices().size();
@@ -343,7 +349,7 @@ class PackageCheck {
     std::vector<std::uint32_t> split, stack;
     for (std::uint32_t c = 0; c < package_.clusters().size(); ++c) {
       const auto list = members(package_.clusters()[c]);
-      if (list.empty()) continue;
+      if (list.empty() || carriesPart(c)) continue;
       for (const auto& member : list) member_of[member.vertex] = c;
       std::size_t reached = 1;
       seen_by[list[0].vertex] = c;

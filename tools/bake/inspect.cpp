@@ -134,6 +134,18 @@ ordered_json inspectPackage(const formats::PackageView& package) {
     json["pin_sets"].push_back(
         {{"name", package.text(set.name)}, {"target", package.text(set.target)}, {"vertices", set.count}});
   }
+  for (const auto& part : package.parts()) {
+    std::vector<std::uint32_t> sources;
+    for (const std::uint32_t v : package.partVertices().subspan(part.first, part.count)) {
+      if (!package.visualIdentity().empty()) sources.push_back(package.visualIdentity()[v].source_vertex);
+    }
+    std::sort(sources.begin(), sources.end());
+    sources.erase(std::unique(sources.begin(), sources.end()), sources.end());
+    json["parts"].push_back({{"name", package.text(part.name)},
+                             {"attach", part.cluster == formats::kNone ? "follow" : "rigid"},
+                             {"visual_vertices", part.count},
+                             {"source_vertices", sources}});
+  }
   json["memberships"] = package.memberships().size();
   json["visual_vertices"] = package.visualPositions().size();
   json["visual_triangles"] = package.visualTriangles().size();

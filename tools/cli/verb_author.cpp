@@ -21,7 +21,7 @@ namespace {
 
 struct AuthorCommand {
   std::string recipe;
-  std::string name, other, from, method, target, plane, options, picture;
+  std::string name, other, from, method, target, attach, to, plane, options, picture;
   std::vector<std::string> assignments, names;
   bool json = false;
 };
@@ -72,6 +72,9 @@ std::vector<Shown> evaluate(const AuthorCommand& command, const Recipe& recipe, 
   for (const RecipePins& pins : recipe.pins) {
     if (wanted(pins.name)) shown.push_back({"pins", {pins.name, selections.evaluate(pins.from)}});
   }
+  for (const RecipePart& part : recipe.parts) {
+    if (wanted(part.name)) shown.push_back({"part", {part.name, selections.evaluate(part.from)}});
+  }
   const bool nothing_else = shown.empty() && command.names.empty();
   for (const auto& [name, mask] : recipe.masks) {
     if (wanted(name) && (nothing_else || !command.names.empty()))
@@ -79,7 +82,7 @@ std::vector<Shown> evaluate(const AuthorCommand& command, const Recipe& recipe, 
   }
   for (const std::string& name : command.names) {
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    throw ToolError(ExitCode::usage, "", "there is no mask, cluster or set of pins named '" + name + "'",
+    throw ToolError(ExitCode::usage, "", "there is no mask, cluster, part or set of pins named '" + name + "'",
                     known.empty() ? "The recipe has none yet." : "Did you mean " + nearestName(name, known) + "?");
   }
   return shown;
@@ -194,6 +197,14 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   pins->add_option("--method", command->method, "hold, infinite_mass, matrix or constrained_fit");
   pins->add_option("--target", command->target, "world, or a name of the game's");
 
+  CLI::App* part = add("add-part", "Add loose parts that ride along: eyeballs, teeth, lashes", [command] {
+    edit(*command, [&](RecipeEditor& e) { e.addPart(command->name, command->from, command->attach, command->to); });
+  });
+  part->add_option("name", command->name)->required();
+  part->add_option("--from", command->from, selection)->required();
+  part->add_option("--attach", command->attach, "rigid or follow");
+  part->add_option("--to", command->to, "What carries it: a cluster, a set of pins, a mask, or JSON of a selection");
+
   CLI::App* set =
       add("set", "Set values: KEY=VALUE, CLUSTER.KEY=VALUE or /json/pointer=VALUE; default removes one", [command] {
         edit(*command, [&](RecipeEditor& e) {
@@ -209,13 +220,13 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
       });
   set->add_option("assignments", command->assignments, "KEY=VALUE")->required();
 
-  CLI::App* rename = add("rename", "Rename a mask, a cluster or a set of pins", [command] {
+  CLI::App* rename = add("rename", "Rename a mask, a cluster, a part or a set of pins", [command] {
     edit(*command, [&](RecipeEditor& e) { e.rename(command->name, command->other); });
   });
   rename->add_option("from", command->name)->required();
   rename->add_option("to", command->other)->required();
 
-  CLI::App* remove = add("remove", "Remove a mask, a cluster or a set of pins",
+  CLI::App* remove = add("remove", "Remove a mask, a cluster, a part or a set of pins",
                          [command] { edit(*command, [&](RecipeEditor& e) { e.remove(command->name); }); });
   remove->add_option("name", command->name)->required();
 

@@ -5,6 +5,8 @@
 #include "tools/bake/check_package.h"
 #include "tools/bake/check_source.h"
 #include "tools/bake/findings_json.h"
+#include "tools/bake/parts.h"
+#include "tools/bake/suggest_parts.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/import/import.h"
@@ -54,7 +56,11 @@ Diagnosis checkSourceFile(const Command& command) {
   CheckOptions options;
   options.join_distance = recipe.settings.tetrahedra.join_distance;
   Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(mesh, topology, options), ""};
-  evaluateRecipe(recipe, mesh, topology, cluster_meshes, diagnosis.findings);
+  const AuthoredWeights authored = evaluateRecipe(recipe, mesh, topology, cluster_meshes, diagnosis.findings);
+  if (findParts(recipe, authored, mesh, topology, diagnosis.findings).empty()) {
+    const std::vector<Finding> suggested = suggestParts(mesh, topology);
+    diagnosis.findings.insert(diagnosis.findings.end(), suggested.begin(), suggested.end());
+  }
   diagnosis.verdict = sourceVerdict(diagnosis.findings);
   if (!command.picture.empty()) {
     progress.stage("picture");

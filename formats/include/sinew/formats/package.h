@@ -65,6 +65,8 @@ class PackageView {
   std::span<const float> pinWeights() const { return pin_weights_; }
   std::span<const PinSet> pinSets() const { return pin_sets_; }
   std::span<const std::uint32_t> pinSetVertices() const { return pin_set_vertices_; }
+  std::span<const AttachedPart> parts() const { return parts_; }
+  std::span<const std::uint32_t> partVertices() const { return part_vertices_; }
   std::span<const Float3> visualPositions() const { return visual_positions_; }
   std::span<const Float3> visualNormals() const { return visual_normals_; }
   std::span<const Float2> visualUvs() const { return visual_uvs_; }
@@ -104,6 +106,8 @@ class PackageView {
   std::span<const float> vertex_stiffness_, pin_weights_;
   std::span<const PinSet> pin_sets_;
   std::span<const std::uint32_t> pin_set_vertices_;
+  std::span<const AttachedPart> parts_;
+  std::span<const std::uint32_t> part_vertices_;
   std::span<const Float3> visual_positions_, visual_normals_;
   std::span<const Float2> visual_uvs_;
   std::span<const Color8> visual_colors_;

@@ -265,6 +265,20 @@ struct PinSet {
 };
 static_assert(sizeof(PinSet) == 32);
 
+/// PART: a loose part of the visual mesh that no tetrahedra of its own fill, by the name that the recipe gave it: an
+/// eyeball, teeth, lashes. Its visual vertices are PRTV[first .. first+count), ascending.
+struct AttachedPart {
+  StringRef name;
+  /// Rigid: the cluster that carries the part. Its mu lie on the host's vertices, which have share 0 in it; share 1
+  /// have the four vertices of the tetrahedron that the part hangs on, with mu 0. kNone: each vertex follows the
+  /// surface.
+  std::uint32_t cluster;
+  std::uint32_t first;      ///< into PRTV
+  std::uint32_t count;      ///< may be 0
+  std::uint32_t reserved0;  ///< 0
+};
+static_assert(sizeof(AttachedPart) == 24);
+
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
 using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
 using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
@@ -361,15 +375,16 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                quadratic_moments = fourcc("AQQ9"), mechanics = fourcc("CMEC"),
                                curve_points = fourcc("CURV"), channels = fourcc("CHAN"),
                                vertex_stiffness = fourcc("PSTF"), pin_weights = fourcc("PPIN"),
-                               pin_sets = fourcc("PSET"), pin_set_vertices = fourcc("PSTV"),
-                               visual_positions = fourcc("VPOS"), visual_normals = fourcc("VNRM"),
-                               visual_uv = fourcc("VUV0"), visual_colors = fourcc("VCOL"),
-                               visual_triangles = fourcc("VTRI"), sub_meshes = fourcc("VSUB"),
-                               materials = fourcc("VMAT"), textures = fourcc("VTEX"), texture_bytes = fourcc("TEXB"),
-                               barycentric = fourcc("ATBC"), cluster_attachment_ranges = fourcc("ATCR"),
-                               cluster_attachments = fourcc("ATCW"), visual_identity = fourcc("VSRC"),
-                               source_identity = fourcc("SVTX"), source_visual_list = fourcc("SVLS"),
-                               source_meshes = fourcc("SMSH"), groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
+                               pin_sets = fourcc("PSET"), pin_set_vertices = fourcc("PSTV"), parts = fourcc("PART"),
+                               part_vertices = fourcc("PRTV"), visual_positions = fourcc("VPOS"),
+                               visual_normals = fourcc("VNRM"), visual_uv = fourcc("VUV0"),
+                               visual_colors = fourcc("VCOL"), visual_triangles = fourcc("VTRI"),
+                               sub_meshes = fourcc("VSUB"), materials = fourcc("VMAT"), textures = fourcc("VTEX"),
+                               texture_bytes = fourcc("TEXB"), barycentric = fourcc("ATBC"),
+                               cluster_attachment_ranges = fourcc("ATCR"), cluster_attachments = fourcc("ATCW"),
+                               visual_identity = fourcc("VSRC"), source_identity = fourcc("SVTX"),
+                               source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
+                               groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
 }  // namespace section
 
 }  // namespace sinew::formats

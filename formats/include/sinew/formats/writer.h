@@ -27,6 +27,8 @@ struct PackageContent {
   std::vector<float> vertex_stiffness, pin_weights;
   std::vector<PinSet> pin_sets;
   std::vector<std::uint32_t> pin_set_vertices;
+  std::vector<AttachedPart> parts;
+  std::vector<std::uint32_t> part_vertices;
   std::vector<Float3> visual_positions, visual_normals;
   std::vector<Float2> visual_uvs;
   std::vector<Color8> visual_colors;

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Loose parts that ride along without tetrahedra of their own: eyeballs, teeth, lashes, buttons (recipe key `parts`).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sinew/formats/writer.h"
+#include "tools/attach/attach.h"
+#include "tools/author/recipe.h"
+#include "tools/author/weights.h"
+#include "tools/bake/authored.h"
+
+namespace sinew::tools {
+
+/// A part of the recipe on its source.
+struct RidingPart {
+  std::string name;
+  bool rigid = true;
+  std::vector<std::uint32_t> triangles;  ///< of its loose parts, ascending
+  std::vector<std::uint32_t> vertices;   ///< visual, ascending
+  VisualWeights host;                    ///< what carries it; empty: what is nearest
+};
+
+/// The loose parts that each part of the recipe names. Throws ToolError(bad_input) with line and cure where one holds
+/// no loose part, where two hold the same, or where nothing is left to be filled.
+std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh,
+                                  const Topology& topology, std::vector<Finding>& findings);
+
+/// The mesh without the triangles of the parts. Vertices and points stay, with their numbers; so do the bounds.
+VisualMesh withoutParts(const VisualMesh& mesh, const std::vector<RidingPart>& parts);
+
+/// Gives the vertices of parts that follow the tetrahedron of the nearest point of the host's surface.
+/// \param host the mesh without parts; \param places in and out, per visual vertex.
+void followHost(const std::vector<RidingPart>& parts, const VisualMesh& host, const PhysicalMesh& physical,
+                std::vector<TetrahedronPlace>& places);
+
+/// Records the parts (sections PART, PRTV) and gives each rigid one what carries it: a rigid cluster that is matched to
+/// the host's vertices but moves only four light vertices of one tetrahedron around the part, on which its visual
+/// vertices hang. So a part moves exactly as the best-fitting rigid motion of its host, the host does not feel it, and
+/// the runtime knows nothing of parts. \param places of all visual vertices on the host. \param content in and out,
+/// with bodies, clusters and attachments in place.
+void addParts(const std::vector<RidingPart>& parts, const std::vector<TetrahedronPlace>& places,
+              const WeightTransfer& transfer, formats::PackageContent& content);
+
+}  // namespace sinew::tools
