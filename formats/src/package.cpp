@@ -77,7 +77,7 @@ class PackageReader {
     return readHeader() && readTable() && checkPresence() && bindSections() && checkTexts() && checkInfo() &&
            checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
            checkMechanics() && checkPinSets() && checkParts() && checkVisualMesh() && checkMaterials() &&
-           checkAttachments() && checkIdentity() && checkGroups();
+           checkAttachments() && checkIdentity() && checkGroups() && checkMasks();
   }
 
   std::string reason() && { return std::move(reason_); }
@@ -236,13 +236,14 @@ class PackageReader {
     }
     for (const std::uint32_t id :
          {section::visual_normals, section::visual_uv, section::visual_colors, section::sub_meshes, section::materials,
-          section::barycentric, section::cluster_attachments, section::visual_identity, section::groups,
-          section::parts}) {
+          section::barycentric, section::cluster_attachments, section::visual_identity, section::groups, section::parts,
+          section::masks}) {
       if (!needs(id, section::visual_positions)) return false;
     }
     if (!needs(section::curve_points, section::mechanics) || !needs(section::texture_bytes, section::textures) ||
-        !needs(section::group_vertices, section::groups) || !needs(section::pin_set_vertices, section::pin_sets) ||
-        !needs(section::part_vertices, section::parts) || !needs(section::barycentric, section::tetrahedra)) {
+        !needs(section::group_vertices, section::groups) || !needs(section::mask_weights, section::masks) ||
+        !needs(section::pin_set_vertices, section::pin_sets) || !needs(section::part_vertices, section::parts) ||
+        !needs(section::barycentric, section::tetrahedra)) {
       return false;
     }
     if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
@@ -296,6 +297,8 @@ class PackageReader {
     bind(section::source_meshes, view_.source_meshes_);
     bind(section::groups, view_.groups_);
     bind(section::group_vertices, view_.group_vertices_);
+    bind(section::masks, view_.masks_);
+    bind(section::mask_weights, view_.mask_weights_);
     view_.features_ = header_.features;
     view_.format_version_ = header_.format_version;
     view_.total_bytes_ = header_.total_bytes;
@@ -324,7 +327,8 @@ class PackageReader {
            checkNames(section::materials, view_.materials_) && checkNames(section::textures, view_.textures_) &&
            check(section::textures, view_.textures_, "its mime type lies outside section STRS",
                  [this](const Texture& t) { return badText(t.mime); }) &&
-           checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_);
+           checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_) &&
+           checkNames(section::masks, view_.masks_);
   }
 
   bool checkInfo() {
@@ -756,6 +760,26 @@ class PackageReader {
       }
     }
     return end == view_.group_vertices_.size() || refuse(section::group_vertices, "has vertices of no group");
+  }
+
+  bool checkMasks() {
+    const std::span<const MaskWeight> weights = view_.mask_weights_;
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < view_.masks_.size(); ++i) {
+      const Mask& mask = view_.masks_[i];
+      if (mask.first != end || mask.count > weights.size() - end) {
+        return refuse(section::masks, i, "does not start where the mask before ends, or reaches beyond section MSKV");
+      }
+      std::uint64_t lowest = 0;
+      for (const MaskWeight& w : weights.subspan(mask.first, mask.count)) {
+        if (w.vertex < lowest || w.vertex >= view_.visual_positions_.size() || !(w.weight > 0) || !(w.weight <= 1)) {
+          return refuse(section::masks, i, "its vertices are not ascending visual vertices of weight 0 to 1");
+        }
+        lowest = std::uint64_t{w.vertex} + 1;
+      }
+      end += mask.count;
+    }
+    return end == weights.size() || refuse(section::mask_weights, "has weights of no mask");
   }
 
   std::span<const std::byte> bytes_;

@@ -19,7 +19,7 @@ struct SectionRule {
 };
 
 /// In the order in which the writer lays sections out.
-inline constexpr std::array<SectionRule, 35> kSectionRules = {{
+inline constexpr std::array<SectionRule, 37> kSectionRules = {{
     {section::info, sizeof(BodyInfo), kSectionRequired, true, 0},
     {section::strings, 1, kSectionRequired, false, 0},
     {section::bodies, sizeof(BodyRange), kSectionRequired, true, 0},
@@ -56,6 +56,8 @@ inline constexpr std::array<SectionRule, 35> kSectionRules = {{
     {section::source_meshes, sizeof(SourceMesh), 0, false, kFeatureIdentity},
     {section::groups, sizeof(Group), 0, false, kFeatureGroups},
     {section::group_vertices, sizeof(std::uint32_t), 0, false, 0},
+    {section::masks, sizeof(Mask), 0, false, 0},
+    {section::mask_weights, sizeof(MaskWeight), 0, false, 0},
 }};
 
 inline constexpr std::uint64_t kKnownFeatures = [] {

@@ -97,6 +97,10 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.groups);
     case section::group_vertices:
       return payload(content.group_vertices);
+    case section::masks:
+      return payload(content.masks);
+    case section::mask_weights:
+      return payload(content.mask_weights);
     default:
       return {};
   }

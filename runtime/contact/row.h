@@ -32,6 +32,7 @@ struct Row {
 
 /// How a cluster's goals answer to an impulse: constants of one pass.
 struct ClusterResponse {
+  Matrix3 rotation = Matrix3::Identity();     ///< R
   Columns<9> lever = Columns<9>::Zero();      ///< R (E - M S): a turn δ moves the goal of q~ by δ x (radius lever q~)
   Matrix3 inertia_inverse = Matrix3::Zero();  ///< world, for unit mass and radius
   bool used = false;                          ///< some row reaches this cluster

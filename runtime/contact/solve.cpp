@@ -102,6 +102,7 @@ void updateResponse(const formats::Cluster& cluster, const ClusterRest& rest, co
                     const ClusterFrame& frame, ClusterResponse& response) {
   const Matrix3 r = geometry::rotationMatrix(frame.rotation);
   const int n = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
+  response.rotation = r;
   response.lever.setZero();
   response.lever.leftCols<3>() = r;
   if (stiffness.deforms) {
@@ -124,9 +125,11 @@ void updateResponse(const formats::Cluster& cluster, const ClusterRest& rest, co
 }
 
 Matrix3 crossMatrix(const Vector3& v) {
-  Matrix3 m;
-  m << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
-  return m;
+  Matrix3 m = Matrix3::Zero();
+  m(1, 0) = v[2];
+  m(2, 0) = -v[1];
+  m(2, 1) = v[0];
+  return m - m.transpose();
 }
 
 void copy(const Vector3& from, float* to) { std::copy(from.data(), from.data() + 3, to); }
@@ -158,7 +161,7 @@ Matrix3 addTerms(Body& body, const Row& row) {
     } else {
       const ClusterResponse& response = body.responses[c];
       const ClusterStiffness& stiffness = body.stiffness->clusters[c];
-      const Vector3 arm = geometry::rotationMatrix(body.frames[c].rotation) * q.head<3>();
+      const Vector3 arm = response.rotation * q.head<3>();
       const Vector3 lever = response.lever.lazyProduct(q);
       in = q / cluster.radius;
       float deformation = 0;

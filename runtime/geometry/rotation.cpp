@@ -41,10 +41,16 @@ Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const Quatern
 
 Eigen::Matrix3f rotationMatrix(const Quaternion& q) {
   const float w = q[0], x = q[1], y = q[2], z = q[3];
-  Eigen::Matrix3f r;
-  r << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),  //
-      2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),   //
-      2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
+  Eigen::Matrix3f r;  // written entry by entry: Eigen's comma is a call each where code is compiled to be small
+  r(0, 0) = 1 - 2 * (y * y + z * z);
+  r(0, 1) = 2 * (x * y - w * z);
+  r(0, 2) = 2 * (x * z + w * y);
+  r(1, 0) = 2 * (x * y + w * z);
+  r(1, 1) = 1 - 2 * (x * x + z * z);
+  r(1, 2) = 2 * (y * z - w * x);
+  r(2, 0) = 2 * (x * z - w * y);
+  r(2, 1) = 2 * (y * z + w * x);
+  r(2, 2) = 1 - 2 * (x * x + y * y);
   return r;
 }
 

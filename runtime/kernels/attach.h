@@ -33,7 +33,7 @@ SINEW_INLINE Float8 spreadPair(Float4 v) {
 // Three floats, without touching what lies behind them.
 SINEW_INLINE Float4 load3(const float* p) {
 #if defined(__SSE4_1__)
-  const __m128 xy = _mm_castpd_ps(_mm_load_sd(reinterpret_cast<const double*>(p)));
+  const __m128 xy = _mm_castsi128_ps(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(p)));
   return Float4(_mm_insert_ps(xy, _mm_load_ss(p + 2), 0x20));
 #else
   return Float4{p[0], p[1], p[2], 0.0F};

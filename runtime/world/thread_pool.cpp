@@ -39,14 +39,22 @@ bool spinUntil(int spins, const Ready& ready) {
 }  // namespace
 
 struct ThreadPool::Impl {
-  // The loop that is running: its number in the high half, odd while it is open, and its next index in the low half.
-  // Both change at once, so a late helper of an old loop never takes a range of a new one.
-  alignas(64) std::atomic<std::uint64_t> ticket{0};
-  alignas(64) std::atomic<std::uint32_t> done{0};      // indices of the loop that are finished
-  alignas(64) std::atomic<std::uint32_t> sleepers{0};  // helpers that wait on `work`
-  std::atomic<std::uint32_t> inside{0};                // helpers that look at the fields below
-  std::uint32_t count = 0, grain = 1;
+  // What is left of one thread's share of the loop: its first index in the high half, its end in the low half. The
+  // owner takes from the front, who has finished helps from the back. Shares are the same in every loop of one length,
+  // so a thread finds in its cache what it wrote in the loop before (docs/performance.md).
+  struct alignas(64) Share {
+    std::atomic<std::uint64_t> left{0};
+  };
+
+  // What the caller writes and helpers read. The number of the loop that is running is odd while it is open.
+  alignas(64) std::atomic<std::uint32_t> loop{0};
+  std::uint32_t grain = 1;
   const std::function<void(std::uint32_t, std::uint32_t)>* body = nullptr;
+  // What helpers write: each two times a loop, since a line that two cores write costs a tenth of a microsecond a time.
+  alignas(64) std::atomic<std::uint32_t> inside{0};    // helpers that look at the fields above
+  std::atomic<std::uint32_t> done{0};                  // indices of the loop that are finished
+  alignas(64) std::atomic<std::uint32_t> sleepers{0};  // helpers that wait on `work`
+  std::unique_ptr<Share[]> shares;                     // one a thread, the caller's first
 
   std::mutex mutex;
   std::condition_variable work;
@@ -54,26 +62,36 @@ struct ThreadPool::Impl {
   std::atomic<bool> stop{false};
   int spins = kSpins;
 
-  static std::uint32_t numberOf(std::uint64_t value) { return std::uint32_t(value >> 32); }
+  static std::uint64_t packed(std::uint32_t begin, std::uint32_t end) { return (std::uint64_t(begin) << 32) | end; }
+  std::uint32_t threadCount() const { return std::uint32_t(threads.size()) + 1; }
 
-  // Works on loop `number` until no range of it is left.
-  void runShare(std::uint32_t number) {
+  // Works on a share until nothing of it is left; returns how many indices that were.
+  std::uint32_t runShare(Share& share, bool own) {
+    std::uint32_t finished = 0;
+    std::uint64_t left = share.left.load(std::memory_order_acquire);
     for (;;) {
-      std::uint64_t now = ticket.load(std::memory_order_acquire);
-      if (numberOf(now) != number) return;
-      const std::uint32_t begin = std::uint32_t(now);
-      if (begin >= count) return;
-      const std::uint32_t end = begin + std::min(grain, count - begin);
-      if (!ticket.compare_exchange_weak(now, (std::uint64_t(number) << 32) | end, std::memory_order_acq_rel)) continue;
-      (*body)(begin, end);
-      done.fetch_add(end - begin, std::memory_order_acq_rel);
+      const std::uint32_t begin = std::uint32_t(left >> 32), end = std::uint32_t(left);
+      if (begin >= end) return finished;
+      const std::uint32_t size = std::min(grain, end - begin);
+      const std::uint64_t rest = own ? packed(begin + size, end) : packed(begin, end - size);
+      if (!share.left.compare_exchange_weak(left, rest, std::memory_order_acq_rel)) continue;
+      const std::uint32_t first = own ? begin : end - size;
+      (*body)(first, first + size);
+      finished += size;
+      left = share.left.load(std::memory_order_acquire);
     }
   }
+  std::uint32_t runShares(std::uint32_t thread) {
+    const std::uint32_t count = threadCount();
+    std::uint32_t finished = 0;
+    for (std::uint32_t i = 0; i < count; ++i) finished += runShare(shares[(thread + i) % count], i == 0);
+    return finished;
+  }
 
-  void helper() {
+  void helper(std::uint32_t thread) {
     std::uint32_t seen = 0;
     const auto ready = [&] {
-      const std::uint32_t number = numberOf(ticket.load(std::memory_order_seq_cst));
+      const std::uint32_t number = loop.load(std::memory_order_seq_cst);
       return stop.load(std::memory_order_acquire) || (number % 2 == 1 && number != seen);
     };
     for (;;) {
@@ -86,10 +104,10 @@ struct ThreadPool::Impl {
       if (stop.load(std::memory_order_acquire)) return;
       // The caller closes a loop (even number) before it changes the fields, and waits until nobody is inside.
       inside.fetch_add(1, std::memory_order_seq_cst);
-      const std::uint32_t number = numberOf(ticket.load(std::memory_order_seq_cst));
+      const std::uint32_t number = loop.load(std::memory_order_seq_cst);
       if (number % 2 == 1) {
         seen = number;
-        runShare(number);
+        done.fetch_add(runShares(thread), std::memory_order_acq_rel);
       }
       inside.fetch_sub(1, std::memory_order_seq_cst);
     }
@@ -100,10 +118,15 @@ ThreadPool::ThreadPool(std::uint32_t threads) noexcept {
   const std::uint32_t cores = std::max(1U, std::thread::hardware_concurrency());
   if (threads == 0) threads = cores;
   try {
-    impl_ = std::make_unique<Impl>();
+    auto impl = std::make_unique<Impl>();
+    impl->shares = std::make_unique<Impl::Share[]>(threads);
+    impl->threads.reserve(threads - 1);
     // Where there are more threads than cores, spinning only keeps the others from working.
-    if (threads > cores) impl_->spins = 1;
-    for (std::uint32_t i = 1; i < threads; ++i) impl_->threads.emplace_back([pool = impl_.get()] { pool->helper(); });
+    if (threads > cores) impl->spins = 1;
+    impl_ = std::move(impl);
+    for (std::uint32_t i = 1; i < threads; ++i) {
+      impl_->threads.emplace_back([pool = impl_.get(), i] { pool->helper(i); });
+    }
   } catch (...) {  // NOLINT(bugprone-empty-catch): as many threads as there are by now
   }
 }
@@ -118,7 +141,7 @@ ThreadPool::~ThreadPool() {
   for (std::thread& thread : impl_->threads) thread.join();
 }
 
-std::uint32_t ThreadPool::threads() const { return impl_ == nullptr ? 1 : std::uint32_t(impl_->threads.size()) + 1; }
+std::uint32_t ThreadPool::threads() const { return impl_ == nullptr ? 1 : impl_->threadCount(); }
 
 void ThreadPool::parallelFor(std::uint32_t count, std::uint32_t grain,
                              const std::function<void(std::uint32_t, std::uint32_t)>& body) {
@@ -128,20 +151,24 @@ void ThreadPool::parallelFor(std::uint32_t count, std::uint32_t grain,
     return;
   }
   Impl& pool = *impl_;
-  pool.count = count;
-  pool.grain = std::max(grain, count / (threads() * 8));  // a few ranges a thread balance the load
+  const std::uint32_t all = threads();
+  pool.grain = std::max(grain, count / (all * 8));  // a few ranges a thread balance the load
   pool.body = &body;
   pool.done.store(0, std::memory_order_relaxed);
-  const std::uint32_t number = Impl::numberOf(pool.ticket.load(std::memory_order_relaxed)) + 1;
-  pool.ticket.store(std::uint64_t(number) << 32, std::memory_order_seq_cst);
+  for (std::uint32_t i = 0; i < all; ++i) {
+    const auto border = [&](std::uint32_t of) { return std::uint32_t(std::uint64_t(count) * of / all); };
+    pool.shares[i].left.store(Impl::packed(border(i), border(i + 1)), std::memory_order_relaxed);
+  }
+  const std::uint32_t number = pool.loop.load(std::memory_order_relaxed) + 1;
+  pool.loop.store(number, std::memory_order_seq_cst);
   if (pool.sleepers.load(std::memory_order_seq_cst) > 0) {
     { const std::lock_guard lock(pool.mutex); }  // a helper between its last look and its sleep hears the call
     pool.work.notify_all();
   }
-  pool.runShare(number);
-  const auto finished = [&] { return pool.done.load(std::memory_order_acquire) == count; };
+  const std::uint32_t for_helpers = count - pool.runShares(0);
+  const auto finished = [&] { return pool.done.load(std::memory_order_acquire) == for_helpers; };
   while (!spinUntil(pool.spins, finished)) std::this_thread::yield();
-  pool.ticket.store(std::uint64_t(number + 1) << 32, std::memory_order_seq_cst);
+  pool.loop.store(number + 1, std::memory_order_seq_cst);
   while (pool.inside.load(std::memory_order_seq_cst) != 0) {
     if (pool.spins <= 1) std::this_thread::yield();
     pause();

@@ -36,13 +36,27 @@ class Bench(unittest.TestCase):
         assert result.returncode in (0, 1), result.stderr
         cls.report = json.loads(result.stdout)
         cls.returncode = result.returncode
-        cls.lines = {(line["group"], line["name"]): line for line in cls.report["lines"]}
+        cls.peers = [line for line in cls.report["results"] if line["name"].startswith("peer/")]
+        own = [line for line in cls.report["results"] if not line["name"].startswith("peer/")]
+        cls.lines = {(line["group"], line["name"].removeprefix(line["group"] + "/")): line for line in own}
 
     def test_every_line_is_there_once(self):
-        self.assertEqual(len(self.lines), len(self.report["lines"]))
+        self.assertEqual(len(self.lines) + len(self.peers), len(self.report["results"]))
+        self.assertEqual(len({line["name"] for line in self.report["results"]}), len(self.report["results"]))
         for key in LINES:
             self.assertIn(key, self.lines)
         self.assertEqual(set(group for group, _ in self.lines), set(GROUPS))
+
+    def test_peers_have_results_of_their_own(self):
+        self.assertTrue(self.peers)
+        for peer in self.peers:
+            with self.subTest(name=peer["name"]):
+                self.assertGreater(peer["value"], 0)
+                self.assertTrue(peer["lower_is_better"])
+                group, name = peer["name"].removeprefix("peer/").split("/", 1)
+                name, library = name.rsplit(", ", 1)
+                self.assertEqual(self.lines[group, name]["reference"], library)
+                self.assertEqual(self.lines[group, name]["reference_value"], peer["value"])
 
     def test_machine(self):
         machine = self.report["machine"]
@@ -86,28 +100,28 @@ class Bench(unittest.TestCase):
         self.assertEqual(len(states), 1)
 
     def test_exit_code_says_whether_limits_hold(self):
-        missed = [line["name"] for line in self.report["lines"] if line.get("passed") is False]
+        missed = [line["name"] for line in self.report["results"] if line.get("passed") is False]
         self.assertEqual(self.report["passed"], not missed)
         self.assertEqual(self.returncode, 1 if missed else 0)
 
 
 class Usage(unittest.TestCase):
     def test_one_group(self):
-        result = run("--quick", "--json", "--only", "open")
+        result = run("--quick", "--json", "--filter", "open")
         self.assertEqual(result.returncode, 0, result.stderr)
-        self.assertEqual({line["group"] for line in json.loads(result.stdout)["lines"]}, {"open"})
+        self.assertEqual({line["group"] for line in json.loads(result.stdout)["results"]}, {"open"})
 
     def test_unknown_group_is_one_clear_line(self):
-        result = run("--only", "nothing")
+        result = run("--filter", "nothing")
         self.assertEqual(result.returncode, 2)
         self.assertEqual(result.stdout, "")
         self.assertEqual(len(result.stderr.strip().splitlines()), 1)
         self.assertIn("matching", result.stderr)
 
     def test_a_library_that_is_not_there(self):
-        result = run("--quick", "--json", "--only", "library", "--library", "no_such_file.so")
+        result = run("--quick", "--json", "--filter", "library", "--library", "no_such_file.so")
         self.assertEqual(result.returncode, 0, result.stderr)
-        for line in json.loads(result.stdout)["lines"]:
+        for line in json.loads(result.stdout)["results"]:
             self.assertIsNone(line["value"])
             self.assertIn("no_such_file.so", line["note"])
 

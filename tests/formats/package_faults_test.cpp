@@ -314,6 +314,37 @@ TEST(PackageFaults, EachBrokenRuleOfPinSetsIsRefusedAndNamed) {
   }
 }
 
+TEST(PackageFaults, EachBrokenRuleOfMasksIsRefusedAndNamed) {
+  const auto sound = [] {
+    PackageContent content = test::samplePackage();
+    content.masks = {{content.addText("cheek"), 0, 2}, {content.addText("none"), 2, 0}};
+    content.mask_weights = {{1, 0.5F}, {4, 1}};
+    return content;
+  };
+  EXPECT_EQ(test::reasonOf(writePackage(sound())), "");
+  const PinFault faults[] = {
+      {"MASK, element 1: its name", [](PackageContent& c) { c.masks[1].name.bytes = 9999; }},
+      {"MASK, element 1: does not", [](PackageContent& c) { c.masks[1].first = 1; }},
+      {"MASK, element 0: does not", [](PackageContent& c) { c.masks[0].count = 3; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[1].vertex = 1; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[1].vertex = 9999; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[0].weight = 0; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[0].weight = 1.5F; }},
+      {"MASK, element 0: its vertices", [](PackageContent& c) { c.mask_weights[0].weight = kNan; }},
+      {"MSKV: has weights",
+       [](PackageContent& c) {
+         c.mask_weights.push_back({5, 1});
+       }},
+      {"MSKV: needs section MASK", [](PackageContent& c) { c.masks.clear(); }},
+  };
+  for (const PinFault& fault : faults) {
+    PackageContent content = sound();
+    fault.spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_NE(reason.find(fault.reason_has), std::string::npos) << fault.reason_has << " gave: " << reason;
+  }
+}
+
 TEST(PackageFaults, EachBrokenRuleOfMechanicsIsRefusedAndNamed) {
   EXPECT_EQ(test::reasonOf(writePackage(test::mechanicsPackage())), "");
   for (std::size_t i = 0; i < kMechanicsFaults.size(); ++i) {

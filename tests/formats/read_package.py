@@ -185,11 +185,14 @@ SECTIONS = {
     "SMSH": ("<2I2I", 0, False, 5),
     "GRUP": ("<2I2I", 0, False, 6),
     "GRPV": ("<I", 0, False, None),
+    "MASK": ("<4I", 0, False, None),
+    "MSKV": ("<If", 0, False, None),
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights"]
 NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("PRTV", "PART"), ("PART", "VPOS"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
-         ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP")]
+         ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP"), ("MASK", "VPOS"),
+         ("MSKV", "MASK")]
 
 
 def f32(value):
@@ -297,7 +300,7 @@ class Package:
 
     def check_texts(self):
         at = {"INFO": (20, 22, 24, 26, 28), "BODY": (6,), "CLUS": (0,), "CHAN": (0,), "PSET": (0, 2), "PART": (0,), "VSUB": (0,), "VMAT": (0,), "VTEX": (0, 2),
-              "SMSH": (0,), "GRUP": (0,)}
+              "SMSH": (0,), "GRUP": (0,), "MASK": (0,)}
         for name, fields in at.items():
             for i, record in enumerate(self.records[name]):
                 for field in fields:
@@ -455,6 +458,10 @@ class Package:
         members = [v for (v,) in r["GRPV"]]
         tile("GRUP", [(g[2], g[3]) for g in r["GRUP"]], len(members))
         need(all(v < len(r["VPOS"]) for v in members), "section GRPV: no such visual vertex")
+        tile("MASK", [(m[2], m[3]) for m in r["MASK"]], len(r["MSKV"]))
+        need(all(v < len(r["VPOS"]) and 0 < w <= 1 for v, w in r["MSKV"]), "section MSKV: vertex or weight")
+        for i, m in enumerate(r["MASK"]):
+            need(ascending([v for v, _ in r["MSKV"][m[2]:m[2] + m[3]]]), f"section MASK, element {i}: not ascending")
         for i, g in enumerate(r["GRUP"]):
             need(ascending(members[g[2]:g[2] + g[3]]), f"section GRUP, element {i}: vertices not ascending")
 

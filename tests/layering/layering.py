@@ -30,7 +30,7 @@ stdlib.h string.h time.h
 THIRD_PARTIES = {
     "xxhash": ("xxhash.h",),
     "eigen": ("Eigen/",),
-    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/", "elf.h", "malloc.h"),
+    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/", "elf.h", "link.h", "malloc.h"),
     "simd": ("immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
     "json": ("nlohmann/",),
     "cli11": ("CLI/",),
@@ -71,6 +71,7 @@ TOOL_THIRD = {
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
+    "bake": ("xxhash",),
     "studio": ("opencv", "epoxy", "glfw", "imgui"),
     "bench": ("simd",),  # measures the machine's peak
     "cli": ("cli11",),

@@ -148,13 +148,18 @@ bool isSetting(std::string_view key) {
   return std::any_of(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
 }
 
-// A path as the recipe has it. Both relative to the working folder.
-std::string relativeTo(const fs::path& recipe, const fs::path& file) {
-  const fs::path folder = recipe.has_parent_path() ? recipe.parent_path() : fs::path(".");
-  return fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder)).generic_string();
+void requireNewRecipe(const fs::path& file) {
+  if (!isRecipe(file)) usage("a recipe's name ends in .json, not '" + file.string() + "'", "Name it NAME.json.");
+  std::error_code error;
+  if (fs::exists(file, error)) usage(file.string() + " is there already", "Choose another name, or edit that one.");
 }
 
 }  // namespace
+
+std::string pathFromRecipe(const fs::path& recipe, const fs::path& file) {
+  const fs::path folder = recipe.has_parent_path() ? recipe.parent_path() : fs::path(".");
+  return fs::weakly_canonical(file).lexically_relative(fs::weakly_canonical(folder)).generic_string();
+}
 
 std::string otherSide(const std::string& name) {
   static constexpr std::array<std::pair<std::string_view, std::string_view>, 3> kWords = {
@@ -179,14 +184,13 @@ std::string otherSide(const std::string& name) {
 }
 
 RecipeEditor RecipeEditor::create(const fs::path& file, const fs::path& source) {
-  if (!isRecipe(file)) usage("a recipe's name ends in .json, not '" + file.string() + "'", "Name it NAME.json.");
+  requireNewRecipe(file);
   std::error_code error;
-  if (fs::exists(file, error)) usage(file.string() + " is there already", "Choose another name, or edit that one.");
   if (!fs::is_regular_file(source, error)) {
     throw ToolError(ExitCode::bad_input, source.string(), "cannot be read", "Check the name and its permissions.");
   }
   Json document = {{"sinew_recipe", Recipe::kVersion}};
-  const std::string relative = relativeTo(file, source);
+  const std::string relative = pathFromRecipe(file, source);
   if (relative.empty()) usage(source.string() + " has no path from the recipe", "Put both on one drive.");
   // As many folders up as the path begins with.
   std::string project;
@@ -236,6 +240,20 @@ RecipeEditor RecipeEditor::open(const fs::path& file) {
   }
   return editor;
 }
+
+RecipeEditor RecipeEditor::copy(const fs::path& from, const fs::path& file) {
+  requireNewRecipe(file);
+  RecipeEditor editor;
+  std::string text;
+  JsonText::readFile(from.string(), text);
+  parseRecipe(text, from);
+  editor.file_ = file;
+  editor.states_.push_back(
+      {"copied from " + from.filename().string(), written(migratedRecipe(JsonText(text, from.string()), from))});
+  return editor;
+}
+
+void RecipeEditor::replace(const std::string& command, const Json& document) { commit(command, document); }
 
 Json RecipeEditor::document() const { return migratedRecipe(JsonText(text(), file_.string()), file_); }
 
@@ -441,7 +459,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
 
 void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {
   Json document = this->document();
-  Json mask = {{file.extension() == ".json" ? "strokes" : "image", relativeTo(file_, file)}};
+  Json mask = {{file.extension() == ".json" ? "strokes" : "image", pathFromRecipe(file_, file)}};
   if (!options.empty()) {
     const Json further = Json::parse(options, nullptr, false);
     if (!further.is_object()) usage("'" + options + "' is no JSON object", R"(Write it as in '{"threshold": 0.5}'.)");

@@ -27,6 +27,9 @@ class RecipeEditor {
   static RecipeEditor create(const std::filesystem::path& file, const std::filesystem::path& source);
   /// Opens a recipe; one of an older version becomes one of the present version with the first command.
   static RecipeEditor open(const std::filesystem::path& file);
+  /// Begins a recipe with the text of another one, and a history of its own. Throws ToolError(usage) where `file`
+  /// exists or is no .json. The paths in it are not changed: replace() does that.
+  static RecipeEditor copy(const std::filesystem::path& from, const std::filesystem::path& file);
 
   /// Adds a cluster. \param selection JSON, or a mask's name; empty: the cluster mesh of this name.
   void addCluster(const std::string& name, const std::string& selection);
@@ -53,6 +56,11 @@ class RecipeEditor {
   /// the project folder. \param options further keys of the selection as a JSON object; may be empty.
   void paint(const std::string& name, const std::filesystem::path& file, const std::string& options);
 
+  /// Replaces the whole recipe, as one command of this name.
+  void replace(const std::string& command, const nlohmann::ordered_json& document);
+  /// The recipe's JSON in the present version.
+  nlohmann::ordered_json document() const;
+
   /// Steps back or forward. \return the command that was undone or is done again; empty where there is none.
   std::string undo();
   std::string redo();
@@ -72,7 +80,6 @@ class RecipeEditor {
     std::string text;
   };
   RecipeEditor() = default;
-  nlohmann::ordered_json document() const;
   void commit(const std::string& command, const nlohmann::ordered_json& document);
   void commitText(const std::string& command, std::string text);
 
@@ -80,6 +87,9 @@ class RecipeEditor {
   std::vector<State> states_;
   std::size_t at_ = 0;
 };
+
+/// A path as a recipe in `recipe` has it; both relative to the working folder. Empty where no such path exists.
+std::string pathFromRecipe(const std::filesystem::path& recipe, const std::filesystem::path& file);
 
 /// A name with left and right exchanged; the name itself where it has no side.
 std::string otherSide(const std::string& name);

@@ -363,6 +363,15 @@ std::vector<RecipeObject> declareKinds() {
        "A JSON file with one number 0..1 for each source vertex.",
        {{"values", kRecipePath, "The file.", ""}, note()},
        R"({"values": "weights/smile.json"})"},
+      {"stored",
+       "Weights kept at points, as `sinew author RECIPE transfer` writes them for regions that the new source no "
+       "longer "
+       "names: `{\"sinew_masks\": 1, \"points\": [x, y, z, ...], \"masks\": {\"cheek\": {\"points\": [numbers, from "
+       "0], "
+       "\"weights\": [0..1]}}}`, metres, y up. A vertex takes the weight of the point nearest to it, within 2 % of the "
+       "diagonal.",
+       {{"stored", kRecipePath, "The file.", ""}, note(), {"mask", kRecipeText, "Which mask of it.", ""}},
+       R"({"stored": "head.masks.json", "mask": "cheek"})"},
       {"image",
        "A picture painted in UV space (PNG, EXR, TIFF, JPEG). Steps in this order: channel or key, threshold, close, "
        "specks, feather; then bilinear sampling, repeated outside 0..1.",

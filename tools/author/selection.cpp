@@ -9,6 +9,7 @@
 
 #include "tools/author/mask_image.h"
 #include "tools/author/recipe_keys.h"
+#include "tools/author/stored_masks.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -94,9 +95,12 @@ class Selections::Evaluator {
         surface_(mesh) {}
 
   const Surface& surface() const { return surface_; }
+  void define(const std::string& name, VisualWeights weights) { masks_[name] = std::move(weights); }
+
+  VisualWeights weights(const SelectionText& selection) { return at(selection.json, selection.pointer); }
 
   VisualWeights evaluate(const SelectionText& selection) {
-    VisualWeights weights = at(selection.json, selection.pointer);
+    VisualWeights weights = this->weights(selection);
     requireSomething(weights, selection.pointer, "the selection selects nothing");
     return weights;
   }
@@ -166,33 +170,20 @@ class Selections::Evaluator {
     const Place place{kind, json, value, pointer, childPointer(pointer, name)};
     using Method = VisualWeights (Evaluator::*)(const Place&);
     static const std::map<std::string, Method> methods = {
-        {"all", &Evaluator::all},
-        {"rest", &Evaluator::rest},
-        {"group", &Evaluator::group},
-        {"material", &Evaluator::subMeshes},
-        {"object", &Evaluator::subMeshes},
-        {"part", &Evaluator::part},
-        {"bone", &Evaluator::bone},
-        {"morph", &Evaluator::morph},
-        {"color", &Evaluator::color},
-        {"attribute", &Evaluator::attribute},
-        {"values", &Evaluator::values},
-        {"image", &Evaluator::image},
-        {"cluster_mesh", &Evaluator::namedClusterMesh},
-        {"box", &Evaluator::shape},
-        {"sphere", &Evaluator::shape},
-        {"capsule", &Evaluator::shape},
-        {"half_space", &Evaluator::shape},
-        {"disc", &Evaluator::disc},
-        {"strokes", &Evaluator::strokes},
-        {"and", &Evaluator::algebra},
-        {"or", &Evaluator::algebra},
-        {"minus", &Evaluator::algebra},
-        {"not", &Evaluator::negation},
-        {"grow", &Evaluator::moveEdge},
-        {"shrink", &Evaluator::moveEdge},
-        {"soften", &Evaluator::soften},
-        {"mirror", &Evaluator::mirror},
+        {"all", &Evaluator::all},          {"rest", &Evaluator::rest},
+        {"group", &Evaluator::group},      {"material", &Evaluator::subMeshes},
+        {"object", &Evaluator::subMeshes}, {"part", &Evaluator::part},
+        {"bone", &Evaluator::bone},        {"morph", &Evaluator::morph},
+        {"color", &Evaluator::color},      {"attribute", &Evaluator::attribute},
+        {"values", &Evaluator::values},    {"stored", &Evaluator::stored},
+        {"image", &Evaluator::image},      {"cluster_mesh", &Evaluator::namedClusterMesh},
+        {"box", &Evaluator::shape},        {"sphere", &Evaluator::shape},
+        {"capsule", &Evaluator::shape},    {"half_space", &Evaluator::shape},
+        {"disc", &Evaluator::disc},        {"strokes", &Evaluator::strokes},
+        {"and", &Evaluator::algebra},      {"or", &Evaluator::algebra},
+        {"minus", &Evaluator::algebra},    {"not", &Evaluator::negation},
+        {"grow", &Evaluator::moveEdge},    {"shrink", &Evaluator::moveEdge},
+        {"soften", &Evaluator::soften},    {"mirror", &Evaluator::mirror},
         {"scale", &Evaluator::scale},
     };
     return (this->*methods.at(name))(place);
@@ -494,6 +485,33 @@ class Selections::Evaluator {
     VisualWeights weights(count());
     for (std::size_t v = 0; v < count(); ++v) weights[v] = json[mesh_.source_vertex[v]].get<double>();
     return joined(weights);
+  }
+
+  VisualWeights stored(const Place& place) {
+    const auto file = recipe_.file(place.value.get<std::string>(), place.value_pointer);
+    requireFile(file, place.value_pointer);
+    const std::string name = place.text("mask");
+    std::vector<std::string> names;
+    auto [found, mask] = readStoredMask(file, name, mesh_, names);
+    if (!found) {
+      std::string what = file.filename().string();
+      what.append(" has no mask '").append(name).append("'");
+      fail(childPointer(place.pointer, "mask"), what,
+           names.empty() ? "It has none." : "Did you mean " + nearestName(name, names) + "?");
+    }
+    if (mask.moved + mask.unknown > 0) {
+      Finding finding;
+      finding.id = "stored-mask-moved";
+      finding.count = mask.moved + mask.unknown;
+      finding.message = "mask " + name + " of " + file.filename().string() +
+                        " was made on other points: " + std::to_string(mask.moved) + " take that of one nearby, " +
+                        std::to_string(mask.unknown) + " have none";
+      finding.place = place.pointer.substr(1);
+      finding.cure =
+          "The source changed: sinew author " + recipe_.text->file() + " transfer NEW --old OLD carries the mask over.";
+      findings_.push_back(finding);
+    }
+    return std::move(mask.weights);
   }
 
   void requireFile(const std::filesystem::path& file, const std::string& pointer) const {
@@ -901,7 +919,11 @@ Selections::Selections(const Recipe& recipe, const VisualMesh& mesh, const Topol
 Selections::~Selections() = default;
 
 VisualWeights Selections::evaluate(const SelectionText& selection) { return evaluator_->evaluate(selection); }
+VisualWeights Selections::weights(const SelectionText& selection) { return evaluator_->weights(selection); }
 std::vector<VisualWeights> Selections::clusters() { return evaluator_->clusters(); }
+void Selections::define(const std::string& name, VisualWeights weights) {
+  evaluator_->define(name, std::move(weights));
+}
 const Surface& Selections::surface() const { return evaluator_->surface(); }
 
 }  // namespace sinew::tools

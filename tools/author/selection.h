@@ -32,8 +32,12 @@ class Selections {
   /// Weights of a selection. Throws ToolError(bad_input) with line and cure where the source lacks what it names, a
   /// file of it is wrong, or it selects nothing.
   VisualWeights evaluate(const SelectionText& selection);
+  /// The same, but may select nothing.
+  VisualWeights weights(const SelectionText& selection);
   /// Weights of all clusters of the recipe, in order. Those that use `rest` are evaluated last.
   std::vector<VisualWeights> clusters();
+  /// Makes `name` a mask of these weights, before the recipe's of that name.
+  void define(const std::string& name, VisualWeights weights);
   const Surface& surface() const;
 
  private:

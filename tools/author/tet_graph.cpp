@@ -38,8 +38,10 @@ TetGraph makeTetGraph(const PhysicalMesh& mesh) {
   return graph;
 }
 
-TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> sources, double limit,
-                          std::span<const std::uint8_t> inside) {
+namespace {
+
+TetDistances spread(const TetGraph& graph, std::span<const std::pair<double, std::uint32_t>> sources, double limit,
+                    std::span<const std::uint8_t> inside) {
   const std::size_t count = graph.first.size() - 1;
   TetDistances result{std::vector<double>(count, std::numeric_limits<double>::infinity()),
                       std::vector<std::uint32_t>(count, kNoIndex)};
@@ -51,7 +53,7 @@ TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> 
     result.nearest[v] = source;
     front.emplace(d, source, v);
   };
-  for (const std::uint32_t s : sources) offer(0, s, s);
+  for (const auto& [d, s] : sources) offer(d, s, s);
   while (!front.empty()) {
     const auto [d, source, v] = front.top();
     front.pop();
@@ -62,6 +64,24 @@ TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> 
     }
   }
   return result;
+}
+
+}  // namespace
+
+TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> sources, double limit,
+                          std::span<const std::uint8_t> inside) {
+  std::vector<std::pair<double, std::uint32_t>> places;
+  places.reserve(sources.size());
+  for (const std::uint32_t s : sources) places.emplace_back(0.0, s);
+  return spread(graph, places, limit, inside);
+}
+
+TetDistances tetDistances(const TetGraph& graph, std::span<const double> start, double limit) {
+  std::vector<std::pair<double, std::uint32_t>> places;
+  for (std::uint32_t v = 0; v < start.size(); ++v) {
+    if (start[v] <= limit) places.emplace_back(start[v], v);
+  }
+  return spread(graph, places, limit, {});
 }
 
 }  // namespace sinew::tools

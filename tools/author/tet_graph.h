@@ -31,5 +31,8 @@ struct TetDistances {
 /// \param inside empty, or per vertex whether ways may pass there.
 TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> sources, double limit,
                           std::span<const std::uint8_t> inside = {});
+/// The same from places between vertices. \param start per vertex its distance from the nearest place, infinite where
+/// there is none beside it.
+TetDistances tetDistances(const TetGraph& graph, std::span<const double> start, double limit);
 
 }  // namespace sinew::tools

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "tools/author/regions.h"
 
@@ -24,6 +25,10 @@ constexpr std::size_t kFewMembers = 8;
 // Of the largest weight: clusters that agree so well are one.
 constexpr double kIdentical = 1e-3;
 constexpr double kAutomaticOverlap = 1.5;  // edges
+// A triangle wider than this, of the tetrahedra's edges, is looked at in pieces so small; at most so many a side.
+constexpr double kSampleStep = 0.5;
+constexpr double kMostPieces = 32;
+constexpr int kMostSteps = 64;
 
 // Weights of one piece of one cluster in one body.
 struct Piece {
@@ -122,11 +127,22 @@ class BodyClusters {
       overlap = kAutomaticOverlap * graph_.mean_edge[number_];
     }
     const double largest = *std::max_element(piece.weight.begin(), piece.weight.end());
-    std::vector<std::uint32_t> inside;
+    // From where the weight crosses one half on the edges, so that a little more or less moves the border a little.
+    const double half = 0.5 * largest;
+    std::vector<double> start(graph_.first.size() - 1, kInfinity);
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
-      if (piece.weight[v] >= 0.5 * largest) inside.push_back(global(v));
+      const double w = piece.weight[v];
+      if (w >= half) {
+        start[global(v)] = 0;
+        continue;
+      }
+      for (std::uint32_t e = graph_.first[global(v)]; e < graph_.first[global(v) + 1]; ++e) {
+        const double other = piece.weight[graph_.neighbour[e] - body_.first_vertex];
+        if (other < half) continue;
+        start[global(v)] = std::min(start[global(v)], graph_.length[e] * (half - w) / (other - w));
+      }
     }
-    const TetDistances reach = tetDistances(graph_, inside, overlap);
+    const TetDistances reach = tetDistances(graph_, start, overlap);
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
       const double d = reach.distance[global(v)];
       if (!std::isfinite(d)) continue;
@@ -206,6 +222,61 @@ std::size_t looseRuns(std::span<const ClusterSource> clusters, std::size_t verte
   return runs;
 }
 
+// Walks from one tetrahedron over faces to the one that holds a point, or to the last one on the way: it never leaves
+// what hangs together, so it jumps no gap.
+class TetWalk {
+ public:
+  explicit TetWalk(const PhysicalMesh& mesh) : mesh_(mesh), across_(mesh.tetrahedra.size()) {
+    std::vector<std::pair<std::array<std::uint32_t, 3>, std::uint32_t>> faces;
+    for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+      across_[t].fill(kNoIndex);
+      for (std::uint32_t k = 0; k < 4; ++k) {
+        const auto& v = mesh.tetrahedra[t];
+        std::array<std::uint32_t, 3> face = {v[(k + 1) % 4], v[(k + 2) % 4], v[(k + 3) % 4]};
+        std::sort(face.begin(), face.end());
+        faces.emplace_back(face, 4 * t + k);
+      }
+    }
+    std::sort(faces.begin(), faces.end());
+    for (std::size_t i = 1; i < faces.size(); ++i) {
+      if (faces[i].first != faces[i - 1].first) continue;
+      across_[faces[i].second / 4][faces[i].second % 4] = faces[i - 1].second / 4;
+      across_[faces[i - 1].second / 4][faces[i - 1].second % 4] = faces[i].second / 4;
+    }
+  }
+
+  TetrahedronPlace operator()(const Vector3d& x, std::uint32_t start) const {
+    TetrahedronPlace place{start, weights(x, start), 0};
+    for (int step = 0; step < kMostSteps; ++step) {
+      const auto worst =
+          std::size_t(std::min_element(place.weights.begin(), place.weights.end()) - place.weights.begin());
+      const std::uint32_t next = across_[place.tetrahedron][worst];
+      if (place.weights[worst] >= 0 || next == kNoIndex) break;
+      place = {next, weights(x, next), 0};
+    }
+    return place;
+  }
+
+ private:
+  std::array<double, 4> weights(const Vector3d& x, std::uint32_t t) const {
+    const auto& v = mesh_.tetrahedra[t];
+    const Vector3d& d = mesh_.positions[v[3]];
+    Eigen::Matrix3d edges;
+    for (int k = 0; k < 3; ++k) edges.col(k) = mesh_.positions[v[std::size_t(k)]] - d;
+    const Vector3d w = edges.inverse() * (x - d);
+    return {w[0], w[1], w[2], 1 - w.sum()};
+  }
+
+  const PhysicalMesh& mesh_;
+  std::vector<std::array<std::uint32_t, 4>> across_;
+};
+
+std::size_t bodyOf(const PhysicalMesh& mesh, std::uint32_t tetrahedron) {
+  std::size_t b = 0;
+  while (b + 1 < mesh.bodies.size() && tetrahedron >= mesh.bodies[b + 1].first_tetrahedron) ++b;
+  return b;
+}
+
 // What an artist did not mean.
 void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clusters,
            std::span<const RecipeCluster> recipe_clusters, const std::vector<std::uint32_t>& names,
@@ -264,24 +335,49 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
 WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physical,
                                const std::vector<TetrahedronPlace>& places)
     : physical_(physical), graph_(makeTetGraph(physical)) {
-  std::vector<double> area(mesh.positions.size(), 0);
-  for (const Triangle& t : mesh.triangles) {
-    const auto& x = mesh.positions;
-    const double third = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm() / 6;
-    for (const std::uint32_t v : t) area[v] += third;
-  }
   std::vector<std::uint8_t> known(physical.positions.size(), 0);
-  for (std::uint32_t v = 0; v < places.size(); ++v) {
-    if (!(area[v] > 0)) continue;
+  const auto hang = [&](const TetrahedronPlace& place, std::uint32_t visual, double weight) {
     double sum = 0;
-    for (const double w : places[v].weights) sum += std::max(w, 0.0);
+    for (const double w : place.weights) sum += std::max(w, 0.0);
     for (std::size_t k = 0; k < 4; ++k) {
-      const double w = std::max(places[v].weights[k], 0.0) / sum;
+      const double w = std::max(place.weights[k], 0.0) / sum;
       if (w < kMinimumInfluence) continue;
-      const std::uint32_t p = physical.tetrahedra[places[v].tetrahedron][k];
-      contributions_.push_back({p, v, w * area[v]});
+      const std::uint32_t p = physical.tetrahedra[place.tetrahedron][k];
+      contributions_.push_back({p, visual, w * weight});
       known[p] = 1;
     }
+  };
+  // Small triangles speak through their corners; one that spans tetrahedra through points all over it, so that weights
+  // do not depend on how finely the artist divided the surface.
+  std::vector<double> area(mesh.positions.size(), 0);
+  std::optional<TetWalk> walk;
+  for (const Triangle& t : mesh.triangles) {
+    const std::array<Vector3d, 3> x = {mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
+    const double whole = (x[1] - x[0]).cross(x[2] - x[0]).norm() / 2;
+    const double longest =
+        std::sqrt(std::max({(x[1] - x[0]).squaredNorm(), (x[2] - x[1]).squaredNorm(), (x[0] - x[2]).squaredNorm()}));
+    const double edge = graph_.mean_edge[bodyOf(physical, places[t[0]].tetrahedron)];
+    const int pieces = edge > 0 ? int(std::clamp(std::ceil(longest / (kSampleStep * edge)), 1.0, kMostPieces)) : 1;
+    if (pieces == 1 || !(whole > 0)) {
+      for (const std::uint32_t v : t) area[v] += whole / 3;
+      continue;
+    }
+    if (!walk) walk.emplace(physical);
+    for (int i = 0; i < pieces; ++i) {
+      for (int j = 0; j < 2 * (pieces - i) - 1; ++j) {
+        // Centres of the small triangles of a row, those that stand and those that hang by turns.
+        const double a = (i + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
+        const double b = (j / 2 + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
+        const std::array<double, 3> corner = {1 - a - b, b, a};
+        const Vector3d at = corner[0] * x[0] + corner[1] * x[1] + corner[2] * x[2];
+        const auto nearest = std::size_t(std::max_element(corner.begin(), corner.end()) - corner.begin());
+        const TetrahedronPlace place = (*walk)(at, places[t[nearest]].tetrahedron);
+        for (std::size_t k = 0; k < 3; ++k) hang(place, t[k], corner[k] * whole / (pieces * pieces));
+      }
+    }
+  }
+  for (std::uint32_t v = 0; v < places.size(); ++v) {
+    if (area[v] > 0) hang(places[v], v, area[v]);
   }
   std::vector<std::uint32_t> sources;
   for (std::uint32_t p = 0; p < known.size(); ++p) {

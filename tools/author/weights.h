@@ -15,8 +15,8 @@
 namespace sinew::tools {
 
 /// Carries weights from visual to physical vertices. A physical vertex whose tetrahedra hold visual vertices takes
-/// their mean, weighted by area and by how much each hangs on it; any other (inside the solid) takes that of the
-/// nearest such one along the tetrahedra's edges, so nothing jumps a gap.
+/// their mean, weighted by area and by how much each hangs on it (of large triangles: points all over them); any other
+/// (inside the solid) takes that of the nearest such one along the tetrahedra's edges, so nothing jumps a gap.
 class WeightTransfer {
  public:
   /// All arguments must outlive it.

@@ -121,14 +121,28 @@ VisualWeights hostWeights(const Recipe& recipe, const RecipePart& part, const Au
       known.empty() ? "Leave `to` out: what is nearest carries it." : "Did you mean " + nearestName(name, known) + "?");
 }
 
+void addMasks(const Recipe& recipe, const AuthoredWeights& authored, formats::PackageContent& content) {
+  for (std::size_t m = 0; m < recipe.masks.size(); ++m) {
+    const auto first = std::uint32_t(content.mask_weights.size());
+    for (std::uint32_t v = 0; v < authored.masks[m].size(); ++v) {
+      const auto weight = float(std::min(authored.masks[m][v], 1.0));
+      if (weight > 0) content.mask_weights.push_back({v, weight});
+    }
+    content.masks.push_back(
+        {content.addText(recipe.masks[m].first), first, std::uint32_t(content.mask_weights.size()) - first});
+  }
+}
+
 }  // namespace
 
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
   AuthoredWeights authored;
   authored.clusters = withClusterMeshes(recipe, cluster_meshes);
-  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.parts.empty())
+  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.parts.empty() &&
+      recipe.masks.empty()) {
     return authored;
+  }
   Selections selections(recipe, mesh, topology, cluster_meshes, findings);
   authored.cluster_weights = selections.clusters();
   const auto evaluate = [&](const SelectionText& s) {
@@ -144,6 +158,7 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
     authored.parts.push_back(evaluate(part.from));
     authored.part_hosts.push_back(hostWeights(recipe, part, authored, selections));
   }
+  for (const auto& [name, mask] : recipe.masks) authored.masks.push_back(selections.weights({name, mask.pointer}));
   return authored;
 }
 
@@ -152,6 +167,7 @@ void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const We
                  const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
   addChannels(authored, transfer, sources, recipe_cluster, mesh, content, findings);
   addPins(recipe, authored, transfer, content);
+  addMasks(recipe, authored, content);
   if (recipe.stiffness.empty()) return;
   content.vertex_stiffness.assign(content.physical_vertices.size(), 1);
   for (std::size_t s = 0; s < recipe.stiffness.size(); ++s) {

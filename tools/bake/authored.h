@@ -21,14 +21,15 @@ struct AuthoredWeights {
   std::vector<VisualWeights> pins;                 ///< per pin set of the recipe
   std::vector<VisualWeights> stiffness;            ///< per entry of the recipe
   std::vector<VisualWeights> parts, part_hosts;    ///< per part of the recipe; hosts empty where the recipe has none
+  std::vector<VisualWeights> masks;                ///< per mask of the recipe
 };
 
 /// Evaluates every selection of a recipe. Throws ToolError(bad_input) for a wrong one, see Selections::evaluate().
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings);
 
-/// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), and the
-/// pin sets (PPIN, PSET, PSTV).
+/// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), the pin
+/// sets (PPIN, PSET, PSTV), and the masks by name (MASK, MSKV).
 /// \param sources the clusters of content.clusters; \param recipe_cluster their numbers in authored.clusters.
 void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
                  const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,

@@ -290,7 +290,22 @@ ordered_json costsJson(const Progress& progress) {
   return stages;
 }
 
-BakeResult bake(const Recipe& recipe, Progress& progress) {
+ordered_json cacheJson(const StageCache& cache) {
+  ordered_json json = {{"folder", cache.folder().string()}, {"stages", ordered_json::array()}};
+  double saved = 0;
+  for (const StageCache::Stage& stage : cache.stages()) {
+    json["stages"].push_back(
+        {{"name", stage.name}, {"from_cache", stage.from_cache}, {"seconds_saved", stage.seconds_saved}});
+    saved += stage.seconds_saved;
+  }
+  json["seconds_saved"] = saved;
+  json["damaged_entries"] = cache.damaged();
+  return json;
+}
+
+BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
+  StageCache no_cache{{}};
+  StageCache& kept = cache == nullptr ? no_cache : *cache;
   const Settings& settings = recipe.settings;
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(recipe.source, settings.import, progress);
@@ -315,7 +330,11 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
     topology_without = analyzeTopology(without);
   }
   const Topology& host_topology = parts.empty() ? topology : topology_without;
-  PhysicalMesh physical = tetrahedralize(parts.empty() ? mesh : without, host_topology, settings.tetrahedra, progress);
+  // The key covers all that this stage and the places on the tetrahedra read; a mesh has one topology.
+  const StageKey key = tetrahedraKey(parts.empty() ? mesh : without, settings.tetrahedra);
+  PhysicalMesh physical = kept.get("tetrahedra", key, [&] {
+    return tetrahedralize(parts.empty() ? mesh : without, host_topology, settings.tetrahedra, progress);
+  });
   const Vector3d origin = moveToOrigin(mesh, physical);
   if (!parts.empty()) without = withoutParts(mesh, parts);
   const VisualMesh& host = parts.empty() ? mesh : without;
@@ -332,7 +351,8 @@ BakeResult bake(const Recipe& recipe, Progress& progress) {
   std::vector<Finding> findings = mesh.findings;
   findings.insert(findings.end(), physical.findings.begin(), physical.findings.end());
   findings.insert(findings.end(), authored_findings.begin(), authored_findings.end());
-  std::vector<TetrahedronPlace> places = placeVisualVertices(host, host_topology, physical);
+  std::vector<TetrahedronPlace> places =
+      kept.get("places", key, [&] { return placeVisualVertices(host, host_topology, physical); });
   followHost(parts, host, physical, places);
   const WeightTransfer transfer(host, physical, places);
   std::vector<std::uint32_t> recipe_cluster;

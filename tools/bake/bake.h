@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/author/recipe.h"
+#include "tools/bake/stage_cache.h"
 #include "tools/core/finding.h"
 #include "tools/core/progress.h"
 
@@ -21,7 +22,11 @@ struct BakeResult {
 /// Bakes a recipe: import -> topology -> tetrahedra -> clusters -> attachment -> package -> check.
 /// Writes nothing. Equal recipes and sources give equal bytes for any folder and number of threads.
 /// Throws ToolError where the source, a setting or the machine makes it impossible.
-BakeResult bake(const Recipe& recipe, Progress& progress);
+/// \param cache where stages are kept from one bake to the next; null: nowhere. It never changes the package.
+BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache = nullptr);
+
+/// What the report says of the stages' cache.
+nlohmann::ordered_json cacheJson(const StageCache& cache);
 
 /// The stages' costs as the report shows them.
 nlohmann::ordered_json costsJson(const Progress& progress);

@@ -154,6 +154,10 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   for (const auto& group : package.groups()) {
     json["groups"].push_back({{"name", package.text(group.name)}, {"visual_vertices", group.count}});
   }
+  json["masks"] = ordered_json::array();
+  for (const auto& mask : package.masks()) {
+    json["masks"].push_back({{"name", package.text(mask.name)}, {"visual_vertices", mask.count}});
+  }
   json["attachment"] = {{"max_rest_error", info.max_rest_error}};
   json["tetrahedra_quality"] = {{"min_dihedral_deg", info.min_dihedral_deg},
                                 {"max_dihedral_deg", info.max_dihedral_deg},

@@ -57,16 +57,18 @@ void BenchContext::emitBest(const std::function<BenchLine()>& make) const {
 }
 
 BenchReport runBench(const BenchOptions& options, const std::function<void(const BenchLine&)>& show) {
+  const auto wanted = [&](std::string_view name) { return name.find(options.filter) != std::string_view::npos; };
   const auto names = benchGroups();
-  if (!options.only.empty() && std::find(names.begin(), names.end(), options.only) == names.end()) {
+  if (std::none_of(names.begin(), names.end(), wanted)) {
     std::string all;
     for (const std::string_view name : names) all += (all.empty() ? "" : ", ") + std::string(name);
-    throw ToolError(ExitCode::usage, "", "there is no benchmark '" + options.only + "'", "Benchmarks: " + all + ".");
+    throw ToolError(ExitCode::usage, "", "no group of benchmarks has '" + options.filter + "' in its name",
+                    "Groups: " + all + ".");
   }
   BenchReport report;
   report.machine = measureMachine(options.quick);
   for (const Group& group : kGroups) {
-    if (!options.only.empty() && options.only != group.name) continue;
+    if (!wanted(group.name)) continue;
     const BenchContext context{options, report.machine, [&](BenchLine line) {
                                  line.group = group.name;
                                  if (show) show(line);
@@ -89,13 +91,12 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
   for (const MachineLimits::AtWidth& width : report.machine.widths) {
     widths.push_back({{"bits", width.bits}, {"fma", width.fma / 1e9}, {"multiply_and_add", width.plain / 1e9}});
   }
-  ordered_json lines = ordered_json::array();
+  ordered_json results = ordered_json::array();
   for (const BenchLine& line : report.lines) {
-    ordered_json entry = {{"group", line.group},
-                          {"name", line.name},
-                          {"value", number(line.value)},
-                          {"unit", line.unit},
-                          {"spread", number(line.spread)}};
+    const std::string name = line.group + "/" + line.name;
+    ordered_json entry = {{"name", name},        {"value", number(line.value)},
+                          {"unit", line.unit},   {"lower_is_better", line.lower_is_better},
+                          {"group", line.group}, {"spread", number(line.spread)}};
     if (line.bound > 0) {
       entry["bound"] = number(line.bound);
       entry["ratio_to_bound"] = number(line.value / line.bound);
@@ -113,7 +114,14 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
       entry["attempts"] = line.attempts;
     }
     if (!line.note.empty()) entry["note"] = line.note;
-    lines.push_back(entry);
+    results.push_back(entry);
+    if (line.reference_is_peer) {
+      results.push_back({{"name", "peer/" + name + ", " + line.reference_name},
+                         {"value", number(line.reference)},
+                         {"unit", line.unit},
+                         {"lower_is_better", line.lower_is_better},
+                         {"group", line.group}});
+    }
   }
   return {{"machine",
            {{"instruction_set", report.machine.instruction_set},
@@ -122,7 +130,7 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
             {"fma_gflops_two_threads", report.machine.fma_two_threads / 1e9},
             {"gigaflops_by_width", widths},
             {"copy_gigabytes_per_second", copies}}},
-          {"lines", lines},
+          {"results", results},
           {"passed", report.passed()}};
 }
 

@@ -15,7 +15,7 @@
 namespace sinew::tools {
 
 struct BenchOptions {
-  std::string only;               ///< one of benchGroups(), or empty for all
+  std::string filter;             ///< runs the groups with this in their name; empty for all
   bool quick = false;             ///< few samples, small sizes: to see that it runs, not to quote
   std::filesystem::path program;  ///< this program's file, started again to run other instruction sets; may be empty
   std::filesystem::path library;  ///< libsinew_runtime.so to weigh; empty: beside the program, in ../lib
@@ -31,6 +31,8 @@ struct BenchLine {
   double bound = 0;      ///< the machine's limit in the same unit; 0 = none
   double reference = 0;  ///< the other side of a comparison in the same unit; 0 = none
   std::string reference_name;
+  bool reference_is_peer = false;  ///< another library; else this one in another way
+  bool lower_is_better = true;
   double ratio = 0;         ///< reference / value, from interleaved samples
   double ratio_spread = 0;  ///< half the distance of the quartiles of the ratio, of the ratio
   std::string limit;        ///< what it is held to, in words; empty: shown only
@@ -52,13 +54,15 @@ struct BenchReport {
   bool passed() const;  ///< no line misses its limit
 };
 
-/// Names for BenchOptions::only, in the order they run.
+/// Names of the groups, in the order they run.
 std::vector<std::string_view> benchGroups();
 
-/// Runs the benchmarks. \param show is called with each line as it is done. Throws ToolError(usage) for an unknown
-/// group.
+/// Runs the benchmarks. \param show is called with each line as it is done. Throws ToolError(usage) where
+/// no group matches the filter.
 BenchReport runBench(const BenchOptions& options, const std::function<void(const BenchLine&)>& show);
 
+/// {machine, results: [{name: "group/name", value, unit, lower_is_better, ...}], passed}; what other libraries took is
+/// a result of its own, named "peer/group/name, library".
 nlohmann::ordered_json benchJson(const BenchReport& report);
 
 /// Hash (XXH3-64 is not needed: FNV-1a, 64 bits) of the state after the determinism scene, with so many threads (0: no

@@ -189,6 +189,7 @@ void benchMode(const BenchContext& context) {
       line.spread = pair.first.spread;
       line.bound = 1e9 * boundSeconds(work, context.machine, working_set);
       line.reference = 1e9 * pair.second.seconds / body.memberships;
+      line.reference_is_peer = true;
       line.reference_name = "Eigen";
       line.ratio = pair.ratio;
       line.ratio_spread = pair.spread;

@@ -76,6 +76,7 @@ void benchStep(const BenchContext& context) {
       BenchLine line = stepLine(context, body, pair.first);
       line.name = std::string("quadratic, 1 iteration, Bullet ") + (moving ? "falling and turning" : "at rest");
       line.ratio_spread = pair.spread;
+      line.reference_is_peer = true;
       line.reference_name = "Bullet " + benchmarks::BulletSoftBody::version();
       line.reference = 1e9 * pair.second.seconds / bullet.vertices();
       line.ratio = pair.ratio * body.vertices / bullet.vertices();

@@ -64,7 +64,7 @@ double axisWeight(std::uint32_t point, std::uint32_t begin, std::uint32_t end, s
   return std::min(1.0, std::min(from_begin, from_end) / (2 * layers + 1));
 }
 
-std::vector<ClusterSource> boxClusters(const LatticeOptions& o) {
+std::vector<ClusterSource> boxClusters(const LatticeOptions& o, const std::vector<std::uint32_t>& numbers) {
   const Index3 layers = layersFor(o);
   std::vector<ClusterSource> clusters;
   Index3 box{};
@@ -80,6 +80,7 @@ std::vector<ClusterSource> boxClusters(const LatticeOptions& o) {
           low[a] = begin[a] > layers[a] ? begin[a] - layers[a] : 0;
           high[a] = std::min(end[a] + layers[a], o.points[a]);
         }
+        std::vector<std::pair<std::uint32_t, double>> members;
         Index3 p{};
         for (p[2] = low[2]; p[2] < high[2]; ++p[2]) {
           for (p[1] = low[1]; p[1] < high[1]; ++p[1]) {
@@ -88,16 +89,38 @@ std::vector<ClusterSource> boxClusters(const LatticeOptions& o) {
               for (std::size_t a = 0; a < 3; ++a) {
                 weight *= axisWeight(p[a], begin[a], end[a], layers[a], o.points[a]);
               }
-              cluster.vertices.push_back((p[2] * o.points[1] + p[1]) * o.points[0] + p[0]);
-              cluster.weights.push_back(weight);
+              members.emplace_back(numbers[(p[2] * o.points[1] + p[1]) * o.points[0] + p[0]], weight);
             }
           }
+        }
+        std::sort(members.begin(), members.end());
+        for (const auto& [vertex, weight] : members) {
+          cluster.vertices.push_back(vertex);
+          cluster.weights.push_back(weight);
         }
         clusters.push_back(std::move(cluster));
       }
     }
   }
   return clusters;
+}
+
+// The number of each point, by its place in rows of x within layers of z: along a Morton curve, as a bake has them.
+std::vector<std::uint32_t> bakedOrder(const LatticeOptions& o) {
+  geometry::TetMesh mesh;
+  Index3 p{};
+  for (p[2] = 0; p[2] < o.points[2]; ++p[2]) {
+    for (p[1] = 0; p[1] < o.points[1]; ++p[1]) {
+      for (p[0] = 0; p[0] < o.points[0]; ++p[0]) mesh.positions.emplace_back(p[0], p[1], p[2]);
+    }
+  }
+  geometry::sortForLocality(mesh);
+  std::vector<std::uint32_t> numbers(mesh.positions.size());
+  for (std::uint32_t i = 0; i < mesh.positions.size(); ++i) {
+    const Vector3d& at = mesh.positions[i];
+    numbers[(std::size_t(at[2]) * o.points[1] + std::size_t(at[1])) * o.points[0] + std::size_t(at[0])] = i;
+  }
+  return numbers;
 }
 
 formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
@@ -109,7 +132,8 @@ Vector3d positionOf(const formats::PackageContent& content, std::uint32_t vertex
 }
 
 // Tetrahedra of all cells, and visual vertices on an ellipsoid, ring by ring as a modeller would number them.
-void addVisual(const LatticeOptions& o, const Vector3d& low, double spacing, formats::PackageContent& content) {
+void addVisual(const LatticeOptions& o, const Vector3d& low, double spacing, const std::vector<std::uint32_t>& numbers,
+               formats::PackageContent& content) {
   geometry::CellGrid grid;
   grid.origin = low;
   grid.spacing = Vector3d::Constant(spacing);
@@ -121,8 +145,8 @@ void addVisual(const LatticeOptions& o, const Vector3d& low, double spacing, for
     for (std::size_t k = 0; k < 4; ++k) {
       const Vector3d at = (mesh.positions[t[k]] - low) / spacing;
       tetrahedron.vertex[k] =
-          (std::uint32_t(std::lround(at[2])) * o.points[1] + std::uint32_t(std::lround(at[1]))) * o.points[0] +
-          std::uint32_t(std::lround(at[0]));
+          numbers[(std::uint32_t(std::lround(at[2])) * o.points[1] + std::uint32_t(std::lround(at[1]))) * o.points[0] +
+                  std::uint32_t(std::lround(at[0]))];
     }
     content.tetrahedra.push_back(tetrahedron);
   }
@@ -174,6 +198,8 @@ LatticeBody makeLattice(const LatticeOptions& o) {
   const double spacing = 1.0 / (*std::max_element(o.points.begin(), o.points.end()) - 1);
   const Vector3d size = spacing * Vector3d(o.points[0] - 1, o.points[1] - 1, o.points[2] - 1);
   const Vector3d low = -0.5 * size;
+  const std::vector<std::uint32_t> numbers = bakedOrder(o);
+  content.physical_vertices.resize(numbers.size());
   double mass = 0;
   Index3 p{};
   for (p[2] = 0; p[2] < o.points[2]; ++p[2]) {
@@ -182,7 +208,8 @@ LatticeBody makeLattice(const LatticeOptions& o) {
         double own = kDensity * spacing * spacing * spacing;
         for (std::size_t a = 0; a < 3; ++a) own *= p[a] == 0 || p[a] + 1 == o.points[a] ? 0.5 : 1.0;
         mass += own;
-        content.physical_vertices.push_back({toFloat(low + spacing * Vector3d(p[0], p[1], p[2])), float(own)});
+        content.physical_vertices[numbers[(p[2] * o.points[1] + p[1]) * o.points[0] + p[0]]] = {
+            toFloat(low + spacing * Vector3d(p[0], p[1], p[2])), float(own)};
       }
     }
   }
@@ -192,11 +219,11 @@ LatticeBody makeLattice(const LatticeOptions& o) {
   options.bend_hz = o.bend_hz;
   options.twist_hz = o.twist_hz;
   std::vector<Finding> findings;
-  ClusterConstants constants = clusterConstants(boxClusters(o), content.physical_vertices, options, findings);
+  ClusterConstants constants = clusterConstants(boxClusters(o, numbers), content.physical_vertices, options, findings);
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
-  if (o.visual_vertices > 0) addVisual(o, low, spacing, content);
+  if (o.visual_vertices > 0) addVisual(o, low, spacing, numbers, content);
   if (o.limits) {
     formats::ClusterMechanics mechanics = formats::kPlainMechanics;
     mechanics.limit = formats::LimitMethod::principal;

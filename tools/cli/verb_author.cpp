@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/author/recipe_commands.h"
+#include "tools/author/transfer.h"
 #include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
 #include "tools/cli/options.h"
@@ -21,7 +22,7 @@ namespace {
 
 struct AuthorCommand {
   std::string recipe;
-  std::string name, other, from, method, target, attach, to, plane, options, picture;
+  std::string name, other, from, method, target, attach, to, plane, options, picture, old_source;
   std::vector<std::string> assignments, names;
   bool json = false;
 };
@@ -141,6 +142,57 @@ void edit(const AuthorCommand& command, const std::function<void(RecipeEditor&)>
   say(command.recipe + ": " + editor.history()[editor.position()]);
 }
 
+nlohmann::ordered_json transferJson(const std::string& recipe, const TransferResult& result) {
+  nlohmann::ordered_json json = {{"recipe", recipe},
+                                 {"matched", result.matched},
+                                 {"surface_distance", result.error},
+                                 {"uvs_kept", result.uvs_kept},
+                                 {"notes", result.notes}};
+  json["mask_file"] =
+      result.mask_file.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(result.mask_file.string());
+  json["selections"] = nlohmann::ordered_json::array();
+  for (const TransferredSelection& s : result.selections) {
+    nlohmann::ordered_json matched;
+    for (std::size_t r = 0; r < kMatchRules; ++r) matched[matchRuleName(MatchRule(r))] = s.matched[r];
+    json["selections"].push_back({{"kind", s.kind},
+                                  {"name", s.name},
+                                  {"stored", s.stored},
+                                  {"matched", matched},
+                                  {"largest_metres", s.largest},
+                                  {"rms_metres", s.rms},
+                                  {"old_area", s.old_area},
+                                  {"new_area", s.new_area}});
+  }
+  return json;
+}
+
+void transfer(const AuthorCommand& command) {
+  Progress progress(!command.json);
+  const TransferResult result =
+      transferRecipe({command.recipe, command.other, command.old_source, command.picture}, progress);
+  if (!result.mask_file.empty()) writeFileAtomically(result.mask_file, result.mask_text);
+  result.editor.save();
+  const std::string recipe = result.editor.file().string();
+  if (command.json) {
+    std::cout << transferJson(recipe, result).dump(2) << "\n";
+    return;
+  }
+  std::printf("%s: now of %s; %.1f %% of its surface lies where the old one was (mean distance %.2g diagonals)%s\n",
+              recipe.c_str(), command.other.c_str(), 100 * result.matched, result.error,
+              result.uvs_kept ? ", its UVs are the old ones" : "");
+  for (const std::string& note : result.notes) std::printf("  %s\n", note.c_str());
+  if (!result.selections.empty()) {
+    std::printf("  %-9s %-24s %-7s %7s %8s %6s %9s %6s  %10s %10s  %s\n", "kind", "name", "kept as", "same", "position",
+                "uv", "neighbour", "new", "largest m", "rms m", "area");
+  }
+  for (const TransferredSelection& s : result.selections) {
+    std::printf("  %-9s %-24s %-7s %7zu %8zu %6zu %9zu %6zu  %10.3g %10.3g  %.1f %%\n", s.kind.c_str(), s.name.c_str(),
+                s.stored ? "weights" : "words", s.matched[0], s.matched[1], s.matched[2], s.matched[3], s.matched[4],
+                s.largest, s.rms, s.old_area > 0 ? 100 * s.new_area / s.old_area : 100.0);
+  }
+  if (!result.mask_file.empty()) std::printf("  weights are in %s\n", result.mask_file.c_str());
+}
+
 void step(const AuthorCommand& command, bool forward) {
   RecipeEditor editor = RecipeEditor::open(command.recipe);
   const std::string done = forward ? editor.redo() : editor.undo();
@@ -249,6 +301,13 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   look->add_option("names", command->names, "Which ones; without: all clusters and pins");
   look->add_option("-o,--output", command->picture, "Draw the weights on the mesh (.png)");
   look->add_flag("--json", command->json, "Print JSON");
+
+  CLI::App* carry = add("transfer", "Carry masks, clusters and pins over to a new version of the source",
+                        [command] { transfer(*command); });
+  carry->add_option("source", command->other, "The new source")->required();
+  carry->add_option("-o,--output", command->picture, "A new recipe (.json); without it, this one changes");
+  carry->add_option("--old", command->old_source, "A copy of the old source, where the new one has taken its place");
+  carry->add_flag("--json", command->json, "Print JSON");
 
   add("undo", "Undo the last command", [command] { step(*command, false); });
   add("redo", "Do again what was undone", [command] { step(*command, true); });

@@ -21,6 +21,7 @@ struct BakeCommand {
   unsigned threads = 0;
   bool json = false;
   bool quiet = false;
+  bool no_cache = false;
 };
 
 std::string count(std::uint64_t n, const std::string& noun) {
@@ -73,13 +74,15 @@ void runBake(const BakeCommand& command) {
   if (!command.report_file.empty()) requireWritable(command.report_file);
   const auto limit = limitThreads(command.threads);
   Progress progress(!command.quiet);
-  BakeResult result = bake(recipe, progress);
+  StageCache cache(command.no_cache ? std::filesystem::path() : StageCache::userFolder());
+  BakeResult result = bake(recipe, progress, &cache);
   progress.stage("write");
   writeFileAtomically(command.output, result.package);
   progress.finish();
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.report["package"] = command.output;
   result.report["stages"] = costsJson(progress);
+  result.report["cache"] = cacheJson(cache);
   result.report["seconds"] = seconds;
   double peak = 0;
   for (const StageCost& cost : progress.costs()) peak = std::max(peak, cost.peak_megabytes);
@@ -103,6 +106,7 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
       ->type_name("KEY=VALUE");
   verb->add_option("--unit", command->unit,
                    "Unit of the source: m, dm, cm, mm, in, ft or metres per unit; the same as --set import.unit=");
+  verb->add_flag("--no-cache", command->no_cache, "Make every stage anew, and keep none for the next bake");
   verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
   verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));
   verb->add_flag("--json", command->json, "Print the report as JSON instead of the summary");

@@ -74,7 +74,7 @@ void addBenchVerb(CLI::App& app, int& exit_code) {
   CLI::App* verb = app.add_subcommand("bench", "Measure this machine and what the runtime costs on it");
   std::string names;
   for (const std::string_view name : benchGroups()) names += (names.empty() ? "" : ", ") + std::string(name);
-  verb->add_option("--only", command->options.only, "One group: " + names);
+  verb->add_option("--filter", command->options.filter, "Only groups with this in their name: " + names);
   verb->add_flag("--quick", command->options.quick, "Small sizes and few samples: to see that it runs, not to quote");
   verb->add_flag("--json", command->json, "Print the figures as JSON");
   verb->add_option("--library", command->options.library, "The shared runtime library to weigh");

@@ -9,6 +9,13 @@
 namespace sinew::tools {
 namespace {
 
+// Lists of thousands of numbers are for --json.
+std::string shortened(std::string text) {
+  constexpr std::size_t kMost = 200;
+  if (text.size() > kMost) text = text.substr(0, kMost) + " ... (--json shows all)";
+  return text;
+}
+
 // Arrays of records become lines, everything else a "key value" line.
 void printJson(const nlohmann::ordered_json& json) {
   for (const auto& [key, value] : json.items()) {
@@ -25,7 +32,7 @@ void printJson(const nlohmann::ordered_json& json) {
       }
       std::cout << " ";
       for (const auto& [name, field] : record.items()) {
-        std::cout << " " << name << "=" << (field.is_string() ? field.get<std::string>() : field.dump());
+        std::cout << " " << name << "=" << (field.is_string() ? field.get<std::string>() : shortened(field.dump()));
       }
       std::cout << "\n";
     }
@@ -39,6 +46,7 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
     std::string file;
     std::vector<std::string> assignments;
     std::string unit;
+    std::string vertex, name;
     bool json = false;
   };
   auto command = std::make_shared<Command>();
@@ -46,11 +54,23 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
   verb->add_option("file", command->file, "A package (.sinew), a recipe (.json) or a mesh")->required();
   verb->add_option("--set", command->assignments, "An import setting KEY=VALUE, for a source")->type_name("KEY=VALUE");
   verb->add_option("--unit", command->unit, "Unit of the source; the same as --set import.unit=");
+  verb->add_option("--vertex", command->vertex,
+                   "Of a package: what a vertex is and hangs on: source:N, visual:N, welded:N, physical:N or MESH:N");
+  verb->add_option("--name", command->name, "Of a package: the group, mask, cluster, pin set, channel of this name")
+      ->excludes("--vertex");
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
     nlohmann::ordered_json json;
+    const bool asks = !command->vertex.empty() || !command->name.empty();
     if (command->file.ends_with(".sinew")) {
-      json = inspectPackage(loadPackage(command->file)->package());
+      const auto asset = loadPackage(command->file);
+      const formats::PackageView& package = asset->package();
+      json = !command->vertex.empty() ? inspectVertex(package, command->file, command->vertex)
+             : !command->name.empty() ? inspectName(package, command->file, command->name)
+                                      : inspectPackage(package);
+    } else if (asks) {
+      throw ToolError(ExitCode::usage, command->file, "--vertex and --name ask a package",
+                      "Bake it first: sinew bake " + command->file + " -o OUT.sinew.");
     } else {
       Recipe recipe = recipeFor(command->file);
       if (!command->unit.empty()) recipe.settings.set("import.unit", command->unit);

@@ -85,6 +85,8 @@ class PackageView {
   std::span<const SourceMesh> sourceMeshes() const { return source_meshes_; }
   std::span<const Group> groups() const { return groups_; }
   std::span<const std::uint32_t> groupVertices() const { return group_vertices_; }
+  std::span<const Mask> masks() const { return masks_; }
+  std::span<const MaskWeight> maskWeights() const { return mask_weights_; }
 
  private:
   friend class PackageReader;
@@ -125,6 +127,8 @@ class PackageView {
   std::span<const SourceMesh> source_meshes_;
   std::span<const Group> groups_;
   std::span<const std::uint32_t> group_vertices_;
+  std::span<const Mask> masks_;
+  std::span<const MaskWeight> mask_weights_;
 };
 
 }  // namespace sinew::formats

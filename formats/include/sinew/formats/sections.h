@@ -368,6 +368,22 @@ struct Group {
 };
 static_assert(sizeof(Group) == 16);
 
+/// MASK: named weights of the recipe on visual vertices, MSKV[first .. first+count), visual vertices ascending: what an
+/// artist painted or selected under a name. For tools and games that ask by name; nothing is simulated from it.
+struct Mask {
+  StringRef name;
+  std::uint32_t first;
+  std::uint32_t count;  ///< may be 0
+};
+static_assert(sizeof(Mask) == 16);
+
+/// MSKV.
+struct MaskWeight {
+  std::uint32_t vertex;  ///< visual vertex
+  float weight;          ///< above 0, at most 1; vertices that are not listed weigh 0
+};
+static_assert(sizeof(MaskWeight) == 8);
+
 namespace section {
 inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), bodies = fourcc("BODY"),
                                physical_vertices = fourcc("PVTX"), tetrahedra = fourcc("TETS"),
@@ -384,7 +400,8 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                cluster_attachment_ranges = fourcc("ATCR"), cluster_attachments = fourcc("ATCW"),
                                visual_identity = fourcc("VSRC"), source_identity = fourcc("SVTX"),
                                source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
-                               groups = fourcc("GRUP"), group_vertices = fourcc("GRPV");
+                               groups = fourcc("GRUP"), group_vertices = fourcc("GRPV"), masks = fourcc("MASK"),
+                               mask_weights = fourcc("MSKV");
 }  // namespace section
 
 }  // namespace sinew::formats

@@ -46,6 +46,8 @@ struct PackageContent {
   std::vector<SourceMesh> source_meshes;
   std::vector<Group> groups;
   std::vector<std::uint32_t> group_vertices;
+  std::vector<Mask> masks;
+  std::vector<MaskWeight> mask_weights;
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);

@@ -1,0 +1,146 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The cache of a bake's stages: a series of edits gives the same bytes with and without it, and only the stages that an
+edit touches are made again; damaged, foreign and unwritable entries never matter."""
+import argparse
+import concurrent.futures
+import json
+import os
+import pathlib
+import stat
+import subprocess
+import tempfile
+import unittest
+
+SINEW = None
+HEAD = None
+BOTH = ["tetrahedra", "places"]
+
+
+class Cache(unittest.TestCase):
+    def setUp(self):
+        self.temporary = tempfile.TemporaryDirectory()
+        self.path = pathlib.Path(self.temporary.name)
+        self.cache = self.path / "cache" / "sinew"
+        self.source = self.path / "head.obj"
+        self.source.write_bytes(HEAD.read_bytes())
+        self.recipe = {"sinew_recipe": 2, "source": "head.obj", "settings": {"tetrahedra.vertices": 400},
+                       "clusters": [{"name": "skull", "from": {"group": "head"}}, {"name": "jaw", "from": {"group": "jaw"}},
+                                    {"name": "rest", "from": {"rest": True}}]}
+
+    def tearDown(self):
+        self.temporary.cleanup()
+
+    def run_bake(self, package, *arguments):
+        recipe = self.path / "head.json"
+        recipe.write_text(json.dumps(self.recipe))
+        environment = dict(os.environ, XDG_CACHE_HOME=str(self.path / "cache"))
+        return subprocess.run([SINEW, "bake", recipe, "-o", package, "--json", *arguments], capture_output=True, text=True,
+                              env=environment, timeout=300)
+
+    def bake(self, *arguments):
+        """Bakes; returns the package's bytes and the report's word on the cache."""
+        package = self.path / "head.sinew"
+        result = self.run_bake(package, *arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return package.read_bytes(), json.loads(result.stdout)["cache"]
+
+    def check(self, cached):
+        """One bake with the cache and one without: the same bytes; `cached` came from the cache, the rest was made."""
+        package, report = self.bake()
+        fresh, _ = self.bake("--no-cache")
+        self.assertEqual(package, fresh)
+        self.assertEqual([s["name"] for s in report["stages"]], BOTH)
+        self.assertEqual([s["name"] for s in report["stages"] if s["from_cache"]], cached)
+        return package
+
+    def test_a_series_of_edits_gives_the_same_bytes_both_ways(self):
+        first = self.check([])
+        self.assertEqual(self.check(BOTH), first)
+        self.recipe["settings"]["clusters.stretch_hz"] = 25  # stiffness
+        stiff = self.check(BOTH)
+        self.assertNotEqual(stiff, first)
+        self.recipe["clusters"].append({"name": "nose", "from": {"group": "nose"}})
+        self.check(BOTH)
+        self.recipe["clusters"][1]["from"] = {"or": [{"group": "jaw"}, {"group": "cheek_*"}]}
+        self.check(BOTH)
+        self.recipe["settings"]["material.density"] = 500
+        self.check(BOTH)
+        self.recipe["settings"]["tetrahedra.vertices"] = 500
+        self.check([])
+        self.recipe["parts"] = [{"name": "eye", "from": {"group": "eye_l"}}]  # something else is filled
+        self.check([])
+        self.recipe["parts"][0]["attach"] = "follow"
+        self.check(BOTH)
+        del self.recipe["parts"]
+        self.check(BOTH)
+        text = self.source.read_text()
+        lines = text.split("\n")
+        texture = next(i for i, line in enumerate(lines) if line.startswith("vt "))
+        lines[texture] = "vt 0.5 0.25"
+        self.source.write_text("\n".join(lines))
+        self.check(BOTH)  # geometry is what it was
+        point = next(i for i, line in enumerate(lines) if line.startswith("v "))
+        x, *rest = lines[point].split()[1:]
+        lines[point] = " ".join(["v", str(float(x) + 1e-3), *rest])
+        self.source.write_text("\n".join(lines))
+        self.check([])
+        self.source.write_text(text)
+        del self.recipe["clusters"][-1]
+        del self.recipe["settings"]["material.density"], self.recipe["settings"]["clusters.stretch_hz"]
+        self.recipe["clusters"][1]["from"] = {"group": "jaw"}
+        self.recipe["settings"]["tetrahedra.vertices"] = 400
+        self.assertEqual(self.check(BOTH), first)  # all undone: the first package again
+
+    def test_damaged_entries_are_found_and_made_again(self):
+        package, _ = self.bake()
+        entries = sorted(self.cache.iterdir())
+        self.assertEqual(sorted(e.suffix for e in entries), [".places", ".tetrahedra"])
+        whole = {e: e.read_bytes() for e in entries}
+        for damage in (lambda b: b[:-1], lambda b: b[:20], lambda b: b"", lambda b: b + b"x",
+                       lambda b: b[:len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1:],
+                       lambda b: b[:48] + bytes([b[48] ^ 4]) + b[49:]):
+            for entry in entries:
+                entry.write_bytes(damage(whole[entry]))
+            again, report = self.bake()
+            self.assertEqual(again, package)
+            self.assertEqual(report["damaged_entries"], 2)
+            self.assertFalse(any(s["from_cache"] for s in report["stages"]))
+        # One entry in the place of the other.
+        entries[0].write_bytes(whole[entries[1]])
+        again, report = self.bake()
+        self.assertEqual(again, package)
+        self.assertEqual(report["damaged_entries"], 1)
+        self.assertTrue(all(s["from_cache"] for s in self.bake()[1]["stages"]))
+
+    def test_without_a_cache_nothing_is_kept(self):
+        self.bake("--no-cache")
+        self.assertFalse(self.cache.exists())
+
+    def test_a_folder_that_cannot_be_written_is_no_cache(self):
+        (self.path / "cache").write_text("in the way")
+        package, report = self.bake()
+        self.assertEqual(package, self.bake("--no-cache")[0])
+        self.assertFalse(any(s["from_cache"] for s in report["stages"]))
+        (self.path / "cache").unlink()
+        self.cache.mkdir(parents=True)
+        self.cache.chmod(stat.S_IRUSR | stat.S_IXUSR)
+        self.assertEqual(self.bake()[0], package)
+        self.cache.chmod(stat.S_IRWXU)
+
+    def test_two_bakes_at_once_share_it(self):
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            results = list(pool.map(lambda i: self.run_bake(self.path / f"{i}.sinew"), range(4)))
+        self.assertEqual([r.returncode for r in results], [0] * 4, [r.stderr for r in results])
+        self.assertEqual(len({(self.path / f"{i}.sinew").read_bytes() for i in range(4)}), 1)
+        self.assertEqual(len(list(self.cache.iterdir())), 2)  # nothing half-written stays
+        self.check(BOTH)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sinew", required=True)
+    parser.add_argument("--head", required=True, type=pathlib.Path)
+    arguments, rest = parser.parse_known_args()
+    SINEW, HEAD = arguments.sinew, arguments.head
+    unittest.main(argv=[__file__, *rest])
