@@ -37,6 +37,29 @@ def png(path, width, height, pixel):
                      chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
+def exr(path, width, height, pixel):
+    """Writes an uncompressed picture of 32-bit floats; pixel(x, y) = (r, g, b) with y from the top."""
+    def attribute(name, kind, data):
+        return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(data)) + data
+
+    channels = b"".join(c + b"\0" + struct.pack("<iBBBBii", 2, 0, 0, 0, 0, 1, 1) for c in (b"B", b"G", b"R")) + b"\0"
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    head = struct.pack("<ii", 20000630, 2) + attribute("channels", "chlist", channels) + \
+        attribute("compression", "compression", b"\0") + attribute("dataWindow", "box2i", window) + \
+        attribute("displayWindow", "box2i", window) + attribute("lineOrder", "lineOrder", b"\0") + \
+        attribute("pixelAspectRatio", "float", struct.pack("<f", 1)) + \
+        attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)) + \
+        attribute("screenWindowWidth", "float", struct.pack("<f", 1)) + b"\0"
+    lines = []
+    for y in range(height):
+        row = [pixel(x, y) for x in range(width)]
+        data = b"".join(struct.pack(f"<{width}f", *(p[c] for p in row)) for c in (2, 1, 0))
+        lines.append(struct.pack("<ii", y, len(data)) + data)
+    first = len(head) + 8 * height
+    offsets = b"".join(struct.pack("<Q", first + y * len(lines[0])) for y in range(height))
+    path.write_bytes(head + offsets + b"".join(lines))
+
+
 class Bar:
     """A bar of 3 x 1 x 1 m, in cells; the cluster of a face is the metre along x it lies in."""
 
@@ -82,7 +105,7 @@ class Bar:
         for p in self.points:
             tint = ""
             if colors:
-                tint = " %d %d %d" % (p[0] <= 1.001, 0.999 <= p[0] <= 2.001, p[0] >= 1.999)
+                tint = " %d %d %d" % tuple(self.regions(p))
             lines.append("v %.9f %.9f %.9f%s" % (*p, tint))
         texture = 0
         for cell, vertices, uvs in self.quads:
@@ -105,6 +128,45 @@ class Bar:
                         lines.append("f " + " ".join(str(first + used.index(v) + 1) for v in order))
                 first += len(used)
         return "\n".join(lines) + "\n"
+
+
+    @staticmethod
+    def regions(p):
+        return [float(p[0] <= 1.001), float(0.999 <= p[0] <= 2.001), float(p[0] >= 1.999)]
+
+    def glb(self):
+        """With an attribute _LEFT, ... and a morph target left, ... for each of the three regions."""
+        blobs, views, accessors = [], [], []
+
+        def accessor(kind, values, flat, component=5126, **bounds):
+            data = struct.pack(f"<{len(flat)}{'f' if component == 5126 else 'I'}", *flat)
+            views.append({"buffer": 0, "byteOffset": sum(map(len, blobs)), "byteLength": len(data)})
+            blobs.append(data)
+            accessors.append({"bufferView": len(views) - 1, "componentType": component, "count": values, "type": kind,
+                              **bounds})
+            return len(accessors) - 1
+
+        count = len(self.points)
+        low, high = ([f(p[k] for p in self.points) for k in range(3)] for f in (min, max))
+        attributes = {"POSITION": accessor("VEC3", count, [c for p in self.points for c in p], min=low, max=high)}
+        targets = []
+        for k, name in enumerate(NAMES):
+            weights = [self.regions(p)[k] for p in self.points]
+            attributes["_" + name.upper()] = accessor("SCALAR", count, weights)
+            moved = [c for w in weights for c in (0, 0.25 * w, 0)]
+            targets.append({"POSITION": accessor("VEC3", count, moved, min=[0, 0, 0], max=[0, 0.25, 0])})
+        corners = [v for _, q, _ in self.quads for v in (q[0], q[1], q[2], q[0], q[2], q[3])]
+        indices = accessor("SCALAR", len(corners), corners, component=5125)
+        document = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+                    "nodes": [{"name": "bar", "mesh": 0}],
+                    "meshes": [{"name": "bar", "extras": {"targetNames": list(NAMES)},
+                                "primitives": [{"attributes": attributes, "indices": indices, "targets": targets}]}],
+                    "buffers": [{"byteLength": sum(map(len, blobs))}], "bufferViews": views, "accessors": accessors}
+        text = json.dumps(document).encode()
+        text += b" " * (-len(text) % 4)
+        binary = b"".join(blobs)
+        body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
 class Folder(unittest.TestCase):
@@ -138,9 +200,10 @@ class Folder(unittest.TestCase):
 
 class FiveWays(Folder):
     def recipe(self, name, source, froms):
-        self.write(name + ".obj", source)
+        file = self.path / (name + (".obj" if isinstance(source, str) else ".glb"))
+        file.write_bytes(source.encode() if isinstance(source, str) else source)
         clusters = [{"name": n, "from": f} if f else {"name": n} for n, f in zip(NAMES, froms)]
-        return self.write(name + ".json", {"sinew_recipe": 2, "source": name + ".obj",
+        return self.write(name + ".json", {"sinew_recipe": 2, "source": file.name,
                                            "settings": {"tetrahedra.vertices": 800}, "clusters": clusters})
 
     def test_five_ways_agree(self):
@@ -157,6 +220,7 @@ class FiveWays(Folder):
             along = ((x + 0.5) / size - 0.05) / 0.9 * 3
             return [255 * (a - 0.06 <= along <= a + 1.06) for a in range(3)]
         png(self.path / "mask.png", size, size, pixel)
+        exr(self.path / "mask.exr", size, size, lambda x, y: [c / 255 * 0.75 for c in pixel(x, y)])
         png(self.path / "flipped.png", size, size, lambda x, y: pixel(x, size - 1 - y))
         rng = random.Random(1)
         smoothed = lambda p: tuple(c + rng.uniform(-0.012, 0.012) for c in p)  # noqa: E731
@@ -165,6 +229,10 @@ class FiveWays(Folder):
             "groups": (bar.obj(groups=True), [{"group": n} for n in NAMES]),
             "colors": (bar.obj(colors=True), [{"color": c} for c in "rgb"]),
             "picture": (bar.obj(), [{"image": "mask.png", "channel": c, "threshold": 0.5} for c in "rgb"]),
+            "float picture": (bar.obj(), [{"image": "mask.exr", "channel": c, "threshold": 0.5} for c in "rgb"]),
+            "attributes": (bar.glb(), [{"attribute": "_" + n.upper()} for n in NAMES]),
+            "morph targets": (bar.glb(), [{"morph": n} for n in NAMES]),
+            "morph targets in proportion": (bar.glb(), [{"morph": n, "threshold": 0} for n in NAMES]),
             "picture from the top": (bar.obj(), [{"image": "flipped.png", "channel": c, "v": "down"} for c in "rgb"]),
             "duplicates": (bar.obj(duplicates=same), [{"cluster_mesh": n} for n in NAMES]),
             "duplicates by name alone": (bar.obj(duplicates=same), [None] * 3),

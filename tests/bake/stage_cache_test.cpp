@@ -51,7 +51,7 @@ PhysicalMesh someMesh() {
 }
 
 TEST_F(StageCacheTest, AStageComesBackAsItWas) {
-  const PhysicalMesh mesh = someMesh();
+  PhysicalMesh mesh = someMesh();
   StageCache first(folder_);
   first.get("tetrahedra", {1, 2}, [&] { return mesh; });
   StageCache second(folder_);
@@ -79,7 +79,7 @@ TEST_F(StageCacheTest, AStageComesBackAsItWas) {
 }
 
 TEST_F(StageCacheTest, WhatWasNotUsedForLongestGoesFirst) {
-  const PhysicalMesh mesh = someMesh();
+  PhysicalMesh mesh = someMesh();
   {
     StageCache cache(folder_);
     cache.get("tetrahedra", {0, 0}, [&] { return mesh; });
