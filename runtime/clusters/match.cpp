@@ -46,7 +46,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
     } else {
       f += deviation * stiffness.s;
     }
-    limited = applyGoalLimits(*extras.limits, r, extras.shape, f);
+    limited = applyGoalLimits(*extras.limits, stiffness.kept < 0.5F, r, extras.shape, f);
   }
   if (!lost && (limited != Limited::nothing || stiffness.mixes_classes)) {
     // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.

@@ -287,7 +287,7 @@ float curveResponse(std::span<const formats::CurvePoint> curve, float phi) {
   return curve.back().response;
 }
 
-Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
+Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
   Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
   if (shape != nullptr) a = (a * shape->inverse()).eval();
@@ -306,9 +306,12 @@ Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
   if (keeps_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
     const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
-    const bool guarded = svd.sigma.z < kLeastStretch || svd.sigma.x > std::max(kLargestStretch, limits.largest);
-    const float least = guarded ? std::max(limits.least, kLeastStretch * kGuardMargin) : limits.least;
-    const float largest = guarded ? std::min(limits.largest, kLargestStretch / kGuardMargin) : limits.largest;
+    const float outside_by = stiff ? 1.0F : kGuardMargin;
+    const bool guarded = svd.sigma.z * outside_by < kLeastStretch ||
+                         svd.sigma.x > outside_by * std::max(kLargestStretch, limits.largest);
+    const bool inside = guarded && stiff;
+    const float least = inside ? std::max(limits.least, kLeastStretch * kStiffGuardMargin) : limits.least;
+    const float largest = inside ? std::min(limits.largest, kLargestStretch / kStiffGuardMargin) : limits.largest;
     lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, least, largest);
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
     if (guarded) {

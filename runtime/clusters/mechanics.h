@@ -69,8 +69,9 @@ enum class Limited {
 
 /// Limits and volume on the linear block of F (eq. 10); blending limits take the squares and products along, which are
 /// zero in a linear cluster.
+/// \param stiff a pass keeps less than half of a stretch.
 /// \param shape the rest shape's own deformation (plasticity, activation), null for none: limits count from it.
-Limited applyGoalLimits(const GoalLimits& limits, const Matrix3& r, const Matrix3* shape, Columns<9>& f);
+Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f);
 
 /// Deformation of the rest shape of one cluster, body state.
 struct ShapeState {

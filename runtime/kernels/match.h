@@ -122,10 +122,13 @@ template <class W, class Mask = decltype(W{} < W{})>
   W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
   const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
   const SvdOf<W> svd = rotationSvd(a);
-  const Mask guarded = (svd.sigma.z < kLeastStretch) | (svd.sigma.x > larger(largest, splat<W>(kLargestStretch)));
-  // A little inside its bounds, or rounding would have the guard act, and stop the return, pass after pass.
-  least = select(guarded, larger(least, splat<W>(kLeastStretch * kGuardMargin)), least);
-  largest = select(guarded, smaller(largest, splat<W>(kLargestStretch / kGuardMargin)), largest);
+  const Mask stiff = stiffness.loadMask<W>(stiffness->stiff);
+  const W outside_by = select(stiff, splat<W>(1.0F), splat<W>(kGuardMargin));
+  const Mask guarded = (svd.sigma.z * outside_by < kLeastStretch) |
+                       (svd.sigma.x > outside_by * larger(largest, splat<W>(kLargestStretch)));
+  const Mask inside = guarded & stiff;
+  least = select(inside, larger(least, splat<W>(kLeastStretch * kStiffGuardMargin)), least);
+  largest = select(inside, smaller(largest, splat<W>(kLargestStretch / kStiffGuardMargin)), largest);
   const Vec3Of<W> held = limitPrincipal(svd, least, largest);
   const Mask outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
   const Vec3Of<W> kept = volumePrincipal(held, least, largest);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <set>
 
+#include "runtime/step/motion.h"
 #include "tools/study/covering.h"
 #include "tools/study/sag.h"
 
@@ -51,14 +52,31 @@ TEST(Stability, ACellGivesTheSameResultEachTime) {
 TEST(Stability, TheQuickMatrix) {
   StabilityOptions options;
   options.quick = true;
-  std::size_t failed = 0, out_of_shape = 0;
+  std::size_t failed = 0;
+  std::string names;
   for (const StabilityResult& result : runStability(options)) {
     EXPECT_TRUE(result.finite) << textOf(result.cell);
-    failed += result.passed() ? 0U : 1U;
-    out_of_shape += result.shape > 1 ? 1U : 0U;
+    EXPECT_LE(result.contained, 1) << textOf(result.cell);
+    EXPECT_LE(result.momentum, 1) << textOf(result.cell);
+    if (result.passed()) continue;
+    ++failed;
+    names += textOf(result.cell) + "\n";
   }
-  EXPECT_LE(out_of_shape, 1U);
-  EXPECT_LE(failed, 32U);
+  EXPECT_LE(failed, 2U) << names;
+}
+
+// GCC 12 at -O2 takes pairs of doubles to float and back without rounding them: references that were no floats cost
+// fast spins their momentum.
+TEST(RoundedToFloat, RoundsEveryComponent) {
+  for (const double at : {310470.30783239, 218961.19605379, 13994.025616683, 1.1}) {
+    const Eigen::Vector3d v(at, -at, 2 * at);
+    const Eigen::Vector3d rounded = internal::roundedToFloat(v);
+    for (int k = 0; k < 3; ++k) {
+      const volatile float expected = float(v[k]);
+      EXPECT_EQ(rounded[k], double(expected));
+      EXPECT_NE(rounded[k], v[k]);
+    }
+  }
 }
 
 TEST(Sag, OneClusterDoesNotFeelTheStep) {

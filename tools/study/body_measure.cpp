@@ -51,6 +51,11 @@ Vector3d angularVelocity(const Matrix3d& second, const Vector3d& angular) {
   return omega;
 }
 
+// When the runtime matches a part as one (docs/method.md §3): RMS distance from the rest shape, radii of gyration.
+constexpr double kAstray = 0.5, kHardlyAstray = 0.005;
+constexpr double kFewPasses = 0.02;   // s
+constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
+
 }  // namespace
 
 BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
@@ -62,12 +67,16 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
   Vector3d first = Vector3d::Zero();
   double second = 0, mass = 0;
   const Vector3d reference = wide(vertices.front().rest_position);
+  double lightest = std::numeric_limits<double>::infinity(), heaviest = 0;
   for (const formats::PhysicalVertex& vertex : vertices) {
+    lightest = std::min(lightest, double(vertex.mass));
+    heaviest = std::max(heaviest, double(vertex.mass));
     const Vector3d d = wide(vertex.rest_position) - reference;
     mass += double(vertex.mass);
     first += double(vertex.mass) * d;
     second += double(vertex.mass) * d.squaredNorm();
   }
+  uneven_ = heaviest > kUnevenRatio * lightest;
   const double body_radius = radius_of(first, second, mass);
   slowest_hz_ = std::numeric_limits<double>::infinity();
   for (const formats::Cluster& cluster : package.clusters()) {
@@ -104,6 +113,7 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
       data.moment += double(members[k].mu) * data.monomials[k].head<3>() * data.monomials[k].transpose();
       spread += double(members[k].mu) * data.monomials[k].head<3>().squaredNorm();
     }
+    addRoundingGain(members, data);
     if (cluster.mode != formats::ClusterMode::rigid) {
       // Frequencies are those of the whole body; a smaller cluster rings higher (docs/method.md §4).
       const double radius = double(cluster.radius) * std::sqrt(spread);
@@ -113,10 +123,25 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
       slowest_hz_ = std::min(slowest_hz_, hz);
       fastest_omega_ = std::max(fastest_omega_, data.omega);
     } else {
+      data.rigid = true;
       data.a_qq.setZero();
     }
     clusters_.push_back(std::move(data));
   }
+}
+
+// A_pq is rounded to 2^-24 of sqrt(M_jj), its product with A_qq and the monomials carries that on.
+void BodyMeasure::addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data) {
+  Eigen::Matrix<double, 9, 1> spread = Eigen::Matrix<double, 9, 1>::Zero();
+  for (std::size_t k = 0; k < members.size(); ++k) {
+    spread += double(members[k].mu) * data.monomials[k].cwiseAbs2();
+  }
+  const Eigen::Matrix<double, 9, 9> noise = spread.cwiseSqrt().asDiagonal() * data.a_qq;
+  double gain = 0;
+  for (std::size_t k = 0; k < members.size(); ++k) {
+    gain += double(members[k].mu) * (noise * data.monomials[k].asDiagonal()).squaredNorm();
+  }
+  rounding_gain_ = std::max(rounding_gain_, std::sqrt(gain));
 }
 
 bool BodyMeasure::finite(const World& world, BodyId body) {
@@ -153,6 +178,9 @@ BodyMotion BodyMeasure::motion(const World& world, BodyId body) const {
     m.extent = std::max(m.extent, d.norm());
   }
   m.spin = angularVelocity(second, m.angular).norm();
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> axes(second, Eigen::EigenvaluesOnly);
+  const double largest_inertia = axes.eigenvalues()[2] + axes.eigenvalues()[1];
+  if (largest_inertia > 0) m.least_spin_energy = m.angular.squaredNorm() / (2 * largest_inertia);
   m.finite = std::isfinite(m.kinetic) && m.center.allFinite();
   return m;
 }
@@ -187,7 +215,7 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
   const ClusterData& data = clusters_[index];
   const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
   Match result;
-  const Vector3d reference = x[members.front().vertex];
+  const Vector3d& reference = x[members.front().vertex];
   Vector3d offset = Vector3d::Zero();
   for (const formats::Membership& member : members) {
     offset += double(member.mu) * (x[member.vertex] - reference);
@@ -204,45 +232,112 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
 }
 
 double BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
-  const formats::PackageView& package = asset_->package();
-  const auto vertices = package.physicalVertices();
   std::vector<Vector3d> x;
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
-  // y with goals x: a pass starts from there in effect. Richardson's iteration; what no goals reach is a spring of at
-  // most kIterations m / h².
+  const double by_cluster = clusterPotential(x, pass_seconds);
+  const PartPotential one = partPotential(x, pass_seconds);
+  return by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
+}
+
+BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> x, double pass_seconds) const {
+  const formats::PackageView& package = asset_->package();
+  const auto clusters = package.clusters();
+  if (clusters.size() < 2) return {};
+  double mass = 0;
+  Vector3d center = Vector3d::Zero(), rest_center = Vector3d::Zero();
+  std::vector<Match> matches;
+  const Vector3d& origin = x.front();
+  const Vector3d rest_origin = wide(clusters[0].rest_center);
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    matches.push_back(match(c, x));
+    mass += double(clusters[c].mass);
+    center += double(clusters[c].mass) * (matches[c].center - origin);
+    rest_center += double(clusters[c].mass) * (wide(clusters[c].rest_center) - rest_origin);
+  }
+  center = origin + center / mass;
+  rest_center = rest_origin + rest_center / mass;
+  Matrix3d moment = Matrix3d::Zero();
+  const auto moment_of = [&](std::size_t c) -> Matrix3d {
+    return matches[c].deviation.leftCols<3>() + matches[c].rotation * clusters_[c].moment.leftCols<3>();
+  };
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    const double m = double(clusters[c].mass), r2 = std::pow(double(clusters[c].radius), 2);
+    moment += m * ((matches[c].center - center) * (wide(clusters[c].rest_center) - rest_center).transpose() +
+                   r2 * moment_of(c));
+  }
+  const Matrix3d rotation = nearestRotation(moment);
+  double deviation = 0, spread = 0;
+  PartPotential result;
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    const double m = double(clusters[c].mass), radius = double(clusters[c].radius);
+    const Matrix3d rest_moment = clusters_[c].moment.leftCols<3>();
+    const Vector3d arm = wide(clusters[c].rest_center) - rest_center;
+    const Vector3d goal = center + rotation * arm;
+    spread += m * (arm.squaredNorm() + radius * radius * rest_moment.trace());
+    deviation += m * (matches[c].center - goal).squaredNorm();
+    if (rest_moment.trace() > 0) {
+      deviation += m * radius * radius * (moment_of(c) - rotation * rest_moment).squaredNorm() / rest_moment.trace();
+    }
+    const double phase = clusters_[c].omega * pass_seconds;
+    const double taken = clusters_[c].rigid ? 1 : phase * phase / (1 + phase * phase);
+    const auto members = package.memberships().subspan(clusters[c].first_member, clusters[c].member_count);
+    for (std::size_t k = 0; k < members.size(); ++k) {
+      const Vector3d g = goal + radius * (rotation * clusters_[c].monomials[k].head<3>());
+      result.energy += 0.5 * m * double(members[k].mu) * taken * (x[members[k].vertex] - g).squaredNorm();
+    }
+  }
+  result.energy /= pass_seconds * pass_seconds;
+  const double far = pass_seconds >= kFewPasses || uneven_ ? kHardlyAstray : kAstray;
+  if (deviation > far * far * spread) result.weight = 1 - far * far * spread / deviation;
+  return result;
+}
+
+double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds) const {
+  const formats::PackageView& package = asset_->package();
+  const auto vertices = package.physicalVertices();
+  // y with goals x: a pass starts from there in effect. Richardson's iteration climbs the dual function, whose values
+  // are bounds from below; what no goals reach is a spring of about kIterations m / h². What the guard moves is no
+  // energy of a cluster: it counts with the first pass alone.
   constexpr int kIterations = 24;
-  std::vector<Vector3d> y = x, goal(x.size());
-  double elastic = 0, apart = 0, first = 0;
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    elastic = apart = 0;
+  std::vector<Vector3d> y(x.begin(), x.end()), goal(x.size());
+  double bound = 0, first = 0;
+  for (int iteration = -1; iteration < kIterations; ++iteration) {
+    const bool guarded = iteration < 0;
+    double elastic = 0, apart = 0;
     std::fill(goal.begin(), goal.end(), Vector3d::Zero());
     for (std::size_t c = 0; c < clusters_.size(); ++c) {
       const ClusterData& data = clusters_[c];
       const formats::Cluster& cluster = package.clusters()[c];
       const Match m = match(c, y);
       const double phase = data.omega * pass_seconds, kept = 1 / (1 + phase * phase);
-      const double stretch = kept * kept * (m.deviation * data.a_qq * m.deviation.transpose()).trace();
-      elastic += 0.5 * double(cluster.mass) * std::pow(data.omega * double(cluster.radius), 2) * std::max(stretch, 0.0);
-      Eigen::Matrix<double, 3, 9> f = kept * m.deviation * data.a_qq;
-      f.leftCols<3>() += m.rotation;
-      if (data.a_qq(0, 0) > 0) f.leftCols<3>() = clampedStretch(f.leftCols<3>());
+      Eigen::Matrix<double, 3, 9> deformation = kept * m.deviation * data.a_qq;
+      if (guarded && data.a_qq(0, 0) > 0) {
+        deformation.leftCols<3>() = clampedStretch(m.rotation + deformation.leftCols<3>()) - m.rotation;
+      }
+      deformation *= double(cluster.radius);
+      Eigen::Matrix<double, 3, 9> f = deformation;
+      f.leftCols<3>() += double(cluster.radius) * m.rotation;
       const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
       for (std::size_t k = 0; k < members.size(); ++k) {
         const std::size_t i = members[k].vertex;
-        const Vector3d g = m.center + double(cluster.radius) * (f * data.monomials[k]);
+        const Vector3d g = m.center + f * data.monomials[k];
+        elastic += 0.5 * double(cluster.mass) * double(members[k].mu) * data.omega * data.omega *
+                   (deformation * data.monomials[k]).squaredNorm();
         goal[i] += double(members[k].share) * g;
         apart += double(members[k].share) * double(vertices[i].mass) * (g - x[i]).squaredNorm();
       }
     }
-    double missing = 0;
+    double missing = 0, multiplier = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
       missing += double(vertices[i].mass) * (x[i] - goal[i]).squaredNorm();
-      y[i] += x[i] - goal[i];
+      multiplier += double(vertices[i].mass) * (y[i] - x[i]).dot(x[i] - goal[i]);
+      if (!guarded) y[i] += x[i] - goal[i];
     }
+    bound = std::max(bound, elastic + (0.5 * apart + multiplier) / (pass_seconds * pass_seconds));
     if (iteration == 0) first = missing;
     if (missing <= 1e-8 * first) break;
   }
-  return elastic + apart / (2 * pass_seconds * pass_seconds);
+  return bound;
 }
 
 }  // namespace sinew::tools

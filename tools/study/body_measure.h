@@ -21,6 +21,7 @@ struct BodyMotion {
   double angular_scale = 0;                            ///< Σ m |x - center| |v|
   double kinetic = 0;                                  ///< of the motion about the centre, J
   double spin = 0;                                     ///< angular speed of the rigid part, rad/s
+  double least_spin_energy = 0;                        ///< |angular|² over twice the largest moment of inertia, J
   double reach = 0;                                    ///< largest coordinate, metres: what positions are rounded to
   double fastest = 0;                                  ///< largest speed, m/s
   double extent = 0;                                   ///< largest distance from the centre, metres
@@ -42,17 +43,21 @@ class BodyMeasure {
   /// What matching can turn into motion, J. A pass is an implicit step for this energy: each cluster has positions of
   /// its own for its vertices, with its elastic energy, and a spring of share m / h² ties each to its vertex; of all
   /// such positions whose mean is x those of least energy. (The blended match is the mean of proximal maps, so the
-  /// proximal map of their proximal average: Bauschke et al. 2008.)
+  /// proximal map of their proximal average: Bauschke et al. 2008.) Found from below, by the dual problem. A part that
+  /// is matched as one has the energy of that match instead, less what it has where that begins.
   double potential(const World& world, BodyId body, double pass_seconds) const;
 
   /// The lowest frequency a cluster has, Hz; 0 where one has none; infinite where all are rigid.
   double slowestHz() const { return slowest_hz_; }
+  /// By how much the match of a cluster makes the rounding of its moments larger, root mean square over the mass.
+  double roundingGain() const { return rounding_gain_; }
   /// The highest angular frequency of a cluster that is not rigid, rad/s.
   double fastestOmega() const { return fastest_omega_; }
 
  private:
   struct ClusterData {
     int columns = 3;
+    bool rigid = false;
     double omega = 0;                    ///< rad/s; 0 for rigid clusters
     Eigen::Matrix<double, 9, 9> a_qq;    ///< upper left 3 x 3 unless quadratic
     Eigen::Matrix<double, 3, 9> moment;  ///< of the rest shape
@@ -63,11 +68,19 @@ class BodyMeasure {
     Eigen::Matrix3d rotation;
     Eigen::Matrix<double, 3, 9> deviation;  ///< D = A_pq - R M
   };
+  struct PartPotential {
+    double energy = 0;  ///< J
+    double weight = 0;  ///< 0 where the part is not astray
+  };
+  double clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
+  PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
+  void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
   Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions) const;
 
   const Asset* asset_;
   std::vector<ClusterData> clusters_;
-  double slowest_hz_ = 0, fastest_omega_ = 0;
+  double slowest_hz_ = 0, fastest_omega_ = 0, rounding_gain_ = 1;
+  bool uneven_ = false;
 };
 
 }  // namespace sinew::tools

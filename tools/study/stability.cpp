@@ -162,6 +162,9 @@ void startState(const CellSetup& setup, const Asset& asset, std::span<const Vec3
       case Start::stretched:
         x[i] = d + 3 * axis * axis.dot(d);
         break;
+      case Start::lost_vertex:
+        x[i] = wide(rest[i]);  // the clusters know only where they saw the vertex last
+        break;
       case Start::fast_random:
         v[i] = 1e6 * chanceVector(setup.seed, i);
         break;
@@ -258,12 +261,12 @@ class CellRun {
     if (returns && result_.finite) {
       result_.rest_error = measure_.restError(world_, body_);
       const BodyMotion m = measure_.motion(world_, body_);
-      // A pass moves a deformation by (2 pi f h)² of itself; where that is below the rounding of a position nothing
-      // moves.
+      // A pass moves a deformation by (2 pi f h)² of itself; where that is below the rounding of a goal nothing moves.
       const double h = passSeconds(finishing);
       const double phase = 2 * std::numbers::pi * slow * h;
       const double moves = std::isfinite(slow) ? phase * phase / (1 + phase * phase) : 1.0;
-      const double rounding = kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
+      const double rounding =
+          measure_.roundingGain() * kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
       result_.shape = result_.rest_error / (kShapeLimit + 2 * rounding / moves);
     }
     if (!result_.finite) result_.shape = result_.energy = result_.momentum = 0;
@@ -376,12 +379,15 @@ class CellRun {
     const auto ratio = [](double value, double limit) { return limit > 0 ? value / limit : value > 0 ? 1e30 : 0.0; };
     result_.momentum = std::max({result_.momentum, ratio(p, p_limit), ratio(l, l_limit)});
 
-    // What rounding adds in each pass may add up: it need not be chance.
-    const double added = rounding_speed * std::max(4.0, double(passes_since_release_));
+    // What the rounding of goals adds in each pass may add up: it need not be chance.
+    const double added = measure_.roundingGain() * rounding_speed * std::max(4.0, double(passes_since_release_));
     const double floor = 0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega() * rounding, 2));
     const double energy = now.kinetic + measure_.potential(world_, body_, pass_seconds_);
     if (energy > floor) {
-      result_.energy = std::max(result_.energy, ratio(energy, energy_ + floor + kEnergyUnjudged * released_energy_));
+      // No motion of a body of this shape and angular momentum has less than the energy of turning about the axis of
+      // its largest inertia: what contracts spins up, as a skater does.
+      const double limit = std::max(energy_, kEnergyLimit * now.least_spin_energy);
+      result_.energy = std::max(result_.energy, ratio(energy, limit + floor + kEnergyUnjudged * released_energy_));
     }
     energy_ = std::min(energy_, energy * kEnergyLimit);
   }
@@ -662,12 +668,12 @@ Image stabilityPicture(const std::vector<StabilityResult>& results) {
   const int height = kTop + int(rows.size()) * kCell + 60;
   Image image(width, height);
   const Rgb8 ink = {40, 44, 52};
-  // Ratio to the limit: white at 0 through green to yellow at 1; red above.
-  const auto color_of = [](double worst) -> Rgb8 {
-    if (worst > 1) return {200, 40, 40};
-    const double t = std::clamp(1 + std::log10(std::max(worst, 1e-6)) / 6, 0.0, 1.0);  // 1e-6 .. 1
-    return {std::uint8_t(std::lround(225 - 190 * t * (1 - t) * 2 - 0 * t)), std::uint8_t(std::lround(240 - 45 * t)),
-            std::uint8_t(std::lround(225 - 165 * t))};
+  // Share of cells that fail: green for none, then yellow at 1 % to red at 30 %.
+  const auto color_of = [](double share) -> Rgb8 {
+    if (share == 0) return {150, 205, 150};
+    const double t = std::clamp(std::log(share / 0.01) / std::log(30.0), 0.0, 1.0);
+    return {std::uint8_t(std::lround(250 - 70 * t)), std::uint8_t(std::lround(220 * (1 - t) + 30 * t)),
+            std::uint8_t(std::lround(90 - 60 * t))};
   };
   for (std::size_t row = 0; row < rows.size(); ++row) {
     drawText(image, 8, float(kTop + int(row) * kCell + 4), 14, ink, rows[row]);
@@ -689,12 +695,14 @@ Image stabilityPicture(const std::vector<StabilityResult>& results) {
       }
     }
     for (std::size_t row = 0; row < rows.size(); ++row) {
-      double worst = -1;
+      std::size_t count = 0, bad = 0;
       for (const StabilityResult& r : results) {
-        if (r.cell[0] == row && r.cell[column.factor] == column.level) worst = std::max(worst, r.worst());
+        if (r.cell[0] != row || r.cell[column.factor] != column.level) continue;
+        ++count;
+        bad += r.passed() ? 0U : 1U;
       }
       const int y = kTop + int(row) * kCell;
-      if (worst >= 0) image.fillRectangle(x, y, kCell - 2, kCell - 2, color_of(worst));
+      if (count > 0) image.fillRectangle(x, y, kCell - 2, kCell - 2, color_of(double(bad) / double(count)));
     }
     x += kCell;
   }
@@ -702,9 +710,9 @@ Image stabilityPicture(const std::vector<StabilityResult>& results) {
   for (const StabilityResult& r : results) failed += r.passed() ? 0U : 1U;
   const int legend = kTop + int(rows.size()) * kCell + 16;
   const std::array<std::pair<double, const char*>, 5> shown = {
-      {{1e-6, "1e-6"}, {1e-4, "1e-4"}, {1e-2, "0.01"}, {1.0, "1 (limit)"}, {2.0, "failed"}}};
+      {{0, "none"}, {0.01, "1 %"}, {0.05, "5 %"}, {0.1, "10 %"}, {0.3, "30 %"}}};
   int at = kLeft;
-  drawText(image, 8, float(legend), 14, ink, "worst ratio");
+  drawText(image, 8, float(legend), 14, ink, "share failing");
   for (const auto& [value, label] : shown) {
     image.fillRectangle(at, legend, kCell - 2, kCell - 2, color_of(value));
     drawText(image, float(at + kCell + 2), float(legend + 2), 14, ink, label);

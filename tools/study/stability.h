@@ -69,7 +69,7 @@ std::vector<StabilityResult> runStability(const StabilityOptions& options);
 nlohmann::ordered_json stabilityJson(const std::vector<StabilityResult>& results, bool quick, bool all);
 /// The same for a person.
 std::string stabilityText(const std::vector<StabilityResult>& results);
-/// Rows: start states; columns: levels of the other factors; colour: the worst ratio of all cells with both.
+/// Rows: start states; columns: levels of the other factors; colour: the share of the cells with both that fail.
 Image stabilityPicture(const std::vector<StabilityResult>& results);
 
 }  // namespace sinew::tools
