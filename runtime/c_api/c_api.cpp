@@ -176,6 +176,7 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   std::copy(s.rotation.begin(), s.rotation.end(), result.rotation);
   result.stiffness_scale = s.stiffness_scale;
   result.keep_previous = s.keep_previous ? 1 : 0;
+  result.package_pins = s.package_pins ? 1 : 0;
   return result;
 }
 
@@ -185,6 +186,7 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   std::copy(s.rotation, s.rotation + 9, result.rotation.begin());
   result.stiffness_scale = s.stiffness_scale;
   result.keep_previous = s.keep_previous != 0;
+  result.package_pins = s.package_pins != 0;
   return result;
 }
 
@@ -658,6 +660,29 @@ sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const floa
 
 sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set) {
   return onWorld("sinew_pin_set_remove", world, true, [&](sinew::World& w) { w.removePinSet({pin_set}); });
+}
+
+sinew_status sinew_body_find_pin_set(const sinew_world* world, uint32_t body, const char* name, uint32_t* pin_set) {
+  sinew::PinSetId found;
+  const sinew_status status = onBody("sinew_body_find_pin_set", world, body, name != nullptr && pin_set != nullptr,
+                                     [&](const sinew::World& w, sinew::BodyId id) { found = w.pinSet(id, name); });
+  if (status != SINEW_OK) return status;
+  if (found == sinew::PinSetId{}) {
+    return fail(SINEW_ERROR_ARGUMENT, "sinew_body_find_pin_set: no pin set of the package has this name");
+  }
+  *pin_set = found.value;
+  return SINEW_OK;
+}
+
+sinew_status sinew_body_move_pin_target(sinew_world* world, uint32_t body, const char* target, const float position[3],
+                                        const float rotation[9]) {
+  std::uint32_t moved = 0;
+  const bool given = target != nullptr && position != nullptr && rotation != nullptr;
+  const sinew_status status = onBody(
+      "sinew_body_move_pin_target", world, body, given,
+      [&](sinew::World& w, sinew::BodyId id) { moved = w.movePinTarget(id, target, transform(position, rotation)); });
+  if (status != SINEW_OK || moved > 0) return status;
+  return fail(SINEW_ERROR_ARGUMENT, "sinew_body_move_pin_target: no pin set of the package follows this target");
 }
 
 sinew_status sinew_pin_set_reaction(const sinew_world* world, uint32_t pin_set, float force[3], float torque[3]) {

@@ -244,8 +244,12 @@ void MechanicsState::reset() {
   std::fill(activation.begin(), activation.end(), 0.0F);
 }
 
-void MechanicsState::updateShapes(const formats::PackageView& package) {
-  for (std::uint32_t c = 0; c < shapes.size(); ++c) updateShape(package, c);
+void MechanicsState::activate(const formats::PackageView& package, std::uint32_t channel, float value) {
+  if (activation[channel] == value) return;
+  activation[channel] = value;
+  for (std::uint32_t c = 0; c < shapes.size(); ++c) {
+    if (package.mechanics()[c].channel == channel) updateShape(package, c);
+  }
 }
 
 void MechanicsState::updateShape(const formats::PackageView& package, std::uint32_t c) {
@@ -264,7 +268,8 @@ MatchExtras matchExtras(const MechanicsConstants& constants, const MechanicsStat
     extras.modes = &constants.modes[constants.modes_of[c]];
     extras.kept = &kept[constants.modes_of[c]];
   }
-  if (!state.shapes.empty()) extras.shape = &state.shapes[c].shape;
+  // A rest shape that is not deformed now is the kernel's own case: the cluster pays nothing.
+  if (!state.shapes.empty() && !state.shapes[c].shape.isIdentity(0)) extras.shape = &state.shapes[c].shape;
   if (!state.previous.empty()) {
     extras.previous = &state.previous[c];
     extras.damping_passes = package.mechanics()[c].damping * pass_seconds;

@@ -89,8 +89,8 @@ struct MechanicsState {
                  std::pmr::memory_resource* memory);
   /// Nothing permanent, nothing activated, at rest.
   void reset();
-  /// Makes the shapes again from what is permanent and what is activated.
-  void updateShapes(const formats::PackageView& package);
+  /// Sets a channel, 0..1, and the shapes of the clusters that it contracts.
+  void activate(const formats::PackageView& package, std::uint32_t channel, float value);
   void updateShape(const formats::PackageView& package, std::uint32_t cluster);
 };
 

@@ -118,6 +118,28 @@ void addPinSet(Body& body, PinSet set) {
   setHeld(body, body.pin_sets.back(), true);
 }
 
+void addPackagePins(Body& body, std::uint32_t& next_id) {
+  const formats::PackageView& package = body.package();
+  const auto weights = package.pinWeights();
+  for (std::uint32_t s = 0; s < package.pinSets().size(); ++s) {
+    const formats::PinSet& source = package.pinSets()[s];
+    PinSet set(body.pin_sets.get_allocator());
+    set.source = s;
+    set.method = PinMethod(source.method);
+    set.at = set.target = {body.settings.position, body.settings.rotation};
+    for (const std::uint32_t vertex : package.pinSetVertices().subspan(source.first, source.count)) {
+      const float weight = weights.empty() ? 1.0F : weights[vertex];
+      if (weight > 0 && body.pinned[vertex] == 0)
+        set.vertices.push_back({vertex, weight, body.vertices()[vertex].rest_position});
+    }
+    if (set.vertices.empty()) continue;
+    set.id = next_id++;
+    setHeld(body, set, true);
+    body.pin_sets.push_back(std::move(set));
+  }
+  rebuildFits(body);
+}
+
 void removePinSet(Body& body, std::size_t index) {
   const auto place = body.pin_sets.begin() + std::ptrdiff_t(index);
   PinSet removed = std::move(*place);

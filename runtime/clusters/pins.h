@@ -16,6 +16,8 @@ RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransfor
 
 /// Adds a set to the body; the arguments are sound. Its vertices stay where they are in its transform.
 void addPinSet(Body& body, PinSet set);
+/// Puts the package's pin sets to work on a body that was just reset. \param next_id of a pin set; moves on.
+void addPackagePins(Body& body, std::uint32_t& next_id);
 /// Makes Body::fits again from its sets, as they are.
 void rebuildFits(Body& body);
 /// Removes the set at an index. This and addPinSet() leave all as it was where memory runs out (std::bad_alloc).

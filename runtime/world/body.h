@@ -37,6 +37,7 @@ struct PinnedVertex {
 /// Vertices attached to a rigid transform.
 struct PinSet {
   std::uint32_t id = 0;
+  std::uint32_t source = formats::kNone;  ///< element of the package's PSET; none: the game's own
   PinMethod method = PinMethod::constrained_fit;
   RigidTransform at;      ///< where it is in this pass
   RigidTransform target;  ///< where it is at the end of the step

@@ -20,7 +20,7 @@ using internal::ClusterBlock;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 3;
+constexpr std::uint32_t kStateVersion = 4;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -41,7 +41,7 @@ struct SavedPinSet {
   std::uint32_t id;
   PinMethod method;
   RigidTransform at, target;
-  std::uint32_t passes, first_pass, vertices, reserved;
+  std::uint32_t passes, first_pass, vertices, source;
   std::array<double, 3> force_sum, torque_sum;
 };
 
@@ -184,7 +184,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   for (std::uint32_t i = 0; i < h.pin_sets; ++i) {
     const auto set = reader.get<SavedPinSet>();
     sound &= internal::isProper(set.at) && internal::isProper(set.target) && set.method <= PinMethod::constrained_fit &&
-             set.vertices > 0;
+             set.vertices > 0 && (set.source == formats::kNone || set.source < body.package().pinSets().size());
     pinned += set.vertices;
   }
   sound &= pinned == h.pinned_vertices;
@@ -234,6 +234,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   for (const internal::PinSet& set : body->pin_sets) {
     SavedPinSet saved = {};
     saved.id = set.id;
+    saved.source = set.source;
     saved.method = set.method;
     saved.at = set.at;
     saved.target = set.target;
@@ -319,6 +320,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     internal::PinSet& set = sets[next_set++];
     set.id = impl_->findPinSet({saved.id}).first != nullptr ? impl_->next_pin_set : saved.id;
     impl_->next_pin_set = std::max(impl_->next_pin_set, set.id + 1);
+    set.source = saved.source;
     set.method = saved.method;
     set.at = saved.at;
     set.target = saved.target;

@@ -180,6 +180,7 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
       throw;
     }
     keepHistory(*body);
+    if (settings.package_pins) internal::addPackagePins(*body, impl_->next_pin_set);
     impl_->bodies.push_back(std::move(body));
     return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
   });
@@ -200,6 +201,12 @@ void World::resetBody(BodyId id) {
   body->reset();
   keepHistory(*body);
   impl_->changed(*body);
+  if (!body->settings.package_pins) return;
+  const bool held = impl_->guarded("resetBody", false, [&] {
+    internal::addPackagePins(*body, impl_->next_pin_set);
+    return true;
+  });
+  if (!held) body->reset();
 }
 
 const Asset& World::asset(BodyId id) const { return *impl_->bodies[id.value]->asset; }
@@ -380,6 +387,33 @@ void World::removePinSet(PinSetId id) {
   });
 }
 
+PinSetId World::pinSet(BodyId id, std::string_view name) const {
+  const Body* body = impl_->find(id, "pinSet");
+  if (body == nullptr) return {};
+  for (const internal::PinSet& set : body->pin_sets) {
+    if (set.source == formats::kNone) continue;
+    if (body->package().text(body->package().pinSets()[set.source].name) == name) return PinSetId{set.id};
+  }
+  return {};
+}
+
+std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const RigidTransform& to) {
+  Body* body = impl_->find(id, "movePinTarget");
+  if (body == nullptr) return 0;
+  if (!internal::isProper(to)) {
+    impl_->tell(LogSeverity::error, "movePinTarget: the transform is not finite and proper");
+    return 0;
+  }
+  std::uint32_t moved = 0;
+  for (internal::PinSet& set : body->pin_sets) {
+    if (set.source == formats::kNone) continue;
+    if (body->package().text(body->package().pinSets()[set.source].target) != target) continue;
+    set.target = to;
+    ++moved;
+  }
+  return moved;
+}
+
 PinReaction World::pinReaction(PinSetId id) const {
   const auto [body, index] = impl_->findPinSet(id);
   PinReaction reaction;
@@ -395,8 +429,7 @@ PinReaction World::pinReaction(PinSetId id) const {
 bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
   Body* body = impl_->find(id);
   if (body == nullptr || channel >= body->mechanics.activation.size()) return false;
-  body->mechanics.activation[channel] = value > 0 ? std::min(value, 1.0F) : 0.0F;
-  body->mechanics.updateShapes(body->package());
+  body->mechanics.activate(body->package(), channel, value > 0 ? std::min(value, 1.0F) : 0.0F);
   return true;
 }
 

@@ -254,6 +254,16 @@ static void testMotion(const sinew_asset* asset) {
   CHECK_OK(sinew_body_unpin(world, body, 0));
   CHECK_OK(sinew_body_unpin_all(world, body));
 
+  /* The package has no pin sets to be found or moved. */
+  {
+    const float here[3] = {0, 0, 0}, unturned[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    uint32_t set = 7;
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_find_pin_set(world, body, "skull", &set));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_find_pin_set(world, body, NULL, &set));
+    CHECK(set == 7);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_move_pin_target(world, body, "jaw", here, unturned));
+  }
+
   /* A bone that holds three vertices of a body under gravity. */
   {
     const uint32_t held[3] = {0, 1, 2}, twice[2] = {3, 3};

@@ -367,6 +367,106 @@ TEST(PinSets, RefusesWhatItCannotHold) {
   EXPECT_EQ(world.pinReaction(*set).force, Vec3{});
 }
 
+// A box whose ends are pin sets of the package: "left" follows the world, "right" a bone.
+std::shared_ptr<const Asset> boxWithPinSets() {
+  BoxOptions box;
+  box.cells = {10, 2, 2};
+  box.size = {1, 0.2, 0.2};
+  formats::PackageContent content = boxContent(box);
+  content.pin_weights.assign(content.physical_vertices.size(), 1.0F);
+  const auto add = [&](const char* name, const char* target, PinMethod method, float low, float high) {
+    const auto first = std::uint32_t(content.pin_set_vertices.size());
+    for (std::uint32_t i = 0; i < content.physical_vertices.size(); ++i) {
+      const float x = content.physical_vertices[i].rest_position[0];
+      if (x >= low && x <= high) content.pin_set_vertices.push_back(i);
+    }
+    content.pin_sets.push_back({content.addText(name), content.addText(target), std::uint32_t(method), first,
+                                std::uint32_t(content.pin_set_vertices.size()) - first, 0});
+  };
+  add("left", "world", PinMethod::constrained_fit, -1, -0.49F);
+  add("right", "bone", PinMethod::hold, 0.49F, 1);
+  add("left again", "bone", PinMethod::hold, -1, -0.39F);  // shares its outer half with "left"
+  return makeAsset(content);
+}
+
+Matrix3d turnAboutX(double angle) { return Eigen::AngleAxisd(angle, Vector3d::UnitX()).toRotationMatrix(); }
+
+RigidTransform transformOf(const Matrix3d& rotation, const Vector3d& position) {
+  RigidTransform result;
+  for (int r = 0; r < 3; ++r) {
+    result.position[std::size_t(r)] = float(position[r]);
+    for (int c = 0; c < 3; ++c) result.rotation[std::size_t(3 * r + c)] = float(rotation(r, c));
+  }
+  return result;
+}
+
+// Largest distance of a package's pinned vertices from where a motion of the rest shape takes them, over all sets.
+double packagePinError(const World& world, BodyId body, const std::array<RigidTransform, 3>& motions) {
+  const formats::PackageView& package = world.asset(body).package();
+  std::vector<std::uint8_t> held(package.physicalVertices().size(), 0);
+  double worst = 0;
+  for (std::size_t s = 0; s < package.pinSets().size(); ++s) {
+    const formats::PinSet& set = package.pinSets()[s];
+    for (const std::uint32_t v : package.pinSetVertices().subspan(set.first, set.count)) {
+      if (held[v]++ != 0) continue;
+      const Vector3d rest = wide(package.physicalVertices()[v].rest_position);
+      Vector3d place = wide(motions[s].position);
+      for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) place[r] += double(motions[s].rotation[std::size_t(3 * r + c)]) * rest[c];
+      }
+      worst = std::max(worst, (wide(world.positions(body)[v]) - place).norm());
+    }
+  }
+  return worst;
+}
+
+TEST(PackagePins, HoldFromTheStartAndFollowTheirTargets) {
+  World world;
+  BodySettings placement;
+  const RigidTransform placed = transformOf(turnAboutX(0.5), {1, 2, 3});
+  placement.position = placed.position;
+  placement.rotation = placed.rotation;
+  const auto asset = boxWithPinSets();
+  const BodyId body = *world.addBody(asset, placement);
+  ASSERT_NE(world.pinSet(body, "left"), PinSetId{});
+  EXPECT_EQ(world.pinSet(body, "nobody"), PinSetId{});
+  run(world, 1);
+  EXPECT_LT(packagePinError(world, body, {placed, placed, placed}), 1e-6);
+
+  const RigidTransform moved = transformOf(turnAboutX(0.9), {1.1, 2, 3});
+  EXPECT_EQ(world.movePinTarget(body, "bone", moved), 2U);  // "right", and of "left again" what "left" does not hold
+  EXPECT_EQ(world.movePinTarget(body, "hand", moved), 0U);
+  run(world, 0.5);
+  EXPECT_LT(packagePinError(world, body, {placed, moved, moved}), 2e-6);
+}
+
+TEST(PackagePins, AreLetGoResetAndRestoredAsTheOthers) {
+  World world;
+  const auto asset = boxWithPinSets();
+  const BodyId body = *world.addBody(asset);
+  std::vector<std::byte> state(world.stateBytes(body));
+  ASSERT_EQ(world.saveState(body, state), state.size());
+  world.unpinAll(body);
+  EXPECT_EQ(world.pinSet(body, "left"), PinSetId{});
+  run(world, 0.5);
+  EXPECT_LT(world.positions(body)[0][1], -0.5F);  // it falls
+  ASSERT_TRUE(world.restoreState(body, state));
+  EXPECT_NE(world.pinSet(body, "left"), PinSetId{});
+  run(world, 0.5);
+  EXPECT_LT(packagePinError(world, body, {}), 1e-6);
+  world.unpinAll(body);
+  world.resetBody(body);
+  run(world, 0.5);
+  EXPECT_LT(packagePinError(world, body, {}), 1e-6);
+
+  BodySettings loose;
+  loose.package_pins = false;
+  const BodyId free_body = *world.addBody(asset, loose);
+  EXPECT_EQ(world.pinSet(free_body, "left"), PinSetId{});
+  run(world, 0.5);
+  EXPECT_LT(world.positions(free_body)[0][1], -0.5F);
+}
+
 TEST(PinSets, ALetGoBodyIsFree) {
   Beam beam;
   beam.gravity = 0;

@@ -13,6 +13,8 @@ using Eigen::Vector3d;
 
 // A physical vertex that is held less than this is not held.
 constexpr double kMinimumPin = 0.02;
+// One that is held more than this is held exactly: a mean of ones may round to less.
+constexpr double kExactPin = 0.999;
 
 Vector3d centerOf(const VisualMesh& mesh, const VisualWeights& weights) {
   Vector3d sum = Vector3d::Zero();
@@ -91,7 +93,7 @@ void addPins(const Recipe& recipe, const AuthoredWeights& authored, const Weight
     const auto first = std::uint32_t(content.pin_set_vertices.size());
     for (std::uint32_t v = 0; v < weights.size(); ++v) {
       if (weights[v] < kMinimumPin) continue;
-      content.pin_weights[v] = std::max(content.pin_weights[v], float(std::min(weights[v], 1.0)));
+      content.pin_weights[v] = std::max(content.pin_weights[v], weights[v] > kExactPin ? 1.0F : float(weights[v]));
       content.pin_set_vertices.push_back(v);
     }
     const auto count = std::uint32_t(content.pin_set_vertices.size()) - first;

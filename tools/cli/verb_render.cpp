@@ -43,12 +43,7 @@ std::string joined(std::span<const std::string_view> names) {
 
 PictureOptions pictureOptions(const RenderCommand& command) {
   PictureOptions options;
-  for (const std::string& name : command.scenes) {
-    const auto kind = sceneByName(name);
-    if (!kind)
-      throw ToolError(ExitCode::usage, "", "there is no scene '" + name + "'", "Scenes: " + joined(sceneNames()) + ".");
-    options.scenes.push_back(*kind);
-  }
+  for (const std::string& name : command.scenes) options.scenes.push_back(SceneChoice::byName(name));
   if (!command.overlay.empty()) {
     options.overlay = overlayByName(command.overlay);
     if (!options.overlay) {
@@ -154,11 +149,13 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
   verb->add_option("-o,--output", command->output, "The picture (.png) or video (.mp4)")->required();
   verb->add_option(
       "--scene", command->scenes,
-      "rest, drop, squash, stretch or hang; again for more rows (default: rest, squash, drop, hang; video: drop)");
+      "rest, drop, squash, stretch, hang, or a file (.json); again for more rows (default: rest, squash, drop, hang; "
+      "video: drop)");
   verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")->check(CLI::Range(0.0, 600.0));
   verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0));
   verb->add_option("--frames", command->frames,
-                   "Pictures of each scene (default 6), or frames of the video (default 30 a second)")
+                   "Pictures of each scene (default 6; 1: all scenes side by side), or frames of the video (default 30 "
+                   "a second)")
       ->check(CLI::Range(0, 36000));
   verb->add_option("--size", command->size,
                    "Pixels of one picture (default 320x280) or of the video (default 960x720)");

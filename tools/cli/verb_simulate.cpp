@@ -18,10 +18,12 @@ namespace {
 
 using nlohmann::ordered_json;
 
+constexpr double kUsualSeconds = 6;  // of a built-in scene: long enough to come to rest
+
 struct SimulateCommand {
   std::string package;
   std::string scene = "drop";
-  double seconds = 6;
+  double seconds = 0;
   double step = 1.0 / 60;
   double gravity = std::nan("");
   unsigned threads = 1;
@@ -68,12 +70,7 @@ double percentile(std::vector<double> values, double part) {
 }
 
 void runSimulate(const SimulateCommand& command) {
-  const auto kind = sceneByName(command.scene);
-  if (!kind) {
-    std::string names;
-    for (const auto& name : sceneNames()) names += (names.empty() ? "" : ", ") + std::string(name);
-    throw ToolError(ExitCode::usage, "", "there is no scene '" + command.scene + "'", "Scenes: " + names + ".");
-  }
+  const SceneChoice choice = SceneChoice::byName(command.scene);
   if (!command.output.empty()) {
     requireWritable(command.output);
     if (!command.output.ends_with(".obj")) {
@@ -82,14 +79,15 @@ void runSimulate(const SimulateCommand& command) {
   }
   const auto asset = loadPackage(command.package);
   SceneOptions options;
-  options.kind = *kind;
+  options.scene = choice;
   options.step_seconds = float(command.step);
   options.iterations = command.iterations;
   if (std::isfinite(command.gravity)) options.gravity = float(command.gravity);
   TbbJobs jobs(command.threads);
   Scene scene(asset, options, command.threads > 1 ? &jobs : nullptr);
 
-  const auto steps = std::uint64_t(std::llround(command.seconds / command.step));
+  const double seconds = command.seconds > 0 ? command.seconds : choice.script ? choice.seconds() : kUsualSeconds;
+  const auto steps = std::uint64_t(std::llround(seconds / command.step));
   std::vector<double> microseconds;
   microseconds.reserve(steps);
   double volume_min = 1;
@@ -144,10 +142,11 @@ void runSimulate(const SimulateCommand& command) {
 
 void addSimulateVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<SimulateCommand>();
-  CLI::App* verb = app.add_subcommand("simulate", "Run a built-in scene without a window");
+  CLI::App* verb = app.add_subcommand("simulate", "Run a scene without a window");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
-  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch or hang")->capture_default_str();
-  verb->add_option("--seconds", command->seconds, "Simulated time")->check(CLI::Range(0.0, 1e6))->capture_default_str();
+  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md")
+      ->capture_default_str();
+  verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")->check(CLI::Range(0.0, 1e6));
   verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0))->capture_default_str();
   verb->add_option("--gravity", command->gravity,
                    "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike");

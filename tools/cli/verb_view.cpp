@@ -18,7 +18,8 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<ViewCommand>();
   CLI::App* verb = app.add_subcommand("view", "Open a window on a package: play scenes, grab the body with the mouse");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
-  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch or hang")->capture_default_str();
+  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md")
+      ->capture_default_str();
   verb->add_option("--screenshot", command->options.screenshot,
                    "Write a picture of the window (.png) after --frames frames and end");
   verb->add_option("--frames", command->options.frames, "End after so many frames; 0 = when the window is closed")
@@ -26,13 +27,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--log-state", command->options.state_log,
                    "Write what happens in each frame as lines of JSON (for tests)");
   verb->callback([command, &exit_code] {
-    const auto kind = sceneByName(command->scene);
-    if (!kind) {
-      std::string names;
-      for (const auto& name : sceneNames()) names += (names.empty() ? "" : ", ") + std::string(name);
-      throw ToolError(ExitCode::usage, "", "there is no scene '" + command->scene + "'", "Scenes: " + names + ".");
-    }
-    command->options.scene = *kind;
+    command->options.scene = SceneChoice::byName(command->scene);
     command->options.file = command->package;
     requireDisplay(command->package);
     runViewWindow(loadPackage(command->package), command->options);

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <numbers>
 #include <string>
 
@@ -86,20 +87,20 @@ struct Tile {
 
 // A scene simulated once, with the shapes of the asked moments and what the whole motion covers.
 struct Take {
-  SceneKind kind = SceneKind::rest;
+  SceneChoice scene = SceneKind::rest;
   std::vector<Shape> shapes;
   std::vector<Eigen::Vector3f> hull;  // drawing units
   DrawSettings settings;
 };
 
-Take recordTake(const std::shared_ptr<const Asset>& asset, SceneKind kind, double step_seconds,
+Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, double step_seconds,
                 const std::vector<double>& times) {
   SceneOptions options;
-  options.kind = kind;
+  options.scene = choice;
   options.step_seconds = static_cast<float>(step_seconds);
   Scene scene(asset, options);
   Take take;
-  take.kind = kind;
+  take.scene = choice;
   MotionHull hull;
   Shape shape;
   std::uint64_t step = 0;
@@ -123,17 +124,47 @@ Take recordTake(const std::shared_ptr<const Asset>& asset, SceneKind kind, doubl
   return take;
 }
 
-std::vector<double> tileTimes(double length, int count) {
+// Held vertices are part of what a built-in scene shows; those of a file's scene are seen when they are asked for.
+bool showsPinned(const PictureOptions& options, const SceneChoice& scene) {
+  return options.overlay ? *options.overlay != OverlayName::none : !scene.script;
+}
+
+std::vector<double> tileTimes(const SceneChoice& scene, double length, int count) {
   // Denser at the start, where things happen.
   std::vector<double> times;
   for (int k = 0; k < count; ++k) {
-    times.push_back(count == 1 ? length : length * std::pow(static_cast<double>(k) / (count - 1), 1.6));
+    times.push_back(count == 1 ? (scene.script ? std::min(scene.script->still, length) : length)
+                               : length * std::pow(static_cast<double>(k) / (count - 1), 1.6));
   }
   return times;
 }
 
 Camera fitted(Camera camera, const Take& take, int width, int height) {
   fitCamera(camera, take.hull, static_cast<float>(width) / static_cast<float>(height), kFitMargin);
+  return camera;
+}
+
+// Where a scene is seen from: as asked, as its file says, or three-quarter; all of it, or what its file frames.
+Camera sceneCamera(const PictureOptions& options, const Take& take, const formats::PackageView& package, int width,
+                   int height) {
+  const SceneScript::View* own = take.scene.script && take.scene.script->view ? &*take.scene.script->view : nullptr;
+  Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter));
+  if (own != nullptr && !options.view) {
+    camera.yaw = static_cast<float>(own->yaw);
+    camera.pitch = static_cast<float>(own->pitch);
+  }
+  camera = fitted(camera, take, width, height);
+  if (own == nullptr || !own->at) return camera;
+  const float diagonal = package.info().diagonal;
+  const Eigen::Vector3f fitted_eye = camera.eye();
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    camera.target[k] = static_cast<float>((*own->at)[axis] - package.info().origin[axis]) / diagonal;
+  }
+  camera.distance = static_cast<float>(own->height) / diagonal / (2 * std::tan(camera.fov_y / 2));
+  const float nearer = (fitted_eye - camera.eye()).norm();
+  camera.near_plane = std::max(camera.near_plane - nearer, camera.distance * 0.1F);
+  camera.far_plane += nearer;
   return camera;
 }
 
@@ -146,20 +177,6 @@ std::optional<OverlayName> overlayByName(std::string_view name) {
     if (kOverlayNames[i] == name) return static_cast<OverlayName>(i);
   }
   return std::nullopt;
-}
-
-double sceneSeconds(SceneKind kind) {
-  switch (kind) {
-    case SceneKind::rest:
-      return 1;
-    case SceneKind::squash:
-    case SceneKind::stretch:
-      return 2;
-    case SceneKind::drop:
-    case SceneKind::hang:
-      return 2.5;
-  }
-  return 2;
 }
 
 void captureShape(const Scene& scene, Shape& shape) {
@@ -202,28 +219,29 @@ void showShape(Renderer& renderer, const Shape& shape) {
 Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::string& title,
                          const PictureOptions& options, const std::function<void(double)>& progress) {
   const bool chosen = !options.scenes.empty();
-  const std::vector<SceneKind> kinds =
+  const std::vector<SceneChoice> scenes =
       chosen ? options.scenes
-             : std::vector<SceneKind>{SceneKind::rest, SceneKind::squash, SceneKind::drop, SceneKind::hang};
+             : std::vector<SceneChoice>{SceneKind::rest, SceneKind::squash, SceneKind::drop, SceneKind::hang};
   const int width = options.width > 0 ? options.width : 320;
   const int height = options.height > 0 ? options.height : 280;
   const int frames = options.frames > 0 ? options.frames : 6;
-  const int columns = options.columns > 0 ? options.columns : frames;
+  const int columns = options.columns > 0 ? options.columns : frames > 1 ? frames : static_cast<int>(scenes.size());
 
   std::vector<std::vector<Tile>> rows;  // a row each scene, wrapped over lines of `columns`
   std::vector<Tile> overlay_row;
-  for (const SceneKind kind : kinds) {
-    const std::string name(sceneNames()[static_cast<std::size_t>(kind)]);
-    const double length = options.seconds > 0 ? options.seconds : sceneSeconds(kind);
-    Take take = recordTake(asset, kind, options.step_seconds, tileTimes(length, frames));
+  for (const SceneChoice& scene : scenes) {
+    const std::string name = scene.name();
+    const bool at_rest = scene == SceneKind::rest;
+    const double length = options.seconds > 0 ? options.seconds : scene.seconds();
+    Take take = recordTake(asset, scene, options.step_seconds, tileTimes(scene, length, frames));
     applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
-    take.settings.pinned = options.overlay.value_or(OverlayName::all) != OverlayName::none;
+    take.settings.pinned = showsPinned(options, scene);
     scaleMarks(take.settings, height);
-    const Camera camera = fitted(viewCamera(options.view.value_or(ViewName::three_quarter)), take, width, height);
+    const Camera camera = sceneCamera(options, take, asset->package(), width, height);
     std::vector<Tile> row;
     for (std::size_t k = 0; k < take.shapes.size(); ++k) {
       Tile tile{take.shapes[k], camera, take.settings, name + "  " + seconds(take.shapes[k].time)};
-      if (kind == SceneKind::rest && !options.view) {
+      if (at_rest && !options.view) {
         // Nothing moves, so the row shows all sides instead.
         struct Side {
           const char* name;
@@ -247,12 +265,11 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
       }
       row.push_back(std::move(tile));
     }
-    if (!options.overlay &&
-        (kind == SceneKind::rest || kind == SceneKind::squash || kind == SceneKind::hang || chosen)) {
+    if (!options.overlay && (at_rest || scene == SceneKind::squash || scene == SceneKind::hang || chosen)) {
       // One telling moment: the start of rest, early in a press, the end of the others.
-      const std::size_t moment = kind == SceneKind::rest                                   ? 0
-                                 : kind == SceneKind::squash || kind == SceneKind::stretch ? take.shapes.size() / 3
-                                                                                           : take.shapes.size() - 1;
+      const std::size_t moment = at_rest                                                     ? 0
+                                 : scene == SceneKind::squash || scene == SceneKind::stretch ? take.shapes.size() / 3
+                                                                                             : take.shapes.size() - 1;
       for (const OverlayName overlay : {OverlayName::physical, OverlayName::clusters}) {
         Tile tile{take.shapes[moment], camera, take.settings,
                   name + "  " + seconds(take.shapes[moment].time) + "  " +
@@ -261,7 +278,11 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
         overlay_row.push_back(std::move(tile));
       }
     }
-    rows.push_back(std::move(row));
+    if (frames == 1 && !rows.empty()) {
+      rows.front().insert(rows.front().end(), std::make_move_iterator(row.begin()), std::make_move_iterator(row.end()));
+    } else {
+      rows.push_back(std::move(row));
+    }
   }
   if (!overlay_row.empty()) rows.push_back(std::move(overlay_row));
 
@@ -304,13 +325,14 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
 
 void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& title, const PictureOptions& options,
                  const std::filesystem::path& file, const std::function<void(double)>& progress) {
-  const SceneKind kind = options.scenes.empty() ? SceneKind::drop : options.scenes.front();
+  const SceneChoice choice = options.scenes.empty() ? SceneChoice(SceneKind::drop) : options.scenes.front();
   const int width = options.width > 0 ? options.width : 960;
   const int height = options.height > 0 ? options.height : 720;
   constexpr double kFramesPerSecond = 30;
   constexpr float kSway = 0.22F;  // rad, either way
   const double length = options.seconds > 0  ? options.seconds
                         : options.frames > 0 ? options.frames / kFramesPerSecond
+                        : choice.script      ? choice.seconds()
                                              : 4;
   const int frames =
       options.frames > 0 ? options.frames : std::max(1, static_cast<int>(std::lround(length * kFramesPerSecond)));
@@ -318,20 +340,22 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   // First the motion as a whole, for the camera; then the same again, frame by frame. The runtime repeats itself
   // exactly.
   SceneOptions scene_options;
-  scene_options.kind = kind;
+  scene_options.scene = choice;
   scene_options.step_seconds = static_cast<float>(options.step_seconds);
-  Take take = recordTake(asset, kind, options.step_seconds, {0.0, (frames - 1) / kFramesPerSecond});
+  Take take = recordTake(asset, choice, options.step_seconds, {0.0, (frames - 1) / kFramesPerSecond});
   applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
-  take.settings.pinned = options.overlay.value_or(OverlayName::all) != OverlayName::none;
+  take.settings.pinned = showsPinned(options, choice);
   const float aspect = static_cast<float>(width) / static_cast<float>(height);
   scaleMarks(take.settings, height);
-  Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter));
+  const bool framed = choice.script && choice.script->view && choice.script->view->at;
+  Camera camera = sceneCamera(options, take, asset->package(), width, height);
   const float yaw = camera.yaw;
   const Eigen::Vector3f middle = take.settings.shadow_center;
   float distance = 0;
   float near_plane = std::numeric_limits<float>::infinity();
   float far_plane = 0;
   for (const float turn : {-kSway, 0.0F, kSway}) {
+    if (framed) break;
     camera.yaw = yaw + turn;
     fitCamera(camera, take.hull, aspect, kFitMargin);
     // Fitted about its own centre; about the middle of the motion it must be farther by at most the difference.
@@ -339,10 +363,12 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
     near_plane = std::min(near_plane, camera.near_plane);
     far_plane = std::max(far_plane, camera.far_plane);
   }
-  camera.target = middle;
-  camera.distance = distance;
-  camera.near_plane = near_plane;
-  camera.far_plane = far_plane + distance;
+  if (!framed) {
+    camera.target = middle;
+    camera.distance = distance;
+    camera.near_plane = near_plane;
+    camera.far_plane = far_plane + distance;
+  }
 
   Renderer renderer(makeDrawModel(asset->package()));
   Scene scene(asset, scene_options);
@@ -357,7 +383,7 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
                                         static_cast<float>(std::max(frames, 2)));
     renderer.draw(camera, take.settings, width, height);
     Image picture = renderer.read();
-    label(picture, title + "  ·  " + std::string(sceneNames()[static_cast<std::size_t>(kind)]) + "  " + seconds(time));
+    label(picture, title + "  ·  " + choice.name() + "  " + seconds(time));
     video.add(picture);
     if (progress) progress(static_cast<double>(f + 1) / frames);
   }

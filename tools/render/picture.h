@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// Contact sheets and videos of a package's built-in scenes, drawn without a display.
+// Contact sheets and videos of a package's scenes, drawn without a display.
 #pragma once
 
 #include <array>
@@ -25,10 +25,10 @@ std::span<const std::string_view> overlayNames();
 std::optional<OverlayName> overlayByName(std::string_view name);
 
 struct PictureOptions {
-  std::vector<SceneKind> scenes;       ///< empty = rest, squash, drop, hang (a video: drop)
-  double seconds = 0;                  ///< of each scene, 0..; 0 = the scene's own length
-  double step_seconds = 1.0 / 60;      ///< 1e-5..1
-  int frames = 0;                      ///< pictures of each scene, or frames of the video; 0 = 6, or 30 a second
+  std::vector<SceneChoice> scenes;  ///< empty = rest, squash, drop, hang (a video: drop)
+  double seconds = 0;               ///< of each scene, 0..; 0 = the scene's own length
+  double step_seconds = 1.0 / 60;   ///< 1e-5..1
+  int frames = 0;  ///< pictures of each scene (1: all scenes in one row), or frames of the video; 0 = 6, or 30 a second
   int width = 0, height = 0;           ///< pixels of one picture, or of the video; 0 = 320 x 280, or 960 x 720
   std::optional<OverlayName> overlay;  ///< nothing: none, and a sheet has a row of overlays at the end
   std::optional<ViewName> view;        ///< nothing: three-quarter, and the scene "rest" is shown from all sides
@@ -44,9 +44,6 @@ struct Shape {
 };
 void captureShape(const Scene& scene, Shape& shape);
 void showShape(Renderer& renderer, const Shape& shape);
-
-/// Seconds of a scene in which what it shows happens.
-double sceneSeconds(SceneKind kind);
 
 /// A row of pictures a scene, labelled, over a title with the counts. Needs a current OpenGL context.
 /// \param progress called with 0..1 now and then; may be empty.

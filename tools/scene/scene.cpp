@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tools/core/error.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -62,18 +64,44 @@ Bounds boundsOf(std::span<const Vec3> points) {
 
 std::span<const std::string_view> sceneNames() { return kNames; }
 
-std::optional<SceneKind> sceneByName(std::string_view name) {
+SceneChoice SceneChoice::byName(const std::string& name) {
+  if (name.ends_with(".json")) {
+    SceneChoice choice = SceneKind::rest;
+    choice.script = std::make_shared<const SceneScript>(SceneScript::read(name));
+    return choice;
+  }
   const auto at = std::find(kNames.begin(), kNames.end(), name);
-  if (at == kNames.end()) return std::nullopt;
-  return SceneKind(at - kNames.begin());
+  if (at != kNames.end()) return SceneKind(at - kNames.begin());
+  std::string names;
+  for (const auto& known : kNames) names += std::string(known) + ", ";
+  throw ToolError(ExitCode::usage, "", "there is no scene '" + name + "'",
+                  "Scenes: " + names + "or a file that ends in .json.");
+}
+
+std::string SceneChoice::name() const { return script ? script->name : std::string(kNames[std::size_t(kind)]); }
+
+double SceneChoice::seconds() const {
+  if (script) return script->seconds;
+  switch (kind) {
+    case SceneKind::rest:
+      return 1;
+    case SceneKind::squash:
+    case SceneKind::stretch:
+      return 2;
+    case SceneKind::drop:
+    case SceneKind::hang:
+      return 2.5;
+  }
+  return 2;
 }
 
 Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, JobSystem* jobs)
     : asset_(std::move(asset)), options_(options), world_(WorldSettings{}, jobs) {
+  if (options_.scene.script) script_.emplace(*options_.scene.script, asset_->package());
   reset();
 }
 
-bool Scene::hasGround() const { return options_.kind == SceneKind::drop; }
+bool Scene::hasGround() const { return options_.scene.kind == SceneKind::drop; }
 
 void Scene::reset() {
   if (body_ != BodyId{}) world_.removeBody(body_);
@@ -84,14 +112,20 @@ void Scene::reset() {
   const float diagonal = asset_->package().info().diagonal;
   WorldSettings& world = world_.settings();
   if (options_.iterations > 0) world.iterations = options_.iterations;
-  const bool falls = options_.kind == SceneKind::drop || options_.kind == SceneKind::hang;
-  world.gravity = {0, falls ? -options_.gravity.value_or(kGravityDiagonals * diagonal) : 0.0F, 0};
+  const bool falls = options_.scene.kind == SceneKind::drop || options_.scene.kind == SceneKind::hang;
+  const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
+  world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
   world.ground.enabled = hasGround();
-  if (options_.kind == SceneKind::drop) world.damping = kDropDamping;
+  if (options_.scene.kind == SceneKind::drop) world.damping = kDropDamping;
+
+  // Damping is towards the rigid motion that all pins together leave a part: where they move apart (jaw and skull,
+  // lids) it would drag along what is between them.
+  if (script_) world.deformation_damping_ratio = 0;
 
   BodySettings placement;
   placement.stiffness_scale = options_.stiffness_scale;
-  if (options_.kind == SceneKind::drop) {
+  placement.package_pins = options_.scene.kind == SceneKind::rest;
+  if (options_.scene.kind == SceneKind::drop) {
     // Turned about z, then about x.
     const float c = std::cos(kDropTilt);
     const float s = std::sin(kDropTilt);
@@ -104,14 +138,16 @@ void Scene::reset() {
     lowest =
         std::min(lowest, placement.rotation[3] * x[0] + placement.rotation[4] * x[1] + placement.rotation[5] * x[2]);
   }
-  placement.position[1] = -lowest + (options_.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
+  if (!script_) {
+    placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
+  }
   auto added = world_.addBody(asset_, placement);
   body_ = added ? *added : BodyId{};
   const auto positions = world_.positions(body_);
   start_.assign(positions.begin(), positions.end());
 
   const Bounds bounds = boundsOf(start_);
-  if (options_.kind == SceneKind::hang) {
+  if (options_.scene.kind == SceneKind::hang) {
     // Each separate body by its own top, or all but the highest would fall.
     for (const auto& part : asset_->package().bodies()) {
       const std::span<const Vec3> points = std::span(start_).subspan(part.first_vertex, part.vertex_count);
@@ -121,7 +157,7 @@ void Scene::reset() {
         if (points[v][1] >= level) pinned_.push_back(part.first_vertex + v);
       }
     }
-  } else if (options_.kind == SceneKind::stretch) {
+  } else if (options_.scene.kind == SceneKind::stretch) {
     const std::size_t axis = bounds.longest();
     const float margin = kHeldEnds * bounds.extent(axis);
     for (std::uint32_t v = 0; v < start_.size(); ++v) {
@@ -130,12 +166,21 @@ void Scene::reset() {
     }
   }
   for (std::uint32_t v : pinned_) world_.pin(body_, v, start_[v]);
+  if (placement.package_pins) {
+    const auto held = asset_->package().pinSetVertices();
+    pinned_.assign(held.begin(), held.end());
+  }
+  if (script_) script_->apply(world_, body_, 0);
 }
 
 bool Scene::drive() {
+  if (script_) {
+    script_->apply(world_, body_, time_ + double(options_.step_seconds));
+    return true;
+  }
   const auto t = float(time_);
   const Bounds bounds = boundsOf(start_);
-  if (options_.kind == SceneKind::squash && t <= kPressSeconds + kHoldSeconds) {
+  if (options_.scene.kind == SceneKind::squash && t <= kPressSeconds + kHoldSeconds) {
     // Two plates press: every vertex is where they put it, so the body is as flat as said and at rest when it is let
     // go.
     const float height = 1 + (kPressedHeight - 1) * smooth(t / kPressSeconds);
@@ -143,7 +188,7 @@ bool Scene::drive() {
     for (Vec3& x : pressed) x[1] = bounds.low[1] + (x[1] - bounds.low[1]) * height;
     world_.setState(body_, pressed, {});
     return false;
-  } else if (options_.kind == SceneKind::stretch && !pinned_.empty()) {
+  } else if (options_.scene.kind == SceneKind::stretch && !pinned_.empty()) {
     if (t > kPressSeconds + kHoldSeconds) {
       world_.unpinAll(body_);
       pinned_.clear();

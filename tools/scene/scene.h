@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// The built-in scenes that `simulate`, `render`, `view` and the studies share.
+// The scenes, built in or from a file, that `simulate`, `render`, `view` and the studies share.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "sinew/runtime/world.h"
+#include "tools/scene/scene_script.h"
 
 namespace sinew::tools {
 
@@ -19,10 +20,22 @@ enum class SceneKind { rest, drop, squash, stretch, hang };
 
 /// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang".
 std::span<const std::string_view> sceneNames();
-std::optional<SceneKind> sceneByName(std::string_view name);
+
+/// A built-in scene, or one from a file.
+struct SceneChoice {
+  SceneChoice(SceneKind built_in) : kind(built_in) {}
+  SceneKind kind;                             ///< rest where there is a script
+  std::shared_ptr<const SceneScript> script;  ///< null: built in
+
+  /// By name, or the file of a name that ends in .json. Throws ToolError.
+  static SceneChoice byName(const std::string& name);
+  std::string name() const;
+  double seconds() const;  ///< in which what it shows happens
+  bool operator==(const SceneChoice&) const = default;
+};
 
 struct SceneOptions {
-  SceneKind kind = SceneKind::drop;
+  SceneChoice scene = SceneKind::drop;
   float step_seconds = 1.0F / 60;
   std::uint32_t iterations = 0;  ///< matching passes; 0 = the scene's default
   float stiffness_scale = 1;     ///< multiplies the frequencies of all clusters, 0..1e6
@@ -30,9 +43,11 @@ struct SceneOptions {
       gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };
 
-/// One body of a package in one built-in scene. Lengths in the scene are relative to the rest diagonal.
+/// One body of a package in one scene. Lengths in a built-in scene are relative to the rest diagonal. The package's own
+/// pins hold in `rest` and in scenes from files, where the body is where its source is.
 class Scene {
  public:
+  /// Throws ToolError(bad_input) where a scene from a file does not fit the package.
   Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, JobSystem* jobs = nullptr);
 
   /// Back to the start.
@@ -53,6 +68,7 @@ class Scene {
   bool drive();
   std::shared_ptr<const Asset> asset_;
   SceneOptions options_;
+  std::optional<SceneDrive> script_;
   World world_;
   BodyId body_;
   double time_ = 0;

@@ -232,11 +232,11 @@ class View {
   }
 
  private:
-  void startScene(SceneKind kind) {
+  void startScene(const SceneChoice& scene) {
     release();
-    const bool same = scene_.has_value() && scene_->options().kind == kind;
+    const bool same = scene_.has_value() && scene_->options().scene == scene;
     SceneOptions options;
-    options.kind = kind;
+    options.scene = scene;
     options.step_seconds = static_cast<float>(kStepSeconds);
     options.stiffness_scale = stiffness_;
     scene_.emplace(asset_, options);
@@ -304,7 +304,7 @@ class View {
           stepPaused();
           break;
         case GLFW_KEY_R:
-          startScene(scene_->options().kind);
+          startScene(SceneChoice(scene_->options().scene));
           break;
         case GLFW_KEY_F:
           fit();
@@ -439,10 +439,14 @@ class View {
 
     heading("Scene");
     ImGui::SetNextItemWidth(-1);
-    const auto kind = static_cast<std::size_t>(scene_->options().kind);
-    if (ImGui::BeginCombo("##scene", sceneNames()[kind].data())) {
+    const SceneChoice scene = scene_->options().scene;
+    if (ImGui::BeginCombo("##scene", scene.name().c_str())) {
+      if (options_.scene.script && ImGui::Selectable(options_.scene.name().c_str(), scene.script != nullptr)) {
+        startScene(options_.scene);
+      }
       for (std::size_t k = 0; k < sceneNames().size(); ++k) {
-        if (ImGui::Selectable(sceneNames()[k].data(), k == kind)) startScene(static_cast<SceneKind>(k));
+        const SceneChoice other = static_cast<SceneKind>(k);
+        if (ImGui::Selectable(sceneNames()[k].data(), scene == other)) startScene(other);
       }
       ImGui::EndCombo();
     }
@@ -451,7 +455,7 @@ class View {
     ImGui::SameLine();
     if (ImGui::Button("Step", {third, 0})) stepPaused();
     ImGui::SameLine();
-    if (ImGui::Button("Reset", {third, 0})) startScene(scene_->options().kind);
+    if (ImGui::Button("Reset", {third, 0})) startScene(SceneChoice(scene_->options().scene));
 
     heading("Show");
     ImGui::Checkbox("Physical mesh", &show_physical_);
@@ -466,7 +470,7 @@ class View {
     changed |= ImGui::SliderFloat("inner friction", &deformation_damping_, 0, 1, "%.2f of critical");
     if (changed) applySettings();
     ImGui::SliderFloat("stiffness", &stiffness_, 0.05F, 20, "%.2f x", ImGuiSliderFlags_Logarithmic);
-    if (ImGui::IsItemDeactivatedAfterEdit()) startScene(scene_->options().kind);
+    if (ImGui::IsItemDeactivatedAfterEdit()) startScene(SceneChoice(scene_->options().scene));
     if (ImGui::IsItemHovered()) ImGui::SetTooltip("Multiplies every cluster's frequencies; the scene starts again.");
     ImGui::PopItemWidth();
 
@@ -540,8 +544,8 @@ class View {
     std::fprintf(
         log_.file,
         "{\"frame\":%u,\"time\":%.4f,\"steps\":%u,\"scene\":\"%s\",\"playing\":%s,\"physical\":%s,\"clusters\":%s,",
-        frame_, scene_->time(), steps_, sceneNames()[static_cast<std::size_t>(scene_->options().kind)].data(),
-        playing_ ? "true" : "false", show_physical_ ? "true" : "false", show_clusters_ ? "true" : "false");
+        frame_, scene_->time(), steps_, scene_->options().scene.name().c_str(), playing_ ? "true" : "false",
+        show_physical_ ? "true" : "false", show_clusters_ ? "true" : "false");
     std::fprintf(log_.file, "\"diagonal\":%.6g,\"camera\":{\"yaw\":%.5f,\"pitch\":%.5f,\"distance\":%.5f},",
                  static_cast<double>(diagonal_), static_cast<double>(camera_.yaw), static_cast<double>(camera_.pitch),
                  static_cast<double>(camera_.distance));

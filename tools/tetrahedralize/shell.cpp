@@ -41,7 +41,6 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
   std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
     return std::tie(a.low, a.high, a.triangle) < std::tie(b.low, b.high, b.triangle);
   });
-  Sets pieces(surface.triangles.size());
   // Corners of triangles that meet along an edge belong to one fan.
   Sets fans(surface.triangles.size() * 3);
   const auto corner = [&](std::uint32_t t, std::uint32_t v) {
@@ -55,7 +54,6 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
     if (end - i > 2) return "has an edge of " + std::to_string(end - i) + " faces";
     if (end - i == 2) {
       if (sides[i].forwards == sides[i + 1].forwards) return "has only one side (its faces cannot be turned alike)";
-      pieces.join(sides[i].triangle, sides[i + 1].triangle);
       for (const std::uint32_t v : {sides[i].low, sides[i].high}) {
         fans.join(corner(sides[i].triangle, v), corner(sides[i + 1].triangle, v));
       }
@@ -70,7 +68,6 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
       if (first == kNoIndex) first = fans.find(3 * t + i);
       if (first != fans.find(3 * t + i)) return "has a point where faces meet without a common edge";
     }
-    if (pieces.find(t) != 0) return "is in several pieces";
   }
   return "";
 }

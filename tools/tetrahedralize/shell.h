@@ -23,8 +23,9 @@ struct ShellOutcome {
 /// A skin: a layer of prisms, half of its thickness to either side of the body's surface, each split into three
 /// tetrahedra along diagonals that neighbours share. A surface of more than half of `target_vertices` points is
 /// coarsened first. Two vertices a point, offset along the normal that is farthest from edge-on to all faces around
-/// (Aubry & Loehner 2008); where prisms would turn over, at creases and borders, the offset is shortened. Empty where
-/// the surface has an edge of more than two faces, one side only, points where fans meet, or several pieces.
+/// (Aubry & Loehner 2008); where prisms would turn over, at creases and borders, the offset is shortened. Each piece of
+/// a surface in several (a head, its eyeballs and teeth) has a skin of its own. Empty where the surface has an edge of
+/// more than two faces, one side only, or points where fans meet.
 /// \param thickness metres, > 0, per position of the body; empty: half of the mean edge of the coarsened surface.
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, std::span<const double> thickness,
                          ShellOutcome& outcome);

@@ -168,6 +168,7 @@ typedef struct sinew_body_settings {
   float rotation[9];      /* proper rotation about the package's origin, applied before position; identity */
   float stiffness_scale;  /* multiplies all frequencies, 0..1e6; 1 */
   uint32_t keep_previous; /* 1: keeps the positions before each step, for motion vectors; 0 */
+  uint32_t package_pins;  /* 1: the body starts held by the pin sets of its package; 1 */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -176,7 +177,7 @@ SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t st
 SINEW_API sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset, const sinew_body_settings* settings,
                                       uint32_t* body);
 SINEW_API sinew_status sinew_body_remove(sinew_world* world, uint32_t body);
-/* Back to the state in which it was added; pins and picks are let go. */
+/* Back to the state in which it was added; pins and picks are let go, the package's pin sets hold again. */
 SINEW_API sinew_status sinew_body_reset(sinew_world* world, uint32_t body);
 /* 1 if the world has it, else 0. */
 SINEW_API uint32_t sinew_body_exists(const sinew_world* world, uint32_t body);
@@ -224,6 +225,13 @@ SINEW_API sinew_status sinew_body_pin_set(sinew_world* world, uint32_t body, con
 SINEW_API sinew_status sinew_pin_set_move(sinew_world* world, uint32_t pin_set, const float position[3],
                                           const float rotation[9]);
 SINEW_API sinew_status sinew_pin_set_remove(sinew_world* world, uint32_t pin_set);
+/* The pin set that the package names so; a body is held by all of them from the start (see sinew::World::pinSet). */
+SINEW_API sinew_status sinew_body_find_pin_set(const sinew_world* world, uint32_t body, const char* name,
+                                               uint32_t* pin_set);
+/* Moves all of the package's pin sets that follow `target`: the motion of the rest shape, as a bone's skinning matrix.
+   SINEW_ERROR_ARGUMENT where none does. */
+SINEW_API sinew_status sinew_body_move_pin_target(sinew_world* world, uint32_t body, const char* target,
+                                                  const float position[3], const float rotation[9]);
 /* Force (N) and torque (N m, about the transform's position) on the transform's owner, mean of the last step. */
 SINEW_API sinew_status sinew_pin_set_reaction(const sinew_world* world, uint32_t pin_set, float force[3],
                                               float torque[3]);

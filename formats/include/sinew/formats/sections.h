@@ -253,8 +253,8 @@ static_assert(sizeof(ActivationChannel) == 8);
 // PSTF: float per physical vertex, 0..1: multiplies the clusters' alpha. PPIN: float per physical vertex, 0..1: how
 // firmly a pin set holds the vertex; 0 = not at all.
 
-/// PSET: a named set of held physical vertices, PSTV[first .. first+count), ascending: what an artist pinned, for a
-/// game to hand to World::addPinSet.
+/// PSET: a named set of held physical vertices, PSTV[first .. first+count), ascending: what an artist pinned. A
+/// body is held by them from the start (World::pinSet).
 struct PinSet {
   StringRef name;
   StringRef target;         ///< what it is to follow: "world", or a name of the game's (a bone, a rigid body)

@@ -87,6 +87,7 @@ struct BodySettings {
   float stiffness_scale = 1.0F;                 ///< multiplies the frequencies of all clusters, 0..1e6
   bool keep_previous = false;  ///< keeps the positions before each step, for VisualOutput::previous_positions; costs
                                ///< 12 bytes a physical vertex and their copy
+  bool package_pins = true;    ///< the body starts held by the pin sets of its package (World::pinSet)
 };
 
 }  // namespace sinew

@@ -75,7 +75,8 @@ class SINEW_API World {
   /// Its picks and pins go with it; the id is never used again.
   void removeBody(BodyId body);
   bool contains(BodyId body) const;
-  /// Back to the state in which it was added; pins and picks are let go.
+  /// Back to the state in which it was added; pins and picks are let go, and the package's pin sets hold as at the
+  /// start, with new ids.
   void resetBody(BodyId body);
 
   /// Moves a body as it is: x becomes rotation x + translation; velocities, pins' and picks' targets, previous
@@ -127,6 +128,14 @@ class SINEW_API World {
   /// is not finite or not a proper rotation.
   void movePinSet(PinSetId set, const RigidTransform& to);
   void removePinSet(PinSetId set);
+  /// The pin set that the package names so (PSET): a body holds them all from the start, unless its BodySettings say
+  /// otherwise. Their transform is that of the rest shape: at {R, t} a vertex is held at R X + t, so a bone gives
+  /// (bone now) * (bone at rest)^-1, its skinning matrix. At the start it is where the body was added. A vertex of
+  /// several sets is held by the first. \return an unknown id where there is none, or where it was let go.
+  PinSetId pinSet(BodyId body, std::string_view name) const;
+  /// movePinSet() for all of the package's pin sets that follow `target` (the recipe's: "world", a bone's name).
+  /// \return how many there are.
+  std::uint32_t movePinTarget(BodyId body, std::string_view target, const RigidTransform& to);
   /// Force and torque on the transform's owner; zero before the first step and for an unknown set.
   PinReaction pinReaction(PinSetId set) const;
 

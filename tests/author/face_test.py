@@ -1,0 +1,198 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The face of samples/gallery/face: it bakes, its muscles make the expressions that its scenes are named after, and they are drawn.
+
+Lengths are parts of the head's height."""
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SINEW = None
+FACE = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "face"
+HEAD = pathlib.Path(__file__).resolve().parents[1] / "assets" / "models" / "makehuman_head.obj"
+HEIGHT = 0.249  # m, of the head
+
+
+def run(*arguments):
+    done = subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+    if done.returncode != 0:
+        raise AssertionError(f"sinew {' '.join(map(str, arguments))}: {done.returncode}\n{done.stderr}")
+    return done.stdout
+
+
+def read_points(path):
+    return [tuple(map(float, line.split()[1:4])) for line in path.read_text().splitlines() if line.startswith("v ")]
+
+
+def read_groups():
+    """Points of each group of the source, in metres."""
+    points, groups, current = [], {}, []
+    for line in HEAD.read_text().splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == "v":
+            points.append(tuple(float(x) / 10 for x in words[1:4]))
+        elif words[0] == "g":
+            current = words[1:]
+        elif words[0] == "f":
+            for name in current:
+                groups.setdefault(name, set()).update(int(w.split("/")[0]) - 1 for w in words[1:])
+    return {name: [points[i] for i in sorted(members)] for name, members in groups.items()}
+
+
+class Face(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.package = pathlib.Path(cls.folder.name) / "face.sinew"
+        run("bake", FACE / "recipe.json", "-o", cls.package)
+        cls.about = json.loads(run("inspect", cls.package, "--json"))
+        cls.origin = cls.about["origin"]
+        cls.rest = cls.pose("rest", 0.05)
+        cls.groups = read_groups()
+        cls.moved = {name: cls.pose(name, seconds)
+                     for name, seconds in (("smile", 1.2), ("frown", 1.2), ("jaw_drop", 1.2), ("blink", 0.35))}
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def pose(cls, scene, seconds):
+        out = pathlib.Path(cls.folder.name) / f"{scene}.obj"
+        run("simulate", cls.package, "--scene", FACE / f"{scene}.json", "--seconds", seconds, "--export", out)
+        return read_points(out)
+
+    def vertex(self, place):
+        """The visual vertex at a point of the source."""
+        at = [p - o for p, o in zip(place, self.origin)]
+        squared = [sum((a - b) ** 2 for a, b in zip(x, at)) for x in self.rest]
+        found = min(range(len(squared)), key=squared.__getitem__)
+        self.assertLess(squared[found] ** 0.5, 1e-5, place)
+        return found
+
+    def motion(self, scene, place):
+        v = self.vertex(place)
+        return [(a - b) / HEIGHT for a, b in zip(self.moved[scene][v], self.rest[v])]
+
+    def extreme(self, group, key, near=None):
+        candidates = [p for p in self.groups[group] if near is None or abs(p[0] - near) < 0.003]
+        return max(candidates, key=key)
+
+    @staticmethod
+    def mirrored(place):
+        return (-place[0], place[1], place[2])
+
+    def both(self, scene, place):
+        """Motion of a point and of its mirror image, the latter mirrored back."""
+        left, right = self.motion(scene, place), self.motion(scene, self.mirrored(place))
+        right[0] = -right[0]
+        size = sum(x * x for x in left) ** 0.5
+        for a, b in zip(left, right):
+            self.assertAlmostEqual(a, b, delta=0.15 * size, msg=f"{scene}: the two sides differ")
+        return [(a + b) / 2 for a, b in zip(left, right)]
+
+    def corner(self):
+        return self.extreme("lip_upper", lambda p: p[0])
+
+    def test_has_its_muscles_and_pins(self):
+        names = self.about["channels"]
+        self.assertGreaterEqual(len(names), 24)
+        for name in ("frontalis", "corrugator", "orbicularis_oculi_upper", "orbicularis_oculi_lower", "levator_labii", "zygomaticus_major",
+                     "zygomaticus_minor", "risorius", "buccinator", "masseter", "depressor_anguli_oris", "depressor_labii", "mentalis"):
+            self.assertIn(name + ".L", names)
+            self.assertIn(name + ".R", names)
+        self.assertIn("orbicularis_oris_upper", names)
+        self.assertEqual({p["target"] for p in self.about["pin_sets"]}, {"skull", "jaw", "lids", "lids_lower"})
+
+    def test_check_finds_no_error(self):
+        findings = json.loads(run("check", self.package, "--json"))["findings"]
+        self.assertEqual([f for f in findings if f["severity"] == "error"], [])
+
+    def test_smile(self):
+        x, y, _ = self.both("smile", self.corner())
+        self.assertGreater(y, 0.015)  # up
+        self.assertGreater(x, 0.015)  # outward
+        self.assertLess(abs(self.motion("smile", max(self.groups["nose"], key=lambda p: p[2]))[1]), 0.01)
+
+    def test_frown(self):
+        ridge = [p for p in self.groups["brow_l"] if 0.008 < p[0] < 0.038 and 0.7 < p[1] < 0.712]
+        brow = [self.motion("frown", p) for p in ridge]
+        mirrored = [self.motion("frown", self.mirrored(p)) for p in ridge]
+        for side, inward in ((brow, -1), (mirrored, 1)):
+            self.assertGreater(inward * sum(m[0] for m in side) / len(side), 0.004)  # together
+            self.assertLess(sum(m[1] for m in side) / len(side), -0.002)            # down
+        self.assertLess(self.both("frown", self.corner())[1], -0.01)
+
+    def test_jaw_drop(self):
+        middle = [p for p in self.groups["lip_lower"] if abs(p[0]) < 1e-4]
+        lower = self.motion("jaw_drop", max(middle, key=lambda p: p[2]))
+        upper = self.motion("jaw_drop", max((p for p in self.groups["lip_upper"] if abs(p[0]) < 1e-4), key=lambda p: p[2]))
+        chin = self.motion("jaw_drop", min((p for p in self.groups["jaw"] if abs(p[0]) < 1e-4), key=lambda p: p[1] - p[2]))
+        self.assertLess(lower[1], -0.06)
+        self.assertLess(chin[1], -0.06)
+        self.assertGreater(upper[1], -0.02)
+        # Teeth stay with their bones, as one piece.
+        for group, moves in (("teeth_upper", False), ("teeth_lower", True)):
+            a, b = min(self.groups[group]), max(self.groups[group])
+            p, q = self.vertex(a), self.vertex(b)
+            length = lambda pose: sum((s - t) ** 2 for s, t in zip(pose[p], pose[q])) ** 0.5  # noqa: E731
+            self.assertAlmostEqual(length(self.moved["jaw_drop"]), length(self.rest), delta=1e-5)
+            self.assertEqual(self.motion("jaw_drop", a)[1] < -0.01, moves)
+
+    def test_blink(self):
+        for side in (1, -1):
+            lid = "_l" if side == 1 else "_r"
+            upper = self.extreme("eyelid_upper" + lid, lambda p: -p[1], side * 0.0305)
+            lower = self.extreme("eyelid_lower" + lid, lambda p: p[1], side * 0.0305)
+            open_by = (upper[1] - lower[1]) / HEIGHT
+            closed_by = self.motion("blink", lower)[1] - self.motion("blink", upper)[1]
+            self.assertGreater(closed_by, 0.8 * open_by)
+            self.assertLess(self.motion("blink", upper)[1], -0.03)
+
+    def test_the_eyes_stay(self):
+        for scene in self.moved:
+            for group in ("eye_l", "eye_r"):
+                for place in self.groups[group][::9]:
+                    self.assertLess(max(map(abs, self.motion(scene, place))), 2e-3, scene)
+
+    def test_faces_are_drawn(self):
+        sheet = pathlib.Path(self.folder.name) / "face.png"
+        scenes = [word for name in ("rest", "smile", "frown", "jaw_drop", "blink") for word in ("--scene", FACE / f"{name}.json")]
+        try:
+            run("render", self.package, "-o", sheet, *scenes, "--frames", 1, "--size", "240x280", "--overlay", "none")
+        except AssertionError as failure:
+            if "OpenGL" in str(failure):
+                self.skipTest("no OpenGL here")
+            raise
+        self.assertGreater(sheet.stat().st_size, 20000)
+
+    def test_wrong_scenes_name_line_and_cure(self):
+        scene = pathlib.Path(self.folder.name) / "wrong.json"
+        for text, says in (('{"sinew_scene": 1,\n"secnds": 1}', ("line 2", "seconds")),
+                           ('{"sinew_scene": 1,\n"channels": {"zygomaticus_mayor.L": [[0, 1]]}}', ("line 2", "zygomaticus_major.L")),
+                           ('{"sinew_scene": 1,\n\n"targets": {"jow": {"keys": [{"time": 0}]}}}', ("line 3", "jaw")),
+                           ('{"sinew_scene": 1,\n"channels": {"procerus": [[1, 0], [0.5, 1]]}}', ("line 2", "Sort")),
+                           ('{"sinew_scene": 1,\n"channels": {"procerus": [[0, 2]]}}', ("line 2", "0.0 to 1.0")),
+                           ('{"sinew_scene": 2}', ("version 1",)), ('{"sinew_scene": 1', ("line 1",))):
+            scene.write_text(text)
+            out = pathlib.Path(self.folder.name) / "wrong.obj"
+            done = subprocess.run([SINEW, "simulate", str(self.package), "--scene", str(scene), "--export", str(out)],
+                                  capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 3, text)
+            for part in ("wrong.json: ", *says):
+                self.assertIn(part, done.stderr)
+            self.assertFalse(out.exists())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sinew", required=True)
+    options, rest = parser.parse_known_args()
+    SINEW = options.sinew
+    unittest.main(argv=[sys.argv[0], *rest])

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/scene/scene_script.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <initializer_list>
+#include <numbers>
+
+namespace sinew::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kMostSeconds = 600;
+constexpr double kFar = 1e6;  // m
+
+std::string inQuotes(std::string_view name) { return "'" + std::string(name) + "'"; }
+
+std::string list(std::span<const std::string> names) {
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  return all;
+}
+
+// Reads values out of the file's JSON, and complains with the line.
+class Reader {
+ public:
+  explicit Reader(SceneScript& script) : script_(script), text_(script.text) {}
+
+  void run() {
+    const Json& json = text_.json();
+    object(json, "", {"sinew_scene", "seconds", "still", "gravity", "channels", "targets", "camera", "note"});
+    if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
+      text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
+    }
+    script_.seconds = number(json, "", "seconds", 2, 1e-3, kMostSeconds);
+    script_.still = number(json, "", "still", script_.seconds, 0, script_.seconds);
+    script_.gravity = number(json, "", "gravity", 0, 0, 1000);
+    if (json.contains("channels")) channels(json["channels"]);
+    if (json.contains("targets")) targets(json["targets"]);
+    if (json.contains("camera")) camera(json["camera"]);
+  }
+
+ private:
+  void object(const Json& json, const std::string& pointer, std::initializer_list<std::string> keys) const {
+    if (!json.is_object()) text_.fail(pointer, "is no object", "Write { \"key\": value, ... }.");
+    const std::vector<std::string> known(keys);
+    for (const auto& [key, value] : json.items()) {
+      if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+      text_.fail(childPointer(pointer, key), "there is no key " + inQuotes(key) + " here",
+                 "Did you mean " + nearestName(key, known) + "? Keys: " + list(known) + ".");
+    }
+  }
+
+  double number(const Json& value, const std::string& pointer, double low, double high) const {
+    const double x = value.is_number() ? value.get<double>() : std::nan("");
+    if (!(x >= low && x <= high)) {
+      Json range = {low, high};
+      text_.fail(pointer, "needs a number", "Legal: " + range[0].dump() + " to " + range[1].dump() + ".");
+    }
+    return x;
+  }
+  double number(const Json& object, const std::string& pointer, const char* key, double otherwise, double low,
+                double high) const {
+    return object.contains(key) ? number(object[key], childPointer(pointer, key), low, high) : otherwise;
+  }
+
+  std::array<double, 3> point(const Json& object, const std::string& pointer, const char* key) const {
+    if (!object.contains(key)) return {0, 0, 0};
+    const std::string place = childPointer(pointer, key);
+    const Json& value = object[key];
+    if (!value.is_array() || value.size() != 3) text_.fail(place, "needs three numbers", "Write [x, y, z].");
+    std::array<double, 3> result{};
+    for (std::size_t i = 0; i < 3; ++i) result[i] = number(value[i], childPointer(place, i), -kFar, kFar);
+    return result;
+  }
+
+  void filled(const Json& value, const std::string& pointer, const std::string& cure) const {
+    if (!value.is_array() || value.empty()) text_.fail(pointer, "needs a list of keyframes", cure);
+  }
+  void ascending(double before, double time, const std::string& pointer) const {
+    if (time <= before) text_.fail(pointer, "a keyframe is not later than the one before", "Sort them by time.");
+  }
+
+  void channels(const Json& json) {
+    if (!json.is_object()) text_.fail("/channels", "is no object", "Write channels by name.");
+    for (const auto& [name, keys] : json.items()) {
+      const std::string place = childPointer("/channels", name);
+      filled(keys, place, "Write [[seconds, value], ...], values 0 to 1.");
+      SceneScript::Channel channel{name, {}};
+      for (std::size_t k = 0; k < keys.size(); ++k) {
+        const std::string at = childPointer(place, k);
+        if (!keys[k].is_array() || keys[k].size() != 2) {
+          text_.fail(at, "a keyframe of a channel is [seconds, value]", "Write for instance [0.4, 1].");
+        }
+        const SceneScript::ChannelKey key = {number(keys[k][0], childPointer(at, 0), 0, kMostSeconds),
+                                             number(keys[k][1], childPointer(at, 1), 0, 1)};
+        if (k > 0) ascending(channel.keys.back().time, key.time, at);
+        channel.keys.push_back(key);
+      }
+      script_.channels.push_back(std::move(channel));
+    }
+  }
+
+  void targets(const Json& json) {
+    if (!json.is_object()) text_.fail("/targets", "is no object", "Write targets by name.");
+    for (const auto& [name, value] : json.items()) {
+      const std::string place = childPointer("/targets", name);
+      object(value, place, {"axis", "point", "keys", "note"});
+      SceneScript::Target target;
+      target.name = name;
+      target.point = point(value, place, "point");
+      if (value.contains("axis")) {
+        const std::array<double, 3> axis = point(value, place, "axis");
+        const double length = std::hypot(axis[0], axis[1], axis[2]);
+        if (!(length > 0)) text_.fail(childPointer(place, "axis"), "an axis needs a direction", "Give [1, 0, 0].");
+        for (std::size_t i = 0; i < 3; ++i) target.axis[i] = axis[i] / length;
+      }
+      const std::string at = childPointer(place, "keys");
+      const std::string cure = R"(Write [{"time": seconds, "turn": degrees, "move": [x, y, z]}, ...].)";
+      filled(value.contains("keys") ? value["keys"] : Json(), at, cure);
+      for (std::size_t k = 0; k < value["keys"].size(); ++k) {
+        const Json& entry = value["keys"][k];
+        const std::string here = childPointer(at, k);
+        object(entry, here, {"time", "turn", "move", "note"});
+        if (!entry.contains("time")) text_.fail(here, "a keyframe needs a time", cure);
+        const SceneScript::TargetKey key = {number(entry, here, "time", 0, 0, kMostSeconds),
+                                            number(entry, here, "turn", 0, -360, 360) * kDegree,
+                                            point(entry, here, "move")};
+        if (k > 0) ascending(target.keys.back().time, key.time, here);
+        target.keys.push_back(key);
+      }
+      script_.targets.push_back(std::move(target));
+    }
+  }
+
+  void camera(const Json& json) {
+    object(json, "/camera", {"yaw", "pitch", "at", "height", "note"});
+    SceneScript::View view;
+    view.yaw = number(json, "/camera", "yaw", 0, -360, 360) * kDegree;
+    view.pitch = number(json, "/camera", "pitch", 0, -89, 89) * kDegree;
+    if (json.contains("at") != json.contains("height")) {
+      text_.fail("/camera", "at and height go together", "Give both, or none to show the whole body.");
+    }
+    if (json.contains("at")) view.at = point(json, "/camera", "at");
+    view.height = number(json, "/camera", "height", 0, 1e-6, kFar);
+    script_.view = view;
+  }
+
+  SceneScript& script_;
+  const JsonText& text_;
+};
+
+// The key before a time, and how far it is on to the next, 0..1 and smooth.
+template <class Key>
+std::pair<std::size_t, double> placeOf(std::span<const Key> keys, double time) {
+  if (time <= keys.front().time) return {0, 0};
+  std::size_t k = 0;
+  while (k + 1 < keys.size() && keys[k + 1].time <= time) ++k;
+  if (k + 1 == keys.size()) return {k, 0};
+  const double t = (time - keys[k].time) / (keys[k + 1].time - keys[k].time);
+  return {k, t * t * (3 - 2 * t)};
+}
+
+bool matches(std::string_view pattern, std::string_view name) {
+  const std::size_t star = pattern.find('*');
+  if (star == std::string_view::npos) return pattern == name;
+  const std::string_view begin = pattern.substr(0, star), end = pattern.substr(star + 1);
+  return name.size() >= begin.size() + end.size() && name.starts_with(begin) && name.ends_with(end);
+}
+
+}  // namespace
+
+SceneScript SceneScript::read(const std::string& file) {
+  SceneScript script;
+  script.name = std::filesystem::path(file).stem().string();
+  script.text = JsonText::read(file);
+  Reader(script).run();
+  return script;
+}
+
+double valueAt(std::span<const SceneScript::ChannelKey> keys, double time) {
+  const auto [k, part] = placeOf(keys, time);
+  return part > 0 ? keys[k].value + part * (keys[k + 1].value - keys[k].value) : keys[k].value;
+}
+
+RigidTransform motionAt(const SceneScript::Target& target, const std::array<double, 3>& origin, double time) {
+  const auto [k, part] = placeOf(std::span<const SceneScript::TargetKey>(target.keys), time);
+  const SceneScript::TargetKey& from = target.keys[k];
+  const SceneScript::TargetKey& to = part > 0 ? target.keys[k + 1] : from;
+  const Vector3d point = Vector3d(target.point.data()) - Vector3d(origin.data());
+  const Vector3d move = Vector3d(from.move.data()) + part * (Vector3d(to.move.data()) - Vector3d(from.move.data()));
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(from.turn + part * (to.turn - from.turn), Vector3d(target.axis.data())).toRotationMatrix();
+  const Vector3d shift = point - turn * point + move;
+  RigidTransform motion;
+  for (int r = 0; r < 3; ++r) {
+    motion.position[std::size_t(r)] = float(shift[r]);
+    for (int c = 0; c < 3; ++c) motion.rotation[std::size_t(3 * r + c)] = float(turn(r, c));
+  }
+  return motion;
+}
+
+SceneDrive::SceneDrive(const SceneScript& from, const formats::PackageView& package) : script(from) {
+  std::copy(std::begin(package.info().origin), std::end(package.info().origin), origin.begin());
+  std::vector<std::string> names;
+  for (const auto& channel : package.channels()) names.emplace_back(package.text(channel.name));
+  for (std::size_t s = 0; s < script.channels.size(); ++s) {
+    const std::string& wanted = script.channels[s].name;
+    const std::size_t before = channels.size();
+    for (std::uint32_t c = 0; c < names.size(); ++c) {
+      if (matches(wanted, names[c])) channels.push_back({c, s});
+    }
+    if (channels.size() > before) continue;
+    const std::string near = nearestName(wanted, names);
+    script.text.fail(
+        childPointer("/channels", wanted), "the package has no channel " + inQuotes(wanted),
+        near.empty() ? "It has none; give a cluster of its recipe a channel." : "Did you mean " + near + "?");
+  }
+  names.clear();
+  for (const auto& set : package.pinSets()) names.emplace_back(package.text(set.target));
+  for (const SceneScript::Target& target : script.targets) {
+    if (std::find(names.begin(), names.end(), target.name) != names.end()) continue;
+    const std::string near = nearestName(target.name, names);
+    script.text.fail(childPointer("/targets", target.name), "no pin of the package follows " + inQuotes(target.name),
+                     near.empty() ? "Its recipe has no pins." : "Did you mean " + near + "?");
+  }
+}
+
+void SceneDrive::apply(World& world, BodyId body, double time) const {
+  for (const Use& use : channels) {
+    world.setActivation(body, use.channel, float(valueAt(script.channels[use.source].keys, time)));
+  }
+  for (const SceneScript::Target& target : script.targets) {
+    world.movePinTarget(body, target.name, motionAt(target, origin, time));
+  }
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Scenes from files (docs/scenes.md): channels and pin targets by keyframes.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sinew/runtime/world.h"
+#include "tools/author/json_text.h"
+
+namespace sinew::tools {
+
+/// What a scene file says. Lengths in metres, points in the source's coordinates (as `sinew inspect` shows them).
+struct SceneScript {
+  struct ChannelKey {
+    double time;   ///< s
+    double value;  ///< 0..1
+  };
+  struct Channel {
+    std::string name;  ///< one * stands for any letters
+    std::vector<ChannelKey> keys;
+  };
+  struct TargetKey {
+    double time;                 ///< s
+    double turn;                 ///< rad about the target's axis
+    std::array<double, 3> move;  ///< m, after the turn
+  };
+  struct Target {
+    std::string name;
+    std::array<double, 3> axis = {1, 0, 0};   ///< unit
+    std::array<double, 3> point = {0, 0, 0};  ///< of the axis
+    std::vector<TargetKey> keys;
+  };
+  struct View {
+    double yaw = 0, pitch = 0;                ///< rad; 0, 0 looks along -z; positive moves the eye to +x, up
+    std::optional<std::array<double, 3>> at;  ///< middle of the picture; none: the body is fitted in
+    double height = 0;                        ///< m, what the picture shows of it; with `at`
+  };
+
+  std::string name;    ///< of the file, without folder and extension
+  double seconds = 2;  ///< length
+  double still = 2;    ///< s, the moment of a single picture
+  double gravity = 0;  ///< m/s², downwards
+  std::vector<Channel> channels;
+  std::vector<Target> targets;
+  std::optional<View> view;
+  JsonText text;  ///< for messages
+
+  /// Throws ToolError(bad_input) naming file, line and cure.
+  static SceneScript read(const std::string& file);
+};
+
+/// Smooth between keys, constant before the first and after the last. \param keys times ascending, at least one.
+double valueAt(std::span<const SceneScript::ChannelKey> keys, double time);
+/// Motion of the rest shape (in the package's coordinates) that a target has at a time.
+/// \param origin the package's, which its coordinates are relative to.
+RigidTransform motionAt(const SceneScript::Target& target, const std::array<double, 3>& origin, double time);
+
+/// A script's channels and targets as a package has them.
+struct SceneDrive {
+  /// Throws ToolError(bad_input) where the package lacks a channel or a target that the script names.
+  SceneDrive(const SceneScript& script, const formats::PackageView& package);
+  /// Sets what they are to be at a time.
+  void apply(World& world, BodyId body, double time) const;
+
+  const SceneScript& script;
+  std::array<double, 3> origin;
+  struct Use {
+    std::uint32_t channel;  ///< of the package
+    std::size_t source;     ///< of the script
+  };
+  std::vector<Use> channels;
+};
+
+}  // namespace sinew::tools
