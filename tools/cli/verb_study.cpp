@@ -6,6 +6,8 @@
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/progress.h"
+#include "tools/render/headless.h"
+#include "tools/study/kinks.h"
 #include "tools/study/sag.h"
 #include "tools/study/stability.h"
 
@@ -81,6 +83,48 @@ void addSag(CLI::App& study, int& exit_code) {
   });
 }
 
+void addKinks(CLI::App& study, int& exit_code) {
+  struct Command {
+    std::vector<std::string> packages, arms;
+    std::string scene = "stretch", mask, picture;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand("kinks", "The sharpest edge of a surface after a scene, against that at rest");
+  verb->add_option("packages", command->packages, "Packages to compare")->required();
+  verb->add_option("--scene", command->scene, "A built-in scene, or a file (.json)");
+  verb->add_option("--mask", command->mask, "Only where this mask of the recipe weighs more than one half");
+  verb->add_option("--arms", command->arms, "Two masks of straight limbs: measure the angle between them")->expected(2);
+  verb->add_option("--picture", command->picture, "Draw the first one at rest, and all after the scene")
+      ->type_name("FILE.png");
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    if (!command->picture.empty()) requireWritable(command->picture);
+    KinkOptions options;
+    options.scene = SceneChoice::byName(command->scene);
+    options.mask = command->mask;
+    if (!command->arms.empty()) options.arms = {command->arms[0], command->arms[1]};
+    Progress progress(!command->json);
+    progress.stage("kinks");
+    std::vector<KinkResult> results;
+    for (const std::string& file : command->packages) {
+      results.push_back(measureKinks(loadPackage(file), file, options));
+      progress.fraction(double(results.size()) / double(command->packages.size()));
+    }
+    if (!command->picture.empty()) {
+      const HeadlessContext context;
+      writePng(kinksPicture(results, options), command->picture);
+    }
+    progress.finish();
+    if (command->json) {
+      std::cout << kinksJson(results, options).dump(2) << "\n";
+    } else {
+      std::cout << kinksText(results);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
 }  // namespace
 
 void addStudyVerb(CLI::App& app, int& exit_code) {
@@ -88,6 +132,7 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   study->require_subcommand(1);
   addStability(*study, exit_code);
   addSag(*study, exit_code);
+  addKinks(*study, exit_code);
 }
 
 }  // namespace sinew::tools
