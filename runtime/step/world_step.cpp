@@ -294,14 +294,20 @@ class BodyStep {
                    body_.blocks, far);
   }
 
-  bool partIsHeld(const Part& part) const {
+  void findFreeParts() {
+    for (Part& part : body_.parts) part.free = true;
     for (const PinFit& fit : body_.fits) {
-      if (fit.cluster() - part.first_cluster < part.cluster_count) return true;
+      const formats::Cluster& cluster = body_.package().clusters()[fit.cluster()];
+      body_.partOf(body_.package().memberships()[cluster.first_member].vertex).free = false;
     }
-    return std::any_of(body_.rows.begin(), body_.rows.end(), [&](const Row& row) {
-      if (row.point == RowPoint::physical_vertex) return row.index - part.first_vertex < part.vertex_count;
-      return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
-    });
+    for (const Row& row : body_.rows) {
+      if (row.point == RowPoint::physical_vertex) {
+        body_.partOf(row.index).free = false;
+      } else {
+        // A pick: which part it pulls is not worth the search; parts beside it only keep plain y and v.
+        for (Part& part : body_.parts) part.free = false;
+      }
+    }
   }
 
   // Clusters that have lost their orientation or are torn want the pose of their part, which takes all moments of the
@@ -325,7 +331,7 @@ class BodyStep {
 
   void apply(std::uint32_t passes_left) {
     const bool held = isHeld();
-    for (Part& part : body_.parts) part.free = !held || !partIsHeld(part);
+    findFreeParts();
     const float diagonal = body_.package().info().diagonal;
     forChunks([&](VertexChunk& chunk) {
       const Part& part = body_.parts[chunk.part];
