@@ -30,6 +30,29 @@ Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
   return inverse;
 }
 
+// Whether some square or product of coordinates is a linear function of the coordinates on these vertices (three points
+// a layer, as a prism has): then one and the same motion is both stretch and bending, with the stiffness and the limits
+// of both. \param moment of (q, quadraticTerms(q)), centred.
+bool bendingIsStretch(const Matrix9d& moment) {
+  Matrix9d scaled = moment;
+  const double largest = moment.diagonal().maxCoeff();
+  for (Eigen::Index i = 0; i < 9; ++i) {
+    const double own = moment(i, i) > kRelativeCutoff * largest ? 1 / std::sqrt(moment(i, i)) : 0.0;
+    scaled.row(i) *= own;
+    scaled.col(i) *= own;
+  }
+  Eigen::Index linear_rank = 0;
+  const Eigen::Matrix3d linear = scaled.topLeftCorner<3, 3>();
+  const Eigen::Matrix<double, 6, 3> mixed = scaled.bottomLeftCorner<6, 3>();
+  const Eigen::Matrix<double, 6, 6> all = scaled.bottomRightCorner<6, 6>();
+  const Eigen::Matrix<double, 6, 6> rest = all - mixed * pseudoInverse(linear, linear_rank) * mixed.transpose();
+  const auto rank = [](const Eigen::Matrix<double, 6, 6>& m) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(m, Eigen::EigenvaluesOnly);
+    return (solver.eigenvalues().array() > kRelativeCutoff).count();
+  };
+  return rank(rest) < rank(all);
+}
+
 Eigen::Matrix<double, 6, 1> quadraticTerms(const Vector3d& q) {
   Eigen::Matrix<double, 6, 1> terms;
   terms << q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
@@ -127,7 +150,7 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
         moment9 += mu[i] * q9 * q9.transpose();
       }
       const Matrix9d inverse9 = pseudoInverse(moment9, rank);
-      if (rank <= 3) {
+      if (rank <= 3 || bendingIsStretch(moment9)) {
         cluster.mode = formats::ClusterMode::linear;
         poor.push_back(source.name);
       } else {
