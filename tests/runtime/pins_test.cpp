@@ -467,6 +467,39 @@ TEST(PackagePins, AreLetGoResetAndRestoredAsTheOthers) {
   EXPECT_LT(world.positions(free_body)[0][1], -0.5F);
 }
 
+// The ends of an L drawn to twice their distance: its one cluster stretches by half at most, so the pins ask for what
+// cannot be. It stays where the pins leave it; remembered impulses once shook it to 20 lengths a second.
+TEST(Pins, DrawnBeyondTheLimitsTheBodyStaysCalm) {
+  BoxOptions box;
+  box.cells = {12, 8, 2};
+  box.size = {1, 0.6, 0.16};
+  box.mode = ClusterMode::quadratic;
+  box.stretch_hz = 30;
+  box.bend_hz = box.twist_hz = 10;
+  box.keep = [](std::uint32_t x, std::uint32_t y, std::uint32_t) { return x < 4 || y < 2; };
+  WorldSettings settings = weightless();
+  settings.iterations = 8;
+  World world(settings);
+  formats::PackageContent content = boxContent(box);
+  ClusterMechanics mechanics = formats::kPlainMechanics;
+  mechanics.limit = formats::LimitMethod::principal;
+  mechanics.stretch_min = 0.5F;
+  mechanics.stretch_max = 1.5F;
+  mechanics.volume = formats::VolumeMethod::principal;
+  content.mechanics.assign(content.clusters.size(), mechanics);
+  const BodyId body = *world.addBody(makeAsset(content));
+  const std::vector<Vec3> start(world.positions(body).begin(), world.positions(body).end());
+  for (int step = 0; step < 90; ++step) {
+    const float pull = 0.5F * std::min(1.0F, float(step) / 30);
+    for (std::uint32_t v = 0; v < start.size(); ++v) {
+      if (std::abs(start[v][0]) < 0.45F) continue;
+      world.pin(body, v, {start[v][0] + (start[v][0] > 0 ? pull : -pull), start[v][1], start[v][2]});
+    }
+    world.step(1.0F / 60);
+  }
+  EXPECT_LT(rmsSpeed(world, body), 0.05);
+}
+
 TEST(PinSets, ALetGoBodyIsFree) {
   Beam beam;
   beam.gravity = 0;
