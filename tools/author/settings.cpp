@@ -14,8 +14,8 @@ namespace sinew::tools {
 namespace {
 
 // How clusters are laid out over a body: of all of them, so no cluster has its own.
-constexpr std::array<std::string_view, 6> kLayoutKeys = {"clusters.method",  "clusters.grid",
-                                                         "clusters.size",    "clusters.overlap",
+constexpr std::array<std::string_view, 6> kLayoutKeys = {"clusters.method",         "clusters.grid",
+                                                         "clusters.size",           "clusters.overlap",
                                                          "clusters.overlap_metres", "clusters.soften_metres"};
 
 constexpr std::array<std::string_view, 6> kUnits = {"m", "dm", "cm", "mm", "in", "ft"};
@@ -182,7 +182,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.clusters.overlap_metres, 0, 1e6}},
       {"clusters.soften_metres", "m",
        "Width over which clusters of a recipe blend into each other wherever their weights jump between neighbouring "
-       "vertices, along the body; 0: weights stay as they are.",
+       "vertices, along the body; 0 takes 1 edge of the tetrahedra. A millionth of an edge leaves weights as they are.",
        Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
        "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",

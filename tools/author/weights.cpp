@@ -27,6 +27,7 @@ constexpr std::size_t kFewMembers = 8;
 // Of the largest weight: clusters that agree so well are one.
 constexpr double kIdentical = 1e-3;
 constexpr double kAutomaticOverlap = 1.5;  // edges
+constexpr double kAutomaticSoften = 1.0;   // edges
 // Standard deviations between 10 % and 90 % of a step that has been diffused.
 constexpr double kDeviationsInRamp = 2.56;
 constexpr int kSoftenSteps = 2;
@@ -171,10 +172,11 @@ class BodyClusters {
   }
 
   // A share that jumps between neighbours is a kink in the surface, whatever made it jump: a group's border, two masks
-  // that end beside each other. Shares diffuse along the tetrahedra, by implicit steps of a graph Laplacian: an M-matrix
-  // whose rows sum to 1, so they stay within 0..1 and sum to 1 at every vertex.
+  // that end beside each other. Shares diffuse along the tetrahedra, by implicit steps of a graph Laplacian: an
+  // M-matrix whose rows sum to 1, so they stay within 0..1 and sum to 1 at every vertex.
   void soften(std::vector<Piece>& pieces) const {
-    const double width = settings_.clusters.soften_metres;
+    const double authored = settings_.clusters.soften_metres;
+    const double width = authored > 0 ? authored : kAutomaticSoften * graph_.mean_edge[number_];
     if (!(width > 0) || pieces.size() < 2) return;
     const auto count = Eigen::Index(body_.vertex_count);
     const double deviation = width / kDeviationsInRamp;
