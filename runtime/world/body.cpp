@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "runtime/clusters/goal.h"
@@ -156,6 +157,11 @@ Vector3 Body::blendedGoal(std::uint32_t vertex) const {
                                     loadFrame(blocks, use.cluster), at_rest);
   }
   return goal;
+}
+
+Part& Body::partOf(std::uint32_t vertex) {
+  const auto begins_behind = [](std::uint32_t index, const Part& part) { return index < part.first_vertex; };
+  return *std::prev(std::upper_bound(parts.begin() + 1, parts.end(), vertex, begins_behind));
 }
 
 }  // namespace sinew::internal

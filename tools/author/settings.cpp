@@ -146,6 +146,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Text{&s.import.up, legalUp, "auto | y | z"}},
       {"import.weld", "diagonals", "Positions closer than this are one point; 0 welds exactly equal ones only.",
        Number{&s.import.weld_tolerance, 0, 1e-2}},
+      {"import.crease", "degrees",
+       "Where the source has no normals: edges whose faces differ by more are hard, others smooth; 180 makes all "
+       "smooth.",
+       Number{&s.import.crease_degrees, 0, 180}},
       {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
        Count{&s.import.memory_megabytes, 64, 1000000}},
       {"import.seconds", "s", "Bound on the time of the process that reads the source.",

@@ -95,7 +95,7 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
                                 {},
                                 "",
                                 "Export the file again if triangles are missing."});
-  } else if (says_text || bytes.starts_with("solid")) {
+  } else if (says_text || (bytes.starts_with("solid") && bytes.find('\0') == bytes.npos)) {
     readText(bytes, stem, mesh);
   } else if (bytes.size() < kHeaderBytes) {
     throw ReadError("is no STL: it is neither text nor long enough for a binary header");
