@@ -46,6 +46,12 @@ struct RecipeStiffness {
   double value = 1;
 };
 
+/// Colour of the visual vertices, for sources that have none of their own.
+struct RecipeColor {
+  SelectionText from;
+  std::array<double, 3> color = {1, 1, 1};  ///< linear RGB, 0..1
+};
+
 /// Loose parts of the source that ride along without tetrahedra of their own.
 struct RecipePart {
   std::string name;
@@ -65,6 +71,7 @@ struct Recipe {
   std::vector<RecipeCluster> clusters;
   std::vector<RecipePins> pins;
   std::vector<RecipeStiffness> stiffness;
+  std::vector<RecipeColor> colors;  ///< later ones over earlier ones
   std::vector<RecipePart> parts;
   std::filesystem::path folder;          ///< the recipe's; empty for a bare source
   std::filesystem::path project;         ///< no file lies outside of it
