@@ -7,13 +7,13 @@
 #include <limits>
 #include <numbers>
 
+#include "runtime/geometry/tet_mesh.h"
+
 namespace sinew::tools {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
 Matrix3d nearestRotation(const Matrix3d& a) {
   const double scale = a.cwiseAbs().maxCoeff();
@@ -57,6 +57,29 @@ constexpr double kFewPasses = 0.02;   // s
 constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
 
 }  // namespace
+
+Vector3d cornerOf(const World& world, BodyId body, std::uint32_t visual_vertex) {
+  const formats::PackageView& package = world.asset(body).package();
+  const formats::BarycentricAttachment& attachment = package.barycentric()[visual_vertex];
+  const auto& corners = package.tetrahedra()[attachment.tetrahedron].vertex;
+  const auto x = world.positions(body);
+  Vector3d result = wide(x[corners[3]]);
+  for (std::size_t k = 0; k < 3; ++k) {
+    result += double(attachment.weight[k]) * (wide(x[corners[k]]) - wide(x[corners[3]]));
+  }
+  return result;
+}
+
+double tetrahedraVolume(const World& world, BodyId body) {
+  const auto x = world.positions(body);
+  double sum = 0;
+  for (const formats::Tetrahedron& t : world.asset(body).package().tetrahedra()) {
+    sum += geometry::signedVolume6(wide(x[t.vertex[0]]), wide(x[t.vertex[1]]), wide(x[t.vertex[2]]),
+                                   wide(x[t.vertex[3]])) /
+           6;
+  }
+  return sum;
+}
 
 BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
   const formats::PackageView& package = asset.package();

@@ -11,6 +11,13 @@
 
 namespace sinew::tools {
 
+inline Eigen::Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+/// The corner of a tetrahedron that a visual vertex of a study's surface lies on, metres.
+Eigen::Vector3d cornerOf(const World& world, BodyId body, std::uint32_t visual_vertex);
+/// Signed volume of a body's tetrahedra as they are, m³.
+double tetrahedraVolume(const World& world, BodyId body);
+
 /// Sums over the physical vertices, about the centre of mass.
 struct BodyMotion {
   double mass = 0;                                     ///< kg

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -42,16 +43,20 @@ struct StudyPackageOptions {
   formats::ClusterMode mode = formats::ClusterMode::linear;
   double frequency_hz = 1;  ///< of all classes of modes
   double mass_ratio = 1;    ///< heaviest to lightest vertex, >= 1: vertices lie between, evenly over the logarithm
+  /// Of every cluster; a fibre is driven by the package's one channel, "fibre". None: no CMEC at all.
+  std::optional<formats::ClusterMechanics> mechanics = {};
+  std::vector<formats::CurvePoint> curve = {};  ///< of LimitMethod::curve
+  bool surface = false;                         ///< the tetrahedra's boundary as visual mesh, for picks
 };
 
 /// Made anew at each call; equal arguments give equal bytes. Degenerate clusters keep the mode that is asked for.
 std::shared_ptr<const Asset> studyPackage(StudyBody body, const StudyPackageOptions& options);
 
-/// A box of cells (five tetrahedra each) in a grid of overlapping clusters. \param size metres. \param jitter moves the
-/// inner vertices by at most this part of a cell.
+/// A box of cells (five tetrahedra each) in a grid of overlapping clusters.
 struct BoxBody {
   std::array<int, 3> cells = {2, 2, 2};
-  std::array<double, 3> size = {1, 1, 1};
+  std::array<double, 3> size = {1, 1, 1};    ///< metres
+  std::array<double, 3> center = {0, 0, 0};  ///< metres
   std::array<std::uint32_t, 3> clusters = {1, 1, 1};
 };
 std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOptions& options);

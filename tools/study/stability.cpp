@@ -105,7 +105,6 @@ CellSetup setupOf(const StabilityCell& cell) {
   return setup;
 }
 
-Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 Vec3 narrow(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
 
 Vector3d chanceVector(std::uint64_t seed, std::uint64_t index) {
