@@ -453,8 +453,9 @@ class BodyStep {
     a.vertices = vertexRange(chunk);
     a.h = h_;
     a.free = part.free;
+    const double slowest_hz = double(body_.stiffness->slowest_hz[chunk.part]);
     double rate =
-        std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
+        std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * slowest_hz, kFastestDamping);
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));

@@ -94,7 +94,6 @@ struct Part {
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
-  double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
   bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
   bool limited = false;       ///< a cluster was stopped by the guard in this pass

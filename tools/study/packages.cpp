@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numbers>
 
 #include "runtime/geometry/grid_tetrahedra.h"
 #include "runtime/geometry/pseudo_inverse.h"
@@ -129,11 +130,8 @@ Draft draftOf(StudyBody body) {
       draft.clusters = gridOf(draft.mesh, {1, 1, 1});
       return draft;
     }
-    case StudyBody::box2:
-    case StudyBody::tiny:
-    case StudyBody::huge: {
-      const double size = body == StudyBody::tiny ? 1e-6 : body == StudyBody::huge ? 1e6 : 1.0;
-      Draft draft{boxMesh({4, 4, 4}, Vector3d::Constant(size)), {}};
+    case StudyBody::box2: {
+      Draft draft{boxMesh({4, 4, 4}, Vector3d::Ones()), {}};
       draft.clusters = gridOf(draft.mesh, {2, 2, 2});
       return draft;
     }
@@ -269,11 +267,28 @@ void addSurface(const TetMesh& mesh, const formats::StringRef& name, formats::Pa
   content.sub_meshes.push_back({name, formats::kNone, 0, std::uint32_t(content.visual_triangles.size()), 0});
 }
 
+Vector3d vectorOf(const std::array<float, 3>& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+// CMEC of every cluster.
 void addMechanics(const StudyPackageOptions& options, formats::PackageContent& content) {
   if (!options.mechanics) return;
   formats::ClusterMechanics mechanics = *options.mechanics;
   content.curve_points = options.curve;
   mechanics.curve_point_count = std::uint32_t(options.curve.size());
+  if (options.elastic_hz > 0) {
+    Vector3d first = Vector3d::Zero();
+    double mass = 0, second = 0;
+    for (const formats::PhysicalVertex& vertex : content.physical_vertices) {
+      const Vector3d d = vectorOf(vertex.rest_position) - vectorOf(content.physical_vertices.front().rest_position);
+      mass += double(vertex.mass);
+      first += double(vertex.mass) * d;
+      second += double(vertex.mass) * d.squaredNorm();
+    }
+    const double radius2 = std::max(0.0, second / mass - (first / mass).squaredNorm());
+    // Of a single vertex any modulus will do.
+    const double omega = 2 * std::numbers::pi * options.elastic_hz;
+    mechanics.young = float(std::clamp(kDensity * omega * omega * radius2, 1e-30, 1e12));
+  }
   if (mechanics.contraction > 0) {
     mechanics.channel = 0;
     content.channels = {{content.addText("fibre")}};
@@ -339,8 +354,8 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
 
 std::string_view nameOf(StudyBody body) {
   constexpr std::array<std::string_view, kStudyBodyCount> kNames = {
-      "box",  "box2",  "box3",       "bar", "ring", "animal", "one_vertex", "two_vertices", "three_vertices",
-      "line", "plane", "coincident", "odd", "tiny", "huge"};
+      "box",          "box2",           "box3", "bar",   "ring",       "animal", "one_vertex",
+      "two_vertices", "three_vertices", "line", "plane", "coincident", "odd"};
   return kNames[std::size_t(body)];
 }
 
@@ -357,7 +372,9 @@ double chance(std::uint64_t seed, std::uint64_t index) {
 }
 
 std::shared_ptr<const Asset> studyPackage(StudyBody body, const StudyPackageOptions& options) {
-  return assetOf(draftOf(body), options);
+  Draft draft = draftOf(body);
+  for (Vector3d& x : draft.mesh.positions) x *= options.size;
+  return assetOf(std::move(draft), options);
 }
 
 std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOptions& options) {
