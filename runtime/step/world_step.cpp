@@ -462,7 +462,8 @@ class BodyStep {
     a.free = part.free;
     // Stiff without limit (clusters all rigid) times no damping at all is none.
     const double ratio = double(settings_.deformation_damping_ratio);
-    double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * part.slowest_hz, kFastestDamping) : 0.0;
+    const double slowest_hz = double(body_.stiffness->slowest_hz[chunk.part]);
+    double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * slowest_hz, kFastestDamping) : 0.0;
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));
