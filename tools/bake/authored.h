@@ -17,16 +17,19 @@ namespace sinew::tools {
 struct AuthoredWeights {
   std::vector<RecipeCluster> clusters;  ///< with the source's cluster meshes
   std::vector<VisualWeights> cluster_weights;
-  std::vector<VisualWeights> origins, insertions;  ///< per cluster; empty where it has none
-  std::vector<VisualWeights> pins;                 ///< per pin set of the recipe
-  std::vector<VisualWeights> stiffness;            ///< per entry of the recipe
-  std::vector<VisualWeights> parts, part_hosts;    ///< per part of the recipe; hosts empty where the recipe has none
-  std::vector<VisualWeights> masks;                ///< per mask of the recipe
+  std::vector<VisualWeights> origins, insertions;   ///< per cluster; empty where it has none
+  std::vector<VisualWeights> pins;                  ///< per pin set of the recipe
+  std::vector<VisualWeights> stiffness, thickness;  ///< per entry of the recipe
+  std::vector<VisualWeights> parts, part_hosts;     ///< per part of the recipe; hosts empty where the recipe has none
+  std::vector<VisualWeights> masks;                 ///< per mask of the recipe
 };
 
 /// Evaluates every selection of a recipe. Throws ToolError(bad_input) for a wrong one, see Selections::evaluate().
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings);
+
+/// What `thickness` makes of a shell at each point of the welded surface: a factor; empty where the recipe has none.
+std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh);
 
 /// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), the pin
 /// sets (PPIN, PSET, PSTV), and the masks by name (MASK, MSKV).

@@ -330,10 +330,12 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
     topology_without = analyzeTopology(without);
   }
   const Topology& host_topology = parts.empty() ? topology : topology_without;
+  TetrahedraOptions filling = settings.tetrahedra;
+  filling.shell_factors = shellFactors(recipe, authored, mesh);
   // The key covers all that this stage and the places on the tetrahedra read; a mesh has one topology.
-  const StageKey key = tetrahedraKey(parts.empty() ? mesh : without, settings.tetrahedra);
+  const StageKey key = tetrahedraKey(parts.empty() ? mesh : without, filling);
   PhysicalMesh physical = kept.get("tetrahedra", key, [&] {
-    return tetrahedralize(parts.empty() ? mesh : without, host_topology, settings.tetrahedra, progress);
+    return tetrahedralize(parts.empty() ? mesh : without, host_topology, filling, progress);
   });
   const Vector3d origin = moveToOrigin(mesh, physical);
   if (!parts.empty()) without = withoutParts(mesh, parts);
