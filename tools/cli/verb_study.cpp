@@ -9,6 +9,8 @@
 #include "tools/render/headless.h"
 #include "tools/study/error.h"
 #include "tools/study/kinks.h"
+#include "tools/study/limits.h"
+#include "tools/study/pins.h"
 #include "tools/study/sag.h"
 #include "tools/study/stability.h"
 
@@ -56,6 +58,25 @@ void addStability(CLI::App& study, int& exit_code) {
   });
 }
 
+// A study of a list of cases, each measured by itself.
+template <class Case, class Measure, class Json, class Text>
+void runCases(const std::string& name, const std::vector<Case>& cases, bool json, const Measure& measure,
+              const Json& to_json, const Text& to_text) {
+  Progress progress(!json);
+  progress.stage(name);
+  std::vector<decltype(measure(cases.front()))> results;
+  for (const Case& one : cases) {
+    results.push_back(measure(one));
+    progress.fraction(double(results.size()) / double(cases.size()));
+  }
+  progress.finish();
+  if (json) {
+    std::cout << to_json(results).dump(2) << "\n";
+  } else {
+    std::cout << to_text(results);
+  }
+}
+
 void addSag(CLI::App& study, int& exit_code) {
   struct Command {
     double seconds = 8;
@@ -66,20 +87,30 @@ void addSag(CLI::App& study, int& exit_code) {
   verb->add_option("--seconds", command->seconds, "Simulated time of each beam")->check(CLI::Range(2.0, 60.0));
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
-    Progress progress(!command->json);
-    progress.stage("sag");
-    const std::vector<SagCase> cases = sagCases();
-    std::vector<SagResult> results;
-    for (const SagCase& one : cases) {
-      results.push_back(measureSag(one, command->seconds));
-      progress.fraction(double(results.size()) / double(cases.size()));
-    }
-    progress.finish();
-    if (command->json) {
-      std::cout << sagJson(results).dump(2) << "\n";
-    } else {
-      std::cout << sagText(results);
-    }
+    const auto measure = [&](const SagCase& beam) { return measureSag(beam, command->seconds); };
+    runCases("sag", sagCases(), command->json, measure, sagJson, sagText);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addLimits(CLI::App& study, int& exit_code) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb = study.add_subcommand(
+      "limits", "A cube pushed into a wall: how far it spreads under each limit and volume method");
+  verb->add_flag("--json", *json, "Print one JSON document");
+  verb->callback([json, &exit_code] {
+    runCases("limits", limitsCases(), *json, measureLimits, limitsJson, limitsText);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addPins(CLI::App& study, int& exit_code) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb = study.add_subcommand(
+      "pins", "A beam on a wall under each method of pin sets: sag, wall, section, volume, a pulled corner");
+  verb->add_flag("--json", *json, "Print one JSON document");
+  verb->callback([json, &exit_code] {
+    runCases("pins", pinsCases(), *json, measurePins, pinsJson, pinsText);
     exit_code = int(ExitCode::done);
   });
 }
@@ -198,6 +229,8 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   addSag(*study, exit_code);
   addKinks(*study, exit_code);
   addError(*study, exit_code);
+  addLimits(*study, exit_code);
+  addPins(*study, exit_code);
 }
 
 }  // namespace sinew::tools
