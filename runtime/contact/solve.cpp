@@ -24,6 +24,10 @@ constexpr float kRelativeCompliance = 1e-1F;
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;
 
+// What a held point remembers of its impulse. Where limits stop the clusters that it pulls, impulses that are all
+// remembered swing to and fro and grow (an L-bar drawn to twice its length by its ends).
+constexpr float kRememberedHold = 0.7F;
+
 // Move of a point, diagonals, that one relaxation of a row may cause.
 constexpr float kLargestMove = 0.25F;
 
@@ -348,7 +352,8 @@ void bringNear(Body& body, float pass_seconds) {
 
 void warmStartRows(Body& body) {
   for (ClusterResponse& response : body.responses) response.used = false;
-  for (const Row& row : body.rows) {
+  for (Row& row : body.rows) {
+    if (row.kind == RowKind::hold) row.impulse *= kRememberedHold;
     forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
   }
   loadUsedFrames(body);

@@ -79,9 +79,18 @@ class Stuffing {
     const std::size_t count = 2 * per_lattice_;
     sign_.resize(count);
     parallel_for_(count, 256, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        sign_[i] = domain_.inside(latticePosition(coordinate(std::uint32_t(i)))) ? 1 : -1;
+      if (!domain_.inside_many) {
+        for (std::size_t i = begin; i < end; ++i) {
+          sign_[i] = domain_.inside(latticePosition(coordinate(std::uint32_t(i)))) ? 1 : -1;
+        }
+        return;
       }
+      std::vector<Vector3d> points;
+      points.reserve(end - begin);
+      for (std::size_t i = begin; i < end; ++i) points.push_back(latticePosition(coordinate(std::uint32_t(i))));
+      std::vector<char> inside(points.size());
+      domain_.inside_many(points, inside);
+      for (std::size_t i = begin; i < end; ++i) sign_[i] = inside[i - begin] != 0 ? 1 : -1;
     });
   }
 

@@ -4,17 +4,20 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <functional>
+#include <span>
 
 #include "runtime/geometry/parallel.h"
 #include "runtime/geometry/tet_mesh.h"
 
 namespace sinew::geometry {
 
-/// What stuffing asks of a solid. Both are called from several threads at once.
+/// What stuffing asks of a solid. All are called from several threads at once.
 struct StuffingDomain {
   std::function<bool(const Eigen::Vector3d&)> inside;
   /// Where the segment from a point inside to one outside leaves the solid, 0..1.
   std::function<double(const Eigen::Vector3d& inside, const Eigen::Vector3d& outside)> crossing;
+  /// `inside` of many points that are near one another, 0 or 1 each, where that is cheaper; may be empty.
+  std::function<void(std::span<const Eigen::Vector3d> points, std::span<char> inside)> inside_many = {};
 };
 
 /// Isosurface stuffing (Labelle & Shewchuk 2007) over a uniform body-centred cubic lattice: lattice points near the

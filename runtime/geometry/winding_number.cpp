@@ -4,6 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+// Packets are worth it in registers that hold one: the program chooses at start. Sanitizers start too late for that.
+#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define SINEW_WIDE_AND_PLAIN __attribute__((target_clones("avx2", "default"), flatten))
+#else
+#define SINEW_WIDE_AND_PLAIN
+#endif
+
 namespace sinew::geometry {
 namespace {
 
@@ -31,36 +39,123 @@ struct Sums {
   }
 };
 
+// Some points at once, a lane each. What follows is written for one point (double, bool) and for a packet alike, so
+// that both have the same bits.
+constexpr std::size_t kLanes = 4;
+using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
+using Mask = decltype(Lanes{} < Lanes{});
+
+bool any(bool mask) { return mask; }
+bool any(const Mask& mask) { return (mask[0] | mask[1] | mask[2] | mask[3]) != 0; }
+double squareRoot(double x) { return std::sqrt(x); }
+Lanes squareRoot(const Lanes& x) { return Lanes{std::sqrt(x[0]), std::sqrt(x[1]), std::sqrt(x[2]), std::sqrt(x[3])}; }
+double arcTangent(double y, double x) { return std::atan2(y, x); }
+Lanes arcTangent(const Lanes& y, const Lanes& x) {
+  return Lanes{std::atan2(y[0], x[0]), std::atan2(y[1], x[1]), std::atan2(y[2], x[2]), std::atan2(y[3], x[3])};
+}
+
+template <class Real>
+struct Vector {
+  Real x, y, z;
+};
+template <class Real>
+Real dot(const Vector<Real>& a, const Vector<Real>& b) {
+  return (a.x * b.x + a.y * b.y) + a.z * b.z;
+}
+template <class Real>
+Vector<Real> cross(const Vector<Real>& a, const Vector<Real>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+template <class Real>
+Vector<Real> minus(const Vector3d& a, const Vector<Real>& b) {
+  return {a.x() - b.x, a.y() - b.y, a.z() - b.z};
+}
+
 // Sum of solid angles of triangles with one arc tangent: half angles (van Oosterom & Strackee 1983, eq. 8) add up as
 // the arguments of a product of complex numbers; full turns are counted where it passes the negative real axis.
+template <class Real>
 class AngleSum {
  public:
-  void add(const Vector3d& point, const TriangleBvh::Corners& triangle) {
-    const Vector3d a = triangle[0] - point, b = triangle[1] - point, c = triangle[2] - point;
-    const double la = a.norm(), lb = b.norm(), lc = c.norm();
-    const double size = la * lb * lc;
-    const double numerator = a.dot(b.cross(c));
+  void add(const Vector<Real>& point, const TriangleBvh::Corners& triangle) {
+    const Vector<Real> a = minus(triangle[0], point), b = minus(triangle[1], point), c = minus(triangle[2], point);
+    const Real la = squareRoot(dot(a, a)), lb = squareRoot(dot(b, b)), lc = squareRoot(dot(c, c));
+    const Real size = la * lb * lc;
+    const Real numerator = dot(a, cross(b, c));
+    const Real y = numerator / size, x = 1 + (dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb) / size;
+    const Real real = real_ * x - imaginary_ * y, imaginary = real_ * y + imaginary_ * x;
     // In the triangle's plane the angle is 0, or undefined on the triangle itself.
-    if (numerator == 0 || size == 0) return;
-    const double y = numerator / size, x = 1 + (a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb) / size;
-    const double real = real_ * x - imaginary_ * y, imaginary = real_ * y + imaginary_ * x;
-    if (imaginary_ > 0 && y > 0 && imaginary < 0) ++turns_;
-    if (imaginary_ < 0 && y < 0 && imaginary > 0) --turns_;
-    real_ = real;
-    imaginary_ = imaginary;
+    const auto counts = (numerator != 0) & (size != 0);
+    const Real none = Real{}, one = none + 1;
+    turns_ += (counts & (imaginary_ > 0) & (y > 0) & (imaginary < 0)) != 0 ? one : none;
+    turns_ -= (counts & (imaginary_ < 0) & (y < 0) & (imaginary > 0)) != 0 ? one : none;
+    real_ = counts != 0 ? real : real_;
+    imaginary_ = counts != 0 ? imaginary : imaginary_;
   }
-  double windingNumber() const { return std::atan2(imaginary_, real_) / (2 * kPi) + turns_; }
+  Real windingNumber() const { return arcTangent(imaginary_, real_) / (2 * kPi) + turns_; }
 
  private:
-  double real_ = 1, imaginary_ = 0;
-  int turns_ = 0;
+  Real real_ = Real{} + 1, imaginary_ = Real{}, turns_ = Real{};
 };
+
+// A node's moments, seen from afar: r from the point to their centre.
+template <class Real, class Moments>
+Real expansion(const Moments& m, const Vector<Real>& r, const Real& squared_distance) {
+  const Real &x = r.x, &y = r.y, &z = r.z;
+  const Real inverse2 = 1 / squared_distance;
+  const Real inverse3 = inverse2 * squareRoot(inverse2);
+  const Real inverse5 = inverse3 * inverse2;
+  const auto& s = m.second;
+  const auto& t = m.third;
+  const auto along = [&](const Vector3d& v) { return (v.x() * x + v.y() * y) + v.z() * z; };
+  const Real quadratic = s[0] * x * x + s[1] * y * y + s[2] * z * z + s[3] * x * y + s[4] * y * z + s[5] * z * x;
+  const Real cubic = x * x * (t[0] * x + t[3] * y + t[4] * z) + y * y * (t[1] * y + t[5] * x + t[6] * z) +
+                     z * z * (t[2] * z + t[7] * x + t[8] * y) + t[9] * x * y * z;
+  Real sum = inverse3 * (along(m.first) + s[0] + s[1] + s[2]) - 3 * inverse5 * quadratic;
+  sum += 0.5 * (15 * inverse5 * inverse2 * cubic - 3 * inverse5 * along(m.third_trace));
+  return sum / (4 * kPi);
+}
+
+// Sum over the tree: far nodes as a whole, near leaves exactly.
+template <class Real, class Moments>
+Real sumOver(const TriangleBvh& bvh, const std::vector<Moments>& moments, const Vector<Real>& point) {
+  using Which = decltype(Real{} < Real{});
+  const auto& nodes = bvh.nodes();
+  const auto& corners = bvh.corners();
+  struct Entry {
+    std::uint32_t node;
+    Which which;  // of the points
+  };
+  std::array<Entry, 64> stack;
+  std::size_t depth = 0;
+  stack[depth++] = {0, Real{} == Real{}};
+  Real sum = Real{};
+  while (depth > 0) {
+    const auto [index, which] = stack[--depth];
+    const Moments& m = moments[index];
+    const Vector<Real> r = minus(m.center, point);
+    const Real squared_distance = dot(r, r);
+    const Which far = which & (squared_distance > m.squared_reach);
+    if (any(far)) sum = far != 0 ? sum + expansion(m, r, squared_distance) : sum;
+    const Which near = which & !far;
+    if (!any(near)) continue;
+    const TriangleBvh::Node& node = nodes[index];
+    if (node.right == 0) {
+      AngleSum<Real> angles;
+      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) angles.add(point, corners[i]);
+      sum = near != 0 ? sum + angles.windingNumber() : sum;
+      continue;
+    }
+    stack[depth++] = {node.right, near};
+    stack[depth++] = {index + 1, near};
+  }
+  return sum;
+}
 
 }  // namespace
 
 double triangleWindingNumber(const Vector3d& point, const TriangleBvh::Corners& triangle) {
-  AngleSum sum;
-  sum.add(point, triangle);
+  AngleSum<double> sum;
+  sum.add({point.x(), point.y(), point.z()}, triangle);
   return sum.windingNumber();
 }
 
@@ -132,48 +227,35 @@ WindingNumber::WindingNumber(std::span<const Vector3d> positions, std::span<cons
   }
 }
 
-double WindingNumber::expansion(const Moments& m, const Vector3d& point) const {
-  const Vector3d r = m.center - point;
-  const double x = r.x(), y = r.y(), z = r.z();
-  const double inverse2 = 1 / r.squaredNorm();
-  const double inverse3 = inverse2 * std::sqrt(inverse2);
-  const double inverse5 = inverse3 * inverse2;
-  const auto& s = m.second;
-  const auto& t = m.third;
-  const double quadratic = s[0] * x * x + s[1] * y * y + s[2] * z * z + s[3] * x * y + s[4] * y * z + s[5] * z * x;
-  const double cubic = x * x * (t[0] * x + t[3] * y + t[4] * z) + y * y * (t[1] * y + t[5] * x + t[6] * z) +
-                       z * z * (t[2] * z + t[7] * x + t[8] * y) + t[9] * x * y * z;
-  double sum = inverse3 * (m.first.dot(r) + s[0] + s[1] + s[2]) - 3 * inverse5 * quadratic;
-  sum += 0.5 * (15 * inverse5 * inverse2 * cubic - 3 * inverse5 * m.third_trace.dot(r));
-  return sum / (4 * kPi);
+double WindingNumber::at(const Vector3d& point) const {
+  if (bvh_.empty()) return 0;
+  return sumOver<double>(bvh_, moments_, {point.x(), point.y(), point.z()});
 }
 
-double WindingNumber::at(const Vector3d& point) const {
-  const auto& nodes = bvh_.nodes();
-  if (nodes.empty()) return 0;
-  const auto& corners = bvh_.corners();
-  std::array<std::uint32_t, 64> stack{};
-  std::size_t depth = 0;
-  stack[depth++] = 0;
-  double sum = 0;
-  while (depth > 0) {
-    const std::uint32_t index = stack[--depth];
-    const Moments& m = moments_[index];
-    if ((m.center - point).squaredNorm() > m.squared_reach) {
-      sum += expansion(m, point);
-      continue;
-    }
-    const TriangleBvh::Node& node = nodes[index];
-    if (node.right == 0) {
-      AngleSum angles;
-      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) angles.add(point, corners[i]);
-      sum += angles.windingNumber();
-      continue;
-    }
-    stack[depth++] = node.right;
-    stack[depth++] = index + 1;
+SINEW_WIDE_AND_PLAIN
+void WindingNumber::at(std::span<const Vector3d> points, std::span<double> result) const {
+  if (bvh_.empty()) {
+    std::fill(result.begin(), result.end(), 0);
+    return;
   }
-  return sum;
+  for (std::size_t first = 0; first < points.size(); first += kLanes) {
+    const std::size_t last = std::min(first + kLanes, points.size()) - 1;
+    const auto at = [&](std::size_t k) -> const Vector3d& { return points[std::min(first + k, last)]; };
+    const Vector3d &p = at(0), &q = at(1), &r = at(2), &s = at(3);
+    const Vector<Lanes> packet = {Lanes{p.x(), q.x(), r.x(), s.x()}, Lanes{p.y(), q.y(), r.y(), s.y()},
+                                  Lanes{p.z(), q.z(), r.z(), s.z()}};
+    const Lanes sum = sumOver<Lanes>(bvh_, moments_, packet);
+    for (std::size_t i = first; i <= last; ++i) result[i] = sum[i - first];
+  }
+}
+
+void WindingNumber::inside(std::span<const Vector3d> points, std::span<char> result) const {
+  std::array<double, 64> at{};
+  for (std::size_t first = 0; first < points.size(); first += at.size()) {
+    const std::size_t count = std::min(at.size(), points.size() - first);
+    this->at(points.subspan(first, count), std::span(at).first(count));
+    for (std::size_t i = 0; i < count; ++i) result[first + i] = at[i] > 0.5 ? 1 : 0;
+  }
 }
 
 double WindingNumber::crossing(const Vector3d& a, const Vector3d& b) const {

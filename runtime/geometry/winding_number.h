@@ -26,6 +26,11 @@ class WindingNumber {
 
   double at(const Eigen::Vector3d& point) const;
   bool inside(const Eigen::Vector3d& point) const { return at(point) > 0.5; }
+  /// The same bits for many points, several times as fast where those that follow one another are close together.
+  /// \param result as many as points.
+  void at(std::span<const Eigen::Vector3d> points, std::span<double> result) const;
+  /// \param result 0 or 1, as many as points.
+  void inside(std::span<const Eigen::Vector3d> points, std::span<char> result) const;
 
   /// Where the segment from a point inside to a point outside leaves the solid: parameter in [0, 1].
   /// Exact where the surface is closed; found by bisection to 1e-5 of the segment elsewhere.
@@ -44,7 +49,6 @@ class WindingNumber {
     Eigen::Vector3d third_trace;   ///< contraction of sum n d d^T that meets -3 r / |r|^5
     std::array<double, 10> third;  ///< fully symmetric part: xxx yyy zzz xxy xxz yyx yyz zzx zzy xyz
   };
-  double expansion(const Moments& m, const Eigen::Vector3d& point) const;
 
   TriangleBvh bvh_;
   std::vector<Moments> moments_;

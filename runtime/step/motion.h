@@ -6,16 +6,13 @@
 #include <Eigen/Core>
 #include <span>
 
+#include "runtime/geometry/rounded.h"
 #include "runtime/kernels/layout.h"
 
 namespace sinew::internal {
 
 /// What kernels see of a point: far from the origin or for a fast spin the rest matters, and goes elsewhere.
-/// Volatile, because GCC 12 (-O2) takes a pair of doubles to float and back without rounding them.
-inline Eigen::Vector3d roundedToFloat(const Eigen::Vector3d& v) {
-  volatile float rounded[3] = {float(v[0]), float(v[1]), float(v[2])};
-  return {double(rounded[0]), double(rounded[1]), double(rounded[2])};
-}
+using geometry::roundedToFloat;
 
 /// Sums that give the rigid motion of a body part, in double, about a reference point.
 struct MotionSums {

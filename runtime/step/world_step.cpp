@@ -267,6 +267,7 @@ class BodyStep {
 
   void collectRows(std::uint32_t passes_left) {
     body_.rows.clear();
+    rows_are_dropped_ = false;
     addPinRows(body_, h_, passes_left);
     if (settings_.ground.enabled) addGroundRows(body_, settings_.ground, h_);
     addPickRows(body_, h_);
@@ -280,8 +281,10 @@ class BodyStep {
       for (const std::int32_t one : block.astray) astray |= one != 0;
     }
     if (astray) {
-      // A part that goes back as one does not answer forces in this pass; vertices stay above the ground without rows.
+      // A part that goes back as one does not answer forces in this pass; vertices stay above the ground without rows,
+      // which is no free motion either.
       for (const Row& row : body_.rows) body_.force[row.index] = {};
+      rows_are_dropped_ = !body_.rows.empty();
       body_.rows.clear();
       return;
     }
@@ -295,7 +298,7 @@ class BodyStep {
   }
 
   void findFreeParts() {
-    for (Part& part : body_.parts) part.free = true;
+    for (Part& part : body_.parts) part.free = !rows_are_dropped_;
     for (const PinFit& fit : body_.fits) {
       const formats::Cluster& cluster = body_.package().clusters()[fit.cluster()];
       body_.partOf(body_.package().memberships()[cluster.first_member].vertex).free = false;
@@ -459,7 +462,8 @@ class BodyStep {
     a.free = part.free;
     // Stiff without limit (clusters all rigid) times no damping at all is none.
     const double ratio = double(settings_.deformation_damping_ratio);
-    double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * part.slowest_hz, kFastestDamping) : 0.0;
+    const double slowest_hz = double(body_.stiffness->slowest_hz[chunk.part]);
+    double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * slowest_hz, kFastestDamping) : 0.0;
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));
@@ -493,7 +497,7 @@ class BodyStep {
     kernel_.settle(a);
   }
 
-  bool isHeld() const { return !body_.rows.empty() || !body_.fits.empty(); }
+  bool isHeld() const { return !body_.rows.empty() || !body_.fits.empty() || rows_are_dropped_; }
 
   // Relative to all vertices of the body, as in the sums.
   double partMass(const Part& part) const {
@@ -509,6 +513,7 @@ class BodyStep {
   const WorldSettings& settings_;
   JobSystem* jobs_;
   const float h_;
+  bool rows_are_dropped_ = false;  ///< in this pass: the body goes back as one
   PhaseClock clock_;
   const Kernels& kernel_ = kernels();
 };

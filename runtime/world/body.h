@@ -104,7 +104,6 @@ struct Part {
   RigidMotion lacking;        ///< what is to be added after all
   Pull pull;                  ///< of this pass
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
-  double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
   bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
   bool shifted = false;       ///< bringNear() moved it in this pass

@@ -457,6 +457,16 @@ class Commands(Folder):
         self.assertGreater(dot[0]["visual_vertices"], 0)
         do("remove", "ends")
         self.assertNotIn("pins", self.recipe())
+        do("add-thickness", "3", "--from", "dot")
+        do("add-stiffness", "0.5", "--from", "dot")
+        self.assertEqual(self.recipe()["thickness"], [{"from": "dot", "value": 3}])
+        do("rename", "dot", "spot")
+        self.assertEqual(self.recipe()["thickness"][0]["from"], "spot")
+        self.assertEqual(self.recipe()["stiffness"][0], {"from": "spot", "value": 0.5})
+        before = self.recipe()
+        self.author("add-thickness", "0", "--from", "spot", code=3)
+        self.assertEqual(self.recipe(), before)
+        do("rename", "spot", "dot")
         final = (self.path / "r.json").read_text()
         # What the runs of `set` change is undone one value at a time.
         steps = 0
@@ -529,7 +539,7 @@ class Blending(Folder):
 
     def test_soften_takes_jumps_out_of_weights(self):
         jumps = []
-        for width in (1e-6, 0.3, 0.8):
+        for width in (0, 0.3, 0.8):
             package = self.bake(self.recipe(), "--set", f"clusters.soften_metres={width}")
             sums = {}
             for (_, v), share in self.shares(package).items():

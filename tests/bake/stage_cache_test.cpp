@@ -135,6 +135,7 @@ TEST_F(StageCacheTest, TheKeyCountsWhatTheStageReadsAndNothingElse) {
   differs([](VisualMesh&, TetrahedraOptions& o) { o.method = TetrahedraMethod::grid; });
   differs([](VisualMesh&, TetrahedraOptions& o) { o.join_distance = 2e-3; });
   differs([](VisualMesh&, TetrahedraOptions& o) { o.shell_thickness = 0.1; });
+  differs([](VisualMesh&, TetrahedraOptions& o) { o.shell_factors = {1, 2, 1}; });
 }
 
 }  // namespace

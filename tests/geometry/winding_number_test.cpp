@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <span>
+#include <vector>
 
 #include "tests/geometry/shapes.h"
 
@@ -50,6 +52,32 @@ TEST(WindingNumber, MatchesBruteForce) {
   EXPECT_LT(largestError(testing::torus(1, 0.3, 60), true, 2), 1e-2);
   EXPECT_LT(largestError(testing::box({4, 1, 0.1}, 20), true, 3), 1e-2);
   for (std::uint32_t seed = 1; seed < 4; ++seed) EXPECT_LT(largestError(testing::blob(seed, 40), true, seed), 1e-2);
+}
+
+// Far and near points, some on triangles, some counts that no packet divides.
+TEST(WindingNumber, ManyPointsAtOnceGiveTheSameBits) {
+  testing::Surface open = testing::blob(7, 40);
+  open.triangles.resize(open.triangles.size() * 9 / 10);
+  const WindingNumber winding(open.positions, open.triangles, false);
+  testing::Random random(11);
+  std::vector<Vector3d> points(open.positions.begin(), open.positions.begin() + 20);
+  for (const Triangle& t : std::span(open.triangles).first(20)) {
+    points.emplace_back((open.positions[t[0]] + open.positions[t[1]] + open.positions[t[2]]) / 3);
+  }
+  AlignedBox3d box = open.bounds();
+  box.extend(3 * box.max());
+  for (int i = 0; i < 300; ++i) points.push_back(random.inBox(box));
+  for (const std::size_t count : {std::size_t(0), std::size_t(1), std::size_t(3), std::size_t(66), points.size()}) {
+    const std::span<const Vector3d> some = std::span(points).last(count);
+    std::vector<double> at(count);
+    std::vector<char> inside(count);
+    winding.at(some, at);
+    winding.inside(some, inside);
+    for (std::size_t i = 0; i < count; ++i) {
+      EXPECT_EQ(at[i], winding.at(some[i]));
+      EXPECT_EQ(inside[i] != 0, winding.inside(some[i]));
+    }
+  }
 }
 
 TEST(WindingNumber, MatchesBruteForceOnOpenAndSelfIntersectingSurfaces) {

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <set>
 
-#include "runtime/step/motion.h"
 #include "tools/study/covering.h"
 #include "tools/study/sag.h"
 
@@ -63,20 +62,6 @@ TEST(Stability, TheQuickMatrix) {
     names += textOf(result.cell) + "\n";
   }
   EXPECT_LE(failed, 2U) << names;
-}
-
-// GCC 12 at -O2 takes pairs of doubles to float and back without rounding them: references that were no floats cost
-// fast spins their momentum.
-TEST(RoundedToFloat, RoundsEveryComponent) {
-  for (const double at : {310470.30783239, 218961.19605379, 13994.025616683, 1.1}) {
-    const Eigen::Vector3d v(at, -at, 2 * at);
-    const Eigen::Vector3d rounded = internal::roundedToFloat(v);
-    for (int k = 0; k < 3; ++k) {
-      const volatile float expected = float(v[k]);
-      EXPECT_EQ(rounded[k], double(expected));
-      EXPECT_NE(rounded[k], v[k]);
-    }
-  }
 }
 
 TEST(Sag, OneClusterDoesNotFeelTheStep) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -52,12 +53,16 @@ VisualMesh crease(double degrees) {
       20, 10, false);
 }
 
-PhysicalMesh shellOf(const VisualMesh& mesh, std::uint32_t vertices, double thickness) {
+PhysicalMesh shellOf(const VisualMesh& mesh, std::uint32_t vertices, double thickness,
+                     const std::function<double(const Vector3d&)>& factor = {}) {
   Progress progress(false);
   TetrahedraOptions options;
   options.method = shell;
   options.target_vertices = vertices;
   options.shell_thickness = thickness;
+  for (const Vector3d& p : mesh.welded_positions) {
+    if (factor) options.shell_factors.push_back(factor(p));
+  }
   return tetrahedralize(mesh, analyzeTopology(mesh), options, progress);
 }
 
@@ -113,6 +118,98 @@ TEST(Shell, ThicknessIsWhatWasAsked) {
   EXPECT_NEAR(physical.bodies[0].volume / (2 * kPi * r * 0.01), 1, 0.01);
   EXPECT_LT(physical.bodies[0].source_volume, 0);
   EXPECT_EQ(findingOf(physical, "tetrahedra-volume"), nullptr);
+}
+
+// How thick a skin of one body is along the surface's normal at some of its points, as a part of what was asked there.
+// Points count whose surroundings, as wide as a coarse triangle, are as flat as cos(10 degrees) and asked for alike.
+std::vector<double> measuredThickness(const VisualMesh& mesh, const PhysicalMesh& physical, double thickness,
+                                      const std::function<double(const Vector3d&)>& factor, double reach) {
+  const geometry::TetMesh one = testing::bodyMesh(physical, physical.bodies[0]);
+  const geometry::TriangleBvh cage(one.positions, geometry::boundaryFaces(one));
+  std::vector<Vector3d> normals(mesh.positions.size(), Vector3d::Zero());
+  for (const auto& t : mesh.triangles) {
+    const Vector3d& a = mesh.positions[t[0]];
+    const Vector3d n = (mesh.positions[t[1]] - a).cross(mesh.positions[t[2]] - a);
+    for (const std::uint32_t v : t) normals[v] += n;
+  }
+  for (Vector3d& n : normals) n.normalize();
+  const Topology topology = analyzeTopology(mesh);
+  std::vector<char> border(mesh.positions.size(), 0);
+  for (const auto& edge : topology.boundary_edges) border[edge[0]] = border[edge[1]] = 1;
+  std::vector<double> ratios;
+  for (std::size_t p = 0; p < mesh.positions.size(); ++p) {
+    const Vector3d& x = mesh.positions[p];
+    bool even = true;
+    for (std::size_t q = 0; q < mesh.positions.size() && even; ++q) {
+      if ((mesh.positions[q] - x).norm() > reach) continue;
+      even = border[q] == 0 && normals[q].dot(normals[p]) > 0.985 &&
+             std::abs(factor(mesh.positions[q]) / factor(x) - 1) < 0.02;
+    }
+    if (!even) continue;
+    const double asked = thickness * factor(x);
+    std::vector<geometry::TriangleBvh::Crossing> crossings;
+    cage.crossings(x - 2 * asked * normals[p], x + 2 * asked * normals[p], crossings);
+    if (crossings.size() < 2) {
+      ratios.push_back(0);
+      continue;
+    }
+    ratios.push_back(4 * (crossings.back().parameter - crossings.front().parameter));
+  }
+  return ratios;
+}
+
+// 1 below `low` along an axis, `most` above `high`, a smooth ramp between.
+std::function<double(const Vector3d&)> ramp(int axis, double low, double high, double most) {
+  return [=](const Vector3d& x) {
+    const double t = std::clamp((x[axis] - low) / (high - low), 0.0, 1.0);
+    return 1 + (most - 1) * t * t * (3 - 2 * t);
+  };
+}
+
+TEST(Shell, ThicknessFollowsItsFactors) {
+  const VisualMesh patch = asset("generated/skin_patch.obj");
+  const Vector3d size = patch.bounds_max - patch.bounds_min;
+  int axis = 0;
+  size.maxCoeff(&axis);
+  const double low = patch.bounds_min[axis] + 0.4 * size[axis], high = patch.bounds_min[axis] + 0.6 * size[axis];
+  const double thickness = 0.01 * size[axis];
+  for (const double most : {3.0, 0.25}) {
+    for (const std::uint32_t target : {500U, 4000U}) {
+      SCOPED_TRACE(std::to_string(most) + " at " + std::to_string(target));
+      const auto factor = ramp(axis, low, high, most);
+      const PhysicalMesh physical = shellOf(patch, target, thickness, factor);
+      checkPhysicalMesh(physical, "patch");
+      const double edge = size[axis] / std::sqrt(target / 2.0);
+      const std::vector<double> ratios = measuredThickness(patch, physical, thickness, factor, 1.5 * edge);
+      EXPECT_GT(ratios.size(), 100U);
+      for (const double ratio : ratios) EXPECT_NEAR(ratio, 1, 0.05);
+    }
+  }
+}
+
+// Thick brows, thin lids: no tetrahedron turns over, whatever is asked of creases and borders.
+TEST(Shell, FactorsOnAHeadDoNotFoldOver) {
+  const VisualMesh head = asset("models/makehuman_head.obj");
+  for (const double most : {20.0, 0.05}) {
+    for (const int axis : {0, 2}) {
+      const double middle = (head.bounds_min[axis] + head.bounds_max[axis]) / 2;
+      const PhysicalMesh physical = shellOf(head, 3000, 0.02, ramp(axis, middle, middle + 0.1, most));
+      EXPECT_EQ(physical.bodies[0].method, shell);
+      EXPECT_EQ(physical.quality.inverted, 0U);
+      for (const auto& t : physical.tetrahedra) {
+        const auto& x = physical.positions;
+        EXPECT_GT(geometry::signedVolume6(x[t[0]], x[t[1]], x[t[2]], x[t[3]]), 0);
+      }
+    }
+  }
+  // Where no shell is made, the artist hears that nothing came of it.
+  Progress progress(false);
+  TetrahedraOptions options;
+  options.target_vertices = 300;
+  options.shell_factors.assign(head.welded_positions.size(), 2);
+  const PhysicalMesh solid = tetrahedralize(head, analyzeTopology(head), options, progress);
+  EXPECT_NE(findingOf(solid, "thickness-unused"), nullptr);
+  EXPECT_EQ(findingOf(shellOf(head, 3000, 0.02, ramp(0, 0, 1, 2)), "thickness-unused"), nullptr);
 }
 
 TEST(Shell, SharpCreasesDoNotFoldOver) {

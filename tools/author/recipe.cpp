@@ -141,6 +141,9 @@ void readContent(const Json& json, Recipe& recipe) {
     for (std::size_t k = 0; k < 3; ++k) color.color[k] = entry["color"][k].get<double>();
     recipe.colors.push_back(std::move(color));
   });
+  list("thickness", [&](const Json& entry, const std::string& pointer) {
+    recipe.thickness.push_back({selectionAt(entry, pointer, "from"), entry["value"].get<double>()});
+  });
   list("parts", [&](const Json& entry, const std::string& pointer) {
     RecipePart part;
     part.name = entry["name"].get<std::string>();
@@ -301,7 +304,8 @@ Recipe parseRecipe(std::string_view content, const fs::path& file) {
     for (const SelectionText* s : {&cluster.from, &cluster.origin, &cluster.insertion}) masks.selection(*s);
   }
   for (const RecipePins& pins : recipe.pins) masks.selection(pins.from);
-  for (const RecipeStiffness& stiffness : recipe.stiffness) masks.selection(stiffness.from);
+  for (const RecipeFactor& stiffness : recipe.stiffness) masks.selection(stiffness.from);
+  for (const RecipeFactor& thickness : recipe.thickness) masks.selection(thickness.from);
   for (const RecipeColor& color : recipe.colors) masks.selection(color.from);
   for (const RecipePart& part : recipe.parts) {
     masks.selection(part.from);

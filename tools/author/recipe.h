@@ -41,7 +41,8 @@ struct RecipePins {
   std::string target = "world";
 };
 
-struct RecipeStiffness {
+/// A factor where the selection's weight is 1, 1 where it is 0, in between in proportion.
+struct RecipeFactor {
   SelectionText from;
   double value = 1;
 };
@@ -70,8 +71,9 @@ struct Recipe {
   std::vector<std::pair<std::string, SelectionText>> masks;
   std::vector<RecipeCluster> clusters;
   std::vector<RecipePins> pins;
-  std::vector<RecipeStiffness> stiffness;
-  std::vector<RecipeColor> colors;  ///< later ones over earlier ones
+  std::vector<RecipeFactor> stiffness;  ///< of the matching, 0..1
+  std::vector<RecipeFactor> thickness;  ///< of shells, 0.01..100
+  std::vector<RecipeColor> colors;      ///< later ones over earlier ones
   std::vector<RecipePart> parts;
   std::filesystem::path folder;          ///< the recipe's; empty for a bare source
   std::filesystem::path project;         ///< no file lies outside of it

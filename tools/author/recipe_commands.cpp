@@ -132,7 +132,7 @@ void visitSelections(Json& document, const Visit& visit) {
   if (document.contains("masks")) {
     for (auto& [name, mask] : document["masks"].items()) visitMaskNames(mask, visit);
   }
-  for (const char* list : {"clusters", "pins", "stiffness", "colors", "parts"}) {
+  for (const char* list : {"clusters", "pins", "stiffness", "thickness", "colors", "parts"}) {
     if (!document.contains(list)) continue;
     for (Json& entry : document[list]) {
       for (const char* key : {"from", "origin", "insertion", "to"}) {
@@ -289,6 +289,12 @@ void RecipeEditor::addPins(const std::string& name, const std::string& selection
   if (!target.empty()) pins["target"] = target;
   document["pins"].push_back(pins);
   commit("add-pins " + name, document);
+}
+
+void RecipeEditor::addFactor(const std::string& list, const std::string& selection, double value) {
+  Json document = this->document();
+  document[list].push_back({{"from", selectionOf(selection)}, {"value", value}});
+  commit("add-" + list, document);
 }
 
 void RecipeEditor::addPart(const std::string& name, const std::string& selection, const std::string& attach,

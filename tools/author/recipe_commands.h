@@ -38,6 +38,8 @@ class RecipeEditor {
   /// Adds a set of pins.
   void addPins(const std::string& name, const std::string& selection, const std::string& method,
                const std::string& target);
+  /// Adds a factor. \param list "stiffness" or "thickness". \param value where the weight is 1.
+  void addFactor(const std::string& list, const std::string& selection, double value);
   /// Adds loose parts that ride along. \param attach "rigid", "follow" or empty. \param to a name or selection, or
   /// empty.
   void addPart(const std::string& name, const std::string& selection, const std::string& attach, const std::string& to);

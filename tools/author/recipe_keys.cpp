@@ -210,6 +210,7 @@ std::vector<RecipeObject> declareObjects() {
          "cluster"},
         {"pins", 0, "What is held.", "[]", "", 0, 0, {}, "pin"},
         {"stiffness", 0, "What is softer than the rest.", "[]", "", 0, 0, {}, "stiffness"},
+        {"thickness", 0, "Where a shell is thicker or thinner.", "[]", "", 0, 0, {}, "thickness"},
         {"colors", 0, "Colours of a source that has none.", "[]", "", 0, 0, {}, "color"},
         {"parts",
          0,
@@ -270,6 +271,13 @@ std::vector<RecipeObject> declareObjects() {
         {"from", kRecipeSelection, "Which vertices.", ""},
         {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", ""}},
        R"({"from": {"color": "r"}, "value": 0.4})"},
+      {"thickness",
+       "Multiplies the thickness of a shell (`tetrahedra.thickness`); where entries overlap, their values are "
+       "multiplied. Between vertices of the shell it changes evenly; soften the selection for a wider ramp.",
+       {note(),
+        {"from", kRecipeSelection, "Which vertices.", ""},
+        {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", "", "", 0.01, 100}},
+       R"({"from": {"soften": {"group": "cheek"}, "by": 0.02}, "value": 3})"},
       {"color",
        "A colour for visual vertices, by which packages are drawn; later entries paint over earlier ones. What is not "
        "painted keeps the source's vertex colour, or is white.",

@@ -23,8 +23,9 @@ struct TransferOptions {
 
 /// What became of one selection.
 struct TransferredSelection {
-  std::string kind;     ///< "mask", "cluster", "origin", "insertion", "pins", "stiffness", "part", "carrier"
-  std::string name;     ///< of the mask, cluster or pins; the number of a stiffness entry, from 0
+  std::string kind;     ///< "mask", "cluster", "origin", "insertion", "pins", "stiffness", "thickness", "part",
+                        ///< "carrier"
+  std::string name;     ///< of the mask, cluster or pins; the number of a stiffness or thickness entry, from 0
   bool stored = false;  ///< it became a stored mask; else it says what it said
   std::array<std::size_t, kMatchRules> matched = {};  ///< visual vertices that it selects, by rule
   double largest = 0, rms = 0;        ///< m: how far those vertices lie from their old places; 0 where none has one

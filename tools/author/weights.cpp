@@ -20,6 +20,10 @@ using Eigen::Vector3d;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Members that weigh less than this cost time and change nothing (as in the automatic clusters).
 constexpr double kMinimumWeight = 0.02;
+// Of a vertex' weights: below the first a membership is dropped, up to the second it fades. Clusters that pull apart
+// stand far apart at the ends of their ramps: a dropped share of 2 % is seen as a step in the surface.
+constexpr double kMinimumShare = 0.004;
+constexpr double kFullShare = 0.02;
 // A tetrahedron's corner to which a visual vertex belongs less than this says nothing of the corner.
 constexpr double kMinimumInfluence = 0.05;
 // Fewer vertices cannot turn, let alone bend.
@@ -29,7 +33,6 @@ constexpr double kIdentical = 1e-3;
 // Of the largest piece's weight: a piece apart that has less is not meant.
 constexpr double kStray = 0.2;
 constexpr double kAutomaticOverlap = 1.5;  // edges
-constexpr double kAutomaticSoften = 1.0;   // edges
 // Standard deviations between 10 % and 90 % of a step that has been diffused.
 constexpr double kDeviationsInRamp = 2.56;
 constexpr int kSoftenSteps = 2;
@@ -169,7 +172,8 @@ class BodyClusters {
       double sum = 0;
       for (const Piece& piece : pieces) sum += piece.weight[v];
       for (Piece& piece : pieces) {
-        if (piece.weight[v] < kMinimumWeight * sum) piece.weight[v] = 0;
+        const double t = std::clamp((piece.weight[v] / sum - kMinimumShare) / (kFullShare - kMinimumShare), 0.0, 1.0);
+        piece.weight[v] *= t * t * (3 - 2 * t);
       }
     }
   }
@@ -217,8 +221,7 @@ class BodyClusters {
   // that end beside each other. Shares diffuse along the tetrahedra, by implicit steps of a graph Laplacian: an
   // M-matrix whose rows sum to 1, so they stay within 0..1 and sum to 1 at every vertex.
   void soften(std::vector<Piece>& pieces) const {
-    const double authored = settings_.clusters.soften_metres;
-    const double width = authored > 0 ? authored : kAutomaticSoften * graph_.mean_edge[number_];
+    const double width = settings_.clusters.soften_metres;
     if (!(width > 0) || pieces.size() < 2) return;
     const auto count = Eigen::Index(body_.vertex_count);
     const double deviation = width / kDeviationsInRamp;

@@ -16,6 +16,10 @@ constexpr double kMinimumPin = 0.02;
 // One that is held more than this is held exactly: a mean of ones may round to less.
 constexpr double kExactPin = 0.999;
 
+double factorAt(const RecipeFactor& factor, double weight) {
+  return 1 + std::clamp(weight, 0.0, 1.0) * (factor.value - 1);
+}
+
 Vector3d centerOf(const VisualMesh& mesh, const VisualWeights& weights) {
   Vector3d sum = Vector3d::Zero();
   double total = 0;
@@ -164,8 +168,8 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
   AuthoredWeights authored;
   authored.clusters = withClusterMeshes(recipe, cluster_meshes);
-  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.colors.empty() &&
-      recipe.parts.empty() && recipe.masks.empty()) {
+  if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.thickness.empty() &&
+      recipe.colors.empty() && recipe.parts.empty() && recipe.masks.empty()) {
     return authored;
   }
   Selections selections(recipe, mesh, topology, cluster_meshes, findings);
@@ -178,7 +182,8 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
     authored.insertions.push_back(evaluate(cluster.insertion));
   }
   for (const RecipePins& pins : recipe.pins) authored.pins.push_back(evaluate(pins.from));
-  for (const RecipeStiffness& stiffness : recipe.stiffness) authored.stiffness.push_back(evaluate(stiffness.from));
+  for (const RecipeFactor& stiffness : recipe.stiffness) authored.stiffness.push_back(evaluate(stiffness.from));
+  for (const RecipeFactor& thickness : recipe.thickness) authored.thickness.push_back(evaluate(thickness.from));
   for (const RecipeColor& color : recipe.colors) authored.colors.push_back(evaluate(color.from));
   for (const RecipePart& part : recipe.parts) {
     authored.parts.push_back(evaluate(part.from));
@@ -186,6 +191,17 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
   }
   for (const auto& [name, mask] : recipe.masks) authored.masks.push_back(selections.weights({name, mask.pointer}));
   return authored;
+}
+
+std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh) {
+  std::vector<double> factors(recipe.thickness.empty() ? 0 : mesh.welded_positions.size(), 1);
+  for (std::size_t i = 0; i < recipe.thickness.size(); ++i) {
+    // Visual vertices of one point have one weight.
+    std::vector<double> weights(factors.size(), 0);
+    for (std::size_t v = 0; v < mesh.welded.size(); ++v) weights[mesh.welded[v]] = authored.thickness[i][v];
+    for (std::size_t p = 0; p < factors.size(); ++p) factors[p] *= factorAt(recipe.thickness[i], weights[p]);
+  }
+  return factors;
 }
 
 void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
@@ -200,8 +216,7 @@ void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const We
   for (std::size_t s = 0; s < recipe.stiffness.size(); ++s) {
     const std::vector<double> weights = transfer(authored.stiffness[s]);
     for (std::size_t v = 0; v < weights.size(); ++v) {
-      const double factor = 1 + std::clamp(weights[v], 0.0, 1.0) * (recipe.stiffness[s].value - 1);
-      content.vertex_stiffness[v] *= float(factor);
+      content.vertex_stiffness[v] *= float(factorAt(recipe.stiffness[s], weights[v]));
     }
   }
 }

@@ -19,12 +19,12 @@ namespace sinew::tools {
 struct AuthoredWeights {
   std::vector<RecipeCluster> clusters;  ///< with the source's cluster meshes
   std::vector<VisualWeights> cluster_weights;
-  std::vector<VisualWeights> origins, insertions;  ///< per cluster; empty where it has none
-  std::vector<VisualWeights> pins;                 ///< per pin set of the recipe
-  std::vector<VisualWeights> colors;               ///< per entry of the recipe
-  std::vector<VisualWeights> stiffness;            ///< per entry of the recipe
-  std::vector<VisualWeights> parts, part_hosts;    ///< per part of the recipe; hosts empty where the recipe has none
-  std::vector<VisualWeights> masks;                ///< per mask of the recipe
+  std::vector<VisualWeights> origins, insertions;   ///< per cluster; empty where it has none
+  std::vector<VisualWeights> pins;                  ///< per pin set of the recipe
+  std::vector<VisualWeights> stiffness, thickness;  ///< per entry of the recipe
+  std::vector<VisualWeights> colors;                ///< per entry of the recipe
+  std::vector<VisualWeights> parts, part_hosts;     ///< per part of the recipe; hosts empty where the recipe has none
+  std::vector<VisualWeights> masks;                 ///< per mask of the recipe
 };
 
 /// Evaluates every selection of a recipe. Throws ToolError(bad_input) for a wrong one, see Selections::evaluate().
@@ -33,6 +33,9 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
 
 /// Linear RGBA 0..1 as bytes 0..255, as the package keeps colours.
 std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors);
+
+/// What `thickness` makes of a shell at each point of the welded surface: a factor; empty where the recipe has none.
+std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh);
 
 /// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), the pin
 /// sets (PPIN, PSET, PSTV), the masks by name (MASK, MSKV), and colours painted over the source's.

@@ -9,6 +9,7 @@
 #include <memory>
 #include <new>
 
+#include "runtime/geometry/rounded.h"
 #include "sinew/formats/package.h"
 #include "sinew/formats/version.h"
 #include "sinew/formats/writer.h"
@@ -37,17 +38,16 @@ constexpr double kMinimumAttachmentWeight = 0.01;
 constexpr double kMaximumRestError = 1e-6;
 
 formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
-Vector3d rounded(const Vector3d& x) { return x.cast<float>().cast<double>(); }
 
 // Moves everything to the package's origin and onto the floats it will hold, so that what follows is computed from
 // exactly what the runtime will see.
 Vector3d moveToOrigin(VisualMesh& mesh, PhysicalMesh& physical) {
   Vector3d origin = 0.5 * (mesh.bounds_min + mesh.bounds_max);
-  for (Vector3d& x : mesh.positions) x = rounded(x - origin);
-  for (Vector3d& x : mesh.welded_positions) x = rounded(x - origin);
-  for (Vector3d& x : physical.positions) x = rounded(x - origin);
-  mesh.bounds_min = rounded(mesh.bounds_min - origin);
-  mesh.bounds_max = rounded(mesh.bounds_max - origin);
+  for (Vector3d& x : mesh.positions) x = geometry::roundedToFloat(x - origin);
+  for (Vector3d& x : mesh.welded_positions) x = geometry::roundedToFloat(x - origin);
+  for (Vector3d& x : physical.positions) x = geometry::roundedToFloat(x - origin);
+  mesh.bounds_min = geometry::roundedToFloat(mesh.bounds_min - origin);
+  mesh.bounds_max = geometry::roundedToFloat(mesh.bounds_max - origin);
   return origin;
 }
 
@@ -326,10 +326,12 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
     topology_without = analyzeTopology(without);
   }
   const Topology& host_topology = parts.empty() ? topology : topology_without;
+  TetrahedraOptions filling = settings.tetrahedra;
+  filling.shell_factors = shellFactors(recipe, authored, mesh);
   // The key covers all that this stage and the places on the tetrahedra read; a mesh has one topology.
-  const StageKey key = tetrahedraKey(parts.empty() ? mesh : without, settings.tetrahedra);
+  const StageKey key = tetrahedraKey(parts.empty() ? mesh : without, filling);
   PhysicalMesh physical = kept.get("tetrahedra", key, [&] {
-    return tetrahedralize(parts.empty() ? mesh : without, host_topology, settings.tetrahedra, progress);
+    return tetrahedralize(parts.empty() ? mesh : without, host_topology, filling, progress);
   });
   const Vector3d origin = moveToOrigin(mesh, physical);
   if (!parts.empty()) without = withoutParts(mesh, parts);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/geometry/rounded.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -28,6 +30,29 @@ Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
     ++rank;
   }
   return inverse;
+}
+
+// Whether some square or product of coordinates is a linear function of the coordinates on these vertices (three points
+// a layer, as a prism has): then one and the same motion is both stretch and bending, with the stiffness and the limits
+// of both. \param moment of (q, quadraticTerms(q)), centred.
+bool bendingIsStretch(const Matrix9d& moment) {
+  Matrix9d scaled = moment;
+  const double largest = moment.diagonal().maxCoeff();
+  for (Eigen::Index i = 0; i < 9; ++i) {
+    const double own = moment(i, i) > kRelativeCutoff * largest ? 1 / std::sqrt(moment(i, i)) : 0.0;
+    scaled.row(i) *= own;
+    scaled.col(i) *= own;
+  }
+  Eigen::Index linear_rank = 0;
+  const Eigen::Matrix3d linear = scaled.topLeftCorner<3, 3>();
+  const Eigen::Matrix<double, 6, 3> mixed = scaled.bottomLeftCorner<6, 3>();
+  const Eigen::Matrix<double, 6, 6> all = scaled.bottomRightCorner<6, 6>();
+  const Eigen::Matrix<double, 6, 6> rest = all - mixed * pseudoInverse(linear, linear_rank) * mixed.transpose();
+  const auto rank = [](const Eigen::Matrix<double, 6, 6>& m) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(m, Eigen::EigenvaluesOnly);
+    return (solver.eigenvalues().array() > kRelativeCutoff).count();
+  };
+  return rank(rest) < rank(all);
 }
 
 Eigen::Matrix<double, 6, 1> quadraticTerms(const Vector3d& q) {
@@ -98,18 +123,21 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
     if (!(radius > 0)) radius = 1;  // a single vertex: any length does
     cluster.mass = float(mass);
     cluster.radius = float(radius);
-    cluster.rest_center = {float(center[0]), float(center[1]), float(center[2])};
+    const Vector3d rounded_center = geometry::roundedToFloat(center);
+    cluster.rest_center = {float(rounded_center[0]), float(rounded_center[1]), float(rounded_center[2])};
 
-    const Vector3d rounded_center(double(cluster.rest_center[0]), double(cluster.rest_center[1]),
-                                  double(cluster.rest_center[2]));
+    // About the mean of q, which is not zero where the centre was rounded: matching subtracts the mean of p alone.
     Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+    Vector3d mean_q = Vector3d::Zero();
     Eigen::Matrix<double, 6, 1> mean = Eigen::Matrix<double, 6, 1>::Zero();
     std::vector<Vector3d> q(mu.size());
     for (std::size_t i = 0; i < mu.size(); ++i) {
       q[i] = (position(i) - rounded_center) / double(cluster.radius);
       moment += mu[i] * q[i] * q[i].transpose();
+      mean_q += mu[i] * q[i];
       mean += mu[i] * quadraticTerms(q[i]);
     }
+    moment -= mean_q * mean_q.transpose();
     Eigen::Index rank = 0;
     const Eigen::Matrix3d inverse = pseudoInverse(moment, rank);
     cluster.a_qq = {float(inverse(0, 0)), float(inverse(1, 1)), float(inverse(2, 2)),
@@ -123,11 +151,11 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
       Matrix9d moment9 = Matrix9d::Zero();
       for (std::size_t i = 0; i < mu.size(); ++i) {
         Vector9d q9;
-        q9 << q[i], quadraticTerms(q[i]) - mean;
+        q9 << q[i] - mean_q, quadraticTerms(q[i]) - mean;
         moment9 += mu[i] * q9 * q9.transpose();
       }
       const Matrix9d inverse9 = pseudoInverse(moment9, rank);
-      if (rank <= 3) {
+      if (rank <= 3 || bendingIsStretch(moment9)) {
         cluster.mode = formats::ClusterMode::linear;
         poor.push_back(source.name);
       } else {

@@ -148,8 +148,9 @@ class StageCache {
 
 template <class Archive>
 void fields(Archive& archive, TetrahedraOptions& value) {
-  auto& [method, target_vertices, join_distance, shell_thickness] = value;
+  auto& [method, target_vertices, join_distance, shell_thickness, shell_factors] = value;
   archive(method), archive(target_vertices), archive(join_distance), archive(shell_thickness);
+  archive(shell_factors);
 }
 template <class Archive>
 void fields(Archive& archive, SubMeshSource& value) {

@@ -24,6 +24,7 @@ struct AuthorCommand {
   std::string recipe;
   std::string name, other, from, method, target, attach, to, plane, options, picture, old_source;
   std::vector<std::string> assignments, names;
+  double value = 1;
   bool json = false;
 };
 
@@ -256,6 +257,15 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   part->add_option("--from", command->from, selection)->required();
   part->add_option("--attach", command->attach, "rigid or follow");
   part->add_option("--to", command->to, "What carries it: a cluster, a set of pins, a mask, or JSON of a selection");
+
+  for (const std::string& list : {std::string("stiffness"), std::string("thickness")}) {
+    const std::string what = "Add a factor of the " + list + (list == "stiffness" ? "" : " of shells");
+    CLI::App* factor = add(("add-" + list).c_str(), what.c_str(), [command, list] {
+      edit(*command, [&](RecipeEditor& e) { e.addFactor(list, command->from, command->value); });
+    });
+    factor->add_option("value", command->value, "The factor where the selection's weight is 1")->required();
+    factor->add_option("--from", command->from, selection)->required();
+  }
 
   CLI::App* set =
       add("set", "Set values: KEY=VALUE, CLUSTER.KEY=VALUE or /json/pointer=VALUE; default removes one", [command] {

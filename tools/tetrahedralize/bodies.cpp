@@ -365,13 +365,17 @@ double pointVolume(const SolidBody& body, const ParallelFor& parallel_for) {
   }
   std::vector<std::size_t> inside(cells[2], 0);
   parallel_for(cells[2], 1, [&](std::size_t begin, std::size_t end) {
+    std::vector<Vector3d> row(cells[0]);
+    std::vector<char> answers(cells[0]);
     for (std::size_t k = begin; k < end; ++k) {
       for (std::size_t j = 0; j < cells[1]; ++j) {
         for (std::size_t i = 0; i < cells[0]; ++i) {
           const Vector3d unit((double(i) + 0.5) / double(cells[0]), (double(j) + 0.5) / double(cells[1]),
                               (double(k) + 0.5) / double(cells[2]));
-          if (body.winding.inside(body.bounds.min() + extent.cwiseProduct(unit))) ++inside[k];
+          row[i] = body.bounds.min() + extent.cwiseProduct(unit);
         }
+        body.winding.inside(row, answers);
+        inside[k] += std::size_t(std::count(answers.begin(), answers.end(), char(1)));
       }
     }
   });

@@ -2,6 +2,7 @@
 #include "tools/tetrahedralize/fill.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -119,12 +120,18 @@ class ThickenedSolid {
   geometry::StuffingDomain domain(double spacing) const {
     const double radius = kCoveringRadius * spacing;
     return {[this, radius](const Vector3d& p) { return inside(p, radius); },
-            [this, radius](const Vector3d& a, const Vector3d& b) { return crossing(a, b, radius); }};
+            [this, radius](const Vector3d& a, const Vector3d& b) { return crossing(a, b, radius); },
+            [this, radius](std::span<const Vector3d> points, std::span<char> inside) {
+              body_.winding.inside(points, inside);
+              for (std::size_t i = 0; i < points.size() && !thin_.empty(); ++i) {
+                if (inside[i] == 0) inside[i] = thin_.closest(points[i], radius).triangle != kNoIndex ? 1 : 0;
+              }
+            }};
   }
 
  private:
   bool inside(const Vector3d& p, double radius) const {
-    return body_.winding.inside(p) || thin_.closest(p, radius).triangle != kNoIndex;
+    return thin_.closest(p, radius).triangle != kNoIndex || body_.winding.inside(p);  // the cheap one first
   }
   double crossing(const Vector3d& a, const Vector3d& b, double radius) const {
     // No point of the edge is further than its length from its end.
@@ -244,10 +251,13 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, st
       if ((body.balanced || std::abs(middle - 0.5) > 0.25) && !body.winding.bvh().touches(box)) {
         inside = middle > 0.5 ? points.size() : 0;
       } else {
-        for (const auto& w : points) {
-          const Vector3d p = w[0] * x[t[0]] + w[1] * x[t[1]] + w[2] * x[t[2]] + w[3] * x[t[3]];
-          if (body.winding.inside(p)) ++inside;
-        }
+        std::array<Vector3d, 10> samples;
+        std::array<char, 10> answers{};
+        std::transform(points.begin(), points.end(), samples.begin(), [&](const auto& w) {
+          return Vector3d(w[0] * x[t[0]] + w[1] * x[t[1]] + w[2] * x[t[2]] + w[3] * x[t[3]]);
+        });
+        body.winding.inside(samples, answers);
+        inside = std::size_t(std::count(answers.begin(), answers.end(), char(1)));
       }
       fill[i] = std::max(kLeastFill, double(inside) / double(points.size()));
     }

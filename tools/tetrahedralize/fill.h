@@ -41,7 +41,6 @@ void measureFill(const SolidBody& body, FilledBody& filled, const geometry::Para
 /// no vertex is without mass; then scaled so that volume times fill adds up to the body's volume. So a cage that cuts
 /// corners has fills a little above 1. For bodies that enclose something.
 /// \param known what splitAtGaps says of tetrahedra that have copies, negative for the others; may be empty.
-/// \param known what splitAtGaps says of tetrahedra that have copies, negative for the others; may be empty.
 std::vector<double> fillFractions(const SolidBody& body, const geometry::TetMesh& mesh, std::span<const double> known,
                                   const geometry::ParallelFor& parallel_for);
 

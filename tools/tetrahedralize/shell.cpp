@@ -16,8 +16,8 @@ namespace {
 using Eigen::Vector3d;
 using geometry::TetMesh;
 
-// The least part of an offset that is left at a crease.
-constexpr double kLeastOffset = 0.05;
+// The least part of an offset, or of what it would be without a factor above 1, that is left at a crease.
+constexpr double kLeastOffset = 0.005;
 // The least volume of a prism's tetrahedron, of what it has over a flat triangle with the same offsets.
 constexpr double kLeastVolume = 0.02;
 // Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
@@ -120,7 +120,7 @@ std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
   return three;
 }
 
-FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const double> thickness,
+FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, double thickness, std::span<const double> factors,
                     ShellOutcome& outcome) {
   FilledBody filled;
   PlainSurface fine;
@@ -161,14 +161,19 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
           (surface.positions[t[i]] - surface.positions[t[(i + 1) % 3]]).norm() / (3 * double(surface.triangles.size()));
     }
   }
-  std::vector<double> half(count, kAutomaticThickness * mean_edge / 2);
-  if (!thickness.empty()) {
+  std::vector<double> half(count, (thickness > 0 ? thickness : kAutomaticThickness * mean_edge) / 2);
+  std::vector<double> least_part(count, kLeastOffset);
+  if (!factors.empty()) {
     std::vector<double> sum(count, 0), merged(count, 0);
     for (std::size_t p = 0; p < coarse.vertex_of.size(); ++p) {
-      sum[coarse.vertex_of[p]] += thickness[p];
+      sum[coarse.vertex_of[p]] += factors[p];
       merged[coarse.vertex_of[p]] += 1;
     }
-    for (std::uint32_t v = 0; v < count; ++v) half[v] = sum[v] / merged[v] / 2;
+    for (std::uint32_t v = 0; v < count; ++v) {
+      const double factor = sum[v] / merged[v];
+      half[v] *= factor;
+      least_part[v] /= std::max(factor, 1.0);
+    }
   }
 
   // 3. Normals.
@@ -227,8 +232,8 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
       }
     }
     for (std::uint32_t v = 0; v < count; ++v) {
-      if (shorten[v] == 0 || part[v] <= kLeastOffset) continue;
-      part[v] = std::max(kLeastOffset, 0.8 * part[v]);
+      if (shorten[v] == 0 || part[v] <= least_part[v]) continue;
+      part[v] = std::max(least_part[v], 0.8 * part[v]);
       place(v);
     }
   }
@@ -259,13 +264,13 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
 
 }  // namespace
 
-FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, std::span<const double> thickness,
+FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thickness, std::span<const double> factors,
                          ShellOutcome& outcome) {
   // Coarsening can fold what is narrow (a lid, a nostril): then less of it.
   FilledBody filled;
   for (double wanted = target / 2.0; filled.mesh.tetrahedra.empty(); wanted *= 1.5) {
     outcome = {};
-    filled = fillOnce(body, std::max(std::uint32_t(wanted), 4U), thickness, outcome);
+    filled = fillOnce(body, std::max(std::uint32_t(wanted), 4U), thickness, factors, outcome);
     if (!outcome.coarsened) break;
   }
   return filled;

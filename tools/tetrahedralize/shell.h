@@ -26,8 +26,10 @@ struct ShellOutcome {
 /// (Aubry & Loehner 2008); where prisms would turn over, at creases and borders, the offset is shortened. Each piece of
 /// a surface in several (a head, its eyeballs and teeth) has a skin of its own. Empty where the surface has an edge of
 /// more than two faces, one side only, or points where fans meet.
-/// \param thickness metres, > 0, per position of the body; empty: half of the mean edge of the coarsened surface.
-FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, std::span<const double> thickness,
-                         ShellOutcome& outcome);
+/// \param thickness metres; 0: half of the mean edge of the coarsened surface.
+/// \param factors what multiplies that at each position of the body, > 0; a vertex of the coarsened surface has the
+/// mean of those that became it. Empty: 1 everywhere.
+FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, double thickness,
+                         std::span<const double> factors, ShellOutcome& outcome);
 
 }  // namespace sinew::tools

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <tuple>
 
 #include "tools/tetrahedralize/sets.h"
@@ -359,12 +360,9 @@ class CellCutter {
     return first;
   }
 
-  bool solidOnce(const Vector3d& p) const {
-    const double winding = body_.winding.at(p);
-    return winding > 0.5 && winding < most_winding_;
-  }
+  bool solidOnce(double winding) const { return winding > 0.5 && winding < most_winding_; }
   bool between(const Vector3d& a, const Vector3d& b) const {
-    return std::isinf(most_winding_) || solidOnce((a + b) / 2);
+    return std::isinf(most_winding_) || solidOnce(body_.winding.at((a + b) / 2));
   }
   void chooseLookouts(const Cell& cell, Sets& sets) {
     lookouts_.clear();
@@ -392,8 +390,12 @@ class CellCutter {
   // Sheets that bound the same solid. sample_set_ receives which sheet a sample of the solid belongs to.
   void joinThroughSolid(Cell& cell, Sets& sets) {
     chooseLookouts(cell, sets);
+    std::array<Vector3d, kSamples> points;
+    std::array<double, kSamples> winding{};
+    for (std::size_t s = 0; s < kSamples; ++s) points[s] = samplePosition(s);
+    body_.winding.at(points, winding);
     for (std::size_t s = 0; s < kSamples; ++s) {
-      if (solidOnce(samplePosition(s))) sample_set_[s] = kUnknown;
+      if (solidOnce(winding[s])) sample_set_[s] = kUnknown;
     }
     for (std::size_t s = 0; s < kSamples; ++s) {
       if (sample_set_[s] == kAir) continue;
@@ -464,8 +466,10 @@ class CellCutter {
     }
     for (std::size_t f = 0; f < 4; ++f) {
       const auto points = facePoints(lattice_, tetrahedron_, f);
+      std::array<double, kFaceSamples> winding{};
+      body_.winding.at(points, winding);
       for (std::size_t k = 0; k < kFaceSamples; ++k) {
-        if (solidOnce(points[k])) cell.face_piece[f][k] = pieceAt(cell, points[k]);
+        if (solidOnce(winding[k])) cell.face_piece[f][k] = pieceAt(cell, points[k]);
       }
     }
   }
@@ -574,9 +578,11 @@ std::vector<std::array<std::uint32_t, 2>> meetings(const SolidBody& body, const 
   }
   if (!body.encloses) return pairs;
   if (simple) {
-    for (const Vector3d& p : CellCutter::facePoints(lattice, lattice.tetrahedra[face.first], face.first_face)) {
-      if (body.winding.inside(p)) return {{0, 0}};
-    }
+    const auto points = CellCutter::facePoints(lattice, lattice.tetrahedra[face.first], face.first_face);
+    if (body.winding.inside(points[0])) return {{0, 0}};
+    std::array<char, kFaceSamples - 1> inside{};
+    body.winding.inside(std::span(points).subspan(1), inside);
+    if (std::find(inside.begin(), inside.end(), char(1)) != inside.end()) return {{0, 0}};
     return pairs;
   }
   for (std::size_t k = 0; k < kFaceSamples; ++k) {

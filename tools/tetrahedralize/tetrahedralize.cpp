@@ -146,7 +146,7 @@ std::string complaint(const SolidBody& body, const FilledBody& filled) {
 }
 
 // A body that encloses nothing, or that is to be hollow.
-Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, double thickness,
+Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, const TetrahedraOptions& options,
                  const std::string& file, Remarks& remarks) {
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
@@ -156,8 +156,11 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
     return choice;
   }
   ShellOutcome outcome;
-  const std::vector<double> thicknesses(thickness > 0 ? body.positions.size() : 0, thickness);
-  choice.filled = fillWithShell(body, target, thicknesses, outcome);
+  std::vector<double> factors;
+  for (std::size_t p = 0; p < body.points.size() && !options.shell_factors.empty(); ++p) {
+    factors.push_back(options.shell_factors[body.points[p]]);
+  }
+  choice.filled = fillWithShell(body, target, options.shell_thickness, factors, outcome);
   if (!choice.filled.mesh.tetrahedra.empty()) {
     choice.method = TetrahedraMethod::shell;
     choice.home = std::move(outcome.home);
@@ -185,7 +188,7 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
 Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, TetrahedraMethod wanted, std::uint32_t target,
                 bool crosses_itself, const std::string& file, Remarks& remarks) {
   if (!body.encloses || wanted == TetrahedraMethod::shell) {
-    return fillSheet(body, wanted, target, options.shell_thickness, file, remarks);
+    return fillSheet(body, wanted, target, options, file, remarks);
   }
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
@@ -431,6 +434,15 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   reportAttached(set.attached_solids, "tetrahedra-small-parts", "small part close to a much larger one moves with it",
                  "small parts close to a much larger one move with it",
                  "Bake them as files of their own if they are to fall by themselves.");
+  const auto isShell = [](const PhysicalBody& body) { return body.method == TetrahedraMethod::shell; };
+  if (!options.shell_factors.empty() && std::none_of(result.bodies.begin(), result.bodies.end(), isShell)) {
+    Finding f;
+    f.id = "thickness-unused";
+    f.count = 1;
+    f.message = "the recipe's thickness changes nothing: no body is a shell";
+    f.cure = "Set tetrahedra.method to shell, or remove the key thickness.";
+    result.findings.push_back(std::move(f));
+  }
   const double count = double(result.positions.size());
   if (count > 1.35 * options.target_vertices || count < 0.65 * options.target_vertices) {
     Finding f;

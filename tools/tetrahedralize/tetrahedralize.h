@@ -21,6 +21,8 @@ struct TetrahedraOptions {
   std::uint32_t target_vertices = 1500;  ///< physical vertices over all bodies; the result is within about 30 %
   double join_distance = 1e-3;           ///< parts closer than this share a body; of the diagonal
   double shell_thickness = 0;            ///< of a shell, metres; 0 = half of the mean edge of its coarse surface
+  /// What multiplies that, per welded point, > 0; empty: 1 everywhere.
+  std::vector<double> shell_factors;
 };
 
 /// One separate body of the source.

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "sinew/runtime/world.h"
+#include "tools/bake/bake.h"
+#include "tools/bake/check_package.h"
+
+namespace sinew::tools {
+namespace {
+
+// Two cubes so far apart that a float there is a twentieth of their size: what the package says of its clusters is true
+// of the vertices it holds.
+TEST(Rounding, ClustersBelongToTheVerticesAsTheyAreStored) {
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("sinew_rounding" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  constexpr double kSize = 0.02, kApart = 20000;
+  for (const int axis : {0, 1, 2}) {
+    SCOPED_TRACE(axis);
+    std::ofstream obj(folder / "two.obj");
+    obj.precision(9);
+    for (int cube = 0; cube < 2; ++cube) {
+      for (int corner = 0; corner < 8; ++corner) {
+        obj << 'v';
+        for (int k = 0; k < 3; ++k) {
+          obj << ' ' << (k == axis && cube == 1 ? kApart : 0) + ((corner >> k & 1) != 0 ? kSize : 0);
+        }
+        obj << '\n';
+      }
+      for (const char* face :
+           {"-8 -6 -5 -7", "-4 -3 -1 -2", "-8 -7 -3 -4", "-6 -2 -1 -5", "-8 -4 -2 -6", "-7 -5 -1 -3"})
+        obj << "f " << face << '\n';
+    }
+    obj.close();
+    Recipe recipe = parseRecipe(R"({"sinew_recipe": 2, "source": "two.obj"})", folder / "two.json");
+    recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
+    Progress progress(false);
+    const BakeResult result = bake(recipe, progress);
+    const std::shared_ptr<const Asset> asset = *Asset::fromMemory(result.package);
+    for (const Finding& finding : checkPackage(asset->package())) {
+      EXPECT_NE(finding.severity, Severity::error) << finding.message;
+    }
+  }
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace sinew::tools
