@@ -244,7 +244,7 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
         const Vector3 acceleration =
             asVector(body.force[vertex.vertex]) + vertex.weight * part * to_force * (place - y);
         addForce(set, double(body.package().info().total_mass) * acceleration.cast<double>(), place);
-        y += vertex.weight * (place - y);
+        y = vertex.weight < 1 ? Vector3(y + vertex.weight * (place - y)) : place;
       } else if (vertex.weight >= 1) {
         y = place;
       } else {

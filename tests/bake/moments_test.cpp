@@ -110,8 +110,8 @@ TEST(Moments, APrismIsMadeLinearAndABoxIsNot) {
       cell.vertices.push_back(std::uint32_t(i));
       cell.weights.push_back(1);
       const int corner = i % corners;
-      vertices.push_back(
-          {{corner == 1 || corner == 3 ? 1.0F : 0.0F, corner >= 2 ? 0.8F : 0.0F, float(i / corners)}, 1.0F});
+      vertices.push_back({{corner == 1 || corner == 3 ? 1.0F : 0.0F, corner >= 2 ? 0.8F : 0.0F, float(i / corners)},
+                          1.0F + 0.3F * float(corner)});
     }
     std::vector<Finding> findings;
     const auto constants = clusterConstants(std::vector{cell}, vertices, {}, findings);

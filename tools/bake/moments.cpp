@@ -17,6 +17,9 @@ using Matrix9d = Eigen::Matrix<double, 9, 9>;
 // Directions whose moment is below this part of the largest cannot be told from noise in float and are dropped.
 constexpr double kRelativeCutoff = 1e-5;
 
+// Independent ways to bend and twist, of six, that a quadratic cluster has at least.
+constexpr Eigen::Index kLeastBending = 3;
+
 template <class Matrix>
 Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(moment);
@@ -32,9 +35,10 @@ Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
   return inverse;
 }
 
-// Whether some square or product of coordinates is a linear function of the coordinates on these vertices (three points
-// a layer, as a prism has): then one and the same motion is both stretch and bending, with the stiffness and the limits
-// of both. \param moment of (q, quadraticTerms(q)), centred.
+// Whether hardly any square or product of coordinates is more than a linear function of them on these vertices (of the
+// six corners of a prism two are): then one and the same motion is both stretch and bending, with the stiffness and the
+// limits of both. Two layers of points alone, whose z² is a function of z, bend well. \param moment of
+// (q, quadraticTerms(q)), centred.
 bool bendingIsStretch(const Matrix9d& moment) {
   Matrix9d scaled = moment;
   const double largest = moment.diagonal().maxCoeff();
@@ -52,7 +56,7 @@ bool bendingIsStretch(const Matrix9d& moment) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(m, Eigen::EigenvaluesOnly);
     return (solver.eigenvalues().array() > kRelativeCutoff).count();
   };
-  return rank(rest) < rank(all);
+  return rank(rest) < rank(all) && rank(rest) < kLeastBending;
 }
 
 Eigen::Matrix<double, 6, 1> quadraticTerms(const Vector3d& q) {
