@@ -58,7 +58,25 @@ void updatePartPose(const formats::PackageView& package, const RestConstants& co
     deviation += m * (arm - r * rest_arm).squaredNorm();
     if (own_spread > 0) deviation += m * radius * radius * (momentOf(c) - r * rest_moment).squaredNorm() / own_spread;
   }
-  const bool astray = count > 1 && deviation > far * far * spread;
+  bool astray = count > 1 && deviation > far * far * spread;
+  if (astray && far >= kAstray) {
+    // A rope on a heap is far from its rest shape too, but piece by piece it is only bent.
+    double own_deviation = 0, own_spread = 0;
+    for (std::size_t c = 0; c < count; ++c) {
+      const double m = double(clusters[c].mass) * double(clusters[c].radius) * double(clusters[c].radius);
+      const Eigen::Matrix3d rest_moment = constants.clusters[first + c].moment.leftCols<3>().cast<double>();
+      const Eigen::Matrix3d own = momentOf(c);
+      const double trace = rest_moment.trace(), size = own.cwiseAbs().maxCoeff();
+      if (!(trace > 0)) continue;
+      Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
+      if (size > 0 && std::isfinite(size)) {
+        turned = geometry::nearestRotation(Eigen::Matrix3f((own / size).cast<float>())).cast<double>();
+      }
+      own_spread += m * trace;
+      own_deviation += m * (own - turned * rest_moment).squaredNorm() / trace;
+    }
+    astray = !(own_deviation <= kDistorted * kDistorted * own_spread);
+  }
   for (std::size_t c = 0; c < count; ++c) {
     const std::size_t lane = (first + c) % 8;
     for (std::size_t k = 0; k < 4; ++k) block(c).part_rotation[k][lane] = rotation[k];

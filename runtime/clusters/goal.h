@@ -12,6 +12,9 @@ namespace sinew::internal {
 
 /// Flattened to a plane a cube is 0.58 radii of gyration from its rest shape, a bar bent to a quarter circle 0.25.
 inline constexpr double kAstray = 0.5;
+/// The same of single clusters, each about its own best pose, as |A_pq - R M| / tr M tells at least: 0.32 for a
+/// flattened cube, 0.17 for one stretched by half. A part whose clusters are less distorted is bent, not astray.
+inline constexpr double kDistorted = 0.25;
 
 /// Rigid pose of a body part from its clusters' moments: its rotation into ClusterBlock::part_rotation of each, what a
 /// cluster falls back to that has lost its own. Where the part is far from its rest shape, ClusterBlock::astray is set

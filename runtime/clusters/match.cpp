@@ -9,12 +9,15 @@ namespace sinew::internal {
 namespace {
 
 // The answer of elastic modes to a deviation, both in the cluster's own frame: Σ v kept (v . deviation).
-// \param columns 3 or 9; the others of the result are zero.
-Columns<9> elasticAnswer(const MatchExtras& extras, int columns, const Columns<9>& deviation) {
+// \param columns 3 or 9; the others of the result are zero. \param kept_by_all not null: what every mode keeps, turns
+// too, of a cluster whose rotation is its part's.
+Columns<9> elasticAnswer(const MatchExtras& extras, int columns, const Columns<9>& deviation,
+                         const float* kept_by_all) {
   Columns<9> answer = Columns<9>::Zero();
   for (int k = 0; k < 3 * columns; ++k) {
     const Eigen::Map<const Columns<9>> mode(extras.modes->vectors.col(k).data());
-    answer += ((*extras.kept)[k] * mode.cwiseProduct(deviation).sum()) * mode;
+    const float kept = kept_by_all != nullptr ? *kept_by_all : (*extras.kept)[k];
+    answer += (kept * mode.cwiseProduct(deviation).sum()) * mode;
   }
   return answer;
 }
@@ -36,24 +39,28 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   const Matrix3 rest_linear = extras.shape != nullptr ? Matrix3(r * *extras.shape) : r;
   Columns<9> f = Columns<9>::Zero();
   f.leftCols<3>() = rest_linear;
+  const bool stiff = stiffness.kept < 0.5F;
+  const Matrix3 rest_moment = rest_linear * rest.moment.leftCols<3>();
   Limited limited = Limited::nothing;
   if (stiffness.deforms) {
     Columns<9> deviation = a_pq - rest_linear * rest.moment;
     // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
     if (extras.previous != nullptr) deviation += extras.damping_passes * (r * *extras.previous);
     if (extras.modes != nullptr) {
-      f += r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * deviation);
+      f += r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * deviation, lost ? &stiffness.kept : nullptr);
     } else {
       f += deviation * stiffness.s;
     }
-    limited = applyGoalLimits(*extras.limits, stiffness.kept < 0.5F, r, extras.shape, f);
+    limited = applyGoalLimits(*extras.limits, stiff, r, extras.shape, f);
   }
   if (!lost && (limited != Limited::nothing || stiffness.mixes_classes)) {
     // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.
     f = (geometry::nearestRotation(a_pq * f.transpose()) * f).eval();
   }
   frame.f = f;
-  return limited == Limited::guarded || lost;
+  const float stretched = kTorn * std::max(extras.limits->largest, kLargestStretch);
+  const bool torn = a_pq.leftCols<3>().squaredNorm() > stretched * stretched * rest_moment.squaredNorm();
+  return limited == Limited::guarded || (lost && stiff) || torn;
 }
 
 // Whether the kernel has done all: frequencies, limits and volume by principal stretches.

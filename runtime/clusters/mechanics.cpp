@@ -293,6 +293,10 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
   if (shape != nullptr) a = (a * shape->inverse()).eval();
   Limited done = Limited::nothing;
   const Matrix3 start = a;
+  if (limits.volume != formats::VolumeMethod::none) {
+    const float volume = a.determinant();
+    if (volume < kLeastVolume || volume * kLeastVolume > 1) done = Limited::guarded;
+  }
   if (limits.volume == formats::VolumeMethod::cube_root) a = fromLanes(lanes::volumeCubeRoot(toLanes(a)));
   if (limits.limit == formats::LimitMethod::rows) {
     a = fromLanes(lanes::limitRows(toLanes(a), toLanes(r), limits.row));

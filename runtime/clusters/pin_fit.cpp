@@ -31,6 +31,12 @@ using geometry::viewOf;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 
+// The spring of a pin of this weight below 1 is this times mu times springScale().
+double springFactor(float weight) {
+  const double w = double(weight);
+  return w / (1 - w) * (w / (1 - w));
+}
+
 // to += scale a b^T with b a vector of three.
 void addOuter(MatrixView to, double scale, ConstMatrixView a, const Eigen::Vector3d& b) {
   addProduct(to, scale, a, {b.data(), 1, 3, 1, 1});
@@ -70,33 +76,66 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
                std::span<const PinPoint> points, allocator_type allocator)
     : cluster_(cluster),
       method_(method),
-      points_(points.begin(), points.end(), allocator),
-      values_(allocator),
-      offsets_(allocator),
-      basis_(modeBasis(package, cluster)) {
+      point_count_(std::uint32_t(points.size())),
+      groups_(allocator),
+      basis_(modeBasis(package, cluster)),
+      elastic3_(allocator) {
   const formats::Cluster& record = package.clusters()[cluster];
   if (record.mode == formats::ClusterMode::rigid) basis_.t = SmallMatrix<81>(3, 0);
   elastic_ = !package.mechanics().empty() && record.mode != formats::ClusterMode::rigid &&
              package.mechanics()[cluster].stiffness == formats::StiffnessModel::elastic;
   if (elastic_) energy_ = elasticEnergy(package, cluster, basis_);
   const int size = basis_.t.columns() + 1;
-  Square10 moment(size, size);
-  Eigen::Vector3d first = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
-  double count = 0;
-  values_.reserve(points.size());
-  offsets_.reserve(points.size());
-  for (const PinPoint& point : points_) {
-    const Vector3 rest = asVector(package.physicalVertices()[point.vertex].rest_position);
-    values_.push_back(basisAt(record, rest));
-    offsets_.push_back(restOffset(record, rest) - basis_.mean.head<3>().cast<float>());
-    pin_mean_ += (offsets_.back().cast<double>() + basis_.mean.head<3>()) / double(points.size());
+  if (elastic_ && method == PinMethod::constrained_fit) elastic3_.resize(1);
+  const std::uint32_t set_count = 1 + std::uint32_t(std::count_if(points.begin() + 1, points.end(), [&](const auto& p) {
+                                    return p.set != (&p)[-1].set;
+                                  }));
+  groups_.reserve(set_count);
+  exact_offsets_ = soft_offsets_ = Answer(size, 3);
+  springs_ = Square10(size, size);
+  for (const PinPoint& point : points) {
+    if (groups_.empty() || groups_.back().set != point.set) {
+      Group& group = groups_.emplace_back();
+      group.set = point.set;
+      group.exact_sum = group.soft_sum = Basis(size, 1);
+      group.exact_spread = group.soft_spread = Answer(size, 3);
+    }
+    Group& group = groups_.back();
+    ++group.count;
+    group.mean += point.local;
+    const Eigen::Vector3d q = centredOffset(package, point);
+    pin_mean_ += (q + basis_.mean.head<3>()) / double(points.size());
     if (point.weight < 1) continue;
-    addProduct(moment, 1, values_.back(), std::as_const(values_.back()).transposed());
-    const Eigen::Vector3d q = restOffset(record, rest).cast<double>();
-    first += q;
-    second += q * q.transpose();
-    ++count;
+    ++group.exact;
+    ++exact_count_;
+    exact_mean_ += q;
+  }
+  exact_mean_ /= std::max(1.0, double(exact_count_));
+  for (Group& group : groups_) group.mean /= float(group.count);
+  Square10 moment(size, size);
+  Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
+  std::size_t at_group = 0;
+  for (const PinPoint& point : points) {
+    if (groups_[at_group].set != point.set) ++at_group;
+    Group& group = groups_[at_group];
+    const Basis b = basisAt(record, asVector(package.physicalVertices()[point.vertex].rest_position));
+    const Eigen::Vector3d q = centredOffset(package, point), local = (point.local - group.mean).cast<double>();
+    if (point.weight < 1) {
+      const double k = springFactor(point.weight) * double(point.mu);
+      addScaled(group.soft_sum, k, b);
+      addOuter(group.soft_spread, k, b, local);
+      addOuter(soft_offsets_, k, b, q);
+      addProduct(springs_, k, b, b.transposed());
+      continue;
+    }
+    const Eigen::Vector3d turned = q - exact_mean_;
+    addScaled(group.exact_sum, 1, b);
+    addOuter(group.exact_spread, 1, b, local);
+    addOuter(exact_offsets_, 1, b, q);
+    addProduct(moment, 1, b, b.transposed());
+    group.turn += local * turned.transpose();
+    group.offset += turned;
+    second += turned * turned.transpose();
   }
   std::array<double, 10> values;
   Square10 vectors(size, size);
@@ -127,11 +166,16 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
     at = ModeGradient(size - 1, 3);
     addProduct(at, 1, std::as_const(basis_.t).transposed(), viewOf(gradient).block(0, 0, basis_.t.rows(), 3));
   }
-  if (count >= 3) {
-    second = (second / count - first * first.transpose() / (count * count)).eval();
+  if (exact_count_ >= 3) {
     geometry::symmetricEigen(viewOf(std::as_const(second)), spread, viewOf(axes));
     oriented_ = spread[1] > 1e-6 * spread[2];
   }
+}
+
+// q of a point about the cluster's mean.
+Eigen::Vector3d PinFit::centredOffset(const formats::PackageView& package, const PinPoint& point) const {
+  const Vector3 rest = asVector(package.physicalVertices()[point.vertex].rest_position);
+  return restOffset(package.clusters()[cluster_], rest).cast<double>() - basis_.mean.head<3>();
 }
 
 PinFit::Basis PinFit::basisAt(const formats::Cluster& cluster, const Vector3& rest_position) const {
@@ -155,27 +199,27 @@ void PinFit::prepare(const formats::PackageView& package, const RestConstants& r
 
   // Mass (the identity), damping of the modes, springs of the soft pins; then the return of the modes.
   system_ = Square10(size, size);
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    addProduct(system_, springOf(points_[i]), values_[i], std::as_const(values_[i]).transposed());
-  }
+  addScaled(system_, springScale(), springs_);
   geometry::addToDiagonal(system_, 1);
   geometry::addToDiagonal(system_.block(1, 1, modes, modes), damping);
   if (elastic_ && method_ == PinMethod::constrained_fit) {
     const double scale = h * h * double(stiffness_scale) * double(stiffness_scale);
-    system3_ = Square30(3 * size, 3 * size);
+    Square30& system3 = elastic3_[0].system;
+    system3 = Square30(3 * size, 3 * size);
     const int free_count = null_space_.columns();
     Square30 null_space3(3 * size, 3 * free_count);
     for (int a = 0; a < 3; ++a) {
-      addScaled(system3_.block(a * size, a * size, size, size), 1, system_);
+      addScaled(system3.block(a * size, a * size, size, size), 1, system_);
       addScaled(null_space3.block(a * size, a * free_count, size, free_count), 1, null_space_);
       for (int b = 0; b < 3; ++b) {
-        addScaled(system3_.block(a * size + 1, b * size + 1, modes, modes), scale,
+        addScaled(system3.block(a * size + 1, b * size + 1, modes, modes), scale,
                   energy_.block(a * modes, b * modes, modes, modes));
       }
     }
-    inverse3_ = inverseWithin(null_space3, system3_);
+    elastic3_[0].inverse = inverseWithin(null_space3, system3);
     response_ = Square10(size, size);
-    for (int a = 0; a < 3; ++a) addScaled(response_, 1.0 / 3, inverse3_.block(a * size, a * size, size, size));
+    for (int a = 0; a < 3; ++a)
+      addScaled(response_, 1.0 / 3, elastic3_[0].inverse.block(a * size, a * size, size, size));
     return;
   }
   std::array<double, 3> ratios = classRatios(package, rest, cluster_, stiffness_scale, pass_seconds);
@@ -205,56 +249,48 @@ void PinFit::prepare(const formats::PackageView& package, const RestConstants& r
   addScaled(response_, method_ == PinMethod::infinite_mass ? beta_ : 1.0, inverse_);
 }
 
-double PinFit::springOf(const PinPoint& point) const {
-  if (!(point.weight < 1)) return 0;
-  const double w = double(point.weight);
-  const double phase = 2 * std::numbers::pi * kPinFrequency * (w / (1 - w)) * double(pass_seconds_);
-  return phase * phase * double(point.mu);
+// (2 pi f h)² of kPinFrequency.
+double PinFit::springScale() const {
+  const double phase = 2 * std::numbers::pi * kPinFrequency * double(pass_seconds_);
+  return phase * phase;
 }
 
 bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, const MatchExtras& extras,
                    ClusterFrame& frame) const {
   const int modes = basis_.t.columns(), n = basis_.t.rows(), size = modes + 1;
   const Matrix3 shape = extras.shape != nullptr ? *extras.shape : Matrix3(Matrix3::Identity());
-  const auto points_at = [&](const PinPoint& point) {
-    return Vector3((point.place - moment_center_) / cluster.radius);
-  };
-  const auto rest_at = [&](std::size_t i) { return Vector3(shape * offsets_[i]); };
   // R: what the pins say. Frequencies are about that frame: about a frame that follows the body they would let it sag
   // without end. The energy of elastic modes does not mind turns, and large ones are right only about the body's own.
   if (oriented_ && !elastic_ && method_ != PinMethod::matrix) {
-    Matrix3 moment = Matrix3::Zero();
-    Vector3 mean = Vector3::Zero(), rest_mean = Vector3::Zero();
-    float count = 0;
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      if (points_[i].weight < 1) continue;
-      mean += points_at(points_[i]);
-      rest_mean += rest_at(i);
-      ++count;
+    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+    for (const Group& group : groups_) {
+      moment += group.rotation * group.turn + (group.place - moment_center_).cast<double>() * group.offset.transpose();
     }
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      if (points_[i].weight < 1) continue;
-      moment += (points_at(points_[i]) - mean / count) * (rest_at(i) - rest_mean / count).transpose();
-    }
-    geometry::nearestRotation(moment, frame.rotation);
+    moment *= shape.transpose().cast<double>() / double(cluster.radius);
+    geometry::nearestRotation(Matrix3(moment.cast<float>()), frame.rotation);
   }
   const Matrix3 r = geometry::rotationMatrix(frame.rotation);
   const Eigen::Matrix3d back = r.transpose().cast<double>();
 
   // Where the pins want their points, and the exact ones' least-norm answer to it.
+  // Σ b d^T, d = R^T (place - c) / radius - S q, of the sets' sums.
   Answer wanted(size, 3), load(size, 3);
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  double exact = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    const Eigen::Vector3d d = back * points_at(points_[i]).cast<double>() - rest_at(i).cast<double>();
-    if (points_[i].weight < 1) {
-      addOuter(load, springOf(points_[i]), values_[i], d);
-    } else {
-      addOuter(wanted, 1, values_[i], d);
-      mean += d;
-      ++exact;
+  const Eigen::Matrix3d rest_shape = shape.cast<double>();
+  const double per_radius = 1 / double(cluster.radius);
+  for (const Group& group : groups_) {
+    const Eigen::Matrix3d turn = per_radius * back * group.rotation;
+    const Eigen::Vector3d place = per_radius * (back * (group.place - moment_center_).cast<double>());
+    if (group.exact > 0) {
+      addProduct(wanted, 1, group.exact_spread, viewOf(turn).transposed());
+      addOuter(wanted, 1, group.exact_sum, place);
+    }
+    if (group.exact < group.count) {
+      addProduct(load, springScale(), group.soft_spread, viewOf(turn).transposed());
+      addOuter(load, springScale(), group.soft_sum, place);
     }
   }
+  addProduct(wanted, -1, exact_offsets_, viewOf(rest_shape).transposed());
+  addProduct(load, -springScale(), soft_offsets_, viewOf(rest_shape).transposed());
   Answer held(size, 3);
   addProduct(held, 1, from_points_, wanted);
 
@@ -273,14 +309,14 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
       const auto flat = [size](auto& answer) {
         return decltype(answer.view()){answer.data(), 3 * size, 1, 1, 3 * size};
       };
-      addProduct(flat(load), -1, system3_, flat(std::as_const(held)));
-      addProduct(flat(g), 1, inverse3_, flat(std::as_const(load)));
+      addProduct(flat(load), -1, elastic3_[0].system, flat(std::as_const(held)));
+      addProduct(flat(g), 1, elastic3_[0].inverse, flat(std::as_const(load)));
     } else {
       addProduct(load, -1, system_, held);
       addProduct(g, 1, inverse_, load);
-      if (method_ == PinMethod::infinite_mass && exact > 0) {
+      if (method_ == PinMethod::infinite_mass && exact_count_ > 0) {
         addScaled(g, beta_ - 1, g);
-        for (int a = 0; a < 3; ++a) g(0, a) += (1 - beta_) * mean[a] / exact;
+        for (int a = 0; a < 3; ++a) g(0, a) += (1 - beta_) * wanted(0, a) / exact_count_;
       }
     }
   }

@@ -21,11 +21,11 @@ namespace sinew::internal {
 /// A pinned vertex as a cluster sees it.
 struct PinPoint {
   std::uint32_t vertex;
-  std::uint32_t set;                ///< index into Body::pin_sets
-  std::uint32_t item;               ///< index into its vertices
-  float weight;                     ///< 0..1; 1 is exact, less is a spring
-  float mu;                         ///< of its membership
-  Vector3 place = Vector3::Zero();  ///< where it is to be at the end of the pass, metres
+  std::uint32_t set;   ///< index into Body::pin_sets
+  std::uint32_t item;  ///< index into its vertices
+  float weight;        ///< 0..1; 1 is exact, less is a spring
+  float mu;            ///< of its membership
+  Vector3 local;       ///< place in the set's transform, metres
 };
 
 /// Constants of one pinned cluster for one set of pins and one length of pass. In double: it is small, and stiff.
@@ -39,7 +39,21 @@ class PinFit {
   using Answer = geometry::SmallMatrix<30>;
   using allocator_type = std::pmr::polymorphic_allocator<>;
 
-  /// \param points of this cluster, at least one. \param allocator what the fit keeps comes from there.
+  /// The points of one set, which move as one: sums are all that a match needs of them, however many they are.
+  struct Group {
+    std::uint32_t set;                                 ///< index into Body::pin_sets
+    std::uint32_t count = 0;                           ///< of points
+    std::uint32_t exact = 0;                           ///< of those with weight 1
+    Vector3 mean = Vector3::Zero();                    ///< of the points' `local`, metres
+    Vector3 place = Vector3::Zero();                   ///< of `mean` at the end of the pass, metres
+    Eigen::Matrix3d rotation;                          ///< of the set then
+    Basis exact_sum, soft_sum;                         ///< Σ b; of soft points Σ k b, k as in springFactor()
+    Answer exact_spread, soft_spread;                  ///< Σ b (local - mean)^T, Σ k b (local - mean)^T
+    Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();    ///< Σ (local - mean) (q - mean q)^T of the exact ones
+    Eigen::Vector3d offset = Eigen::Vector3d::Zero();  ///< Σ (q - mean q) of the exact ones
+  };
+
+  /// \param points of this cluster, at least one, by set. \param allocator what the fit keeps comes from there.
   PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method, std::span<const PinPoint> points,
          allocator_type allocator);
   PinFit(PinFit&& other) noexcept = default;
@@ -50,8 +64,11 @@ class PinFit {
   ~PinFit() = default;
 
   std::uint32_t cluster() const { return cluster_; }
-  std::span<const PinPoint> points() const { return points_; }
-  std::span<PinPoint> points() { return points_; }
+  /// \return of points, in all sets.
+  std::uint32_t pointCount() const { return point_count_; }
+  std::span<const Group> groups() const { return groups_; }
+  /// `place` and `rotation` of each are the caller's to set before match().
+  std::span<Group> groups() { return groups_; }
 
   /// Makes what depends on the length of a pass; cheap if that has not changed. Never allocates.
   void prepare(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
@@ -79,16 +96,20 @@ class PinFit {
  private:
   void keepVolume(const Matrix3& shape, Answer& g) const;
   void addFreePart(Answer& g, Answer answer, const Answer& held) const;
-  double springOf(const PinPoint& point) const;
+  double springScale() const;
+  Eigen::Vector3d centredOffset(const formats::PackageView& package, const PinPoint& point) const;
   Answer answerOf(const Columns<9>& f, const Matrix3& r, const Matrix3& shape, const Eigen::Vector3d& shift) const;
   void write(const formats::Cluster& cluster, const Matrix3& r, const Matrix3& shape, const Answer& g,
              ClusterFrame& frame) const;
 
   std::uint32_t cluster_;
   PinMethod method_;
-  std::pmr::vector<PinPoint> points_;
-  std::pmr::vector<Basis> values_;     ///< by point
-  std::pmr::vector<Vector3> offsets_;  ///< by point: centred q
+  std::uint32_t point_count_;
+  std::uint32_t exact_count_ = 0;
+  std::pmr::vector<Group> groups_;
+  Answer exact_offsets_, soft_offsets_;                   ///< Σ b q^T, Σ k b q^T, of centred q
+  Eigen::Vector3d exact_mean_ = Eigen::Vector3d::Zero();  ///< of centred q of the exact points
+  Square10 springs_;                                      ///< Σ k b b^T
   ModeBasis basis_;
   ModeMatrix energy_;  ///< of an elastic cluster, E and nu as baked
   using ModeGradient = geometry::SmallMatrix<27>;
@@ -101,9 +122,12 @@ class PinFit {
   bool oriented_ = false;  ///< the exact points do not lie on a line: they say how the cluster is turned
   // For one length of pass:
   float pass_seconds_ = 0;
-  double beta_ = 0;              ///< of infinite_mass
-  Square10 system_, inverse_;    ///< H and N (N^T H N)^-1 N^T
-  Square30 system3_, inverse3_;  ///< the same of elastic clusters, axis by axis
+  double beta_ = 0;            ///< of infinite_mass
+  Square10 system_, inverse_;  ///< H and N (N^T H N)^-1 N^T
+  struct Elastic {
+    Square30 system, inverse;  ///< the same of elastic clusters, axis by axis
+  };
+  std::pmr::vector<Elastic> elastic3_;  ///< one, or none: it is large
   Square10 response_;
   Vector3 moment_center_ = Vector3::Zero();
 };

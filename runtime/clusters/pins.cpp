@@ -14,8 +14,13 @@ using RowMatrix = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
 Eigen::Map<const RowMatrix> asMatrix(const Mat3& m) { return Eigen::Map<const RowMatrix>(m.data()); }
 
-Vector3 placeOf(const RigidTransform& at, const PinnedVertex& vertex) {
-  return asMatrix(at.rotation) * asVector(vertex.local) + asVector(at.position);
+// Written out: it is done for every pinned vertex, twice a pass.
+Vector3 placeOf(const RigidTransform& at, const Vec3& local) {
+  const Mat3& r = at.rotation;
+  const auto row = [&](std::size_t k) {
+    return r[3 * k] * local[0] + r[3 * k + 1] * local[1] + r[3 * k + 2] * local[2] + at.position[k];
+  };
+  return {row(0), row(1), row(2)};
 }
 
 bool isHeldByRows(const PinSet& set) { return set.method == PinMethod::hold; }
@@ -76,7 +81,7 @@ void rebuildFits(Body& body) {
       for (const ClusterUse& use : body.rest().usesOf(vertex.vertex)) {
         const formats::Cluster& cluster = body.package().clusters()[use.cluster];
         const float mu = use.share * body.vertices()[vertex.vertex].mass / cluster.mass;
-        reached.push_back({use.cluster, {vertex.vertex, s, item, vertex.weight, mu, Vector3::Zero()}});
+        reached.push_back({use.cluster, {vertex.vertex, s, item, vertex.weight, mu, asVector(vertex.local)}});
       }
     }
   }
@@ -161,7 +166,7 @@ void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left) {
   for (const PinSet& set : body.pin_sets) {
     if (!isHeldByRows(set)) continue;
     for (const PinnedVertex& vertex : set.vertices) {
-      addRow(body, vertex.vertex, placeOf(set.at, vertex), vertex.weight, pass_seconds);
+      addRow(body, vertex.vertex, placeOf(set.at, vertex.local), vertex.weight, pass_seconds);
     }
   }
 }
@@ -181,7 +186,7 @@ void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
     for (const PinnedVertex& vertex : set.vertices) {
       if (vertex.weight < 1) continue;
       auto y = asVector(body.y[vertex.vertex]);
-      const Vector3 place = placeOf(set.at, vertex);
+      const Vector3 place = placeOf(set.at, vertex.local);
       const double mass = double(body.vertices()[vertex.vertex].mass), h = double(pass_seconds);
       addForce(set, mass / (h * h) * (place - y).cast<double>(), place);
       y = place;
@@ -189,9 +194,10 @@ void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
   }
   for (PinFit& fit : body.fits) {
     fit.prepare(body.package(), body.rest(), body.settings.stiffness_scale, pass_seconds);
-    for (PinPoint& point : fit.points()) {
-      const PinSet& set = body.pin_sets[point.set];
-      point.place = placeOf(set.at, set.vertices[point.item]);
+    for (PinFit::Group& group : fit.groups()) {
+      const RigidTransform& at = body.pin_sets[group.set].at;
+      group.rotation = asMatrix(at.rotation).cast<double>();
+      group.place = placeOf(at, asArray(group.mean));
     }
   }
 }
@@ -221,9 +227,9 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
       torque += frame.a_pq.col(k).cast<double>().cross(frame.f.col(k).cast<double>());
     }
     torque *= scale * double(cluster.radius) * double(cluster.radius);
-    const double part = 1.0 / double(fit.points().size());
-    for (const PinPoint& point : fit.points()) {
-      PinSet& set = body.pin_sets[point.set];
+    for (const PinFit::Group& group : fit.groups()) {
+      PinSet& set = body.pin_sets[group.set];
+      const double part = double(group.count) / double(fit.pointCount());
       const Eigen::Vector3d arm = (fit.momentCenter() - asVector(set.at.position)).cast<double>();
       set.force_sum -= part * force;
       set.torque_sum -= part * (torque + arm.cross(force));
@@ -232,13 +238,13 @@ void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {
   for (PinSet& set : body.pin_sets) {
     for (const PinnedVertex& vertex : set.vertices) {
       auto y = asVector(body.y[vertex.vertex]);
-      const Vector3 start = asVector(body.x[vertex.vertex]), place = placeOf(set.at, vertex);
+      const Vector3 start = asVector(body.x[vertex.vertex]), place = placeOf(set.at, vertex.local);
       if (isHeldByRows(set)) {
         const float part = body.rest().masses[vertex.vertex];
         const Vector3 acceleration =
             asVector(body.force[vertex.vertex]) + vertex.weight * part * to_force * (place - y);
         addForce(set, double(body.package().info().total_mass) * acceleration.cast<double>(), place);
-        y += vertex.weight * (place - y);
+        y = vertex.weight < 1 ? Vector3(y + vertex.weight * (place - y)) : place;
       } else if (vertex.weight >= 1) {
         y = place;
       } else {

@@ -72,6 +72,29 @@ bool isSlender(const ClusterRest& rest) {
   return values[0] < double(kSlender) * values[2];
 }
 
+// The lowest frequency of the classes of modes that return at all, Hz; 0 where none does, infinite where all are rigid.
+// Those of an authored frequency count as the body's (eq. 8), those of per_step as they are.
+float slowestClass(std::span<const double> ratios, double frequency_ratio, double step_seconds) {
+  double slowest = std::numeric_limits<double>::infinity();
+  bool any = false;
+  for (const double ratio : ratios) {
+    if (ratio == 0) continue;
+    any = true;
+    slowest = std::min(slowest, std::sqrt(ratio) / (2 * std::numbers::pi * step_seconds * frequency_ratio));
+  }
+  return any ? float(slowest) : 0.0F;
+}
+
+// The same of elastic modes. A chain of pieces that are 1/n of the body bends n² slower than one piece does.
+float slowestMode(const ElasticModes& modes, double frequency_ratio, double scale) {
+  float least = std::numeric_limits<float>::infinity();
+  for (const float omega2 : modes.omega2) {
+    if (omega2 > 0) least = std::min(least, omega2);
+  }
+  if (!std::isfinite(least)) return 0;
+  return float(scale * std::sqrt(double(least)) / (2 * std::numbers::pi * frequency_ratio * frequency_ratio));
+}
+
 }  // namespace
 
 std::array<double, 3> classRatios(const formats::PackageView& package, const RestConstants& rest, std::uint32_t index,
@@ -139,7 +162,10 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
       const Eigen::Map<const Columns<9>> mode(modes.vectors.col(k).data());
       result.s += (kept[k] / 3) * mode.transpose() * mode;
     }
-    result.kept = kept.mean();
+    // Of what deforms at all: turns, and modes that the cluster lacks, keep everything.
+    const auto deforms = (modes.omega2.array() > 0).cast<float>();
+    result.kept = deforms.sum() > 0 ? (kept.array() * deforms).sum() / deforms.sum() : 1.0F;
+    result.slowest_hz = slowestMode(modes, double(rest.clusters[index].frequency_ratio), double(stiffness_scale));
     result.deforms = true;
     result.mixes_classes = quadratic || mechanics.poisson > 0;
     return result;
@@ -148,6 +174,9 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   const std::array<double, 3> ratios = classRatios(package, rest, index, stiffness_scale, step_seconds);
   const float beta = float(1 / (1 + damping + ratios[0]));
   result.kept = beta;
+  const bool authored = mechanics.stiffness == formats::StiffnessModel::frequency;
+  result.slowest_hz = slowestClass(std::span(ratios).first(quadratic ? 3 : 1),
+                                   authored ? double(rest.clusters[index].frequency_ratio) : 1.0, double(step_seconds));
   if (!quadratic) {
     result.deforms = beta > 0;
     result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
@@ -168,6 +197,7 @@ StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_
     : scale(stiffness_scale),
       clusters(package.clusters().size(), memory),
       blocks((clusters.size() + 7) / 8, memory),
+      slowest_hz(package.bodies().size(), memory),
       kept(memory) {}
 
 void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block) {
@@ -195,6 +225,16 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
     blocks[c / 8].least[c % 8] = limits.least;
     blocks[c / 8].largest[c % 8] = limits.largest;
     blocks[c / 8].keeps_volume[c % 8] = limits.volume == formats::VolumeMethod::principal ? -1 : 0;
+  }
+  for (std::size_t part = 0; part < slowest_hz.size(); ++part) {
+    const formats::BodyRange& range = package.bodies()[part];
+    float slowest = std::numeric_limits<float>::infinity();
+    bool deforms = false;
+    for (const ClusterStiffness& one : std::span(clusters).subspan(range.first_cluster, range.cluster_count)) {
+      deforms |= std::isfinite(one.slowest_hz);
+      if (one.slowest_hz > 0) slowest = std::min(slowest, one.slowest_hz);
+    }
+    slowest_hz[part] = deforms && !std::isfinite(slowest) ? 0.0F : slowest;
   }
   const MechanicsConstants& mechanics = rest.mechanics;
   kept.resize(mechanics.modes.size());

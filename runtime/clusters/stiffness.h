@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory_resource>
 #include <vector>
 
@@ -15,8 +16,11 @@ namespace sinew::internal {
 
 /// What a cluster's frequencies mean for one length of step (docs/method.md §4).
 struct ClusterStiffness {
-  float alpha = 1.0F;               ///< alpha_h of eq. 9
-  float kept = 0.0F;                ///< beta_h of stretch and shear (eq. 6); 0 for a rigid cluster
+  float alpha = 1.0F;  ///< alpha_h of eq. 9
+  float kept = 0.0F;   ///< beta_h of stretch and shear (eq. 6); 0 for a rigid cluster
+  /// The lowest frequency that the body returns with where it is made of such clusters, Hz; 0 = it never does,
+  /// infinite = rigid.
+  float slowest_hz = std::numeric_limits<float>::infinity();
   bool deforms = false;             ///< false: F = R, s is zero
   bool mixes_classes = false;       ///< S is no multiple of A_qq: classes of modes differ in frequency
   Square<9> s = Square<9>::Zero();  ///< S of eq. 8: F = [R 0] + (A_pq - R M) S; rows and columns 3.. only if quadratic
@@ -53,6 +57,7 @@ struct StiffnessSet {
   float step_seconds = 0;  ///< pass length it holds for; 0 = none yet
   std::pmr::vector<ClusterStiffness> clusters;
   std::pmr::vector<StiffnessBlock> blocks;  ///< the same for kernels
+  std::pmr::vector<float> slowest_hz;       ///< by part: the lowest of its clusters' that is not 0
   /// By entry of MechanicsConstants::modes: what a pass keeps of each.
   std::pmr::vector<Eigen::Matrix<float, 27, 1>> kept;
 };

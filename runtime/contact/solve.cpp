@@ -24,6 +24,10 @@ constexpr float kRelativeCompliance = 1e-1F;
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;
 
+// What a held point remembers of its impulse. Where limits stop the clusters that it pulls, impulses that are all
+// remembered swing to and fro and grow (an L-bar drawn to twice its length by its ends).
+constexpr float kRememberedHold = 0.7F;
+
 // Move of a point, diagonals, that one relaxation of a row may cause.
 constexpr float kLargestMove = 0.25F;
 
@@ -297,35 +301,40 @@ std::size_t mostTerms(const Body& body) {
 
 void bringNear(Body& body, float pass_seconds) {
   const float far_off = kFarOff * body.package().info().diagonal;
-  for (const Part& part : body.parts) {
-    // How far the rows are from where they ask the part to be: the deepest contact, the mean of what is held.
-    Vector3 held = Vector3::Zero(), normal = Vector3::Zero();
-    float holds = 0, depth = 0, farthest = 0;
-    for (const Row& row : body.rows) {
-      if (row.point != RowPoint::physical_vertex || row.index - part.first_vertex >= part.vertex_count) continue;
-      const Vector3 error = row.target - asVector(body.y[row.index]);
-      if (row.kind == RowKind::hold) {
-        held += error;
-        holds += 1;
-        farthest = std::max(farthest, error.norm());
-      } else if (row.normal.dot(error) > depth) {
-        depth = row.normal.dot(error);
-        normal = row.normal;
-      }
+  for (Part& part : body.parts) {
+    part.pull = {};
+    part.shifted = false;
+  }
+  for (const Row& row : body.rows) {
+    if (row.point != RowPoint::physical_vertex) continue;
+    Part::Pull& pull = body.partOf(row.index).pull;
+    const Vector3 error = row.target - asVector(body.y[row.index]);
+    if (row.kind == RowKind::hold) {
+      pull.held += error;
+      pull.holds += 1;
+      pull.farthest = std::max(pull.farthest, error.norm());
+    } else if (row.normal.dot(error) > pull.depth) {
+      pull.depth = row.normal.dot(error);
+      pull.normal = row.normal;
     }
+  }
+  bool any_shifted = false;
+  for (Part& part : body.parts) {
+    const Part::Pull& pull = part.pull;
     Vector3 shift = Vector3::Zero();
-    if (holds > 0) {
-      if (farthest > far_off) shift = held / holds;
-    } else if (depth > far_off) {
+    if (pull.holds > 0) {
+      if (pull.farthest > far_off) shift = pull.held / pull.holds;
+    } else if (pull.depth > far_off) {
       // Not further than the part as a whole goes down in this pass: its fall is stopped, it is not thrown up.
       float mass = 0, fall = 0;
       for (std::uint32_t i = part.first_vertex; i < part.first_vertex + part.vertex_count; ++i) {
         mass += body.rest().masses[i];
-        fall += body.rest().masses[i] * normal.dot(asVector(body.x[i]) - asVector(body.y[i]));
+        fall += body.rest().masses[i] * pull.normal.dot(asVector(body.x[i]) - asVector(body.y[i]));
       }
-      shift = std::clamp(fall / mass, 0.0F, depth) * normal;
+      shift = std::clamp(fall / mass, 0.0F, pull.depth) * pull.normal;
     }
     if (!shift.allFinite() || shift.isZero(0)) continue;
+    part.shifted = any_shifted = true;
     for (std::uint32_t i = part.first_vertex; i < part.first_vertex + part.vertex_count; ++i) {
       asVector(body.y[i]) += shift;
       asVector(body.v[i]) += shift / pass_seconds;
@@ -334,17 +343,17 @@ void bringNear(Body& body, float pass_seconds) {
     for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
       for (int k = 0; k < 3; ++k) body.blocks[c / 8].center[k][c % 8] += shift[k];
     }
-    for (Row& row : body.rows) {
-      if (row.point != RowPoint::physical_vertex || row.index - part.first_vertex < part.vertex_count) {
-        row.impulse.setZero();
-      }
-    }
+  }
+  for (Row& row : body.rows) {
+    if (!any_shifted) break;
+    if (row.point != RowPoint::physical_vertex || body.partOf(row.index).shifted) row.impulse.setZero();
   }
 }
 
 void warmStartRows(Body& body) {
   for (ClusterResponse& response : body.responses) response.used = false;
-  for (const Row& row : body.rows) {
+  for (Row& row : body.rows) {
+    if (row.kind == RowKind::hold) row.impulse *= kRememberedHold;
     forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
   }
   loadUsedFrames(body);

@@ -72,16 +72,41 @@ CellGrid fitGrid(const Eigen::AlignedBox3d& bounds, double spacing, double min_d
 
 void keepTouchedCells(CellGrid& grid, const TriangleBvh& surface, const WindingNumber* solid,
                       const ParallelFor& parallel_for) {
-  parallel_for(grid.kept.size(), 64, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const int x = int(i % std::size_t(grid.size[0]));
-      const int y = int(i / std::size_t(grid.size[0]) % std::size_t(grid.size[1]));
-      const int z = int(i / std::size_t(grid.size[0]) / std::size_t(grid.size[1]));
-      const Eigen::AlignedBox3d box = grid.box(x, y, z);
-      const Eigen::AlignedBox3d inner(box.min() + kEnterDepth * grid.spacing, box.max() - kEnterDepth * grid.spacing);
-      grid.kept[i] = surface.touches(inner) || (solid != nullptr && solid->inside(box.center())) ? 1 : 0;
+  const Vector3d depth = kEnterDepth * grid.spacing;
+  const auto for_cells = [&](auto&& visit) {
+    parallel_for(grid.kept.size(), 64, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const int x = int(i % std::size_t(grid.size[0]));
+        const int y = int(i / std::size_t(grid.size[0]) % std::size_t(grid.size[1]));
+        const int z = int(i / std::size_t(grid.size[0]) / std::size_t(grid.size[1]));
+        visit(i, std::array<int, 3>{x, y, z}, grid.box(x, y, z));
+      }
+    });
+  };
+  for_cells([&](std::size_t i, const std::array<int, 3>&, const Eigen::AlignedBox3d& box) {
+    const Eigen::AlignedBox3d inner(box.min() + depth, box.max() - depth);
+    grid.kept[i] = surface.touches(inner) || (solid != nullptr && solid->inside(box.center())) ? 1 : 0;
+  });
+  // What runs in the side between two boxes enters neither: the one above keeps it, at the top end the one below.
+  std::vector<char> added(grid.kept.size(), 0);
+  for_cells([&](std::size_t i, const std::array<int, 3>& cell, const Eigen::AlignedBox3d& box) {
+    if (grid.kept[i] != 0 || !surface.touches({box.min() - depth, box.max() + depth})) return;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto runs_at = [&](double place) {
+        Eigen::AlignedBox3d side(box.min() + depth, box.max() - depth);
+        side.min()[axis] = place - depth[axis];
+        side.max()[axis] = place + depth[axis];
+        return surface.touches(side);
+      };
+      std::array<int, 3> below = cell;
+      --below[std::size_t(axis)];
+      const bool below_is_kept =
+          below[std::size_t(axis)] >= 0 && grid.kept[grid.index(below[0], below[1], below[2])] != 0;
+      const bool is_top = cell[std::size_t(axis)] + 1 == grid.size[std::size_t(axis)];
+      if ((!below_is_kept && runs_at(box.min()[axis])) || (is_top && runs_at(box.max()[axis]))) added[i] = 1;
     }
   });
+  for (std::size_t i = 0; i < added.size(); ++i) grid.kept[i] = char(grid.kept[i] | added[i]);
 }
 
 std::size_t bridgeCells(CellGrid& grid) {

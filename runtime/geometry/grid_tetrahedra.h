@@ -37,7 +37,8 @@ double boxDihedral(const Eigen::Vector3d& size);
 /// bounds. \return a grid with no box kept.
 CellGrid fitGrid(const Eigen::AlignedBox3d& bounds, double spacing, double min_dihedral_deg);
 
-/// Keeps the boxes that the surface enters (by more than 1e-3 of the box) or whose centre is inside the solid.
+/// Keeps the boxes that the surface enters (by more than 1e-3 of the box) or whose centre is inside the solid, and one
+/// on a side that the surface runs in where neither of the two is kept.
 /// \param solid also decides the inside; may be empty: then only `surface` counts.
 void keepTouchedCells(CellGrid& grid, const TriangleBvh& surface, const WindingNumber* solid,
                       const ParallelFor& parallel_for = serialFor);

@@ -56,7 +56,9 @@ void addProduct(MatrixView to, double scale, ConstMatrixView a, ConstMatrixView 
   for (int j = 0; j < b.columns; ++j) {
     for (int k = 0; k < a.columns; ++k) {
       const double factor = scale * b(k, j);
-      for (int i = 0; i < a.rows; ++i) to(i, j) += a(i, k) * factor;
+      const double* from = &a(0, k);
+      double* at = &to(0, j);
+      for (int i = a.rows; i > 0; --i, from += a.row_step, at += to.row_step) *at += *from * factor;
     }
   }
 }

@@ -44,8 +44,8 @@ class SmallMatrix {
   int columns() const { return columns_; }
   /// Drops columns from the end.
   void keepColumns(int count) { columns_ = count; }
-  double& operator()(int row, int column) { return values_[std::size_t(column * rows_ + row)]; }
-  double operator()(int row, int column) const { return values_[std::size_t(column * rows_ + row)]; }
+  double& operator()(int row, int column) { return view()(row, column); }
+  double operator()(int row, int column) const { return view()(row, column); }
   double* data() { return values_.data(); }
   const double* data() const { return values_.data(); }
   MatrixView view() { return {values_.data(), rows_, columns_, 1, rows_}; }

@@ -12,10 +12,6 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-// A_pq of more than this part of what the largest stretches make of its norm at rest: the cluster is torn apart. What
-// the guard has let through, stretched by 3 along every axis, is not.
-constexpr float kTorn = 1.1F;
-
 // Where the packed lower triangle of a symmetric matrix has row i, column j.
 constexpr std::uint8_t kPackedPlace[9][9] = {
     {0, 1, 3, 6, 10, 15, 21, 28, 36},     {1, 2, 4, 7, 11, 16, 22, 29, 37},     {3, 4, 5, 8, 12, 17, 23, 30, 38},
@@ -138,7 +134,9 @@ template <class W, class Mask = decltype(W{} < W{})>
   for (int k = 1; k < 9; ++k) finite += absolute(a.m[k]);
   shaped = act & (outside | keeps_volume) & (finite < splat<W>(3.0e38F));
   a = select(shaped, compose(svd, sigma), a);
-  return shaped & guarded;
+  const W volume = svd.sigma.x * svd.sigma.y * svd.sigma.z;
+  const Mask jumps = keeps_volume & ((volume < kLeastVolume) | (volume * kLeastVolume > 1.0F));
+  return shaped & (guarded | jumps);
 }
 
 /// \param columns 3, or 9 where a cluster is quadratic.

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "runtime/clusters/goal.h"
@@ -266,26 +267,26 @@ class BodyStep {
 
   void collectRows(std::uint32_t passes_left) {
     body_.rows.clear();
+    rows_are_dropped_ = false;
     addPinRows(body_, h_, passes_left);
     if (settings_.ground.enabled) addGroundRows(body_, settings_.ground, h_);
     addPickRows(body_, h_);
     if (body_.rows.empty()) return;
-    for (const Part& part : body_.parts) findPose(part);
+    // What is held may be held out of shape: there the clusters answer, each for itself.
+    const auto is_hold = [](const Row& row) { return row.kind == RowKind::hold; };
+    const bool held = std::any_of(body_.rows.begin(), body_.rows.end(), is_hold);
+    for (const Part& part : body_.parts) findPose(part, held ? std::numeric_limits<double>::infinity() : kAstray);
     bool astray = false;
     for (const ClusterBlock& block : body_.blocks) {
       for (const std::int32_t one : block.astray) astray |= one != 0;
     }
     if (astray) {
-      // A part that goes back as one does not answer forces in this pass. What is held may be held out of shape: there
-      // the clusters answer, each for itself; vertices stay above the ground without rows.
-      const auto is_held = [](const Row& row) { return row.kind == RowKind::hold; };
-      if (std::any_of(body_.rows.begin(), body_.rows.end(), is_held)) {
-        for (ClusterBlock& block : body_.blocks) std::fill(std::begin(block.astray), std::end(block.astray), 0);
-      } else {
-        for (const Row& row : body_.rows) body_.force[row.index] = {};
-        body_.rows.clear();
-        return;
-      }
+      // A part that goes back as one does not answer forces in this pass; vertices stay above the ground without rows,
+      // which is no free motion either.
+      for (const Row& row : body_.rows) body_.force[row.index] = {};
+      rows_are_dropped_ = !body_.rows.empty();
+      body_.rows.clear();
+      return;
     }
     bringNear(body_, h_);
     warmStartRows(body_);
@@ -296,14 +297,20 @@ class BodyStep {
                    body_.blocks, far);
   }
 
-  bool partIsHeld(const Part& part) const {
+  void findFreeParts() {
+    for (Part& part : body_.parts) part.free = !rows_are_dropped_;
     for (const PinFit& fit : body_.fits) {
-      if (fit.cluster() - part.first_cluster < part.cluster_count) return true;
+      const formats::Cluster& cluster = body_.package().clusters()[fit.cluster()];
+      body_.partOf(body_.package().memberships()[cluster.first_member].vertex).free = false;
     }
-    return std::any_of(body_.rows.begin(), body_.rows.end(), [&](const Row& row) {
-      if (row.point == RowPoint::physical_vertex) return row.index - part.first_vertex < part.vertex_count;
-      return true;  // a pick: which part it pulls is not worth the search; parts beside it only keep plain y and v
-    });
+    for (const Row& row : body_.rows) {
+      if (row.point == RowPoint::physical_vertex) {
+        body_.partOf(row.index).free = false;
+      } else {
+        // A pick: which part it pulls is not worth the search; parts beside it only keep plain y and v.
+        for (Part& part : body_.parts) part.free = false;
+      }
+    }
   }
 
   // Clusters that have lost their orientation or are torn want the pose of their part, which takes all moments of the
@@ -327,7 +334,7 @@ class BodyStep {
 
   void apply(std::uint32_t passes_left) {
     const bool held = isHeld();
-    for (Part& part : body_.parts) part.free = !held || !partIsHeld(part);
+    findFreeParts();
     const float diagonal = body_.package().info().diagonal;
     forChunks([&](VertexChunk& chunk) {
       const Part& part = body_.parts[chunk.part];
@@ -453,8 +460,10 @@ class BodyStep {
     a.vertices = vertexRange(chunk);
     a.h = h_;
     a.free = part.free;
-    double rate =
-        std::min(4 * std::numbers::pi * double(settings_.deformation_damping_ratio) * part.slowest_hz, kFastestDamping);
+    // Stiff without limit (clusters all rigid) times no damping at all is none.
+    const double ratio = double(settings_.deformation_damping_ratio);
+    const double slowest_hz = double(body_.stiffness->slowest_hz[chunk.part]);
+    double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * slowest_hz, kFastestDamping) : 0.0;
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));
@@ -488,7 +497,7 @@ class BodyStep {
     kernel_.settle(a);
   }
 
-  bool isHeld() const { return !body_.rows.empty() || !body_.fits.empty(); }
+  bool isHeld() const { return !body_.rows.empty() || !body_.fits.empty() || rows_are_dropped_; }
 
   // Relative to all vertices of the body, as in the sums.
   double partMass(const Part& part) const {
@@ -504,6 +513,7 @@ class BodyStep {
   const WorldSettings& settings_;
   JobSystem* jobs_;
   const float h_;
+  bool rows_are_dropped_ = false;  ///< in this pass: the body goes back as one
   PhaseClock clock_;
   const Kernels& kernel_ = kernels();
 };

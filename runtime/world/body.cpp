@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "runtime/clusters/goal.h"
@@ -22,27 +23,6 @@ bool within(const Vec3& v, float limit) {
 }  // namespace
 
 bool stateIsUsable(const Vec3& x, const Vec3& v) { return within(x, kLargestPosition) && within(v, kLargestVelocity); }
-
-namespace {
-
-// The lowest frequency that clusters return with, Hz: 0 where none ever returns, infinite where all are rigid.
-double slowestFrequency(std::span<const formats::Cluster> clusters, double scale) {
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  double slowest = kNone;
-  bool deforms = false;
-  for (const formats::Cluster& cluster : clusters) {
-    if (cluster.mode == formats::ClusterMode::rigid) continue;
-    deforms = true;
-    const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-    for (const float hz :
-         {cluster.stretch_hz, quadratic ? cluster.bend_hz : 0.0F, quadratic ? cluster.twist_hz : 0.0F}) {
-      if (double(hz) * scale > 0) slowest = std::min(slowest, double(hz) * scale);
-    }
-  }
-  return deforms && slowest == kNone ? 0.0 : slowest;
-}
-
-}  // namespace
 
 Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
            std::pmr::memory_resource* memory)
@@ -85,8 +65,6 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       const auto [light, heavy] = std::minmax_element(own.begin(), own.end());
       part.uneven = *heavy > kUneven * *light;
     }
-    part.slowest_hz = slowestFrequency(package().clusters().subspan(range.first_cluster, range.cluster_count),
-                                       double(settings.stiffness_scale));
     const std::uint32_t index = std::uint32_t(parts.size());
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
       const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);
@@ -156,6 +134,11 @@ Vector3 Body::blendedGoal(std::uint32_t vertex) const {
                                     loadFrame(blocks, use.cluster), at_rest);
   }
   return goal;
+}
+
+Part& Body::partOf(std::uint32_t vertex) {
+  const auto begins_behind = [](std::uint32_t index, const Part& part) { return index < part.first_vertex; };
+  return *std::prev(std::upper_bound(parts.begin() + 1, parts.end(), vertex, begins_behind));
 }
 
 }  // namespace sinew::internal

@@ -82,6 +82,15 @@ struct VertexChunk {
 
 /// One separate part (BODY record) of a body, with what a pass finds of it.
 struct Part {
+  /// How far the rows of a pass are from where they ask the part to be.
+  struct Pull {
+    Vector3 held = Vector3::Zero();    ///< Σ of the errors of what is held, metres
+    float holds = 0;                   ///< how many those are
+    float farthest = 0;                ///< of those, metres
+    Vector3 normal = Vector3::Zero();  ///< of the deepest contact
+    float depth = 0;                   ///< of it, metres
+  };
+
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_chunk = 0, chunk_count = 0;
   std::uint32_t first_cluster = 0, cluster_count = 0;
@@ -93,10 +102,11 @@ struct Part {
   Eigen::Vector3d spin = Eigen::Vector3d::Zero();
   MotionSums before;          ///< of the predicted motion: its momentum is to stay
   RigidMotion lacking;        ///< what is to be added after all
+  Pull pull;                  ///< of this pass
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
-  double slowest_hz = 0;      ///< lowest frequency of its clusters; 0 = none returns, infinite = all are rigid
   bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
   bool free = true;           ///< no row of this pass touches the part
+  bool shifted = false;       ///< bringNear() moved it in this pass
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
 };
 
@@ -123,6 +133,9 @@ struct Body {
   /// \param memory all that the body keeps comes from there.
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
        std::pmr::memory_resource* memory);
+
+  /// The part that a vertex belongs to.
+  Part& partOf(std::uint32_t vertex);
 
   const formats::PackageView& package() const { return asset->package(); }
   const RestConstants& rest() const { return asset->constants(); }

@@ -98,5 +98,28 @@ TEST(Moments, AFlatClusterBecomesRigidAndIsNamed) {
   EXPECT_NE(findings[0].place.find("sheet"), std::string::npos);
 }
 
+// On the six corners of a prism x², y² and x y are linear functions of x and y; on the eight of a box x y is none, and
+// x² is constant. As quadratic clusters prisms shook themselves to pieces on the ground.
+TEST(Moments, APrismIsMadeLinearAndABoxIsNot) {
+  for (const int corners : {3, 4}) {
+    std::vector<formats::PhysicalVertex> vertices;
+    ClusterSource cell;
+    cell.name = "cell";
+    cell.mode = formats::ClusterMode::quadratic;
+    for (int i = 0; i < 2 * corners; ++i) {
+      cell.vertices.push_back(std::uint32_t(i));
+      cell.weights.push_back(1);
+      const int corner = i % corners;
+      vertices.push_back({{corner == 1 || corner == 3 ? 1.0F : 0.0F, corner >= 2 ? 0.8F : 0.0F, float(i / corners)},
+                          1.0F + 0.3F * float(corner)});
+    }
+    std::vector<Finding> findings;
+    const auto constants = clusterConstants(std::vector{cell}, vertices, {}, findings);
+    EXPECT_EQ(constants.clusters[0].mode,
+              corners == 3 ? formats::ClusterMode::linear : formats::ClusterMode::quadratic);
+    EXPECT_EQ(findings.size(), corners == 3 ? 1U : 0U);
+  }
+}
+
 }  // namespace
 }  // namespace sinew::tools

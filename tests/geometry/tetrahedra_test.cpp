@@ -212,6 +212,27 @@ TEST(Grid, MenagerieHoldsAndCoversTheSurface) {
   }
 }
 
+// A sheet in a plane of the grid enters no box, and another one that does keeps none for it.
+TEST(Grid, KeepsASheetThatRunsBetweenBoxes) {
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double place : {0.0, 0.5, 1.0}) {
+      const std::array<std::array<double, 2>, 4> square = {{{0.05, 0.05}, {0.95, 0.05}, {0.95, 0.95}, {0.05, 0.95}}};
+      std::vector<Vector3d> positions;
+      for (const auto& corner : square) {
+        Vector3d& p = positions.emplace_back();
+        p[axis] = place;
+        p[(axis + 1) % 3] = corner[0];
+        p[(axis + 2) % 3] = corner[1];
+      }
+      const std::vector<Triangle> triangles = {{0, 1, 2}, {0, 2, 3}};
+      const WindingNumber sheet(positions, triangles, true);
+      CellGrid grid = fitGrid({Vector3d::Zero(), Vector3d::Ones()}, 0.25, 30);
+      keepTouchedCells(grid, sheet.bvh(), nullptr);
+      EXPECT_EQ(std::count(grid.kept.begin(), grid.kept.end(), char(1)), 16) << axis << " at " << place;
+    }
+  }
+}
+
 TEST(Grid, BridgesPiecesThatFallApart) {
   CellGrid grid;
   grid.size = {7, 3, 5};

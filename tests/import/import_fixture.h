@@ -40,9 +40,11 @@ class ImportTest : public ::testing::Test {
   std::filesystem::path folder_;
 };
 
+/// Vertices are as the file has them: computed normals split none (crease_test.cpp has them split).
 inline ImportOptions testOptions() {
   ImportOptions options;
   options.worker = SINEW_TEST_IMPORT_WORKER;
+  options.crease_degrees = 180;
   return options;
 }
 

@@ -173,6 +173,9 @@ TEST_F(Stl, WrongCounts) {
   expectRefusal(write("more.stl", stlBody(5)), "promises 5 triangles but holds 4");
   expectRefusal(write("huge.stl", stlBody(0xffffffffU)), "promises 4294967295 triangles");
   expectRefusal(write("cut.stl", stlBody(4).substr(0, 84 + 120)), "promises 4 triangles but holds 2");
+  std::string begins_like_text = stlBody(4).substr(0, 84 + 120);
+  begins_like_text.replace(0, 5, "solid");
+  expectRefusal(write("cut_solid.stl", begins_like_text), "promises 4 triangles but holds 2");
   expectRefusal(write("short.stl", "abc"), "is no STL");
   const VisualMesh mesh = importFile(write("tail.stl", stlBody(4) + "made with love"));
   EXPECT_EQ(findingOf(mesh, "trailing-bytes")->count, 14U);

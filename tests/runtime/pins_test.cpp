@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Pin sets on the wall beam of Henriques 2006, figures 4 to 6: 1 x 0.2 x 0.2 m, held at one end.
+// Pin sets on the wall beam of Henriques 2006, figures 4 to 6: 1 x 0.2 x 0.2 m, held at one end. The tables that
+// docs/method.md has of it are tested in tests/study.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -94,32 +95,6 @@ struct HeldBeam {
     }
     return sum;
   }
-  // Area of the section at a rest x, over that at rest: its in-plane edges' cross product, by least squares.
-  double sectionArea(double at) const {
-    const auto vertices = asset->package().physicalVertices();
-    Vector3d mean = Vector3d::Zero(), rest_mean = Vector3d::Zero();
-    double count = 0;
-    std::vector<std::uint32_t> members;
-    for (std::uint32_t i = 0; i < vertices.size(); ++i) {
-      if (std::abs(double(vertices[i].rest_position[0]) - at) > 1e-6) continue;
-      members.push_back(i);
-      mean += wide(world.positions(body)[i]);
-      rest_mean += wide(vertices[i].rest_position);
-      ++count;
-    }
-    mean /= count;
-    rest_mean /= count;
-    Eigen::Matrix<double, 3, 2> a = Eigen::Matrix<double, 3, 2>::Zero();
-    Eigen::Matrix2d q = Eigen::Matrix2d::Zero();
-    for (const std::uint32_t i : members) {
-      const Eigen::Vector2d rest = (wide(vertices[i].rest_position) - rest_mean).tail<2>();
-      a += (wide(world.positions(body)[i]) - mean) * rest.transpose();
-      q += rest * rest.transpose();
-    }
-    a = (a * q.inverse()).eval();
-    return a.col(0).cross(a.col(1)).norm();
-  }
-
   World world;
   std::shared_ptr<const Asset> asset;
   BodyId body;
@@ -147,34 +122,6 @@ TEST(ConstrainedFit, TheWallStaysExactlyAndCarriesTheWeight) {
   }
 }
 
-TEST(ConstrainedFit, SagDoesNotDependOnTheStep) {
-  for (const ClusterMechanics& mechanics : {formats::kPlainMechanics, elastic(1e6F, 0.3F)}) {
-    std::vector<double> sags;
-    for (const float rate : {30.0F, 60.0F, 120.0F, 240.0F}) {
-      Beam beam;
-      beam.mechanics = mechanics;
-      HeldBeam held(beam);
-      run(held.world, 6, 1 / rate);
-      sags.push_back(held.sag());
-    }
-    const auto [least, most] = std::minmax_element(sags.begin(), sags.end());
-    EXPECT_LT(*most, 1.03 * *least);
-    EXPECT_GT(*least, 0.01);
-  }
-}
-
-TEST(ConstrainedFit, SagDoesNotDependOnTheNumberOfVertices) {
-  Beam beam;
-  beam.mechanics = elastic(1e6F, 0.3F);
-  beam.cells = {14, 8, 8};  // 1,215 vertices
-  HeldBeam coarse(beam);
-  beam.cells = {40, 13, 13};  // 8,036
-  HeldBeam fine(beam);
-  run(coarse.world, 5);
-  run(fine.world, 5);
-  EXPECT_NEAR(fine.sag(), coarse.sag(), 0.05 * coarse.sag());
-}
-
 // A cantilever of one cluster whose free modes all have the frequency f: the sag of uniform gravity is g / (2 pi f)²
 // times the projection of 1 on the functions of the cluster that vanish at the wall; of x and x², 4 x - 10/3 x² in the
 // continuum, 2/3 at the end. Vertices are lumped, so the reference solves the same least squares with them.
@@ -194,46 +141,6 @@ TEST(ConstrainedFit, SagIsWhatTheFrequencySays) {
   const double expected = 9.81 / (omega * omega) * moment.inverse().operator*(load).sum();
   EXPECT_NEAR(held.sag(), expected, 0.01 * expected);
   EXPECT_NEAR(expected, 2.0 / 3 * 9.81 / (omega * omega), 0.05 * expected);
-}
-
-TEST(ConstrainedFit, ReturnsToRestWhenGravityGoes) {
-  for (const ClusterMechanics& mechanics : {formats::kPlainMechanics, elastic(1e6F, 0.3F)}) {
-    Beam beam;
-    beam.mechanics = mechanics;
-    HeldBeam held(beam);
-    run(held.world, 3);
-    EXPECT_GT(held.sag(), 0.01);
-    held.world.settings().gravity = {0, 0, 0};
-    run(held.world, 4);
-    EXPECT_LT(restError(held.world, held.body).max, 1e-3);
-    EXPECT_NEAR(held.volume(), 0.04, 1e-3 * 0.04);
-  }
-}
-
-TEST(ConstrainedFit, KeepsSectionAndVolumeWhenACornerIsPulled) {
-  for (const auto volume : {formats::VolumeMethod::none, formats::VolumeMethod::principal}) {
-    Beam beam;
-    beam.mechanics = elastic(1e6F, 0.3F);
-    beam.mechanics.limit = formats::LimitMethod::principal;
-    beam.mechanics.volume = volume;
-    beam.gravity = 0;
-    HeldBeam held(beam);
-    const auto visual = held.asset->package().visualPositions();
-    std::uint32_t corner = 0;
-    for (std::uint32_t i = 0; i < visual.size(); ++i) {
-      if (visual[i][0] + visual[i][1] + visual[i][2] >
-          visual[corner][0] + visual[corner][1] + visual[corner][2] + 1e-5F) {
-        corner = i;
-      }
-    }
-    const Vec3 place = visual[corner];
-    held.world.pick(held.body, corner, {place[0], place[1] + 0.15F, place[2]}, 2);
-    run(held.world, 4);
-    EXPECT_GT(-held.sag(), 0.05);
-    for (const double at : {0.25, 0.5, 0.75, 1.0}) EXPECT_NEAR(held.sectionArea(at), 1, 0.05) << at;
-    EXPECT_NEAR(held.volume(), 0.04, 0.02 * 0.04);
-    EXPECT_EQ(held.wallError(), 0);
-  }
 }
 
 TEST(ConstrainedFit, KeepsStillWithVolumeAndLimitsAtAnyStep) {
@@ -465,6 +372,39 @@ TEST(PackagePins, AreLetGoResetAndRestoredAsTheOthers) {
   EXPECT_EQ(world.pinSet(free_body, "left"), PinSetId{});
   run(world, 0.5);
   EXPECT_LT(world.positions(free_body)[0][1], -0.5F);
+}
+
+// The ends of an L drawn to twice their distance: its one cluster stretches by half at most, so the pins ask for what
+// cannot be. It stays where the pins leave it; remembered impulses once shook it to 20 lengths a second.
+TEST(Pins, DrawnBeyondTheLimitsTheBodyStaysCalm) {
+  BoxOptions box;
+  box.cells = {12, 8, 2};
+  box.size = {1, 0.6, 0.16};
+  box.mode = ClusterMode::quadratic;
+  box.stretch_hz = 30;
+  box.bend_hz = box.twist_hz = 10;
+  box.keep = [](std::uint32_t x, std::uint32_t y, std::uint32_t) { return x < 4 || y < 2; };
+  WorldSettings settings = weightless();
+  settings.iterations = 8;
+  World world(settings);
+  formats::PackageContent content = boxContent(box);
+  ClusterMechanics mechanics = formats::kPlainMechanics;
+  mechanics.limit = formats::LimitMethod::principal;
+  mechanics.stretch_min = 0.5F;
+  mechanics.stretch_max = 1.5F;
+  mechanics.volume = formats::VolumeMethod::principal;
+  content.mechanics.assign(content.clusters.size(), mechanics);
+  const BodyId body = *world.addBody(makeAsset(content));
+  const std::vector<Vec3> start(world.positions(body).begin(), world.positions(body).end());
+  for (int step = 0; step < 90; ++step) {
+    const float pull = 0.5F * std::min(1.0F, float(step) / 30);
+    for (std::uint32_t v = 0; v < start.size(); ++v) {
+      if (std::abs(start[v][0]) < 0.45F) continue;
+      world.pin(body, v, {start[v][0] + (start[v][0] > 0 ? pull : -pull), start[v][1], start[v][2]});
+    }
+    world.step(1.0F / 60);
+  }
+  EXPECT_LT(rmsSpeed(world, body), 0.05);
 }
 
 TEST(PinSets, ALetGoBodyIsFree) {

@@ -136,6 +136,11 @@ void readContent(const Json& json, Recipe& recipe) {
   list("stiffness", [&](const Json& entry, const std::string& pointer) {
     recipe.stiffness.push_back({selectionAt(entry, pointer, "from"), entry["value"].get<double>()});
   });
+  list("colors", [&](const Json& entry, const std::string& pointer) {
+    RecipeColor color{selectionAt(entry, pointer, "from")};
+    for (std::size_t k = 0; k < 3; ++k) color.color[k] = entry["color"][k].get<double>();
+    recipe.colors.push_back(std::move(color));
+  });
   list("thickness", [&](const Json& entry, const std::string& pointer) {
     recipe.thickness.push_back({selectionAt(entry, pointer, "from"), entry["value"].get<double>()});
   });
@@ -301,6 +306,7 @@ Recipe parseRecipe(std::string_view content, const fs::path& file) {
   for (const RecipePins& pins : recipe.pins) masks.selection(pins.from);
   for (const RecipeFactor& stiffness : recipe.stiffness) masks.selection(stiffness.from);
   for (const RecipeFactor& thickness : recipe.thickness) masks.selection(thickness.from);
+  for (const RecipeColor& color : recipe.colors) masks.selection(color.from);
   for (const RecipePart& part : recipe.parts) {
     masks.selection(part.from);
     // A name may also be that of a cluster, which the source alone may know: looked up when it is evaluated.

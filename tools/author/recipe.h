@@ -47,6 +47,12 @@ struct RecipeFactor {
   double value = 1;
 };
 
+/// Colour of the visual vertices, for sources that have none of their own.
+struct RecipeColor {
+  SelectionText from;
+  std::array<double, 3> color = {1, 1, 1};  ///< linear RGB, 0..1
+};
+
 /// Loose parts of the source that ride along without tetrahedra of their own.
 struct RecipePart {
   std::string name;
@@ -67,6 +73,7 @@ struct Recipe {
   std::vector<RecipePins> pins;
   std::vector<RecipeFactor> stiffness;  ///< of the matching, 0..1
   std::vector<RecipeFactor> thickness;  ///< of shells, 0.01..100
+  std::vector<RecipeColor> colors;      ///< later ones over earlier ones
   std::vector<RecipePart> parts;
   std::filesystem::path folder;          ///< the recipe's; empty for a bare source
   std::filesystem::path project;         ///< no file lies outside of it

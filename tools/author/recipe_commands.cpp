@@ -132,7 +132,7 @@ void visitSelections(Json& document, const Visit& visit) {
   if (document.contains("masks")) {
     for (auto& [name, mask] : document["masks"].items()) visitMaskNames(mask, visit);
   }
-  for (const char* list : {"clusters", "pins", "stiffness", "thickness", "parts"}) {
+  for (const char* list : {"clusters", "pins", "stiffness", "thickness", "colors", "parts"}) {
     if (!document.contains(list)) continue;
     for (Json& entry : document[list]) {
       for (const char* key : {"from", "origin", "insertion", "to"}) {

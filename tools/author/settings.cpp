@@ -14,8 +14,9 @@ namespace sinew::tools {
 namespace {
 
 // How clusters are laid out over a body: of all of them, so no cluster has its own.
-constexpr std::array<std::string_view, 5> kLayoutKeys = {"clusters.method", "clusters.grid", "clusters.size",
-                                                         "clusters.overlap", "clusters.overlap_metres"};
+constexpr std::array<std::string_view, 6> kLayoutKeys = {"clusters.method",         "clusters.grid",
+                                                         "clusters.size",           "clusters.overlap",
+                                                         "clusters.overlap_metres", "clusters.soften_metres"};
 
 constexpr std::array<std::string_view, 6> kUnits = {"m", "dm", "cm", "mm", "in", "ft"};
 
@@ -145,6 +146,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Text{&s.import.up, legalUp, "auto | y | z"}},
       {"import.weld", "diagonals", "Positions closer than this are one point; 0 welds exactly equal ones only.",
        Number{&s.import.weld_tolerance, 0, 1e-2}},
+      {"import.crease", "degrees",
+       "Where the source has no normals: edges whose faces differ by more are hard, others smooth; 180 makes all "
+       "smooth.",
+       Number{&s.import.crease_degrees, 0, 180}},
       {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
        Count{&s.import.memory_megabytes, 64, 1000000}},
       {"import.seconds", "s",
@@ -180,6 +185,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.overlap_metres", "m",
        "How far a cluster of a recipe, or of kmeans, reaches into its neighbours; 0 takes 1.5 edges of the tetrahedra.",
        Number{&s.clusters.overlap_metres, 0, 1e6}},
+      {"clusters.soften_metres", "m",
+       "Width over which clusters of a recipe blend into each other wherever their weights jump between neighbouring "
+       "vertices, along the body; 0 takes 1 edge of the tetrahedra. A millionth of an edge leaves weights as they are.",
+       Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
        "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",
        Choice{{"rigid", "linear", "quadratic"},

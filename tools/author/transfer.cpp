@@ -142,7 +142,7 @@ void visitSelections(Json& document, const Visit& visit) {
   if (document.contains("masks")) {
     for (auto& [name, mask] : document["masks"].items()) visit(mask);
   }
-  for (const char* list : {"clusters", "pins", "stiffness", "thickness", "parts"}) {
+  for (const char* list : {"clusters", "pins", "stiffness", "thickness", "colors", "parts"}) {
     if (!document.contains(list)) continue;
     for (Json& entry : document[list]) {
       for (const char* key : {"from", "origin", "insertion", "to"}) {
@@ -339,6 +339,7 @@ class Carrier {
     list("pins", "pins");
     list("stiffness", "stiffness");
     list("thickness", "thickness");
+    list("colors", "color");
     list("parts", "part");
   }
 

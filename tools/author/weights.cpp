@@ -2,6 +2,8 @@
 #include "tools/author/weights.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/IterativeLinearSolvers>
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,6 +20,10 @@ using Eigen::Vector3d;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Members that weigh less than this cost time and change nothing (as in the automatic clusters).
 constexpr double kMinimumWeight = 0.02;
+// Of a vertex' weights: below the first a membership is dropped, up to the second it fades. Clusters that pull apart
+// stand far apart at the ends of their ramps: a dropped share of 2 % is seen as a step in the surface.
+constexpr double kMinimumShare = 0.004;
+constexpr double kFullShare = 0.02;
 // A tetrahedron's corner to which a visual vertex belongs less than this says nothing of the corner.
 constexpr double kMinimumInfluence = 0.05;
 // Fewer vertices cannot turn, let alone bend.
@@ -25,6 +31,12 @@ constexpr std::size_t kFewMembers = 8;
 // Of the largest weight: clusters that agree so well are one.
 constexpr double kIdentical = 1e-3;
 constexpr double kAutomaticOverlap = 1.5;  // edges
+constexpr double kAutomaticSoften = 1.0;   // edges
+// Standard deviations between 10 % and 90 % of a step that has been diffused.
+constexpr double kDeviationsInRamp = 2.56;
+constexpr int kSoftenSteps = 2;
+// Of the cube of its edges: a flat tetrahedron still conducts.
+constexpr double kLeastVolume = 1e-6;
 // A triangle wider than this, of the tetrahedra's edges, is looked at in pieces so small; at most so many a side.
 constexpr double kSampleStep = 0.5;
 constexpr double kMostPieces = 32;
@@ -64,6 +76,7 @@ class BodyClusters {
     for (Piece& piece : pieces) split(std::move(piece), cut);
     for (Piece& piece : cut) widen(piece);
     prune(cut);
+    soften(cut);
     return cut;
   }
 
@@ -157,9 +170,65 @@ class BodyClusters {
       double sum = 0;
       for (const Piece& piece : pieces) sum += piece.weight[v];
       for (Piece& piece : pieces) {
-        if (piece.weight[v] < kMinimumWeight * sum) piece.weight[v] = 0;
+        const double t = std::clamp((piece.weight[v] / sum - kMinimumShare) / (kFullShare - kMinimumShare), 0.0, 1.0);
+        piece.weight[v] *= t * t * (3 - 2 * t);
       }
     }
+  }
+
+  // A share that jumps between neighbours is a kink in the surface, whatever made it jump: a group's border, two masks
+  // that end beside each other. Shares diffuse along the tetrahedra, by implicit steps of a graph Laplacian: an
+  // M-matrix whose rows sum to 1, so they stay within 0..1 and sum to 1 at every vertex.
+  void soften(std::vector<Piece>& pieces) const {
+    const double authored = settings_.clusters.soften_metres;
+    const double width = authored > 0 ? authored : kAutomaticSoften * graph_.mean_edge[number_];
+    if (!(width > 0) || pieces.size() < 2) return;
+    const auto count = Eigen::Index(body_.vertex_count);
+    const double deviation = width / kDeviationsInRamp;
+    const double diffusion = deviation * deviation / kSoftenSteps;
+
+    Eigen::VectorXd volume = Eigen::VectorXd::Zero(count);
+    std::vector<Eigen::Triplet<double>> entries;
+    for (std::uint32_t t = body_.first_tetrahedron; t < body_.first_tetrahedron + body_.tetrahedron_count; ++t) {
+      const auto& corners = mesh_.tetrahedra[t];
+      const Vector3d& d = mesh_.positions[corners[3]];
+      Eigen::Matrix3d edges;
+      for (int k = 0; k < 3; ++k) edges.col(k) = mesh_.positions[corners[std::size_t(k)]] - d;
+      const double v = std::max(std::abs(edges.determinant()) / 6, kLeastVolume * edges.squaredNorm() * edges.norm());
+      for (std::size_t i = 0; i < 4; ++i) {
+        const auto a = Eigen::Index(corners[i] - body_.first_vertex);
+        volume[a] += v / 4;
+        for (std::size_t j = 0; j < i; ++j) {
+          const auto b = Eigen::Index(corners[j] - body_.first_vertex);
+          // Of edges in all directions: the flow of a Laplacian of one half.
+          const double flow =
+              diffusion * v / (4 * (mesh_.positions[corners[i]] - mesh_.positions[corners[j]]).squaredNorm());
+          entries.emplace_back(a, a, flow);
+          entries.emplace_back(b, b, flow);
+          entries.emplace_back(a, b, -flow);
+          entries.emplace_back(b, a, -flow);
+        }
+      }
+    }
+    for (Eigen::Index v = 0; v < count; ++v) {
+      volume[v] = std::max(volume[v], std::numeric_limits<double>::min());
+      entries.emplace_back(v, v, volume[v]);
+    }
+    Eigen::SparseMatrix<double> system(count, count);
+    system.setFromTriplets(entries.begin(), entries.end());
+    Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower | Eigen::Upper> solver(system);
+    solver.setTolerance(1e-4);
+
+    Eigen::VectorXd whole = Eigen::VectorXd::Zero(count);
+    for (const Piece& piece : pieces) whole += Eigen::Map<const Eigen::VectorXd>(piece.weight.data(), count);
+    for (Piece& piece : pieces) {
+      Eigen::Map<Eigen::VectorXd> weight(piece.weight.data(), count);
+      Eigen::VectorXd share = (whole.array() > 0).select(weight.array() / whole.array(), 0);
+      for (int step = 0; step < kSoftenSteps; ++step)
+        share = solver.solveWithGuess(volume.cwiseProduct(share), share).eval();
+      weight = share.cwiseMax(0).cwiseProduct(whole);
+    }
+    prune(pieces);
   }
 
   const TetGraph& graph_;

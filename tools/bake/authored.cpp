@@ -139,14 +139,37 @@ void addMasks(const Recipe& recipe, const AuthoredWeights& authored, formats::Pa
   }
 }
 
+void addColors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh,
+               formats::PackageContent& content) {
+  if (recipe.colors.empty()) return;
+  std::vector<std::array<float, 4>> colors = mesh.colors;
+  if (colors.empty()) colors.assign(mesh.positions.size(), {1, 1, 1, 1});
+  for (std::size_t i = 0; i < recipe.colors.size(); ++i) {
+    for (std::size_t v = 0; v < colors.size(); ++v) {
+      const auto weight = float(std::clamp(authored.colors[i][v], 0.0, 1.0));
+      for (std::size_t k = 0; k < 3; ++k) colors[v][k] += weight * (float(recipe.colors[i].color[k]) - colors[v][k]);
+    }
+  }
+  content.visual_colors = packedColors(colors);
+}
+
 }  // namespace
+
+std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors) {
+  std::vector<formats::Color8> packed(colors.size());
+  for (std::size_t v = 0; v < colors.size(); ++v) {
+    for (std::size_t k = 0; k < 4; ++k)
+      packed[v][k] = std::uint8_t(std::lround(std::clamp(colors[v][k], 0.0F, 1.0F) * 255));
+  }
+  return packed;
+}
 
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
   AuthoredWeights authored;
   authored.clusters = withClusterMeshes(recipe, cluster_meshes);
   if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.thickness.empty() &&
-      recipe.parts.empty() && recipe.masks.empty()) {
+      recipe.colors.empty() && recipe.parts.empty() && recipe.masks.empty()) {
     return authored;
   }
   Selections selections(recipe, mesh, topology, cluster_meshes, findings);
@@ -161,6 +184,7 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
   for (const RecipePins& pins : recipe.pins) authored.pins.push_back(evaluate(pins.from));
   for (const RecipeFactor& stiffness : recipe.stiffness) authored.stiffness.push_back(evaluate(stiffness.from));
   for (const RecipeFactor& thickness : recipe.thickness) authored.thickness.push_back(evaluate(thickness.from));
+  for (const RecipeColor& color : recipe.colors) authored.colors.push_back(evaluate(color.from));
   for (const RecipePart& part : recipe.parts) {
     authored.parts.push_back(evaluate(part.from));
     authored.part_hosts.push_back(hostWeights(recipe, part, authored, selections));
@@ -186,6 +210,7 @@ void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const We
   addChannels(authored, transfer, sources, recipe_cluster, mesh, content, findings);
   addPins(recipe, authored, transfer, content);
   addMasks(recipe, authored, content);
+  addColors(recipe, authored, mesh, content);
   if (recipe.stiffness.empty()) return;
   content.vertex_stiffness.assign(content.physical_vertices.size(), 1);
   for (std::size_t s = 0; s < recipe.stiffness.size(); ++s) {

@@ -3,6 +3,8 @@
 // What a recipe authors, on its way into a package.
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "sinew/formats/writer.h"
@@ -20,6 +22,7 @@ struct AuthoredWeights {
   std::vector<VisualWeights> origins, insertions;   ///< per cluster; empty where it has none
   std::vector<VisualWeights> pins;                  ///< per pin set of the recipe
   std::vector<VisualWeights> stiffness, thickness;  ///< per entry of the recipe
+  std::vector<VisualWeights> colors;                ///< per entry of the recipe
   std::vector<VisualWeights> parts, part_hosts;     ///< per part of the recipe; hosts empty where the recipe has none
   std::vector<VisualWeights> masks;                 ///< per mask of the recipe
 };
@@ -28,11 +31,14 @@ struct AuthoredWeights {
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings);
 
+/// Linear RGBA 0..1 as bytes 0..255, as the package keeps colours.
+std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors);
+
 /// What `thickness` makes of a shell at each point of the welded surface: a factor; empty where the recipe has none.
 std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh);
 
 /// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), the pin
-/// sets (PPIN, PSET, PSTV), and the masks by name (MASK, MSKV).
+/// sets (PPIN, PSET, PSTV), the masks by name (MASK, MSKV), and colours painted over the source's.
 /// \param sources the clusters of content.clusters; \param recipe_cluster their numbers in authored.clusters.
 void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
                  const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,

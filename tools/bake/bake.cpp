@@ -201,11 +201,7 @@ void addVisual(const VisualMesh& mesh, const PackageOptions& options, formats::P
   for (const Vector3d& x : mesh.positions) content.visual_positions.push_back(toFloat(x));
   for (const auto& n : mesh.normals) content.visual_normals.push_back({n[0], n[1], n[2]});
   for (const auto& uv : mesh.uvs) content.visual_uvs.push_back({uv[0], uv[1]});
-  for (const auto& color : mesh.colors) {
-    formats::Color8 bytes{};
-    for (std::size_t k = 0; k < 4; ++k) bytes[k] = std::uint8_t(std::lround(std::clamp(color[k], 0.0F, 1.0F) * 255));
-    content.visual_colors.push_back(bytes);
-  }
+  if (content.visual_colors.empty()) content.visual_colors = packedColors(mesh.colors);  // else: the recipe's
   content.visual_triangles = mesh.triangles;
   std::vector<std::uint32_t> texture_index(mesh.textures.size(), formats::kNone);
   if (options.textures) {

@@ -17,6 +17,9 @@ using Matrix9d = Eigen::Matrix<double, 9, 9>;
 // Directions whose moment is below this part of the largest cannot be told from noise in float and are dropped.
 constexpr double kRelativeCutoff = 1e-5;
 
+// Independent ways to bend and twist, of six, that a quadratic cluster has at least.
+constexpr Eigen::Index kLeastBending = 3;
+
 template <class Matrix>
 Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(moment);
@@ -30,6 +33,30 @@ Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
     ++rank;
   }
   return inverse;
+}
+
+// Whether hardly any square or product of coordinates is more than a linear function of them on these vertices (of the
+// six corners of a prism two are): then one and the same motion is both stretch and bending, with the stiffness and the
+// limits of both. Two layers of points alone, whose z² is a function of z, bend well. \param moment of
+// (q, quadraticTerms(q)), centred.
+bool bendingIsStretch(const Matrix9d& moment) {
+  Matrix9d scaled = moment;
+  const double largest = moment.diagonal().maxCoeff();
+  for (Eigen::Index i = 0; i < 9; ++i) {
+    const double own = moment(i, i) > kRelativeCutoff * largest ? 1 / std::sqrt(moment(i, i)) : 0.0;
+    scaled.row(i) *= own;
+    scaled.col(i) *= own;
+  }
+  Eigen::Index linear_rank = 0;
+  const Eigen::Matrix3d linear = scaled.topLeftCorner<3, 3>();
+  const Eigen::Matrix<double, 6, 3> mixed = scaled.bottomLeftCorner<6, 3>();
+  const Eigen::Matrix<double, 6, 6> all = scaled.bottomRightCorner<6, 6>();
+  const Eigen::Matrix<double, 6, 6> rest = all - mixed * pseudoInverse(linear, linear_rank) * mixed.transpose();
+  const auto rank = [](const Eigen::Matrix<double, 6, 6>& m) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(m, Eigen::EigenvaluesOnly);
+    return (solver.eigenvalues().array() > kRelativeCutoff).count();
+  };
+  return rank(rest) < rank(all) && rank(rest) < kLeastBending;
 }
 
 Eigen::Matrix<double, 6, 1> quadraticTerms(const Vector3d& q) {
@@ -132,7 +159,7 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
         moment9 += mu[i] * q9 * q9.transpose();
       }
       const Matrix9d inverse9 = pseudoInverse(moment9, rank);
-      if (rank <= 3) {
+      if (rank <= 3 || bendingIsStretch(moment9)) {
         cluster.mode = formats::ClusterMode::linear;
         poor.push_back(source.name);
       } else {

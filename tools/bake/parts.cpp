@@ -23,6 +23,10 @@ constexpr double kStray = 0.02;
 constexpr double kLeastCarrier = 0.02;
 // Fewer make a part nod with every tetrahedron: the ring around them carries it too.
 constexpr std::size_t kFewCarriers = 12;
+// More say no more of a rigid motion, and each costs as much as any membership.
+constexpr std::size_t kMostCarriers = 64;
+// Of the largest weight: what carries less is left out first.
+constexpr double kFirmCarrier = 0.5;
 
 double areaOf(const VisualMesh& mesh, std::uint32_t triangle) {
   const Triangle& t = mesh.triangles[triangle];
@@ -32,6 +36,35 @@ double areaOf(const VisualMesh& mesh, std::uint32_t triangle) {
 
 Vector3d wide(const formats::Float3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 formats::Float3 narrow(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
+
+// Of many carriers, those that lie farthest apart.
+void thinOut(ClusterSource& host, const std::vector<Vector3d>& positions) {
+  if (host.vertices.size() <= kMostCarriers) return;
+  const double firm = kFirmCarrier * *std::max_element(host.weights.begin(), host.weights.end());
+  std::vector<double> distance(host.vertices.size(), std::numeric_limits<double>::infinity());
+  const auto light = [&](double w) { return w < firm; };
+  if (std::size_t(std::count_if(host.weights.begin(), host.weights.end(), light)) + kMostCarriers <= distance.size()) {
+    for (std::size_t i = 0; i < distance.size(); ++i) distance[i] = light(host.weights[i]) ? 0 : distance[i];
+  }
+  std::vector<std::size_t> chosen;
+  while (chosen.size() < kMostCarriers) {
+    const auto farthest = std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin());
+    if (!(distance[farthest] > 0)) break;
+    chosen.push_back(farthest);
+    const Vector3d& x = positions[host.vertices[farthest]];
+    for (std::size_t i = 0; i < distance.size(); ++i)
+      distance[i] = std::min(distance[i], (positions[host.vertices[i]] - x).squaredNorm());
+  }
+  std::sort(chosen.begin(), chosen.end());
+  ClusterSource thin = host;
+  thin.vertices.clear();
+  thin.weights.clear();
+  for (const std::size_t i : chosen) {
+    thin.vertices.push_back(host.vertices[i]);
+    thin.weights.push_back(host.weights[i]);
+  }
+  host = std::move(thin);
+}
 
 // Which physical vertices carry a part, all of one body.
 struct Carriers {
@@ -89,6 +122,7 @@ Carriers carriersOf(const RidingPart& part, const std::vector<TetrahedronPlace>&
     result.host.vertices.push_back(v);
     result.host.weights.push_back(weights[v]);
   }
+  thinOut(result.host, physical.positions);
   return result;
 }
 

@@ -6,6 +6,11 @@
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/progress.h"
+#include "tools/render/headless.h"
+#include "tools/study/error.h"
+#include "tools/study/kinks.h"
+#include "tools/study/limits.h"
+#include "tools/study/pins.h"
 #include "tools/study/sag.h"
 #include "tools/study/stability.h"
 
@@ -53,6 +58,25 @@ void addStability(CLI::App& study, int& exit_code) {
   });
 }
 
+// A study of a list of cases, each measured by itself.
+template <class Case, class Measure, class Json, class Text>
+void runCases(const std::string& name, const std::vector<Case>& cases, bool json, const Measure& measure,
+              const Json& to_json, const Text& to_text) {
+  Progress progress(!json);
+  progress.stage(name);
+  std::vector<decltype(measure(cases.front()))> results;
+  for (const Case& one : cases) {
+    results.push_back(measure(one));
+    progress.fraction(double(results.size()) / double(cases.size()));
+  }
+  progress.finish();
+  if (json) {
+    std::cout << to_json(results).dump(2) << "\n";
+  } else {
+    std::cout << to_text(results);
+  }
+}
+
 void addSag(CLI::App& study, int& exit_code) {
   struct Command {
     double seconds = 8;
@@ -63,19 +87,134 @@ void addSag(CLI::App& study, int& exit_code) {
   verb->add_option("--seconds", command->seconds, "Simulated time of each beam")->check(CLI::Range(2.0, 60.0));
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
+    const auto measure = [&](const SagCase& beam) { return measureSag(beam, command->seconds); };
+    runCases("sag", sagCases(), command->json, measure, sagJson, sagText);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addLimits(CLI::App& study, int& exit_code) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb = study.add_subcommand(
+      "limits", "A cube pushed into a wall: how far it spreads under each limit and volume method");
+  verb->add_flag("--json", *json, "Print one JSON document");
+  verb->callback([json, &exit_code] {
+    runCases("limits", limitsCases(), *json, measureLimits, limitsJson, limitsText);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addPins(CLI::App& study, int& exit_code) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb = study.add_subcommand(
+      "pins", "A beam on a wall under each method of pin sets: sag, wall, section, volume, a pulled corner");
+  verb->add_flag("--json", *json, "Print one JSON document");
+  verb->callback([json, &exit_code] {
+    runCases("pins", pinsCases(), *json, measurePins, pinsJson, pinsText);
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addKinks(CLI::App& study, int& exit_code) {
+  struct Command {
+    std::vector<std::string> packages, arms;
+    std::string scene = "stretch", mask, picture;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand("kinks", "The sharpest edge of a surface after a scene, against that at rest");
+  verb->add_option("packages", command->packages, "Packages to compare")->required();
+  verb->add_option("--scene", command->scene, "A built-in scene, or a file (.json)");
+  verb->add_option("--mask", command->mask, "Only where this mask of the recipe weighs more than one half");
+  verb->add_option("--arms", command->arms, "Two masks of straight limbs: measure the angle between them")->expected(2);
+  verb->add_option("--picture", command->picture, "Draw the first one at rest, and all after the scene")
+      ->type_name("FILE.png");
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    if (!command->picture.empty()) requireWritable(command->picture);
+    KinkOptions options;
+    options.scene = SceneChoice::byName(command->scene);
+    options.mask = command->mask;
+    if (!command->arms.empty()) options.arms = {command->arms[0], command->arms[1]};
     Progress progress(!command->json);
-    progress.stage("sag");
-    const std::vector<SagCase> cases = sagCases();
-    std::vector<SagResult> results;
-    for (const SagCase& one : cases) {
-      results.push_back(measureSag(one, command->seconds));
-      progress.fraction(double(results.size()) / double(cases.size()));
+    progress.stage("kinks");
+    std::vector<KinkResult> results;
+    for (const std::string& file : command->packages) {
+      results.push_back(measureKinks(loadPackage(file), file, options));
+      progress.fraction(double(results.size()) / double(command->packages.size()));
+    }
+    if (!command->picture.empty()) {
+      const HeadlessContext context;
+      writePng(kinksPicture(results, options), command->picture);
     }
     progress.finish();
     if (command->json) {
-      std::cout << sagJson(results).dump(2) << "\n";
+      std::cout << kinksJson(results, options).dump(2) << "\n";
     } else {
-      std::cout << sagText(results);
+      std::cout << kinksText(results);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
+std::array<double, 3> vectorOf(const std::vector<double>& three) { return {three[0], three[1], three[2]}; }
+
+void addError(CLI::App& study, int& exit_code) {
+  struct Command {
+    ErrorOptions options;
+    std::string input, picture;
+    std::vector<std::string> assignments;
+    std::vector<double> pick, pull;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand(
+      "error", "A held body pulled at a point: error against finite elements, and run time, by clusters and passes");
+  ErrorOptions& options = command->options;
+  verb->add_option("input", command->input, "A source or a recipe; its pins hold it, else its under side")->required();
+  verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
+      ->type_name("KEY=VALUE");
+  verb->add_option("--clusters", options.clusters,
+                   "How many along the longest axis, several with commas; 0: those of the recipe")
+      ->delimiter(',')
+      ->check(CLI::Range(0, 64));
+  verb->add_option("--modes", options.modes, "Of clusters, several with commas")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"rigid", "linear", "quadratic"}));
+  verb->add_option("--passes", options.passes, "Of a step, several with commas")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 16));
+  verb->add_option("--refinements", options.refinements, "How often the reference cuts each tetrahedron into eight")
+      ->check(CLI::Range(1, 4));
+  verb->add_option("--pick", command->pick, "Where it is pulled: x,y,z in metres")->delimiter(',')->expected(3);
+  verb->add_option("--pull", command->pull, "How far: x,y,z in metres")->delimiter(',')->expected(3);
+  verb->add_option("--finger", options.finger, "Radius of what is held there, of the diagonal")
+      ->check(CLI::Range(1e-6, 1.0));
+  verb->add_option("--seconds", options.seconds, "Simulated time")->check(CLI::Range(1.0, 60.0));
+  verb->add_option("--picture", command->picture, "Draw the reference and all rows")->type_name("FILE.png");
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    if (!command->picture.empty()) requireWritable(command->picture);
+    if (!command->pick.empty()) command->options.pick = vectorOf(command->pick);
+    if (!command->pull.empty()) command->options.pull = vectorOf(command->pull);
+    if (command->input.ends_with(".sinew")) {
+      throw ToolError(ExitCode::bad_input, command->input, "is a package: its clusters are made",
+                      "Give the recipe or the source that it was baked from.");
+    }
+    Recipe recipe = recipeFor(command->input);
+    applyAssignments(recipe.settings, command->assignments);
+    Progress progress(!command->json);
+    progress.stage("error");
+    const ErrorStudy result = measureError(recipe, command->options, [&](double part) { progress.fraction(part); });
+    if (!command->picture.empty()) {
+      const HeadlessContext context;
+      writePng(errorPicture(result), command->picture);
+    }
+    progress.finish();
+    if (command->json) {
+      std::cout << errorJson(result).dump(2) << "\n";
+    } else {
+      std::cout << errorText(result);
     }
     exit_code = int(ExitCode::done);
   });
@@ -88,6 +227,10 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   study->require_subcommand(1);
   addStability(*study, exit_code);
   addSag(*study, exit_code);
+  addKinks(*study, exit_code);
+  addError(*study, exit_code);
+  addLimits(*study, exit_code);
+  addPins(*study, exit_code);
 }
 
 }  // namespace sinew::tools

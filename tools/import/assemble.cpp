@@ -13,6 +13,7 @@
 #include <numeric>
 
 #include "tools/core/error.h"
+#include "tools/import/crease.h"
 #include "tools/import/orient.h"
 #include "tools/import/text_cursor.h"
 #include "tools/import/textures.h"
@@ -315,29 +316,73 @@ class Assembler {
         corner[t][k] = area * std::atan2(a.cross(b).norm(), a.dot(b));
       }
     });
-    if (!all) {
-      std::vector<Eigen::Vector3d> sum(mesh_.welded_positions.size(), Eigen::Vector3d::Zero());
-      for (std::size_t t = 0; t < mesh_.triangles.size(); ++t)
-        for (std::size_t k = 0; k < 3; ++k) sum[mesh_.welded[mesh_.triangles[t][k]]] += corner[t][k];
-      for (std::size_t v = 0; v < vertex_count; ++v) {
-        if (mesh_.normals[v] != Eigen::Vector3f::Zero()) continue;
-        const Eigen::Vector3d& n = sum[mesh_.welded[v]];
-        const double length = n.norm();
-        mesh_.normals[v] = length > 0 ? Eigen::Vector3f((n / length).cast<float>()) : Eigen::Vector3f(0, 1, 0);
-      }
-    }
+    if (!all) computeNormals(corner);
     if (mesh_.had_normals && turned.any) {
       // The source's normals of turned faces may point inward (the whole model was inside out) or outward (only its
       // winding was wrong): they go with the faces they light.
-      std::vector<Eigen::Vector3d> sum(vertex_count, Eigen::Vector3d::Zero());
-      std::vector<std::uint8_t> touched(vertex_count, 0);
+      std::vector<Eigen::Vector3d> sum(mesh_.positions.size(), Eigen::Vector3d::Zero());
+      std::vector<std::uint8_t> touched(mesh_.positions.size(), 0);
       for (std::size_t t = 0; t < mesh_.triangles.size(); ++t)
         for (std::size_t k = 0; k < 3; ++k) {
           sum[mesh_.triangles[t][k]] += corner[t][k];
           touched[mesh_.triangles[t][k]] |= turned.triangle[t];
         }
-      for (std::size_t v = 0; v < vertex_count; ++v)
+      for (std::size_t v = 0; v < mesh_.positions.size(); ++v)
         if (touched[v] && sum[v].dot(mesh_.normals[v].cast<double>()) < 0) mesh_.normals[v] = -mesh_.normals[v];
+    }
+  }
+
+  // Normals of vertices that the source gives none, one for each of their smooth fans: where a crease passes a vertex
+  // becomes several, one behind the other. \param corner area times angle, by triangle and corner.
+  void computeNormals(const std::vector<std::array<Eigen::Vector3d, 3>>& corner) {
+    const std::vector<std::uint32_t> fan = smoothFans(mesh_, options_.crease_degrees);
+    std::vector<Eigen::Vector3d> sum(fan.size(), Eigen::Vector3d::Zero());
+    for (std::size_t c = 0; c < fan.size(); ++c) sum[fan[c]] += corner[c / 3][c % 3];
+    // The fans of each vertex without a normal, as first met.
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> needed;  // vertex, fan
+    for (std::size_t c = 0; c < fan.size(); ++c) {
+      const std::uint32_t v = mesh_.triangles[c / 3][c % 3];
+      if (mesh_.normals[v] == Eigen::Vector3f::Zero()) needed.emplace_back(v, fan[c]);
+    }
+    std::sort(needed.begin(), needed.end());
+    needed.erase(std::unique(needed.begin(), needed.end()), needed.end());
+    // Each vertex moves behind the copies that those before it got.
+    const std::size_t old_count = mesh_.positions.size();
+    std::vector<std::uint32_t> first(old_count), first_needed(old_count + 1, 0);
+    for (const auto& [v, f] : needed) ++first_needed[v + 1];
+    std::partial_sum(first_needed.begin(), first_needed.end(), first_needed.begin());
+    std::uint32_t count = 0;
+    for (std::size_t v = 0; v < old_count; ++v) {
+      first[v] = count;
+      count += std::max(1U, first_needed[v + 1] - first_needed[v]);
+    }
+    for (std::size_t c = 0; c < fan.size(); ++c) {
+      std::uint32_t& v = mesh_.triangles[c / 3][c % 3];
+      const auto begin = needed.begin() + first_needed[v], end = needed.begin() + first_needed[v + 1];
+      const auto at = std::lower_bound(begin, end, std::pair(v, fan[c]));
+      v = first[v] + (begin == end ? 0U : std::uint32_t(at - begin));
+    }
+    VisualMesh old;
+    old.positions.swap(mesh_.positions);
+    old.normals.swap(mesh_.normals);
+    old.source_vertex.swap(mesh_.source_vertex);
+    old.welded.swap(mesh_.welded);
+    std::vector<Origin> origin;
+    origin.swap(origin_);
+    for (std::size_t v = 0; v < old_count; ++v) {
+      const std::uint32_t begin = first_needed[v], end = std::max(first_needed[v + 1], begin + 1);
+      for (std::uint32_t k = begin; k < end; ++k) {
+        Eigen::Vector3f n = old.normals[v];
+        if (n == Eigen::Vector3f::Zero()) {
+          const Eigen::Vector3d wide = begin < first_needed[v + 1] ? sum[needed[k].second] : Eigen::Vector3d::Zero();
+          n = wide.norm() > 0 ? Eigen::Vector3f(wide.normalized().cast<float>()) : Eigen::Vector3f(0, 1, 0);
+        }
+        mesh_.positions.push_back(old.positions[v]);
+        mesh_.normals.push_back(n);
+        mesh_.source_vertex.push_back(old.source_vertex[v]);
+        mesh_.welded.push_back(old.welded[v]);
+        origin_.push_back(origin[v]);
+      }
     }
   }
 
@@ -440,16 +485,18 @@ class Assembler {
     for (std::uint32_t m = 0; m < scene_.meshes.size(); ++m) {
       const RawMesh& raw = scene_.meshes[m];
       if (raw.morphs.empty()) continue;
-      // A vertex is one visual vertex only where no two parts share it, which holds for all readers with morphs.
+      // A vertex is one visual vertex, and its copies at creases behind it, only where no two parts share it, which
+      // holds for all readers with morphs.
       visual.assign(raw.vertex_point.size(), kNoIndex);
       for (std::uint32_t v = 0; v < origin_.size(); ++v)
-        if (origin_[v].mesh == m) visual[origin_[v].vertex] = v;
+        if (origin_[v].mesh == m && visual[origin_[v].vertex] == kNoIndex) visual[origin_[v].vertex] = v;
       const Eigen::Matrix3d linear = (to_world_ * raw.transform).topLeftCorner<3, 3>();
       for (const RawMorph& morph : raw.morphs) {
         const auto [at, fresh] = number.try_emplace(morph.name, names.size());
         if (fresh) names.push_back(morph.name), moved.emplace_back();
         for (std::size_t k = 0; k < morph.vertices.size(); ++k)
-          if (const std::uint32_t v = visual[morph.vertices[k]]; v != kNoIndex)
+          for (std::uint32_t v = visual[morph.vertices[k]];
+               v < origin_.size() && origin_[v].mesh == m && origin_[v].vertex == morph.vertices[k]; ++v)
             moved[at->second].emplace_back(v, (linear * morph.displacements[k].cast<double>()).cast<float>());
       }
     }

@@ -94,6 +94,8 @@ void checkOptions(const ImportOptions& options) {
     throw bad("the up axis \"" + options.up + "\" is unknown", "Use auto, y or z.");
   if (!(options.weld_tolerance >= 0 && options.weld_tolerance <= 0.1))
     throw bad("the weld tolerance is out of range", "Use 0 to 0.1 of the diagonal.");
+  if (!(options.crease_degrees >= 0 && options.crease_degrees <= 180))
+    throw bad("the crease angle is out of range", "Use 0 to 180 degrees.");
   if (options.memory_megabytes < 16 || options.memory_megabytes > 1U << 22)
     throw bad("the bound on the import's memory is out of range", "Use 16 MB to 4194304 MB.");
   if (!(options.seconds > 0 && options.seconds <= 86400))

@@ -11,9 +11,10 @@
 namespace sinew::tools {
 
 struct ImportOptions {
-  std::string unit = "auto";              ///< "auto", "m", "dm", "cm", "mm", "in", "ft", or metres per unit as a number
-  std::string up = "auto";                ///< "auto", "y", "z"
-  double weld_tolerance = 1e-6;           ///< of the bounding-box diagonal; 0 = exactly equal positions only
+  std::string unit = "auto";     ///< "auto", "m", "dm", "cm", "mm", "in", "ft", or metres per unit as a number
+  std::string up = "auto";       ///< "auto", "y", "z"
+  double weld_tolerance = 1e-6;  ///< of the bounding-box diagonal; 0 = exactly equal positions only
+  double crease_degrees = 60;    ///< where the source has no normals: edges sharper than this are hard; 180 = none
   std::uint32_t memory_megabytes = 1500;  ///< bound on the child process
   double seconds = 15;                    ///< bound on the child's processor time; on the clock four times that
   std::filesystem::path worker;           ///< the sinew program; empty = the running program's own file

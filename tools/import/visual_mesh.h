@@ -82,9 +82,10 @@ struct MorphTargetSource {
 /// An artist's mesh after import: in metres, y up, node transforms applied, polygons triangulated, outward faces
 /// counter-clockwise, positions welded. Visual vertices keep the artist's identity; nothing is dropped silently.
 struct VisualMesh {
-  // Visual vertices: unique combinations of source vertex, UV, normal, colour and sub-mesh.
+  // Visual vertices: unique combinations of source vertex, UV, normal, colour and sub-mesh; where normals are computed,
+  // one for each side of a crease.
   std::vector<Eigen::Vector3d> positions;    ///< metres, world
-  std::vector<Eigen::Vector3f> normals;      ///< unit; computed (area-weighted over welded points) where absent
+  std::vector<Eigen::Vector3f> normals;      ///< unit; computed where absent (crease.h)
   std::vector<Eigen::Vector2f> uvs;          ///< first UV set, v up; empty where no sub-mesh has one
   std::vector<std::array<float, 4>> colors;  ///< first colour set, linear RGBA; empty where none
   std::vector<Triangle> triangles;           ///< visual vertices; degenerate ones stay (they are drawn by nobody)

@@ -111,7 +111,9 @@ void Scene::reset() {
 
   const float diagonal = asset_->package().info().diagonal;
   WorldSettings& world = world_.settings();
-  if (options_.iterations > 0) world.iterations = options_.iterations;
+  const std::uint32_t usual_iterations = script_ ? script_->script.iterations : 0;
+  if (options_.iterations > 0 || usual_iterations > 0)
+    world.iterations = options_.iterations > 0 ? options_.iterations : usual_iterations;
   const bool falls = options_.scene.kind == SceneKind::drop || options_.scene.kind == SceneKind::hang;
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};

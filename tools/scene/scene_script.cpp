@@ -33,13 +33,15 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(json, "", {"sinew_scene", "seconds", "still", "gravity", "channels", "targets", "camera", "note"});
+    object(json, "",
+           {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "camera", "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
     script_.seconds = number(json, "", "seconds", 2, 1e-3, kMostSeconds);
     script_.still = number(json, "", "still", script_.seconds, 0, script_.seconds);
     script_.gravity = number(json, "", "gravity", 0, 0, 1000);
+    if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);
     if (json.contains("camera")) camera(json["camera"]);
@@ -77,6 +79,12 @@ class Reader {
     std::array<double, 3> result{};
     for (std::size_t i = 0; i < 3; ++i) result[i] = number(value[i], childPointer(place, i), -kFar, kFar);
     return result;
+  }
+
+  double iterations(const Json& value) const {
+    const double count = number(value, "/iterations", 1, 16);
+    if (count != std::floor(count)) text_.fail("/iterations", "needs a whole number", "Legal: 1 to 16.");
+    return count;
   }
 
   void filled(const Json& value, const std::string& pointer, const std::string& cure) const {

@@ -42,10 +42,11 @@ struct SceneScript {
     double height = 0;                        ///< m, what the picture shows of it; with `at`
   };
 
-  std::string name;    ///< of the file, without folder and extension
-  double seconds = 2;  ///< length
-  double still = 2;    ///< s, the moment of a single picture
-  double gravity = 0;  ///< m/s², downwards
+  std::string name;              ///< of the file, without folder and extension
+  double seconds = 2;            ///< length
+  double still = 2;              ///< s, the moment of a single picture
+  double gravity = 0;            ///< m/s², downwards
+  std::uint32_t iterations = 0;  ///< matching passes a step, 1..16; 0 = the runtime's default
   std::vector<Channel> channels;
   std::vector<Target> targets;
   std::optional<View> view;

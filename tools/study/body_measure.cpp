@@ -7,13 +7,13 @@
 #include <limits>
 #include <numbers>
 
+#include "runtime/geometry/tet_mesh.h"
+
 namespace sinew::tools {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
 Matrix3d nearestRotation(const Matrix3d& a) {
   const double scale = a.cwiseAbs().maxCoeff();
@@ -58,6 +58,29 @@ constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
 
 }  // namespace
 
+Vector3d cornerOf(const World& world, BodyId body, std::uint32_t visual_vertex) {
+  const formats::PackageView& package = world.asset(body).package();
+  const formats::BarycentricAttachment& attachment = package.barycentric()[visual_vertex];
+  const auto& corners = package.tetrahedra()[attachment.tetrahedron].vertex;
+  const auto x = world.positions(body);
+  Vector3d result = wide(x[corners[3]]);
+  for (std::size_t k = 0; k < 3; ++k) {
+    result += double(attachment.weight[k]) * (wide(x[corners[k]]) - wide(x[corners[3]]));
+  }
+  return result;
+}
+
+double tetrahedraVolume(const World& world, BodyId body) {
+  const auto x = world.positions(body);
+  double sum = 0;
+  for (const formats::Tetrahedron& t : world.asset(body).package().tetrahedra()) {
+    sum += geometry::signedVolume6(wide(x[t.vertex[0]]), wide(x[t.vertex[1]]), wide(x[t.vertex[2]]),
+                                   wide(x[t.vertex[3]])) /
+           6;
+  }
+  return sum;
+}
+
 BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
   const formats::PackageView& package = asset.package();
   const auto vertices = package.physicalVertices();
@@ -78,7 +101,6 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
   }
   uneven_ = heaviest > kUnevenRatio * lightest;
   const double body_radius = radius_of(first, second, mass);
-  slowest_hz_ = std::numeric_limits<double>::infinity();
   for (const formats::Cluster& cluster : package.clusters()) {
     ClusterData data;
     data.columns = cluster.mode == formats::ClusterMode::quadratic ? 9 : 3;
@@ -114,20 +136,127 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
       spread += double(members[k].mu) * data.monomials[k].head<3>().squaredNorm();
     }
     addRoundingGain(members, data);
+    const double radius = double(cluster.radius) * std::sqrt(spread);
+    data.size_ratio = radius > 0 ? std::max(1.0, body_radius / radius) : 1.0;
     if (cluster.mode != formats::ClusterMode::rigid) {
-      // Frequencies are those of the whole body; a smaller cluster rings higher (docs/method.md §4).
-      const double radius = double(cluster.radius) * std::sqrt(spread);
-      const double ratio = radius > 0 ? std::max(1.0, body_radius / radius) : 1.0;
-      const double hz = double(cluster.stretch_hz) * stiffness_scale;
-      data.omega = 2 * std::numbers::pi * hz * ratio;
-      slowest_hz_ = std::min(slowest_hz_, hz);
-      fastest_omega_ = std::max(fastest_omega_, data.omega);
+      addStiffness(package, std::uint32_t(clusters_.size()), stiffness_scale, data);
     } else {
       data.rigid = true;
       data.a_qq.setZero();
     }
     clusters_.push_back(std::move(data));
   }
+}
+
+void BodyMeasure::addStiffness(const formats::PackageView& package, std::uint32_t index, double scale,
+                               ClusterData& data) {
+  const formats::Cluster& cluster = package.clusters()[index];
+  // Frequencies are those of the whole body; a smaller cluster rings higher (docs/method.md §4).
+  data.omega = 2 * std::numbers::pi * double(cluster.stretch_hz) * scale * data.size_ratio;
+  if (package.mechanics().empty()) return;
+  const formats::ClusterMechanics& mechanics = package.mechanics()[index];
+  data.limits = internal::goalLimits(package, index);
+  data.limited = mechanics.limit != formats::LimitMethod::none || mechanics.volume != formats::VolumeMethod::none;
+  if (mechanics.stiffness == formats::StiffnessModel::per_step) {
+    data.per_step = true;
+    const double beta = double(mechanics.per_step_beta[0]);
+    data.stiffness_ratio = (1 - beta) / std::max(beta, 1e-12);
+  }
+  if (mechanics.stiffness == formats::StiffnessModel::elastic) {
+    const internal::ElasticModes elastic = internal::elasticModes(package, index);
+    data.modes.resize(27, 27);
+    data.modes = elastic.vectors.cast<double>();
+    data.mode_omega2 = elastic.omega2.cast<double>() * (scale * scale);
+  }
+}
+
+double BodyMeasure::omegaOf(const ClusterData& data, double pass_seconds) {
+  return data.per_step ? std::sqrt(data.stiffness_ratio) / pass_seconds : data.omega;
+}
+
+double BodyMeasure::takenOf(const ClusterData& data, double pass_seconds) {
+  if (data.rigid) return 1;
+  if (data.modes.cols() > 0) {
+    double taken = 0, count = 0;
+    for (const double omega2 : data.mode_omega2) {
+      const double phase2 = pass_seconds * pass_seconds * omega2;
+      taken += phase2 / (1 + phase2);
+      count += omega2 > 0 ? 1 : 0;
+    }
+    return count > 0 ? taken / count : 0;
+  }
+  const double phase = omegaOf(data, pass_seconds) * pass_seconds;
+  return phase * phase / (1 + phase * phase);
+}
+
+double BodyMeasure::slowestHz(double pass_seconds) const {
+  double slowest = std::numeric_limits<double>::infinity();
+  for (const ClusterData& data : clusters_) {
+    if (data.rigid) continue;
+    if (data.modes.cols() == 0) {
+      const double ratio = data.per_step ? 1 : data.size_ratio;
+      slowest = std::min(slowest, omegaOf(data, pass_seconds) / (2 * std::numbers::pi * ratio));
+      continue;
+    }
+    double least = std::numeric_limits<double>::infinity();
+    for (const double omega2 : data.mode_omega2) {
+      if (omega2 > 0) least = std::min(least, omega2);
+    }
+    if (data.mode_omega2.maxCoeff() == 0 && !data.modes.isZero(0)) least = 0;
+    slowest = std::min(slowest, std::sqrt(least) / (2 * std::numbers::pi * data.size_ratio * data.size_ratio));
+  }
+  return slowest;
+}
+
+double BodyMeasure::fastestOmega(double pass_seconds) const {
+  double fastest = 0;
+  for (const ClusterData& data : clusters_) {
+    if (data.rigid) continue;
+    fastest = std::max(fastest,
+                       data.modes.cols() == 0 ? omegaOf(data, pass_seconds) : std::sqrt(data.mode_omega2.maxCoeff()));
+  }
+  return fastest;
+}
+
+BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match, double pass_seconds,
+                                          bool guarded) const {
+  const ClusterData& data = clusters_[index];
+  const formats::Cluster& cluster = asset_->package().clusters()[index];
+  Answer answer;
+  if (data.rigid) return answer;
+  const double mass = double(cluster.mass), radius = double(cluster.radius);
+  if (data.modes.cols() == 0) {
+    const double phase = omegaOf(data, pass_seconds) * pass_seconds;
+    answer.deformation = match.deviation * data.a_qq / (1 + phase * phase);
+  } else {
+    const Eigen::Matrix<double, 3, 9> local = match.rotation.transpose() * match.deviation;
+    const Eigen::VectorXd loads = data.modes.transpose() * Eigen::Map<const Eigen::Matrix<double, 27, 1>>(local.data());
+    const Eigen::VectorXd amplitudes = loads.array() / (1 + pass_seconds * pass_seconds * data.mode_omega2.array());
+    Eigen::Matrix<double, 27, 1> sum = data.modes * amplitudes;
+    answer.deformation = match.rotation * Eigen::Map<const Eigen::Matrix<double, 3, 9>>(sum.data());
+    answer.energy = 0.5 * mass * radius * radius * (data.mode_omega2.array() * amplitudes.array().square()).sum();
+  }
+  if (guarded && data.limited) {
+    internal::Columns<9> f = answer.deformation.cast<float>();
+    f.leftCols<3>() += match.rotation.cast<float>();
+    internal::applyGoalLimits(data.limits, false, match.rotation.cast<float>(), nullptr, f);
+    answer.deformation = f.cast<double>();
+    answer.deformation.leftCols<3>() -= match.rotation;
+  } else if (guarded && (data.modes.cols() > 0 || data.a_qq(0, 0) > 0)) {
+    answer.deformation.leftCols<3>() =
+        clampedStretch(match.rotation + answer.deformation.leftCols<3>()) - match.rotation;
+  }
+  answer.deformation *= radius;
+  if (data.modes.cols() == 0) {
+    const double omega = omegaOf(data, pass_seconds);
+    double sum = 0;
+    const auto members = asset_->package().memberships().subspan(cluster.first_member, cluster.member_count);
+    for (std::size_t k = 0; k < members.size(); ++k) {
+      sum += double(members[k].mu) * (answer.deformation * data.monomials[k]).squaredNorm();
+    }
+    answer.energy = 0.5 * mass * omega * omega * sum;
+  }
+  return answer;
 }
 
 // A_pq is rounded to 2^-24 of sqrt(M_jj), its product with A_qq and the monomials carries that on.
@@ -231,12 +360,32 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
   return result;
 }
 
-double BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
+BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
   std::vector<Vector3d> x;
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
   const double by_cluster = clusterPotential(x, pass_seconds);
   const PartPotential one = partPotential(x, pass_seconds);
-  return by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
+  const double most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
+  return {one.begins ? most : by_cluster, most};
+}
+
+// Whether a cluster has its part looked at: it has lost its orientation, is torn or beyond the guard (docs/method.md
+// §3, eq. 10).
+bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pass_seconds) const {
+  constexpr double kResistance = 0.3, kTorn = 1.1, kLeast = 0.1, kLargest = 3, kMargin = 1.001;
+  const Matrix3d rest = data.moment.leftCols<3>();
+  if (!(rest.trace() > 0)) return false;
+  const Matrix3d linear = match.deviation.leftCols<3>() + match.rotation * rest;
+  const double largest = data.limited ? std::max(kLargest, double(data.limits.largest)) : kLargest;
+  if (linear.norm() > kTorn * largest * rest.norm()) return true;
+  const Matrix3d c = match.rotation.transpose() * linear, s = 0.5 * (c + c.transpose()) - kResistance * rest;
+  const Matrix3d resistance = (s.trace() + 1e-3 * rest.trace()) * Matrix3d::Identity() - s;
+  if (!(Eigen::SelfAdjointEigenSolver<Matrix3d>(resistance, Eigen::EigenvaluesOnly).eigenvalues()[0] > 0)) return true;
+  if (data.rigid || data.modes.cols() > 0) return false;
+  const double kept = 1 - takenOf(data, pass_seconds);
+  const Matrix3d f = match.rotation + kept * (match.deviation * data.a_qq).leftCols<3>();
+  const Vector3d stretches = Eigen::JacobiSVD<Matrix3d>(f).singularValues();
+  return f.determinant() < 0 || stretches[2] < kLeast / kMargin || stretches[0] > largest * kMargin;
 }
 
 BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> x, double pass_seconds) const {
@@ -278,8 +427,8 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
     if (rest_moment.trace() > 0) {
       deviation += m * radius * radius * (moment_of(c) - rotation * rest_moment).squaredNorm() / rest_moment.trace();
     }
-    const double phase = clusters_[c].omega * pass_seconds;
-    const double taken = clusters_[c].rigid ? 1 : phase * phase / (1 + phase * phase);
+    // Of the elastic model what the average mode is moved by: rows count with it too.
+    const double taken = takenOf(clusters_[c], pass_seconds);
     const auto members = package.memberships().subspan(clusters[c].first_member, clusters[c].member_count);
     for (std::size_t k = 0; k < members.size(); ++k) {
       const Vector3d g = goal + radius * (rotation * clusters_[c].monomials[k].head<3>());
@@ -287,7 +436,12 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
     }
   }
   result.energy /= pass_seconds * pass_seconds;
-  const double far = pass_seconds >= kFewPasses || uneven_ ? kHardlyAstray : kAstray;
+  const bool always = pass_seconds >= kFewPasses || uneven_;
+  result.begins = always;
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    result.begins = result.begins || isLost(clusters_[c], matches[c], pass_seconds);
+  }
+  const double far = always ? kHardlyAstray : kAstray;
   if (deviation > far * far * spread) result.weight = 1 - far * far * spread / deviation;
   return result;
 }
@@ -309,20 +463,14 @@ double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_se
       const ClusterData& data = clusters_[c];
       const formats::Cluster& cluster = package.clusters()[c];
       const Match m = match(c, y);
-      const double phase = data.omega * pass_seconds, kept = 1 / (1 + phase * phase);
-      Eigen::Matrix<double, 3, 9> deformation = kept * m.deviation * data.a_qq;
-      if (guarded && data.a_qq(0, 0) > 0) {
-        deformation.leftCols<3>() = clampedStretch(m.rotation + deformation.leftCols<3>()) - m.rotation;
-      }
-      deformation *= double(cluster.radius);
-      Eigen::Matrix<double, 3, 9> f = deformation;
+      const Answer answer = answerOf(c, m, pass_seconds, guarded);
+      elastic += answer.energy;
+      Eigen::Matrix<double, 3, 9> f = answer.deformation;
       f.leftCols<3>() += double(cluster.radius) * m.rotation;
       const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
       for (std::size_t k = 0; k < members.size(); ++k) {
         const std::size_t i = members[k].vertex;
         const Vector3d g = m.center + f * data.monomials[k];
-        elastic += 0.5 * double(cluster.mass) * double(members[k].mu) * data.omega * data.omega *
-                   (deformation * data.monomials[k]).squaredNorm();
         goal[i] += double(members[k].share) * g;
         apart += double(members[k].share) * double(vertices[i].mass) * (g - x[i]).squaredNorm();
       }

@@ -7,9 +7,17 @@
 #include <cstdint>
 #include <vector>
 
+#include "runtime/clusters/mechanics.h"
 #include "sinew/runtime/world.h"
 
 namespace sinew::tools {
+
+inline Eigen::Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+/// The corner of a tetrahedron that a visual vertex of a study's surface lies on, metres.
+Eigen::Vector3d cornerOf(const World& world, BodyId body, std::uint32_t visual_vertex);
+/// Signed volume of a body's tetrahedra as they are, m³.
+double tetrahedraVolume(const World& world, BodyId body);
 
 /// Sums over the physical vertices, about the centre of mass.
 struct BodyMotion {
@@ -44,21 +52,35 @@ class BodyMeasure {
   /// its own for its vertices, with its elastic energy, and a spring of share m / h² ties each to its vertex; of all
   /// such positions whose mean is x those of least energy. (The blended match is the mean of proximal maps, so the
   /// proximal map of their proximal average: Bauschke et al. 2008.) Found from below, by the dual problem. A part that
-  /// is matched as one has the energy of that match instead, less what it has where that begins.
-  double potential(const World& world, BodyId body, double pass_seconds) const;
+  /// is matched as one has the energy of that match instead, less what it has where that begins. Between where that
+  /// ends and where it begins the past decides: `least` without it, `most` with it.
+  struct Potential {
+    double least = 0, most = 0;
+  };
+  Potential potential(const World& world, BodyId body, double pass_seconds) const;
 
-  /// The lowest frequency a cluster has, Hz; 0 where one has none; infinite where all are rigid.
-  double slowestHz() const { return slowest_hz_; }
+  /// The lowest frequency that the body returns with in passes of this length, Hz; 0 where a part of it never does;
+  /// infinite where all clusters are rigid. Clusters of StiffnessModel::elastic that are 1/n of the body bend n² slower
+  /// together than one does.
+  double slowestHz(double pass_seconds) const;
   /// By how much the match of a cluster makes the rounding of its moments larger, root mean square over the mass.
   double roundingGain() const { return rounding_gain_; }
   /// The highest angular frequency of a cluster that is not rigid, rad/s.
-  double fastestOmega() const { return fastest_omega_; }
+  double fastestOmega(double pass_seconds) const;
 
  private:
   struct ClusterData {
     int columns = 3;
     bool rigid = false;
-    double omega = 0;                    ///< rad/s; 0 for rigid clusters
+    double omega = 0;            ///< of StiffnessModel::frequency, rad/s
+    double stiffness_ratio = 0;  ///< of StiffnessModel::per_step, (1 - beta) / beta
+    double size_ratio = 1;       ///< of the body's radius of gyration to its own, >= 1
+    bool per_step = false;
+    bool limited = false;  ///< it has limits beyond the guard, or keeps its volume
+    internal::GoalLimits limits;
+    /// Of StiffnessModel::elastic, orthonormal in the mass; else no columns.
+    Eigen::Matrix<double, 27, Eigen::Dynamic> modes;
+    Eigen::VectorXd mode_omega2;         ///< 1/s²
     Eigen::Matrix<double, 9, 9> a_qq;    ///< upper left 3 x 3 unless quadratic
     Eigen::Matrix<double, 3, 9> moment;  ///< of the rest shape
     std::vector<Eigen::Matrix<double, 9, 1>> monomials;
@@ -68,10 +90,22 @@ class BodyMeasure {
     Eigen::Matrix3d rotation;
     Eigen::Matrix<double, 3, 9> deviation;  ///< D = A_pq - R M
   };
-  struct PartPotential {
-    double energy = 0;  ///< J
-    double weight = 0;  ///< 0 where the part is not astray
+  /// A cluster's elastic answer to a deviation: a deformation in q~, times the radius; and its energy, J.
+  struct Answer {
+    Eigen::Matrix<double, 3, 9> deformation = Eigen::Matrix<double, 3, 9>::Zero();
+    double energy = 0;
   };
+  static void addStiffness(const formats::PackageView& package, std::uint32_t index, double scale, ClusterData& data);
+  /// The part of a deformation that a pass takes, at most 1.
+  static double takenOf(const ClusterData& data, double pass_seconds);
+  static double omegaOf(const ClusterData& data, double pass_seconds);
+  Answer answerOf(std::size_t cluster, const Match& match, double pass_seconds, bool guarded) const;
+  struct PartPotential {
+    double energy = 0;    ///< J
+    double weight = 0;    ///< 0 where the part is not astray
+    bool begins = false;  ///< whatever its past, the part is matched as one
+  };
+  bool isLost(const ClusterData& data, const Match& match, double pass_seconds) const;
   double clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
   PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
   void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
@@ -79,7 +113,7 @@ class BodyMeasure {
 
   const Asset* asset_;
   std::vector<ClusterData> clusters_;
-  double slowest_hz_ = 0, fastest_omega_ = 0, rounding_gain_ = 1;
+  double rounding_gain_ = 1;
   bool uneven_ = false;
 };
 

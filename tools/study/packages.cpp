@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numbers>
 
 #include "runtime/geometry/grid_tetrahedra.h"
 #include "runtime/geometry/pseudo_inverse.h"
@@ -129,11 +130,8 @@ Draft draftOf(StudyBody body) {
       draft.clusters = gridOf(draft.mesh, {1, 1, 1});
       return draft;
     }
-    case StudyBody::box2:
-    case StudyBody::tiny:
-    case StudyBody::huge: {
-      const double size = body == StudyBody::tiny ? 1e-6 : body == StudyBody::huge ? 1e6 : 1.0;
-      Draft draft{boxMesh({4, 4, 4}, Vector3d::Constant(size)), {}};
+    case StudyBody::box2: {
+      Draft draft{boxMesh({4, 4, 4}, Vector3d::Ones()), {}};
       draft.clusters = gridOf(draft.mesh, {2, 2, 2});
       return draft;
     }
@@ -235,6 +233,69 @@ void keepMode(formats::ClusterMode mode, const std::vector<formats::QuadraticMom
   content.quadratic_moments.push_back(packed);
 }
 
+// The boundary of the tetrahedra as visual mesh: each vertex on a corner of a tetrahedron.
+void addSurface(const TetMesh& mesh, const formats::StringRef& name, formats::PackageContent& content) {
+  std::vector<std::uint32_t> tetrahedron_of;
+  std::vector<std::uint32_t> visual(mesh.positions.size(), formats::kNone);
+  std::vector<Vector3d> normals;
+  const std::vector<geometry::Triangle> faces = geometry::boundaryFaces(mesh, &tetrahedron_of);
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    const auto& [a, b, c] = faces[f];
+    const Vector3d area = (mesh.positions[b] - mesh.positions[a]).cross(mesh.positions[c] - mesh.positions[a]);
+    formats::Triangle triangle{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t v = faces[f][k];
+      if (visual[v] == formats::kNone) {
+        visual[v] = std::uint32_t(content.visual_positions.size());
+        content.visual_positions.push_back(content.physical_vertices[v].rest_position);
+        formats::BarycentricAttachment attachment{tetrahedron_of[f], {0, 0, 0}};
+        const geometry::Tetrahedron& corners = mesh.tetrahedra[tetrahedron_of[f]];
+        const auto corner = std::size_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
+        if (corner < 3) attachment.weight[corner] = 1;
+        content.barycentric.push_back(attachment);
+        normals.emplace_back(Vector3d::Zero());
+      }
+      triangle[k] = visual[v];
+      normals[visual[v]] += area;
+    }
+    content.visual_triangles.push_back(triangle);
+  }
+  for (const Vector3d& normal : normals) {
+    const Vector3d n = normal.normalized();
+    content.visual_normals.push_back({float(n[0]), float(n[1]), float(n[2])});
+  }
+  content.sub_meshes.push_back({name, formats::kNone, 0, std::uint32_t(content.visual_triangles.size()), 0});
+}
+
+Vector3d vectorOf(const std::array<float, 3>& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+// CMEC of every cluster.
+void addMechanics(const StudyPackageOptions& options, formats::PackageContent& content) {
+  if (!options.mechanics) return;
+  formats::ClusterMechanics mechanics = *options.mechanics;
+  content.curve_points = options.curve;
+  mechanics.curve_point_count = std::uint32_t(options.curve.size());
+  if (options.elastic_hz > 0) {
+    Vector3d first = Vector3d::Zero();
+    double mass = 0, second = 0;
+    for (const formats::PhysicalVertex& vertex : content.physical_vertices) {
+      const Vector3d d = vectorOf(vertex.rest_position) - vectorOf(content.physical_vertices.front().rest_position);
+      mass += double(vertex.mass);
+      first += double(vertex.mass) * d;
+      second += double(vertex.mass) * d.squaredNorm();
+    }
+    const double radius2 = std::max(0.0, second / mass - (first / mass).squaredNorm());
+    // Of a single vertex any modulus will do.
+    const double omega = 2 * std::numbers::pi * options.elastic_hz;
+    mechanics.young = float(std::clamp(kDensity * omega * omega * radius2, 1e-30, 1e12));
+  }
+  if (mechanics.contraction > 0) {
+    mechanics.channel = 0;
+    content.channels = {{content.addText("fibre")}};
+  }
+  content.mechanics.assign(content.clusters.size(), mechanics);
+}
+
 std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& options) {
   formats::PackageContent content;
   const formats::StringRef name = content.addText("study");
@@ -262,6 +323,8 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
   }
   content.bodies.push_back({0, std::uint32_t(mass.size()), 0, std::uint32_t(content.tetrahedra.size()), 0,
                             std::uint32_t(content.clusters.size()), name});
+  addMechanics(options, content);
+  if (options.surface) addSurface(draft.mesh, name, content);
   formats::BodyInfo& info = content.info;
   info.metres_per_unit = 1;
   info.bounds_min = {float(low[0]), float(low[1]), float(low[2])};
@@ -291,8 +354,8 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
 
 std::string_view nameOf(StudyBody body) {
   constexpr std::array<std::string_view, kStudyBodyCount> kNames = {
-      "box",  "box2",  "box3",       "bar", "ring", "animal", "one_vertex", "two_vertices", "three_vertices",
-      "line", "plane", "coincident", "odd", "tiny", "huge"};
+      "box",          "box2",           "box3", "bar",   "ring",       "animal", "one_vertex",
+      "two_vertices", "three_vertices", "line", "plane", "coincident", "odd"};
   return kNames[std::size_t(body)];
 }
 
@@ -309,11 +372,14 @@ double chance(std::uint64_t seed, std::uint64_t index) {
 }
 
 std::shared_ptr<const Asset> studyPackage(StudyBody body, const StudyPackageOptions& options) {
-  return assetOf(draftOf(body), options);
+  Draft draft = draftOf(body);
+  for (Vector3d& x : draft.mesh.positions) x *= options.size;
+  return assetOf(std::move(draft), options);
 }
 
 std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOptions& options) {
   Draft draft{boxMesh(box.cells, {box.size[0], box.size[1], box.size[2]}), {}};
+  for (Vector3d& x : draft.mesh.positions) x += Vector3d(box.center[0], box.center[1], box.center[2]);
   draft.clusters = gridOf(draft.mesh, box.clusters);
   return assetOf(std::move(draft), options);
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,10 +31,8 @@ enum class StudyBody : std::uint8_t {
   plane,       ///< 16 vertices in a plane
   coincident,  ///< a box whose every vertex is there twice
   odd,         ///< a box in clusters of 1, 2 and 3 vertices, of a line, of a sheet, and one of all
-  tiny,        ///< box2 of 1e-6 m
-  huge,        ///< box2 of 1e6 m
 };
-inline constexpr std::size_t kStudyBodyCount = 15;
+inline constexpr std::size_t kStudyBodyCount = 13;
 
 std::string_view nameOf(StudyBody body);
 
@@ -41,17 +40,24 @@ std::string_view nameOf(StudyBody body);
 struct StudyPackageOptions {
   formats::ClusterMode mode = formats::ClusterMode::linear;
   double frequency_hz = 1;  ///< of all classes of modes
+  double size = 1;          ///< times the lengths that StudyBody states; masses follow
   double mass_ratio = 1;    ///< heaviest to lightest vertex, >= 1: vertices lie between, evenly over the logarithm
+  /// Of every cluster; a fibre is driven by the package's one channel, "fibre". None: no CMEC at all.
+  std::optional<formats::ClusterMechanics> mechanics = {};
+  double elastic_hz = 0;  ///< of StiffnessModel::elastic, > 0: a modulus with which a slice as long as the body's
+                          ///< radius of gyration rings so, in place of `young`
+  std::vector<formats::CurvePoint> curve = {};  ///< of LimitMethod::curve
+  bool surface = false;                         ///< the tetrahedra's boundary as visual mesh, for picks
 };
 
 /// Made anew at each call; equal arguments give equal bytes. Degenerate clusters keep the mode that is asked for.
 std::shared_ptr<const Asset> studyPackage(StudyBody body, const StudyPackageOptions& options);
 
-/// A box of cells (five tetrahedra each) in a grid of overlapping clusters. \param size metres. \param jitter moves the
-/// inner vertices by at most this part of a cell.
+/// A box of cells (five tetrahedra each) in a grid of overlapping clusters.
 struct BoxBody {
   std::array<int, 3> cells = {2, 2, 2};
-  std::array<double, 3> size = {1, 1, 1};
+  std::array<double, 3> size = {1, 1, 1};    ///< metres
+  std::array<double, 3> center = {0, 0, 0};  ///< metres
   std::array<std::uint32_t, 3> clusters = {1, 1, 1};
 };
 std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOptions& options);

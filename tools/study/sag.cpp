@@ -5,15 +5,9 @@
 #include <cstdio>
 
 #include "sinew/runtime/world.h"
+#include "tools/study/names.h"
 
 namespace sinew::tools {
-namespace {
-
-std::string_view nameOf(formats::ClusterMode mode) {
-  return mode == formats::ClusterMode::rigid ? "rigid" : mode == formats::ClusterMode::linear ? "linear" : "quadratic";
-}
-
-}  // namespace
 
 SagResult measureSag(const SagCase& beam, double seconds) {
   BoxBody box;

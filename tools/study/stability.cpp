@@ -18,6 +18,7 @@
 #include "tools/render/text.h"
 #include "tools/study/body_measure.h"
 #include "tools/study/covering.h"
+#include "tools/study/names.h"
 
 namespace sinew::tools {
 namespace {
@@ -44,12 +45,22 @@ enum class Start : std::uint8_t {
   thrown,
   lost_vertex,
 };
-enum class Before : std::uint8_t { nothing, pinned, pressed };
+enum class Before : std::uint8_t { nothing, pinned, pressed, hold, infinite_mass, matrix, constrained_fit };
+enum class Matter : std::uint8_t { plain, damped, plastic, active };
 
 constexpr std::array kSteps = {1e-5F, 1e-3F, 1.0F / 240, 1.0F / 60, 0.1F, 1.0F};
 constexpr std::array kFrequencies = {0.0F, 0.1F, 1.0F, 10.0F, 100.0F, 1e3F, 1e5F};
 constexpr std::array kMassRatios = {1.0, 1e3, 1e6};
 constexpr std::array<std::uint32_t, 3> kPasses = {1, 4, 16};
+// The part that a pass keeps of a deformation, for StiffnessModel::per_step: from none that returns to rigid.
+constexpr std::array kPerStepBetas = {1.0F, 0.999F, 0.99F, 0.9F, 0.5F, 0.1F, 0.0F};
+constexpr std::array kSizes = {1.0, 1e-6, 1e-3, 1e3, 1e6};
+constexpr std::size_t kLimitCount = 7, kVolumeCount = 3, kModelCount = 3;
+const std::vector<formats::CurvePoint> kCurve = {{3.1F, 3.1F}, {4, 3.3F}, {10, 3.4F}};
+constexpr float kPlasticYield = 0.05F, kPlasticCreep = 5, kPlasticLimit = 0.1F;
+constexpr float kClusterDamping = 5;          // 1/s
+constexpr float kClusterDampingRatio = 0.1F;  // of critical, at most: what creeps takes hours to judge
+constexpr float kContraction = 0.5F;
 
 // ---- limits (docs/stability.md) ----
 constexpr double kShapeLimit = 1e-3;      // diagonals
@@ -58,6 +69,7 @@ constexpr double kEnergyLimit = 2;        // times the least since the release
 constexpr double kEnergyUnjudged = 1e-3;  // of the energy at the release: less is not judged
 constexpr double kReturnSeconds = 2;      // of simulated time
 constexpr double kReturnPeriods = 5;
+constexpr double kCreepTimes = 8;       // e^-8 = 3e-4
 constexpr double kBeforeSeconds = 0.5;  // pinned or pressed
 constexpr float kBrake = 20;            // 1/s: air that stops a spin
 constexpr double kSpinStretch = 1e-4;   // a spin that stretches a body further than this is braked
@@ -78,17 +90,62 @@ std::vector<std::string> numbers(const Levels& levels) {
   return result;
 }
 
+template <class Enum>
+std::vector<std::string> namesOf(std::size_t count) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < count; ++i) names.emplace_back(nameOf(Enum(i)));
+  return names;
+}
+
 struct CellSetup {
   Start start;
   float step;
   float frequency_hz;
-  double mass_ratio;
-  formats::ClusterMode mode;
   std::uint32_t passes;
   StudyBody body;
   Before before;
+  StudyPackageOptions package;
+  Matter matter;
   std::uint64_t seed = 0;
 };
+
+// Of Matter::damped, 1/s.
+float clusterDamping(float frequency_hz) {
+  if (frequency_hz == 0) return kClusterDamping;
+  return std::min(kClusterDamping, 4 * std::numbers::pi_v<float> * kClusterDampingRatio * frequency_hz);
+}
+
+StudyPackageOptions packageOf(const StabilityCell& cell) {
+  const auto level = [&](StabilityFactor factor) { return std::size_t(cell[std::size_t(factor)]); };
+  StudyPackageOptions options;
+  options.mode = formats::ClusterMode(level(StabilityFactor::mode));
+  options.frequency_hz = 1;
+  options.mass_ratio = kMassRatios[level(StabilityFactor::mass_ratio)];
+  options.size = kSizes[level(StabilityFactor::size)];
+  const auto matter = Matter(level(StabilityFactor::matter));
+  formats::ClusterMechanics m = formats::kPlainMechanics;
+  m.stiffness = formats::StiffnessModel(level(StabilityFactor::model));
+  m.per_step_beta.fill(kPerStepBetas[level(StabilityFactor::stiffness)]);
+  if (m.stiffness == formats::StiffnessModel::elastic) options.elastic_hz = 1;
+  m.limit = formats::LimitMethod(level(StabilityFactor::limit));
+  if (m.limit == formats::LimitMethod::curve) options.curve = kCurve;
+  m.volume = formats::VolumeMethod(level(StabilityFactor::volume));
+  if (matter == Matter::damped) m.damping = clusterDamping(kFrequencies[level(StabilityFactor::stiffness)]);
+  if (matter == Matter::plastic) {
+    m.plastic_yield = kPlasticYield;
+    m.plastic_creep = kPlasticCreep;
+    m.plastic_limit = kPlasticLimit;
+  }
+  if (matter == Matter::active) {
+    m.fibre = {0.6F, 0.8F, 0};
+    m.contraction = kContraction;
+  }
+  // What asks for nothing of a CMEC record has none.
+  const bool plain = m.stiffness == formats::StiffnessModel::frequency && m.limit == formats::LimitMethod::none &&
+                     m.volume == formats::VolumeMethod::none && matter == Matter::plain;
+  if (!plain) options.mechanics = m;
+  return options;
+}
 
 CellSetup setupOf(const StabilityCell& cell) {
   CellSetup setup{};
@@ -96,16 +153,20 @@ CellSetup setupOf(const StabilityCell& cell) {
   setup.start = Start(level(StabilityFactor::start));
   setup.step = kSteps[level(StabilityFactor::step)];
   setup.frequency_hz = kFrequencies[level(StabilityFactor::stiffness)];
-  setup.mass_ratio = kMassRatios[level(StabilityFactor::mass_ratio)];
-  setup.mode = formats::ClusterMode(level(StabilityFactor::mode));
   setup.passes = kPasses[level(StabilityFactor::passes)];
   setup.body = StudyBody(level(StabilityFactor::body));
   setup.before = Before(level(StabilityFactor::before));
-  for (const std::uint8_t value : cell) setup.seed = setup.seed * 31 + value;
+  setup.package = packageOf(cell);
+  setup.matter = Matter(level(StabilityFactor::matter));
+  // Factors at their first level leave the chance as it is.
+  for (std::size_t f = 0; f < cell.size(); ++f) {
+    if (f <= std::size_t(StabilityFactor::before) || cell[f] != 0) {
+      setup.seed = setup.seed * 31 + cell[f];
+    }
+  }
   return setup;
 }
 
-Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 Vec3 narrow(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
 
 Vector3d chanceVector(std::uint64_t seed, std::uint64_t index) {
@@ -224,7 +285,7 @@ class CellRun {
   CellRun(const StabilityCell& cell, bool quick)
       : setup_(setupOf(cell)),
         quick_(quick),
-        asset_(studyPackage(setup_.body, {setup_.mode, 1.0, setup_.mass_ratio})),
+        asset_(studyPackage(setup_.body, setup_.package)),
         measure_(*asset_, double(setup_.frequency_hz)),
         world_(worldSettings(setup_)) {
     result_.cell = cell;
@@ -237,15 +298,21 @@ class CellRun {
     std::vector<Vec3> x, v;
     startState(setup_, *asset_, world_.positions(body_), x, v);
     world_.setState(body_, x, v);
-    if (setup_.before != Before::nothing) hold();
-    const double slow = measure_.slowestHz();
+    if (setup_.before != Before::nothing || setup_.matter == Matter::active) hold();
+    const float finishing = std::max(setup_.step, kFinishingStep);
+    const double slow = measure_.slowestHz(passSeconds(finishing));
     const bool returns = slow > 0;
-    const double free_seconds =
-        std::max(kReturnSeconds, returns && std::isfinite(slow) ? kReturnPeriods / slow : kReturnSeconds);
+    double free_seconds = kReturnSeconds;
+    if (returns && std::isfinite(slow)) {
+      free_seconds = std::max(free_seconds, kReturnPeriods / slow);
+      // What its own damping holds back by more than half creeps: e^(-ω² t / d).
+      const double omega = 2 * std::numbers::pi * slow;
+      const double damping = setup_.matter == Matter::damped ? double(clusterDamping(setup_.frequency_hz)) : 0.0;
+      if (damping > 2 * omega) free_seconds = std::max(free_seconds, kCreepTimes * damping / (omega * omega));
+    }
     const std::uint32_t most = quick_ ? 300 : 2000;
     release(setup_.step);
     double done = advance(setup_.step, free_seconds, most);
-    const float finishing = std::max(setup_.step, kFinishingStep);
     if (done < free_seconds) {
       release(finishing);
       advance(finishing, free_seconds - done, 1000000);
@@ -267,7 +334,8 @@ class CellRun {
       const double moves = std::isfinite(slow) ? phase * phase / (1 + phase * phase) : 1.0;
       const double rounding =
           measure_.roundingGain() * kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
-      result_.shape = result_.rest_error / (kShapeLimit + 2 * rounding / moves);
+      const double limit = kShapeLimit + (setup_.matter == Matter::plastic ? double(kPlasticLimit) : 0.0);
+      result_.shape = result_.rest_error / (limit + 2 * rounding / moves);
     }
     if (!result_.finite) result_.shape = result_.energy = result_.momentum = 0;
     return result_;
@@ -282,14 +350,10 @@ class CellRun {
     return settings;
   }
 
-  // Pinned by three vertices, or pressed to a ground by 10,000 g; then free again.
+  // Pinned by three vertices, pressed to a ground, contracted; then free again.
   void hold() {
     const auto x = world_.positions(body_);
-    if (setup_.before == Before::pinned) {
-      for (const std::size_t i : {std::size_t(0), x.size() / 3, x.size() - 1}) {
-        if (wide(x[i]).allFinite()) world_.pin(body_, std::uint32_t(i), x[i]);
-      }
-    } else {
+    if (setup_.before == Before::pressed) {
       double low = 0;
       for (const Vec3& p : x) {
         if (std::isfinite(p[1])) low = std::min(low, double(p[1]));
@@ -297,11 +361,27 @@ class CellRun {
       world_.settings().gravity = {0, -kPress, 0};
       world_.settings().ground.enabled = true;
       world_.settings().ground.offset = float(low);
+    } else if (setup_.before != Before::nothing) {
+      std::vector<std::uint32_t> held;
+      for (const std::size_t i : {std::size_t(0), x.size() / 3, x.size() - 1}) {
+        const bool again = std::find(held.begin(), held.end(), std::uint32_t(i)) != held.end();
+        if (!again && wide(x[i]).allFinite()) held.push_back(std::uint32_t(i));
+      }
+      if (setup_.before == Before::pinned) {
+        for (const std::uint32_t i : held) world_.pin(body_, i, x[i]);
+      } else {
+        const auto method = PinMethod(std::uint32_t(setup_.before) - std::uint32_t(Before::hold));
+        if (!held.empty() && !world_.addPinSet(body_, held, {}, method)) {
+          result_.contained = std::numeric_limits<double>::infinity();
+        }
+      }
     }
+    if (setup_.matter == Matter::active) world_.setActivation(body_, 0U, 1);
     measuring_ = false;
     holding_ = true;
     advance(setup_.step, kBeforeSeconds, quick_ ? 100 : 500);
     holding_ = false;
+    if (setup_.matter == Matter::active) world_.setActivation(body_, 0U, 0);
     world_.unpinAll(body_);
     world_.settings().gravity = {0, 0, 0};
     world_.settings().ground.enabled = false;
@@ -322,7 +402,7 @@ class CellRun {
     momentum_scale_ = before_.momentum_scale;
     angular_scale_ = before_.angular_scale;
     // What the start may turn into motion: its speed, its elastic energy, and what matching sets free at once.
-    energy_ = before_.kinetic + measure_.potential(world_, body_, pass_seconds_);
+    energy_ = before_.kinetic + measure_.potential(world_, body_, pass_seconds_).most;
     released_energy_ = energy_;
     energy_ *= kEnergyLimit;
     // Sums are rounded relative to the fastest motion there may be, which a step can hide.
@@ -381,15 +461,20 @@ class CellRun {
 
     // What the rounding of goals adds in each pass may add up: it need not be chance.
     const double added = measure_.roundingGain() * rounding_speed * std::max(4.0, double(passes_since_release_));
-    const double floor = 0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega() * rounding, 2));
-    const double energy = now.kinetic + measure_.potential(world_, body_, pass_seconds_);
+    const double floor =
+        0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega(pass_seconds_) * rounding, 2));
+    // What has flowed rests in another shape: of it kinetic energy alone is judged, by that at the release.
+    const bool flows = setup_.matter == Matter::plastic;
+    BodyMeasure::Potential potential;
+    if (!flows) potential = measure_.potential(world_, body_, pass_seconds_);
+    const double energy = now.kinetic + potential.least;
     if (energy > floor) {
       // No motion of a body of this shape and angular momentum has less than the energy of turning about the axis of
       // its largest inertia: what contracts spins up, as a skater does.
       const double limit = std::max(energy_, kEnergyLimit * now.least_spin_energy);
       result_.energy = std::max(result_.energy, ratio(energy, limit + floor + kEnergyUnjudged * released_energy_));
     }
-    energy_ = std::min(energy_, energy * kEnergyLimit);
+    if (!flows) energy_ = std::min(energy_, kEnergyLimit * (now.kinetic + potential.most));
   }
 
   // A step is divided no finer than 1e-5 s.
@@ -415,7 +500,7 @@ class CellRun {
   bool spinMatters(float step) const {
     const BodyMotion now = measure_.motion(world_, body_);
     const double h = passSeconds(step);
-    const double hz = measure_.slowestHz();
+    const double hz = measure_.slowestHz(h);
     const double phase = std::isfinite(hz) ? 2 * std::numbers::pi * hz * h : 1;
     return now.spin * h * std::max(1.0, 1 / phase) > kSpinStretch;
   }
@@ -450,8 +535,9 @@ bool selected(const std::string& text, const std::string& only) {
 }  // namespace
 
 std::string_view nameOf(StabilityFactor factor) {
-  constexpr std::array<std::string_view, kStabilityFactorCount> kNames = {"start", "step",   "stiffness", "mass_ratio",
-                                                                          "mode",  "passes", "body",      "before"};
+  constexpr std::array<std::string_view, kStabilityFactorCount> kNames = {
+      "start",  "step",  "stiffness", "mass_ratio", "mode",   "passes", "body",
+      "before", "model", "limit",     "volume",     "matter", "size"};
   return kNames[std::size_t(factor)];
 }
 
@@ -477,7 +563,17 @@ std::vector<std::string> levelsOf(StabilityFactor factor) {
       return names;
     }
     case StabilityFactor::before:
-      return {"nothing", "pinned", "pressed"};
+      return {"nothing", "pinned", "pressed", "hold", "infinite_mass", "matrix", "constrained_fit"};
+    case StabilityFactor::model:
+      return namesOf<formats::StiffnessModel>(kModelCount);
+    case StabilityFactor::limit:
+      return namesOf<formats::LimitMethod>(kLimitCount);
+    case StabilityFactor::volume:
+      return namesOf<formats::VolumeMethod>(kVolumeCount);
+    case StabilityFactor::matter:
+      return {"plain", "damped", "plastic", "active"};
+    case StabilityFactor::size:
+      return numbers(kSizes);
   }
   return {};
 }
@@ -515,7 +611,7 @@ std::vector<StabilityCell> stabilityDesign(bool quick) {
       for (std::uint8_t step = 0; step < levels[1]; ++step) {
         for (std::uint8_t stiffness = 0; stiffness < levels[2]; ++stiffness) {
           for (std::uint8_t mode = 0; mode < levels[4]; ++mode) {
-            product.push_back({start, step, stiffness, 0, mode, 1, std::uint8_t(StudyBody::box2), 0});
+            product.push_back({start, step, stiffness, 0, mode, 1, std::uint8_t(StudyBody::box2), 0, 0, 0, 0, 0, 0});
           }
         }
       }

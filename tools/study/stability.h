@@ -18,8 +18,22 @@
 namespace sinew::tools {
 
 /// What a cell of the matrix is made of; a level of each gives a cell.
-enum class StabilityFactor : std::uint8_t { start, step, stiffness, mass_ratio, mode, passes, body, before };
-inline constexpr std::size_t kStabilityFactorCount = 8;
+enum class StabilityFactor : std::uint8_t {
+  start,
+  step,
+  stiffness,
+  mass_ratio,
+  mode,
+  passes,
+  body,
+  before,
+  model,
+  limit,
+  volume,
+  matter,
+  size,
+};
+inline constexpr std::size_t kStabilityFactorCount = 13;
 
 std::string_view nameOf(StabilityFactor factor);
 /// Names of a factor's levels, in order.

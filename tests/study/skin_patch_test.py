@@ -1,0 +1,81 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The skin patch of samples/gallery/skin_patch against finite elements: the more clusters, the nearer."""
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SINEW = None
+SKIN = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "skin_patch"
+CUBE = pathlib.Path(__file__).resolve().parents[1] / "assets" / "generated" / "cube.obj"
+
+
+def run(*arguments):
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+
+
+class SkinPatch(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.picture = pathlib.Path(cls.folder.name) / "skin.png"
+        done = run("study", "error", SKIN / "recipe.json", "--pull", "0,0.05,0", "--clusters", "1,2,5,10", "--seconds", 2,
+                   "--picture", cls.picture, "--json")
+        if done.returncode != 0:
+            raise AssertionError(done.stderr)
+        cls.study = json.loads(done.stdout)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def test_the_source_is_what_the_script_makes(self):
+        made = subprocess.run([sys.executable, SKIN / "make.py"], capture_output=True, text=True, check=True).stdout
+        self.assertEqual(made, (SKIN / "skin_patch.obj").read_text())
+
+    def test_the_reference_has_settled(self):
+        reference = self.study["reference"]
+        self.assertLess(reference["change_rms"], 0.01)
+        self.assertLess(reference["change_max"], 0.05)
+        self.assertEqual(self.study["held_vertices"], 37 * 37)
+
+    def test_more_clusters_come_nearer(self):
+        rows = self.study["results"]
+        self.assertEqual([row["clusters"] for row in rows], [1, 4, 25, 100])
+        for coarse, fine in zip(rows, rows[1:]):
+            self.assertLess(fine["rms"], 0.6 * coarse["rms"])
+        self.assertLess(rows[3]["rms"], 0.06)
+        for row in rows:
+            self.assertLess(row["drift"], 0.01)
+            self.assertGreater(row["microseconds_per_step"], 0)
+
+    def test_the_best_rows_are_marked(self):
+        rows = self.study["results"]
+        for row in rows:
+            beaten = any(other["rms"] < row["rms"] and
+                         other["microseconds_per_step"] < row["microseconds_per_step"] for other in rows)
+            self.assertEqual(row["best"], not beaten)
+
+    def test_it_is_drawn(self):
+        self.assertEqual(self.picture.read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+
+    def test_where_nothing_is_free_nothing_is_pulled(self):
+        picture = pathlib.Path(self.folder.name) / "cube.png"
+        done = run("study", "error", CUBE, "--pick", "0.5,0,0.5", "--finger", "1e-3", "--picture", picture)
+        self.assertEqual(done.returncode, 3)
+        self.assertEqual(done.stdout, "")
+        self.assertEqual(done.stderr.strip(), f"sinew: {CUBE}: nothing is pulled: no free physical vertex is near the "
+                                              "point. Raise --finger, or give --pick a point that nothing holds.")
+        self.assertFalse(picture.exists())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sinew", required=True)
+    arguments, rest = parser.parse_known_args()
+    SINEW = arguments.sinew
+    unittest.main(argv=[sys.argv[0], *rest])

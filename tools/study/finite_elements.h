@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What an elastic solid does, to measure the runtime against: finite elements on tetrahedra, in double precision. It
+// shares nothing with the runtime but the tetrahedra.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+namespace sinew::tools {
+
+/// A solid of tetrahedra (positive volume) at rest, with what is prescribed of it.
+struct ElasticSolid {
+  std::vector<Eigen::Vector3d> rest;  ///< metres
+  std::vector<std::array<std::uint32_t, 4>> tetrahedra;
+  std::vector<std::optional<Eigen::Vector3d>>
+      prescribed;  ///< per vertex: where it is held, metres; nothing: it is free
+};
+
+/// Cuts every tetrahedron into eight; those of tetrahedron t are 8 t .. 8 t + 7, the old vertices keep their numbers. A
+/// new vertex is held, midway, where both ends of its edge are.
+/// \param shape on return one more position for each new vertex: midway, too. May be null.
+ElasticSolid refined(const ElasticSolid& solid, std::vector<Eigen::Vector3d>* shape);
+
+struct Equilibrium {
+  std::vector<Eigen::Vector3d> positions;  ///< metres, one a vertex
+  double residual = 0;                     ///< largest change in the last iteration, of the largest displacement
+  int iterations = 0;
+};
+
+/// Rest of a solid of corotated linear elasticity: least energy sum V (mu |F - R|² + lambda/2 tr²(RᵀF - 1)), F the
+/// deformation gradient of a tetrahedron, R its rotation; nothing else acts on it, so Young's modulus does not matter.
+/// Newton's iteration with the rotations held in the derivative (stiffness warping), each solved by conjugate
+/// gradients. \param start positions to begin with; empty: at rest. \param poisson -1 < nu < 0.5. \param tolerance of
+/// the residual. Some vertices must be prescribed.
+Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Eigen::Vector3d> start, double poisson,
+                        double tolerance);
+
+/// A point of a solid that was refined: where it went. \param coarse the solid before. \param refinements how often.
+/// \param weights of the coarse tetrahedron's vertices, sum 1. \param positions of the refined solid's vertices.
+Eigen::Vector3d deformedPoint(const ElasticSolid& coarse, const ElasticSolid& fine, int refinements,
+                              std::uint32_t tetrahedron, const Eigen::Vector4d& weights,
+                              const std::vector<Eigen::Vector3d>& positions);
+
+}  // namespace sinew::tools
