@@ -187,7 +187,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.clusters.overlap_metres, 0, 1e6}},
       {"clusters.soften_metres", "m",
        "Width over which clusters of a recipe blend into each other wherever their weights jump between neighbouring "
-       "vertices, along the body; 0 takes 1 edge of the tetrahedra. A millionth of an edge leaves weights as they are.",
+       "vertices, along the body; 0: weights stay as they are.",
        Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
        "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",

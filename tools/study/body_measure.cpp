@@ -53,6 +53,7 @@ Vector3d angularVelocity(const Matrix3d& second, const Vector3d& angular) {
 
 // When the runtime matches a part as one (docs/method.md §3): RMS distance from the rest shape, radii of gyration.
 constexpr double kAstray = 0.5, kHardlyAstray = 0.005;
+constexpr double kDistorted = 0.25;   // of single clusters, below which a part is only bent
 constexpr double kFewPasses = 0.02;   // s
 constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
 
@@ -415,7 +416,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
                    r2 * moment_of(c));
   }
   const Matrix3d rotation = nearestRotation(moment);
-  double deviation = 0, spread = 0;
+  double deviation = 0, spread = 0, own_deviation = 0, own_spread = 0;
   PartPotential result;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const double m = double(clusters[c].mass), radius = double(clusters[c].radius);
@@ -426,6 +427,8 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
     deviation += m * (matches[c].center - goal).squaredNorm();
     if (rest_moment.trace() > 0) {
       deviation += m * radius * radius * (moment_of(c) - rotation * rest_moment).squaredNorm() / rest_moment.trace();
+      own_deviation += m * radius * radius * matches[c].deviation.leftCols<3>().squaredNorm() / rest_moment.trace();
+      own_spread += m * radius * radius * rest_moment.trace();
     }
     // Of the elastic model what the average mode is moved by: rows count with it too.
     const double taken = takenOf(clusters_[c], pass_seconds);
@@ -442,6 +445,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
     result.begins = result.begins || isLost(clusters_[c], matches[c], pass_seconds);
   }
   const double far = always ? kHardlyAstray : kAstray;
+  if (!always && own_deviation <= kDistorted * kDistorted * own_spread) return {};  // bent, not astray
   if (deviation > far * far * spread) result.weight = 1 - far * far * spread / deviation;
   return result;
 }
