@@ -24,9 +24,9 @@ constexpr float kRelativeCompliance = 1e-1F;
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;
 
-// What a held point remembers of its impulse. Where limits stop the clusters that it pulls, impulses that are all
-// remembered swing to and fro and grow (an L-bar drawn to twice its length by its ends).
-constexpr float kRememberedHold = 0.7F;
+// What a held point remembers of its impulse. Pins may ask for more than limits allow (an L-bar drawn to twice its
+// length by its ends): impulses that are all remembered then swing to and fro and grow.
+constexpr float kRememberedHold = 0.8F;
 
 // Move of a point, diagonals, that one relaxation of a row may cause.
 constexpr float kLargestMove = 0.25F;
@@ -379,7 +379,11 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
   for (const Row& row : body.rows) addSolverRow(body, row, pass_seconds);
 
   const float diagonal = body.package().info().diagonal;
-  for (std::uint32_t round = 0; round < settings.rounds; ++round) {
+  const bool held = std::any_of(body.rows.begin(), body.rows.end(), [](const Row& row) {
+    return row.kind == RowKind::hold && row.point == RowPoint::physical_vertex;
+  });
+  const std::uint32_t rounds = held ? settings.held_rounds : settings.rounds;
+  for (std::uint32_t round = 0; round < rounds; ++round) {
     beginRound(body);
     for (std::uint32_t sweep = 0; sweep < settings.sweeps; ++sweep) {
       const float moved = kernels().relax_rows(body.solver_rows.data(), std::uint32_t(body.solver_rows.size()),
@@ -389,7 +393,7 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
     endRound(body);
     storeUsedFrames(body);
     matchUsedBlocks(body, pass_seconds);
-    if (round + 1 < settings.rounds) loadUsedFrames(body);
+    if (round + 1 < rounds) loadUsedFrames(body);
   }
 
   const float to_force = 1.0F / (pass_seconds * pass_seconds);

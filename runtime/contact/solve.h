@@ -10,6 +10,8 @@ namespace sinew::internal {
 /// How a pass solves rows.
 struct RowSolverSettings {
   std::uint32_t rounds = 2;  ///< times the clusters are matched again to the impulses found
+  /// The same where vertices are held, for the same reason as kRememberedHold.
+  std::uint32_t held_rounds = 4;
   std::uint32_t sweeps = 6;  ///< projected Gauss-Seidel sweeps in each round, at most
   float tolerance = 1e-6F;   ///< a sweep that moves no point further than this (diagonals) is the last of its round
 };

@@ -523,6 +523,56 @@ class Commands(Folder):
         self.assertTrue(picture.read_bytes().startswith(b"\x89PNG"))
 
 
+class Blending(Folder):
+    """What the bake makes of authored weights on its way to clusters."""
+
+    def recipe(self, **more):
+        self.write("bar.obj", Bar().obj(groups=True))
+        clusters = [{"name": n, "from": {"group": n}, "overlap": 0} for n in NAMES]
+        return self.write("r.json", {"sinew_recipe": 2, "source": "bar.obj", "clusters": clusters, **more})
+
+    def largest_jump(self, package):
+        """Of a share over an edge of the tetrahedra."""
+        shares = self.shares(package)
+        edges = {(a, b) for t in package.records["TETS"] for a in t for b in t if a < b}
+        return max(abs(shares.get((n, a), 0) - shares.get((n, b), 0)) for n in NAMES for a, b in edges)
+
+    def test_soften_takes_jumps_out_of_weights(self):
+        jumps = []
+        for width in (0, 0.6, 1.2):
+            package = self.bake(self.recipe(), "--set", f"clusters.soften_metres={width}")
+            sums = {}
+            for (_, v), share in self.shares(package).items():
+                sums[v] = sums.get(v, 0) + share
+            self.assertLess(max(abs(x - 1) for x in sums.values()), 1e-5)
+            jumps.append(self.largest_jump(package))
+        self.assertGreater(jumps[0], 0.5)
+        self.assertLess(jumps[1], 0.7 * jumps[0])
+        self.assertLess(jumps[2], 0.7 * jumps[1])
+
+    def test_stray_pieces_are_left_to_the_others(self):
+        self.write("bar.obj", Bar().obj(groups=True))
+        left = {"or": [{"group": "left"}, {"sphere": [3, 0.5, 0.5], "radius": 0.2}]}
+        clusters = [{"name": "left", "from": left, "overlap": 0}, {"name": "all", "from": {"all": True}}]
+        package = self.bake(self.write("r.json", {"sinew_recipe": 2, "source": "bar.obj", "clusters": clusters}))
+        self.assertEqual(self.finding("cluster-strays")["severity"], "info")
+        rest = package.records["PVTX"]
+        centre = [(min(v[k] for v in rest) + max(v[k] for v in rest)) / 2 for k in range(3)]
+        self.assertLess(max(rest[v][0] - centre[0] for (n, v) in self.shares(package) if n == "left"), 0.5)
+
+    def test_colors_paint_in_order(self):
+        colors = [{"from": {"all": True}, "color": [0, 0, 1]}, {"from": {"scale": {"group": "left"}, "by": 0.5}, "color": [1, 0, 0]}]
+        package = self.bake(self.recipe(colors=colors))
+        found = {tuple(c) for c in package.records["VCOL"]}
+        self.assertEqual(found, {(0, 0, 255, 255), (128, 0, 128, 255)})
+        bad = self.recipe(colors=[{"from": {"all": True}, "color": [0, 0, 2]}])
+        result = run("bake", bad, "-o", self.path / "bad.sinew")
+        self.assertEqual(result.returncode, 3)
+        self.assertIn("r.json: ", result.stderr)
+        self.assertIn("color", result.stderr)
+        self.assertFalse((self.path / "bad.sinew").exists())
+
+
 class RealFiles(Folder):
     """Sources that were not made for this test; what they have is in the data's own list."""
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <bit>
+#include <cctype>
 
 #include "tests/import/import_fixture.h"
 
@@ -178,6 +179,22 @@ TEST_F(Stl, WrongCounts) {
   expectRefusal(write("short.stl", "abc"), "is no STL");
   const VisualMesh mesh = importFile(write("tail.stl", stlBody(4) + "made with love"));
   EXPECT_EQ(findingOf(mesh, "trailing-bytes")->count, 14U);
+}
+
+TEST_F(Stl, TextInCapitalsAndTextThatWasCutOff) {
+  const std::string facet =
+      "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1e0 0\nendloop\nendfacet\n";
+  std::string capitals = "solid s\n" + facet + "endsolid s\n";
+  for (char& c : capitals) c = char(std::toupper(c));
+  const VisualMesh mesh = importFile(write("capitals.stl", capitals));
+  EXPECT_EQ(mesh.triangles.size(), 1U);
+  EXPECT_EQ(findingOf(mesh, "unended-solid"), nullptr);
+  expectRefusal(write("cut.stl", "solid s\n" + facet + "facet "), "ends within a facet (line 9)");
+  const VisualMesh unended = importFile(write("unended.stl", "solid s\n" + facet));
+  EXPECT_NE(findingOf(unended, "unended-solid"), nullptr);
+  // Binary that says solid, and was cut off.
+  expectRefusal(write("binary.stl", stlBody(4, "solid of facets").substr(0, 84 + 120)),
+                "promises 4 triangles but holds 2");
 }
 
 TEST_F(Stl, Text) {

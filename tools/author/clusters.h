@@ -24,7 +24,7 @@ struct ClusterOptions {
   double overlap = 0.5;                     ///< how far a box reaches into its neighbours, of its own size
   double size = 0;                          ///< m, width of a cluster of kmeans; 0 = chosen
   double overlap_metres = 0;                ///< m, of authored clusters and kmeans; 0 = 1.5 edges of the tetrahedra
-  double soften_metres = 0;                 ///< m, over which authored clusters blend into each other; 0 = 1 edge
+  double soften_metres = 0;                 ///< m, over which authored clusters blend into each other; 0 = as authored
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
   double alpha = 1.0;        ///< part of the way to the goal in 1/60 s
   double stretch_hz = 10.0;  ///< frequency of stretch and shear

@@ -152,7 +152,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.import.crease_degrees, 0, 180}},
       {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
        Count{&s.import.memory_megabytes, 64, 1000000}},
-      {"import.seconds", "s", "Bound on the time of the process that reads the source.",
+      {"import.seconds", "s",
+       "Bound on the processor time of the process that reads the source; four times that on the clock.",
        Number{&s.import.seconds, 0.1, 86400}},
       {"tetrahedra.method", "",
        "How the solid is filled: stuffing follows the surface, grid is a cage of boxes that loses nothing, delaunay "
@@ -186,7 +187,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.clusters.overlap_metres, 0, 1e6}},
       {"clusters.soften_metres", "m",
        "Width over which clusters of a recipe blend into each other wherever their weights jump between neighbouring "
-       "vertices, along the body; 0 takes 1 edge of the tetrahedra. A millionth of an edge leaves weights as they are.",
+       "vertices, along the body; 0: weights stay as they are.",
        Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
        "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",

@@ -30,8 +30,9 @@ constexpr double kMinimumInfluence = 0.05;
 constexpr std::size_t kFewMembers = 8;
 // Of the largest weight: clusters that agree so well are one.
 constexpr double kIdentical = 1e-3;
+// Of the largest piece's weight: a piece apart that has less is not meant.
+constexpr double kStray = 0.2;
 constexpr double kAutomaticOverlap = 1.5;  // edges
-constexpr double kAutomaticSoften = 1.0;   // edges
 // Standard deviations between 10 % and 90 % of a step that has been diffused.
 constexpr double kDeviationsInRamp = 2.56;
 constexpr int kSoftenSteps = 2;
@@ -60,9 +61,9 @@ class BodyClusters {
         clusters_(clusters),
         settings_(settings) {}
 
-  // Pieces of this body, and how many vertices no cluster covered.
+  // Pieces of this body; adds up how many vertices no cluster covered, and how many memberships strayed.
   std::vector<Piece> run(const std::vector<std::vector<double>>& weights, const std::vector<std::uint8_t>& takes_part,
-                         std::size_t& uncovered) {
+                         std::size_t& uncovered, std::size_t& strays) {
     std::vector<Piece> pieces;
     for (std::uint32_t c = 0; c < clusters_.size(); ++c) {
       if (takes_part[c] == 0) continue;
@@ -77,6 +78,7 @@ class BodyClusters {
     for (Piece& piece : cut) widen(piece);
     prune(cut);
     soften(cut);
+    for (Piece& piece : cut) strays += dropStrays(piece, cut);
     return cut;
   }
 
@@ -176,12 +178,50 @@ class BodyClusters {
     }
   }
 
+  // A region measured straight through space, or painted in a hurry, reaches into sheets it does not mean: the lip
+  // behind the lip. Pieces apart that weigh next to nothing beside the largest leave the cluster, where others cover
+  // them.
+  std::size_t dropStrays(Piece& piece, const std::vector<Piece>& pieces) const {
+    std::vector<std::uint32_t> run(body_.vertex_count, kNoIndex);
+    std::vector<double> mass;
+    std::vector<std::uint32_t> stack;
+    for (std::uint32_t start = 0; start < body_.vertex_count; ++start) {
+      if (!(piece.weight[start] > 0) || run[start] != kNoIndex) continue;
+      const auto number = std::uint32_t(mass.size());
+      mass.push_back(0);
+      run[start] = number;
+      stack.assign(1, start);
+      while (!stack.empty()) {
+        const std::uint32_t v = stack.back();
+        stack.pop_back();
+        mass.back() += piece.weight[v];
+        for (std::uint32_t e = graph_.first[global(v)]; e < graph_.first[global(v) + 1]; ++e) {
+          const std::uint32_t n = graph_.neighbour[e] - body_.first_vertex;
+          if (!(piece.weight[n] > 0) || run[n] != kNoIndex) continue;
+          run[n] = number;
+          stack.push_back(n);
+        }
+      }
+    }
+    if (mass.size() < 2) return 0;
+    const double least = kStray * *std::max_element(mass.begin(), mass.end());
+    std::size_t dropped = 0;
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      if (run[v] == kNoIndex || mass[run[v]] >= least) continue;
+      double sum = 0;
+      for (const Piece& other : pieces) sum += other.weight[v];
+      if (!(sum > piece.weight[v])) continue;
+      piece.weight[v] = 0;
+      ++dropped;
+    }
+    return dropped;
+  }
+
   // A share that jumps between neighbours is a kink in the surface, whatever made it jump: a group's border, two masks
   // that end beside each other. Shares diffuse along the tetrahedra, by implicit steps of a graph Laplacian: an
   // M-matrix whose rows sum to 1, so they stay within 0..1 and sum to 1 at every vertex.
   void soften(std::vector<Piece>& pieces) const {
-    const double authored = settings_.clusters.soften_metres;
-    const double width = authored > 0 ? authored : kAutomaticSoften * graph_.mean_edge[number_];
+    const double width = settings_.clusters.soften_metres;
     if (!(width > 0) || pieces.size() < 2) return;
     const auto count = Eigen::Index(body_.vertex_count);
     const double deviation = width / kDeviationsInRamp;
@@ -500,6 +540,7 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
   std::vector<ClusterSource> clusters;
   names.clear();
   std::size_t uncovered = 0;
+  std::size_t strays = 0;
   for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
     if (authored[b] == 0) {
       for (ClusterSource& cluster : automatic) {
@@ -510,7 +551,7 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
       continue;
     }
     BodyClusters in_body(transfer, b, recipe_clusters, settings);
-    for (const Piece& piece : in_body.run(weights, takes_part[b], uncovered)) {
+    for (const Piece& piece : in_body.run(weights, takes_part[b], uncovered, strays)) {
       ClusterSource cluster;
       cluster.name = bodies_of[piece.cluster] > 1 ? piece.name + "@" + mesh.bodies[b].name : piece.name;
       cluster.body = b;
@@ -525,6 +566,16 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
       clusters.push_back(std::move(cluster));
       names.push_back(piece.cluster);
     }
+  }
+  if (strays > 0) {
+    Finding finding;
+    finding.id = "cluster-strays";
+    finding.severity = Severity::info;
+    finding.count = strays;
+    finding.message = std::to_string(strays) + (strays == 1 ? " membership" : " memberships") +
+                      " in small pieces apart from the rest of their cluster were left to the other clusters there";
+    finding.cure = "Make a cluster of each piece where they are meant.";
+    findings.push_back(finding);
   }
   if (uncovered > 0) {
     Finding finding;

@@ -23,8 +23,9 @@ using formats::ClusterMode;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 
-constexpr double kMostRestError = 1e-6;     // of the diagonal, the project's promise
-constexpr double kLeastDihedralDeg = 5;     // below, a tetrahedron is a sliver that bends nothing well
+constexpr double kMostRestError = 1e-6;  // of the diagonal, the project's promise
+constexpr float kOutside = 0.5F;         // of a tetrahedron's height: what hangs further out has its motion multiplied
+constexpr double kLeastDihedralDeg = 5;  // below, a tetrahedron is a sliver that bends nothing well
 constexpr double kAngleAgreementDeg = 0.1;  // of the recorded angles with the recomputed ones
 constexpr double kSumTolerance = 1e-4;      // of masses, which are sums of floats
 constexpr double kFlatMoment = 1e-5;        // the bake's own cut-off: smallest over largest spread squared
@@ -132,6 +133,40 @@ class PackageCheck {
     finding.places.resize(std::min(finding.places.size(), Finding::kMaxPlaces));
   }
 
+  // Of a shell, which is one tetrahedron thick: all four vertices on the surface of the tetrahedra, and no visual
+  // vertex so far outside that a thin tetrahedron's motion is multiplied in it. Thinness harms nothing there: clusters
+  // deform a body, tetrahedra only carry what is drawn.
+  std::vector<std::uint8_t> sheetTetrahedra() const {
+    const auto tetrahedra = package_.tetrahedra();
+    std::vector<std::array<std::uint32_t, 3>> faces;
+    for (const auto& t : tetrahedra) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        std::array<std::uint32_t, 3> face = {t.vertex[(k + 1) % 4], t.vertex[(k + 2) % 4], t.vertex[(k + 3) % 4]};
+        std::sort(face.begin(), face.end());
+        faces.push_back(face);
+      }
+    }
+    std::sort(faces.begin(), faces.end());
+    std::vector<std::uint8_t> outer(package_.physicalVertices().size(), 0);
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      const bool twice = (i > 0 && faces[i - 1] == faces[i]) || (i + 1 < faces.size() && faces[i + 1] == faces[i]);
+      if (twice) continue;
+      for (const std::uint32_t v : faces[i]) outer[v] = 1;
+    }
+    std::vector<std::uint8_t> sheet(tetrahedra.size(), 0);
+    for (std::size_t t = 0; t < tetrahedra.size(); ++t) {
+      const auto& v = tetrahedra[t].vertex;
+      sheet[t] = std::all_of(v.begin(), v.end(), [&](std::uint32_t i) { return outer[i] != 0; }) ? 1 : 0;
+    }
+    for (const auto& attachment : package_.barycentric()) {
+      const auto& w = attachment.weight;
+      for (const float x : {w[0], w[1], w[2], 1 - w[0] - w[1] - w[2]}) {
+        if (x < -kOutside || x > 1 + kOutside) sheet[attachment.tetrahedron] = 0;
+      }
+    }
+    return sheet;
+  }
+
   void tetrahedra() {
     if (package_.tetrahedra().empty()) return;
     std::vector<std::uint32_t> inverted, slivers;
@@ -148,6 +183,8 @@ class PackageCheck {
       largest = std::max(largest, range[1]);
       if (range[0] < kLeastDihedralDeg) slivers.push_back(t);
     }
+    const std::size_t thin = slivers.size();
+    std::erase_if(slivers, [sheet = sheetTetrahedra()](std::uint32_t t) { return sheet[t] != 0; });
     if (!inverted.empty()) {
       add("inverted-tetrahedra", Severity::error,
           counted(inverted.size(), "tetrahedron has", "tetrahedra have") + " no positive volume", inverted.size(),
@@ -166,6 +203,12 @@ class PackageCheck {
           "dihedral angles of " + counted(package_.tetrahedra().size(), "tetrahedron", "tetrahedra") + " lie between " +
               rounded(least) + " and " + rounded(largest) + " degrees",
           package_.tetrahedra().size(), "");
+      if (thin > 0) {
+        add("thin-sheet", Severity::info,
+            counted(thin, "tetrahedron", "tetrahedra") + " of a sheet " + (thin == 1 ? "is" : "are") +
+                " thinner than " + rounded(kLeastDihedralDeg) + " degrees, as the sheet is; nothing hangs outside them",
+            thin, "");
+      }
     }
     const formats::BodyInfo& info = package_.info();
     if (std::abs(double(info.min_dihedral_deg) - least) > kAngleAgreementDeg ||

@@ -25,6 +25,8 @@ namespace sinew::tools {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+// The child itself is bound in processor time; on the clock a second of that may last so long on a busy machine.
+constexpr double kClockSeconds = 4;
 
 struct OutOfTime {};
 struct OutOfMemory {};
@@ -213,8 +215,8 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
                     "Close other programs and try again.");
   FileDescriptor read_end(ends[0]);
   FileDescriptor write_end(ends[1]);
-  const auto deadline =
-      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(options.seconds));
+  const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
+                                           std::chrono::duration<double>(kClockSeconds * options.seconds));
   Child child(spawnWorker(worker, file, format, options, write_end.get()));
   write_end.reset();
 

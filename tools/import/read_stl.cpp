@@ -36,12 +36,20 @@ void readBinary(std::string_view bytes, std::uint32_t count, RawMesh& mesh) {
   }
 }
 
-void readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
+std::string lowerCase(std::string_view text) {
+  std::string lower(text);
+  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
+  return lower;
+}
+
+// Keywords of any case. Returns whether the last solid is ended: else the file may have been cut off.
+bool readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
   TextCursor cursor(text);
   std::uint32_t part = kNoIndex;
   std::map<std::string, std::uint32_t> part_by_name;
+  bool ended = false, in_facet = false;
   while (!cursor.atEnd()) {
-    const std::string_view key = cursor.wordAnywhere();
+    const std::string key = lowerCase(cursor.wordAnywhere());
     const std::string place = " (line " + std::to_string(cursor.line()) + ")";
     if (key == "solid") {
       const std::string_view rest = cursor.lineRest();
@@ -49,6 +57,9 @@ void readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
       const auto [at, fresh] = part_by_name.try_emplace(name, std::uint32_t(mesh.parts.size()));
       if (fresh) mesh.parts.push_back({name, kNoIndex});
       part = at->second;
+      ended = false;
+    } else if (key == "facet") {
+      in_facet = true;
     } else if (key == "vertex") {
       Eigen::Vector3d p;
       for (int k = 0; k < 3; ++k) {
@@ -63,12 +74,15 @@ void readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
       if (part == kNoIndex) throw ReadError("has a facet outside a solid" + place);
       mesh.face_size.push_back(3);
       mesh.face_part.push_back(part);
+      in_facet = false;
     } else if (key == "endsolid") {
       cursor.nextLine();
-    }  // facet, normal and its numbers, outer, loop, endfacet: nothing to learn
+      ended = true;
+    }  // normal and its numbers, outer, loop, endfacet: nothing to learn
   }
-  if (mesh.points.size() != 3 * mesh.face_size.size())
+  if (in_facet || mesh.points.size() != 3 * mesh.face_size.size())
     throw ReadError("ends within a facet (line " + std::to_string(cursor.line()) + ")");
+  return ended;
 }
 
 }  // namespace
@@ -80,9 +94,10 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
   std::uint32_t count = 0;
   if (bytes.size() >= kHeaderBytes) std::memcpy(&count, bytes.data() + 80, sizeof count);
   const std::uint64_t promised = kHeaderBytes + std::uint64_t(count) * kTriangleBytes;
-  // Many binary files begin with "solid" too, so the size decides first.
-  const bool says_text =
-      bytes.substr(0, 512).find("solid") != bytes.npos && bytes.substr(0, 4096).find("facet") != bytes.npos;
+  // Many binary files begin with "solid" too, so the size decides first, and text has no zero bytes.
+  const std::string start = lowerCase(bytes.substr(0, 4096));
+  const bool text = start.find('\0') == start.npos;
+  const bool says_text = text && start.substr(0, 512).find("solid") != start.npos && start.find("facet") != start.npos;
   if (bytes.size() >= kHeaderBytes && (bytes.size() == promised || (!says_text && bytes.size() > promised))) {
     mesh.parts.push_back({stem, kNoIndex});
     readBinary(bytes, count, mesh);
@@ -95,8 +110,16 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
                                 {},
                                 "",
                                 "Export the file again if triangles are missing."});
-  } else if (says_text || (bytes.starts_with("solid") && bytes.find('\0') == bytes.npos)) {
-    readText(bytes, stem, mesh);
+  } else if (says_text || (text && start.starts_with("solid"))) {
+    if (!readText(bytes, stem, mesh))
+      scene.findings.push_back({"unended-solid",
+                                Severity::warning,
+                                "the text ends without endsolid: the file may have been cut off",
+                                1,
+                                "",
+                                {},
+                                "",
+                                "Export the file again if triangles are missing."});
   } else if (bytes.size() < kHeaderBytes) {
     throw ReadError("is no STL: it is neither text nor long enough for a binary header");
   } else {

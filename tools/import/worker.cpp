@@ -22,11 +22,13 @@
 namespace sinew::tools {
 namespace {
 
-void limit(decltype(RLIMIT_CPU) resource, std::uint64_t value) {
+// \param grace how far the hard limit lies above: at the soft one of processor time SIGXCPU says why, at the hard one
+// SIGKILL does not.
+void limit(decltype(RLIMIT_CPU) resource, std::uint64_t value, std::uint64_t grace = 0) {
   rlimit bound{};
   if (getrlimit(resource, &bound) != 0) return;
   bound.rlim_cur = std::min<rlim_t>(value, bound.rlim_max);
-  bound.rlim_max = bound.rlim_cur;
+  bound.rlim_max = std::min<rlim_t>(value + grace, bound.rlim_max);
   setrlimit(resource, &bound);
 }
 
@@ -34,7 +36,7 @@ void limitSelf(std::uint64_t megabytes, double seconds) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   prctl(PR_SET_DUMPABLE, 0);
   limit(RLIMIT_CORE, 0);
-  limit(RLIMIT_CPU, std::uint64_t(std::ceil(seconds)) + 1);
+  limit(RLIMIT_CPU, std::uint64_t(std::ceil(seconds)), 1);
   limit(RLIMIT_FSIZE, 0);  // the worker writes no file; a pipe is none
   if (!kSanitized) limit(RLIMIT_AS, megabytes << 20);
 }

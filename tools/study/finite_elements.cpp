@@ -202,7 +202,8 @@ ElasticSolid refined(const ElasticSolid& solid, std::vector<Vector3d>* shape) {
 
 Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Vector3d> start, double poisson, double tolerance) {
   Equilibrium result;
-  result.positions = start.empty() ? solid.rest : std::move(start);
+  if (start.empty()) start = solid.rest;
+  result.positions = std::move(start);
   Vectors& x = result.positions;
   Elasticity elasticity(solid, poisson);
   Vectors f(x.size()), next(x.size());
