@@ -23,6 +23,9 @@ constexpr float kRelativeCompliance = 1e-1F;
 // Many pins on few clusters are nearly redundant: stiffer than this, the sweeps of one pass leave an error that the
 // warm start carries on and that grows (87 pins on a spider of nine clusters; sixty sweeps converge, and agree).
 constexpr float kHoldCompliance = 1e-1F;
+// From passes this short on, s, the compliance of held points grows as passes shorten: a chain of links hung by 80
+// vertices picked up a swing in passes of 1 ms, and needs twice as much there to lose it.
+constexpr float kShortPass = 1.0F / 240;
 
 // What a held point remembers of its impulse. Pins may ask for more than limits allow (an L-bar drawn to twice its
 // length by its ends): impulses that are all remembered then swing to and fro and grow.
@@ -191,7 +194,8 @@ void addSolverRow(Body& body, const Row& row, float pass_seconds) {
   const Matrix3 w = addTerms(body, row);
   result.term_count = std::uint32_t(body.terms.size()) - result.first_term;
   const float mean = w.trace() / 3.0F;
-  result.compliance = (row.kind == RowKind::hold ? kHoldCompliance : kRelativeCompliance) * mean;
+  const float hold_compliance = kHoldCompliance * std::clamp(kShortPass / pass_seconds, 1.0F, 10.0F);
+  result.compliance = (row.kind == RowKind::hold ? hold_compliance : kRelativeCompliance) * mean;
   if (row.weight < 1) result.compliance /= std::max(row.weight, 1e-3F);
   Vector3 target = row.target;
   if (row.kind == RowKind::contact) {
