@@ -476,7 +476,8 @@ WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physi
       for (int j = 0; j < 2 * (pieces - i) - 1; ++j) {
         // Centres of the small triangles of a row, those that stand and those that hang by turns.
         const double a = (i + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
-        const double b = (j / 2 + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
+        const int cell = j / 2;
+        const double b = (cell + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
         const std::array<double, 3> corner = {1 - a - b, b, a};
         const Vector3d at = corner[0] * x[0] + corner[1] * x[1] + corner[2] * x[2];
         const auto nearest = std::size_t(std::max_element(corner.begin(), corner.end()) - corner.begin());

@@ -208,7 +208,7 @@ RigidTransform motionAt(const SceneScript::Target& target, const std::array<doub
   RigidTransform motion;
   for (int r = 0; r < 3; ++r) {
     motion.position[std::size_t(r)] = float(shift[r]);
-    for (int c = 0; c < 3; ++c) motion.rotation[std::size_t(3 * r + c)] = float(turn(r, c));
+    for (int c = 0; c < 3; ++c) motion.rotation[3 * std::size_t(r) + std::size_t(c)] = float(turn(r, c));
   }
   return motion;
 }
