@@ -96,6 +96,18 @@ class CommandLine(unittest.TestCase):
             self.assertGreaterEqual(stage["seconds"], 0)
             self.assertGreater(stage["peak_megabytes"], 1)
 
+    def test_sheets_keep_no_volume_unless_told_to(self):
+        source = self.path / "sheet.obj"
+        points = [f"v {x} 0 {z}\n" for z in range(6) for x in range(6)]
+        faces = [f"f {6 * z + x + 1} {6 * z + x + 2} {6 * z + x + 8} {6 * z + x + 7}\n" for z in range(5) for x in range(5)]
+        source.write_text("".join(points + faces))
+        for settings, of_sheet, of_solid in (((), "none", "principal"), (("--set", "clusters.volume=cube_root"), "cube_root", "cube_root")):
+            for mesh, wanted in ((source, of_sheet), (SPOT, of_solid)):
+                package = self.path / "volume.sinew"
+                self.assertEqual(run("bake", mesh, "-o", package, *settings).returncode, 0)
+                mechanics = json.loads(run("inspect", package, "--json").stdout)["mechanics"]
+                self.assertEqual({m["volume"] for m in mechanics}, {wanted})
+
     def test_json_is_one_document_and_says_what_the_contract_says(self):
         package = self.bake()
         result = run("simulate", package, "--scene", "rest", "--seconds", "1", "--json")

@@ -37,15 +37,15 @@ struct ClusterOptions {
   double poisson = 0.3;        ///< of elastic
   double damping = 0;          ///< 1/s, of a cluster's motion that is not rigid
   formats::LimitMethod limit = formats::LimitMethod::principal;
-  double limit_min = 0.5;     ///< least principal stretch
-  double limit_max = 1.5;     ///< largest principal stretch, or length of a row
-  double limit_norm = 4;      ///< squared norm from which frobenius, frobenius_cheap and soft act
-  double limit_norm_max = 6;  ///< what soft never reaches
-  std::string limit_curve;    ///< points "phi:f,phi:f,..." of curve
-  formats::VolumeMethod volume = formats::VolumeMethod::principal;
-  double plastic_yield = 0.1;  ///< deformation |S - 1| from which some of it stays
-  double plastic_creep = 0;    ///< 1/s, how fast; 0 = nothing stays
-  double plastic_limit = 0.5;  ///< most that stays
+  double limit_min = 0.5;                       ///< least principal stretch
+  double limit_max = 1.5;                       ///< largest principal stretch, or length of a row
+  double limit_norm = 4;                        ///< squared norm from which frobenius, frobenius_cheap and soft act
+  double limit_norm_max = 6;                    ///< what soft never reaches
+  std::string limit_curve;                      ///< points "phi:f,phi:f,..." of curve
+  std::optional<formats::VolumeMethod> volume;  ///< none = principal for solids, none for sheets
+  double plastic_yield = 0.1;                   ///< deformation |S - 1| from which some of it stays
+  double plastic_creep = 0;                     ///< 1/s, how fast; 0 = nothing stays
+  double plastic_limit = 0.5;                   ///< most that stays
 };
 
 /// A named, weighted set of physical vertices that is matched as one (method.md §1).

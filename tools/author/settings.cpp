@@ -237,10 +237,14 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty"}},
       {"clusters.volume", "",
        "What keeps a cluster's volume: nothing, one factor on all (grows without end when squashed), or the nearest "
-       "principal stretches.",
-       Choice{{"none", "cube_root", "principal"},
-              [](const Settings& x) { return int(x.clusters.volume); },
-              [](Settings& x, int v) { x.clusters.volume = formats::VolumeMethod(v); }}},
+       "principal stretches. auto takes principal for solids and none for sheets, which enclose nothing: they would "
+       "creep on the ground.",
+       Choice{{"auto", "none", "cube_root", "principal"},
+              [](const Settings& x) { return x.clusters.volume ? int(*x.clusters.volume) + 1 : 0; },
+              [](Settings& x, int v) {
+                x.clusters.volume.reset();
+                if (v > 0) x.clusters.volume = formats::VolumeMethod(v - 1);
+              }}},
       {"clusters.plastic_yield", "", "Deformation from which some of it becomes permanent; 0.1 is 10 % of stretch.",
        Number{&s.clusters.plastic_yield, 0, 10}},
       {"clusters.plastic_creep", "1/s", "How fast it becomes permanent; 0 = never.",

@@ -107,7 +107,7 @@ double restError(const formats::PackageContent& content, std::size_t v) {
   return std::sqrt(squared);
 }
 
-formats::ClusterMechanics mechanicsOf(const ClusterOptions& options) {
+formats::ClusterMechanics mechanicsOf(const ClusterOptions& options, bool sheet) {
   formats::ClusterMechanics mechanics = formats::kPlainMechanics;
   mechanics.stiffness = options.stiffness;
   mechanics.per_step_beta.fill(float(options.per_step_beta));
@@ -119,7 +119,7 @@ formats::ClusterMechanics mechanicsOf(const ClusterOptions& options) {
   mechanics.stretch_max = float(options.limit_max);
   mechanics.norm_max = float(options.limit_norm);
   mechanics.norm_limit = float(std::max(options.limit_norm, options.limit_norm_max));
-  mechanics.volume = options.volume;
+  mechanics.volume = options.volume.value_or(sheet ? formats::VolumeMethod::none : formats::VolumeMethod::principal);
   mechanics.plastic_yield = float(options.plastic_yield);
   mechanics.plastic_creep = float(options.plastic_creep);
   mechanics.plastic_limit = float(options.plastic_limit);
@@ -128,15 +128,15 @@ formats::ClusterMechanics mechanicsOf(const ClusterOptions& options) {
 
 // CMEC and CURV, where a cluster's settings say more than frequencies.
 void addMechanics(const std::vector<ClusterSource>& sources, const ClusterOptions& of_all,
-                  formats::PackageContent& content) {
+                  const std::vector<PhysicalBody>& bodies, formats::PackageContent& content) {
   bool plain = true;
   std::vector<formats::ClusterMechanics> mechanics;
   std::map<std::string, std::pair<std::uint32_t, std::uint32_t>> curves;  // first point and count, by text
   for (const ClusterSource& source : sources) {
     const ClusterOptions& options = source.options ? *source.options : of_all;
-    mechanics.push_back(mechanicsOf(options));
+    mechanics.push_back(mechanicsOf(options, bodies[source.body].source_volume < 0));
     plain = plain && options.stiffness == formats::StiffnessModel::frequency && !(options.damping > 0) &&
-            options.limit == formats::LimitMethod::none && options.volume == formats::VolumeMethod::none &&
+            options.limit == formats::LimitMethod::none && mechanics.back().volume == formats::VolumeMethod::none &&
             !(options.plastic_creep > 0);
     if (options.limit != formats::LimitMethod::curve) continue;
     const auto [at, fresh] = curves.try_emplace(options.limit_curve);
@@ -371,7 +371,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
-  addMechanics(clusters, settings.clusters, content);
+  addMechanics(clusters, settings.clusters, physical.bodies, content);
   addAuthored(recipe, authored, transfer, clusters, recipe_cluster, mesh, content, findings);
   std::uint32_t next_cluster = 0;
   for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
