@@ -6,9 +6,9 @@ namespace sinew::internal {
 Eigen::Vector3d setSpinAside(const RigidMotionSolver& solver, const Eigen::Vector3d& angular, double pass_seconds,
                              Eigen::Vector3d& aside) {
   aside.setZero();
-  const Eigen::Vector3d omega = solver.turning(angular);
+  Eigen::Vector3d omega = solver.turning(angular);
   if (!(omega.norm() * pass_seconds > kMostTurn)) return omega;
-  const Eigen::Vector3d kept = angular.normalized() * (kMostTurn / pass_seconds);
+  Eigen::Vector3d kept = angular.normalized() * (kMostTurn / pass_seconds);
   aside = angular - solver.inertia() * kept;
   return kept;
 }
