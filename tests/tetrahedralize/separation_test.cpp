@@ -198,6 +198,34 @@ TEST(Separation, LipsOfAHead) {
   }
 }
 
+// A lid does not take the other one along. How far it opens itself depends on the tetrahedra: it is thinner than a cell
+// of the lattice, and only a shell follows it wholly.
+TEST(Separation, EyelidsOfAHead) {
+  const VisualMesh mesh = import("makehuman_head.obj");
+  const std::vector<std::uint32_t> upper = groupVertices(mesh, "eyelid_upper_l"),
+                                   lower = groupVertices(mesh, "eyelid_lower_l");
+  ASSERT_GT(upper.size(), 50U);
+  ASSERT_GT(lower.size(), 50U);
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const std::uint32_t v : upper) {
+    low = std::min(low, mesh.positions[v].x());
+    high = std::max(high, mesh.positions[v].x());
+  }
+  for (const std::uint32_t target : {1500U, 8000U}) {
+    for (const TetrahedraMethod method : {automatic, grid, TetrahedraMethod::shell}) {
+      const std::string what = testing::name(method) + " " + std::to_string(target);
+      const PhysicalMesh physical = fill(mesh, method, target);
+      EXPECT_LT(move(mesh, physical, lower, upper).most_kept, 0.05) << what;
+      EXPECT_LT(move(mesh, physical, upper, lower).most_kept, 0.05) << what;
+      if (method != TetrahedraMethod::shell) continue;
+      const auto middle = [&](const std::vector<std::uint32_t>& lid) {
+        return middleOf(mesh, lid, (low + high) / 2, 0.175 * (high - low));
+      };
+      EXPECT_GT(move(mesh, physical, middle(lower), middle(upper)).least_moved, 0.95) << what;
+    }
+  }
+}
+
 TEST(Separation, FingersOfAHand) {
   const VisualMesh mesh = import("hand_rigged.glb");
   const std::vector<std::string> names = {"thumb", "index-finger", "middle-finger", "ring-finger", "pinky-finger"};
