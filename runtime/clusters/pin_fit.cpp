@@ -84,9 +84,11 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
   if (record.mode == formats::ClusterMode::rigid) basis_.t = SmallMatrix<81>(3, 0);
   elastic_ = !package.mechanics().empty() && record.mode != formats::ClusterMode::rigid &&
              package.mechanics()[cluster].stiffness == formats::StiffnessModel::elastic;
-  if (elastic_) energy_ = elasticEnergy(package, cluster, basis_);
   const int size = basis_.t.columns() + 1;
-  if (elastic_ && method == PinMethod::constrained_fit) elastic3_.resize(1);
+  if (elastic_ && method == PinMethod::constrained_fit) {
+    elastic3_.resize(1);
+    elastic3_[0].energy = elasticEnergy(package, cluster, basis_);
+  }
   const std::uint32_t set_count = 1 + std::uint32_t(std::count_if(points.begin() + 1, points.end(), [&](const auto& p) {
                                     return p.set != (&p)[-1].set;
                                   }));
@@ -213,7 +215,7 @@ void PinFit::prepare(const formats::PackageView& package, const RestConstants& r
       addScaled(null_space3.block(a * size, a * free_count, size, free_count), 1, null_space_);
       for (int b = 0; b < 3; ++b) {
         addScaled(system3.block(a * size + 1, b * size + 1, modes, modes), scale,
-                  energy_.block(a * modes, b * modes, modes, modes));
+                  elastic3_[0].energy.block(a * modes, b * modes, modes, modes));
       }
     }
     elastic3_[0].inverse = inverseWithin(null_space3, system3);

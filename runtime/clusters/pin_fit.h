@@ -111,7 +111,6 @@ class PinFit {
   Eigen::Vector3d exact_mean_ = Eigen::Vector3d::Zero();  ///< of centred q of the exact points
   Square10 springs_;                                      ///< Σ k b b^T
   ModeBasis basis_;
-  ModeMatrix energy_;  ///< of an elastic cluster, E and nu as baked
   using ModeGradient = geometry::SmallMatrix<27>;
   std::array<ModeGradient, 6> strain_points_;           ///< d b / d q (modes x 3) where volume is measured
   Square10 from_points_;                                ///< (C^T C)^+ of the exact points
@@ -125,6 +124,7 @@ class PinFit {
   double beta_ = 0;            ///< of infinite_mass
   Square10 system_, inverse_;  ///< H and N (N^T H N)^-1 N^T
   struct Elastic {
+    ModeMatrix energy;         ///< E and nu as baked
     Square30 system, inverse;  ///< the same of elastic clusters, axis by axis
   };
   std::pmr::vector<Elastic> elastic3_;  ///< one, or none: it is large

@@ -43,6 +43,8 @@ std::string listed(const std::vector<std::string>& names) {
   return text + (names.size() > 12 ? ", ..." : "");
 }
 
+}  // namespace
+
 bool usesRest(const Recipe& recipe, const Json& selection) {
   if (selection.is_string()) {
     const SelectionText* mask = recipe.mask(selection.get<std::string>());
@@ -56,8 +58,6 @@ bool usesRest(const Recipe& recipe, const Json& selection) {
   if (kind->name == "rest" && value.is_boolean()) return true;
   return (kind->keys.front().type & (kRecipeSelection | kRecipeSelections)) != 0 && usesRest(recipe, value);
 }
-
-}  // namespace
 
 bool matchesPattern(std::string_view name, std::string_view pattern) {
   const std::size_t star = pattern.find('*');

@@ -48,6 +48,9 @@ class Selections {
 /// The recipe's clusters, and after them one for each cluster mesh of the source that the recipe does not name.
 std::vector<RecipeCluster> withClusterMeshes(const Recipe& recipe, const std::vector<ClusterMesh>& cluster_meshes);
 
+/// Whether a selection takes "the rest", itself or through masks: then it depends on the other clusters.
+bool usesRest(const Recipe& recipe, const nlohmann::ordered_json& selection);
+
 /// Whether `name` matches a pattern in which * stands for any letters.
 bool matchesPattern(std::string_view name, std::string_view pattern);
 

@@ -355,21 +355,6 @@ class Carrier {
     bool stored = false;
   };
 
-  static bool usesRest(const Recipe& recipe, const Json& selection) {
-    if (selection.is_string()) {
-      const SelectionText* mask = recipe.mask(selection.get<std::string>());
-      return mask != nullptr && usesRest(recipe, mask->json);
-    }
-    if (selection.is_array()) {
-      return std::any_of(selection.begin(), selection.end(), [&](const Json& s) { return usesRest(recipe, s); });
-    }
-    const RecipeObject* kind = selection.is_object() ? selectionKind(selection) : nullptr;
-    if (kind == nullptr) return false;
-    const Json& value = selection[std::string(kind->name)];
-    if (kind->name == "rest" && value.is_boolean()) return true;
-    return (kind->keys.front().type & (kRecipeSelection | kRecipeSelections)) != 0 && usesRest(recipe, value);
-  }
-
   VisualWeights joined(VisualWeights weights) const {
     std::vector<double> points(new_.mesh.welded_positions.size(), 0);
     for (std::size_t v = 0; v < weights.size(); ++v) {

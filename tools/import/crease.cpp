@@ -8,8 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <tuple>
+
+#include "tools/core/sets.h"
 
 namespace sinew::tools {
 namespace {
@@ -20,23 +21,6 @@ constexpr std::size_t kMostFaces = 16;
 struct Side {
   std::uint32_t low, high;  // welded points
   std::uint32_t corner;     // of the triangle, where the side begins
-};
-
-class Fans {
- public:
-  explicit Fans(std::size_t corners) : parent_(corners) { std::iota(parent_.begin(), parent_.end(), 0U); }
-  std::uint32_t find(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
 };
 
 std::uint32_t nextCorner(std::uint32_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
@@ -65,7 +49,7 @@ std::vector<std::uint32_t> smoothFans(const VisualMesh& mesh, double crease_degr
     const Eigen::Vector3d &m = normals[a / 3], &n = normals[b / 3];
     return m.isZero() || n.isZero() || m.dot(n) >= least;
   };
-  Fans fans(3 * count);
+  Sets fans(3 * count);
   const auto begin_at = [&](const Side& side, std::uint32_t point) {
     const std::uint32_t t = side.corner / 3;
     return mesh.welded[mesh.triangles[t][side.corner % 3]] == point ? side.corner : nextCorner(side.corner);

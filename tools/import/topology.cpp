@@ -8,6 +8,8 @@
 #include <numeric>
 #include <span>
 
+#include "tools/core/sets.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -27,31 +29,6 @@ bool hasZeroArea(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen
   const double rounding = 4 * std::numeric_limits<double>::epsilon() * largest_coordinate;
   return (b - a).cross(c - a).norm() <= longest * std::max(kZeroAltitude * longest, rounding);
 }
-
-// Sets joined by index; the smallest index names a set.
-class DisjointSets {
- public:
-  explicit DisjointSets(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0U); }
-  std::uint32_t find(std::uint32_t a) {
-    while (parent_[a] != a) {
-      parent_[a] = parent_[parent_[a]];
-      a = parent_[a];
-    }
-    return a;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = find(a);
-    b = find(b);
-    if (a < b) {
-      parent_[b] = a;
-    } else {
-      parent_[a] = b;
-    }
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
 
 class Analysis {
  public:
@@ -328,7 +305,7 @@ class Analysis {
       }
     }
 
-    DisjointSets joined(patches.size());
+    Sets joined(patches.size());
     for (std::size_t e = 0; e + 1 < edge_begin_.size(); ++e) {
       const auto half = halfEdges(e);
       for (std::size_t i = 1; half.size() > 2 && i < half.size(); ++i) {
@@ -399,7 +376,7 @@ class Analysis {
 
   // A fan is a set of corners at one point connected over shared edges there.
   void findFans() {
-    fans_ = DisjointSets(3 * triangle_count_);
+    fans_ = Sets(3 * triangle_count_);
     for (std::size_t e = 0; e + 1 < edge_begin_.size(); ++e) {
       const auto half = halfEdges(e);
       for (std::size_t i = 1; i < half.size(); ++i) {
@@ -518,7 +495,7 @@ class Analysis {
   std::vector<std::uint32_t> edge_of_;           // per corner
   std::vector<std::uint32_t> boundary_corners_;  // half-edge of each boundary edge
   std::vector<std::uint32_t> place_in_loop_;     // per welded point, while a loop is split
-  DisjointSets fans_{0};
+  Sets fans_{0};
 };
 
 }  // namespace

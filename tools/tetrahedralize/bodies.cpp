@@ -6,7 +6,7 @@
 #include <map>
 #include <numeric>
 
-#include "tools/tetrahedralize/sets.h"
+#include "tools/core/sets.h"
 
 namespace sinew::tools {
 namespace {

@@ -8,7 +8,7 @@
 #include <tuple>
 
 #include "tools/tetrahedralize/cgal_simplify.h"
-#include "tools/tetrahedralize/sets.h"
+#include "tools/core/sets.h"
 
 namespace sinew::tools {
 namespace {

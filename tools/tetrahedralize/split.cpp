@@ -9,7 +9,7 @@
 #include <span>
 #include <tuple>
 
-#include "tools/tetrahedralize/sets.h"
+#include "tools/core/sets.h"
 
 namespace sinew::tools {
 namespace {
