@@ -7,8 +7,8 @@
 #include <numeric>
 #include <tuple>
 
-#include "tools/tetrahedralize/cgal_simplify.h"
 #include "tools/core/sets.h"
+#include "tools/tetrahedralize/cgal_simplify.h"
 
 namespace sinew::tools {
 namespace {
