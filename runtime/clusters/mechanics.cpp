@@ -323,7 +323,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
     lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, least, largest);
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
     if (guarded) {
-      done = Limited::guarded;
+      done = Limited::stopped;
       f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
     }
     if (keeps_volume) {
@@ -332,9 +332,11 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
     }
     if (outside || lacks_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
-  if (done == Limited::nothing && a == start) return Limited::nothing;
+  if (a == start) return done;
+  // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
+  if ((a - start).norm() > (kGuardMargin - 1) * start.norm()) done = Limited::stopped;
   f.leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
-  return done == Limited::guarded ? done : Limited::shaped;
+  return done == Limited::stopped ? done : Limited::shaped;
 }
 
 Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation) {

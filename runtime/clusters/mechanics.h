@@ -71,7 +71,7 @@ float volumePressure(const Matrix3& a, const Matrix3& answer, float ease);
 enum class Limited {
   nothing,  ///< F is what it was
   shaped,   ///< a limit or the volume changed it: its torque has to be removed
-  guarded,  ///< it was squashed, mirrored or stretched beyond the guard: the motion of its vertices has to be stopped
+  stopped,  ///< it was beyond a limit or the guard by more than kGuardMargin: the motion of its vertices is stopped
 };
 
 /// Limits on the linear block of F (eq. 10), and what the volume method `principal` makes up for behind them; blending

@@ -111,7 +111,7 @@ SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, c
 
 // Limit of linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off the usual path.
 // \param[in,out] a the linear blocks. \param act lanes to look at. \param[in,out] shaped plus the lanes that changed.
-// \return lanes that the guard moved.
+// \return lanes whose motion has to be stopped.
 template <class W, class Mask = decltype(W{} < W{})>
 [[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mat3Of<W>& a,
                                              Mask& shaped) {
@@ -119,9 +119,11 @@ template <class W, class Mask = decltype(W{} < W{})>
   const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
   const SvdOf<W> svd = rotationSvd(a);
   const Mask stiff = stiffness.loadMask<W>(stiffness->stiff);
+  // What is beyond a limit, authored or the guard's, is stopped: bringing it back is no motion of its own.
   const W outside_by = select(stiff, splat<W>(1.0F), splat<W>(kGuardMargin));
   const Mask guarded = (svd.sigma.z * outside_by < kLeastStretch) |
                        (svd.sigma.x > outside_by * larger(largest, splat<W>(kLargestStretch)));
+  const Mask stopped = guarded | (svd.sigma.z * kGuardMargin < least) | (svd.sigma.x > kGuardMargin * largest);
   const Mask inside = guarded & stiff;
   least = select(inside, larger(least, splat<W>(kLeastStretch * kStiffGuardMargin)), least);
   largest = select(inside, smaller(largest, splat<W>(kLargestStretch / kStiffGuardMargin)), largest);
@@ -137,7 +139,7 @@ template <class W, class Mask = decltype(W{} < W{})>
   const Mask changed = act & outside & (finite < splat<W>(3.0e38F));
   a = select(changed, compose(svd, sigma), a);
   shaped |= changed;
-  return changed & guarded;
+  return changed & stopped;
 }
 
 // The pressure that keeps the volume (docs/method.md §9): F += lambda [cof A  0] S, what it does to the moments and the
