@@ -322,21 +322,22 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
     const float largest = inside ? std::min(limits.largest, kLargestStretch / kStiffGuardMargin) : limits.largest;
     lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, least, largest);
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
-    if (guarded) {
-      done = Limited::stopped;
-      f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
-    }
+    if (guarded) done = Limited::stopped;
     if (keeps_volume) {
       const float held = sigma.x * sigma.y * sigma.z;
       sigma = lanes::volumePrincipal(sigma, least, largest, lanes::volumeToRestore(volume, held));
     }
     if (outside || lacks_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
-  if (a == start) return done;
   // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
   if ((a - start).norm() > (kGuardMargin - 1) * start.norm()) done = Limited::stopped;
-  f.leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
-  return done == Limited::stopped ? done : Limited::shaped;
+  if (done == Limited::stopped) {
+    f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
+  } else if (a != start) {
+    done = Limited::shaped;
+  }
+  if (a != start) f.leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
+  return done;
 }
 
 Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation) {

@@ -44,6 +44,9 @@ constexpr double kHardlyAstray = 0.005;
 // clusters would creep back.
 constexpr double kFastestDamping = 40;
 
+// Passes this much longer than those of the last step: all spins are looked at again.
+constexpr float kLongerPass = 1.25F;
+
 // Bodies with at least so many chunks of vertices are worth several jobs; the others are a job each.
 constexpr std::size_t kLargeBody = 8;
 
@@ -541,7 +544,9 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
     body.answers.resize(body.clusterCount());
   }
   BodyStep step(body, settings, jobs, pass_seconds, times);
-  if (!body.centers_known) step.findCenters();
+  // A longer pass may not follow a spin that the last one could.
+  if (!body.centers_known || pass_seconds > kLongerPass * body.pass_seconds) step.findCenters();
+  body.pass_seconds = pass_seconds;
   step.moveSpin(-1);
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
   step.moveSpin(1);

@@ -179,6 +179,7 @@ struct Body {
   std::pmr::vector<VertexChunk> chunks;
   std::pmr::vector<Part> parts;
   bool centers_known = false;  ///< Part::reference and moving are those of x and v; not after a state from outside
+  float pass_seconds = 0;      ///< length of the passes of the last step: spins are looked at for it
 
   // Scratch of the solver of rows: lent by the world for the time of a step, empty otherwise.
   std::pmr::vector<Row> rows;

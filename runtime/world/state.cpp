@@ -33,6 +33,7 @@ struct StateHeader {
   std::uint32_t shapes, dampings, channels;  ///< of MechanicsState
   std::uint32_t pin_sets, pinned_vertices;
   std::uint32_t centers_known;
+  float pass_seconds;  ///< Body::pass_seconds
 };
 static_assert(sizeof(StateHeader) == 80);
 
@@ -71,6 +72,7 @@ StateHeader headerOf(const Body& body) {
   header.history_columns = std::uint32_t(body.history.columns.size());
   header.repaired = body.repaired;
   header.centers_known = body.centers_known ? 1 : 0;
+  header.pass_seconds = body.pass_seconds;
   header.shapes = std::uint32_t(body.mechanics.shapes.size());
   header.dampings = std::uint32_t(body.mechanics.previous.size());
   header.channels = std::uint32_t(body.mechanics.activation.size());
@@ -276,6 +278,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   if (!reserved) return Error{"restoreState: out of memory"};
   impl_->changed(*body);
   body->centers_known = header.centers_known != 0;
+  body->pass_seconds = header.pass_seconds;
   for (internal::Part& part : body->parts) {
     const auto saved = reader.get<SavedCenter>();
     std::copy(saved.reference.begin(), saved.reference.end(), part.reference.data());

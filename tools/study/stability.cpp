@@ -434,7 +434,8 @@ class CellRun {
     if (world_.repairedVertices(body_) != expected) {
       result_.contained = std::numeric_limits<double>::infinity();
     }
-    if (expected == 1 && setup_.before == Before::nothing) {
+    // A fibre that contracts moves the others by itself.
+    if (expected == 1 && setup_.before == Before::nothing && setup_.matter != Matter::active) {
       result_.contained = std::max(result_.contained, measure_.restError(world_, body_) / kShapeLimit);
     }
     if (expected == 1) lost_done_ = true;
