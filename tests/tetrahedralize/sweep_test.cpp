@@ -33,7 +33,9 @@ void sweep(const std::vector<std::filesystem::path>& files) {
     for (const TetrahedraMethod method : {TetrahedraMethod::automatic, TetrahedraMethod::grid}) {
       const std::string what = file.filename().string() + " " + testing::name(method);
       const PhysicalMesh physical = testing::fill(mesh, method, 1000);
-      testing::checkPhysicalMesh(physical, what);
+      // A plate has flat cells rather than too much volume, where the method is free.
+      const bool plate = file.filename() == "slab.obj" && method == TetrahedraMethod::automatic;
+      testing::checkPhysicalMesh(physical, what, plate ? 0.9 : 30);
       EXPECT_NEAR(double(physical.positions.size()), 1000, 300) << what;
     }
   }

@@ -59,7 +59,11 @@ void write(std::ostream& out, const Json& json, std::size_t indent) {
 
 std::string written(const Json& document) {
   std::ostringstream out;
-  write(out, document, 0);
+  try {
+    write(out, document, 0);
+  } catch (const Json::type_error&) {
+    usage("a name or file name is not UTF-8, which a recipe cannot hold", "Give it another name.");
+  }
   return out.str() + "\n";
 }
 
@@ -212,8 +216,7 @@ RecipeEditor RecipeEditor::create(const fs::path& file, const fs::path& source) 
 RecipeEditor RecipeEditor::open(const fs::path& file) {
   RecipeEditor editor;
   editor.file_ = file;
-  std::string text;
-  JsonText::readFile(file.string(), text);
+  const std::string text = JsonText::readFile(file.string());
   parseRecipe(text, file);
   std::error_code error;
   if (fs::exists(historyFile(file), error)) {
@@ -244,8 +247,7 @@ RecipeEditor RecipeEditor::open(const fs::path& file) {
 RecipeEditor RecipeEditor::copy(const fs::path& from, const fs::path& file) {
   requireNewRecipe(file);
   RecipeEditor editor;
-  std::string text;
-  JsonText::readFile(from.string(), text);
+  const std::string text = JsonText::readFile(from.string());
   parseRecipe(text, from);
   editor.file_ = file;
   editor.states_.push_back(

@@ -92,7 +92,7 @@ std::vector<Shown> evaluate(const AuthorCommand& command, const Recipe& recipe, 
 
 void show(const AuthorCommand& command) {
   const Recipe recipe = readRecipe(command.recipe);
-  if (!command.picture.empty()) requireWritable(command.picture);
+  if (!command.picture.empty()) requireWritable(command.picture, {command.recipe, recipe.source});
   Progress progress(!command.json);
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
@@ -117,7 +117,7 @@ void show(const AuthorCommand& command) {
                                     {"coverage", coverage(mesh, entry.weights.weights)}});
     }
     json["findings"] = findingsJson(findings);
-    std::cout << json.dump(2) << "\n";
+    std::cout << jsonText(json);
     return;
   }
   std::printf("%s: %zu clusters, %zu masks, %zu sets of pins on %s\n", command.recipe.c_str(), recipe.clusters.size(),
@@ -175,7 +175,7 @@ void transfer(const AuthorCommand& command) {
   result.editor.save();
   const std::string recipe = result.editor.file().string();
   if (command.json) {
-    std::cout << transferJson(recipe, result).dump(2) << "\n";
+    std::cout << jsonText(transferJson(recipe, result));
     return;
   }
   std::printf("%s: now of %s; %.1f %% of its surface lies where the old one was (mean distance %.2g diagonals)%s\n",
