@@ -276,7 +276,8 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
     editor.save();
     say(command->recipe + ": " + editor.history().back());
     say("  What the file offers: sinew inspect " + command->from +
-        ". A cluster for each of its bones, groups, ...: sinew author " + command->recipe + " add-clusters bone");
+        ". A cluster for each of its parts, groups, bones, ...: sinew author " + command->recipe +
+        " add-clusters part");
   });
   make->add_option("source", command->from, "The artist's mesh")->required();
 
