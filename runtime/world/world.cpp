@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "runtime/clusters/pins.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -156,6 +157,7 @@ const WorldSettings& World::settings() const { return impl_->settings; }
 
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
   if (asset == nullptr) return Error{"addBody: no asset"};
+  if (!internal::kernelsRun()) return Error{"addBody: this build has no kernels for this processor"};
   const auto finite = [](float value) { return std::isfinite(value); };
   if (!std::all_of(settings.position.begin(), settings.position.end(), finite)) {
     return Error{"addBody: BodySettings::position is not finite"};
