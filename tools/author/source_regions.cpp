@@ -52,7 +52,7 @@ std::vector<SourceRegion> sourceRegions(const std::string& kind, const std::vect
                                         const Json& options, const VisualMesh& mesh, const Topology& topology) {
   const std::vector<Named> all = namedBySource(kind, mesh, topology);
   if (all.empty()) {
-    throw ToolError(ExitCode::usage, mesh.file, "it has no " + kind + "s",
+    throw ToolError(ExitCode::usage, mesh.file, "it has no " + (kind == "morph" ? "morph target" : kind) + "s",
                     "sinew inspect shows what it has; further selections: sinew help recipe.");
   }
   const auto wanted = [&](const std::string& name) {

@@ -183,7 +183,7 @@ void addClusters(const AuthorCommand& command) {
     editor.addClusters(command.name, regions);
     editor.save();
   }
-  std::printf("%s: %zu clusters added\n", command.recipe.c_str(), regions.size());
+  std::printf("%s: %zu cluster%s added\n", command.recipe.c_str(), regions.size(), regions.size() == 1 ? "" : "s");
   for (const SourceRegion& region : regions) {
     std::printf("  %-28s %7zu visual vertices\n", region.name.c_str(), region.visual_vertices);
   }
