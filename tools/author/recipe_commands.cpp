@@ -277,6 +277,14 @@ void RecipeEditor::addCluster(const std::string& name, const std::string& select
   commit("add-cluster " + name, document);
 }
 
+void RecipeEditor::addClusters(const std::string& kind, const std::vector<SourceRegion>& regions) {
+  Json document = this->document();
+  for (const SourceRegion& region : regions) {
+    document["clusters"].push_back({{"name", region.name}, {"from", region.selection}});
+  }
+  commit("add-clusters " + kind, document);
+}
+
 void RecipeEditor::setMask(const std::string& name, const std::string& selection) {
   Json document = this->document();
   document["masks"][name] = selectionOf(selection);
@@ -468,13 +476,15 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
 void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {
   Json document = this->document();
   Json mask = {{file.extension() == ".json" ? "strokes" : "image", pathFromRecipe(file_, file)}};
-  if (!options.empty()) {
-    const Json further = Json::parse(options, nullptr, false);
-    if (!further.is_object()) usage("'" + options + "' is no JSON object", R"(Write it as in '{"threshold": 0.5}'.)");
-    mask.update(further);
-  }
+  if (!options.empty()) mask.update(furtherKeys(options, R"({"threshold": 0.5})"));
   document["masks"][name] = mask;
   commit("paint " + name + " " + file.filename().string(), document);
+}
+
+Json furtherKeys(const std::string& text, const std::string& example) {
+  Json keys = Json::parse(text, nullptr, false);
+  if (!keys.is_object()) usage("'" + text + "' is no JSON object", "Write it as in '" + example + "'.");
+  return keys;
 }
 
 std::string RecipeEditor::undo() { return at_ == 0 ? std::string() : states_[at_--].command; }
