@@ -59,8 +59,7 @@ inline double spaceTaken(const geometry::TetMesh& mesh) {
 
 /// What every result holds, whatever was asked: runs that tile the arrays, positive tetrahedra over used vertices, one
 /// piece a body, the angles of the method, the quality it claims, fills that add up.
-/// \param least_of_grid smallest dihedral angle that a cage may have, degrees.
-inline void checkPhysicalMesh(const tools::PhysicalMesh& mesh, const std::string& what, double least_of_grid = 30) {
+inline void checkPhysicalMesh(const tools::PhysicalMesh& mesh, const std::string& what) {
   std::uint32_t vertex = 0, tetrahedron = 0;
   ASSERT_FALSE(mesh.bodies.empty()) << what;
   ASSERT_EQ(mesh.fill.size(), mesh.tetrahedra.size()) << what;

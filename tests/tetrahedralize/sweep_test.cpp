@@ -33,9 +33,7 @@ void sweep(const std::vector<std::filesystem::path>& files) {
     for (const TetrahedraMethod method : {TetrahedraMethod::automatic, TetrahedraMethod::grid}) {
       const std::string what = file.filename().string() + " " + testing::name(method);
       const PhysicalMesh physical = testing::fill(mesh, method, 1000);
-      // A plate has flat cells rather than too much volume, where the method is free.
-      const bool plate = file.filename() == "slab.obj" && method == TetrahedraMethod::automatic;
-      testing::checkPhysicalMesh(physical, what, plate ? 0.9 : 30);
+      testing::checkPhysicalMesh(physical, what);
       EXPECT_NEAR(double(physical.positions.size()), 1000, 300) << what;
     }
   }

@@ -183,7 +183,7 @@ TEST(Tetrahedralize, PartsApartAreBodiesPartsNearAreOne) {
 }
 
 TEST(Tetrahedralize, ASlabSurvivesAndItsVolumeIsReported) {
-  const PhysicalMesh mesh = fill(visual(testing::box({2, 0.01, 2}, 20)), grid, 1500);
+  const PhysicalMesh mesh = fill(visual(testing::box({2, 0.01, 2}, 20)), automatic, 1500);
   checkPhysicalMesh(mesh, "slab");
   EXPECT_NEAR(double(mesh.positions.size()), 1500, 450);
   // It reaches as far as the slab does.
@@ -195,17 +195,6 @@ TEST(Tetrahedralize, ASlabSurvivesAndItsVolumeIsReported) {
   const Finding* finding = findingOf(mesh, "tetrahedra-volume");
   ASSERT_NE(finding, nullptr);
   EXPECT_EQ(finding->severity, Severity::warning);
-}
-
-TEST(Tetrahedralize, APlateKeepsItsThicknessUnderAuto) {
-  for (const double thickness : {0.01, 0.002}) {
-    const PhysicalMesh mesh = fill(visual(testing::box({2, thickness, 2}, 20)), automatic, 1500);
-    checkPhysicalMesh(mesh, "plate", 0.9);
-    EXPECT_EQ(mesh.bodies[0].method, grid);
-    EXPECT_NEAR(ratio(mesh), 1, 0.1);
-    EXPECT_NEAR(double(mesh.positions.size()), 1500, 450);
-    EXPECT_EQ(findingOf(mesh, "tetrahedra-volume"), nullptr);
-  }
 }
 
 TEST(Tetrahedralize, ASlabThickEnoughKeepsItsThickness) {

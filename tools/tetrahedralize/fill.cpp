@@ -18,6 +18,8 @@ using Eigen::Vector3d;
 using geometry::ParallelFor;
 using geometry::TetMesh;
 
+// Full cells have at least 30 degrees; a little above, against rounding.
+constexpr double kGridDihedral = 30.5;
 // Masses come from fill: below this a vertex of the cage could weigh nothing.
 constexpr double kLeastFill = 0.02;
 
@@ -167,8 +169,7 @@ void dropCrumbs(const SolidBody& body, FilledBody& filled, const ParallelFor& pa
 
 }  // namespace
 
-FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for,
-                        double least_dihedral) {
+FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for) {
   const auto build = [&](double spacing) {
     FilledBody filled;
     AlignedBox3d bounds = body.bounds;
@@ -176,7 +177,7 @@ FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const Paral
     const Vector3d least = Vector3d::Constant(std::max(1e-6 * bounds.sizes().maxCoeff(), 1e-300));
     bounds.extend(bounds.center() - least / 2);
     bounds.extend(bounds.center() + least / 2);
-    geometry::CellGrid grid = geometry::fitGrid(bounds, spacing, least_dihedral);
+    geometry::CellGrid grid = geometry::fitGrid(bounds, spacing, kGridDihedral);
     filled.spacing = grid.spacing.maxCoeff();
     for (int axis = 0; axis < 3; ++axis) {
       const double extent = grid.spacing[axis] * grid.size[std::size_t(axis)];

@@ -24,13 +24,9 @@ struct FilledBody {
   double thickened = 0;          ///< stuffing: fraction of the surface area that was thickened to a cell
 };
 
-/// Smallest dihedral angle of a cage of boxes, degrees: full cells have at least 30; a little above, against rounding.
-inline constexpr double kGridDihedral = 30.5;
-
 /// A cage of boxes (method `grid`). Never empty, always one piece. Widens an axis where its cells would be too flat.
-/// \param least_dihedral degrees.
-FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target_vertices, const geometry::ParallelFor& parallel_for,
-                        double least_dihedral = kGridDihedral);
+FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target_vertices,
+                        const geometry::ParallelFor& parallel_for);
 
 /// Isosurface stuffing. Features that slip through the lattice are thickened until it catches them: points within the
 /// lattice's covering radius of the triangles that the first try left outside count as inside. The rest follows the

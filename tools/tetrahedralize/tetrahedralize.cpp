@@ -5,7 +5,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numeric>
@@ -31,10 +30,6 @@ constexpr double kLeastRatio = 0.85, kMostRatio = 1.15, kMostUncovered = 0.005;
 // A volume further off than this is reported.
 constexpr double kReportedRatio = 0.1;
 constexpr std::size_t kNamedBodies = 6;
-// A plate along the axes that the cage would make this much thicker gets flatter cells, of these angles in degrees:
-// nothing of shape matching suffers from them, and a body many times as thick hovers over what it lies on.
-constexpr double kMostWidened = 1.1;
-constexpr std::array kFlatterAngles = {10.0, 3.0, 1.0};
 
 void parallelFor(std::size_t count, std::size_t grain, const std::function<void(std::size_t, std::size_t)>& body) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, std::max<std::size_t>(grain, 1)),
@@ -232,10 +227,6 @@ Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, Tetrahe
     const std::size_t count = choice.filled.mesh.positions.size();
     const bool too_many = target >= kLeastBudget && count > 2 * std::size_t(target);
     if (!fault.empty() || too_many) grid = fillWithGrid(body, target, parallelFor);
-    for (const double angle : kFlatterAngles) {
-      if (grid.widened <= kMostWidened) break;
-      grid = fillWithGrid(body, target, parallelFor, angle);
-    }
     const bool grid_saves = too_many && !grid.mesh.tetrahedra.empty() && 2 * grid.mesh.positions.size() < count;
     // Thin all over, a body gets too much volume either way: then the lesser evil.
     const bool stays =
