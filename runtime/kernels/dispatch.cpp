@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <cstring>
@@ -7,8 +8,7 @@
 
 namespace sinew::internal {
 
-#if defined(SINEW_X86_KERNELS)
-extern const Kernels kSSE42, kAVX2, kAVX512;
+extern const Kernels kSSE42, kAVX2, kAVX512, kPORTABLE;  // those that are built
 
 namespace {
 
@@ -18,36 +18,38 @@ struct Candidate {
 };
 
 // Widest first.
-std::array<Candidate, 3> candidates() {
+auto candidates() {
+#if defined(SINEW_PORTABLE_KERNELS)
+  return std::array<Candidate, 1>{{{&kPORTABLE, true}}};
+#else
   __builtin_cpu_init();
-  const bool avx512 = __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512vl") != 0 &&
-                      __builtin_cpu_supports("avx512bw") != 0 && __builtin_cpu_supports("avx512dq") != 0;
-  return {{{&kAVX512, avx512},
-           {&kAVX2, __builtin_cpu_supports("avx2") != 0},
-           {&kSSE42, __builtin_cpu_supports("sse4.2") != 0}}};
+  return std::array {
+#if defined(SINEW_AVX512_KERNELS)
+    Candidate{&kAVX512, __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512vl") != 0 &&
+                            __builtin_cpu_supports("avx512bw") != 0 && __builtin_cpu_supports("avx512dq") != 0},
+#endif
+#if defined(SINEW_AVX2_KERNELS)
+        Candidate{&kAVX2, __builtin_cpu_supports("avx2") != 0},
+#endif
+#if defined(SINEW_SSE42_KERNELS)
+        Candidate{&kSSE42, __builtin_cpu_supports("sse4.2") != 0},
+#endif
+  };
+#endif
 }
 
 }  // namespace
-#else
-extern const Kernels kPORTABLE;
-
-namespace {
-
-struct Candidate {
-  const Kernels* table;
-  bool runs;
-};
-
-std::array<Candidate, 1> candidates() { return {{{&kPORTABLE, true}}}; }
-
-}  // namespace
-#endif
 
 const Kernels* kernelsNamed(const char* name) {
   for (const Candidate& candidate : candidates()) {
     if (candidate.runs && std::strcmp(candidate.table->name, name) == 0) return candidate.table;
   }
   return nullptr;
+}
+
+bool kernelsRun() {
+  const auto all = candidates();
+  return std::any_of(all.begin(), all.end(), [](const Candidate& candidate) { return candidate.runs; });
 }
 
 const Kernels& kernels() {

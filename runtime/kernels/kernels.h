@@ -125,7 +125,11 @@ struct Kernels {
   AttachKernels attach;
 };
 
+/// Those of the widest instruction set that this processor has, or of the one that SINEW_INSTRUCTION_SET names.
 const Kernels& kernels();
+
+/// Whether this build has kernels that this processor runs; without them kernels() must not be used.
+bool kernelsRun();
 
 /// One by name, or null where this processor or build lacks it: sse42, avx2, avx512, portable.
 const Kernels* kernelsNamed(const char* name);

@@ -22,7 +22,8 @@ namespace sinew::internal {
 
 MappedFile mapFile(const std::string& path) {
   MappedFile result;
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // O_NONBLOCK: a named pipe must not hold the caller before it is refused.
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) {
     result.reason = std::strerror(errno);
     return result;

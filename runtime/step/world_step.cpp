@@ -359,7 +359,7 @@ class BodyStep {
     finishMatch(body_, h_);
   }
 
-  void sumMotion(VertexChunk& chunk, const std::pmr::vector<Vec3>& at, float anchor_mass) {
+  void sumMotion(VertexChunk& chunk, std::span<const Vec3> at, float anchor_mass) {
     SumArguments a{};
     a.vertices = vertexRange(chunk);
     a.at = at.data()->data();
@@ -524,7 +524,7 @@ class BodyStep {
 bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
 
 // Lends scratch to a body, or takes it back.
-void exchange(Body& body, RowScratch& scratch) {
+void exchange(Body& body, BodyScratch& scratch) {
   body.rows.swap(scratch.rows);
   body.frames.swap(scratch.frames);
   body.responses.swap(scratch.responses);
@@ -533,10 +533,11 @@ void exchange(Body& body, RowScratch& scratch) {
   body.answers.swap(scratch.answers);
 }
 
-void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
+void stepBody(Body& body, BodyScratch& scratch, const WorldSettings& settings, JobSystem* jobs, std::uint32_t passes,
               float pass_seconds, StepTimes* times) {
   body.repaired = 0;
   for (VertexChunk& chunk : body.chunks) chunk.repaired = 0;
+  body.take(scratch.pass);
   exchange(body, scratch);
   if (mayHaveRows(body, settings)) {  // within what growScratch() reserved
     body.frames.resize(body.clusterCount());
@@ -553,15 +554,24 @@ void stepBody(Body& body, RowScratch& scratch, const WorldSettings& settings, Jo
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();
   exchange(body, scratch);
+  body.giveBack();
 }
 
 }  // namespace
 
+PassScratch& StepScratch::passOf(const Body& body) {
+  if (lanes.empty()) addLane();
+  lanes[0].pass.reserve(body.vertexCount(), body.rest().members.size());
+  return lanes[0].pass;
+}
+
 void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, const JobSystem* jobs) {
   struct Need {
-    std::size_t bodies = 0, rows = 0, terms = 0, clusters = 0;
+    std::size_t bodies = 0, vertices = 0, members = 0, rows = 0, terms = 0, clusters = 0;
     void add(const Body& body, bool rows_too) {
       ++bodies;
+      vertices = std::max<std::size_t>(vertices, body.vertexCount());
+      members = std::max(members, body.rest().members.size());
       if (!rows_too) return;
       rows = std::max(rows, body.vertexCount() + body.picks.size());
       terms = std::max(terms, mostTerms(body));
@@ -576,9 +586,10 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
   }
   const std::size_t jobs_at_once = jobs != nullptr ? std::clamp<std::size_t>(jobs->concurrency(), 1, 64) : 1;
   const std::size_t lanes = std::max(std::min<std::size_t>(all.bodies, 1), std::min(jobs_at_once, small.bodies));
-  while (scratch.lanes.size() < lanes) scratch.lanes.emplace_back(scratch.lanes.get_allocator().resource());
+  while (scratch.lanes.size() < lanes) scratch.addLane();
   for (std::size_t i = 0; i < scratch.lanes.size(); ++i) {
     const Need& need = i == 0 ? all : small;  // large bodies are stepped one at a time
+    scratch.lanes[i].pass.reserve(need.vertices, need.members);
     scratch.lanes[i].rows.reserve(need.rows);
     scratch.lanes[i].frames.reserve(need.clusters);
     scratch.lanes[i].responses.reserve(need.clusters);

@@ -15,11 +15,19 @@ enum StepPhase : std::uint32_t { kPredict, kMoments, kRows, kMatch, kSolve, kGoa
 /// Milliseconds by phase.
 using StepTimes = std::array<double, kStepPhaseCount>;
 
-/// What solving the rows of one body takes: much memory for a short time, so bodies share it.
-struct RowScratch {
-  explicit RowScratch(std::pmr::memory_resource* memory)
-      : rows(memory), frames(memory), responses(memory), solver_rows(memory), terms(memory), answers(memory) {}
+/// What stepping one body takes beside its state: much memory for a short time, so bodies share it.
+struct BodyScratch {
+  BodyScratch(std::pmr::memory_resource* memory, LineMemory* lines)
+      : pass(lines),
+        rows(memory),
+        frames(memory),
+        responses(memory),
+        solver_rows(memory),
+        terms(memory),
+        answers(memory) {}
 
+  PassScratch pass;
+  // Of the solver of rows.
   std::pmr::vector<Row> rows;
   std::pmr::vector<ClusterFrame> frames;
   std::pmr::vector<ClusterResponse> responses;
@@ -28,11 +36,20 @@ struct RowScratch {
   std::pmr::vector<ClusterAnswer> answers;
 };
 
-/// Scratch of a world: one RowScratch for each body that may be stepped at the same time, each large enough for any.
+/// Scratch of a world: one BodyScratch for each body that may be stepped at the same time. The first is large enough
+/// for every body, the others for those that are stepped side by side.
 struct StepScratch {
-  explicit StepScratch(std::pmr::memory_resource* memory) : lanes(memory) {}
+  explicit StepScratch(std::pmr::memory_resource* memory) : lines(memory), lanes(memory) {}
 
-  std::pmr::vector<RowScratch> lanes;
+  /// The first lane's scratch of a pass, grown for `body`: for what is done between steps.
+  PassScratch& passOf(const Body& body);
+
+  LineMemory lines;
+  std::pmr::vector<BodyScratch> lanes;
+
+ private:
+  friend void growScratch(const BodyList&, StepScratch&, const WorldSettings&, const JobSystem*);
+  void addLane() { lanes.emplace_back(lanes.get_allocator().resource(), &lines); }
 };
 
 /// Sizes the scratch for the worst case of all bodies, so that steps do not allocate, nor jobs at any time.

@@ -31,10 +31,8 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       lines(memory),
       x(vertexCount() + 1, &lines),
       v(vertexCount() + 1, &lines),
-      y(vertexCount() + 1, &lines),
       force(vertexCount(), memory),
       pinned(vertexCount(), memory),
-      slots(8 * rest().members.size() + 1, &lines),
       blocks(rest().blocks.size(), memory),
       stiffness(std::move(shared)),
       pins(memory),
@@ -74,10 +72,20 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
     part.chunk_count = std::uint32_t(chunks.size()) - part.first_chunk;
     parts.push_back(part);
   }
-  reset();
 }
 
-void Body::reset() {
+void Body::take(PassScratch& scratch) {
+  y = std::span(scratch.y).first(vertexCount() + 1);
+  slots = std::span(scratch.slots).first(8 * rest().members.size() + 1);
+  slots.back() = {};
+}
+
+void Body::giveBack() {
+  y = {};
+  slots = {};
+}
+
+void Body::reset(PassScratch& scratch) {
   const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> rotation(settings.rotation.data());
   const Vector3 position = asVector(settings.position);
   for (std::uint32_t i = 0; i < vertexCount(); ++i) {
@@ -102,10 +110,11 @@ void Body::reset() {
       std::fill(std::begin(block.part_rotation[k]), std::end(block.part_rotation[k]), start[k]);
     }
   }
-  matchPositions();
+  matchPositions(scratch);
 }
 
-void Body::matchPositions() {
+void Body::matchPositions(PassScratch& scratch) {
+  take(scratch);
   centers_known = false;
   // A lost vertex must not take its clusters along: it counts as being where they had wanted it.
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
@@ -124,6 +133,7 @@ void Body::matchPositions() {
     }
     kernel.match(&rest().blocks[b], &loose, &blocks[b], 1);
   }
+  giveBack();
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {

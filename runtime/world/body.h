@@ -128,11 +128,31 @@ class LineMemory : public std::pmr::memory_resource {
   std::pmr::memory_resource* upstream_;
 };
 
+/// What a pass writes and nobody reads after it: lent to a body by its world, so that many bodies share it, in cache.
+struct PassScratch {
+  /// \param lines for arrays that kernels read in whole lines; outlives this.
+  explicit PassScratch(LineMemory* lines) : y(lines), slots(lines) {}
+
+  /// Grows to what a body of so many vertices and blocks of eight members needs.
+  void reserve(std::size_t vertices, std::size_t member_blocks) {
+    if (y.size() <= vertices) y.resize(vertices + 1);
+    if (slots.size() <= 8 * member_blocks) slots.resize(8 * member_blocks + 1);
+  }
+
+  std::pmr::vector<Vec3> y;
+  std::pmr::vector<std::array<float, 4>> slots;
+};
+
 /// State of one body. Constants stay in the asset.
 struct Body {
+  /// At rest at its place; reset() is due before anything else is asked of it.
   /// \param memory all that the body keeps comes from there.
   Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, std::shared_ptr<StiffnessSet> shared,
        std::pmr::memory_resource* memory);
+
+  /// Takes a scratch, reserved for it, until giveBack().
+  void take(PassScratch& scratch);
+  void giveBack();
 
   /// The part that a vertex belongs to.
   Part& partOf(std::uint32_t vertex);
@@ -143,10 +163,11 @@ struct Body {
   std::uint32_t vertexCount() const { return std::uint32_t(vertices().size()); }
   std::uint32_t clusterCount() const { return std::uint32_t(package().clusters().size()); }
 
-  /// Back to the rest shape at the place it was added; nothing held.
-  void reset();
+  /// Back to the rest shape at the place it was added; nothing held. \param scratch reserved for this body.
+  void reset(PassScratch& scratch);
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
-  void matchPositions();
+  /// \param scratch reserved for this body.
+  void matchPositions(PassScratch& scratch);
   /// Where its clusters last wanted a physical vertex: Σ share g, metres.
   Vector3 blendedGoal(std::uint32_t vertex) const;
 
@@ -157,12 +178,14 @@ struct Body {
   // By physical vertex, and one more: kernels read triples as 16 bytes.
   std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
   std::pmr::vector<Vec3> v;  ///< velocities, m/s
-  std::pmr::vector<Vec3> y;  ///< predicted, then matched positions
   /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
   std::pmr::vector<Vec3> force;
   std::pmr::vector<std::uint8_t> pinned;
-  std::pmr::vector<std::array<float, 4>>
-      slots;  ///< by membership, padded: what its cluster asks of a vertex; zero behind the last
+
+  // Lent between take() and giveBack(), empty otherwise.
+  std::span<Vec3> y;  ///< predicted, then matched positions; one more, as x
+  /// By membership, padded: what its cluster asks of a vertex; zero behind the last.
+  std::span<std::array<float, 4>> slots;
 
   std::pmr::vector<ClusterBlock> blocks;  ///< by cluster, eight each
 

@@ -342,7 +342,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     return true;
   });
   if (!fitted) {
-    body->reset();
+    body->reset(impl_->step_scratch.passOf(*body));
     return Error{"restoreState: out of memory; the body was reset"};
   }
   return std::size_t(header.bytes);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "runtime/clusters/pins.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -156,6 +157,7 @@ const WorldSettings& World::settings() const { return impl_->settings; }
 
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
   if (asset == nullptr) return Error{"addBody: no asset"};
+  if (!internal::kernelsRun()) return Error{"addBody: this build has no kernels for this processor"};
   const auto finite = [](float value) { return std::isfinite(value); };
   if (!std::all_of(settings.position.begin(), settings.position.end(), finite)) {
     return Error{"addBody: BodySettings::position is not finite"};
@@ -179,6 +181,7 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
       memory->deallocate(place, sizeof(Body), alignof(Body));
       throw;
     }
+    body->reset(impl_->step_scratch.passOf(*body));
     keepHistory(*body);
     if (settings.package_pins) internal::addPackagePins(*body, impl_->next_pin_set);
     impl_->bodies.push_back(std::move(body));
@@ -198,7 +201,8 @@ bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
 void World::resetBody(BodyId id) {
   Body* body = impl_->find(id, "resetBody");
   if (body == nullptr) return;
-  body->reset();
+  internal::PassScratch& scratch = impl_->step_scratch.passOf(*body);
+  body->reset(scratch);
   keepHistory(*body);
   impl_->changed(*body);
   if (!body->settings.package_pins) return;
@@ -206,7 +210,7 @@ void World::resetBody(BodyId id) {
     internal::addPackagePins(*body, impl_->next_pin_set);
     return true;
   });
-  if (!held) body->reset();
+  if (!held) body->reset(scratch);
 }
 
 const Asset& World::asset(BodyId id) const { return *impl_->bodies[id.value]->asset; }
@@ -275,7 +279,7 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
   }
   std::fill(body->force.begin(), body->force.end(), Vec3{});
   for (internal::Pick& pick : body->picks) pick.force = {};
-  body->matchPositions();
+  body->matchPositions(impl_->step_scratch.passOf(*body));
   keepHistory(*body);
   impl_->changed(*body);
 }

@@ -72,6 +72,69 @@ class CommandLine(unittest.TestCase):
         self.assertFalse((self.path / "x.sinew").exists())
         self.assertFalse((self.path / "x.png").exists())
 
+    def test_pipes_devices_and_folders_are_refused_at_once(self):
+        package, out = self.bake(), self.path / "x.sinew"
+        mask = self.path / "mask.json"
+        mask.write_text(json.dumps({"sinew_recipe": 2, "source": os.path.relpath(SPOT, self.path),
+                                    "project": os.path.relpath("/", self.path),
+                                    "clusters": [{"name": "a", "from": {"image": "place.png"}}]}))
+        for kind, make in (("pipe", os.mkfifo), ("device", lambda at: os.symlink("/dev/zero", at)), ("folder", os.mkdir)):
+            for ending in ("obj", "glb", "json", "sinew", "png"):
+                place = self.path / f"place.{ending}"
+                make(place)
+                calls = {"sinew": (["inspect", place], ["check", place], ["simulate", place]),
+                         "json": (["bake", place, "-o", out], ["author", place, "show"], ["author", place, "set", "clusters.mode=rigid"],
+                                  ["simulate", package, "--scene", place]),
+                         "png": (["bake", mask, "-o", out],)}.get(ending, (["bake", place, "-o", out], ["check", place]))
+                for call in calls:
+                    with self.subTest(kind=kind, call=call):
+                        self.assert_refused(run(*call), 3, place.name)
+                (os.rmdir if kind == "folder" else os.unlink)(place)
+        self.assertEqual(sorted(p.name for p in self.path.iterdir()), ["mask.json", "spot.sinew"])
+
+    def test_what_is_read_is_never_written_over(self):
+        source = self.path / "cow.obj"
+        source.write_bytes(pathlib.Path(SPOT).read_bytes())
+        recipe = self.path / "cow.json"
+        recipe.write_text(json.dumps({"sinew_recipe": 2, "source": "cow.obj"}))
+        link = self.path / "link.sinew"
+        link.symlink_to("cow.obj")
+        package = self.bake()
+        scene = self.path / "scene.json"
+        scene.write_text('{"sinew_scene": 1}')
+        posed = self.path / "posed.obj"
+        posed.symlink_to("scene.json")
+        before = {p.name: p.read_bytes() for p in self.path.iterdir()}
+        out = self.path / "x.sinew"
+        self.assert_refused(run("bake", source, "-o", source), 2, "cow.obj", "destroy")
+        self.assert_refused(run("bake", source, "-o", link), 2, "link.sinew", "destroy")
+        self.assert_refused(run("bake", recipe, "-o", link), 2, "link.sinew", "destroy")
+        self.assert_refused(run("bake", recipe, "-o", out, "--report", recipe), 2, "cow.json", "destroy")
+        self.assert_refused(run("bake", recipe, "-o", out, "--report", "/dev/null"), 2, "/dev/null")
+        self.assert_refused(run("check", source, "--render", source), 2, "cow.obj", "destroy")
+        self.assert_refused(run("simulate", package, "--scene", scene, "--export", posed), 2, "posed.obj", "destroy")
+        self.assertEqual({p.name: p.read_bytes() for p in self.path.iterdir()}, before)
+
+    def test_a_link_stays_a_link(self):
+        link = self.path / "latest.sinew"
+        link.symlink_to("versions/1.sinew")
+        (self.path / "versions").mkdir()
+        self.bake(name="latest.sinew")
+        self.assertTrue(link.is_symlink())
+        self.assertEqual(link.read_bytes(), (self.path / "versions" / "1.sinew").read_bytes())
+
+    def test_file_names_that_are_not_utf8(self):
+        source = os.fsdecode(os.fsencode(self.path / "cow") + b"\xff.obj")
+        package = os.fsdecode(os.fsencode(self.path / "cow") + b"\xff.sinew")
+        pathlib.Path(source).write_bytes(pathlib.Path(SPOT).read_bytes())
+        for call in (["bake", source, "-o", package], ["inspect", package], ["inspect", source], ["check", source],
+                     ["simulate", package, "--seconds", "0.1"]):
+            with self.subTest(call=call[0]):
+                result = run(*call, "--json")
+                self.assertEqual(result.returncode, 0, result.stderr)
+                json.loads(result.stdout)
+        self.assert_refused(run("author", self.path / "a.json", "new", source), 2, "UTF-8")
+
     def test_a_recipe_bakes_like_its_settings(self):
         recipe = self.path / "cow.json"
         recipe.write_text(json.dumps({"sinew_recipe": 1, "source": os.path.relpath(SPOT, self.path),

@@ -480,6 +480,29 @@ class Commands(Folder):
             self.author("redo")
         self.assertEqual((self.path / "r.json").read_text(), final)
 
+    def test_a_cluster_for_each_thing_that_the_source_names(self):
+        self.write("bar.obj", Bar().obj(groups=True))
+        self.author("new", self.path / "bar.obj")
+        self.author("add-cluster", "right", "--from", '{"box": [[2, -1, -1], [4, 1, 1]]}')
+        said = self.author("add-clusters", "group").stdout
+        clusters = self.recipe()["clusters"]
+        self.assertEqual([c["name"] for c in clusters], ["right", "left", "middle"])
+        self.assertEqual(clusters[1]["from"], {"group": "left"})
+        self.assertIn("were there: right", said)
+        self.author("undo")
+        self.assertEqual(len(self.recipe()["clusters"]), 1)
+        self.author("add-clusters", "group", "m*")
+        self.assertEqual([c["name"] for c in self.recipe()["clusters"]], ["right", "middle"])
+        self.author("add-clusters", "part")
+        self.assertEqual(self.recipe()["clusters"][2], {"name": "part.0", "from": {"part": 0}})
+        before = (self.path / "r.json").read_text()
+        self.assertIn("no bones", self.author("add-clusters", "bone", code=2).stderr)
+        self.assertIn("Did you mean middle?", self.author("add-clusters", "group", "midle", code=2).stderr)
+        self.assertIn("no key 'soft'", self.author("add-clusters", "group", "--options", '{"soft": 1}', code=3).stderr)
+        self.author("add-clusters", "group", "--options", "soft", code=2)
+        self.author("add-clusters", "colour", code=2)
+        self.assertEqual((self.path / "r.json").read_text(), before)
+
     def test_a_command_that_would_spoil_the_recipe_changes_nothing(self):
         self.write("bar.obj", Bar().obj(groups=True))
         self.author("new", self.path / "bar.obj")
@@ -599,6 +622,18 @@ class RealFiles(Folder):
     def test_bones_of_a_hand(self):
         every = self.covered("hand_rigged.glb", {"bone": "*"})
         self.assertAlmostEqual(every, 1, 3)
+
+    def test_a_cluster_for_each_bone_that_moves_something(self):
+        self.covered("hand_rigged.glb", {"all": True})  # a copy
+        recipe = self.path / "bones.json"
+        self.assertEqual(run("author", recipe, "new", self.path / "hand_rigged.glb").returncode, 0)
+        result = run("author", recipe, "add-clusters", "bone", "thumb-*", "wrist", "--options", '{"weights": "dominant"}')
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("nothing belongs to them: thumb-tip", result.stdout)
+        clusters = json.loads(recipe.read_text())["clusters"]
+        self.assertEqual([c["name"] for c in clusters],
+                         ["thumb-phalanx-distal", "thumb-phalanx-proximal", "thumb-metacarpal", "wrist"])
+        self.assertEqual(clusters[3]["from"], {"bone": "wrist", "weights": "dominant"})
 
     def test_colours_of_a_penguin(self):
         red = self.covered("penguin_painted.ply", {"color": "r"})

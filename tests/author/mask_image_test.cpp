@@ -2,8 +2,10 @@
 #include "tools/author/mask_image.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
+#include <fstream>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -83,6 +85,36 @@ TEST_F(MaskFile, SamplesBilinearlyVUpAndRepeated) {
   EXPECT_NEAR(mask.sample(0.5, 0.5), 0.25, 1e-6);
   EXPECT_NEAR(mask.sample(-0.25, 3.75), 1, 1e-6);
   EXPECT_NEAR(mask.sample(1.0, 0.75), 0.5, 1e-6);  // halfway to the repeated left texel
+}
+
+// Refused by what the file declares, before it is unpacked; in the program's own words and no library's.
+TEST_F(MaskFile, BrokenPicturesAreRefusedInOneLine) {
+  const auto refusal = [&](const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    testing::internal::CaptureStderr();
+    std::string message;
+    try {
+      readMaskImage(folder_ / name, {});
+    } catch (const ToolError& error) {
+      EXPECT_EQ(error.code(), ExitCode::bad_input);
+      message = error.what();
+    }
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+    return message;
+  };
+  const std::string head("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16);
+  EXPECT_NE(refusal("bomb.png", head + std::string("\0\1\x86\xa0\0\1\x86\xa0\x8\6\0\0\0", 13)).find("100000 x 100000"),
+            std::string::npos);
+  EXPECT_NE(refusal("broken.png", head + std::string("\0\0\0\4\0\0\0\4\x7f\x7f\0\0\0\0\0\0\0", 17)).find("no picture"),
+            std::string::npos);
+  const std::string exr("\x76\x2f\x31\x01\2\0\0\0dataWindow\0box2i\0\x10\0\0\0", 29);
+  EXPECT_NE(refusal("bomb.exr", exr + std::string("\xff\xff\xff\xff\0\0\0\0\xfe\xff\xff\x7f\3\0\0\0", 16))
+                .find("2147483648 x 4"),
+            std::string::npos);
+  EXPECT_NE(refusal("empty.png", "").find("no picture"), std::string::npos);
+  const std::string pipe = (folder_ / "pipe.png").string();
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THROW(readMaskImage(pipe, {}), ToolError);  // does not wait for a writer
 }
 
 }  // namespace

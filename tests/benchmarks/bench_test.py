@@ -15,10 +15,11 @@ GROUPS = ("matching", "step", "output", "linearity", "threads", "determinism", "
 LINES = (
     [("matching", f"{mode} n={n}") for mode in ("linear", "quadratic") for n in (8, 32, 64, 216)]
     + [("output", "positions"), ("output", "positions and normals")]
-    + [("linearity", "exponent over vertices of a body"), ("linearity", "exponent over bodies of 125 vertices")]
+    + [("linearity", f"exponent over {what}, {passes}") for what in ("vertices of a body", "bodies of 125 vertices")
+       for passes in ("4 iterations", "1 iteration")]
     + [("determinism", name) for name in ("1 thread", "2 threads", "3 threads", "8 threads", "instruction set sse42",
                                           "instruction set avx2", "instruction set avx512")]
-    + [("memory", "an instance"), ("memory", "an instance, normals written")]
+    + [("memory", "an instance"), ("memory", "an instance, normals written"), ("memory", "scratch of a thread")]
     + [("library", "libsinew_runtime.so, stripped"), ("library", "libraries it needs beyond C and C++")]
     + [("open", "open and check a package"), ("open", "add an instance")]
 )

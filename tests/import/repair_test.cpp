@@ -214,5 +214,52 @@ TEST(Triangulate, AnythingEndsInTimeWithTheRightCount) {
   }
 }
 
+// What was left behind far away is left out, so that it does not set the size of all else.
+class Stray : public ImportTest {
+ protected:
+  static constexpr const char* kCube =
+      "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 "
+      "7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+  static std::string triangle(double x, double size) {
+    std::string text;
+    for (const auto& [dx, dy] : {std::pair{0.0, 0.0}, {size, 0.0}, {0.0, size}}) {
+      text += "v " + std::to_string(x + dx) + " " + std::to_string(dy) + " 0\n";
+    }
+    return text + "f -3 -2 -1\n";
+  }
+};
+
+TEST_F(Stray, FacesFarAwayAreLeftOutAndNamed) {
+  const auto file = write("a.obj", kCube + triangle(1000, 0.1) + triangle(-3000, 0.05));
+  const VisualMesh mesh = importFile(file);
+  EXPECT_EQ(mesh.triangles.size(), 12U);
+  EXPECT_EQ(mesh.source_vertex_count, 14U);
+  EXPECT_EQ(mesh.source_face_count, 8U);
+  EXPECT_EQ(mesh.unreferenced.size(), 6U);
+  EXPECT_NEAR(mesh.diagonal, std::sqrt(3.0), 1e-12);
+  const Finding* finding = findingOf(mesh, "stray-faces");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->severity, Severity::warning);
+  EXPECT_EQ(finding->places, (std::vector<std::uint32_t>{6, 7}));
+  EXPECT_NE(finding->message.find("1 km from the middle"), std::string::npos) << finding->message;
+  EXPECT_EQ(findingOf(mesh, "implausible-size"), nullptr);
+
+  ImportOptions options = testOptions();
+  options.keep_stray = true;
+  const VisualMesh whole = importFile(file, options);
+  EXPECT_EQ(whole.triangles.size(), 14U);
+  EXPECT_EQ(findingOf(whole, "stray-faces"), nullptr);
+  EXPECT_GT(whole.diagonal, 3999);
+}
+
+TEST_F(Stray, WhatIsLargeNearOrReachesOutStays) {
+  std::string rope;
+  for (int i = 0; i < 100; ++i) rope += triangle(1 + i, 1e-3);
+  EXPECT_EQ(importFile(write("large.obj", kCube + triangle(1000, 1))).triangles.size(), 13U);
+  EXPECT_EQ(importFile(write("near.obj", kCube + triangle(15, 0.1))).triangles.size(), 13U);
+  EXPECT_EQ(importFile(write("rope.obj", kCube + rope)).triangles.size(), 112U);
+  EXPECT_EQ(importFile(write("two.obj", triangle(0, 1) + triangle(1000, 1))).triangles.size(), 2U);
+}
+
 }  // namespace
 }  // namespace sinew::tools

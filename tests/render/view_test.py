@@ -210,6 +210,43 @@ try:
     view.wait(lambda s: s["scene"] == "drop", "2 chooses the scene drop")
     view.end()
 
+    # Inputs of a package: a slider moves the channel and that of the other side; what is let go is the scene's again.
+    recipe = folder / "muscles.json"
+    (folder / "spot.obj").write_bytes(pathlib.Path(arguments.spot).read_bytes())
+    sides = [{"name": f"leg.{side}", "from": {"half_space": [0, 0, 0], "normal": [x, 0, 0]}, "channel": f"leg.{side}"}
+             for side, x in (("L", 1), ("R", -1))]
+    recipe.write_text(json.dumps({"sinew_recipe": 2, "source": "spot.obj", "clusters": sides}))
+    scene = folder / "pull.json"
+    scene.write_text(json.dumps({"sinew_scene": 1, "channels": {"leg.*": [[0, 0.25]]},
+                                 "camera": {"yaw": 10, "pitch": 20, "at": [0, 0, 0], "height": 1}}))
+    subprocess.run([arguments.sinew, "bake", str(recipe), "-o", str(package)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    view = View("channels", "--scene", str(scene))
+    driven = view.wait(lambda s: s["frame"] >= 3, "the window opens on a scene from a file")
+    check(driven["held_channels"] == 0 and abs(driven["inputs"] - 0.5) < 1e-3, "the scene drives both channels")
+    check(abs(driven["camera"]["yaw"] - math.radians(10)) < 1e-4, "the camera is the scene's")
+    mouse("mousemove", 118, 50)
+    view.frames(2)
+    mouse("click", 1)
+    view.frames(3)
+    mouse("mousemove", 60, 196)
+    view.frames(2)
+    mouse("mousedown", 1)
+    view.frames(2)
+    mouse("mousemove", 280, 196)
+    both = view.wait(lambda s: s["inputs"] > 1.99, "a slider pulled to its end drives the channel and its other side")
+    mouse("mouseup", 1)
+    check(both["held_channels"] == 2, "both are held")
+    mouse("mousemove", 200, 196)
+    view.frames(2)
+    mouse("click", 3)
+    view.wait(lambda s: s["held_channels"] == 1 and abs(s["inputs"] - 1.25) < 1e-3, "a right click gives one back to the scene")
+    mouse("mousemove", 140, 123)
+    view.frames(2)
+    mouse("click", 1)
+    view.wait(lambda s: s["held_channels"] == 0 and abs(s["inputs"] - 0.5) < 1e-3, "the button lets all go")
+    view.end()
+    subprocess.run([arguments.sinew, "bake", arguments.spot, "-o", str(package)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
     # Pictures of the window: at rest, and at the end of a drag.
     pictures = []
     for name, pull in (("rest", False), ("pulled", True)):

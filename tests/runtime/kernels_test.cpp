@@ -102,7 +102,8 @@ void checkSvd(double tolerance) {
     ASSERT_LT((v * v.transpose() - Matrix3d::Identity()).norm(), 4 * tolerance) << exact;
     ASSERT_GT(u.determinant(), 0.9) << exact;
     ASSERT_GT(v.determinant(), 0.9) << exact;
-    ASSERT_LE((u * sigma.asDiagonal() * v.transpose() - exact).norm(), 4 * tolerance * scale) << exact;
+    // Backward error, norm against norm: how large the largest entry is depends on how the matrix happens to be turned.
+    ASSERT_LE((u * sigma.asDiagonal() * v.transpose() - exact).norm(), 3 * tolerance * exact.norm()) << exact;
     ASSERT_GE(sigma[0] * (1 + tolerance), sigma[1]);
     ASSERT_GE(sigma[1] * (1 + tolerance), std::abs(sigma[2]) - tolerance * scale);
     const Eigen::JacobiSVD<Matrix3d> reference(exact / (scale > 0 ? scale : 1));

@@ -265,15 +265,15 @@ TEST(Shell, AClosedSurfaceBecomesHollowWhereAShellIsAsked) {
   EXPECT_NEAR(physical.bodies[0].volume / (4 * kPi * 0.05), 1, 0.03);
 }
 
-TEST(Shell, OneSidedAndBranchingSheetsAreRefusedWithPlaceAndCure) {
-  // A Moebius band.
+// A Moebius band of radius 1.
+VisualMesh moebiusBand(double width) {
   std::vector<Vector3d> positions;
   std::vector<std::vector<std::uint32_t>> faces;
   constexpr std::uint32_t kAround = 40, kAcross = 4;
   for (std::uint32_t i = 0; i < kAround; ++i) {
     const double t = 2 * kPi * i / kAround;
     for (std::uint32_t j = 0; j <= kAcross; ++j) {
-      const double w = 0.4 * (double(j) / kAcross - 0.5);
+      const double w = width * (double(j) / kAcross - 0.5);
       positions.emplace_back((1 + w * std::cos(t / 2)) * std::cos(t), w * std::sin(t / 2),
                              (1 + w * std::cos(t / 2)) * std::sin(t));
     }
@@ -288,7 +288,24 @@ TEST(Shell, OneSidedAndBranchingSheetsAreRefusedWithPlaceAndCure) {
       }
     }
   }
-  const VisualMesh band = testing::makeMesh(positions, faces);
+  return testing::makeMesh(positions, faces);
+}
+
+// It bounds nothing, however much its turns seem to.
+TEST(Shell, OneSidedSheetsAreNoSolidUnderAuto) {
+  for (const double width : {0.2, 0.6, 1.6}) {
+    const PhysicalMesh physical = testing::fill(moebiusBand(width), TetrahedraMethod::automatic, 600);
+    const std::string what = "width " + std::to_string(width);
+    ASSERT_EQ(physical.bodies.size(), 1U) << what;
+    EXPECT_LT(physical.bodies[0].source_volume, 0) << what;
+    const Finding* finding = testing::findingOf(physical, "tetrahedra-method");
+    ASSERT_NE(finding, nullptr) << what;
+    EXPECT_NE(finding->message.find("only one side"), std::string::npos) << finding->message;
+  }
+}
+
+TEST(Shell, OneSidedAndBranchingSheetsAreRefusedWithPlaceAndCure) {
+  const VisualMesh band = moebiusBand(0.4);
   // Three wings on one edge.
   const VisualMesh wings = testing::makeMesh({{0, 0, 0}, {0, 1, 0}, {1, 0.5, 0}, {-0.5, 0.5, 0.8}, {-0.5, 0.5, -0.8}},
                                              {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}});

@@ -167,7 +167,7 @@ TEST(Tetrahedralize, OverlappingPartsAreFilledOnce) {
     for (const auto& f : geometry::boundaryFaces(one)) {
       border += one.positions[f[0]].dot(one.positions[f[1]].cross(one.positions[f[2]])) / 6;
     }
-    EXPECT_NEAR(border, mesh.bodies[0].volume, 1e-9);
+    EXPECT_NEAR(border, geometry::volume(one), 1e-9);
   }
 }
 
@@ -270,6 +270,42 @@ TEST(Tetrahedralize, PatchesThatEncloseSomethingTogether) {
   ASSERT_EQ(mesh.bodies.size(), 1U);
   EXPECT_NEAR(mesh.bodies[0].source_volume / ball.volume(), 1, 0.02);
   EXPECT_NEAR(ratio(mesh), 1, 0.08);
+}
+
+// An extruded letter L whose sides are cut into three, so that its front and back share no edge with them.
+TEST(Tetrahedralize, LidsThatShareNoEdgeBelongToTheSolid) {
+  const std::vector<std::array<double, 2>> outline = {{0, 0}, {3, 0}, {3, 1}, {1, 1}, {1, 4}, {0, 4}};
+  for (const bool turned : {false, true}) {
+    std::vector<Vector3d> positions;
+    std::vector<std::vector<std::uint32_t>> faces;
+    for (const double z : {0.4, -0.4}) {
+      const auto first = std::uint32_t(positions.size());
+      for (const auto& p : outline) positions.emplace_back(p[0], p[1], z);
+      // The L as two boxes: 0 1 2 3 and 0 3 4 5.
+      for (std::vector<std::uint32_t> face : {std::vector<std::uint32_t>{0, 1, 2, 3}, {0, 3, 4, 5}}) {
+        for (std::uint32_t& v : face) v += first;
+        if ((z < 0) != turned) std::reverse(face.begin(), face.end());
+        faces.push_back(face);
+      }
+    }
+    constexpr int kCuts = 3;
+    const auto at = [&](std::size_t i, int k, double z) {
+      const auto &p = outline[i], &q = outline[(i + 1) % outline.size()];
+      const double t = double(k) / kCuts;
+      positions.emplace_back(p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]), z);
+      return std::uint32_t(positions.size() - 1);
+    };
+    for (std::size_t i = 0; i < outline.size(); ++i) {
+      for (int k = 0; k < kCuts; ++k) {
+        faces.push_back({at(i, k, 0.4), at(i, k, -0.4), at(i, k + 1, -0.4), at(i, k + 1, 0.4)});
+      }
+    }
+    const PhysicalMesh mesh = fill(testing::makeMesh(positions, faces), automatic, 800);
+    checkPhysicalMesh(mesh, "letter");
+    ASSERT_EQ(mesh.bodies.size(), 1U);
+    EXPECT_NEAR(mesh.bodies[0].source_volume, 6 * 0.8, 0.02 * 6 * 0.8);
+    EXPECT_NEAR(mesh.bodies[0].volume, 6 * 0.8, 0.15 * 6 * 0.8);
+  }
 }
 
 TEST(Tetrahedralize, HolesDoNotMatterToStuffingAndAreSealedForDelaunay) {

@@ -6,6 +6,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <tuple>
@@ -15,6 +16,9 @@ namespace {
 
 using Eigen::Vector3d;
 using Corners = std::array<Vector3d, 4>;
+
+// Of a point in its tetrahedron; with a larger one another tetrahedron beside it may serve it better.
+constexpr double kLargestWeight = 8;
 
 // Closest point of a triangle: Ericson, Real-Time Collision Detection, 5.1.5.
 Vector3d closestOnTriangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
@@ -218,6 +222,32 @@ class Neighbourhood {
     return false;
   }
 
+  // Of a tetrahedron and those beside it the one in which the largest weight of a point is smallest: in a flat one a
+  // point outside has weights by which the rounding of vertices and every tremble of theirs is multiplied.
+  std::uint32_t calmest(std::uint32_t from, const Vector3d& p) const {
+    const auto largest = [&](std::uint32_t t) {
+      const auto& v = mesh_.tetrahedra[t];
+      double most = 0;
+      for (const double w : barycentric(
+               p, {mesh_.positions[v[0]], mesh_.positions[v[1]], mesh_.positions[v[2]], mesh_.positions[v[3]]})) {
+        most = std::max(most, std::abs(w));
+      }
+      return most;
+    };
+    double least = largest(from);
+    if (least <= kLargestWeight) return from;
+    std::uint32_t best = from;
+    for (const std::uint32_t v : mesh_.tetrahedra[from]) {
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+        const double most = largest(around_[i]);
+        if (most >= least) continue;
+        least = most;
+        best = around_[i];
+      }
+    }
+    return best;
+  }
+
   // From one tetrahedron to ever nearer ones beside it.
   std::uint32_t walk(std::uint32_t from, const Vector3d& p, double& squared_distance) const {
     squared_distance = distance(from, p);
@@ -335,6 +365,7 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
           (neighbourhood.doubled(best_tetrahedron) || !neighbourhood.close(start[p], best_tetrahedron))) {
         best_tetrahedron = neighbourhood.walk(start[p], x, best);
       }
+      if (best > 0) best_tetrahedron = neighbourhood.calmest(best_tetrahedron, x);
       places[p] = {best_tetrahedron, {}, std::sqrt(best)};
     }
   });

@@ -2,16 +2,16 @@
 #include "tools/author/json_text.h"
 
 #include <algorithm>
-#include <fstream>
 #include <iterator>
 #include <set>
 
 #include "tools/core/error.h"
+#include "tools/core/read_file.h"
 
 namespace sinew::tools {
 namespace {
 
-constexpr std::size_t kMaximumBytes = 64 << 20;
+constexpr std::uint64_t kMostMegabytes = 64;
 // Deeper than any recipe; parsing and checking recurse.
 constexpr std::size_t kMaximumDepth = 64;
 
@@ -182,23 +182,9 @@ JsonText::JsonText(std::string_view text, std::string file) : file_(std::move(fi
   has_comments_ = !nlohmann::json::accept(text.begin(), text.end());
 }
 
-void JsonText::readFile(const std::string& file, std::string& text) {
-  std::ifstream in(file, std::ios::binary);
-  text.assign(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
-  if (!in.is_open() || in.bad()) {
-    throw ToolError(ExitCode::bad_input, file, "cannot be read", "Check the name and its permissions.");
-  }
-  if (text.size() > kMaximumBytes) {
-    throw ToolError(ExitCode::bad_input, file, "is larger than 64 MB",
-                    "That is no file that was authored; name another.");
-  }
-}
+std::string JsonText::readFile(const std::string& file) { return readWholeFile(file, kMostMegabytes); }
 
-JsonText JsonText::read(const std::string& file) {
-  std::string text;
-  readFile(file, text);
-  return {text, file};
-}
+JsonText JsonText::read(const std::string& file) { return {readFile(file), file}; }
 
 std::uint32_t JsonText::line(std::string pointer) const {
   while (true) {

@@ -21,7 +21,7 @@ class JsonText {
   /// Reads and parses a file. Throws ToolError(bad_input) also where it cannot be read or is larger than 64 MB.
   static JsonText read(const std::string& file);
   /// The bytes alone, with the same errors.
-  static void readFile(const std::string& file, std::string& text);
+  static std::string readFile(const std::string& file);
 
   const nlohmann::ordered_json& json() const { return json_; }
   const std::string& file() const { return file_; }

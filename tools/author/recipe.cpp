@@ -315,11 +315,7 @@ Recipe parseRecipe(std::string_view content, const fs::path& file) {
   return recipe;
 }
 
-Recipe readRecipe(const fs::path& file) {
-  std::string content;
-  JsonText::readFile(file.string(), content);
-  return parseRecipe(content, file);
-}
+Recipe readRecipe(const fs::path& file) { return parseRecipe(JsonText::readFile(file.string()), file); }
 
 Recipe recipeFor(const fs::path& source_or_recipe) {
   if (isRecipe(source_or_recipe)) return readRecipe(source_or_recipe);

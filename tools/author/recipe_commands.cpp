@@ -59,7 +59,11 @@ void write(std::ostream& out, const Json& json, std::size_t indent) {
 
 std::string written(const Json& document) {
   std::ostringstream out;
-  write(out, document, 0);
+  try {
+    write(out, document, 0);
+  } catch (const Json::type_error&) {
+    usage("a name or file name is not UTF-8, which a recipe cannot hold", "Give it another name.");
+  }
   return out.str() + "\n";
 }
 
@@ -212,8 +216,7 @@ RecipeEditor RecipeEditor::create(const fs::path& file, const fs::path& source) 
 RecipeEditor RecipeEditor::open(const fs::path& file) {
   RecipeEditor editor;
   editor.file_ = file;
-  std::string text;
-  JsonText::readFile(file.string(), text);
+  const std::string text = JsonText::readFile(file.string());
   parseRecipe(text, file);
   std::error_code error;
   if (fs::exists(historyFile(file), error)) {
@@ -244,8 +247,7 @@ RecipeEditor RecipeEditor::open(const fs::path& file) {
 RecipeEditor RecipeEditor::copy(const fs::path& from, const fs::path& file) {
   requireNewRecipe(file);
   RecipeEditor editor;
-  std::string text;
-  JsonText::readFile(from.string(), text);
+  const std::string text = JsonText::readFile(from.string());
   parseRecipe(text, from);
   editor.file_ = file;
   editor.states_.push_back(
@@ -273,6 +275,14 @@ void RecipeEditor::addCluster(const std::string& name, const std::string& select
   if (!selection.empty()) cluster["from"] = selectionOf(selection);
   document["clusters"].push_back(cluster);
   commit("add-cluster " + name, document);
+}
+
+void RecipeEditor::addClusters(const std::string& kind, const std::vector<SourceRegion>& regions) {
+  Json document = this->document();
+  for (const SourceRegion& region : regions) {
+    document["clusters"].push_back({{"name", region.name}, {"from", region.selection}});
+  }
+  commit("add-clusters " + kind, document);
 }
 
 void RecipeEditor::setMask(const std::string& name, const std::string& selection) {
@@ -466,13 +476,15 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
 void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {
   Json document = this->document();
   Json mask = {{file.extension() == ".json" ? "strokes" : "image", pathFromRecipe(file_, file)}};
-  if (!options.empty()) {
-    const Json further = Json::parse(options, nullptr, false);
-    if (!further.is_object()) usage("'" + options + "' is no JSON object", R"(Write it as in '{"threshold": 0.5}'.)");
-    mask.update(further);
-  }
+  if (!options.empty()) mask.update(furtherKeys(options, R"({"threshold": 0.5})"));
   document["masks"][name] = mask;
   commit("paint " + name + " " + file.filename().string(), document);
+}
+
+Json furtherKeys(const std::string& text, const std::string& example) {
+  Json keys = Json::parse(text, nullptr, false);
+  if (!keys.is_object()) usage("'" + text + "' is no JSON object", "Write it as in '" + example + "'.");
+  return keys;
 }
 
 std::string RecipeEditor::undo() { return at_ == 0 ? std::string() : states_[at_--].command; }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tools/author/json_text.h"
+#include "tools/author/source_regions.h"
 
 namespace sinew::tools {
 
@@ -33,6 +34,8 @@ class RecipeEditor {
 
   /// Adds a cluster. \param selection JSON, or a mask's name; empty: the cluster mesh of this name.
   void addCluster(const std::string& name, const std::string& selection);
+  /// Adds a cluster for each region that the source names. \param kind of the regions, for the history.
+  void addClusters(const std::string& kind, const std::vector<SourceRegion>& regions);
   /// Adds or replaces a mask.
   void setMask(const std::string& name, const std::string& selection);
   /// Adds a set of pins.
@@ -92,6 +95,10 @@ class RecipeEditor {
 
 /// A path as a recipe in `recipe` has it; both relative to the working folder. Empty where no such path exists.
 std::string pathFromRecipe(const std::filesystem::path& recipe, const std::filesystem::path& file);
+
+/// Further keys of a selection, from the command line. Throws ToolError(usage) where `text` is no JSON object.
+/// \param example shown then.
+nlohmann::ordered_json furtherKeys(const std::string& text, const std::string& example);
 
 /// A name with left and right exchanged; the name itself where it has no side.
 std::string otherSide(const std::string& name);

@@ -411,15 +411,17 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
   for (std::uint32_t c = 0; c < recipe_clusters.size(); ++c) {
     if (std::find(names.begin(), names.end(), c) == names.end()) idle.push_back(recipe_clusters[c].name);
   }
+  const auto have = [](const std::vector<std::string>& several) {
+    return std::string(several.size() == 1 ? "of the recipe has " : "of the recipe have ");
+  };
   report(findings, "cluster-small", small,
-         "of the recipe " + std::string(small.size() == 1 ? "has" : "have") + " fewer than " +
-             std::to_string(kFewMembers) + " physical vertices and cannot bend",
+         have(small) + "fewer than " + std::to_string(kFewMembers) + " physical vertices and cannot bend",
          "Raise tetrahedra.vertices, or make the region larger.");
-  report(findings, "cluster-apart", apart, "of the recipe consist of pieces that do not touch, yet move as one",
+  report(findings, "cluster-apart", apart, have(apart) + "pieces that do not touch, yet move as one",
          "If that is not meant, make a cluster of each piece, or use split.", Severity::info);
-  report(findings, "cluster-identical", identical, "of the recipe have the same vertices and weights as another",
+  report(findings, "cluster-identical", identical, have(identical) + "the same vertices and weights as another",
          "Remove one of them.");
-  report(findings, "cluster-idle", idle, "of the recipe have no influence on any physical vertex",
+  report(findings, "cluster-idle", idle, have(idle) + "no influence on any physical vertex",
          "Others cover the same region with far larger weights; make it larger, or remove it.");
   std::size_t from = 0;
   for (std::uint32_t b = 0; b < transfer.physical().bodies.size(); ++b) {

@@ -417,14 +417,14 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   info.total_mass = float(mass);
   info.density = float(settings.material.density);
   double volume = 0;
-  for (std::size_t t = 0; t < physical.tetrahedra.size(); ++t) volume += volumeOf(physical, t);
-  info.physical_volume = float(volume);
   double source_volume = 0;
   bool volume_defined = true;
   for (const PhysicalBody& body : physical.bodies) {
     volume_defined = volume_defined && body.source_volume >= 0;
     source_volume += std::max(body.source_volume, 0.0);
+    volume += body.volume;
   }
+  info.physical_volume = float(volume);
   info.source_volume = volume_defined ? float(source_volume) : -1.0F;
   info.max_rest_error = float(rest_error / mesh.diagonal);
   info.min_dihedral_deg = float(physical.quality.min_dihedral_deg);

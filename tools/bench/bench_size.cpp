@@ -119,6 +119,19 @@ void benchMemory(const BenchContext& context) {
                 " memberships: allowed " + std::to_string(std::lround(allowed)) + " bytes a vertex";
     context.emit(line);
   }
+  // What a world holds for each body that is stepped at the same time, however many bodies it has.
+  const LatticeBody body = typicalBody(0);
+  World world;
+  const double before = bytesInUse();
+  const auto first = world.addBody(body.asset);
+  world.step(1.0F / 60);
+  const double with_one = bytesInUse();
+  const auto second = world.addBody(body.asset);
+  world.step(1.0F / 60);
+  BenchLine line = lineOf("scratch of a thread", "bytes/vertex");
+  if (first && second) line.value = (2 * with_one - before - bytesInUse()) / body.vertices;
+  line.note = "shared by all bodies of a world; of its largest";
+  context.emit(line);
 }
 
 void benchLibrary(const BenchContext& context) {

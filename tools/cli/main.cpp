@@ -16,7 +16,7 @@ namespace {
 int fail(const std::string& line, sinew::tools::ExitCode code) {
   // One line, whatever a file name or a library put into it.
   std::string clean;
-  for (char c : line) clean += (c == '\n' || c == '\r') ? ' ' : c;
+  for (char c : line) clean += static_cast<unsigned char>(c) < 32 || c == 127 ? ' ' : c;
   std::cerr << "sinew: " << clean << "\n";
   return int(code);
 }

@@ -6,6 +6,7 @@
 #include <tbb/global_control.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,12 @@ inline void applyAssignments(Settings& settings, const std::vector<std::string>&
 inline std::unique_ptr<tbb::global_control> limitThreads(unsigned threads) {
   if (threads == 0) return nullptr;
   return std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+}
+
+/// One JSON document, as every verb prints it. What is not UTF-8 (a file's name, a text of a damaged package) gets
+/// replacement characters.
+inline std::string jsonText(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 /// Loads a package or throws ToolError(bad_input).

@@ -92,7 +92,7 @@ std::vector<Shown> evaluate(const AuthorCommand& command, const Recipe& recipe, 
 
 void show(const AuthorCommand& command) {
   const Recipe recipe = readRecipe(command.recipe);
-  if (!command.picture.empty()) requireWritable(command.picture);
+  if (!command.picture.empty()) requireWritable(command.picture, {command.recipe, recipe.source});
   Progress progress(!command.json);
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
@@ -117,7 +117,7 @@ void show(const AuthorCommand& command) {
                                     {"coverage", coverage(mesh, entry.weights.weights)}});
     }
     json["findings"] = findingsJson(findings);
-    std::cout << json.dump(2) << "\n";
+    std::cout << jsonText(json);
     return;
   }
   std::printf("%s: %zu clusters, %zu masks, %zu sets of pins on %s\n", command.recipe.c_str(), recipe.clusters.size(),
@@ -141,6 +141,54 @@ void edit(const AuthorCommand& command, const std::function<void(RecipeEditor&)>
   change(editor);
   editor.save();
   say(command.recipe + ": " + editor.history()[editor.position()]);
+}
+
+// "a, b, c and 12 more"
+std::string someOf(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = 8;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) text += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > kMost) text += " and " + std::to_string(names.size() - kMost) + " more";
+  return text;
+}
+
+// A cluster for each bone, group, ... of the source that selects something and is no cluster yet.
+void addClusters(const AuthorCommand& command) {
+  RecipeEditor editor = RecipeEditor::open(command.recipe);
+  const Recipe recipe = readRecipe(command.recipe);
+  const nlohmann::ordered_json options =
+      command.options.empty() ? nlohmann::ordered_json() : furtherKeys(command.options, R"({"weights": "dominant"})");
+  Progress progress(true);
+  progress.stage("import");
+  VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+  takeClusterMeshes(mesh);
+  const Topology topology = analyzeTopology(mesh);
+  std::vector<SourceRegion> regions = sourceRegions(command.name, command.names, options, mesh, topology);
+  std::vector<std::string> known, empty;
+  std::erase_if(regions, [&](const SourceRegion& region) {
+    const bool is_known = std::any_of(recipe.clusters.begin(), recipe.clusters.end(),
+                                      [&](const RecipeCluster& cluster) { return cluster.name == region.name; });
+    if (is_known) known.push_back(region.name);
+    return is_known;
+  });
+  RecipeEditor(editor).addClusters(command.name, regions);  // whether the selections are right
+  progress.stage("selections");
+  countVertices(recipe, mesh, topology, regions);
+  std::erase_if(regions, [&](const SourceRegion& region) {
+    if (region.visual_vertices == 0) empty.push_back(region.name);
+    return region.visual_vertices == 0;
+  });
+  progress.finish();
+  if (!regions.empty()) {
+    editor.addClusters(command.name, regions);
+    editor.save();
+  }
+  std::printf("%s: %zu cluster%s added\n", command.recipe.c_str(), regions.size(), regions.size() == 1 ? "" : "s");
+  for (const SourceRegion& region : regions) {
+    std::printf("  %-28s %7zu visual vertices\n", region.name.c_str(), region.visual_vertices);
+  }
+  if (!known.empty()) std::printf("  were there: %s\n", someOf(known).c_str());
+  if (!empty.empty()) std::printf("  left out, nothing belongs to them: %s\n", someOf(empty).c_str());
 }
 
 nlohmann::ordered_json transferJson(const std::string& recipe, const TransferResult& result) {
@@ -175,7 +223,7 @@ void transfer(const AuthorCommand& command) {
   result.editor.save();
   const std::string recipe = result.editor.file().string();
   if (command.json) {
-    std::cout << transferJson(recipe, result).dump(2) << "\n";
+    std::cout << jsonText(transferJson(recipe, result));
     return;
   }
   std::printf("%s: now of %s; %.1f %% of its surface lies where the old one was (mean distance %.2g diagonals)%s\n",
@@ -227,6 +275,9 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
     const RecipeEditor editor = RecipeEditor::create(command->recipe, command->from);
     editor.save();
     say(command->recipe + ": " + editor.history().back());
+    say("  What the file offers: sinew inspect " + command->from +
+        ". A cluster for each of its parts, groups, bones, ...: sinew author " + command->recipe +
+        " add-clusters part");
   });
   make->add_option("source", command->from, "The artist's mesh")->required();
 
@@ -235,6 +286,14 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   });
   cluster->add_option("name", command->name)->required();
   cluster->add_option("--from", command->from, std::string(selection) + "; without it: the cluster mesh of this name");
+
+  CLI::App* clusters = add("add-clusters", "Add a cluster for each bone, group, ... that the source has",
+                           [command] { addClusters(*command); });
+  clusters->add_option("kind", command->name, "bone, group, material, object, part or morph")
+      ->required()
+      ->check(CLI::IsMember(sourceRegionKinds()));
+  clusters->add_option("names", command->names, "Which ones, * for any letters; without: all");
+  clusters->add_option("--options", command->options, R"(Further keys as JSON, as in '{"weights": "dominant"}')");
 
   CLI::App* mask = add("add-mask", "Add or replace a mask", [command] {
     edit(*command, [&](RecipeEditor& e) { e.setMask(command->name, command->from); });

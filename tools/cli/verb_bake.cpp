@@ -70,8 +70,10 @@ void runBake(const BakeCommand& command) {
   Recipe recipe = recipeFor(command.input);
   if (!command.unit.empty()) recipe.settings.set("import.unit", command.unit);
   applyAssignments(recipe.settings, command.assignments);
-  requireWritable(command.output);
-  if (!command.report_file.empty()) requireWritable(command.report_file);
+  requireWritable(command.output, {command.input, recipe.source});
+  if (!command.report_file.empty()) {
+    requireWritable(command.report_file, {command.input, recipe.source, command.output});
+  }
   const auto limit = limitThreads(command.threads);
   Progress progress(!command.quiet);
   StageCache cache(command.no_cache ? std::filesystem::path() : StageCache::userFolder());
@@ -87,9 +89,9 @@ void runBake(const BakeCommand& command) {
   double peak = 0;
   for (const StageCost& cost : progress.costs()) peak = std::max(peak, cost.peak_megabytes);
   result.report["peak_megabytes"] = peak;
-  if (!command.report_file.empty()) writeFileAtomically(command.report_file, result.report.dump(2) + "\n");
+  if (!command.report_file.empty()) writeFileAtomically(command.report_file, jsonText(result.report));
   if (command.json)
-    std::cout << result.report.dump(2) << "\n";
+    std::cout << jsonText(result.report);
   else if (!command.quiet)
     printSummary(command, result.report, result.findings, seconds);
 }

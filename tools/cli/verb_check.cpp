@@ -9,6 +9,7 @@
 #include "tools/bake/suggest_parts.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
+#include "tools/core/atomic_file.h"
 #include "tools/import/import.h"
 #include "tools/render/defect_picture.h"
 
@@ -46,6 +47,7 @@ Diagnosis checkPackageFile(const Command& command) {
 
 Diagnosis checkSourceFile(const Command& command) {
   Recipe recipe = recipeFor(command.file);
+  if (!command.picture.empty()) requireWritable(command.picture, {command.file, recipe.source});
   applyAssignments(recipe.settings, command.assignments);
   Progress progress(!command.json);
   progress.stage("import");
@@ -94,7 +96,7 @@ void addCheckVerb(CLI::App& app, int& exit_code) {
                                      {"ok", ok},
                                      {"verdict", diagnosis.verdict},
                                      {"findings", findingsJson(diagnosis.findings)}};
-      std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
+      std::cout << jsonText(json);
     } else {
       printFindings(std::cout, diagnosis.findings, true);
       std::cout << command->file << ": " << diagnosis.verdict << "\n";

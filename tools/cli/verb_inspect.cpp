@@ -9,9 +9,16 @@
 namespace sinew::tools {
 namespace {
 
+std::string plain(const nlohmann::ordered_json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  return value.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
 // Lists of thousands of numbers are for --json.
-std::string shortened(std::string text) {
+std::string shortened(const nlohmann::ordered_json& value) {
   constexpr std::size_t kMost = 200;
+  std::string text = plain(value);
+  if (value.is_string()) return text;
   if (text.size() > kMost) text = text.substr(0, kMost) + " ... (--json shows all)";
   return text;
 }
@@ -20,7 +27,7 @@ std::string shortened(std::string text) {
 void printJson(const nlohmann::ordered_json& json) {
   for (const auto& [key, value] : json.items()) {
     if (!value.is_array() || value.empty() || !value.front().is_object()) {
-      std::cout << key << ": " << (value.is_string() ? value.get<std::string>() : value.dump()) << "\n";
+      std::cout << key << ": " << plain(value) << "\n";
       continue;
     }
     std::cout << key << ": " << value.size() << "\n";
@@ -32,7 +39,7 @@ void printJson(const nlohmann::ordered_json& json) {
       }
       std::cout << " ";
       for (const auto& [name, field] : record.items()) {
-        std::cout << " " << name << "=" << (field.is_string() ? field.get<std::string>() : shortened(field.dump()));
+        std::cout << " " << name << "=" << shortened(field);
       }
       std::cout << "\n";
     }
@@ -82,7 +89,7 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
       progress.finish();
     }
     if (command->json)
-      std::cout << json.dump(2) << "\n";
+      std::cout << jsonText(json);
     else
       printJson(json);
     exit_code = int(ExitCode::done);

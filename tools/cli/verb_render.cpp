@@ -126,7 +126,7 @@ void runRender(const RenderCommand& command) {
     throw ToolError(ExitCode::usage, command.output, "pictures are written as .png, videos as .mp4",
                     "Name a file that ends in one of them.");
   }
-  requireWritable(command.output);
+  requireWritable(command.output, {command.input});
   if (std::filesystem::path(command.input).extension() == ".sinew") {
     renderPackage(command, video);
   } else if (video) {

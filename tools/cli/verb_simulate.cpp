@@ -72,7 +72,7 @@ double percentile(std::vector<double> values, double part) {
 void runSimulate(const SimulateCommand& command) {
   const SceneChoice choice = SceneChoice::byName(command.scene);
   if (!command.output.empty()) {
-    requireWritable(command.output);
+    requireWritable(command.output, {command.package, command.scene});
     if (!command.output.ends_with(".obj")) {
       throw ToolError(ExitCode::usage, command.output, "only .obj can be exported", "Name a file that ends in .obj.");
     }
@@ -124,7 +124,7 @@ void runSimulate(const SimulateCommand& command) {
         {"lowest", number(measure.lowest)},
         {"seam_gap", number(measure.seam_gap)},
         {"state_hash", measure.state_hash}};
-    std::cout << json.dump(2) << "\n";
+    std::cout << jsonText(json);
   } else {
     std::printf("%s: scene %s, %llu steps of %.4g s\n", command.package.c_str(), command.scene.c_str(),
                 static_cast<unsigned long long>(steps), command.step);

@@ -12,14 +12,16 @@ namespace sinew::tools {
 void addViewVerb(CLI::App& app, int& exit_code) {
   struct ViewCommand {
     std::string package;
-    std::string scene = "drop";
+    std::string scene;
     ViewOptions options;
   };
   auto command = std::make_shared<ViewCommand>();
   CLI::App* verb = app.add_subcommand("view", "Open a window on a package: play scenes, grab the body with the mouse");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
-  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md")
-      ->capture_default_str();
+  verb->add_option(
+      "--scene", command->scene,
+      "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md. Without: rest where pins of the "
+      "package hold it, else drop");
   verb->add_option("--screenshot", command->options.screenshot,
                    "Write a picture of the window (.png) after --frames frames and end");
   verb->add_option("--frames", command->options.frames, "End after so many frames; 0 = when the window is closed")
@@ -27,10 +29,14 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--log-state", command->options.state_log,
                    "Write what happens in each frame as lines of JSON (for tests)");
   verb->callback([command, &exit_code] {
-    command->options.scene = SceneChoice::byName(command->scene);
+    if (!command->scene.empty()) command->options.scene = SceneChoice::byName(command->scene);
     command->options.file = command->package;
     requireDisplay(command->package);
-    runViewWindow(loadPackage(command->package), command->options);
+    const std::shared_ptr<const Asset> asset = loadPackage(command->package);
+    if (command->scene.empty()) {
+      command->options.scene = asset->package().pinSets().empty() ? SceneKind::drop : SceneKind::rest;
+    }
+    runViewWindow(asset, command->options);
     exit_code = static_cast<int>(ExitCode::done);
   });
 }

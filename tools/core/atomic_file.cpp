@@ -37,9 +37,22 @@ class BlockSignals {
                   "Check the folder, its permissions and the free space.");
 }
 
+// Where a symbolic link leads, also to what is not there yet.
+std::filesystem::path followed(std::filesystem::path file) {
+  std::error_code error;
+  constexpr int kMostLinks = 40;
+  for (int i = 0; i < kMostLinks && std::filesystem::is_symlink(file, error); ++i) {
+    const std::filesystem::path target = std::filesystem::read_symlink(file, error);
+    if (error) break;
+    file = file.parent_path() / target;  // an absolute target replaces all
+  }
+  return file;
+}
+
 }  // namespace
 
-void requireWritable(const std::filesystem::path& file) {
+void requireWritable(const std::filesystem::path& named, std::initializer_list<std::filesystem::path> inputs) {
+  const std::filesystem::path file = followed(named);
   std::error_code error;
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
   if (!std::filesystem::is_directory(folder, error)) {
@@ -49,11 +62,20 @@ void requireWritable(const std::filesystem::path& file) {
   if (std::filesystem::is_directory(file, error)) {
     throw ToolError(ExitCode::usage, file.string(), "this is a folder", "Name a file to write.");
   }
+  if (std::filesystem::exists(file, error) && !std::filesystem::is_regular_file(file, error)) {
+    throw ToolError(ExitCode::usage, named.string(), "is no regular file", "Name a file to write.");
+  }
+  for (const std::filesystem::path& input : inputs) {
+    if (!std::filesystem::equivalent(file, input, error) || error) continue;
+    throw ToolError(ExitCode::usage, named.string(), "is what is read; writing would destroy it",
+                    "Name another file to write.");
+  }
   if (access(folder.c_str(), W_OK) != 0) fail(file, "cannot write into " + folder.string(), errno);
 }
 
-void writeFileAtomically(const std::filesystem::path& file, std::span<const std::byte> bytes) {
-  requireWritable(file);
+void writeFileAtomically(const std::filesystem::path& named, std::span<const std::byte> bytes) {
+  requireWritable(named);
+  const std::filesystem::path file = followed(named);
   const BlockSignals block;
   std::string temporary = (file.parent_path() / ("." + file.filename().string() + ".XXXXXX")).string();
   const int descriptor = mkstemp(temporary.data());

@@ -27,10 +27,16 @@ constexpr double kSmallestPlausible = 1e-3;  // metres
 constexpr double kLargestPlausible = 100;
 constexpr double kLargestPossible = 1e12;  // beyond it single precision overflows in squares and cubes of lengths
 constexpr double kWeightSumTolerance = 1e-3;
+// Faces of at most this part of the area, this many times further from the middle than all the others, are stray: what
+// was left behind in the file. With them every length that is a part of the diagonal would be theirs.
+constexpr double kStrayArea = 0.01;
+constexpr double kStrayDistance = 20;
 
 std::string lengthText(double metres) {
   char text[64];
-  if (metres >= 1) {
+  if (metres >= 999.5) {
+    std::snprintf(text, sizeof text, "%.3g km", metres / 1e3);
+  } else if (metres >= 1) {
     std::snprintf(text, sizeof text, "%.3g m", metres);
   } else if (metres >= 1e-3) {
     std::snprintf(text, sizeof text, "%.3g mm", metres * 1e3);
@@ -52,6 +58,7 @@ class Assembler {
   VisualMesh run() {
     takeUnitAndAxes();
     placePoints();
+    if (!options_.keep_stray) leaveOutStrayFaces();
     makeVertices();
     measure();
     weld();
@@ -125,6 +132,91 @@ class Assembler {
     mesh_.source_vertex_count = std::uint32_t(points_.size());
   }
 
+  /// Finds stray faces: those behind the first wide gap, going outwards from the middle.
+  void leaveOutStrayFaces() {
+    struct Reach {
+      std::uint32_t face;
+      double area;
+      Eigen::Vector3d middle;
+      double nearest, furthest;
+    };
+    std::vector<Reach> faces;
+    const auto for_faces = [&](auto&& visit) {
+      std::uint32_t face = 0;
+      for (std::size_t m = 0; m < scene_.meshes.size(); ++m) {
+        const RawMesh& raw = scene_.meshes[m];
+        std::size_t corner = 0;
+        for (const std::uint32_t size : raw.face_size) {
+          const auto at = [&, corner](std::uint32_t c) -> const Eigen::Vector3d& {
+            return points_[first_point_[m] + raw.vertex_point[raw.corners[corner + c]]];
+          };
+          if (size >= 3) visit(face, size, at);
+          corner += size;
+          ++face;
+        }
+      }
+    };
+    for_faces([&](std::uint32_t face, std::uint32_t size, const auto& at) {
+      Reach reach{face, 0, at(0) / size, 0, 0};
+      for (std::uint32_t c = 1; c < size; ++c) {
+        reach.middle += at(c) / size;
+        if (c + 1 < size) reach.area += (at(c) - at(0)).cross(at(c + 1) - at(0)).norm() / 2;
+      }
+      faces.push_back(reach);
+    });
+    double area = 0;
+    for (const Reach& r : faces) area += r.area;
+    if (faces.size() < 2 || !(area > 0) || !std::isfinite(area)) return;
+    Eigen::Vector3d middle;  // half of the area lies on either side of it
+    for (int axis = 0; axis < 3; ++axis) {
+      std::sort(faces.begin(), faces.end(), [&](const Reach& a, const Reach& b) {
+        return a.middle[axis] != b.middle[axis] ? a.middle[axis] < b.middle[axis] : a.face < b.face;
+      });
+      double sum = 0;
+      for (const Reach& r : faces) {
+        middle[axis] = r.middle[axis];
+        if ((sum += r.area) >= area / 2) break;
+      }
+    }
+    std::sort(faces.begin(), faces.end(), [](const Reach& a, const Reach& b) { return a.face < b.face; });
+    std::size_t next = 0;
+    for_faces([&](std::uint32_t /*face*/, std::uint32_t size, const auto& at) {
+      Reach& reach = faces[next++];
+      reach.nearest = std::numeric_limits<double>::infinity();
+      for (std::uint32_t c = 0; c < size; ++c) {
+        const double distance = (at(c) - middle).norm();
+        reach.nearest = std::min(reach.nearest, distance);
+        reach.furthest = std::max(reach.furthest, distance);
+      }
+    });
+    std::sort(faces.begin(), faces.end(), [](const Reach& a, const Reach& b) {
+      return a.nearest != b.nearest ? a.nearest < b.nearest : a.face < b.face;
+    });
+    double within = 0, furthest = 0;
+    std::size_t kept = 0;
+    for (; kept < faces.size(); ++kept) {
+      const Reach& r = faces[kept];
+      if (furthest > 0 && r.nearest > kStrayDistance * furthest && within >= (1 - kStrayArea) * area) break;
+      within += r.area;
+      furthest = std::max(furthest, r.furthest);
+    }
+    if (kept == faces.size()) return;
+    const double distance = faces[kept].nearest;
+    std::vector<std::uint32_t> left;
+    for (std::size_t i = kept; i < faces.size(); ++i) left.push_back(faces[i].face);
+    std::sort(left.begin(), left.end());
+    left_out_.assign(left.back() + 1, false);
+    for (const std::uint32_t face : left) left_out_[face] = true;
+    const bool one = left.size() == 1;
+    warn("stray-faces", left.size(),
+         std::to_string(left.size()) + (one ? " face lies " : " faces lie ") + lengthText(distance) +
+             " from the middle of the model, which reaches out to " + lengthText(furthest) + "; " +
+             (one ? "it was left out" : "they were left out"),
+         "Delete them in the program that made the file, or keep them with --set import.keep_stray=true.",
+         Severity::warning, "face", left);
+  }
+  bool isLeftOut(std::uint32_t face) const { return face < left_out_.size() && left_out_[face]; }
+
   /// Visual vertices and triangles, sub-mesh after sub-mesh; a sub-mesh's vertices keep the reader's order.
   void makeVertices() {
     Triangulator triangulator;
@@ -151,7 +243,7 @@ class Assembler {
         while (to < face_count && (raw.face_part.empty() || raw.face_part[order[to]] == part)) ++to;
         used.clear();
         for (std::size_t k = from; k < to; ++k)
-          for (std::uint32_t c = begin[order[k]]; c < begin[order[k] + 1]; ++c)
+          for (std::uint32_t c = begin[order[k]]; c < begin[order[k] + 1] && !isLeftOut(first_face + order[k]); ++c)
             if (std::uint32_t& seen = visual[raw.corners[c]]; seen == kNoIndex)
               seen = 0, used.push_back(raw.corners[c]);
         std::sort(used.begin(), used.end());
@@ -169,7 +261,7 @@ class Assembler {
         for (std::size_t k = from; k < to; ++k) {
           const std::uint32_t f = order[k];
           const std::uint32_t size = raw.face_size[f];
-          if (size < 3) continue;
+          if (size < 3 || isLeftOut(first_face + f)) continue;
           const std::uint32_t* corner = raw.corners.data() + begin[f];
           cut.clear();
           if (size == 3) {
@@ -564,6 +656,7 @@ class Assembler {
   std::vector<std::uint32_t> first_point_;
   std::vector<Origin> origin_;  ///< per visual vertex
   std::vector<std::uint32_t> triangle_groups_;
+  std::vector<bool> left_out_;  ///< per face of the file, up to the last stray one
 };
 
 }  // namespace

@@ -15,6 +15,7 @@ struct ImportOptions {
   std::string up = "auto";       ///< "auto", "y", "z"
   double weld_tolerance = 1e-6;  ///< of the bounding-box diagonal; 0 = exactly equal positions only
   double crease_degrees = 60;    ///< where the source has no normals: edges sharper than this are hard; 180 = none
+  bool keep_stray = false;       ///< false: at most 1 % of the area, far from all the rest, is left out with a warning
   std::uint32_t memory_megabytes = 1500;  ///< bound on the child process
   double seconds = 15;                    ///< bound on the child's processor time; on the clock four times that
   std::filesystem::path worker;           ///< the sinew program; empty = the running program's own file

@@ -149,19 +149,17 @@ Camera sceneCamera(const PictureOptions& options, const Take& take, const format
                    int height) {
   const SceneScript::View* own = take.scene.script && take.scene.script->view ? &*take.scene.script->view : nullptr;
   Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter));
+  Camera asked = camera;
+  const bool framed = own != nullptr && lookAsScene(asked, *own, package);
   if (own != nullptr && !options.view) {
-    camera.yaw = static_cast<float>(own->yaw);
-    camera.pitch = static_cast<float>(own->pitch);
+    camera.yaw = asked.yaw;
+    camera.pitch = asked.pitch;
   }
   camera = fitted(camera, take, width, height);
-  if (own == nullptr || !own->at) return camera;
-  const float diagonal = package.info().diagonal;
+  if (!framed) return camera;
   const Eigen::Vector3f fitted_eye = camera.eye();
-  for (int k = 0; k < 3; ++k) {
-    const auto axis = static_cast<std::size_t>(k);
-    camera.target[k] = static_cast<float>((*own->at)[axis] - package.info().origin[axis]) / diagonal;
-  }
-  camera.distance = static_cast<float>(own->height) / diagonal / (2 * std::tan(camera.fov_y / 2));
+  camera.target = asked.target;
+  camera.distance = asked.distance;
   const float nearer = (fitted_eye - camera.eye()).norm();
   camera.near_plane = std::max(camera.near_plane - nearer, camera.distance * 0.1F);
   camera.far_plane += nearer;
@@ -177,6 +175,19 @@ std::optional<OverlayName> overlayByName(std::string_view name) {
     if (kOverlayNames[i] == name) return static_cast<OverlayName>(i);
   }
   return std::nullopt;
+}
+
+bool lookAsScene(Camera& camera, const SceneScript::View& view, const formats::PackageView& package) {
+  camera.yaw = static_cast<float>(view.yaw);
+  camera.pitch = static_cast<float>(view.pitch);
+  if (!view.at) return false;
+  const float diagonal = package.info().diagonal;
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    camera.target[k] = static_cast<float>((*view.at)[axis] - package.info().origin[axis]) / diagonal;
+  }
+  camera.distance = static_cast<float>(view.height) / diagonal / (2 * std::tan(camera.fov_y / 2));
+  return true;
 }
 
 void captureShape(const Scene& scene, Shape& shape) {

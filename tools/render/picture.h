@@ -45,6 +45,10 @@ struct Shape {
 void captureShape(const Scene& scene, Shape& shape);
 void showShape(Renderer& renderer, const Shape& shape);
 
+/// Looks from where a scene's file says. \return whether the file frames the picture too, which is done then; else what
+/// is to be seen is still to be fitted in.
+bool lookAsScene(Camera& camera, const SceneScript::View& view, const formats::PackageView& package);
+
 /// A row of pictures a scene, labelled, over a title with the counts. Needs a current OpenGL context.
 /// \param progress called with 0..1 now and then; may be empty.
 Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::string& title,

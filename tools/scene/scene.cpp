@@ -96,7 +96,11 @@ double SceneChoice::seconds() const {
 }
 
 Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, JobSystem* jobs)
-    : asset_(std::move(asset)), options_(options), world_(WorldSettings{}, jobs) {
+    : asset_(std::move(asset)),
+      options_(options),
+      world_(WorldSettings{}, jobs),
+      inputs_(asset_->package().channels().size()),
+      held_channels_(inputs_.size()) {
   if (options_.scene.script) script_.emplace(*options_.scene.script, asset_->package());
   reset();
 }
@@ -172,12 +176,26 @@ void Scene::reset() {
     const auto held = asset_->package().pinSetVertices();
     pinned_.assign(held.begin(), held.end());
   }
-  if (script_) script_->apply(world_, body_, 0);
+  if (script_) script_->moveTargets(world_, body_, 0);
+  std::fill(inputs_.begin(), inputs_.end(), 0.0F);  // as the new body has them
+  driveChannels(0);
+}
+
+void Scene::driveChannels(double time) {
+  wanted_.assign(inputs_.size(), 0.0F);
+  if (script_) script_->readInputs(time, wanted_);
+  for (std::uint32_t c = 0; c < inputs_.size(); ++c) {
+    const float input = held_channels_[c].value_or(wanted_[c]);
+    if (input != inputs_[c]) world_.setActivation(body_, c, input);
+    inputs_[c] = input;
+  }
 }
 
 bool Scene::drive() {
+  const double end = time_ + double(options_.step_seconds);
+  driveChannels(end);
   if (script_) {
-    script_->apply(world_, body_, time_ + double(options_.step_seconds));
+    script_->moveTargets(world_, body_, end);
     return true;
   }
   const auto t = float(time_);

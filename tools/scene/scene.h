@@ -63,9 +63,17 @@ class Scene {
   bool hasGround() const;                                            ///< a ground plane at y = 0 is there to be drawn
   std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
 
+  /// Gives a channel of the package this input from the next step on, whatever the scene says; without a value the
+  /// scene drives it again. reset() keeps it.
+  void holdChannel(std::uint32_t channel, std::optional<float> value) { held_channels_[channel] = value; }
+  bool isHeld(std::uint32_t channel) const { return held_channels_[channel].has_value(); }
+  /// What each channel of the package has, 0..1.
+  std::span<const float> channelInputs() const { return inputs_; }
+
  private:
   /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
   bool drive();
+  void driveChannels(double time);
   std::shared_ptr<const Asset> asset_;
   SceneOptions options_;
   std::optional<SceneDrive> script_;
@@ -74,6 +82,9 @@ class Scene {
   double time_ = 0;
   std::uint64_t steps_ = 0;
   std::vector<std::uint32_t> pinned_;
+  std::vector<float> inputs_;                        // by channel of the package
+  std::vector<float> wanted_;                        // scratch
+  std::vector<std::optional<float>> held_channels_;  // by channel
   std::vector<Vec3> start_;  // rest positions in the world, where the scene drives vertices from
 };
 

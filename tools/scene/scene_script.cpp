@@ -239,10 +239,11 @@ SceneDrive::SceneDrive(const SceneScript& from, const formats::PackageView& pack
   }
 }
 
-void SceneDrive::apply(World& world, BodyId body, double time) const {
-  for (const Use& use : channels) {
-    world.setActivation(body, use.channel, float(valueAt(script.channels[use.source].keys, time)));
-  }
+void SceneDrive::readInputs(double time, std::span<float> inputs) const {
+  for (const Use& use : channels) inputs[use.channel] = float(valueAt(script.channels[use.source].keys, time));
+}
+
+void SceneDrive::moveTargets(World& world, BodyId body, double time) const {
   for (const SceneScript::Target& target : script.targets) {
     world.movePinTarget(body, target.name, motionAt(target, origin, time));
   }

@@ -66,8 +66,10 @@ RigidTransform motionAt(const SceneScript::Target& target, const std::array<doub
 struct SceneDrive {
   /// Throws ToolError(bad_input) where the package lacks a channel or a target that the script names.
   SceneDrive(const SceneScript& script, const formats::PackageView& package);
-  /// Sets what they are to be at a time.
-  void apply(World& world, BodyId body, double time) const;
+  /// What the channels are to have at a time. \param inputs by channel of the package; others are left as they are.
+  void readInputs(double time, std::span<float> inputs) const;
+  /// Moves the pin targets to where they are to be at a time.
+  void moveTargets(World& world, BodyId body, double time) const;
 
   const SceneScript& script;
   std::array<double, 3> origin;

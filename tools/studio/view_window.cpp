@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "tools/author/recipe_commands.h"
 #include "tools/core/error.h"
 #include "tools/render/picture.h"
 #include "tools/render/renderer.h"
@@ -239,7 +240,14 @@ class View {
     options.scene = scene;
     options.step_seconds = static_cast<float>(kStepSeconds);
     options.stiffness_scale = stiffness_;
+    std::vector<std::optional<float>> held;  // by hand: that outlives a scene
+    if (scene_.has_value()) {
+      for (std::uint32_t c = 0; c < scene_->channelInputs().size(); ++c) {
+        held.push_back(scene_->isHeld(c) ? std::optional(scene_->channelInputs()[c]) : std::nullopt);
+      }
+    }
     scene_.emplace(asset_, options);
+    for (std::uint32_t c = 0; c < held.size(); ++c) scene_->holdChannel(c, held[c]);
     base_gravity_ = scene_->world().settings().gravity;
     if (!same) {
       const WorldSettings& world = scene_->world().settings();
@@ -270,7 +278,10 @@ class View {
     }
     camera_ = viewCamera(ViewName::three_quarter);
     const float aspect = view_height_ > 0 ? static_cast<float>(view_width_) / static_cast<float>(view_height_) : 1.25F;
-    fitCamera(camera_, points, aspect, 0.25F);
+    const SceneChoice& scene = scene_->options().scene;
+    const bool framed =
+        scene.script && scene.script->view && lookAsScene(camera_, *scene.script->view, asset_->package());
+    if (!framed) fitCamera(camera_, points, aspect, 0.25F);
   }
 
   void stepOnce() {
@@ -437,6 +448,81 @@ class View {
     const std::string name(package.text(package.info().name));
     ImGui::TextUnformatted(name.empty() ? options_.file.c_str() : name.c_str());
 
+    if (package.channels().empty()) {
+      drawSceneControls(width);
+    } else if (ImGui::BeginTabBar("##tabs")) {
+      if (ImGui::BeginTabItem("Scene")) {
+        drawSceneControls(width);
+        ImGui::EndTabItem();
+      }
+      if (ImGui::BeginTabItem("Channels")) {
+        drawChannels();
+        ImGui::EndTabItem();
+      }
+      ImGui::EndTabBar();
+    }
+    ImGui::End();
+  }
+
+  std::optional<std::uint32_t> channelNamed(const std::string& name) const {
+    const formats::PackageView& package = asset_->package();
+    for (std::uint32_t c = 0; c < package.channels().size(); ++c) {
+      if (package.text(package.channels()[c].name) == name) return c;
+    }
+    return std::nullopt;
+  }
+
+  // A slider for each input of the package: what a game would drive.
+  void drawChannels() {
+    const formats::PackageView& package = asset_->package();
+    ImGui::Spacing();
+    ImGui::SetNextItemWidth(-1);
+    ImGui::InputTextWithHint("##filter", "find", channel_filter_.data(), channel_filter_.size());
+    bool any_held = false;
+    const std::span<const float> inputs = scene_->channelInputs();
+    for (std::uint32_t c = 0; c < inputs.size(); ++c) any_held |= scene_->isHeld(c);
+    ImGui::BeginDisabled(!any_held);
+    if (ImGui::Button("Let all go", {-1, 0})) {
+      for (std::uint32_t c = 0; c < inputs.size(); ++c) scene_->holdChannel(c, std::nullopt);
+    }
+    ImGui::EndDisabled();
+    ImGui::Checkbox("Both sides", &both_sides_);
+    ImGui::Separator();
+    ImGui::BeginChild("##channels");
+    for (std::uint32_t c = 0; c < inputs.size(); ++c) {
+      const std::string name(package.text(package.channels()[c].name));
+      if (name.find(channel_filter_.data()) == std::string::npos) continue;
+      float input = inputs[c];
+      ImGui::PushID(static_cast<int>(c));
+      const bool held = scene_->isHeld(c);
+      ImGui::SetNextItemWidth(-1);
+      if (ImGui::SliderFloat("##input", &input, 0, 1, "", ImGuiSliderFlags_AlwaysClamp)) {
+        scene_->holdChannel(c, input);
+        if (const auto other = channelNamed(otherSide(name)); both_sides_ && other) scene_->holdChannel(*other, input);
+      }
+      if (ImGui::IsItemHovered()) {
+        if (ImGui::IsMouseClicked(ImGuiMouseButton_Right)) scene_->holdChannel(c, std::nullopt);
+        ImGui::SetTooltip("%s\nDrag: it stays there. Right click: the scene drives it again.", name.c_str());
+      }
+      // Name and value lie on the slider: names are long.
+      const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
+      const ImVec2 inner = ImGui::GetStyle().FramePadding;
+      const ImU32 color = ImGui::GetColorU32(held ? ImGuiCol_Text : ImGuiCol_TextDisabled);
+      std::array<char, 16> value = {};
+      if (held || input > 0) std::snprintf(value.data(), value.size(), "%.2f", static_cast<double>(input));
+      const float value_at = high.x - inner.x - ImGui::CalcTextSize(value.data()).x;
+      ImDrawList& draw = *ImGui::GetWindowDrawList();
+      draw.AddText({value_at, low.y + inner.y}, color, value.data());
+      draw.PushClipRect(low, {value_at - inner.x, high.y}, true);
+      draw.AddText({low.x + inner.x + ImGui::GetStyle().GrabMinSize, low.y + inner.y}, color, name.c_str());
+      draw.PopClipRect();
+      ImGui::PopID();
+    }
+    ImGui::EndChild();
+  }
+
+  void drawSceneControls(float width) {
+    const formats::PackageView& package = asset_->package();
     heading("Scene");
     ImGui::SetNextItemWidth(-1);
     const SceneChoice scene = scene_->options().scene;
@@ -488,8 +574,6 @@ class View {
     row("physical vertices", "%zu", shape_.physical.size());
     row("tetrahedra", "%zu", package.tetrahedra().size());
     row("clusters", "%zu", package.clusters().size());
-
-    ImGui::End();
   }
 
   // One line along the lower edge of the view.
@@ -546,6 +630,13 @@ class View {
         "{\"frame\":%u,\"time\":%.4f,\"steps\":%u,\"scene\":\"%s\",\"playing\":%s,\"physical\":%s,\"clusters\":%s,",
         frame_, scene_->time(), steps_, scene_->options().scene.name().c_str(), playing_ ? "true" : "false",
         show_physical_ ? "true" : "false", show_clusters_ ? "true" : "false");
+    std::size_t held_channels = 0;
+    double inputs = 0;
+    for (std::uint32_t c = 0; c < scene_->channelInputs().size(); ++c) {
+      held_channels += scene_->isHeld(c) ? 1U : 0U;
+      inputs += static_cast<double>(scene_->channelInputs()[c]);
+    }
+    std::fprintf(log_.file, "\"held_channels\":%zu,\"inputs\":%.4f,", held_channels, inputs);
     std::fprintf(log_.file, "\"diagonal\":%.6g,\"camera\":{\"yaw\":%.5f,\"pitch\":%.5f,\"distance\":%.5f},",
                  static_cast<double>(diagonal_), static_cast<double>(camera_.yaw), static_cast<double>(camera_.pitch),
                  static_cast<double>(camera_.distance));
@@ -591,6 +682,8 @@ class View {
   float pixels_per_unit_ = 1;
   std::vector<int> key_presses_;
   Drag drag_ = Drag::none;
+  std::array<char, 64> channel_filter_ = {};
+  bool both_sides_ = true;
   std::optional<std::uint32_t> grabbed_;  // visual vertex
   PickId pick_;
   Eigen::Vector3f grab_hit_ = Eigen::Vector3f::Zero();                                            // drawing units

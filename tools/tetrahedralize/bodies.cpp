@@ -235,12 +235,82 @@ std::vector<std::uint32_t> withoutSheets(const Topology& topology, const Frame& 
   return kept;
 }
 
+// Edges that are run through once more one way than the other, that way.
+std::vector<std::array<std::uint32_t, 2>> borderOf(std::span<const Triangle> triangles) {
+  std::map<std::array<std::uint32_t, 2>, int> runs;
+  for (const Triangle& t : triangles) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t a = t[i], b = t[(i + 1) % 3];
+      runs[{std::min(a, b), std::max(a, b)}] += a < b ? 1 : -1;
+    }
+  }
+  std::vector<std::array<std::uint32_t, 2>> border;
+  for (const auto& [edge, count] : runs) {
+    if (count > 0) border.push_back(edge);
+    if (count < 0) border.push_back({edge[1], edge[0]});
+  }
+  return border;
+}
+
+// Takes the lids of an open solid, patches that share no edge with it (the front of a letter whose sides are cut more
+// finely): those whose border lies on the solid's, turned so that the two run against each other.
+void addLids(const Topology& topology, const Frame& frame, const std::vector<std::uint32_t>& parts, Group& group) {
+  constexpr std::size_t kMostEdges = 20000;  // each is compared with each
+  constexpr double kReach = 1e-3;            // of the solid's diagonal
+  const std::vector<std::array<std::uint32_t, 2>> rim = borderOf(group.triangles);
+  AlignedBox3d box;
+  for (const Triangle& t : group.triangles) {
+    for (const std::uint32_t v : t) box.extend(frame.points[v]);
+  }
+  const double reach = kReach * box.diagonal().norm();
+  std::vector<Triangle> triangles;
+  for (const std::uint32_t p : parts) {
+    const auto& solid = group.solid_parts;
+    if (rim.empty() || std::find(solid.begin(), solid.end(), p) != solid.end()) continue;
+    gather(topology, frame, {p}, triangles);
+    const auto border = borderOf(triangles);
+    if (rim.size() + border.size() > kMostEdges) continue;
+    double length = 0, with = 0, against = 0;
+    for (const auto& edge : border) {
+      const Vector3d &a = frame.points[edge[0]], &b = frame.points[edge[1]];
+      const Vector3d middle = (a + b) / 2;
+      length += (b - a).norm();
+      double nearest = reach * reach;
+      double along = 0;
+      for (const auto& other : rim) {
+        const Vector3d& from = frame.points[other[0]];
+        const Vector3d way = frame.points[other[1]] - from;
+        if (way.squaredNorm() == 0) continue;
+        const double t = std::clamp((middle - from).dot(way) / way.squaredNorm(), 0.0, 1.0);
+        const double distance = (from + t * way - middle).squaredNorm();
+        if (distance > nearest) continue;
+        nearest = distance;
+        along = (b - a).dot(way.normalized());
+      }
+      (along > 0 ? with : against) += std::abs(along);
+    }
+    if (std::max(with, against) < length / 2) continue;
+    group.solid_parts.push_back(p);
+    for (Triangle& t : triangles) {
+      if (with > against) std::swap(t[1], t[2]);
+      group.triangles.push_back(t);
+    }
+  }
+  std::sort(group.solid_parts.begin(), group.solid_parts.end());
+}
+
+// A Moebius strip: it has no side that could be the outer one, so whatever its turns add up to is no volume.
+bool isOneSidedSheet(const SurfacePart& part) { return part.manifold && !part.orientable && !part.closed; }
+
 Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<std::uint32_t>& parts) {
   Group group;
   group.parts = parts;
   std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> two_sided;
   double solid_volume = 0;
   for (const std::uint32_t p : parts) {
+    if (isOneSidedSheet(topology.parts[p])) continue;
+    two_sided.push_back(p);
     gather(topology, frame, {p}, triangles);
     Enclosure e = measure(frame, triangles);
     if (!e.balanced && !topology.parts[p].manifold) {
@@ -253,14 +323,16 @@ Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<
     solid_volume += std::abs(e.volume);
   }
   // Patches that enclose something only together: halves of a body, a coat with its buttons.
-  gather(topology, frame, parts, triangles);
+  gather(topology, frame, two_sided, triangles);
   const Enclosure all = measure(frame, triangles);
-  if (group.solid_parts.size() < parts.size() && all.encloses && std::abs(all.volume) > 2 * solid_volume) {
-    group.solid_parts = withoutSheets(topology, frame, parts, all.volume);
+  if (group.solid_parts.size() < two_sided.size() && all.encloses && std::abs(all.volume) > 2 * solid_volume) {
+    group.solid_parts = withoutSheets(topology, frame, two_sided, all.volume);
     gather(topology, frame, group.solid_parts, group.triangles);
-    gather(topology, frame, parts, triangles);
   }
-  if (group.solid_parts.empty()) group.triangles = triangles;
+  if (!group.solid_parts.empty() && group.solid_parts.size() < two_sided.size()) {
+    addLids(topology, frame, two_sided, group);
+  }
+  if (group.solid_parts.empty()) gather(topology, frame, parts, group.triangles);
   group.enclosure = measure(frame, group.triangles);
   group.enclosure.encloses = !group.solid_parts.empty();
   for (const Triangle& t : group.triangles) {

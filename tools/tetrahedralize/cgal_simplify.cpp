@@ -36,13 +36,16 @@ class StopAtVertices {
 };
 
 // The middle of an edge; but a corner of the border or a vertex of a crease stays, and what hangs on the border by one
-// end is drawn onto it. Nothing where the surface would be pinched together between two borders.
+// end is drawn onto it. Nothing where the surface would be pinched together between two borders, or at a vertex that is
+// to be kept.
 class KeepOutline {
  public:
+  explicit KeepOutline(std::span<const char> keep) : keep_(keep) {}
   template <typename Profile>
   boost::optional<Kernel::Point_3> operator()(const Profile& profile) const {
     const Mesh& mesh = profile.surface_mesh();
     const auto v0 = profile.v0(), v1 = profile.v1();
+    if (!keep_.empty() && (keep_[v0.idx()] != 0 || keep_[v1.idx()] != 0)) return boost::none;
     const bool border0 = mesh.is_border(v0, true), border1 = mesh.is_border(v1, true);
     const bool along = mesh.is_border(mesh.edge(profile.v0_v1()));
     if (border0 && border1 && !along) return boost::none;
@@ -83,6 +86,7 @@ class KeepOutline {
     }
     return widest;
   }
+  std::span<const char> keep_;
 };
 
 struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
@@ -98,7 +102,8 @@ struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
 
 }  // namespace
 
-SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t vertices, std::string& reason) {
+SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t vertices, std::span<const char> keep,
+                                  std::string& reason) {
   SimplifiedSurface result;
   const CGAL::Failure_behaviour before = CGAL::set_error_behaviour(CGAL::THROW_EXCEPTION);
   try {
@@ -115,7 +120,7 @@ SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t ver
       simplification::edge_collapse(mesh, StopAtVertices(mesh, vertices),
                                     CGAL::parameters::visitor(Follow(into))
                                         .get_cost(simplification::Edge_length_cost<Mesh>())
-                                        .get_placement(KeepOutline())
+                                        .get_placement(KeepOutline(keep))
                                         .filter(simplification::Bounded_normal_change_filter<>()));
       std::vector<std::uint32_t> number(into.size(), 0);
       for (const auto v : mesh.vertices()) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,9 @@ struct SimplifiedSurface {
 /// Deterministic.
 /// \param surface manifold, neighbours turned the same way, every position used.
 /// \param vertices at least 4.
+/// \param keep per position: nonzero where no edge may be collapsed; empty: nowhere.
 /// \param reason receives why the result is empty, if it is. Never throws but for lack of memory.
-SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t vertices, std::string& reason);
+SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t vertices, std::span<const char> keep,
+                                  std::string& reason);
 
 }  // namespace sinew::tools

@@ -22,6 +22,8 @@ constexpr double kLeastOffset = 0.005;
 constexpr double kLeastVolume = 0.02;
 // Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
 constexpr double kAutomaticThickness = 0.5;
+// Attempts at one coarseness, each leaving fine what folded in the one before.
+constexpr int kAttempts = 30;
 // A normal that leans further than this over a face around it carries no prism there (cosine).
 constexpr double kLeastLean = 0.05;
 
@@ -120,8 +122,9 @@ std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
   return three;
 }
 
-FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, double thickness, std::span<const double> factors,
-                    ShellOutcome& outcome) {
+// \param keep per position of the body: nonzero where it stays as fine as it is.
+FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const char> keep, double thickness,
+                    std::span<const double> factors, ShellOutcome& outcome) {
   FilledBody filled;
   PlainSurface fine;
   fine.positions = body.positions;
@@ -142,7 +145,7 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, double thicknes
   // 1. Coarsen.
   SimplifiedSurface coarse;
   if (fine.positions.size() > wanted) {
-    coarse = simplifySurface(fine, wanted, outcome.reason);
+    coarse = simplifySurface(fine, wanted, keep, outcome.reason);
     outcome.coarsened = true;
     if (!outcome.reason.empty()) return filled;
   } else {
@@ -187,19 +190,25 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, double thicknes
     }
   }
   std::vector<Vector3d> normals(count);
+  std::vector<char> folded(count, 0);
+  // Says where it folds: all positions, for the next attempt, and one triangle, for the report.
+  const auto refuse = [&](const char* reason) {
+    outcome.reason = reason;
+    for (std::uint32_t p = 0; p < coarse.vertex_of.size(); ++p) {
+      if (folded[coarse.vertex_of[p]] != 0) outcome.folds.push_back(p);
+    }
+    for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
+      const auto& corners = body.triangles[t];
+      if (std::find(corners.begin(), corners.end(), outcome.folds.front()) != corners.end()) outcome.triangle = t;
+    }
+  };
   for (std::uint32_t v = 0; v < count; ++v) {
     double least = 0;
     if (!around[v].empty()) normals[v] = mostNormal(around[v], least);
-    if (least >= kLeastLean) continue;
-    outcome.reason = "folds back onto itself";
-    for (std::uint32_t p = 0; p < coarse.vertex_of.size(); ++p) {
-      if (coarse.vertex_of[p] != v) continue;
-      for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
-        const auto& corners = body.triangles[t];
-        if (std::find(corners.begin(), corners.end(), p) != corners.end()) outcome.triangle = t;
-      }
-      break;
-    }
+    folded[v] = least >= kLeastLean ? 0 : 1;
+  }
+  if (std::find(folded.begin(), folded.end(), char(1)) != folded.end()) {
+    refuse("folds back onto itself");
     return filled;
   }
 
@@ -239,15 +248,11 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, double thicknes
   }
   for (std::size_t k = 0; k < mesh.tetrahedra.size(); ++k) {
     if (geometry::volume(mesh, mesh.tetrahedra[k]) > 0) continue;
-    outcome.reason = "is too sharply creased for its thickness";
-    const std::uint32_t v = surface.triangles[k / 3][0];
-    for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
-      for (const std::uint32_t p : body.triangles[t]) {
-        if (coarse.vertex_of[p] == v) outcome.triangle = t;
-      }
-    }
-    filled = {};
-    return filled;
+    for (const std::uint32_t v : surface.triangles[k / 3]) folded[v] = 1;
+  }
+  if (std::find(folded.begin(), folded.end(), char(1)) != folded.end()) {
+    refuse("is too sharply creased for its thickness");
+    return {};
   }
 
   // 5. What the report and the attachment need.
@@ -266,14 +271,25 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, double thicknes
 
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thickness, std::span<const double> factors,
                          ShellOutcome& outcome) {
-  // Coarsening can fold what is narrow (a lid, a nostril): then less of it.
-  FilledBody filled;
-  for (double wanted = target / 2.0; filled.mesh.tetrahedra.empty(); wanted *= 1.5) {
-    outcome = {};
-    filled = fillOnce(body, std::max(std::uint32_t(wanted), 4U), thickness, factors, outcome);
-    if (!outcome.coarsened) break;
+  // Coarsening can fold what is narrow (a lid, a nostril): that stays fine; where it does not help, less of it.
+  for (double wanted = target / 2.0;; wanted *= 1.5) {
+    std::vector<char> keep(body.positions.size(), 0);
+    for (int attempt = 0; attempt < kAttempts; ++attempt) {
+      outcome = {};
+      // What is not kept is made as coarse as it would be otherwise.
+      const auto kept = double(std::count(keep.begin(), keep.end(), char(1))), all = double(keep.size());
+      const auto aim = std::uint32_t(std::max(4.0, kept < all ? kept + wanted * (all - kept) / all : all));
+      FilledBody filled = fillOnce(body, aim, keep, thickness, factors, outcome);
+      if (!filled.mesh.tetrahedra.empty() || !outcome.coarsened) return filled;
+      if (outcome.folds.empty()) break;
+      std::vector<char> folds(keep.size(), 0);
+      for (const std::uint32_t p : outcome.folds) folds[p] = 1;
+      for (const auto& t : body.triangles) {
+        if (folds[t[0]] == 0 && folds[t[1]] == 0 && folds[t[2]] == 0) continue;
+        for (const std::uint32_t p : t) keep[p] = 1;
+      }
+    }
   }
-  return filled;
 }
 
 }  // namespace sinew::tools

@@ -12,12 +12,13 @@ namespace sinew::tools {
 
 /// How a shell went for a body, for the report.
 struct ShellOutcome {
-  std::string reason;               ///< why the result is empty, if it is
-  std::uint32_t triangle = 0;       ///< of the body, where that shows
-  bool coarsened = false;           ///< the surface had more points than the budget allows
-  double thickness = 0;             ///< mean, metres
-  std::uint32_t thinned = 0;        ///< vertices at which creases left no room for the whole thickness
-  std::vector<std::uint32_t> home;  ///< per position of the body: a tetrahedron beside it
+  std::string reason;                ///< why the result is empty, if it is
+  std::uint32_t triangle = 0;        ///< of the body, where that shows
+  std::vector<std::uint32_t> folds;  ///< positions of the body that coarsening brought to where it folds
+  bool coarsened = false;            ///< the surface had more points than the budget allows
+  double thickness = 0;              ///< mean, metres
+  std::uint32_t thinned = 0;         ///< vertices at which creases left no room for the whole thickness
+  std::vector<std::uint32_t> home;   ///< per position of the body: a tetrahedron beside it
 };
 
 /// A skin: a layer of prisms, half of its thickness to either side of the body's surface, each split into three

@@ -781,6 +781,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
       }
     }
     const std::size_t made = result.mesh.tetrahedra.size() - begin;
+    if (made > 0) result.volume += geometry::volume(lattice, lattice.tetrahedra[t]);
     if (made > 1) ++result.cells;
     if (made == 1 && cells[t].pieces > 1 && !hasDropped(t)) result.inside[begin] = -1;
     if (cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());

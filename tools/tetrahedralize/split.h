@@ -18,6 +18,7 @@ struct SplitMesh {
   /// Per position of the body: the tetrahedron it lies in, of several copies the one of its own piece. Outside all of
   /// them: the nearest that a triangle of its own passes through, so never across a gap; kNoIndex where there is none.
   std::vector<std::uint32_t> home;
+  double volume = 0;           ///< of the lattice that is left, m^3: copies of one cell count once
   std::uint32_t cells = 0;     ///< tetrahedra that have copies now
   std::uint32_t vertices = 0;  ///< added
   std::uint32_t joined = 0;    ///< splits taken back because the body would have fallen apart

@@ -344,6 +344,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       split = splitAtGaps(body, choice.filled.mesh,
                           std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
       choice.filled.mesh = split.mesh;
+      choice.filled.volume = split.volume;
       if (method != options.method) {
         remarks.add("tetrahedra-method", Severity::info, "filled by grid",
                     body.name + " (stuffing holds thin parts only across gaps)", "");
@@ -372,7 +373,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     physical.vertex_count = static_cast<std::uint32_t>(tets.positions.size());
     physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
     physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
-    physical.volume = geometry::volume(tets);
+    physical.volume = choice.filled.volume;
     physical.source_volume = solid ? body.volume : -1;
     for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);
     for (auto t : tets.tetrahedra) {

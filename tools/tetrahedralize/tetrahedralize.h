@@ -32,7 +32,7 @@ struct PhysicalBody {
   std::vector<std::uint32_t> parts;                  ///< surface parts that belong to it (loose sheets included)
   std::uint32_t first_vertex = 0, vertex_count = 0;
   std::uint32_t first_tetrahedron = 0, tetrahedron_count = 0;
-  double volume = 0;  ///< of its tetrahedra, m^3
+  double volume = 0;  ///< of the space its tetrahedra take, m^3: copies of one cell count once
   double source_volume =
       -1;  ///< enclosed by its surface (winding number > 1/2), m^3; negative where it encloses nothing
 };

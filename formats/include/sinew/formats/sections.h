@@ -88,7 +88,7 @@ struct BodyInfo {
   float diagonal;         ///< of those bounds, metres, > 0
   float total_mass;       ///< kg
   float density;          ///< kg/m^3 that the masses were made with
-  float physical_volume;  ///< of the tetrahedra, m^3
+  float physical_volume;  ///< of the space the tetrahedra take, m^3: copies in one place (split cells) count once
   float source_volume;    ///< enclosed by the source's surface, m^3; negative where it is not defined
   float max_rest_error;   ///< largest distance of an attached visual vertex from its rest position / diagonal
   float min_dihedral_deg;

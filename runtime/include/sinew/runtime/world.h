@@ -70,7 +70,8 @@ class SINEW_API World {
   const WorldSettings& settings() const;
 
   /// Adds an instance of a package, at rest. A package with several separate bodies (BODY) is one Body here; its parts
-  /// are matched and fall independently.
+  /// are matched and fall independently. Fails where settings are no numbers, memory runs out, or this build lacks
+  /// kernels for the processor.
   Result<BodyId> addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings = {});
   /// Its picks and pins go with it; the id is never used again.
   void removeBody(BodyId body);
