@@ -292,6 +292,12 @@ float volumePressure(const Matrix3& a, const Matrix3& answer, float ease) {
   return lanes::volumePressure(linear, lanes::cofactor(linear), toLanes(answer), ease);
 }
 
+double volumeEnergy(double volume) {
+  constexpr double kYield = double(kVolumeYield);
+  const double off = std::abs(volume - 1);
+  return off < kYield ? 0.5 * off * off : kYield * (off - 0.5 * kYield);
+}
+
 Matrix3 cofactor(const Matrix3& a) { return fromLanes(lanes::cofactor(toLanes(a))); }
 
 Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {

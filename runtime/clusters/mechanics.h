@@ -67,6 +67,9 @@ Matrix3 cofactor(const Matrix3& a);
 /// \param a linear block of F. \param answer linear block of that answer. \param ease ClusterStiffness::volume_ease.
 float volumePressure(const Matrix3& a, const Matrix3& answer, float ease);
 
+/// The energy that this pressure is the implicit step of, over M r² c (eq. 18). \param volume det A.
+double volumeEnergy(double volume);
+
 /// What applyGoalLimits() did to F.
 enum class Limited {
   nothing,  ///< F is what it was

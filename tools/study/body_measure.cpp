@@ -9,7 +9,6 @@
 
 #include "runtime/clusters/stiffness.h"
 #include "runtime/geometry/tet_mesh.h"
-#include "runtime/kernels/kernels.h"
 
 namespace sinew::tools {
 namespace {
@@ -257,10 +256,8 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     amplitudes += pressure * amplitude;
     // Where the pressure does not act it has no energy either.
     if (pressure != 0) {
-      constexpr double kYield = double(internal::kVolumeYield);
-      const double off = std::abs((a + pressure * pushed.leftCols<3>()).determinant() - 1);
-      const double depth = off < kYield ? 0.5 * off * off : kYield * (off - 0.5 * kYield);
-      answer.energy = mass * radius * radius * data.volume_stiffness * depth;
+      answer.energy = mass * radius * radius * data.volume_stiffness *
+                      internal::volumeEnergy((a + pressure * pushed.leftCols<3>()).determinant());
     }
   }
   if (data.modes.cols() > 0) {
