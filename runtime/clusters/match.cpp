@@ -40,36 +40,44 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   Columns<9> f = Columns<9>::Zero();
   f.leftCols<3>() = rest_linear;
   const bool stiff = stiffness.kept < 0.5F;
+  const bool keeps_volume = extras.limits->volume != formats::VolumeMethod::none;
   const Matrix3 rest_moment = rest_linear * rest.moment.leftCols<3>();
   Limited limited = Limited::nothing;
   if (stiffness.deforms) {
     Columns<9> deviation = a_pq - rest_linear * rest.moment;
     // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
     if (extras.previous != nullptr) deviation += extras.damping_passes * (r * *extras.previous);
-    if (extras.modes != nullptr) {
-      f += r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * deviation, lost ? &stiffness.kept : nullptr);
-    } else {
-      f += deviation * stiffness.s;
+    const auto answer_to = [&](const Columns<9>& load) -> Columns<9> {
+      if (extras.modes == nullptr) return load * stiffness.s;
+      return r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * load, lost ? &stiffness.kept : nullptr);
+    };
+    f += answer_to(deviation);
+    if (keeps_volume) {
+      Columns<9> unit_pressure = Columns<9>::Zero();
+      unit_pressure.leftCols<3>() = cofactor(f.leftCols<3>());
+      const Columns<9> answer = answer_to(unit_pressure);
+      f += volumePressure(f.leftCols<3>(), answer.leftCols<3>(), stiffness.volume_ease) * answer;
     }
     limited = applyGoalLimits(*extras.limits, stiff, r, extras.shape, f);
   }
-  if (!lost && (limited != Limited::nothing || stiffness.mixes_classes)) {
+  if (!lost && (limited != Limited::nothing || keeps_volume || stiffness.mixes_classes)) {
     // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.
     f = (geometry::nearestRotation(a_pq * f.transpose()) * f).eval();
   }
   frame.f = f;
   const float stretched = kTorn * std::max(extras.limits->largest, kLargestStretch);
   const bool torn = a_pq.leftCols<3>().squaredNorm() > stretched * stretched * rest_moment.squaredNorm();
-  return limited == Limited::guarded || (lost && stiff) || torn;
+  return limited == Limited::stopped || (lost && stiff) || torn;
 }
 
-// Whether the kernel has done all: frequencies, limits and volume by principal stretches.
+// Whether the kernel has done all: frequencies, volume, limits by principal stretches.
 bool isPlain(const MatchExtras& extras) {
   return extras.limits == nullptr ||
          (extras.modes == nullptr && extras.shape == nullptr && extras.damping_passes == 0 &&
           (extras.limits->limit == formats::LimitMethod::none ||
            extras.limits->limit == formats::LimitMethod::principal) &&
-          extras.limits->volume != formats::VolumeMethod::cube_root);
+          (extras.limits->volume != formats::VolumeMethod::cube_root ||
+           extras.limits->limit == formats::LimitMethod::none));
 }
 
 }  // namespace

@@ -287,17 +287,20 @@ float curveResponse(std::span<const formats::CurvePoint> curve, float phi) {
   return curve.back().response;
 }
 
+float volumePressure(const Matrix3& a, const Matrix3& answer, float ease) {
+  const lanes::Mat3Of<float> linear = toLanes(a);
+  return lanes::volumePressure(linear, lanes::cofactor(linear), toLanes(answer), ease);
+}
+
+Matrix3 cofactor(const Matrix3& a) { return fromLanes(lanes::cofactor(toLanes(a))); }
+
 Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
   Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
   if (shape != nullptr) a = (a * shape->inverse()).eval();
   Limited done = Limited::nothing;
   const Matrix3 start = a;
-  if (limits.volume != formats::VolumeMethod::none) {
-    const float volume = a.determinant();
-    if (volume < kLeastVolume || volume * kLeastVolume > 1) done = Limited::guarded;
-  }
-  if (limits.volume == formats::VolumeMethod::cube_root) a = fromLanes(lanes::volumeCubeRoot(toLanes(a)));
+  const float volume = a.determinant();
   if (limits.limit == formats::LimitMethod::rows) {
     a = fromLanes(lanes::limitRows(toLanes(a), toLanes(r), limits.row));
   } else {
@@ -308,7 +311,8 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
     }
   }
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
-  if (keeps_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
+  const bool lacks_volume = keeps_volume && a != start;
+  if (lacks_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
     const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
     const float outside_by = stiff ? 1.0F : kGuardMargin;
     const bool guarded = svd.sigma.z * outside_by < kLeastStretch ||
@@ -319,15 +323,20 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
     lanes::Vec3Of<float> sigma = lanes::limitPrincipal(svd, least, largest);
     const bool outside = sigma.x != svd.sigma.x || sigma.y != svd.sigma.y || sigma.z != svd.sigma.z;
     if (guarded) {
-      done = Limited::guarded;
+      done = Limited::stopped;
       f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
     }
-    if (keeps_volume) sigma = lanes::volumePrincipal(sigma, least, largest);
-    if (outside || keeps_volume) a = fromLanes(lanes::compose(svd, sigma));
+    if (keeps_volume) {
+      const float held = sigma.x * sigma.y * sigma.z;
+      sigma = lanes::volumePrincipal(sigma, least, largest, lanes::volumeToRestore(volume, held));
+    }
+    if (outside || lacks_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
-  if (done == Limited::nothing && a == start) return Limited::nothing;
+  if (a == start) return done;
+  // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
+  if ((a - start).norm() > (kGuardMargin - 1) * start.norm()) done = Limited::stopped;
   f.leftCols<3>() = shape != nullptr ? Matrix3(a * *shape) : a;
-  return done == Limited::guarded ? done : Limited::shaped;
+  return done == Limited::stopped ? done : Limited::shaped;
 }
 
 Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation) {

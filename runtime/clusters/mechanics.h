@@ -60,17 +60,24 @@ struct MechanicsConstants {
 };
 MechanicsConstants makeMechanics(const formats::PackageView& package);
 
+/// The gradient of det A.
+Matrix3 cofactor(const Matrix3& a);
+
+/// The pressure that keeps a cluster's volume (eq. 18): F += lambda times the answer of its modes to [cofactor(A) 0].
+/// \param a linear block of F. \param answer linear block of that answer. \param ease ClusterStiffness::volume_ease.
+float volumePressure(const Matrix3& a, const Matrix3& answer, float ease);
+
 /// What applyGoalLimits() did to F.
 enum class Limited {
   nothing,  ///< F is what it was
   shaped,   ///< a limit or the volume changed it: its torque has to be removed
-  guarded,  ///< it was squashed, mirrored or stretched beyond the guard: the motion of its vertices has to be stopped
+  stopped,  ///< it was beyond a limit or the guard by more than kGuardMargin: the motion of its vertices is stopped
 };
 
-/// Limits and volume on the linear block of F (eq. 10); blending limits take the squares and products along, which are
-/// zero in a linear cluster.
-/// \param stiff a pass keeps less than half of a stretch.
-/// \param shape the rest shape's own deformation (plasticity, activation), null for none: limits count from it.
+/// Limits on the linear block of F (eq. 10), and what the volume method `principal` makes up for behind them; blending
+/// limits take the squares and products along, which are zero in a linear cluster. \param stiff a pass keeps less than
+/// half of a stretch. \param shape the rest shape's own deformation (plasticity, activation), null for none: limits
+/// count from it.
 Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f);
 
 /// Deformation of the rest shape of one cluster, body state.

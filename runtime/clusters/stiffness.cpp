@@ -16,7 +16,8 @@ namespace {
 // (2 pi f h)^2 from which on a class of modes counts as rigid: what it keeps is below the rounding of a float.
 constexpr double kRigidRatio = 1e9;
 
-constexpr float kSlender = 0.02F;        // least to largest moment: a bar seven times as long as thick
+constexpr float kSlender = 0.02F;  // least to largest moment: a bar seven times as long as thick
+constexpr double kVolumeHz = 100, kVolumeOverStretch = 10;
 constexpr double kAlphaStep = 1.0 / 60;  // h_ref: the step that Cluster::alpha is given for
 
 // (2 pi f h)^2; infinite for a rigid class of modes.
@@ -124,6 +125,11 @@ std::array<double, 3> classRatios(const formats::PackageView& package, const Res
   return ratios;
 }
 
+double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale) {
+  const double hz = std::max(kVolumeHz, kVolumeOverStretch * double(cluster.stretch_hz) * stiffness_scale);
+  return 2 * std::numbers::pi * frequency_ratio * hz;
+}
+
 Eigen::Matrix<float, 27, 1> keptModes(const formats::ClusterMechanics& mechanics, const ElasticModes& modes,
                                       float stiffness_scale, float step_seconds) {
   const double h = double(step_seconds), scale = double(stiffness_scale);
@@ -152,6 +158,11 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
+  if (mechanics.volume != formats::VolumeMethod::none) {
+    const double phase = volumeOmega(cluster, double(rest.clusters[index].frequency_ratio), double(stiffness_scale)) *
+                         double(step_seconds);
+    result.volume_ease = float(double(freeStiffness(package, index).s.topLeftCorner<3, 3>().trace()) / (phase * phase));
+  }
   const double damping = double(mechanics.damping) * double(step_seconds);
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
   if (mechanics.stiffness == formats::StiffnessModel::elastic) {
@@ -212,6 +223,7 @@ void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, Stiff
   block.least[lane] = kLeastStretch;
   block.largest[lane] = kLargestStretch;
   block.keeps_volume[lane] = 0;
+  block.volume_ease[lane] = stiffness.volume_ease;
 }
 
 void StiffnessSet::update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds) {
@@ -224,7 +236,7 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
     const GoalLimits& limits = rest.mechanics.limits[c];
     blocks[c / 8].least[c % 8] = limits.least;
     blocks[c / 8].largest[c % 8] = limits.largest;
-    blocks[c / 8].keeps_volume[c % 8] = limits.volume == formats::VolumeMethod::principal ? -1 : 0;
+    blocks[c / 8].keeps_volume[c % 8] = limits.volume != formats::VolumeMethod::none ? -1 : 0;
   }
   for (std::size_t part = 0; part < slowest_hz.size(); ++part) {
     const formats::BodyRange& range = package.bodies()[part];

@@ -16,8 +16,9 @@ namespace sinew::internal {
 
 /// What a cluster's frequencies mean for one length of step (docs/method.md §4).
 struct ClusterStiffness {
-  float alpha = 1.0F;  ///< alpha_h of eq. 9
-  float kept = 0.0F;   ///< beta_h of stretch and shear (eq. 6); 0 for a rigid cluster
+  float alpha = 1.0F;        ///< alpha_h of eq. 9
+  float kept = 0.0F;         ///< beta_h of stretch and shear (eq. 6); 0 for a rigid cluster
+  float volume_ease = 0.0F;  ///< how much the volume gives way to a unit pressure (eq. 18)
   /// The lowest frequency that the body returns with where it is made of such clusters, Hz; 0 = it never does,
   /// infinite = rigid.
   float slowest_hz = std::numeric_limits<float>::infinity();
@@ -30,6 +31,11 @@ struct ClusterStiffness {
 /// elastic clusters have none: 0.
 std::array<double, 3> classRatios(const formats::PackageView& package, const RestConstants& rest, std::uint32_t cluster,
                                   float stiffness_scale, float step_seconds);
+
+/// The frequency with which a cluster that keeps its volume returns to it, rad/s: high beside what forces at hand ask
+/// for, and ten times that of its stretch, so that the volume is the stiffest thing about it.
+/// \param frequency_ratio of the part's radius of gyration to the cluster's, which all frequencies take.
+double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale);
 
 /// What the elastic modes of one cluster keep in a pass: 1 / (1 + h damping + h² omega²). Goes into
 /// MechanicsState::kept.

@@ -22,9 +22,9 @@ inline constexpr float kGuardMargin = 1.001F;
 /// A stiff cluster is brought this factor inside them, so that tangled neighbours cannot hold each other there. In the
 /// short passes of a soft one such a jump would be a speed.
 inline constexpr float kStiffGuardMargin = 1.05F;
-/// Keeping the volume of a cluster that has less than this part of it, or as many times as much, is a jump: motion is
-/// stopped as at the guard.
-inline constexpr float kLeastVolume = 0.5F;
+
+/// A cluster further from its volume than by this part of it is pushed no harder (docs/method.md eq. 18).
+inline constexpr float kVolumeYield = 0.3F;
 
 /// A_pq of more than this part of what the largest stretches make of its norm at rest: the cluster is torn apart. What
 /// the guard has let through, stretched by 3 along every axis, is not.

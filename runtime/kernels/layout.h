@@ -56,7 +56,8 @@ struct alignas(32) StiffnessBlock {
   std::int32_t mixes[8];  ///< -1: classes of modes differ in stiffness, so F needs its torque removed
   float least[8];         ///< principal stretches of F: the limit `principal`, or the guard's
   float largest[8];
-  std::int32_t keeps_volume[8];  ///< -1: principal stretches are moved to product 1
+  std::int32_t keeps_volume[8];  ///< -1: a pressure keeps the volume, also within the limits
+  float volume_ease[8];          ///< how much the volume gives way to a unit pressure (eq. 18)
 };
 
 /// A row as sweeps see it (docs/method.md §6). Vectors are xyz and one float that does not count. Masses, and impulses

@@ -109,9 +109,9 @@ SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, c
   return (trace > 0.0F) & ~((m00 > 0.0F) & (minor > 0.0F) & (det > 0.0F));
 }
 
-// Limit and volume of linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off
-// the usual path of clusters that have neither. \param[in,out] a the linear blocks. \param act lanes to look at.
-// \param[out] shaped lanes that changed. \return lanes that the guard moved.
+// Limit of linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off the usual path.
+// \param[in,out] a the linear blocks. \param act lanes to look at. \param[in,out] shaped plus the lanes that changed.
+// \return lanes whose motion has to be stopped.
 template <class W, class Mask = decltype(W{} < W{})>
 [[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mat3Of<W>& a,
                                              Mask& shaped) {
@@ -119,24 +119,50 @@ template <class W, class Mask = decltype(W{} < W{})>
   const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
   const SvdOf<W> svd = rotationSvd(a);
   const Mask stiff = stiffness.loadMask<W>(stiffness->stiff);
+  // What is beyond a limit, authored or the guard's, is stopped: bringing it back is no motion of its own.
   const W outside_by = select(stiff, splat<W>(1.0F), splat<W>(kGuardMargin));
   const Mask guarded = (svd.sigma.z * outside_by < kLeastStretch) |
                        (svd.sigma.x > outside_by * larger(largest, splat<W>(kLargestStretch)));
+  const Mask stopped = guarded | (svd.sigma.z * kGuardMargin < least) | (svd.sigma.x > kGuardMargin * largest);
   const Mask inside = guarded & stiff;
   least = select(inside, larger(least, splat<W>(kLeastStretch * kStiffGuardMargin)), least);
   largest = select(inside, smaller(largest, splat<W>(kLargestStretch / kStiffGuardMargin)), largest);
   const Vec3Of<W> held = limitPrincipal(svd, least, largest);
   const Mask outside = (held.x != svd.sigma.x) | (held.y != svd.sigma.y) | (held.z != svd.sigma.z);
-  const Vec3Of<W> kept = volumePrincipal(held, least, largest);
+  // A limit has taken some of the volume that the pressure had left: the stretches that are free make up for it.
+  const W volume = volumeToRestore(svd.sigma.x * svd.sigma.y * svd.sigma.z, held.x * held.y * held.z);
+  const Vec3Of<W> kept = volumePrincipal(held, least, largest, volume);
   const Vec3Of<W> sigma = {select(keeps_volume, kept.x, held.x), select(keeps_volume, kept.y, held.y),
                            select(keeps_volume, kept.z, held.z)};
   W finite = absolute(a.m[0]);
   for (int k = 1; k < 9; ++k) finite += absolute(a.m[k]);
-  shaped = act & (outside | keeps_volume) & (finite < splat<W>(3.0e38F));
-  a = select(shaped, compose(svd, sigma), a);
-  const W volume = svd.sigma.x * svd.sigma.y * svd.sigma.z;
-  const Mask jumps = keeps_volume & ((volume < kLeastVolume) | (volume * kLeastVolume > 1.0F));
-  return shaped & (guarded | jumps);
+  const Mask changed = act & outside & (finite < splat<W>(3.0e38F));
+  a = select(changed, compose(svd, sigma), a);
+  shaped |= changed;
+  return changed & stopped;
+}
+
+// The pressure that keeps the volume (docs/method.md §9): F += lambda [cof A  0] S, what it does to the moments and the
+// modes make of it. Not inlined, as above. \param[in,out] f of all columns. \param act lanes to look at.
+template <class W, class Mask = decltype(W{} < W{})>
+[[gnu::noinline]] static void keepVolume(int columns, BlocksAt<const StiffnessBlock> stiffness, Mask act, W* f) {
+  Mat3Of<W> a;
+  for (int k = 0; k < 9; ++k) a.m[k] = f[k];
+  const Mat3Of<W> cofactors = cofactor(a);
+  W answer[27];
+  SINEW_ROLLED for (int j = 0; j < columns; ++j) {
+    W sum[3] = {};
+    for (int i = 0; i < 3; ++i) {
+      const W s = stiffness.load<W>(stiffness->s[kPackedPlace[j][i]]);
+      for (int row = 0; row < 3; ++row) sum[row] += cofactors(row, i) * s;
+    }
+    for (int row = 0; row < 3; ++row) answer[3 * j + row] = sum[row];
+  }
+  Mat3Of<W> b;
+  for (int k = 0; k < 9; ++k) b.m[k] = answer[k];
+  const W pressure = volumePressure(a, cofactors, b, stiffness.load<W>(stiffness->volume_ease));
+  const W acting = select(act, pressure, W{});
+  SINEW_ROLLED for (int k = 0; k < 3 * columns; ++k) f[k] += acting * answer[k];
 }
 
 /// \param columns 3, or 9 where a cluster is quadratic.
@@ -194,11 +220,12 @@ SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, Bloc
     // A rigid cluster's F does not depend on which clusters are its neighbours.
     for (int k = 0; k < 9; ++k) f[k] = select(deforms, f[k], r.m[k]);
     SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) f[k] = select(deforms, f[k], W{});
+    shaped = deforms & stiffness.loadMask<W>(stiffness->keeps_volume);
+    if (any(shaped)) keepVolume(columns, stiffness, shaped, f);
     Mat3Of<W> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
     const Mask act =
-        deforms & (stiffness.loadMask<W>(stiffness->keeps_volume) |
-                   ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest)));
+        deforms & ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest));
     if (any(act)) {
       limited = limitStretches(stiffness, act, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];

@@ -106,7 +106,7 @@ class CommandLine(unittest.TestCase):
         posed.symlink_to("scene.json")
         before = {p.name: p.read_bytes() for p in self.path.iterdir()}
         out = self.path / "x.sinew"
-        self.assert_refused(run("bake", source, "-o", source), 2, "cow.obj", ".sinew")
+        self.assert_refused(run("bake", source, "-o", source), 2, "cow.obj", "destroy")
         self.assert_refused(run("bake", source, "-o", link), 2, "link.sinew", "destroy")
         self.assert_refused(run("bake", recipe, "-o", link), 2, "link.sinew", "destroy")
         self.assert_refused(run("bake", recipe, "-o", out, "--report", recipe), 2, "cow.json", "destroy")

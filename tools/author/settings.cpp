@@ -241,9 +241,9 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.limit_curve", "", "Of curve: points of squared norm and response, ascending, the first on phi:phi.",
        Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty"}},
       {"clusters.volume", "",
-       "What keeps a cluster's volume: nothing, one factor on all (grows without end when squashed), or the nearest "
-       "principal stretches. auto takes principal for solids and none for sheets, which enclose nothing: they would "
-       "creep on the ground.",
+       "What keeps a cluster's volume: nothing, a pressure that a limit may then cut (cube_root), or a pressure and, "
+       "behind the limit, the stretches that are still free (principal). auto takes principal for solids and none for "
+       "sheets, which enclose nothing.",
        Choice{{"auto", "none", "cube_root", "principal"},
               [](const Settings& x) { return x.clusters.volume ? int(*x.clusters.volume) + 1 : 0; },
               [](Settings& x, int v) {

@@ -70,9 +70,6 @@ void runBake(const BakeCommand& command) {
   Recipe recipe = recipeFor(command.input);
   if (!command.unit.empty()) recipe.settings.set("import.unit", command.unit);
   applyAssignments(recipe.settings, command.assignments);
-  if (std::filesystem::path(command.output).extension() != ".sinew") {
-    throw ToolError(ExitCode::usage, command.output, "packages are written as .sinew", "Name a file that ends in it.");
-  }
   requireWritable(command.output, {command.input, recipe.source});
   if (!command.report_file.empty()) {
     requireWritable(command.report_file, {command.input, recipe.source, command.output});

@@ -7,7 +7,9 @@
 #include <limits>
 #include <numbers>
 
+#include "runtime/clusters/stiffness.h"
 #include "runtime/geometry/tet_mesh.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::tools {
 namespace {
@@ -157,7 +159,11 @@ void BodyMeasure::addStiffness(const formats::PackageView& package, std::uint32_
   if (package.mechanics().empty()) return;
   const formats::ClusterMechanics& mechanics = package.mechanics()[index];
   data.limits = internal::goalLimits(package, index);
-  data.limited = mechanics.limit != formats::LimitMethod::none || mechanics.volume != formats::VolumeMethod::none;
+  data.limited = mechanics.limit != formats::LimitMethod::none;
+  const double response = data.a_qq.topLeftCorner<3, 3>().trace();
+  if (mechanics.volume != formats::VolumeMethod::none && response > 0) {
+    data.volume_stiffness = std::pow(internal::volumeOmega(cluster, data.size_ratio, scale), 2) / response;
+  }
   if (mechanics.stiffness == formats::StiffnessModel::per_step) {
     data.per_step = true;
     const double beta = double(mechanics.per_step_beta[0]);
@@ -225,17 +231,40 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
   const formats::Cluster& cluster = asset_->package().clusters()[index];
   Answer answer;
   if (data.rigid) return answer;
-  const double mass = double(cluster.mass), radius = double(cluster.radius);
-  if (data.modes.cols() == 0) {
-    const double phase = omegaOf(data, pass_seconds) * pass_seconds;
-    answer.deformation = match.deviation * data.a_qq / (1 + phase * phase);
-  } else {
-    const Eigen::Matrix<double, 3, 9> local = match.rotation.transpose() * match.deviation;
+  const double mass = double(cluster.mass), radius = double(cluster.radius), h2 = pass_seconds * pass_seconds;
+  const double phase = omegaOf(data, pass_seconds) * pass_seconds;
+  Eigen::VectorXd amplitudes = Eigen::VectorXd::Zero(data.modes.cols());
+  // The answer of the modes to a load on the moments.
+  const auto answer_to = [&](const Eigen::Matrix<double, 3, 9>& load,
+                             Eigen::VectorXd& amplitude) -> Eigen::Matrix<double, 3, 9> {
+    if (data.modes.cols() == 0) return load * data.a_qq / (1 + phase * phase);
+    const Eigen::Matrix<double, 3, 9> local = match.rotation.transpose() * load;
     const Eigen::VectorXd loads = data.modes.transpose() * Eigen::Map<const Eigen::Matrix<double, 27, 1>>(local.data());
-    const Eigen::VectorXd amplitudes = loads.array() / (1 + pass_seconds * pass_seconds * data.mode_omega2.array());
-    Eigen::Matrix<double, 27, 1> sum = data.modes * amplitudes;
-    answer.deformation = match.rotation * Eigen::Map<const Eigen::Matrix<double, 3, 9>>(sum.data());
-    answer.energy = 0.5 * mass * radius * radius * (data.mode_omega2.array() * amplitudes.array().square()).sum();
+    amplitude = loads.array() / (1 + h2 * data.mode_omega2.array());
+    const Eigen::Matrix<double, 27, 1> sum = data.modes * amplitude;
+    return match.rotation * Eigen::Map<const Eigen::Matrix<double, 3, 9>>(sum.data());
+  };
+  answer.deformation = answer_to(match.deviation, amplitudes);
+  if (data.volume_stiffness > 0) {
+    const Matrix3d a = match.rotation + answer.deformation.leftCols<3>();
+    Eigen::Matrix<double, 3, 9> unit_pressure = Eigen::Matrix<double, 3, 9>::Zero();
+    unit_pressure.leftCols<3>() = internal::cofactor(a.cast<float>()).cast<double>();
+    Eigen::VectorXd amplitude = Eigen::VectorXd::Zero(data.modes.cols());
+    const Eigen::Matrix<double, 3, 9> pushed = answer_to(unit_pressure, amplitude);
+    const double pressure = double(internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(),
+                                                            float(1 / (h2 * data.volume_stiffness))));
+    answer.deformation += pressure * pushed;
+    amplitudes += pressure * amplitude;
+    // Where the pressure does not act it has no energy either.
+    if (pressure != 0) {
+      constexpr double kYield = double(internal::kVolumeYield);
+      const double off = std::abs((a + pressure * pushed.leftCols<3>()).determinant() - 1);
+      const double depth = off < kYield ? 0.5 * off * off : kYield * (off - 0.5 * kYield);
+      answer.energy = mass * radius * radius * data.volume_stiffness * depth;
+    }
+  }
+  if (data.modes.cols() > 0) {
+    answer.energy += 0.5 * mass * radius * radius * (data.mode_omega2.array() * amplitudes.array().square()).sum();
   }
   if (guarded && data.limited) {
     internal::Columns<9> f = answer.deformation.cast<float>();
@@ -255,7 +284,7 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     for (std::size_t k = 0; k < members.size(); ++k) {
       sum += double(members[k].mu) * (answer.deformation * data.monomials[k]).squaredNorm();
     }
-    answer.energy = 0.5 * mass * omega * omega * sum;
+    answer.energy += 0.5 * mass * omega * omega * sum;
   }
   return answer;
 }

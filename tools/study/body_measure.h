@@ -78,6 +78,7 @@ class BodyMeasure {
     bool per_step = false;
     bool limited = false;  ///< it has limits beyond the guard, or keeps its volume
     internal::GoalLimits limits;
+    double volume_stiffness = 0;  ///< c of the energy 1/2 M r² c (det F - 1)², 1/s²; 0 where the volume is not kept
     /// Of StiffnessModel::elastic, orthonormal in the mass; else no columns.
     Eigen::Matrix<double, 27, Eigen::Dynamic> modes;
     Eigen::VectorXd mode_omega2;         ///< 1/s²

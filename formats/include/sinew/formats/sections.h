@@ -184,8 +184,8 @@ enum class LimitMethod : std::uint32_t {
 /// What keeps a cluster's volume (docs/method.md §9).
 enum class VolumeMethod : std::uint32_t {
   none = 0,
-  cube_root = 1,  ///< A / |det A|^(1/3)
-  principal = 2,  ///< principal stretches moved to product 1, the nearest such triple inside the limits
+  cube_root = 1,  ///< a pressure, before the limit: A / |det A|^(1/3) where all directions weigh the same
+  principal = 2,  ///< the same pressure; behind the limit the stretches that are free make up for what it took
 };
 
 /// CMEC: mechanics of a cluster beyond CLUS, one per cluster. Without the section every cluster has
