@@ -780,7 +780,7 @@ class GltfReader {
     if (out.path.empty())
       out.name = "embedded " + std::to_string(image_index) + (out.name.empty() ? "" : " (" + out.name + ")");
     out.bytes.resize(bytes.size());
-    std::memcpy(out.bytes.data(), bytes.data(), bytes.size());
+    if (!bytes.empty()) std::memcpy(out.bytes.data(), bytes.data(), bytes.size());
     scene_.textures.push_back(std::move(out));
     return at->second;
   }
