@@ -63,8 +63,9 @@ std::vector<SourceRegion> sourceRegions(const std::string& kind, const std::vect
   for (const Named& named : all) names.push_back(named.name);
   for (const std::string& pattern : patterns) {
     if (std::none_of(names.begin(), names.end(), [&](const auto& name) { return matchesPattern(name, pattern); })) {
-      throw ToolError(ExitCode::usage, mesh.file, "it has no " + kind + " '" + pattern + "'",
-                      "Did you mean " + nearestName(pattern, names) + "?");
+      std::string missing = "it has no ";
+      missing.append(kind).append(" '").append(pattern).append("'");
+      throw ToolError(ExitCode::usage, mesh.file, missing, "Did you mean " + nearestName(pattern, names) + "?");
     }
   }
   std::vector<SourceRegion> regions;
