@@ -152,8 +152,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.import.crease_degrees, 0, 180}},
       {"import.keep_stray", "",
        "Keep stray faces: at most 1 % of the area, 20 times further from the middle than all the rest. They set the "
-       "size "
-       "of everything that goes by the diagonal; without this they are left out, with a warning.",
+       "size of everything that goes by the diagonal; without this they are left out, with a warning.",
        Flag{&s.import.keep_stray}},
       {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
        Count{&s.import.memory_megabytes, 64, 1000000}},
