@@ -75,7 +75,8 @@ constexpr float kBrake = 20;            // 1/s: air that stops a spin
 constexpr double kSpinStretch = 1e-4;   // a spin that stretches a body further than this is braked
 constexpr double kFarAway = 100;        // diagonals from the origin
 constexpr float kPress = 1e4F * 9.81F;  // m/s^2
-constexpr float kFinishingStep = 1.0F / 60;
+constexpr float kFinishingStep = 1.0F / 60, kLongestFinishingStep = 1;
+constexpr double kFinishingSteps = 5000;  // of a body that takes hours to return: its steps are longer
 
 constexpr double kUlp = 0x1p-23;
 
@@ -299,17 +300,15 @@ class CellRun {
     startState(setup_, *asset_, world_.positions(body_), x, v);
     world_.setState(body_, x, v);
     if (setup_.before != Before::nothing || setup_.matter == Matter::active) hold();
-    const float finishing = std::max(setup_.step, kFinishingStep);
-    const double slow = measure_.slowestHz(passSeconds(finishing));
-    const bool returns = slow > 0;
-    double free_seconds = kReturnSeconds;
-    if (returns && std::isfinite(slow)) {
-      free_seconds = std::max(free_seconds, kReturnPeriods / slow);
-      // What its own damping holds back by more than half creeps: e^(-ω² t / d).
-      const double omega = 2 * std::numbers::pi * slow;
-      const double damping = setup_.matter == Matter::damped ? double(clusterDamping(setup_.frequency_hz)) : 0.0;
-      if (damping > 2 * omega) free_seconds = std::max(free_seconds, kCreepTimes * damping / (omega * omega));
+    float finishing = std::max(setup_.step, kFinishingStep);
+    double slow = measure_.slowestHz(passSeconds(finishing));
+    double free_seconds = returnSeconds(slow);
+    if (free_seconds > kFinishingSteps * double(finishing)) {
+      finishing = std::clamp(float(free_seconds / kFinishingSteps), finishing, kLongestFinishingStep);
+      slow = measure_.slowestHz(passSeconds(finishing));
+      free_seconds = returnSeconds(slow);
     }
+    const bool returns = slow > 0;
     const std::uint32_t most = quick_ ? 300 : 2000;
     release(setup_.step);
     double done = advance(setup_.step, free_seconds, most);
@@ -385,6 +384,17 @@ class CellRun {
     world_.unpinAll(body_);
     world_.settings().gravity = {0, 0, 0};
     world_.settings().ground.enabled = false;
+  }
+
+  // Simulated time in which a body whose lowest frequency is `slow` has to be back.
+  double returnSeconds(double slow) const {
+    if (!(slow > 0) || !std::isfinite(slow)) return kReturnSeconds;
+    double seconds = std::max(kReturnSeconds, kReturnPeriods / slow);
+    // What its own damping holds back by more than half creeps: e^(-ω² t / d).
+    const double omega = 2 * std::numbers::pi * slow;
+    const double damping = setup_.matter == Matter::damped ? double(clusterDamping(setup_.frequency_hz)) : 0.0;
+    if (damping > 2 * omega) seconds = std::max(seconds, kCreepTimes * damping / (omega * omega));
+    return seconds;
   }
 
   // From here on the body is free: what it has now is what it may not lose or exceed.
