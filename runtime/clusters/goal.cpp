@@ -5,10 +5,10 @@
 
 namespace sinew::internal {
 
-void updatePartPose(const formats::PackageView& package, const RestConstants& constants,
+bool updatePartPose(const formats::PackageView& package, const RestConstants& constants,
                     std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,
                     std::span<ClusterBlock> blocks, double far) {
-  if (count == 0) return;
+  if (count == 0) return false;
   const auto clusters = package.clusters().subspan(first, count);
   const auto component = [&](const float(&values)[8], std::size_t c) { return values[(first + c) % 8]; };
   const auto block = [&](std::size_t c) -> ClusterBlock& { return blocks[(first + c) / 8]; };
@@ -87,6 +87,7 @@ void updatePartPose(const formats::PackageView& package, const RestConstants& co
     const Vector3 moved = centerOf(c) + (1.0F - kept) * (goal - centerOf(c));
     for (int k = 0; k < 3; ++k) block(c).center[k][lane] = moved[k];
   }
+  return astray;
 }
 
 }  // namespace sinew::internal

@@ -21,8 +21,8 @@ inline constexpr double kDistorted = 0.25;
 /// and centres move to where that pose has them, so that it goes back as one: all at once where it is stiff, at the
 /// rate of its frequency where it is soft. \param first, count the part's clusters. \param stiffness of all clusters;
 /// empty = stiff.
-/// \param far how far that is: root mean square, in radii of gyration.
-void updatePartPose(const formats::PackageView& package, const RestConstants& constants,
+/// \param far how far that is: root mean square, in radii of gyration. \return whether it is that far.
+bool updatePartPose(const formats::PackageView& package, const RestConstants& constants,
                     std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,
                     std::span<ClusterBlock> blocks, double far = kAstray);
 

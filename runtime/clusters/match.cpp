@@ -46,7 +46,10 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   if (stiffness.deforms) {
     Columns<9> deviation = a_pq - rest_linear * rest.moment;
     // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
-    if (extras.previous != nullptr) deviation += extras.damping_passes * (r * *extras.previous);
+    // The frame of what is lost is not the one that remembers: it is not damped in this pass.
+    if (extras.previous != nullptr) {
+      deviation += extras.damping_passes * (lost ? deviation.eval() : (r * *extras.previous).eval());
+    }
     const auto answer_to = [&](const Columns<9>& load) -> Columns<9> {
       if (extras.modes == nullptr) return load * stiffness.s;
       return r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * load, lost ? &stiffness.kept : nullptr);

@@ -62,6 +62,36 @@ float blendOf(const GoalLimits& limits, const lanes::Mat3Of<float>& a, const lan
   return 1;
 }
 
+// A plane or a line lacks directions. Moving along one of those in proportion to a coordinate that it has is a turn,
+// and would be one for the energy too if it had the coordinate whose motion completes it: it costs nothing. Charged as
+// a shear, two vertices were turned by any limit and drawn to a point.
+void freeTurnsOfFlat(const ModeBasis& basis, ModeMatrix& energy) {
+  const int n = basis.t.rows(), modes = basis.t.columns(), size = 3 * modes;
+  std::array<double, 3> spread;
+  Eigen::Matrix3d axes;
+  geometry::symmetricEigen(geometry::viewOf(basis.moment).block(0, 0, 3, 3), spread, geometry::viewOf(axes));
+  const double least = geometry::kMomentCutoff * spread[2];
+  for (int lacking = 0; lacking < 3 && !(spread[std::size_t(lacking)] > least); ++lacking) {
+    for (int along = lacking + 1; along < 3; ++along) {
+      if (!(spread[std::size_t(along)] > least)) continue;
+      const Vector9d moment = basis.moment.leftCols<3>() * axes.col(along);
+      geometry::SmallMatrix<9> coordinate(modes, 1);  // in the modes
+      geometry::addProduct(coordinate, 1, basis.t.transposed(), geometry::viewOf(moment).block(0, 0, n, 1));
+      geometry::SmallMatrix<27> turn(size, 1), cost(size, 1);
+      for (int a = 0; a < 3; ++a) {
+        geometry::addScaled(turn.block(a * modes, 0, modes, 1),
+                            axes(a, lacking) / std::sqrt(spread[std::size_t(along)]), coordinate);
+      }
+      geometry::addProduct(cost, 1, energy, turn);
+      geometry::SmallMatrix<1> own(1, 1);
+      geometry::addProduct(own, 1, std::as_const(turn).transposed(), cost);
+      geometry::addScaled(cost, -0.5 * own(0, 0), turn);
+      geometry::addProduct(energy, -1, turn, std::as_const(cost).transposed());
+      geometry::addProduct(energy, -1, cost, std::as_const(turn).transposed());
+    }
+  }
+}
+
 }  // namespace
 
 ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
@@ -151,6 +181,7 @@ ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t inde
       }
     }
   }
+  freeTurnsOfFlat(basis, energy);
   return energy;
 }
 

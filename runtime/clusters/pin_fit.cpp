@@ -380,14 +380,18 @@ void PinFit::keepVolume(const Matrix3& shape, Answer& g) const {
     }
     Answer along(size, 3);
     addProduct(along, 1, free_, gradient);
-    double response = 0, norm2 = 0;
+    double response = 0, norm2 = 0, along2 = 0;
     for (int k = 0; k < 3 * size; ++k) {
       response += along.data()[k] * gradient.data()[k];
       norm2 += gradient.data()[k] * gradient.data()[k];
+      along2 += along.data()[k] * along.data()[k];
     }
     if (!(response > 1e-6 * norm2)) return;
-    // Far from the wanted volume the gradient says little: never more than a tenth at a time.
-    addScaled(g, std::clamp(rest.determinant() - ratio, -0.1, 0.1) / response, along);
+    // Far from the wanted volume the gradient says little: never more than a tenth at a time, nor further than the
+    // cluster's radius, as where it has collapsed and hardly anything changes the volume.
+    const double step_size = std::clamp(rest.determinant() - ratio, -0.1, 0.1) / response;
+    const double most = 1 / std::sqrt(along2);
+    addScaled(g, std::clamp(step_size, -most, most), along);
   }
 }
 

@@ -264,15 +264,7 @@ void finishMatch(Body& body, float pass_seconds) {
     if (cluster.mode == formats::ClusterMode::rigid) continue;
     const ClusterFrame frame = loadFrame(body.blocks, c);
     const Matrix3 r = geometry::rotationMatrix(frame.rotation);
-    if (!state.previous.empty()) {
-      Columns<9> local = r.transpose() * frame.f;
-      local.leftCols<3>() -= state.shapes.empty() ? Matrix3(Matrix3::Identity()) : state.shapes[c].shape;
-      if (cluster.mode == formats::ClusterMode::quadratic) {
-        state.previous[c] = local * body.rest().full_moments[cluster.quadratic];
-      } else {
-        state.previous[c].leftCols<3>() = local.leftCols<3>() * body.rest().clusters[c].moment.leftCols<3>();
-      }
-    }
+    if (!state.previous.empty()) body.rememberDeformation(c);
     if (!state.shapes.empty() && body.blocks[c / 8].limited[c % 8] == 0 &&
         updatePlasticity(mechanics, r, frame.f.leftCols<3>(), pass_seconds, state.shapes[c])) {
       state.updateShape(body.package(), c);

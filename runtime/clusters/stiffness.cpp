@@ -18,7 +18,8 @@ constexpr double kRigidRatio = 1e9;
 
 constexpr float kSlender = 0.02F;  // least to largest moment: a bar seven times as long as thick
 constexpr double kVolumeHz = 100, kVolumeOverStretch = 10;
-constexpr double kAlphaStep = 1.0 / 60;  // h_ref: the step that Cluster::alpha is given for
+constexpr double kLargestVolumePhase = 40;  // of its frequency in a pass, radians
+constexpr double kAlphaStep = 1.0 / 60;     // h_ref: the step that Cluster::alpha is given for
 
 // (2 pi f h)^2; infinite for a rigid class of modes.
 double stiffnessRatio(float frequency_hz, float scale, float step_seconds) {
@@ -125,9 +126,10 @@ std::array<double, 3> classRatios(const formats::PackageView& package, const Res
   return ratios;
 }
 
-double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale) {
+double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale,
+                   double pass_seconds) {
   const double hz = std::max(kVolumeHz, kVolumeOverStretch * double(cluster.stretch_hz) * stiffness_scale);
-  return 2 * std::numbers::pi * frequency_ratio * hz;
+  return std::min(2 * std::numbers::pi * frequency_ratio * hz, kLargestVolumePhase / pass_seconds);
 }
 
 Eigen::Matrix<float, 27, 1> keptModes(const formats::ClusterMechanics& mechanics, const ElasticModes& modes,
@@ -159,8 +161,8 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
   if (mechanics.volume != formats::VolumeMethod::none) {
-    const double phase = volumeOmega(cluster, double(rest.clusters[index].frequency_ratio), double(stiffness_scale)) *
-                         double(step_seconds);
+    const double phase = double(step_seconds) * volumeOmega(cluster, double(rest.clusters[index].frequency_ratio),
+                                                            double(stiffness_scale), double(step_seconds));
     result.volume_ease = float(double(freeStiffness(package, index).s.topLeftCorner<3, 3>().trace()) / (phase * phase));
   }
   const double damping = double(mechanics.damping) * double(step_seconds);

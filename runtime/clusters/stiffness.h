@@ -34,8 +34,10 @@ std::array<double, 3> classRatios(const formats::PackageView& package, const Res
 
 /// The frequency with which a cluster that keeps its volume returns to it, rad/s: high beside what forces at hand ask
 /// for, and ten times that of its stretch, so that the volume is the stiffest thing about it.
+/// No faster than a pass resolves: beside other clusters, limits or pins a stiffer volume would only store rounding.
 /// \param frequency_ratio of the part's radius of gyration to the cluster's, which all frequencies take.
-double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale);
+double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale,
+                   double pass_seconds);
 
 /// What the elastic modes of one cluster keep in a pass: 1 / (1 + h damping + h² omega²). Goes into
 /// MechanicsState::kept.

@@ -153,6 +153,13 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
       result.uses[next[member.vertex]++] = {std::uint32_t(c), member.share};
     }
   }
+  for (std::size_t i = 0; i < vertex_count; ++i) {
+    const auto uses = result.usesOf(std::uint32_t(i));
+    for (std::size_t k = 1; k < uses.size(); ++k) result.overlaps.push_back({uses[k - 1].cluster, uses[k].cluster});
+  }
+  std::sort(result.overlaps.begin(), result.overlaps.end());
+  result.overlaps.erase(std::unique(result.overlaps.begin(), result.overlaps.end()), result.overlaps.end());
+  result.overlaps.shrink_to_fit();
   makeBlocks(package, result);
   return result;
 }

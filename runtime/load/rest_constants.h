@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -35,6 +36,9 @@ struct RestConstants {
   std::vector<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries
   std::vector<ClusterUse> uses;          ///< by vertex, clusters ascending
   std::vector<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
+
+  /// Clusters that share a vertex, each with the next one that the vertex has: lower index first, ascending.
+  std::vector<std::array<std::uint32_t, 2>> overlaps;
 
   MechanicsConstants mechanics;
   // The same for kernels.

@@ -40,6 +40,10 @@ constexpr float kShortestPass = 1e-5F;
 constexpr float kFewPasses = 0.02F;
 constexpr double kHardlyAstray = 0.005;
 
+// Clusters that share vertices and are turned against each other by more than 120 degrees are tangled: |w| of the
+// quaternion between them.
+constexpr float kTangled = 0.5F;
+
 // Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
 // clusters would creep back.
 constexpr double kFastestDamping = 40;
@@ -145,6 +149,18 @@ class BodyStep {
       const Part& part = body_.parts[chunk.part];
       if (spins(part)) kernel_.add_motion({vertexRange(chunk), part.lacking.forKernels()});
     });
+  }
+
+  // Each cluster of a body that was turned inside out may be well, and its neighbours half a turn away from it: that
+  // stays for good. Once a step is enough to see it.
+  void compareOverlaps() {
+    for (const auto& [a, b] : rest_.overlaps) {
+      const ClusterBlock& first = body_.blocks[a / 8];
+      const ClusterBlock& second = body_.blocks[b / 8];
+      float cosine = 0;
+      for (std::size_t k = 0; k < 4; ++k) cosine += first.rotation[k][a % 8] * second.rotation[k][b % 8];
+      if (std::abs(cosine) < kTangled) partOfCluster(a).tangled = true;
+    }
   }
 
   void pass(std::uint32_t passes_left) {
@@ -295,9 +311,15 @@ class BodyStep {
     warmStartRows(body_);
   }
 
-  void findPose(const Part& part, double far = kAstray) {
-    updatePartPose(body_.package(), rest_, body_.stiffness->clusters, part.first_cluster, part.cluster_count,
-                   body_.blocks, far);
+  // \return whether it is astray.
+  bool findPose(const Part& part, double far = kAstray) {
+    return updatePartPose(body_.package(), rest_, body_.stiffness->clusters, part.first_cluster, part.cluster_count,
+                          body_.blocks, far);
+  }
+
+  Part& partOfCluster(std::uint32_t cluster) {
+    const auto begins_behind = [](std::uint32_t index, const Part& part) { return index < part.first_cluster; };
+    return *std::prev(std::upper_bound(body_.parts.begin() + 1, body_.parts.end(), cluster, begins_behind));
   }
 
   void findFreeParts() {
@@ -319,18 +341,18 @@ class BodyStep {
   // Clusters that have lost their orientation or are torn want the pose of their part, which takes all moments of the
   // part: once more for them.
   void recoverLost() {
-    for (const Part& part : body_.parts) {
+    for (Part& part : body_.parts) {
       bool lost = false;
       for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
         const ClusterBlock& block = body_.blocks[c / 8];
         lost |= block.lost[c % 8] != 0 || block.limited[c % 8] != 0;
       }
-      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven);
+      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven || part.tangled);
       if (!lost && !as_one) continue;
       const std::uint32_t first = part.first_cluster / 8, last = (part.first_cluster + part.cluster_count - 1) / 8;
       // Goals have taken the place of what moments left in the slots; and the pose moves centres.
       for (std::uint32_t b = first; b <= last; ++b) moments(b);
-      findPose(part, as_one ? kHardlyAstray : kAstray);
+      part.tangled &= findPose(part, as_one ? kHardlyAstray : kAstray);
       matchAndAsk(first, last + 1);
     }
   }
@@ -550,6 +572,7 @@ void stepBody(Body& body, BodyScratch& scratch, const WorldSettings& settings, J
   body.pass_seconds = pass_seconds;
   step.moveSpin(-1);
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
+  step.compareOverlaps();
   step.moveSpin(1);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();

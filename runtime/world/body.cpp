@@ -134,6 +134,31 @@ void Body::matchPositions(PassScratch& scratch) {
     kernel.match(&rest().blocks[b], &loose, &blocks[b], 1);
   }
   giveBack();
+  // The deformation that a state has is not drawn to the rest shape by damping.
+  for (std::uint32_t c = 0; c < mechanics.previous.size(); ++c) {
+    if (package().clusters()[c].mode != formats::ClusterMode::rigid) rememberDeformation(c);
+  }
+}
+
+void Body::rememberDeformation(std::uint32_t c) {
+  const formats::Cluster& cluster = package().clusters()[c];
+  const ClusterFrame frame = loadFrame(blocks, c);
+  const Matrix3& rest_moment = rest().clusters[c].moment.leftCols<3>();
+  const Matrix3 shape = mechanics.shapes.empty() ? Matrix3(Matrix3::Identity()) : mechanics.shapes[c].shape;
+  geometry::Quaternion rotation = frame.rotation;
+  // Of a cluster that is lost, R is its part's: its own, which the next pass may find again, is another.
+  if (blocks[c / 8].lost[c % 8] != 0) {
+    geometry::nearestRotation(Matrix3(frame.f.leftCols<3>() * rest_moment * shape.transpose()), rotation);
+  }
+  Columns<9> local = geometry::rotationMatrix(rotation).transpose() * frame.f;
+  local.leftCols<3>() -= shape;
+  Columns<9>& deformation = mechanics.previous[c];
+  if (cluster.mode == formats::ClusterMode::quadratic) {
+    deformation = local * rest().full_moments[cluster.quadratic];
+  } else {
+    deformation.leftCols<3>() = local.leftCols<3>() * rest_moment;
+  }
+  if (!deformation.allFinite()) deformation.setZero();
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {

@@ -105,6 +105,7 @@ struct Part {
   Pull pull;                  ///< of this pass
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
   bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
+  bool tangled = false;       ///< neighbouring clusters are turned against each other: it goes back as one
   bool free = true;           ///< no row of this pass touches the part
   bool shifted = false;       ///< bringNear() moved it in this pass
   bool limited = false;       ///< a cluster was stopped by the guard in this pass
@@ -168,6 +169,8 @@ struct Body {
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
   /// \param scratch reserved for this body.
   void matchPositions(PassScratch& scratch);
+  /// Keeps what a cluster's goals deform, for its own damping in the next pass (docs/method.md eq. 16).
+  void rememberDeformation(std::uint32_t cluster);
   /// Where its clusters last wanted a physical vertex: Σ share g, metres.
   Vector3 blendedGoal(std::uint32_t vertex) const;
 

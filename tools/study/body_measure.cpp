@@ -83,7 +83,7 @@ double tetrahedraVolume(const World& world, BodyId body) {
   return sum;
 }
 
-BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset) {
+BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&asset), scale_(stiffness_scale) {
   const formats::PackageView& package = asset.package();
   const auto vertices = package.physicalVertices();
   const auto radius_of = [](const Vector3d& first, double second, double mass) {
@@ -161,7 +161,7 @@ void BodyMeasure::addStiffness(const formats::PackageView& package, std::uint32_
   data.limited = mechanics.limit != formats::LimitMethod::none;
   const double response = data.a_qq.topLeftCorner<3, 3>().trace();
   if (mechanics.volume != formats::VolumeMethod::none && response > 0) {
-    data.volume_stiffness = std::pow(internal::volumeOmega(cluster, data.size_ratio, scale), 2) / response;
+    data.volume_response = response;
   }
   if (mechanics.stiffness == formats::StiffnessModel::per_step) {
     data.per_step = true;
@@ -244,19 +244,22 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     return match.rotation * Eigen::Map<const Eigen::Matrix<double, 3, 9>>(sum.data());
   };
   answer.deformation = answer_to(match.deviation, amplitudes);
-  if (data.volume_stiffness > 0) {
+  if (data.volume_response > 0) {
+    // c of the energy 1/2 M r² c (det F - 1)², 1/s².
+    const double omega = internal::volumeOmega(cluster, data.size_ratio, scale_, pass_seconds);
+    const double stiffness = omega * omega / data.volume_response;
     const Matrix3d a = match.rotation + answer.deformation.leftCols<3>();
     Eigen::Matrix<double, 3, 9> unit_pressure = Eigen::Matrix<double, 3, 9>::Zero();
     unit_pressure.leftCols<3>() = internal::cofactor(a.cast<float>()).cast<double>();
     Eigen::VectorXd amplitude = Eigen::VectorXd::Zero(data.modes.cols());
     const Eigen::Matrix<double, 3, 9> pushed = answer_to(unit_pressure, amplitude);
-    const double pressure = double(internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(),
-                                                            float(1 / (h2 * data.volume_stiffness))));
+    const double pressure = double(
+        internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(), float(1 / (h2 * stiffness))));
     answer.deformation += pressure * pushed;
     amplitudes += pressure * amplitude;
     // Where the pressure does not act it has no energy either.
     if (pressure != 0) {
-      answer.energy = mass * radius * radius * data.volume_stiffness *
+      answer.energy = mass * radius * radius * stiffness *
                       internal::volumeEnergy((a + pressure * pushed.leftCols<3>()).determinant());
     }
   }
@@ -266,12 +269,14 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
   if (guarded && data.limited) {
     internal::Columns<9> f = answer.deformation.cast<float>();
     f.leftCols<3>() += match.rotation.cast<float>();
-    internal::applyGoalLimits(data.limits, false, match.rotation.cast<float>(), nullptr, f);
+    answer.limited = internal::applyGoalLimits(data.limits, false, match.rotation.cast<float>(), nullptr, f) !=
+                     internal::Limited::nothing;
     answer.deformation = f.cast<double>();
     answer.deformation.leftCols<3>() -= match.rotation;
   } else if (guarded && (data.modes.cols() > 0 || data.a_qq(0, 0) > 0)) {
-    answer.deformation.leftCols<3>() =
-        clampedStretch(match.rotation + answer.deformation.leftCols<3>()) - match.rotation;
+    const Matrix3d wanted = match.rotation + answer.deformation.leftCols<3>(), held = clampedStretch(wanted);
+    answer.limited = (held - wanted).norm() > 1e-6 * wanted.norm();
+    answer.deformation.leftCols<3>() = held - match.rotation;
   }
   answer.deformation *= radius;
   if (data.modes.cols() == 0) {
@@ -333,10 +338,9 @@ BodyMotion BodyMeasure::motion(const World& world, BodyId body) const {
     second += mass * d * d.transpose();
     m.extent = std::max(m.extent, d.norm());
   }
-  m.spin = angularVelocity(second, m.angular).norm();
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> axes(second, Eigen::EigenvaluesOnly);
-  const double largest_inertia = axes.eigenvalues()[2] + axes.eigenvalues()[1];
-  if (largest_inertia > 0) m.least_spin_energy = m.angular.squaredNorm() / (2 * largest_inertia);
+  const Vector3d omega = angularVelocity(second, m.angular);
+  m.spin = omega.norm();
+  m.turning_energy = 0.5 * omega.dot(m.angular);
   m.finite = std::isfinite(m.kinetic) && m.center.allFinite();
   return m;
 }
@@ -390,10 +394,12 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
 BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
   std::vector<Vector3d> x;
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
-  const double by_cluster = clusterPotential(x, pass_seconds);
+  Potential result;
+  const double by_cluster = clusterPotential(x, pass_seconds, result.limited);
   const PartPotential one = partPotential(x, pass_seconds);
-  const double most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
-  return {one.begins ? most : by_cluster, most};
+  result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
+  result.least = one.begins ? result.most : by_cluster;
+  return result;
 }
 
 // Whether a cluster has its part looked at: it has lost its orientation, is torn or beyond the guard (docs/method.md
@@ -476,7 +482,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   return result;
 }
 
-double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds) const {
+double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds, bool& limited) const {
   const formats::PackageView& package = asset_->package();
   const auto vertices = package.physicalVertices();
   // y with goals x: a pass starts from there in effect. Richardson's iteration climbs the dual function, whose values
@@ -494,6 +500,7 @@ double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_se
       const formats::Cluster& cluster = package.clusters()[c];
       const Match m = match(c, y);
       const Answer answer = answerOf(c, m, pass_seconds, guarded);
+      limited = limited || answer.limited;
       elastic += answer.energy;
       Eigen::Matrix<double, 3, 9> f = answer.deformation;
       f.leftCols<3>() += double(cluster.radius) * m.rotation;

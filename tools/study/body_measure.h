@@ -29,7 +29,7 @@ struct BodyMotion {
   double angular_scale = 0;                            ///< Σ m |x - center| |v|
   double kinetic = 0;                                  ///< of the motion about the centre, J
   double spin = 0;                                     ///< angular speed of the rigid part, rad/s
-  double least_spin_energy = 0;                        ///< |angular|² over twice the largest moment of inertia, J
+  double turning_energy = 0;                           ///< of turning as one, with this angular momentum, J
   double reach = 0;                                    ///< largest coordinate, metres: what positions are rounded to
   double fastest = 0;                                  ///< largest speed, m/s
   double extent = 0;                                   ///< largest distance from the centre, metres
@@ -56,6 +56,7 @@ class BodyMeasure {
   /// ends and where it begins the past decides: `least` without it, `most` with it.
   struct Potential {
     double least = 0, most = 0;
+    bool limited = false;  ///< some cluster is beyond a limit or the guard: what stops it there is no potential
   };
   Potential potential(const World& world, BodyId body, double pass_seconds) const;
 
@@ -78,7 +79,7 @@ class BodyMeasure {
     bool per_step = false;
     bool limited = false;  ///< it has limits beyond the guard, or keeps its volume
     internal::GoalLimits limits;
-    double volume_stiffness = 0;  ///< c of the energy 1/2 M r² c (det F - 1)², 1/s²; 0 where the volume is not kept
+    double volume_response = 0;  ///< trace of the linear A_qq; 0 where the volume is not kept
     /// Of StiffnessModel::elastic, orthonormal in the mass; else no columns.
     Eigen::Matrix<double, 27, Eigen::Dynamic> modes;
     Eigen::VectorXd mode_omega2;         ///< 1/s²
@@ -95,6 +96,7 @@ class BodyMeasure {
   struct Answer {
     Eigen::Matrix<double, 3, 9> deformation = Eigen::Matrix<double, 3, 9>::Zero();
     double energy = 0;
+    bool limited = false;  ///< a limit or the guard changes the deformation
   };
   static void addStiffness(const formats::PackageView& package, std::uint32_t index, double scale, ClusterData& data);
   /// The part of a deformation that a pass takes, at most 1.
@@ -107,12 +109,14 @@ class BodyMeasure {
     bool begins = false;  ///< whatever its past, the part is matched as one
   };
   bool isLost(const ClusterData& data, const Match& match, double pass_seconds) const;
-  double clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
+  /// \param[out] limited whether some cluster is beyond a limit.
+  double clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool& limited) const;
   PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
   void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
   Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions) const;
 
   const Asset* asset_;
+  double scale_;
   std::vector<ClusterData> clusters_;
   double rounding_gain_ = 1;
   bool uneven_ = false;

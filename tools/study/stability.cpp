@@ -478,14 +478,14 @@ class CellRun {
     const bool flows = setup_.matter == Matter::plastic;
     BodyMeasure::Potential potential;
     if (!flows) potential = measure_.potential(world_, body_, pass_seconds_);
-    const double energy = now.kinetic + potential.least;
+    // Nor is what lies beyond a limit judged by a potential: stops do not give back what they take.
+    const double energy = now.kinetic + (potential.limited ? 0 : potential.least);
     if (energy > floor) {
-      // No motion of a body of this shape and angular momentum has less than the energy of turning about the axis of
-      // its largest inertia: what contracts spins up, as a skater does.
-      const double limit = std::max(energy_, kEnergyLimit * now.least_spin_energy);
+      // What contracts spins up, as a skater does: its shape and its angular momentum leave it no less.
+      const double limit = std::max(energy_, kEnergyLimit * now.turning_energy);
       result_.energy = std::max(result_.energy, ratio(energy, limit + floor + kEnergyUnjudged * released_energy_));
     }
-    if (!flows) energy_ = std::min(energy_, kEnergyLimit * (now.kinetic + potential.most));
+    if (!flows && !potential.limited) energy_ = std::min(energy_, kEnergyLimit * (now.kinetic + potential.most));
   }
 
   // A step is divided no finer than 1e-5 s.
