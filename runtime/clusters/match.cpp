@@ -26,9 +26,10 @@ Columns<9> elasticAnswer(const MatchExtras& extras, int columns, const Columns<9
 // F = [R S 0] plus the elastic answer to A_pq - R S M. It differs from kernels/match.h in what a kernel has no lanes
 // for: S, elastic modes, damping, and the limits that blend. Columns 3.. are zero in a linear cluster.
 // \param lost the moments do not say how the cluster is turned; frame.rotation is the part's then.
+// \param tangled its part goes back as one, through itself.
 // \return whether the motion of its vertices has to be stopped.
 bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const MatchExtras& extras, bool quadratic,
-           bool lost, ClusterFrame& frame) {
+           bool lost, bool tangled, ClusterFrame& frame) {
   Columns<9> a_pq = frame.a_pq;
   if (!quadratic) a_pq.rightCols<6>().setZero();
   if (extras.shape != nullptr && !lost) {
@@ -40,7 +41,8 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   Columns<9> f = Columns<9>::Zero();
   f.leftCols<3>() = rest_linear;
   const bool stiff = stiffness.kept < 0.5F;
-  const bool keeps_volume = extras.limits->volume != formats::VolumeMethod::none;
+  const GoalLimits limits = tangled ? limitsTangled() : *extras.limits;
+  const bool keeps_volume = limits.volume != formats::VolumeMethod::none;
   const Matrix3 rest_moment = rest_linear * rest.moment.leftCols<3>();
   Limited limited = Limited::nothing;
   if (stiffness.deforms) {
@@ -61,7 +63,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
       const Columns<9> answer = answer_to(unit_pressure);
       f += volumePressure(f.leftCols<3>(), answer.leftCols<3>(), stiffness.volume_ease) * answer;
     }
-    limited = applyGoalLimits(*extras.limits, stiff, r, extras.shape, f);
+    limited = applyGoalLimits(limits, stiff && !tangled, r, extras.shape, f);
   }
   if (!lost && (limited != Limited::nothing || keeps_volume || stiffness.mixes_classes)) {
     // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.
@@ -101,10 +103,10 @@ void matchBlocks(Body& body, std::uint32_t begin, std::uint32_t end, float pass_
     ClusterFrame frame = loadFrame(body.blocks, c);
     bool limited = block.limited[c % 8] != 0;
     if (!isPlain(extras)) {
-      const bool lost = block.lost[c % 8] != 0;
+      const bool lost = block.lost[c % 8] != 0, tangled = block.tangled[c % 8] != 0;
       const ClusterStiffness& stiffness = body.stiffness->clusters[c];
       const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-      limited = match(rest.clusters[c], stiffness, extras, quadratic, lost, frame);
+      limited = match(rest.clusters[c], stiffness, extras, quadratic, lost, tangled, frame);
     }
     if (pinned) limited |= body.fits[body.fit_of[c]].match(cluster, rest.clusters[c], extras, frame);
     storeFrame(frame, body.blocks, c);

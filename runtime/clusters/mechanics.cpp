@@ -62,6 +62,26 @@ float blendOf(const GoalLimits& limits, const lanes::Mat3Of<float>& a, const lan
   return 1;
 }
 
+// Makes a column orthogonal to unit columns and of length 1. \return false where it depends on them, or is zero.
+bool makeUnitBeside(geometry::ConstMatrixView units, geometry::MatrixView column) {
+  constexpr double kIndependent = 1e-6;
+  const auto norm = [&] {
+    double sum = 0;
+    for (int i = 0; i < column.rows; ++i) sum += column(i, 0) * column(i, 0);
+    return std::sqrt(sum);
+  };
+  const double before = norm();
+  for (int k = 0; k < units.columns; ++k) {
+    double along = 0;
+    for (int i = 0; i < column.rows; ++i) along += units(i, k) * column(i, 0);
+    for (int i = 0; i < column.rows; ++i) column(i, 0) -= along * units(i, k);
+  }
+  const double after = norm();
+  const bool independent = after > kIndependent * before;
+  for (int i = 0; i < column.rows; ++i) column(i, 0) = independent ? column(i, 0) / after : 0.0;
+  return independent;
+}
+
 // A plane or a line lacks directions. Moving along one of those in proportion to a coordinate that it has is a turn,
 // and would be one for the energy too if it had the coordinate whose motion completes it: it costs nothing. Charged as
 // a shear, two vertices were turned by any limit and drawn to a point.
@@ -127,6 +147,24 @@ ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
     ++modes;
   }
   basis.t.keepColumns(modes);
+  // Of all ways to write the modes in coordinates that depend on one another, the one that says nothing about
+  // directions that the rest shape lacks: there F is to stay R, which limits and volume look at.
+  geometry::SmallMatrix<81> lacking(n, n);
+  int count = 0;
+  for (int k = 0; k < 2 * n && count < n; ++k) {
+    const geometry::MatrixView column = lacking.block(0, count, n, 1);
+    for (int i = 0; i < n; ++i) {
+      column(i, 0) = k < n                                      ? scale[std::size_t(i)] * vectors(i, k)
+                     : scale[std::size_t(i)] == 0 && i == k - n ? 1.0
+                                                                : 0.0;
+    }
+    if (k < n && values[std::size_t(k)] > geometry::kMomentCutoff * values[std::size_t(n - 1)]) continue;
+    if (makeUnitBeside(lacking.block(0, 0, n, count), column)) ++count;
+  }
+  lacking.keepColumns(count);
+  geometry::SmallMatrix<81> share(count, modes);
+  geometry::addProduct(share, 1, std::as_const(lacking).transposed(), basis.t);
+  geometry::addProduct(basis.t, -1, lacking, share);
   return basis;
 }
 
@@ -331,6 +369,13 @@ double volumeEnergy(double volume) {
 
 Matrix3 cofactor(const Matrix3& a) { return fromLanes(lanes::cofactor(toLanes(a))); }
 
+GoalLimits limitsTangled() {
+  GoalLimits result;
+  result.largest = kLargestStretch;
+  result.least = -kLargestStretch;
+  return result;
+}
+
 Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
   Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
@@ -352,7 +397,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
   if (lacks_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
     const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
     const float outside_by = stiff ? 1.0F : kGuardMargin;
-    const bool guarded = svd.sigma.z * outside_by < kLeastStretch ||
+    const bool guarded = svd.sigma.z * outside_by < std::min(kLeastStretch, limits.least) ||
                          svd.sigma.x > outside_by * std::max(kLargestStretch, limits.largest);
     const bool inside = guarded && stiff;
     const float least = inside ? std::max(limits.least, kLeastStretch * kStiffGuardMargin) : limits.least;

@@ -41,11 +41,14 @@ ElasticModes elasticModes(const formats::PackageView& package, std::uint32_t clu
 struct GoalLimits {
   formats::LimitMethod limit = formats::LimitMethod::none;
   formats::VolumeMethod volume = formats::VolumeMethod::none;
-  float least, largest;             ///< principal stretches: authored, or the guard's
-  float row, norm_max, norm_limit;  ///< see ClusterMechanics
+  float least = 0, largest = 0;                 ///< principal stretches: authored, or the guard's
+  float row = 0, norm_max = 0, norm_limit = 0;  ///< see ClusterMechanics
   std::span<const formats::CurvePoint> curve;
 };
 GoalLimits goalLimits(const formats::PackageView& package, std::uint32_t cluster);
+
+/// Those of a cluster of a tangled part: the way back may lead through mirrored shapes, so these are not beyond them.
+GoalLimits limitsTangled();
 
 /// f(phi) of a response curve: linear between points, constant behind the last, phi before the first.
 float curveResponse(std::span<const formats::CurvePoint> curve, float phi);

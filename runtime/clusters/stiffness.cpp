@@ -75,7 +75,7 @@ bool isSlender(const ClusterRest& rest) {
 }
 
 // The lowest frequency of the classes of modes that return at all, Hz; 0 where none does, infinite where all are rigid.
-// Those of an authored frequency count as the body's (eq. 8), those of per_step as they are.
+// A piece of 1/n of the part's size that rings so belongs to a part that rings n times lower (eq. 8).
 float slowestClass(std::span<const double> ratios, double frequency_ratio, double step_seconds) {
   double slowest = std::numeric_limits<double>::infinity();
   bool any = false;
@@ -187,9 +187,8 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   const std::array<double, 3> ratios = classRatios(package, rest, index, stiffness_scale, step_seconds);
   const float beta = float(1 / (1 + damping + ratios[0]));
   result.kept = beta;
-  const bool authored = mechanics.stiffness == formats::StiffnessModel::frequency;
   result.slowest_hz = slowestClass(std::span(ratios).first(quadratic ? 3 : 1),
-                                   authored ? double(rest.clusters[index].frequency_ratio) : 1.0, double(step_seconds));
+                                   double(rest.clusters[index].frequency_ratio), double(step_seconds));
   if (!quadratic) {
     result.deforms = beta > 0;
     result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
@@ -211,6 +210,7 @@ StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_
       clusters(package.clusters().size(), memory),
       blocks((clusters.size() + 7) / 8, memory),
       slowest_hz(package.bodies().size(), memory),
+      own_damping(package.bodies().size(), memory),
       kept(memory) {}
 
 void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block) {
@@ -249,6 +249,14 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
       if (one.slowest_hz > 0) slowest = std::min(slowest, one.slowest_hz);
     }
     slowest_hz[part] = deforms && !std::isfinite(slowest) ? 0.0F : slowest;
+  }
+  for (std::size_t part = 0; part < own_damping.size() && !package.mechanics().empty(); ++part) {
+    const formats::BodyRange& range = package.bodies()[part];
+    float least = std::numeric_limits<float>::infinity();
+    for (const formats::ClusterMechanics& one : package.mechanics().subspan(range.first_cluster, range.cluster_count)) {
+      least = std::min(least, one.damping);
+    }
+    if (std::isfinite(least)) own_damping[part] = least;
   }
   const MechanicsConstants& mechanics = rest.mechanics;
   kept.resize(mechanics.modes.size());

@@ -66,6 +66,7 @@ struct StiffnessSet {
   std::pmr::vector<ClusterStiffness> clusters;
   std::pmr::vector<StiffnessBlock> blocks;  ///< the same for kernels
   std::pmr::vector<float> slowest_hz;       ///< by part: the lowest of its clusters' that is not 0
+  std::pmr::vector<float> own_damping;      ///< by part: the least that its clusters have themselves, 1/s
   /// By entry of MechanicsConstants::modes: what a pass keeps of each.
   std::pmr::vector<Eigen::Matrix<float, 27, 1>> kept;
 };

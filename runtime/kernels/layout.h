@@ -27,6 +27,7 @@ struct alignas(32) ClusterBlock {
   std::int32_t limited[8];    ///< not 0: the guard against inversion moved F in the last match
   std::int32_t lost[8];       ///< not 0: the moments no longer said how the cluster is turned
   std::int32_t astray[8];     ///< not 0: its part is so far from its rest shape that it is matched as one
+  std::int32_t tangled[8];    ///< not 0: and is tangled, so that the way back may lead through mirrored shapes
 };
 
 /// Rest-shape constants of eight clusters.

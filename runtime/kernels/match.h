@@ -110,21 +110,25 @@ SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, c
 }
 
 // Limit of linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off the usual path.
-// \param[in,out] a the linear blocks. \param act lanes to look at. \param[in,out] shaped plus the lanes that changed.
-// \return lanes whose motion has to be stopped.
+// \param[in,out] a the linear blocks. \param act lanes to look at. \param tangled lanes that may pass through
+// themselves. \param[in,out] shaped plus the lanes that changed. \return lanes whose motion has to be stopped.
 template <class W, class Mask = decltype(W{} < W{})>
-[[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mat3Of<W>& a,
-                                             Mask& shaped) {
-  W least = stiffness.load<W>(stiffness->least), largest = stiffness.load<W>(stiffness->largest);
-  const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume);
+[[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mask tangled,
+                                             Mat3Of<W>& a, Mask& shaped) {
+  // What goes back through a mirrored shape is not stopped at the bound: from there on it would only creep.
+  const W largest_guard = splat<W>(kLargestStretch), most_mirrored = W{} - largest_guard;
+  const W least_guard = select(tangled, most_mirrored, splat<W>(kLeastStretch));
+  W least = select(tangled, most_mirrored, stiffness.load<W>(stiffness->least));
+  W largest = select(tangled, largest_guard, stiffness.load<W>(stiffness->largest));
+  const Mask keeps_volume = stiffness.loadMask<W>(stiffness->keeps_volume) & ~tangled;
   const SvdOf<W> svd = rotationSvd(a);
   const Mask stiff = stiffness.loadMask<W>(stiffness->stiff);
   // What is beyond a limit, authored or the guard's, is stopped: bringing it back is no motion of its own.
   const W outside_by = select(stiff, splat<W>(1.0F), splat<W>(kGuardMargin));
-  const Mask guarded = (svd.sigma.z * outside_by < kLeastStretch) |
+  const Mask guarded = (svd.sigma.z * outside_by < least_guard) |
                        (svd.sigma.x > outside_by * larger(largest, splat<W>(kLargestStretch)));
   const Mask stopped = guarded | (svd.sigma.z * kGuardMargin < least) | (svd.sigma.x > kGuardMargin * largest);
-  const Mask inside = guarded & stiff;
+  const Mask inside = guarded & stiff & ~tangled;
   least = select(inside, larger(least, splat<W>(kLeastStretch * kStiffGuardMargin)), least);
   largest = select(inside, smaller(largest, splat<W>(kLargestStretch / kStiffGuardMargin)), largest);
   const Vec3Of<W> held = limitPrincipal(svd, least, largest);
@@ -220,14 +224,15 @@ SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, Bloc
     // A rigid cluster's F does not depend on which clusters are its neighbours.
     for (int k = 0; k < 9; ++k) f[k] = select(deforms, f[k], r.m[k]);
     SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) f[k] = select(deforms, f[k], W{});
-    shaped = deforms & stiffness.loadMask<W>(stiffness->keeps_volume);
+    const Mask tangled = state.loadMask<W>(state->tangled);
+    shaped = deforms & stiffness.loadMask<W>(stiffness->keeps_volume) & ~tangled;
     if (any(shaped)) keepVolume(columns, stiffness, shaped, f);
     Mat3Of<W> linear;
     for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
     const Mask act =
         deforms & ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest));
     if (any(act)) {
-      limited = limitStretches(stiffness, act, linear, shaped);
+      limited = limitStretches(stiffness, act, tangled, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
       SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) {
         const W most = splat<W>(kLargestStretch);

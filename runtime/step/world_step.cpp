@@ -38,7 +38,7 @@ constexpr float kShortestPass = 1e-5F;
 // Passes of this length or longer, s, are too few for clusters to pass a correction on to one another: a free part goes
 // back as one as soon as it is so far, in radii of gyration, from its rest shape. So does one of uneven masses.
 constexpr float kFewPasses = 0.02F;
-constexpr double kHardlyAstray = 0.005;
+constexpr double kHardlyAstray = 0.002;
 
 // Clusters that share vertices and are turned against each other by more than 120 degrees are tangled: |w| of the
 // quaternion between them.
@@ -317,6 +317,12 @@ class BodyStep {
                           body_.blocks, far);
   }
 
+  // Whether all clusters of a part are rigid: together they are one solid, but each would pass a correction on by one
+  // neighbour a pass.
+  bool isRigid(const Part& part) const {
+    return std::isinf(body_.stiffness->slowest_hz[std::size_t(&part - body_.parts.data())]);
+  }
+
   Part& partOfCluster(std::uint32_t cluster) {
     const auto begins_behind = [](std::uint32_t index, const Part& part) { return index < part.first_cluster; };
     return *std::prev(std::upper_bound(body_.parts.begin() + 1, body_.parts.end(), cluster, begins_behind));
@@ -347,12 +353,18 @@ class BodyStep {
         const ClusterBlock& block = body_.blocks[c / 8];
         lost |= block.lost[c % 8] != 0 || block.limited[c % 8] != 0;
       }
-      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven || part.tangled);
+      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven || part.tangled || isRigid(part));
       if (!lost && !as_one) continue;
       const std::uint32_t first = part.first_cluster / 8, last = (part.first_cluster + part.cluster_count - 1) / 8;
       // Goals have taken the place of what moments left in the slots; and the pose moves centres.
       for (std::uint32_t b = first; b <= last; ++b) moments(b);
-      part.tangled &= findPose(part, as_one ? kHardlyAstray : kAstray);
+      const bool astray = findPose(part, as_one ? kHardlyAstray : kAstray);
+      if (part.tangled) {
+        part.tangled = astray;
+        for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
+          body_.blocks[c / 8].tangled[c % 8] = astray ? -1 : 0;
+        }
+      }
       matchAndAsk(first, last + 1);
     }
   }
@@ -489,6 +501,8 @@ class BodyStep {
     const double ratio = double(settings_.deformation_damping_ratio);
     const double slowest_hz = double(body_.stiffness->slowest_hz[chunk.part]);
     double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * slowest_hz, kFastestDamping) : 0.0;
+    // What clusters damp themselves is part of it: both together would have slow chains creep.
+    rate = std::max(rate - double(body_.stiffness->own_damping[chunk.part]), 0.0);
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));

@@ -29,6 +29,36 @@ VectorXd basis(const Vector3d& q, ClusterMode mode) {
   return b;
 }
 
+// The rigid motion from the rest shape that is nearest to positions x.
+struct Pose {
+  Vector3d center, rest_center;
+  Matrix3d rotation;
+  Vector3d at(const Vector3d& rest) const { return center + rotation * (rest - rest_center); }
+};
+
+Pose bestPose(const formats::PackageContent& content, const std::vector<Vector3d>& x) {
+  Pose pose{Vector3d::Zero(), Vector3d::Zero(), Matrix3d::Zero()};
+  double mass = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double m = double(content.physical_vertices[i].mass);
+    mass += m;
+    pose.center += m * x[i];
+    pose.rest_center += m * toVector(content.physical_vertices[i].rest_position);
+  }
+  pose.center /= mass;
+  pose.rest_center /= mass;
+  Matrix3d moment = Matrix3d::Zero();
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const auto& vertex = content.physical_vertices[i];
+    moment +=
+        double(vertex.mass) * (x[i] - pose.center) * (toVector(vertex.rest_position) - pose.rest_center).transpose();
+  }
+  const Eigen::JacobiSVD<Matrix3d> svd(moment, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+  pose.rotation = svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+  return pose;
+}
+
 // Positions after one pass of length h from positions x at rest, no gravity.
 std::vector<Vector3d> referencePass(const formats::PackageContent& content, const std::vector<Vector3d>& x, double h) {
   std::vector<Vector3d> moved(x.size(), Vector3d::Zero());
@@ -41,6 +71,7 @@ std::vector<Vector3d> referencePass(const formats::PackageContent& content, cons
   }
   const double part_gyration = std::sqrt(part_second / part_mass - (part_first / part_mass).squaredNorm());
 
+  const Pose part = bestPose(content, x);
   for (const formats::Cluster& cluster : content.clusters) {
     const std::size_t n = cluster.member_count;
     MatrixXd b(n, cluster.mode == ClusterMode::quadratic ? 9 : 3), p(n, 3);
@@ -97,6 +128,13 @@ std::vector<Vector3d> referencePass(const formats::PackageContent& content, cons
       const Vector3d turn = -inertia.inverse() * torque;
       if (turn.norm() < 1e-14) break;
       goal = (goal * Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix().transpose()).eval();
+    }
+    // Rigid clusters together are one rigid body.
+    if (cluster.mode == ClusterMode::rigid && content.clusters.size() > 1) {
+      for (std::size_t k = 0; k < n; ++k) {
+        const auto& vertex = content.physical_vertices[content.memberships[cluster.first_member + k].vertex];
+        goal.row(Eigen::Index(k)) = (part.at(toVector(vertex.rest_position)) - center).transpose() / radius;
+      }
     }
     for (std::size_t k = 0; k < n; ++k) {
       const auto& member = content.memberships[cluster.first_member + k];

@@ -110,13 +110,14 @@ TEST(FreeBody, WorksFarFromTheOrigin) {
   BodySettings place;
   place.position = {10000, 0, -10000};
   const BodyId body = *world.addBody(boxAsset(overlapping(ClusterMode::linear)), place);
-  // Floats are 1/1024 m apart there: every vertex flickers by about one of them, and for 20 s that is all. Now and then
-  // the whole body shows it (1.4 to 1.6 of them); the mean of looks two seconds apart says whether it grows.
+  // Floats are 1/1024 m apart there: every vertex flickers by about one of them, as one over the root of the damping,
+  // and for 20 s that is all. Now and then the whole body shows it (1.4 to 1.6 of them); the mean of looks two seconds
+  // apart says whether it grows.
   double mean = 0;
   for (int i = 0; i < 10; ++i) {
     run(world, 2);
     mean += restError(world, body).rms / 10;
-    EXPECT_LT(restError(world, body).max, 4.0 / 1024);
+    EXPECT_LT(restError(world, body).max, 4.4 / 1024);
   }
   EXPECT_LT(mean, 1.0 / 1024);
   EXPECT_LT((motionOf(world, body).center - Vector3d(10000, 0, -10000)).norm(), 0.05);

@@ -53,7 +53,7 @@ Vector3d angularVelocity(const Matrix3d& second, const Vector3d& angular) {
 }
 
 // When the runtime matches a part as one (docs/method.md §3): RMS distance from the rest shape, radii of gyration.
-constexpr double kAstray = 0.5, kHardlyAstray = 0.005;
+constexpr double kAstray = 0.5, kHardlyAstray = 0.002;
 constexpr double kDistorted = 0.25;   // of single clusters, below which a part is only bent
 constexpr double kFewPasses = 0.02;   // s
 constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
@@ -200,8 +200,7 @@ double BodyMeasure::slowestHz(double pass_seconds) const {
   for (const ClusterData& data : clusters_) {
     if (data.rigid) continue;
     if (data.modes.cols() == 0) {
-      const double ratio = data.per_step ? 1 : data.size_ratio;
-      slowest = std::min(slowest, omegaOf(data, pass_seconds) / (2 * std::numbers::pi * ratio));
+      slowest = std::min(slowest, omegaOf(data, pass_seconds) / (2 * std::numbers::pi * data.size_ratio));
       continue;
     }
     double least = std::numeric_limits<double>::infinity();
@@ -391,14 +390,16 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
   return result;
 }
 
-BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, double pass_seconds) const {
+BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, double pass_seconds,
+                                              bool tangled) const {
   std::vector<Vector3d> x;
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
   Potential result;
   const double by_cluster = clusterPotential(x, pass_seconds, result.limited);
-  const PartPotential one = partPotential(x, pass_seconds);
+  const PartPotential one = partPotential(x, pass_seconds, tangled);
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
   result.least = one.begins ? result.most : by_cluster;
+  result.tangled = one.tangled;
   return result;
 }
 
@@ -421,7 +422,31 @@ bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pas
   return f.determinant() < 0 || stretches[2] < kLeast / kMargin || stretches[0] > largest * kMargin;
 }
 
-BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> x, double pass_seconds) const {
+bool BodyMeasure::isRigid() const {
+  return std::all_of(clusters_.begin(), clusters_.end(), [](const ClusterData& data) { return data.rigid; });
+}
+
+// Whether clusters that share a vertex are turned against each other by more than 120 degrees.
+bool BodyMeasure::areTangled(std::span<const Match> matches) const {
+  const auto turned = [&](std::uint32_t a, std::uint32_t b) {
+    const Matrix3d between = matches[a].rotation.transpose() * matches[b].rotation;
+    return between.trace() < 0;  // 1 + 2 cos
+  };
+  std::vector<std::uint32_t> last(asset_->package().physicalVertices().size(), formats::kNone);
+  const auto clusters = asset_->package().clusters();
+  for (std::uint32_t c = 0; c < clusters.size(); ++c) {
+    for (const formats::Membership& member :
+         asset_->package().memberships().subspan(clusters[c].first_member, clusters[c].member_count)) {
+      std::uint32_t& before = last[member.vertex];
+      if (before != formats::kNone && turned(before, c)) return true;
+      before = c;
+    }
+  }
+  return false;
+}
+
+BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> x, double pass_seconds,
+                                                      bool tangled) const {
   const formats::PackageView& package = asset_->package();
   const auto clusters = package.clusters();
   if (clusters.size() < 2) return {};
@@ -471,14 +496,17 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
     }
   }
   result.energy /= pass_seconds * pass_seconds;
-  const bool always = pass_seconds >= kFewPasses || uneven_;
+  result.tangled = tangled || areTangled(matches);
+  const bool always = pass_seconds >= kFewPasses || uneven_ || result.tangled || isRigid();
   result.begins = always;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     result.begins = result.begins || isLost(clusters_[c], matches[c], pass_seconds);
   }
   const double far = always ? kHardlyAstray : kAstray;
   if (!always && own_deviation <= kDistorted * kDistorted * own_spread) return {};  // bent, not astray
-  if (deviation > far * far * spread) result.weight = 1 - far * far * spread / deviation;
+  const bool astray = deviation > far * far * spread;
+  if (astray) result.weight = 1 - far * far * spread / deviation;
+  result.tangled = result.tangled && astray;
   return result;
 }
 

@@ -57,8 +57,10 @@ class BodyMeasure {
   struct Potential {
     double least = 0, most = 0;
     bool limited = false;  ///< some cluster is beyond a limit or the guard: what stops it there is no potential
+    bool tangled = false;  ///< neighbours are turned against each other, or were and the part is not back yet
   };
-  Potential potential(const World& world, BodyId body, double pass_seconds) const;
+  /// \param tangled what the last call returned of that, false at first.
+  Potential potential(const World& world, BodyId body, double pass_seconds, bool tangled) const;
 
   /// The lowest frequency that the body returns with in passes of this length, Hz; 0 where a part of it never does;
   /// infinite where all clusters are rigid. Clusters of StiffnessModel::elastic that are 1/n of the body bend n² slower
@@ -107,11 +109,14 @@ class BodyMeasure {
     double energy = 0;    ///< J
     double weight = 0;    ///< 0 where the part is not astray
     bool begins = false;  ///< whatever its past, the part is matched as one
+    bool tangled = false;
   };
   bool isLost(const ClusterData& data, const Match& match, double pass_seconds) const;
   /// \param[out] limited whether some cluster is beyond a limit.
   double clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool& limited) const;
-  PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
+  PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool tangled) const;
+  bool isRigid() const;
+  bool areTangled(std::span<const Match> matches) const;
   void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
   Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions) const;
 

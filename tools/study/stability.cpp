@@ -412,7 +412,9 @@ class CellRun {
     momentum_scale_ = before_.momentum_scale;
     angular_scale_ = before_.angular_scale;
     // What the start may turn into motion: its speed, its elastic energy, and what matching sets free at once.
-    energy_ = before_.kinetic + measure_.potential(world_, body_, pass_seconds_).most;
+    const BodyMeasure::Potential potential = measure_.potential(world_, body_, pass_seconds_, tangled_);
+    tangled_ = potential.tangled;
+    energy_ = before_.kinetic + potential.most;
     released_energy_ = energy_;
     energy_ *= kEnergyLimit;
     // Sums are rounded relative to the fastest motion there may be, which a step can hide.
@@ -477,7 +479,8 @@ class CellRun {
     // What has flowed rests in another shape: of it kinetic energy alone is judged, by that at the release.
     const bool flows = setup_.matter == Matter::plastic;
     BodyMeasure::Potential potential;
-    if (!flows) potential = measure_.potential(world_, body_, pass_seconds_);
+    if (!flows) potential = measure_.potential(world_, body_, pass_seconds_, tangled_);
+    tangled_ = potential.tangled;
     // Nor is what lies beyond a limit judged by a potential: stops do not give back what they take.
     const double energy = now.kinetic + (potential.limited ? 0 : potential.least);
     if (energy > floor) {
@@ -532,6 +535,7 @@ class CellRun {
   double reached_ = 0;  // largest coordinate after the last step, metres
   bool measuring_ = true, holding_ = false;
   bool lost_pending_ = false, lost_done_ = false;
+  bool tangled_ = false;  // BodyMeasure::Potential
 };
 
 bool selected(const std::string& text, const std::string& only) {

@@ -138,7 +138,7 @@ typedef struct sinew_world_settings {
   float ground_friction;           /* Coulomb coefficient, 0..; 0.6 */
   uint32_t iterations;             /* passes a step is divided into, 1..16; 4 */
   float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
-  float deformation_damping_ratio; /* of what is not rigid motion, to critical damping, 0..1; 0.3 */
+  float deformation_damping_ratio; /* of what is not rigid motion, to critical damping, 0..1; 0.25 */
   float support_damping;           /* of turning on supports, and most of other motion there, 1/s; 4 */
   uint32_t measure_phases;         /* 1: fills sinew_world_phase; 0 */
 } sinew_world_settings;

@@ -69,9 +69,9 @@ struct WorldSettings {
   float damping = 0.2F;
   /// Damping of motion that is not the rigid motion of a body part (inner friction), as a ratio to critical damping at
   /// the lowest frequency of the part's clusters: a deformation loses exp(-2 pi ratio) of itself in a period. Faster
-  /// modes lose as much in the same time. 0..1; 0.3 brings a body from any deformation back to 1e-3 within five
+  /// modes lose as much in the same time. 0..1; 0.25 brings a body from any deformation back to 1e-3 within five
   /// periods. A part that stands, hangs or leans loses it at no more than support_damping: a beam swings out freely.
-  float deformation_damping_ratio = 0.3F;
+  float deformation_damping_ratio = 0.25F;
   /// Rate at which turning on supports decays (a part that stands, hangs or leans): soft things do not roll or swing
   /// for ever. Also the most that their deformations lose. 1/s, 0..1e4.
   float support_damping = 4.0F;
