@@ -211,6 +211,7 @@ StiffnessSet::StiffnessSet(const formats::PackageView& package, float stiffness_
       blocks((clusters.size() + 7) / 8, memory),
       slowest_hz(package.bodies().size(), memory),
       own_damping(package.bodies().size(), memory),
+      stiff(package.bodies().size(), memory),
       kept(memory) {}
 
 void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block) {
@@ -244,9 +245,11 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
     const formats::BodyRange& range = package.bodies()[part];
     float slowest = std::numeric_limits<float>::infinity();
     bool deforms = false;
+    stiff[part] = 1;
     for (const ClusterStiffness& one : std::span(clusters).subspan(range.first_cluster, range.cluster_count)) {
       deforms |= std::isfinite(one.slowest_hz);
       if (one.slowest_hz > 0) slowest = std::min(slowest, one.slowest_hz);
+      if (one.kept > kStiffKeeps) stiff[part] = 0;
     }
     slowest_hz[part] = deforms && !std::isfinite(slowest) ? 0.0F : slowest;
   }

@@ -53,6 +53,9 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
 /// The same for kernels, with the guard's limits and no volume kept. \param lane 0..7 of the block.
 void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, StiffnessBlock& block);
 
+/// The most of a deformation that a cluster which is as good as rigid keeps in a pass.
+inline constexpr float kStiffKeeps = 0.01F;
+
 /// The stiffness of all clusters of a package for one length of pass; bodies with the same scale share it.
 struct StiffnessSet {
   /// \param scale multiplies all frequencies, 0.. \param memory what it keeps comes from there.
@@ -67,6 +70,7 @@ struct StiffnessSet {
   std::pmr::vector<StiffnessBlock> blocks;  ///< the same for kernels
   std::pmr::vector<float> slowest_hz;       ///< by part: the lowest of its clusters' that is not 0
   std::pmr::vector<float> own_damping;      ///< by part: the least that its clusters have themselves, 1/s
+  std::pmr::vector<std::uint8_t> stiff;     ///< by part: not 0 where no cluster keeps more than kStiffKeeps in a pass
   /// By entry of MechanicsConstants::modes: what a pass keeps of each.
   std::pmr::vector<Eigen::Matrix<float, 27, 1>> kept;
 };

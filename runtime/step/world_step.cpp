@@ -43,6 +43,7 @@ constexpr double kHardlyAstray = 0.002;
 // Clusters that share vertices and are turned against each other by more than 120 degrees are tangled: |w| of the
 // quaternion between them.
 constexpr float kTangled = 0.5F;
+constexpr float kTangledPeriods = 0.5F;
 
 // Fastest decay of deformations, 1/s. Neighbours pass a push on by moving: stopped at once, a long chain of stiff
 // clusters would creep back.
@@ -152,14 +153,21 @@ class BodyStep {
   }
 
   // Each cluster of a body that was turned inside out may be well, and its neighbours half a turn away from it: that
-  // stays for good. Once a step is enough to see it.
-  void compareOverlaps() {
+  // stays for good. Once a step is enough to see it; what passes by in less than half a period is not stuck.
+  void compareOverlaps(float seconds) {
+    for (Part& part : body_.parts) part.turned = false;
     for (const auto& [a, b] : rest_.overlaps) {
       const ClusterBlock& first = body_.blocks[a / 8];
       const ClusterBlock& second = body_.blocks[b / 8];
+      if ((first.lost[a % 8] | second.lost[b % 8]) != 0) continue;
       float cosine = 0;
       for (std::size_t k = 0; k < 4; ++k) cosine += first.rotation[k][a % 8] * second.rotation[k][b % 8];
-      if (std::abs(cosine) < kTangled) partOfCluster(a).tangled = true;
+      if (std::abs(cosine) < kTangled) partOfCluster(a).turned = true;
+    }
+    for (std::size_t i = 0; i < body_.parts.size(); ++i) {
+      Part& part = body_.parts[i];
+      part.turned_seconds = part.turned && part.free ? part.turned_seconds + seconds : 0.0F;
+      part.tangled |= part.turned_seconds * body_.stiffness->slowest_hz[i] > kTangledPeriods;
     }
   }
 
@@ -317,11 +325,9 @@ class BodyStep {
                           body_.blocks, far);
   }
 
-  // Whether all clusters of a part are rigid: together they are one solid, but each would pass a correction on by one
-  // neighbour a pass.
-  bool isRigid(const Part& part) const {
-    return std::isinf(body_.stiffness->slowest_hz[std::size_t(&part - body_.parts.data())]);
-  }
+  // Whether all clusters of a part are as good as rigid: together they are one solid, but each would pass a correction
+  // on by one neighbour a pass.
+  bool isStiff(const Part& part) const { return body_.stiffness->stiff[std::size_t(&part - body_.parts.data())] != 0; }
 
   Part& partOfCluster(std::uint32_t cluster) {
     const auto begins_behind = [](std::uint32_t index, const Part& part) { return index < part.first_cluster; };
@@ -353,7 +359,7 @@ class BodyStep {
         const ClusterBlock& block = body_.blocks[c / 8];
         lost |= block.lost[c % 8] != 0 || block.limited[c % 8] != 0;
       }
-      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven || part.tangled || isRigid(part));
+      const bool as_one = part.cluster_count > 1 && (h_ >= kFewPasses || part.uneven || part.tangled || isStiff(part));
       if (!lost && !as_one) continue;
       const std::uint32_t first = part.first_cluster / 8, last = (part.first_cluster + part.cluster_count - 1) / 8;
       // Goals have taken the place of what moments left in the slots; and the pose moves centres.
@@ -586,7 +592,7 @@ void stepBody(Body& body, BodyScratch& scratch, const WorldSettings& settings, J
   body.pass_seconds = pass_seconds;
   step.moveSpin(-1);
   for (std::uint32_t left = passes; left > 0; --left) step.pass(left);
-  step.compareOverlaps();
+  step.compareOverlaps(float(passes) * pass_seconds);
   step.moveSpin(1);
   for (const VertexChunk& chunk : body.chunks) body.repaired += chunk.repaired;
   body.rows.clear();

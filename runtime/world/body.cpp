@@ -116,6 +116,11 @@ void Body::reset(PassScratch& scratch) {
 void Body::matchPositions(PassScratch& scratch) {
   take(scratch);
   centers_known = false;
+  for (Part& part : parts) {
+    part.tangled = false;
+    part.turned_seconds = 0;
+  }
+  for (ClusterBlock& block : blocks) std::fill(std::begin(block.tangled), std::end(block.tangled), 0);
   // A lost vertex must not take its clusters along: it counts as being where they had wanted it.
   for (std::uint32_t i = 0; i < vertexCount(); ++i) y[i] = stateIsUsable(x[i], {}) ? x[i] : asArray(blendedGoal(i));
   const Kernels& kernel = kernels();

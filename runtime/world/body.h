@@ -105,6 +105,8 @@ struct Part {
   Pull pull;                  ///< of this pass
   RigidMotion found, wanted;  ///< of v = (y - x) / h, and with the momentum that it should have
   bool uneven = false;        ///< its heaviest vertex weighs more than a hundred times its lightest
+  float turned_seconds = 0;   ///< for so long some of its neighbouring clusters have been turned against each other
+  bool turned = false;        ///< they were in this step
   bool tangled = false;       ///< neighbouring clusters are turned against each other: it goes back as one
   bool free = true;           ///< no row of this pass touches the part
   bool shifted = false;       ///< bringNear() moved it in this pass

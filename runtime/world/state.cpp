@@ -49,7 +49,8 @@ struct SavedPinSet {
 /// The moving point about which a part's motion is summed, and its fast spin.
 struct SavedCenter {
   std::array<double, 3> reference, moving, spin;
-  std::uint64_t tangled;
+  float turned_seconds;
+  std::uint32_t tangled;
 };
 
 constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
@@ -162,7 +163,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
     for (std::size_t k = 0; k < 3; ++k) {
       sound &= std::isfinite(center.reference[k]) && std::isfinite(center.moving[k]) && std::isfinite(center.spin[k]);
     }
-    sound &= center.tangled <= 1;
+    sound &= center.tangled <= 1 && std::isfinite(center.turned_seconds);
   }
   for (std::uint32_t i = 0; i < 2 * h.vertices; ++i) reader.get<Vec3>();  // any: what is lost a step puts right
   for (std::uint32_t i = 0; i < h.vertices; ++i) sound &= allFinite(reader.get<Vec3>().data(), 3);
@@ -219,6 +220,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
     std::copy(part.reference.data(), part.reference.data() + 3, saved.reference.begin());
     std::copy(part.moving.data(), part.moving.data() + 3, saved.moving.begin());
     std::copy(part.spin.data(), part.spin.data() + 3, saved.spin.begin());
+    saved.turned_seconds = part.turned_seconds;
     saved.tangled = part.tangled ? 1 : 0;
     writer.put(&saved, 1);
   }
@@ -287,6 +289,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     std::copy(saved.reference.begin(), saved.reference.end(), part.reference.data());
     std::copy(saved.moving.begin(), saved.moving.end(), part.moving.data());
     std::copy(saved.spin.begin(), saved.spin.end(), part.spin.data());
+    part.turned_seconds = saved.turned_seconds;
     part.tangled = saved.tangled != 0;
   }
   reader.get(body->x.data(), header.vertices);

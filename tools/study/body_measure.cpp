@@ -256,11 +256,9 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
         internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(), float(1 / (h2 * stiffness))));
     answer.deformation += pressure * pushed;
     amplitudes += pressure * amplitude;
-    // Where the pressure does not act it has no energy either.
-    if (pressure != 0) {
-      answer.energy = mass * radius * radius * stiffness *
-                      internal::volumeEnergy((a + pressure * pushed.leftCols<3>()).determinant());
-    }
+    // Where the pressure does not act it has no energy either, but may get it.
+    const double off = internal::volumeEnergy((a + pressure * pushed.leftCols<3>()).determinant());
+    (pressure != 0 ? answer.energy : answer.latent) = mass * radius * radius * stiffness * off;
   }
   if (data.modes.cols() > 0) {
     answer.energy += 0.5 * mass * radius * radius * (data.mode_omega2.array() * amplitudes.array().square()).sum();
@@ -395,10 +393,13 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
   std::vector<Vector3d> x;
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
   Potential result;
-  const double by_cluster = clusterPotential(x, pass_seconds, result.limited);
+  const ClusterPotential clusters = clusterPotential(x, pass_seconds);
+  const double by_cluster = clusters.energy;
+  result.limited = clusters.limited;
   const PartPotential one = partPotential(x, pass_seconds, tangled);
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
   result.least = one.begins ? result.most : by_cluster;
+  result.most += clusters.latent;
   result.tangled = one.tangled;
   return result;
 }
@@ -422,8 +423,10 @@ bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pas
   return f.determinant() < 0 || stretches[2] < kLeast / kMargin || stretches[0] > largest * kMargin;
 }
 
-bool BodyMeasure::isRigid() const {
-  return std::all_of(clusters_.begin(), clusters_.end(), [](const ClusterData& data) { return data.rigid; });
+bool BodyMeasure::isStiff(double pass_seconds) const {
+  return std::all_of(clusters_.begin(), clusters_.end(), [&](const ClusterData& data) {
+    return takenOf(data, pass_seconds) >= 1 - double(internal::kStiffKeeps);
+  });
 }
 
 // Whether clusters that share a vertex are turned against each other by more than 120 degrees.
@@ -497,8 +500,8 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   }
   result.energy /= pass_seconds * pass_seconds;
   result.tangled = tangled || areTangled(matches);
-  const bool always = pass_seconds >= kFewPasses || uneven_ || result.tangled || isRigid();
-  result.begins = always;
+  result.begins = pass_seconds >= kFewPasses || uneven_ || isStiff(pass_seconds);
+  const bool always = result.begins || result.tangled;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     result.begins = result.begins || isLost(clusters_[c], matches[c], pass_seconds);
   }
@@ -510,7 +513,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   return result;
 }
 
-double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds, bool& limited) const {
+BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds) const {
   const formats::PackageView& package = asset_->package();
   const auto vertices = package.physicalVertices();
   // y with goals x: a pass starts from there in effect. Richardson's iteration climbs the dual function, whose values
@@ -518,7 +521,9 @@ double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_se
   // energy of a cluster: it counts with the first pass alone.
   constexpr int kIterations = 24;
   std::vector<Vector3d> y(x.begin(), x.end()), goal(x.size());
-  double bound = 0, first = 0;
+  ClusterPotential result;
+  double& bound = result.energy;
+  double first = 0;
   for (int iteration = -1; iteration < kIterations; ++iteration) {
     const bool guarded = iteration < 0;
     double elastic = 0, apart = 0;
@@ -528,7 +533,8 @@ double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_se
       const formats::Cluster& cluster = package.clusters()[c];
       const Match m = match(c, y);
       const Answer answer = answerOf(c, m, pass_seconds, guarded);
-      limited = limited || answer.limited;
+      result.limited = result.limited || answer.limited;
+      if (guarded) result.latent += answer.latent;
       elastic += answer.energy;
       Eigen::Matrix<double, 3, 9> f = answer.deformation;
       f.leftCols<3>() += double(cluster.radius) * m.rotation;
@@ -550,7 +556,7 @@ double BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_se
     if (iteration == 0) first = missing;
     if (missing <= 1e-8 * first) break;
   }
-  return bound;
+  return result;
 }
 
 }  // namespace sinew::tools

@@ -98,6 +98,7 @@ class BodyMeasure {
   struct Answer {
     Eigen::Matrix<double, 3, 9> deformation = Eigen::Matrix<double, 3, 9>::Zero();
     double energy = 0;
+    double latent = 0;     ///< of a volume that is lost and not pushed at, J: it will be when there is more of it
     bool limited = false;  ///< a limit or the guard changes the deformation
   };
   static void addStiffness(const formats::PackageView& package, std::uint32_t index, double scale, ClusterData& data);
@@ -112,10 +113,14 @@ class BodyMeasure {
     bool tangled = false;
   };
   bool isLost(const ClusterData& data, const Match& match, double pass_seconds) const;
-  /// \param[out] limited whether some cluster is beyond a limit.
-  double clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool& limited) const;
+  struct ClusterPotential {
+    double energy = 0, latent = 0;  ///< J
+    bool limited = false;           ///< some cluster is beyond a limit
+  };
+  ClusterPotential clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
   PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool tangled) const;
-  bool isRigid() const;
+  /// Whether all clusters are as good as rigid in passes of this length.
+  bool isStiff(double pass_seconds) const;
   bool areTangled(std::span<const Match> matches) const;
   void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
   Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions) const;

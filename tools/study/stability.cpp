@@ -415,6 +415,7 @@ class CellRun {
     const BodyMeasure::Potential potential = measure_.potential(world_, body_, pass_seconds_, tangled_);
     tangled_ = potential.tangled;
     energy_ = before_.kinetic + potential.most;
+    potential_known_ = !potential.limited;
     released_energy_ = energy_;
     energy_ *= kEnergyLimit;
     // Sums are rounded relative to the fastest motion there may be, which a step can hide.
@@ -476,12 +477,18 @@ class CellRun {
     const double added = measure_.roundingGain() * rounding_speed * std::max(4.0, double(passes_since_release_));
     const double floor =
         0.5 * now.mass * (std::pow(added, 2) + std::pow(4 * measure_.fastestOmega(pass_seconds_) * rounding, 2));
-    // What has flowed rests in another shape: of it kinetic energy alone is judged, by that at the release.
-    const bool flows = setup_.matter == Matter::plastic;
+    // What has flowed rests in another shape, and what has no stiffness in any: of it kinetic energy alone is judged,
+    // by the energy at the release.
+    const bool flows = setup_.matter == Matter::plastic || !(measure_.slowestHz(pass_seconds_) > 0);
     BodyMeasure::Potential potential;
     if (!flows) potential = measure_.potential(world_, body_, pass_seconds_, tangled_);
     tangled_ = potential.tangled;
-    // Nor is what lies beyond a limit judged by a potential: stops do not give back what they take.
+    // Nor is what lies beyond a limit judged by a potential: stops do not give back what they take. What it has where
+    // it first comes within the limits is not to grow from there on.
+    if (!potential_known_ && !potential.limited) {
+      potential_known_ = true;
+      energy_ = std::max(energy_, kEnergyLimit * (now.kinetic + potential.most));
+    }
     const double energy = now.kinetic + (potential.limited ? 0 : potential.least);
     if (energy > floor) {
       // What contracts spins up, as a skater does: its shape and its angular momentum leave it no less.
@@ -535,7 +542,8 @@ class CellRun {
   double reached_ = 0;  // largest coordinate after the last step, metres
   bool measuring_ = true, holding_ = false;
   bool lost_pending_ = false, lost_done_ = false;
-  bool tangled_ = false;  // BodyMeasure::Potential
+  bool tangled_ = false;          // BodyMeasure::Potential
+  bool potential_known_ = false;  // the body has been within its limits since the release
 };
 
 bool selected(const std::string& text, const std::string& only) {
