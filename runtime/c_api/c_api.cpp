@@ -4,6 +4,7 @@
 #include "sinew/c_api.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -391,6 +392,16 @@ sinew_status sinew_asset_from_memory(const void* bytes, size_t size, sinew_asset
   if (bytes == nullptr || asset == nullptr) return failNull("sinew_asset_from_memory");
   return guarded("sinew_asset_from_memory", [&] {
     return finishLoad(sinew::Asset::fromMemory({static_cast<const std::byte*>(bytes), size}), asset);
+  });
+}
+
+sinew_status sinew_asset_in_place(const void* bytes, size_t size, sinew_asset** asset) {
+  if (bytes == nullptr || asset == nullptr) return failNull("sinew_asset_in_place");
+  if (reinterpret_cast<std::uintptr_t>(bytes) % sinew::formats::kSectionAlignment != 0) {
+    return fail(SINEW_ERROR_ARGUMENT, "sinew_asset_in_place: the address of the bytes is not a multiple of 64");
+  }
+  return guarded("sinew_asset_in_place", [&] {
+    return finishLoad(sinew::Asset::inPlace({static_cast<const std::byte*>(bytes), size}), asset);
   });
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "sinew/runtime/asset.h"
 
+#include <algorithm>
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <mutex>
 #include <new>
@@ -45,13 +45,17 @@ Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) try {
 
 Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) try {
   std::shared_ptr<Asset> asset(new Asset);
-  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % formats::kSectionAlignment != 0) {
-    asset->memory_ = ::operator new(bytes.size(), std::align_val_t(formats::kSectionAlignment));
-    asset->bytes_ = bytes.size();
-    std::memcpy(asset->memory_, bytes.data(), bytes.size());
-    bytes = {static_cast<const std::byte*>(asset->memory_), asset->bytes_};
-  }
-  return open(std::move(asset), bytes, "");
+  asset->memory_ = ::operator new(bytes.size(), std::align_val_t(formats::kSectionAlignment));
+  asset->bytes_ = bytes.size();
+  std::span<std::byte> copy(static_cast<std::byte*>(asset->memory_), bytes.size());
+  std::copy(bytes.begin(), bytes.end(), copy.begin());
+  return open(std::move(asset), copy, "");
+} catch (const std::bad_alloc&) {
+  return Error{"out of memory"};
+}
+
+Result<std::shared_ptr<const Asset>> Asset::inPlace(std::span<const std::byte> bytes) try {
+  return open(std::shared_ptr<Asset>(new Asset), bytes, "");
 } catch (const std::bad_alloc&) {
   return Error{"out of memory"};
 }

@@ -137,7 +137,34 @@ static void testAsset(const char* path, sinew_asset** asset) {
   CHECK_FAILS(SINEW_ERROR_PACKAGE, sinew_asset_from_memory(bytes, (size_t)size - 1, &none));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_from_memory(NULL, 10, &none));
   CHECK_OK(sinew_asset_from_memory(bytes, (size_t)size, &none));
-  sinew_asset_release(none);
+  {
+    /* The asset has its own copy: the caller's bytes may go. In place, it has none. */
+    char* block = malloc((size_t)size + 128);
+    char* aligned;
+    const void* copied;
+    sinew_asset* in_place = NULL;
+    CHECK(block != NULL);
+    if (block == NULL) return;
+    aligned = block + (64 - (size_t)block % 64) % 64;
+    memcpy(aligned, bytes, (size_t)size);
+    memset(bytes, 0x5a, (size_t)size);
+    CHECK_OK(sinew_asset_in_place(aligned, (size_t)size, &in_place));
+    CHECK_OK(sinew_asset_section(in_place, SINEW_SECTION('C', 'L', 'U', 'S'), &data, &count, &bytes_each));
+    CHECK((const char*)data > aligned && (const char*)data < aligned + size && count == info.clusters);
+    CHECK_OK(sinew_asset_section(none, SINEW_SECTION('C', 'L', 'U', 'S'), &copied, &count, &bytes_each));
+    CHECK(copied != data && count == info.clusters && memcmp(copied, data, (size_t)count * bytes_each) == 0);
+    sinew_asset_release(none);
+    sinew_asset_release(in_place);
+    none = NULL;
+    memmove(aligned + 8, aligned, (size_t)size);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_in_place(aligned + 8, (size_t)size, &none));
+    CHECK(strstr(sinew_last_error(), "multiple of 64") != NULL);
+    CHECK_FAILS(SINEW_ERROR_PACKAGE, sinew_asset_in_place(aligned, (size_t)size, &none));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_in_place(NULL, 10, &none));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_asset_in_place(aligned, (size_t)size, NULL));
+    CHECK(none == NULL);
+    free(block);
+  }
   sinew_asset_release(NULL);
   free(bytes);
 }

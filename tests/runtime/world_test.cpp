@@ -3,9 +3,12 @@
 // Worlds and bodies: identity, parts, reset, determinism.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <fstream>
+#include <functional>
+#include <memory>
 
 #include "sinew/formats/writer.h"
 #include "sinew/runtime/thread_pool.h"
@@ -215,6 +218,70 @@ TEST(Asset, LoadsFromAFileAndSaysWhyNot) {
   std::remove(path.c_str());
   EXPECT_NE(Asset::load(path).reason().find(path), std::string::npos);
   EXPECT_FALSE(Asset::load(testing::TempDir()));
+}
+
+// Bytes at any distance from an address that is a multiple of 64.
+class BytesAt {
+ public:
+  BytesAt(std::span<const std::byte> bytes, std::size_t shift)
+      : room_(bytes.size() + shift + 64), bytes_(bytes.size()) {
+    void* start = room_.data();
+    std::size_t left = room_.size();
+    begin_ = static_cast<std::byte*>(std::align(64, bytes_ + shift, start, left)) + shift;
+    std::copy(bytes.begin(), bytes.end(), begin_);
+  }
+  std::span<std::byte> span() { return {begin_, bytes_}; }
+  bool holds(const void* address) const {
+    return std::less_equal<>()(static_cast<const void*>(begin_), address) &&
+           std::less<>()(address, static_cast<const void*>(begin_ + bytes_));
+  }
+
+ private:
+  std::vector<std::byte> room_;
+  std::size_t bytes_;
+  std::byte* begin_;
+};
+
+TEST(Asset, FromMemoryCopiesWhateverTheAddress) {
+  const std::vector<std::byte> bytes = formats::writePackage(boxContent({}));
+  for (const std::size_t shift : {0U, 1U, 32U, 63U}) {
+    BytesAt at(bytes, shift);
+    const auto asset = Asset::fromMemory(at.span());
+    ASSERT_TRUE(asset) << asset.reason();
+    EXPECT_FALSE(at.holds((*asset)->package().physicalVertices().data())) << shift;
+    std::ranges::fill(at.span(), std::byte{0xff});
+    EXPECT_EQ((*asset)->package().totalBytes(), bytes.size());
+    EXPECT_EQ((*asset)->package().physicalVertices().front().rest_position[0], -0.5F) << shift;
+  }
+  EXPECT_NE(Asset::fromMemory({}).reason().find("cut short"), std::string::npos);
+}
+
+TEST(Asset, InPlaceUsesAndKeepsTheBytes) {
+  const std::vector<std::byte> bytes = formats::writePackage(boxContent({}));
+  BytesAt at(bytes, 0);
+  {
+    World world, other;
+    BodyId body{}, same{};
+    {
+      const auto asset = Asset::inPlace(at.span());
+      ASSERT_TRUE(asset) << asset.reason();
+      EXPECT_TRUE(at.holds((*asset)->package().physicalVertices().data()));
+      EXPECT_TRUE(at.holds((*asset)->package().info().origin.data()));
+      body = *world.addBody(*asset);
+      same = *other.addBody(*Asset::fromMemory(bytes));
+    }
+    for (int i = 0; i < 30; ++i) {
+      world.step(1.0F / 60);
+      other.step(1.0F / 60);
+    }
+    EXPECT_TRUE(std::ranges::equal(world.positions(body), other.positions(same)));
+  }
+  EXPECT_TRUE(std::ranges::equal(at.span(), bytes)) << "they are only read";
+  EXPECT_NE(Asset::inPlace({}).reason().find("cut short"), std::string::npos);
+  for (const std::size_t shift : {1U, 4U, 32U, 63U}) {
+    BytesAt odd(bytes, shift);
+    EXPECT_NE(Asset::inPlace(odd.span()).reason().find("not aligned to 64"), std::string::npos) << shift;
+  }
 }
 
 }  // namespace

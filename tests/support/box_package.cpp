@@ -318,12 +318,7 @@ void appendBody(formats::PackageContent& content, const formats::PackageContent&
 
 std::shared_ptr<const Asset> makeAsset(const formats::PackageContent& content) {
   const std::vector<std::byte> bytes = formats::writePackage(content);
-  // An unaligned address makes the asset keep a copy of its own.
-  std::vector<std::byte> shifted(bytes.size() + 65);
-  std::size_t offset = 1;
-  while (reinterpret_cast<std::uintptr_t>(shifted.data() + offset) % 64 == 0) ++offset;
-  std::copy(bytes.begin(), bytes.end(), shifted.begin() + std::ptrdiff_t(offset));
-  auto asset = Asset::fromMemory({shifted.data() + offset, bytes.size()});
+  auto asset = Asset::fromMemory(bytes);
   if (!asset) {
     ADD_FAILURE() << asset.reason();
     return nullptr;

@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <numbers>
 
 #include "runtime/geometry/grid_tetrahedra.h"
@@ -247,11 +246,7 @@ LatticeBody makeLattice(const LatticeOptions& o) {
 
   LatticeBody body;
   body.package = formats::writePackage(content);
-  // At an odd address, so that the asset keeps a copy of its own.
-  std::vector<std::byte> shifted(body.package.size() + 1);
-  const std::size_t offset = reinterpret_cast<std::uintptr_t>(shifted.data()) % formats::kSectionAlignment == 0 ? 1 : 0;
-  std::memcpy(shifted.data() + offset, body.package.data(), body.package.size());
-  auto asset = Asset::fromMemory({shifted.data() + offset, body.package.size()});
+  auto asset = Asset::fromMemory(body.package);
   if (!asset) {
     throw ToolError(ExitCode::system, "", "the benchmark's own body is refused: " + asset.reason(),
                     "This is a fault of sinew: please report it.");

@@ -34,7 +34,6 @@ constexpr double kDrawnDisplacement = 0.12;
 constexpr float kPictureYaw = 0.35F;
 
 struct Baked {
-  std::vector<std::byte> bytes;  // an asset from memory may use them in place
   std::shared_ptr<const Asset> asset;
   bool sheet = false;
 };
@@ -51,9 +50,8 @@ std::shared_ptr<const Baked> bakeWith(Recipe recipe, const std::array<std::uint3
   Progress progress(false);
   BakeResult result = bake(recipe, progress);
   auto baked = std::make_shared<Baked>();
-  baked->bytes = std::move(result.package);
   for (const auto& body : result.report["bodies"]) baked->sheet = baked->sheet || body["method"] == "shell";
-  const auto asset = Asset::fromMemory(baked->bytes);
+  const auto asset = Asset::fromMemory(result.package);
   if (!asset) {
     throw ToolError(ExitCode::system, recipe.source.string(), "the baked package does not load: " + asset.reason(),
                     "This is a fault of sinew: please report it with the file.");

@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <numbers>
 
 #include "runtime/geometry/grid_tetrahedra.h"
@@ -336,13 +335,7 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
   info.source_volume = -1;
   info.name = info.tool_version = info.source_file = info.unit_source = name;
   info.settings_json = content.addText("{}");
-  const std::vector<std::byte> bytes = formats::writePackage(content);
-  // An unaligned address makes the asset keep a copy of its own.
-  std::vector<std::byte> shifted(bytes.size() + 65);
-  std::size_t offset = 1;
-  while (reinterpret_cast<std::uintptr_t>(shifted.data() + offset) % 64 == 0) ++offset;
-  std::memcpy(shifted.data() + offset, bytes.data(), bytes.size());
-  auto asset = Asset::fromMemory({shifted.data() + offset, bytes.size()});
+  auto asset = Asset::fromMemory(formats::writePackage(content));
   if (!asset) {
     throw ToolError(ExitCode::system, "", "a package of the study is refused: " + asset.reason(),
                     "This is a fault of sinew: please report it.");

@@ -52,9 +52,12 @@ typedef struct sinew_asset sinew_asset;
 
 /* Opens and checks a package file. path: UTF-8 or whatever the system takes. */
 SINEW_API sinew_status sinew_asset_load(const char* path, sinew_asset** asset);
-/* The same from memory. bytes must outlive the asset and all its bodies, unless copied: they are where `bytes` is not
-   64-byte aligned. */
+/* The same from memory. Copies: bytes may go as soon as this returns. */
 SINEW_API sinew_status sinew_asset_from_memory(const void* bytes, size_t size, sinew_asset** asset);
+/* The same from memory, without a copy. bytes: the whole package, at an address that is a multiple of 64
+   (SINEW_ERROR_ARGUMENT otherwise); only read. They must stay, and stay as they are, until the asset is released and
+   all bodies made from it are gone: what was checked here is not checked again. */
+SINEW_API sinew_status sinew_asset_in_place(const void* bytes, size_t size, sinew_asset** asset);
 /* Bodies keep what they need: an asset may be released while they live. Null is ignored. */
 SINEW_API void sinew_asset_release(sinew_asset* asset);
 

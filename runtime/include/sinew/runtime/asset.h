@@ -26,8 +26,14 @@ class SINEW_API Asset {
   /// Opens and checks a package file (memory-mapped, used in place). The reason names the file and the fault.
   static Result<std::shared_ptr<const Asset>> load(const std::string& path);
 
-  /// The same from memory; copies only when `bytes` is not 64-byte aligned, else `bytes` must outlive the asset.
+  /// The same from memory. Copies: `bytes` may go as soon as this returns.
   static Result<std::shared_ptr<const Asset>> fromMemory(std::span<const std::byte> bytes);
+
+  /// The same from memory, without a copy: for packages inside an engine's own archives and memory maps.
+  /// \param bytes the whole package, at an address that is a multiple of 64 (else refused: the reason says so). They
+  /// are only read, so they may be write-protected and shared. They must stay, and stay as they are, until the asset is
+  /// gone, which the bodies made from it keep alive: what was checked here is not checked again.
+  static Result<std::shared_ptr<const Asset>> inPlace(std::span<const std::byte> bytes);
 
   const formats::PackageView& package() const { return view_; }
 
