@@ -110,14 +110,22 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
 
 StringRef PackageContent::addText(std::string_view text) {
   if (text.empty()) return {0, 0};
-  const std::string_view pool{strings.data(), strings.size()};
+  // Of many names (a source can have a hundred thousand groups) only the first are searched for parts of themselves.
+  constexpr std::size_t kSearched = 65536;
+  const std::string_view pool{strings.data(), std::min(strings.size(), kSearched)};
   std::size_t offset = pool.find(text);
   if (offset == std::string_view::npos) {
+    const auto known = texts_behind.find(text);
+    if (known != texts_behind.end()) return known->second;
     offset = strings.size();
     if (text.size() > std::numeric_limits<std::uint32_t>::max() - offset) {
       throw std::length_error("the texts of a package exceed 4 GiB");
     }
     strings.insert(strings.end(), text.begin(), text.end());
+    if (strings.size() > kSearched) {
+      texts_behind.emplace(text,
+                           StringRef{static_cast<std::uint32_t>(offset), static_cast<std::uint32_t>(text.size())});
+    }
   }
   return {static_cast<std::uint32_t>(offset), static_cast<std::uint32_t>(text.size())};
 }

@@ -200,5 +200,21 @@ TEST(PackageContent, AddTextStoresEqualTextsOnce) {
   EXPECT_EQ(content.strings.size(), 8U);
 }
 
+TEST(PackageContent, AddTextStoresManyTextsOnce) {
+  PackageContent content;
+  const auto text = [](int i) { return "group_" + std::to_string(i) + ";"; };
+  std::vector<StringRef> first;
+  for (int i = 0; i < 20000; ++i) first.push_back(content.addText(text(i)));
+  const std::size_t bytes = content.strings.size();
+  EXPECT_GT(bytes, 200000U);
+  for (int i = 0; i < 20000; ++i) {
+    const StringRef again = content.addText(text(i)), once = first[std::size_t(i)];
+    ASSERT_EQ(again.offset, once.offset) << i;
+    ASSERT_EQ(again.bytes, once.bytes) << i;
+    ASSERT_EQ(std::string_view(content.strings.data() + again.offset, again.bytes), text(i));
+  }
+  EXPECT_EQ(content.strings.size(), bytes);
+}
+
 }  // namespace
 }  // namespace sinew::formats

@@ -3,7 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -51,6 +54,8 @@ struct PackageContent {
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);
+  /// For addText alone: the texts that end beyond what it searches.
+  std::map<std::string, StringRef, std::less<>> texts_behind;
 };
 
 /// The bytes of a package: header, table, sections, checksums. Equal content gives equal bytes.
