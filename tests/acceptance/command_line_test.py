@@ -46,13 +46,29 @@ class CommandLine(unittest.TestCase):
     def test_usage_errors_exit_2(self):
         self.assert_refused(run(), 2)
         self.assert_refused(run("bake"), 2)
-        self.assert_refused(run("fly"), 2)
+        self.assert_refused(run("bak", SPOT), 2, "no verb 'bak'", "Did you mean bake?")
+        self.assert_refused(run("bake", SPOT, "-o", ""), 2, "empty")
+        for report in ("both", "../" + self.path.name + "/both"):
+            self.assert_refused(run("bake", SPOT, "-o", "both", "--report", report, cwd=self.path), 2, "where the package goes")
         self.assert_refused(run("bake", SPOT, "-o", self.path / "x.sinew", "--set", "clusters.overlop=1"), 2, "clusters.overlap")
         self.assert_refused(run("bake", SPOT, "-o", self.path / "no" / "x.sinew"), 2, "does not exist")
         package = self.bake()
         self.assert_refused(run("simulate", package, "--scene", "dance"), 2, "squash")
         self.assert_refused(run("simulate", package, "--step", "0"), 2)
+        for option in ("--step", "--seconds", "--gravity"):
+            for number in ("nan", "inf"):
+                self.assert_refused(run("simulate", package, option, number), 2, option, number)
         self.assertEqual([p.name for p in self.path.iterdir()], ["spot.sinew"])
+
+    def test_what_floats_cannot_weigh_exits_3(self):
+        corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+        for size, material, word in ((1e-16, 1000, "too small"), (5e11, 1e5, "too large")):
+            mesh = self.path / "cube.obj"
+            mesh.write_text("".join("v %g %g %g\n" % tuple(size * c for c in corner) for corner in corners) +
+                            "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n")
+            result = run("bake", mesh, "-o", self.path / "x.sinew", "--quiet", "--set", f"material.density={material}")
+            self.assert_refused(result, 3, "cube.obj", word, "--unit")
+        self.assertFalse((self.path / "x.sinew").exists())
 
     def test_help_and_version_exit_0(self):
         self.assertEqual(run("--version").returncode, 0)
@@ -242,5 +258,5 @@ if __name__ == "__main__":
     parser.add_argument("--sinew", required=True)
     parser.add_argument("--spot", required=True)
     arguments, rest = parser.parse_known_args()
-    SINEW, SPOT = arguments.sinew, arguments.spot
+    SINEW, SPOT = os.path.abspath(arguments.sinew), os.path.abspath(arguments.spot)
     unittest.main(argv=["command_line_test", *rest], verbosity=2)

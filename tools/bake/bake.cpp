@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <map>
 #include <memory>
@@ -57,7 +58,8 @@ double volumeOf(const PhysicalMesh& mesh, std::size_t t) {
   return (mesh.positions[v[0]] - d).cross(mesh.positions[v[1]] - d).dot(mesh.positions[v[2]] - d) / -6;
 }
 
-std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, double density) {
+std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, double density,
+                                                      const std::string& file) {
   std::vector<double> mass(mesh.positions.size(), 0);
   for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
     const double quarter = density * volumeOf(mesh, t) * mesh.fill[t] / 4;
@@ -71,6 +73,14 @@ std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, 
     for (std::uint32_t v = 0; v < body.vertex_count; ++v) {
       mass[body.first_vertex + v] = std::max(mass[body.first_vertex + v], floor);
     }
+  }
+  double all = 0;
+  for (const double m : mass) all += m;
+  if (!(float(*std::min_element(mass.begin(), mass.end())) > 0) || !std::isfinite(float(all))) {
+    char text[64];
+    std::snprintf(text, sizeof text, "is too %s to compute with: %.1e kg", all < 1 ? "small" : "large", all);
+    throw ToolError(ExitCode::bad_input, file, text,
+                    "Give the unit it was made in (--unit), or another material.density.");
   }
   std::vector<formats::PhysicalVertex> vertices(mass.size());
   for (std::size_t v = 0; v < mass.size(); ++v) vertices[v] = {toFloat(mesh.positions[v]), float(mass[v])};
@@ -338,11 +348,11 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   const VisualMesh& host = parts.empty() ? mesh : without;
   physical.quality = measureQuality(physical.positions, physical.tetrahedra);
   if (physical.quality.inverted > 0) {
-    throw ToolError(
-        ExitCode::bad_input, mesh.file,
-        "its parts are too small for their distance from each other: " + std::to_string(physical.quality.inverted) +
-            " tetrahedra turn over when rounded to single precision",
-        "Bake the far parts as files of their own.");
+    throw ToolError(ExitCode::bad_input, mesh.file,
+                    "something in it is too small or too thin for its distance from the rest: " +
+                        std::to_string(physical.quality.inverted) +
+                        " tetrahedra turn over when rounded to single precision",
+                    "Bake far parts as files of their own; make a shell thicker (tetrahedra.thickness).");
   }
 
   progress.stage("clusters");
@@ -364,7 +374,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   }
 
   formats::PackageContent content;
-  content.physical_vertices = physicalVertices(physical, settings.material.density);
+  content.physical_vertices = physicalVertices(physical, settings.material.density, mesh.file);
   for (const auto& tetrahedron : physical.tetrahedra) content.tetrahedra.push_back({tetrahedron});
   ClusterConstants constants = clusterConstants(clusters, content.physical_vertices, settings.clusters, findings);
   for (std::size_t c = 0; c < clusters.size(); ++c) constants.clusters[c].name = content.addText(clusters[c].name);

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
 #include <array>
 #include <exception>
 #include <iostream>
 #include <new>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "sinew/formats/version.h"
+#include "tools/author/json_text.h"
 #include "tools/cli/verb.h"
 #include "tools/core/error.h"
 #include "tools/import/import.h"
@@ -40,6 +43,15 @@ int main(int argument_count, char** arguments) {
         sinew::tools::addInspectVerb, sinew::tools::addSimulateVerb, sinew::tools::addRenderVerb,
         sinew::tools::addViewVerb, sinew::tools::addBenchVerb, sinew::tools::addStudyVerb, sinew::tools::addHelpVerb}) {
     add(app, exit_code);
+  }
+  if (argument_count > 1 && !std::string_view(arguments[1]).starts_with('-')) {
+    std::vector<std::string> verbs;
+    for (const CLI::App* verb : app.get_subcommands({})) verbs.push_back(verb->get_name());
+    if (std::find(verbs.begin(), verbs.end(), arguments[1]) == verbs.end()) {
+      return fail("there is no verb '" + std::string(arguments[1]) + "'. Did you mean " +
+                      sinew::tools::nearestName(arguments[1], verbs) + "? All verbs: sinew --help.",
+                  ExitCode::usage);
+    }
   }
   try {
     app.parse(argument_count, arguments);

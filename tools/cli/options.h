@@ -5,6 +5,8 @@
 
 #include <tbb/global_control.h>
 
+#include <CLI/CLI.hpp>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -25,6 +27,16 @@ inline void applyAssignments(Settings& settings, const std::vector<std::string>&
 inline std::unique_ptr<tbb::global_control> limitThreads(unsigned threads) {
   if (threads == 0) return nullptr;
   return std::make_unique<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+}
+
+/// For an option's check(): refuses "nan" and "inf", which CLI::Range lets through or other options would read over.
+inline CLI::Validator finiteNumber() {
+  return {[](const std::string& text) {
+            double number = 0;
+            const bool finite = CLI::detail::lexical_cast(text, number) && std::isfinite(number);
+            return finite ? std::string() : "Value " + text + " is no finite number";
+          },
+          ""};
 }
 
 /// One JSON document, as every verb prints it. What is not UTF-8 (a file's name, a text of a damaged package) gets

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 
 #include "tools/bake/bake.h"
@@ -72,7 +73,13 @@ void runBake(const BakeCommand& command) {
   applyAssignments(recipe.settings, command.assignments);
   requireWritable(command.output, {command.input, recipe.source});
   if (!command.report_file.empty()) {
-    requireWritable(command.report_file, {command.input, recipe.source, command.output});
+    requireWritable(command.report_file, {command.input, recipe.source});
+    std::error_code error;
+    if (std::filesystem::weakly_canonical(command.report_file, error) ==
+        std::filesystem::weakly_canonical(command.output, error)) {
+      throw ToolError(ExitCode::usage, command.report_file, "is where the package goes",
+                      "Name another file for the report.");
+    }
   }
   const auto limit = limitThreads(command.threads);
   Progress progress(!command.quiet);

@@ -151,8 +151,10 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
       "--scene", command->scenes,
       "rest, drop, squash, stretch, hang, or a file (.json); again for more rows (default: rest, squash, drop, hang; "
       "video: drop)");
-  verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")->check(CLI::Range(0.0, 600.0));
-  verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0));
+  verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")
+      ->check(CLI::Range(0.0, 600.0))
+      ->check(finiteNumber());
+  verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0))->check(finiteNumber());
   verb->add_option("--frames", command->frames,
                    "Pictures of each scene (default 6; 1: all scenes side by side), or frames of the video (default 30 "
                    "a second)")

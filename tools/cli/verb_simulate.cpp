@@ -146,10 +146,16 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
   verb->add_option("--scene", command->scene, "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md")
       ->capture_default_str();
-  verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")->check(CLI::Range(0.0, 1e6));
-  verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0))->capture_default_str();
+  verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")
+      ->check(CLI::Range(0.0, 1e6))
+      ->check(finiteNumber());
+  verb->add_option("--step", command->step, "Seconds per step")
+      ->check(CLI::Range(1e-5, 1.0))
+      ->check(finiteNumber())
+      ->capture_default_str();
   verb->add_option("--gravity", command->gravity,
-                   "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike");
+                   "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike")
+      ->check(finiteNumber());
   verb->add_option("--iterations", command->iterations, "Matching passes per step; 0 = the scene's own")
       ->check(CLI::Range(0U, 16U));
   verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")

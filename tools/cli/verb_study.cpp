@@ -84,7 +84,9 @@ void addSag(CLI::App& study, int& exit_code) {
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = study.add_subcommand("sag", "A beam held by a wall: its sag by step, passes, vertices and clusters");
-  verb->add_option("--seconds", command->seconds, "Simulated time of each beam")->check(CLI::Range(2.0, 60.0));
+  verb->add_option("--seconds", command->seconds, "Simulated time of each beam")
+      ->check(CLI::Range(2.0, 60.0))
+      ->check(finiteNumber());
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
     const auto measure = [&](const SagCase& beam) { return measureSag(beam, command->seconds); };
@@ -186,11 +188,18 @@ void addError(CLI::App& study, int& exit_code) {
       ->check(CLI::Range(1, 16));
   verb->add_option("--refinements", options.refinements, "How often the reference cuts each tetrahedron into eight")
       ->check(CLI::Range(1, 4));
-  verb->add_option("--pick", command->pick, "Where it is pulled: x,y,z in metres")->delimiter(',')->expected(3);
-  verb->add_option("--pull", command->pull, "How far: x,y,z in metres")->delimiter(',')->expected(3);
+  verb->add_option("--pick", command->pick, "Where it is pulled: x,y,z in metres")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(finiteNumber());
+  verb->add_option("--pull", command->pull, "How far: x,y,z in metres")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(finiteNumber());
   verb->add_option("--finger", options.finger, "Radius of what is held there, of the diagonal")
-      ->check(CLI::Range(1e-6, 1.0));
-  verb->add_option("--seconds", options.seconds, "Simulated time")->check(CLI::Range(1.0, 60.0));
+      ->check(CLI::Range(1e-6, 1.0))
+      ->check(finiteNumber());
+  verb->add_option("--seconds", options.seconds, "Simulated time")->check(CLI::Range(1.0, 60.0))->check(finiteNumber());
   verb->add_option("--picture", command->picture, "Draw the reference and all rows")->type_name("FILE.png");
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {

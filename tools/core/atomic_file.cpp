@@ -52,6 +52,9 @@ std::filesystem::path followed(std::filesystem::path file) {
 }  // namespace
 
 void requireWritable(const std::filesystem::path& named, std::initializer_list<std::filesystem::path> inputs) {
+  if (named.empty()) {
+    throw ToolError(ExitCode::usage, "", "the name of the file to write is empty", "Name a file to write.");
+  }
   const std::filesystem::path file = followed(named);
   std::error_code error;
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");

@@ -176,7 +176,7 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
   const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
   if (wanted == TetrahedraMethod::shell) {
     throw ToolError(ExitCode::bad_input, file, "body '" + body.name + "' " + outcome.reason + place,
-                    "Repair it there, or set tetrahedra.method=grid.");
+                    "Lower tetrahedra.thickness, repair it there, or set tetrahedra.method=grid.");
   }
   remarks.add("tetrahedra-method", Severity::warning,
               "enclosed nothing and became a layer of grid cells because a shell was not possible",
