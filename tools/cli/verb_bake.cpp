@@ -74,9 +74,10 @@ void runBake(const BakeCommand& command) {
   requireWritable(command.output, {command.input, recipe.source});
   if (!command.report_file.empty()) {
     requireWritable(command.report_file, {command.input, recipe.source});
-    std::error_code error;
-    if (std::filesystem::weakly_canonical(command.report_file, error) ==
-        std::filesystem::weakly_canonical(command.output, error)) {
+    const auto place = [](const std::string& file) {
+      return std::filesystem::weakly_canonical(std::filesystem::absolute(file));
+    };
+    if (place(command.report_file) == place(command.output)) {
       throw ToolError(ExitCode::usage, command.report_file, "is where the package goes",
                       "Name another file for the report.");
     }
