@@ -13,6 +13,7 @@ import tempfile
 import unittest
 
 SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 HEAD = None
 BOTH = ["tetrahedra", "places"]
 
@@ -36,7 +37,7 @@ class Cache(unittest.TestCase):
         recipe.write_text(json.dumps(self.recipe))
         environment = dict(os.environ, XDG_CACHE_HOME=str(self.path / "cache"))
         return subprocess.run([SINEW, "bake", recipe, "-o", package, "--json", *arguments], capture_output=True, text=True,
-                              env=environment, timeout=300)
+                              env=environment, timeout=300 * SLOWNESS)
 
     def bake(self, *arguments):
         """Bakes; returns the package's bytes and the report's word on the cache."""

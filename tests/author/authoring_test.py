@@ -4,6 +4,7 @@
 import argparse
 import json
 import math
+import os
 import pathlib
 import random
 import struct
@@ -17,13 +18,14 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "formats
 import read_package  # noqa: E402
 
 SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 DATA = None
 NAMES = ("left", "middle", "right")
 ACROSS, ALONG = 8, 24  # cells of the bar
 
 
 def run(*arguments):
-    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300 * SLOWNESS)
 
 
 def png(path, width, height, pixel):

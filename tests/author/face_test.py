@@ -6,6 +6,7 @@ Lengths are parts of the head's height."""
 import argparse
 import json
 import math
+import os
 import pathlib
 import subprocess
 import sys
@@ -13,13 +14,14 @@ import tempfile
 import unittest
 
 SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 FACE = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "face"
 HEAD = pathlib.Path(__file__).resolve().parents[1] / "assets" / "models" / "makehuman_head.obj"
 HEIGHT = 0.249  # m, of the head
 
 
 def run(*arguments):
-    done = subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=120 * SLOWNESS)
     if done.returncode != 0:
         raise AssertionError(f"sinew {' '.join(map(str, arguments))}: {done.returncode}\n{done.stderr}")
     return done.stdout
@@ -271,7 +273,7 @@ class Face(unittest.TestCase):
             scene.write_text(text)
             out = pathlib.Path(self.folder.name) / "wrong.obj"
             done = subprocess.run([SINEW, "simulate", str(self.package), "--scene", str(scene), "--export", str(out)],
-                                  capture_output=True, text=True, timeout=60)
+                                  capture_output=True, text=True, timeout=60 * SLOWNESS)
             self.assertEqual(done.returncode, 3, text)
             for part in ("wrong.json: ", *says):
                 self.assertIn(part, done.stderr)

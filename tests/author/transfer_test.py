@@ -6,6 +6,7 @@ import argparse
 import heapq
 import json
 import math
+import os
 import pathlib
 import random
 import struct
@@ -18,13 +19,14 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "formats
 import read_package  # noqa: E402
 
 SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 TESTS = pathlib.Path(__file__).resolve().parent.parent
 MODELS = TESTS / "assets" / "models"
 TABLE = None  # where to write docs/authoring.md's table, for people
 
 
 def run(*arguments):
-    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=600)
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=600 * SLOWNESS)
 
 
 class Mesh:

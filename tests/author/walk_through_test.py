@@ -13,6 +13,7 @@ import tempfile
 import unittest
 
 SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PICTURES = ("region.png", "weights.png", "pins.png", "smile.png")
 
@@ -37,7 +38,7 @@ class WalkThrough(unittest.TestCase):
             # A window is opened in tests/studio; here the command need only be there.
             self.assertIn("\nsinew view face.sinew --scene smile.json\n", script)
             script = script.replace("\nsinew view face.sinew", "\nsinew view --help > help.txt # face.sinew")
-            done = subprocess.run(["bash", "-e"], input=script, cwd=folder, env=environment, capture_output=True, text=True, timeout=500)
+            done = subprocess.run(["bash", "-e"], input=script, cwd=folder, env=environment, capture_output=True, text=True, timeout=500 * SLOWNESS)
             if "OpenGL" in done.stderr:
                 self.skipTest("no OpenGL here")
             self.assertEqual(done.returncode, 0, done.stderr)

@@ -3,6 +3,7 @@
 """The skin patch of samples/gallery/skin_patch against finite elements: the more clusters, the nearer."""
 import argparse
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -10,12 +11,13 @@ import tempfile
 import unittest
 
 SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 SKIN = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "skin_patch"
 CUBE = pathlib.Path(__file__).resolve().parents[1] / "assets" / "generated" / "cube.obj"
 
 
 def run(*arguments):
-    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300 * SLOWNESS)
 
 
 class SkinPatch(unittest.TestCase):
