@@ -16,8 +16,8 @@ namespace sinew::tools {
 void writeFileAtomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
 void writeFileAtomically(const std::filesystem::path& file, std::string_view text);
 
-/// Throws ToolError where `file` could not be written later: it has no name, its folder is missing, it is itself a folder, a pipe or a
-/// device, or one of `inputs`, which writing would destroy.
+/// Throws ToolError where `file` could not be written later: it has no name, its folder is missing, it is itself a
+/// folder, a pipe or a device, or one of `inputs`, which writing would destroy.
 void requireWritable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> inputs = {});
 
 }  // namespace sinew::tools
