@@ -293,7 +293,7 @@ SINEW_INLINE Float4 blendCorners(const AttachmentRecord& record, const SlotCorne
 /// Unit normals of visual vertices [begin, end), and tangents where `tangents.data` is given (xyz unit and orthogonal
 /// to the normal, w the sign of the rest tangent). \param rest_normals 3 floats each. \param rest_tangents 4 floats
 /// each. \param deform(vertices, normals, tangents) computes cofactor * normal and gradient * tangent of four vertices.
-template <bool kTangents, class Deform>
+template <class Deform>
 SINEW_INLINE void writeDirections(const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
                                   std::uint32_t end, OutputStream normals, OutputStream tangents,
                                   const Deform& deform) {
@@ -302,7 +302,7 @@ SINEW_INLINE void writeDirections(const float* rest_normals, const float* rest_t
     const std::uint32_t last = end - 1;
     const std::uint32_t index[4] = {i, i + 1 < end ? i + 1 : last, i + 2 < end ? i + 2 : last,
                                     i + 3 < end ? i + 3 : last};
-    Float4 n[4], t[4];
+    Float4 n[4], t[4] = {};
     deform(index, n, t);
     normalizeQuad(n, rest_normals, index);
     if (normals.data != nullptr) {
@@ -312,7 +312,7 @@ SINEW_INLINE void writeDirections(const float* rest_normals, const float* rest_t
         for (std::uint32_t k = 0; i + k < end; ++k) store3(normals.data + std::size_t(i + k) * normals.stride, n[k]);
       }
     }
-    if constexpr (kTangents) {
+    if (tangents.data != nullptr) {
       orthonormalizeQuad(t, n);
       for (std::uint32_t k = 0; k < 4 && i + k < end; ++k) {
         const Float4 value = Float4{t[k][0], t[k][1], t[k][2], rest_tangents[4 * std::size_t(i + k) + 3]};
@@ -324,22 +324,21 @@ SINEW_INLINE void writeDirections(const float* rest_normals, const float* rest_t
 
 /// Of barycentric attachments. \param records with weights in 0..1: far outside its tetrahedron a direction would
 /// otherwise extrapolate the difference of neighbours. \param gradients, rest_tangents only needed for tangents.
-template <bool kTangents>
 inline void writeAttachedDirections(const AttachmentRecord* records, const SlotCorners* corners,
                                     const PaddedMatrix* cofactors, const PaddedMatrix* gradients,
                                     const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
                                     std::uint32_t end, OutputStream normals, OutputStream tangents) {
-  writeDirections<kTangents>(rest_normals, rest_tangents, begin, end, normals, tangents,
-                             [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
-                               for (int k = 0; k < 4; ++k) {
-                                 const std::uint32_t i = index[k];
-                                 const SlotCorners& at = corners[records[i].slot];
-                                 n[k] = blendCorners(records[i], at, cofactors, rest_normals + 3 * std::size_t(i));
-                                 if constexpr (kTangents) {
-                                   t[k] = blendCorners(records[i], at, gradients, rest_tangents + 4 * std::size_t(i));
-                                 }
-                               }
-                             });
+  writeDirections(rest_normals, rest_tangents, begin, end, normals, tangents,
+                  [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
+                    for (int k = 0; k < 4; ++k) {
+                      const std::uint32_t i = index[k];
+                      const SlotCorners& at = corners[records[i].slot];
+                      n[k] = blendCorners(records[i], at, cofactors, rest_normals + 3 * std::size_t(i));
+                      if (tangents.data != nullptr) {
+                        t[k] = blendCorners(records[i], at, gradients, rest_tangents + 4 * std::size_t(i));
+                      }
+                    }
+                  });
 }
 
 /// Positions of visual vertices [begin, end) that hang on clusters. \param rest rest positions, 3 floats each.
@@ -357,27 +356,26 @@ inline void writeBlendedPositions(const float* rest, const BlendRun* runs, const
 }
 
 /// Normals and tangents of visual vertices that hang on clusters.
-template <bool kTangents>
 inline void writeBlendedDirections(const float* rest, const BlendRun* runs, const BlendTerm* terms,
                                    const ClusterColumns* clusters, const float* rest_normals,
                                    const float* rest_tangents, std::uint32_t begin, std::uint32_t end,
                                    OutputStream normals, OutputStream tangents) {
-  writeDirections<kTangents>(rest_normals, rest_tangents, begin, end, normals, tangents,
-                             [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
-                               for (int k = 0; k < 4; ++k) {
-                                 const std::size_t i = index[k];
-                                 const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
-                                 Float4 sum_n = {}, sum_t = {};
-                                 for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
-                                   const Columns3 slope = clusterSlope(clusters[terms[j].cluster], position);
-                                   const Float4 w = splat4(terms[j].weight);
-                                   sum_n += w * times(cofactor(slope), rest_n);
-                                   if constexpr (kTangents) sum_t += w * times(slope, load4(rest_tangents + 4 * i));
-                                 }
-                                 n[k] = sum_n;
-                                 if constexpr (kTangents) t[k] = sum_t;
-                               }
-                             });
+  writeDirections(rest_normals, rest_tangents, begin, end, normals, tangents,
+                  [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
+                    for (int k = 0; k < 4; ++k) {
+                      const std::size_t i = index[k];
+                      const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
+                      Float4 sum_n = {}, sum_t = {};
+                      for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
+                        const Columns3 slope = clusterSlope(clusters[terms[j].cluster], position);
+                        const Float4 w = splat4(terms[j].weight);
+                        sum_n += w * times(cofactor(slope), rest_n);
+                        if (tangents.data != nullptr) sum_t += w * times(slope, load4(rest_tangents + 4 * i));
+                      }
+                      n[k] = sum_n;
+                      if (tangents.data != nullptr) t[k] = sum_t;
+                    }
+                  });
 }
 
 /// Least and largest coordinates of `count` points, 3 floats each; unusable ones are left out. \param low, high in and
@@ -399,24 +397,8 @@ inline void growBounds(const float* points, std::uint32_t count, float* low, flo
 }
 
 inline constexpr AttachKernels attachTable() {
-  return {fillSlotFrames,
-          fillGradients,
-          writeAttachedPositions,
-          [](const AttachmentRecord* records, const SlotCorners* corners, const PaddedMatrix* cofactors,
-             const PaddedMatrix* gradients, const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
-             std::uint32_t end, OutputStream normals, OutputStream tangents) {
-            const auto write =
-                tangents.data != nullptr ? writeAttachedDirections<true> : writeAttachedDirections<false>;
-            write(records, corners, cofactors, gradients, rest_normals, rest_tangents, begin, end, normals, tangents);
-          },
-          writeBlendedPositions,
-          [](const float* rest, const BlendRun* runs, const BlendTerm* terms, const ClusterColumns* clusters,
-             const float* rest_normals, const float* rest_tangents, std::uint32_t begin, std::uint32_t end,
-             OutputStream normals, OutputStream tangents) {
-            const auto write = tangents.data != nullptr ? writeBlendedDirections<true> : writeBlendedDirections<false>;
-            write(rest, runs, terms, clusters, rest_normals, rest_tangents, begin, end, normals, tangents);
-          },
-          growBounds};
+  return {fillSlotFrames,         fillGradients, writeAttachedPositions, writeAttachedDirections, writeBlendedPositions,
+          writeBlendedDirections, growBounds};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: MIT
+#if !defined(SINEW_PORTABLE_KERNELS)
+#include <cpuid.h>
+#endif
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -17,22 +21,43 @@ struct Candidate {
   bool runs;
 };
 
+#if !defined(SINEW_PORTABLE_KERNELS)
+// What __builtin_cpu_supports() would say, which brings five kilobytes of tables along.
+struct Processor {
+  bool sse42 = false, avx2 = false, avx512 = false;
+
+  Processor() {
+    unsigned eax, ebx, ecx, edx;
+    if (__get_cpuid(1, &eax, &ebx, &ecx, &edx) == 0) return;
+    sse42 = (ecx & bit_SSE4_2) != 0;
+    if ((ecx & bit_OSXSAVE) == 0) return;
+    // The registers that the system saves.
+    unsigned saved, high;
+    __asm__("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
+    constexpr unsigned kUpTo256 = 0x06, kUpTo512 = 0xe6,
+                       kAvx512 = bit_AVX512F | bit_AVX512VL | bit_AVX512BW | bit_AVX512DQ;
+    if ((saved & kUpTo256) != kUpTo256 || __get_cpuid_count(7, 0, &eax, &ebx, &ecx, &edx) == 0) return;
+    avx2 = (ebx & bit_AVX2) != 0;
+    avx512 = (ebx & kAvx512) == kAvx512 && (saved & kUpTo512) == kUpTo512;
+  }
+};
+#endif
+
 // Widest first.
 auto candidates() {
 #if defined(SINEW_PORTABLE_KERNELS)
   return std::array<Candidate, 1>{{{&kPORTABLE, true}}};
 #else
-  __builtin_cpu_init();
+  const Processor processor;
   return std::array {
 #if defined(SINEW_AVX512_KERNELS)
-    Candidate{&kAVX512, __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512vl") != 0 &&
-                            __builtin_cpu_supports("avx512bw") != 0 && __builtin_cpu_supports("avx512dq") != 0},
+    Candidate{&kAVX512, processor.avx512},
 #endif
 #if defined(SINEW_AVX2_KERNELS)
-        Candidate{&kAVX2, __builtin_cpu_supports("avx2") != 0},
+        Candidate{&kAVX2, processor.avx2},
 #endif
 #if defined(SINEW_SSE42_KERNELS)
-        Candidate{&kSSE42, __builtin_cpu_supports("sse4.2") != 0},
+        Candidate{&kSSE42, processor.sse42},
 #endif
   };
 #endif

@@ -39,6 +39,21 @@ inline constexpr float kLargestVelocity = 1e17F;  // m/s
 /// w x y z: the previous rotation; the result.
 void nearestRotationOfLane(const float* matrix, float* quaternion);
 
+/// Four clusters that limitStretches() of match.h looks at. Masks are -1 or 0.
+struct alignas(16) FourStretches {
+  float a[9][4];            ///< in and out: the linear blocks
+  std::int32_t act[4];      ///< lanes to look at
+  std::int32_t tangled[4];  ///< lanes that may pass through themselves
+  std::int32_t shaped[4];   ///< in and out: plus the lanes that changed
+  std::int32_t stopped[4];  ///< out: lanes whose motion has to be stopped
+};
+/// Compiled once, for the least of the instruction sets (runtime/kernels/limit_lanes.cpp): lanes do not know how many
+/// they are. \param lane of the block: 0 or 4.
+void limitFourStretches(const StiffnessBlock& stiffness, std::uint32_t lane, FourStretches& four);
+
+/// rotationSvd() of svd.h of one matrix, compiled there as well. Matrices column-major.
+void rotationSvdOfLane(const float* a, float* u, float* v, float* sigma);
+
 /// Vertices begin..end of a body, with what a pass over them needs.
 struct VertexRange {
   std::uint32_t begin, end;
@@ -122,7 +137,7 @@ struct Kernels {
   void (*settle)(const SettleArguments& arguments);
   void (*add_motion)(const AddMotionArguments& arguments);
   float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
-  AttachKernels attach;
+  const AttachKernels& attach;
 };
 
 /// Those of the widest instruction set that this processor has, or of the one that SINEW_INSTRUCTION_SET names.

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: MIT
 #define SINEW_KERNELS kernels_avx512
+#if defined(SINEW_AVX2_KERNELS)
+#define SINEW_NARROW_KERNELS kernels_avx2
+#endif
 #include "runtime/kernels/table.h"
 
 namespace sinew::internal {

@@ -109,12 +109,12 @@ SINEW_INLINE auto orientationIsLost(const Mat3Of<W>& r, const Mat3Of<W>& a_pq, c
   return (trace > 0.0F) & ~((m00 > 0.0F) & (minor > 0.0F) & (det > 0.0F));
 }
 
-// Limit of linear blocks by their principal stretches (docs/method.md §9). Not inlined: it stays off the usual path.
+// Limit of linear blocks by their principal stretches (docs/method.md §9).
 // \param[in,out] a the linear blocks. \param act lanes to look at. \param tangled lanes that may pass through
 // themselves. \param[in,out] shaped plus the lanes that changed. \return lanes whose motion has to be stopped.
 template <class W, class Mask = decltype(W{} < W{})>
-[[gnu::noinline]] static Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mask tangled,
-                                             Mat3Of<W>& a, Mask& shaped) {
+SINEW_INLINE Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask act, Mask tangled, Mat3Of<W>& a,
+                                 Mask& shaped) {
   // What goes back through a mirrored shape is not stopped at the bound: from there on it would only creep.
   const W largest_guard = splat<W>(kLargestStretch), most_mirrored = W{} - largest_guard;
   const W least_guard = select(tangled, most_mirrored, splat<W>(kLeastStretch));
@@ -147,7 +147,8 @@ template <class W, class Mask = decltype(W{} < W{})>
 }
 
 // The pressure that keeps the volume (docs/method.md §9): F += lambda [cof A  0] S, what it does to the moments and the
-// modes make of it. Not inlined, as above. \param[in,out] f of all columns. \param act lanes to look at.
+// modes make of it. Not inlined: it stays off the usual path. \param[in,out] f of all columns. \param act lanes to look
+// at.
 template <class W, class Mask = decltype(W{} < W{})>
 [[gnu::noinline]] static void keepVolume(int columns, BlocksAt<const StiffnessBlock> stiffness, Mask act, W* f) {
   Mat3Of<W> a;
@@ -167,6 +168,27 @@ template <class W, class Mask = decltype(W{} < W{})>
   const W pressure = volumePressure(a, cofactors, b, stiffness.load<W>(stiffness->volume_ease));
   const W acting = select(act, pressure, W{});
   SINEW_ROLLED for (int k = 0; k < 3 * columns; ++k) f[k] += acting * answer[k];
+}
+
+// The same by limitFourStretches(), which all instruction sets share: few lanes are ever beyond a limit.
+template <class W, class Mask = decltype(W{} < W{})>
+[[gnu::noinline]] static Mask limitStretchesByFour(BlocksAt<const StiffnessBlock> stiffness, const Mask& act,
+                                                   const Mask& tangled, Mat3Of<W>& a, Mask& shaped) {
+  Mask stopped;
+  const auto lanesFrom = [](auto& value, std::uint32_t first) { return reinterpret_cast<char*>(&value) + 4 * first; };
+  for (std::uint32_t first = 0; first < sizeof(W) / sizeof(float); first += 4) {
+    FourStretches four;
+    SINEW_ROLLED for (int k = 0; k < 9; ++k) __builtin_memcpy(four.a[k], lanesFrom(a.m[k], first), sizeof four.a[k]);
+    __builtin_memcpy(four.act, reinterpret_cast<const char*>(&act) + 4 * first, sizeof four.act);
+    __builtin_memcpy(four.tangled, reinterpret_cast<const char*>(&tangled) + 4 * first, sizeof four.tangled);
+    __builtin_memcpy(four.shaped, lanesFrom(shaped, first), sizeof four.shaped);
+    const StiffnessBlock* block = first < kLanes ? stiffness.first : stiffness.first + stiffness.next;
+    limitFourStretches(*block, sizeof(W) == sizeof(Float4) ? stiffness.lane : first % kLanes, four);
+    SINEW_ROLLED for (int k = 0; k < 9; ++k) __builtin_memcpy(lanesFrom(a.m[k], first), four.a[k], sizeof four.a[k]);
+    __builtin_memcpy(lanesFrom(shaped, first), four.shaped, sizeof four.shaped);
+    __builtin_memcpy(lanesFrom(stopped, first), four.stopped, sizeof four.stopped);
+  }
+  return stopped;
 }
 
 /// \param columns 3, or 9 where a cluster is quadratic.
@@ -232,7 +254,7 @@ SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, Bloc
     const Mask act =
         deforms & ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest));
     if (any(act)) {
-      limited = limitStretches(stiffness, act, tangled, linear, shaped);
+      limited = limitStretchesByFour(stiffness, act, tangled, linear, shaped);
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
       SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) {
         const W most = splat<W>(kLargestStretch);

@@ -33,7 +33,8 @@ SINEW_INLINE Float4 pointOf(const SolverRow& row, const RowTerm* terms, const Cl
     Float4 sums[3] = {spreadFour(term.coefficient) * load4(answer.center),
                       crossOfThree(load4(answer.turn), load4(term.lever)), Float4{}};
     for (std::uint32_t k = 0; k < answer.columns; k += 3) {
-      for (std::uint32_t j = 0; j < 3; ++j) sums[j] += spreadFour(term.out[k + j]) * load4(answer.column[k + j]);
+      SINEW_UNROLL for (std::uint32_t j = 0; j < 3; ++j) sums[j] +=
+          spreadFour(term.out[k + j]) * load4(answer.column[k + j]);
     }
     point += (sums[0] + sums[1]) + sums[2];
   }

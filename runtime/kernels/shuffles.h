@@ -139,22 +139,21 @@ SINEW_INLINE void storeTriples(float* p, const Triples8& t) {
 }
 /// The same for the last `count` < 8 of an array; missing triples repeat the first.
 SINEW_INLINE Triples8 loadTriples(const float* p, std::uint32_t count) {
-  if (count >= 8) return loadTriples(p);
+  if (count >= 8) [[likely]] return loadTriples(p);
   float copy[24];
-  for (std::uint32_t i = 0; i < 24; ++i) copy[i] = p[i < 3 * count ? i : i % 3];
+  SINEW_ROLLED for (std::uint32_t i = 0; i < 24; ++i) copy[i] = p[i < 3 * count ? i : i % 3];
   return loadTriples(copy);
 }
 SINEW_INLINE void storeTriples(float* p, const Triples8& t, std::uint32_t count) {
-  if (count >= 8) return storeTriples(p, t);
+  if (count >= 8) [[likely]] return storeTriples(p, t);
   float copy[24];
   storeTriples(copy, t);
-  for (std::uint32_t i = 0; i < 3 * count; ++i) p[i] = copy[i];
+  SINEW_ROLLED for (std::uint32_t i = 0; i < 3 * count; ++i) p[i] = copy[i];
 }
 /// The same triple eight times.
 SINEW_INLINE Triples8 repeated(const float (&v)[3]) {
-  float values[24];
-  for (int i = 0; i < 24; ++i) values[i] = v[i % 3];
-  return loadTriples(values);
+  const Float4 a = {v[0], v[1], v[2], v[0]}, b = {v[1], v[2], v[0], v[1]}, c = {v[2], v[0], v[1], v[2]};
+  return {{joined(a, b), joined(c, a), joined(b, c)}};
 }
 SINEW_INLINE Triples8 operator+(const Triples8& a, const Triples8& b) {
   return {{a.part[0] + b.part[0], a.part[1] + b.part[1], a.part[2] + b.part[2]}};
@@ -239,9 +238,9 @@ SINEW_INLINE Triples16 triplesOf(const Float16 (&v)[4]) {
 
 /// `count` scalars; 0 in missing lanes.
 SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
-  if (count >= 8) return load8(p);
+  if (count >= 8) [[likely]] return load8(p);
   float copy[8] = {};
-  for (std::uint32_t i = 0; i < count; ++i) copy[i] = p[i];
+  SINEW_ROLLED for (std::uint32_t i = 0; i < count; ++i) copy[i] = p[i];
   return load8(copy);
 }
 

@@ -99,7 +99,7 @@ SINEW_INLINE Vec3Of<F> someAcross(const Vec3Of<F>& u) {
 /// Guarantee: u and v are rotations to rounding for every finite A, at any rank and scale a float can hold; not-finite
 /// lanes hold anything and do not touch others.
 template <class F>
-static inline SvdOf<F> rotationSvd(const Mat3Of<F>& a) {
+static SvdOf<F> rotationSvd(const Mat3Of<F>& a) {
   const F one = splat<F>(1.0F), zero{};
   const F scale = scaleOf(a), shrink = one / scale;
   Mat3Of<F> b, v = identity<F>();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
-// The body of each kernels_*.cpp: all kernels, compiled for the instruction set that file is compiled for.
+// The body of each kernels_*.cpp: all kernels, compiled for the instruction set that file is compiled for. Those that
+// gain nothing from registers wider than eight floats are another file's where SINEW_NARROW_KERNELS names its
+// namespace.
 #pragma once
 
 #include "runtime/kernels/attach.h"
@@ -10,6 +12,20 @@
 #include "runtime/kernels/moments.h"
 #include "runtime/kernels/rows.h"
 #include "runtime/kernels/vertices.h"
+
+#if !defined(SINEW_NARROW_KERNELS)
+#define SINEW_NARROW_KERNELS SINEW_KERNELS
+#define SINEW_NARROW_KERNELS_HERE
+#endif
+
+namespace sinew::internal::SINEW_NARROW_KERNELS {
+
+void sumOf(const SumArguments& a);
+void addMotionOf(const AddMotionArguments& a);
+float relaxRowsOf(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
+extern const AttachKernels kAttach;
+
+}  // namespace sinew::internal::SINEW_NARROW_KERNELS
 
 namespace sinew::internal::SINEW_KERNELS {
 namespace {
@@ -51,18 +67,32 @@ void goalsOf(const ClusterRestBlock& rest, const MemberBlock* members, const Sti
 }
 std::uint32_t predictOf(const PredictArguments& a) { return predict(a); }
 void applyOf(const ApplyArguments& a) { apply(a); }
-void sumOf(const SumArguments& a) { sum(a); }
 void settleOf(const SettleArguments& a) { settle(a); }
+
+}  // namespace
+
+#if defined(SINEW_NARROW_KERNELS_HERE)
+void sumOf(const SumArguments& a) { sum(a); }
 void addMotionOf(const AddMotionArguments& a) { addMotion(a); }
 float relaxRowsOf(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most) {
   return relaxRows(rows, count, terms, answers, most);
 }
-
-}  // namespace
+const AttachKernels kAttach = attachTable();
+#endif
 
 inline constexpr Kernels tableNamed(const char* name) {
-  return {name,  momentsOf, matchOf,     goalsOf,     predictOf,    applyOf,
-          sumOf, settleOf,  addMotionOf, relaxRowsOf, attachTable()};
+  namespace narrow = SINEW_NARROW_KERNELS;
+  return {name,
+          momentsOf,
+          matchOf,
+          goalsOf,
+          predictOf,
+          applyOf,
+          narrow::sumOf,
+          settleOf,
+          narrow::addMotionOf,
+          narrow::relaxRowsOf,
+          narrow::kAttach};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS
