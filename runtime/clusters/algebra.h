@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
+#include <type_traits>
 
 #include "sinew/formats/sections.h"
 #include "sinew/runtime/settings.h"
@@ -21,6 +22,39 @@ template <int N>
 using Square = Eigen::Matrix<float, N, N>;
 template <int N>
 using Monomials = Eigen::Matrix<float, N, 1>;
+
+/// to = a b, a and b of three rows, a of three columns; compiled once, in Eigen's order of sums. A step is the distance
+/// of neighbours in a column (row_step) or in a row (column_step).
+void multiply(const float* a, int a_row_step, int a_column_step, const float* b, int b_row_step, int b_column_step,
+              int columns, float* to);
+void multiply(const double* a, int a_row_step, int a_column_step, const double* b, int b_row_step, int b_column_step,
+              int columns, double* to);
+
+template <class T>
+struct ThreeRows : std::false_type {};  ///< what multiply() takes: matrices as they lie in memory, or transposed
+template <class T, int N>
+struct ThreeRows<Eigen::Matrix<T, 3, N>> : std::true_type {};
+template <class T>
+struct ThreeRows<Eigen::Transpose<Eigen::Matrix<T, 3, 3>>> : std::true_type {};
+template <class T>
+struct ThreeRows<Eigen::Transpose<const Eigen::Matrix<T, 3, 3>>> : std::true_type {};
+template <>
+struct ThreeRows<Eigen::Map<const Vector3>> : std::true_type {};
+
+/// Eigen's own product is a page of code at each place that writes it.
+template <class A, class B>
+  requires(ThreeRows<A>::value && A::ColsAtCompileTime == 3 && ThreeRows<B>::value &&
+           std::is_same_v<typename A::Scalar, typename B::Scalar>)
+Eigen::Matrix<typename A::Scalar, 3, B::ColsAtCompileTime> operator*(const A& a, const B& b) {
+  Eigen::Matrix<typename A::Scalar, 3, B::ColsAtCompileTime> result;
+  multiply(a.data(), int(a.rowStride()), int(a.colStride()), b.data(), int(b.rowStride()), int(b.colStride()),
+           B::ColsAtCompileTime, result.data());
+  return result;
+}
+
+float determinantOf(const Matrix3& a);
+Matrix3 inverseOf(const Matrix3& a);
+Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& a);
 
 inline Eigen::Map<const Vector3> asVector(const std::array<float, 3>& v) { return Eigen::Map<const Vector3>(v.data()); }
 inline Eigen::Map<Vector3> asVector(std::array<float, 3>& v) { return Eigen::Map<Vector3>(v.data()); }

@@ -379,10 +379,10 @@ GoalLimits limitsTangled() {
 Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
   Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
-  if (shape != nullptr) a = (a * shape->inverse()).eval();
+  if (shape != nullptr) a = a * inverseOf(*shape);
   Limited done = Limited::nothing;
   const Matrix3 start = a;
-  const float volume = a.determinant();
+  const float volume = determinantOf(a);
   if (limits.limit == formats::LimitMethod::rows) {
     a = fromLanes(lanes::limitRows(toLanes(a), toLanes(r), limits.row));
   } else {
@@ -395,7 +395,8 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
   const bool lacks_volume = keeps_volume && a != start;
   if (lacks_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
-    const lanes::SvdOf<float> svd = lanes::rotationSvd(toLanes(a));
+    lanes::SvdOf<float> svd;
+    rotationSvdOfLane(a.data(), svd.u.m, svd.v.m, &svd.sigma.x);
     const float outside_by = stiff ? 1.0F : kGuardMargin;
     const bool guarded = svd.sigma.z * outside_by < std::min(kLeastStretch, limits.least) ||
                          svd.sigma.x > outside_by * std::max(kLargestStretch, limits.largest);
@@ -435,7 +436,7 @@ bool updatePlasticity(const formats::ClusterMechanics& mechanics, const Matrix3&
                       float pass_seconds, ShapeState& state) {
   if (!(mechanics.plastic_creep > 0) || !goal.allFinite()) return false;
   // S of the match, counted from the rest shape as it is now: R^T F S^-1, made symmetric against rounding.
-  const Matrix3 local = r.transpose() * goal * state.shape.inverse();
+  const Matrix3 local = r.transpose() * goal * inverseOf(state.shape);
   const Matrix3 deviation = 0.5F * (local + local.transpose()) - Matrix3::Identity();
   if (!(deviation.norm() > mechanics.plastic_yield)) return false;
   const float part = 1.0F - std::exp(-mechanics.plastic_creep * pass_seconds);
@@ -443,7 +444,7 @@ bool updatePlasticity(const formats::ClusterMechanics& mechanics, const Matrix3&
   Matrix3 change = plastic - Matrix3::Identity();
   const float size = change.norm();
   if (size > mechanics.plastic_limit) plastic = Matrix3::Identity() + (mechanics.plastic_limit / size) * change;
-  const float det = plastic.determinant();
+  const float det = determinantOf(plastic);
   if (!(det > 1e-3F) || !plastic.allFinite()) return false;
   state.plastic = plastic / std::cbrt(det);
   return true;

@@ -126,8 +126,8 @@ void updateResponse(const formats::Cluster& cluster, const ClusterRest& rest, co
   // J - J_rest/4 positive definite, by Sylvester's minors.
   const Matrix3 margin = j - 0.25F * (trace * Matrix3::Identity() - rest.moment.leftCols<3>());
   const bool sound =
-      margin(0, 0) > 0 && margin(0, 0) * margin(1, 1) - margin(0, 1) * margin(1, 0) > 0 && margin.determinant() > 0;
-  const Matrix3 inverse = sound ? Matrix3(j.inverse()) : rest.inertia_inverse;
+      margin(0, 0) > 0 && margin(0, 0) * margin(1, 1) - margin(0, 1) * margin(1, 0) > 0 && determinantOf(margin) > 0;
+  const Matrix3 inverse = sound ? inverseOf(j) : rest.inertia_inverse;
   response.inertia_inverse = r * inverse * r.transpose();
 }
 
@@ -215,7 +215,7 @@ void addSolverRow(Body& body, const Row& row, float pass_seconds) {
       target = (asVector(pick.target) * phase + 2.0F * row.target) / (phase + 2.0F);
     }
     // Scaled for the inverse: cubes of small numbers are none.
-    const Matrix3 inverse = ((w + result.compliance * Matrix3::Identity()) / mean).inverse() / mean;
+    const Matrix3 inverse = inverseOf(Matrix3((w + result.compliance * Matrix3::Identity()) / mean)) / mean;
     for (int k = 0; k < 3; ++k) copy(inverse.col(k), result.inverse_response[k]);
   }
   copy(target, result.target);

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 namespace sinew::geometry {
@@ -105,12 +104,15 @@ void symmetricEigen(ConstMatrixView a, std::span<double> values, MatrixView vect
     }
   }
   std::array<int, std::size_t(kSmallRows)> order;
-  const auto last = order.begin() + n;
-  std::iota(order.begin(), last, 0);
-  std::sort(order.begin(), last, [&](int p, int q) {
-    const double x = work(p, p), y = work(q, q);
-    return x < y || (x == y && p < q);
-  });
+  for (int k = 0; k < n; ++k) {
+    int place = k;
+    for (; place > 0; --place) {
+      const int before = order[std::size_t(place - 1)];
+      if (!(work(k, k) < work(before, before))) break;
+      order[std::size_t(place)] = before;
+    }
+    order[std::size_t(place)] = k;
+  }
   for (int k = 0; k < n; ++k) {
     values[std::size_t(k)] = work(order[std::size_t(k)], order[std::size_t(k)]);
     for (int i = 0; i < n; ++i) vectors(i, k) = turned(i, order[std::size_t(k)]);

@@ -40,7 +40,7 @@ void addMoments(const formats::PackageView& package, const formats::Cluster& clu
   const double trace = spread.trace();
   if (trace > 0) {
     const Eigen::Matrix3d inertia = trace * (1.0 + kInertiaFloor) * Eigen::Matrix3d::Identity() - spread;
-    rest.inertia_inverse = inertia.inverse().cast<float>();
+    rest.inertia_inverse = inverseOf(inertia).cast<float>();
   }
 }
 

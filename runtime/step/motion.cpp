@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/step/motion.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+
+#include "runtime/clusters/algebra.h"
+#include "runtime/geometry/pseudo_inverse.h"
 
 namespace sinew::internal {
 
@@ -52,15 +54,17 @@ RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector
   // Well away from singular, as nearly every body is, the inverse comes from the cofactors.
   constexpr double kWellConditioned = 1e-3, kLeastInertia = 1e-6, kLittleInertia = 1e-2;
   if (scaled.determinant() > kWellConditioned && scaled(0, 0) > kWellConditioned) {
-    inverse_inertia_ = scaled.inverse() / scale;
+    inverse_inertia_ = inverseOf(scaled) / scale;
     return;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scaled);
+  Eigen::Vector3d values;
+  Eigen::Matrix3d axes;
+  geometry::symmetricEigen(geometry::viewOf(scaled), {values.data(), 3}, geometry::viewOf(axes));
   for (int k = 0; k < 3; ++k) {
-    if (solver.eigenvalues()[k] < kLeastInertia) continue;
-    const Eigen::Vector3d axis = solver.eigenvectors().col(k);
-    if (solver.eigenvalues()[k] < kLittleInertia) weak_axes_.col(k) = axis;
-    inverse_inertia_ += axis * axis.transpose() / (scale * solver.eigenvalues()[k]);
+    if (values[k] < kLeastInertia) continue;
+    const Eigen::Vector3d axis = axes.col(k);
+    if (values[k] < kLittleInertia) weak_axes_.col(k) = axis;
+    inverse_inertia_ += axis * axis.transpose() / (scale * values[k]);
   }
 }
 

@@ -53,7 +53,7 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
 
 bool internal::isProper(const Mat3& rotation) {
   const Eigen::Map<const internal::Matrix3> m(rotation.data());
-  return (m * m.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && m.determinant() > 0;
+  return (m * m.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && internal::determinantOf(m) > 0;
 }
 
 bool internal::isProper(const RigidTransform& transform) {
