@@ -40,15 +40,13 @@ unsigned negativeOrNan(float value) { return unsigned(!(value >= 0.0F)); }
 
 constexpr std::size_t kAllGood = std::numeric_limits<std::size_t>::max();
 
-/// Index of the first item that `bad` (branch-free, nonzero = bad) rejects, or kAllGood. One pass without early exit
-/// decides, so that it vectorizes; only a refused package pays for the search.
+/// Index of the first item that `bad` (branch-free, nonzero = bad) rejects, or kAllGood.
 template <class T, class Bad>
 std::size_t firstBad(std::span<const T> items, Bad bad) {
-  unsigned any = 0;
-  for (const T& item : items) any |= bad(item);
-  if (any == 0) return kAllGood;
-  const auto found = std::find_if(items.begin(), items.end(), [&](const T& item) { return bad(item) != 0; });
-  return static_cast<std::size_t>(found - items.begin());
+  for (std::size_t i = 0; i < items.size(); ++i) {
+    if (bad(items[i]) != 0) return i;
+  }
+  return kAllGood;
 }
 
 }  // namespace
@@ -311,9 +309,20 @@ class PackageReader {
     return unsigned(std::uint64_t{ref.offset} + ref.bytes > view_.strings_.size());
   }
 
+  // One text of each record. \param first that of the first. \param step bytes from one to the next.
+  bool checkTexts(std::uint32_t id, const StringRef* first, std::size_t step, std::size_t count, const char* what) {
+    for (std::size_t i = 0; i < count; ++i) {
+      StringRef ref;
+      std::memcpy(&ref, reinterpret_cast<const std::byte*>(first) + i * step, sizeof ref);
+      if (badText(ref) != 0) return refuse(id, i, what);
+    }
+    return true;
+  }
+
   template <class T>
   bool checkNames(std::uint32_t id, std::span<const T> items) {
-    return check(id, items, "its name lies outside section STRS", [this](const T& item) { return badText(item.name); });
+    return items.empty() ||
+           checkTexts(id, &items.front().name, sizeof(T), items.size(), "its name lies outside section STRS");
   }
 
   bool checkTexts() {
@@ -325,8 +334,8 @@ class PackageReader {
            checkNames(section::channels, view_.channels_) && checkNames(section::pin_sets, view_.pin_sets_) &&
            checkNames(section::parts, view_.parts_) && checkNames(section::sub_meshes, view_.sub_meshes_) &&
            checkNames(section::materials, view_.materials_) && checkNames(section::textures, view_.textures_) &&
-           check(section::textures, view_.textures_, "its mime type lies outside section STRS",
-                 [this](const Texture& t) { return badText(t.mime); }) &&
+           (view_.textures_.empty() || checkTexts(section::textures, &view_.textures_.front().mime, sizeof(Texture),
+                                                  view_.textures_.size(), "its mime type lies outside section STRS")) &&
            checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_) &&
            checkNames(section::masks, view_.masks_);
   }

@@ -18,7 +18,29 @@ template <class T>
   }
 }
 
+// Σ a_k b_k of nine, each `step` further, in Eigen's order.
+float sumOfNine(const float* a, const float* b, int b_step) {
+  const auto term = [&](int k) { return a[3 * k] * b[k * b_step]; };
+  return ((term(0) + term(1)) + (term(2) + term(3))) + ((term(4) + term(5)) + (term(6) + (term(7) + term(8))));
+}
+
 }  // namespace
+
+Columns<9> timesSymmetric(const Columns<9>& a, const Square<9>& s) {
+  Columns<9> result;
+  for (int j = 0; j < 9; ++j) {
+    for (int i = 0; i < 3; ++i) result(i, j) = sumOfNine(a.data() + i, s.data() + 9 * j, 1);
+  }
+  return result;
+}
+
+Matrix3 timesTransposed(const Columns<9>& a, const Columns<9>& b) {
+  Matrix3 result;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) result(i, j) = sumOfNine(a.data() + i, b.data() + j, 3);
+  }
+  return result;
+}
 
 void multiply(const float* a, int a_row_step, int a_column_step, const float* b, int b_row_step, int b_column_step,
               int columns, float* to) {
@@ -32,5 +54,20 @@ void multiply(const double* a, int a_row_step, int a_column_step, const double* 
 float determinantOf(const Matrix3& a) { return a.determinant(); }
 Matrix3 inverseOf(const Matrix3& a) { return a.inverse(); }
 Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& a) { return a.inverse(); }
+
+void MomentSums::add(double mu, const Eigen::Matrix<double, 9, 1>& q) {
+  total += mu;
+  for (int j = 0; j < 9; ++j) {
+    mean[j] += mu * q[j];
+    for (int i = 0; i < 9; ++i) moment(i, j) += mu * q[i] * q[j];
+  }
+}
+
+void MomentSums::finish() {
+  for (int j = 0; j < 9; ++j) mean[j] /= total;
+  for (int j = 0; j < 9; ++j) {
+    for (int i = 0; i < 9; ++i) moment(i, j) = moment(i, j) / total - mean[i] * mean[j];
+  }
+}
 
 }  // namespace sinew::internal

@@ -43,14 +43,19 @@ struct ThreeRows<Eigen::Map<const Vector3>> : std::true_type {};
 
 /// Eigen's own product is a page of code at each place that writes it.
 template <class A, class B>
-  requires(ThreeRows<A>::value && A::ColsAtCompileTime == 3 && ThreeRows<B>::value &&
-           std::is_same_v<typename A::Scalar, typename B::Scalar>)
-Eigen::Matrix<typename A::Scalar, 3, B::ColsAtCompileTime> operator*(const A& a, const B& b) {
+requires(
+    ThreeRows<A>::value&& A::ColsAtCompileTime == 3 && ThreeRows<B>::value &&
+    std::is_same_v<typename A::Scalar, typename B::Scalar>) Eigen::Matrix<typename A::Scalar, 3, B::ColsAtCompileTime>
+operator*(const A& a, const B& b) {
   Eigen::Matrix<typename A::Scalar, 3, B::ColsAtCompileTime> result;
   multiply(a.data(), int(a.rowStride()), int(a.colStride()), b.data(), int(b.rowStride()), int(b.colStride()),
            B::ColsAtCompileTime, result.data());
   return result;
 }
+
+/// a s, s symmetric, and a b^T: sums of nine, compiled once as well.
+Columns<9> timesSymmetric(const Columns<9>& a, const Square<9>& s);
+Matrix3 timesTransposed(const Columns<9>& a, const Columns<9>& b);
 
 float determinantOf(const Matrix3& a);
 Matrix3 inverseOf(const Matrix3& a);
@@ -87,5 +92,15 @@ Eigen::Matrix<float, N, 3> monomialGradient(const Vector3& q) {
   }
   return result;
 }
+
+/// Σ mu q~ and Σ mu q~ q~^T over the members of a cluster.
+struct MomentSums {
+  double total = 0;                                                          ///< Σ mu
+  Eigen::Matrix<double, 9, 1> mean = Eigen::Matrix<double, 9, 1>::Zero();    ///< of q~, behind finish()
+  Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();  ///< about the mean, behind finish()
+
+  void add(double mu, const Eigen::Matrix<double, 9, 1>& q);
+  void finish();
+};
 
 }  // namespace sinew::internal

@@ -53,7 +53,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
       deviation += extras.damping_passes * (lost ? deviation.eval() : (r * *extras.previous).eval());
     }
     const auto answer_to = [&](const Columns<9>& load) -> Columns<9> {
-      if (extras.modes == nullptr) return load * stiffness.s;
+      if (extras.modes == nullptr) return timesSymmetric(load, stiffness.s);
       return r * elasticAnswer(extras, quadratic ? 9 : 3, r.transpose() * load, lost ? &stiffness.kept : nullptr);
     };
     f += answer_to(deviation);
@@ -67,7 +67,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   }
   if (!lost && (limited != Limited::nothing || keeps_volume || stiffness.mixes_classes)) {
     // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.
-    f = (geometry::nearestRotation(a_pq * f.transpose()) * f).eval();
+    f = geometry::nearestRotation(timesTransposed(a_pq, f)) * f;
   }
   frame.f = f;
   const float stretched = kTorn * std::max(extras.limits->largest, kLargestStretch);

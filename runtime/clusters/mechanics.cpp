@@ -118,16 +118,14 @@ ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
   const formats::Cluster& cluster = package.clusters()[index];
   const int n = columnsOf(cluster);
   ModeBasis basis;
-  double total = 0;
+  MomentSums sums;
   for (const formats::Membership& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
     const Vector3 q = restOffset(cluster, asVector(package.physicalVertices()[member.vertex].rest_position));
-    const Vector9d b = monomialsOf(q.cast<double>());
-    total += double(member.mu);
-    basis.mean += double(member.mu) * b;
-    basis.moment += (double(member.mu) * b) * b.transpose();
+    sums.add(double(member.mu), monomialsOf(q.cast<double>()));
   }
-  basis.mean /= total;
-  basis.moment = (basis.moment / total - basis.mean * basis.mean.transpose()).eval();
+  sums.finish();
+  basis.mean = sums.mean;
+  basis.moment = sums.moment;
 
   // Equilibrated, so that the cut-off means dependence between coordinates and not their size.
   const geometry::ConstMatrixView moment = geometry::viewOf(std::as_const(basis.moment)).block(0, 0, n, n);
@@ -202,7 +200,9 @@ ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t inde
       Matrix9d sum = Matrix9d::Zero();
       for (int s = 0; s < 4; ++s) {
         for (int t = 0; t < 4; ++t) {
-          sum += (affine(s, t) * gradient[s].col(i)) * gradient[t].col(j).transpose();
+          for (int b = 0; b < 9; ++b) {
+            for (int a = 0; a < 9; ++a) sum(a, b) += affine(s, t) * gradient[s](a, i) * gradient[t](b, j);
+          }
         }
       }
       geometry::SmallMatrix<81> w(modes, modes);

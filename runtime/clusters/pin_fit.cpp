@@ -92,17 +92,18 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
   const std::uint32_t set_count = 1 + std::uint32_t(std::count_if(points.begin() + 1, points.end(), [&](const auto& p) {
                                     return p.set != (&p)[-1].set;
                                   }));
-  groups_.reserve(set_count);
+  groups_.resize(set_count);
   exact_offsets_ = soft_offsets_ = Answer(size, 3);
   springs_ = Square10(size, size);
+  std::size_t at_group = 0;
   for (const PinPoint& point : points) {
-    if (groups_.empty() || groups_.back().set != point.set) {
-      Group& group = groups_.emplace_back();
+    if (groups_[at_group].count > 0 && groups_[at_group].set != point.set) ++at_group;
+    Group& group = groups_[at_group];
+    if (group.count == 0) {
       group.set = point.set;
       group.exact_sum = group.soft_sum = Basis(size, 1);
       group.exact_spread = group.soft_spread = Answer(size, 3);
     }
-    Group& group = groups_.back();
     ++group.count;
     group.mean += point.local;
     const Eigen::Vector3d q = centredOffset(package, point);
@@ -116,7 +117,7 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
   for (Group& group : groups_) group.mean /= float(group.count);
   Square10 moment(size, size);
   Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
-  std::size_t at_group = 0;
+  at_group = 0;
   for (const PinPoint& point : points) {
     if (groups_[at_group].set != point.set) ++at_group;
     Group& group = groups_[at_group];

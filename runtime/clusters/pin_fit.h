@@ -41,7 +41,7 @@ class PinFit {
 
   /// The points of one set, which move as one: sums are all that a match needs of them, however many they are.
   struct Group {
-    std::uint32_t set;                                 ///< index into Body::pin_sets
+    std::uint32_t set = 0;                             ///< index into Body::pin_sets
     std::uint32_t count = 0;                           ///< of points
     std::uint32_t exact = 0;                           ///< of those with weight 1
     Vector3 mean = Vector3::Zero();                    ///< of the points' `local`, metres

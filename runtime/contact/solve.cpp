@@ -114,7 +114,7 @@ void updateResponse(const formats::Cluster& cluster, const ClusterRest& rest, co
   response.lever.leftCols<3>() = r;
   if (stiffness.deforms) {
     if (n == 9) {
-      response.lever -= r * rest.moment * stiffness.s;
+      response.lever -= timesSymmetric(r * rest.moment, stiffness.s);
     } else {
       response.lever.leftCols<3>() -= r * rest.moment.leftCols<3>() * stiffness.s.topLeftCorner<3, 3>();
     }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 namespace sinew::geometry {
@@ -15,13 +16,20 @@ namespace sinew::geometry {
 /// Rows and columns that the functions of this file take, at most.
 inline constexpr int kSmallRows = 30;
 
-/// A part of a matrix, seen in place: element (row, column) at data[row * row_step + column * column_step].
+/// A part of a matrix, seen in place: element (row, column) at data[row * row_step + column * column_step]. Small
+/// enough to be passed in registers.
 template <class Number>
 struct MatrixViewOf {
   Number* data;
-  int rows, columns;
-  int row_step, column_step;
+  std::int16_t rows, columns;
+  std::int16_t row_step, column_step;
 
+  MatrixViewOf(Number* first, int row_count, int column_count, int to_next_row, int to_next_column)
+      : data(first),
+        rows(std::int16_t(row_count)),
+        columns(std::int16_t(column_count)),
+        row_step(std::int16_t(to_next_row)),
+        column_step(std::int16_t(to_next_column)) {}
   Number& operator()(int row, int column) const { return data[row * row_step + column * column_step]; }
   MatrixViewOf block(int row, int column, int row_count, int column_count) const {
     return {&(*this)(row, column), row_count, column_count, row_step, column_step};
@@ -38,12 +46,12 @@ template <int kMost>
 class SmallMatrix {
  public:
   SmallMatrix() = default;
-  SmallMatrix(int rows, int columns) : rows_(rows), columns_(columns) {}
+  SmallMatrix(int rows, int columns) : rows_(std::int16_t(rows)), columns_(std::int16_t(columns)) {}
 
   int rows() const { return rows_; }
   int columns() const { return columns_; }
   /// Drops columns from the end.
-  void keepColumns(int count) { columns_ = count; }
+  void keepColumns(int count) { columns_ = std::int16_t(count); }
   double& operator()(int row, int column) { return view()(row, column); }
   double operator()(int row, int column) const { return view()(row, column); }
   double* data() { return values_.data(); }
@@ -62,7 +70,7 @@ class SmallMatrix {
 
  private:
   std::array<double, std::size_t(kMost)> values_ = {};
-  int rows_ = 0, columns_ = 0;
+  std::int16_t rows_ = 0, columns_ = 0;
 };
 
 /// to += scale * a * b. Sizes have to fit; `to` shares no element with a or b.

@@ -14,29 +14,21 @@ constexpr double kInertiaFloor = 1e-3;
 // \param[out] full Σ mu q~ q~^T; null unless the cluster is quadratic.
 void addMoments(const formats::PackageView& package, const formats::Cluster& cluster, ClusterRest& rest,
                 Square<9>* full) {
-  using Vector9d = Eigen::Matrix<double, 9, 1>;
   const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
   const auto vertices = package.physicalVertices();
-  Vector9d sum = Vector9d::Zero();
-  Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();
-  double total = 0;
+  MomentSums sums;
   for (const formats::Membership& member : members) {
     const Monomials<9> q = monomials<9>(restOffset(cluster, asVector(vertices[member.vertex].rest_position)));
-    const Vector9d wide = q.cast<double>();
-    const double mu = double(member.mu);
-    total += mu;
-    sum += mu * wide;
-    moment += (mu * wide) * wide.transpose();
+    sums.add(double(member.mu), q.cast<double>());
   }
-  const Vector9d mean = sum / total;
-  moment = (moment / total - mean * mean.transpose()).eval();
+  sums.finish();
   const int columns = full != nullptr ? 9 : 3;
   for (int k = 0; k < columns; ++k) {
-    rest.mean[k] = float(mean[k]);
-    for (int axis = 0; axis < 3; ++axis) rest.moment(axis, k) = float(moment(axis, k));
+    rest.mean[k] = float(sums.mean[k]);
+    for (int axis = 0; axis < 3; ++axis) rest.moment(axis, k) = float(sums.moment(axis, k));
   }
-  if (full != nullptr) *full = moment.cast<float>();
-  const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
+  if (full != nullptr) *full = sums.moment.cast<float>();
+  const Eigen::Matrix3d spread = sums.moment.topLeftCorner<3, 3>();
   const double trace = spread.trace();
   if (trace > 0) {
     const Eigen::Matrix3d inertia = trace * (1.0 + kInertiaFloor) * Eigen::Matrix3d::Identity() - spread;
