@@ -3,11 +3,13 @@
 
 // The only file that includes xxHash; inlined, so that nothing has to be linked.
 #define XXH_INLINE_ALL
+#define XXH_NO_INLINE_HINTS 1  // a third smaller and no slower
 #include <xxhash.h>
 
 namespace sinew::formats {
 
-std::uint64_t checksum(std::span<const std::byte> bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
+// The same value as in one go, whose code is not needed then.
+std::uint64_t checksum(std::span<const std::byte> bytes) { return checksum(bytes, {}); }
 
 std::uint64_t checksum(std::span<const std::byte> first, std::span<const std::byte> second) {
   XXH3_state_t state;

@@ -33,8 +33,9 @@ SINEW_INLINE Float4 pointOf(const SolverRow& row, const RowTerm* terms, const Cl
     Float4 sums[3] = {spreadFour(term.coefficient) * load4(answer.center),
                       crossOfThree(load4(answer.turn), load4(term.lever)), Float4{}};
     for (std::uint32_t k = 0; k < answer.columns; k += 3) {
-      SINEW_UNROLL for (std::uint32_t j = 0; j < 3; ++j) sums[j] +=
-          spreadFour(term.out[k + j]) * load4(answer.column[k + j]);
+      sums[0] += spreadFour(term.out[k]) * load4(answer.column[k]);
+      sums[1] += spreadFour(term.out[k + 1]) * load4(answer.column[k + 1]);
+      sums[2] += spreadFour(term.out[k + 2]) * load4(answer.column[k + 2]);
     }
     point += (sums[0] + sums[1]) + sums[2];
   }
