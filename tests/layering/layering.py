@@ -31,7 +31,7 @@ THIRD_PARTIES = {
     "xxhash": ("xxhash.h",),
     "eigen": ("Eigen/",),
     "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/", "elf.h", "link.h", "malloc.h"),
-    "simd": ("immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
+    "simd": ("cpuid.h", "immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
     "json": ("nlohmann/",),
     "cli11": ("CLI/",),
     "tbb": ("tbb/", "oneapi/"),
