@@ -12,34 +12,38 @@ template <bool quadratic>
 struct GoalTransforms {
   static constexpr std::uint32_t kColumns = quadratic ? 9 : 3;
   float f[3 * kColumns][8];  ///< times the radius
-  float offset[3][8];        ///< centre - reference
+  float offset[3][8];        ///< centre - reference - F mean
 
   GoalTransforms(const ClusterRestBlock& rest, const ClusterBlock& state) {
     const Float8 radius = load8(rest.radius);
-    for (std::uint32_t k = 0; k < 3 * kColumns; ++k) store8(f[k], radius * load8(state.f[k]));
-    for (int k = 0; k < 3; ++k) store8(offset[k], load8(state.center[k]) - load8(state.reference[k]));
+    Float8 from[3];
+    for (int k = 0; k < 3; ++k) from[k] = load8(state.center[k]) - load8(state.reference[k]);
+    for (std::uint32_t k = 0; k < 3 * kColumns; ++k) {
+      const Float8 scaled = radius * load8(state.f[k]);
+      store8(f[k], scaled);
+      from[k % 3] -= scaled * load8(rest.mean[k / 3]);
+    }
+    for (int k = 0; k < 3; ++k) store8(offset[k], from[k]);
   }
 
-  /// share alpha (g - y) of the members of a block (two, where W holds two) of cluster `lane`.
+  /// share alpha (g - y) of members of cluster `lane`.
   template <class W>
-  SINEW_INLINE void ask(const ClusterRestBlock& rest, float alpha, std::uint32_t lane, const MemberBlock* block,
-                        float* slots) const {
-    const W qx = loadRest<W>(block, 0), qy = loadRest<W>(block, 1), qz = loadRest<W>(block, 2);
+  SINEW_INLINE void ask(float alpha, std::uint32_t lane, const MembersAt<W>& members, float* slots) const {
+    const W qx = members.rest(0), qy = members.rest(1), qz = members.rest(2);
     W q[9] = {qx, qy, qz, {}, {}, {}, {}, {}, {}};
     if constexpr (quadratic) {
       W second[6];
       squares<W>(qx, qy, qz, second);
-      for (int k = 0; k < 6; ++k) q[3 + k] = second[k];
+      SINEW_UNROLL for (int k = 0; k < 6; ++k) q[3 + k] = second[k];
     }
     Vec3Of<W> move = Vec3Of<W>{splat<W>(offset[0][lane]), splat<W>(offset[1][lane]), splat<W>(offset[2][lane])} -
                      loadMoves<W>(slots);
     SINEW_UNROLL for (std::uint32_t k = 0; k < kColumns; ++k) {
-      const W value = q[k] - splat<W>(rest.mean[k][lane]);
-      move.x += splat<W>(f[3 * k][lane]) * value;
-      move.y += splat<W>(f[3 * k + 1][lane]) * value;
-      move.z += splat<W>(f[3 * k + 2][lane]) * value;
+      move.x += splat<W>(f[3 * k][lane]) * q[k];
+      move.y += splat<W>(f[3 * k + 1][lane]) * q[k];
+      move.z += splat<W>(f[3 * k + 2][lane]) * q[k];
     }
-    const W share = splat<W>(alpha) * loadMembers<W>(block, &MemberBlock::share);
+    const W share = splat<W>(alpha) * members.field(kMemberShare);
     storeSlots(slots, share * move);
   }
 };
@@ -52,16 +56,19 @@ SINEW_INLINE void goals(const ClusterRestBlock& rest, const MemberBlock* members
   const GoalTransforms<quadratic> transforms(rest, state);
   for (std::uint32_t lane = 0; lane < 8; ++lane) {
     const std::uint32_t count = rest.block_count[lane];
-    const MemberBlock* blocks = members + rest.first_block[lane];
-    float* const at = slots + kSlotFloats * rest.first_block[lane];
+    const std::uint32_t* words = members[rest.first_block[lane]].words;
+    float* at = slots + kSlotFloats * rest.first_block[lane];
     const float alpha = stiffness.alpha[lane];
-    std::uint32_t b = 0;
+    if (count == 1) transforms.ask(alpha, lane, MembersAt<Float8>{words, 8}, at);
+    for (std::uint32_t b = 0; b + 1 < count; b += 2, words += kPairWords, at += kPairSlotFloats) {
 #if defined(__AVX512F__)
-    for (; b + 1 < count; b += 2) {
-      transforms.template ask<Float16>(rest, alpha, lane, blocks + b, at + kSlotFloats * b);
-    }
+      transforms.ask(alpha, lane, MembersAt<Float16>{words, 16}, at);
+#else
+      for (std::uint32_t half = 0; half < 2; ++half) {
+        transforms.ask(alpha, lane, MembersAt<Float8>{words + 8 * half, 16}, at + kSlotFloats * half);
+      }
 #endif
-    for (; b < count; ++b) transforms.template ask<Float8>(rest, alpha, lane, blocks + b, at + kSlotFloats * b);
+    }
   }
 }
 

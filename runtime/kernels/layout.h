@@ -7,14 +7,19 @@
 
 namespace sinew::internal {
 
-/// Eight members of one cluster. What is missing to eight repeats the last member with mu = share = 0.
-struct alignas(32) MemberBlock {
-  std::uint32_t offset[8];  ///< 3 * physical vertex
-  float mu[8];              ///< mu_ic / Σ mu: sums to 1 in each cluster
-  float share[8];           ///< w_ic / W_i times the vertex's stiffness
-  float q[3][8];            ///< (X - c0) / radius
+/// What clusters know of a member, in this order: 3 * physical vertex (an integer); mu_ic / Σ mu, which sums to 1 in
+/// each cluster; w_ic / W_i times the vertex's stiffness; (X - c0) / radius.
+enum MemberField : std::uint32_t { kMemberOffset, kMemberMu, kMemberShare, kMemberRest, kMemberFields = 6 };
+
+/// Eight members of one cluster, [field][lane]. A cluster of more than eight has an even number of blocks, two and two
+/// as one: [field][sixteen lanes]. What is missing repeats the last member with mu = share = 0.
+struct alignas(64) MemberBlock {
+  std::uint32_t words[8 * kMemberFields];  ///< but for the offsets, the bits of floats
 };
 static_assert(sizeof(MemberBlock) == 192);
+
+/// Where the slots of a block's members lie within it: k and k + 4 side by side, as registers hold them.
+inline constexpr std::uint32_t kSlotOfLane[8] = {0, 2, 4, 6, 1, 3, 5, 7};
 
 /// State of eight clusters. Matrices column by column: component 3 k + row; columns 3.. only if quadratic.
 struct alignas(32) ClusterBlock {
@@ -36,7 +41,7 @@ struct alignas(32) ClusterRestBlock {
   float moment[27][8];           ///< M = Σ mu q q~^T, what A_pq is at rest
   float radius[8];               ///< metres; 1 in a lane without a cluster
   std::uint32_t first_block[8];  ///< into the member blocks
-  std::uint32_t block_count[8];  ///< 0 in a lane without a cluster
+  std::uint32_t block_count[8];  ///< 0 in a lane without a cluster, 1, or even
   std::uint32_t quadratic;       ///< not 0: some cluster of the eight is
   std::uint32_t unused[7];
 };

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Member blocks one at a time, or two side by side where registers hold sixteen floats. For kernel files only, see
-// lanes.h.
+// Member blocks one at a time, or a pair where registers hold sixteen floats. For kernel files only, see lanes.h.
 #pragma once
 
 #include "runtime/kernels/layout.h"
@@ -11,61 +10,47 @@ namespace sinew::internal::SINEW_KERNELS {
 
 /// Floats of a slot block: eight members, four each.
 constexpr std::uint64_t kSlotFloats = 32;
+/// From one pair of member blocks to the next: words, and floats of their slots.
+constexpr std::uint64_t kPairWords = 16 * kMemberFields, kPairSlotFloats = 2 * kSlotFloats;
 
-// Floats `p` of a block and, where W holds two blocks, of the next.
+/// As many members as W has lanes: those of a block, alone or half of a pair, or a whole pair.
 template <class W>
-SINEW_INLINE W loadMembers(const MemberBlock* block, const float (MemberBlock::*p)[8]);
-template <>
-SINEW_INLINE Float8 loadMembers<Float8>(const MemberBlock* block, const float (MemberBlock::*p)[8]) {
-  return load8(block->*p);
+struct MembersAt {
+  const std::uint32_t* words;
+  std::uint32_t stride;  ///< from field to field: 8 alone, 16 in a pair
+
+  SINEW_INLINE W field(std::uint32_t k) const {
+    W result;
+    __builtin_memcpy(&result, words + stride * k, sizeof result);
+    return result;
+  }
+  SINEW_INLINE W rest(int k) const { return field(kMemberRest + std::uint32_t(k)); }
+};
+SINEW_INLINE Vec3Of<Float8> gatherMembers(const float* y, const MembersAt<Float8>& members) {
+  return gatherTriples(y, members.words);
+}
+// Between lanes and the first floats of slots: x, y, z of their members, as wide as W.
+template <class W>
+SINEW_INLINE void storeMoves(float* slots, const Vec3Of<W>& v) {
+  constexpr std::size_t kWidth = sizeof(W) / sizeof(float);
+  __builtin_memcpy(slots, &v.x, sizeof(W));
+  __builtin_memcpy(slots + kWidth, &v.y, sizeof(W));
+  __builtin_memcpy(slots + 2 * kWidth, &v.z, sizeof(W));
 }
 template <class W>
-SINEW_INLINE W loadRest(const MemberBlock* block, int k);
-template <>
-SINEW_INLINE Float8 loadRest<Float8>(const MemberBlock* block, int k) {
-  return load8(block->q[k]);
-}
-template <class W>
-SINEW_INLINE Vec3Of<W> gatherMembers(const float* y, const MemberBlock* block);
-template <>
-SINEW_INLINE Vec3Of<Float8> gatherMembers<Float8>(const float* y, const MemberBlock* block) {
-  return gatherTriples(y, block->offset);
-}
-// Between lanes and the first 24 floats of slot blocks: x, y, z of eight members.
-SINEW_INLINE void storeMoves(float* slots, const Vec3Of<Float8>& v) {
-  store8(slots, v.x);
-  store8(slots + 8, v.y);
-  store8(slots + 16, v.z);
-}
-template <class W>
-SINEW_INLINE Vec3Of<W> loadMoves(const float* slots);
-template <>
-SINEW_INLINE Vec3Of<Float8> loadMoves<Float8>(const float* slots) {
-  return {load8(slots), load8(slots + 8), load8(slots + 16)};
+SINEW_INLINE Vec3Of<W> loadMoves(const float* slots) {
+  constexpr std::size_t kWidth = sizeof(W) / sizeof(float);
+  Vec3Of<W> v;
+  __builtin_memcpy(&v.x, slots, sizeof(W));
+  __builtin_memcpy(&v.y, slots + kWidth, sizeof(W));
+  __builtin_memcpy(&v.z, slots + 2 * kWidth, sizeof(W));
+  return v;
 }
 SINEW_INLINE void storeSlots(float* slots, const Vec3Of<Float8>& v) { storeQuadruples(slots, v); }
 
 #if defined(__AVX512F__)
-template <>
-SINEW_INLINE Float16 loadMembers<Float16>(const MemberBlock* block, const float (MemberBlock::*p)[8]) {
-  return joined(load8(block[0].*p), load8(block[1].*p));
-}
-template <>
-SINEW_INLINE Float16 loadRest<Float16>(const MemberBlock* block, int k) {
-  return joined(load8(block[0].q[k]), load8(block[1].q[k]));
-}
-template <>
-SINEW_INLINE Vec3Of<Float16> gatherMembers<Float16>(const float* y, const MemberBlock* block) {
-  return gatherTriples(y, block[0].offset, block[1].offset);
-}
-SINEW_INLINE void storeMoves(float* slots, const Vec3Of<Float16>& v) {
-  storeMoves(slots, Vec3Of<Float8>{lowHalf(v.x), lowHalf(v.y), lowHalf(v.z)});
-  storeMoves(slots + kSlotFloats, Vec3Of<Float8>{highHalf(v.x), highHalf(v.y), highHalf(v.z)});
-}
-template <>
-SINEW_INLINE Vec3Of<Float16> loadMoves<Float16>(const float* slots) {
-  const Vec3Of<Float8> a = loadMoves<Float8>(slots), b = loadMoves<Float8>(slots + kSlotFloats);
-  return {joined(a.x, b.x), joined(a.y, b.y), joined(a.z, b.z)};
+SINEW_INLINE Vec3Of<Float16> gatherMembers(const float* y, const MembersAt<Float16>& members) {
+  return gatherTriples(y, members.words, members.words + 8);
 }
 SINEW_INLINE void storeSlots(float* slots, const Vec3Of<Float16>& v) { storeQuadruples(slots, slots + kSlotFloats, v); }
 #endif

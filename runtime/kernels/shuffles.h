@@ -81,36 +81,26 @@ SINEW_INLINE Vec3Of<Float8> toLanes(const Float8 (&v)[4]) {
 /// The triples at data + offset: each read as 16 bytes, so the array needs 4 bytes of padding behind it.
 SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t* offset) {
   Float8 v[4];
-  for (int i = 0; i < 4; ++i) v[i] = joined(load4(data + offset[i]), load4(data + offset[i + 4]));
+  SINEW_UNROLL for (int i = 0; i < 4; ++i) v[i] = joined(load4(data + offset[i]), load4(data + offset[i + 4]));
   return toLanes(v);
 }
 #if defined(__AVX512F__)
+// In halves: putting together four times four floats costs twice the shuffles.
 SINEW_INLINE Vec3Of<Float16> gatherTriples(const float* data, const std::uint32_t* first, const std::uint32_t* second) {
-  Float16 four[4];
-  for (int i = 0; i < 4; ++i) {
-    four[i] = joined(load4(data + first[i]), load4(data + first[i + 4]), load4(data + second[i]),
-                     load4(data + second[i + 4]));
-  }
-  const Float16 xy0 = interleaveLow(four[0], four[1]), xy1 = interleaveLow(four[2], four[3]);
-  const Float16 z0 = interleaveHigh(four[0], four[1]), z1 = interleaveHigh(four[2], four[3]);
-  return {pairLow(xy0, xy1), pairHigh(xy0, xy1), pairLow(z0, z1)};
+  const Vec3Of<Float8> a = gatherTriples(data, first), b = gatherTriples(data, second);
+  return {joined(a.x, b.x), joined(a.y, b.y), joined(a.z, b.z)};
 }
 #endif
 
-/// Lanes as eight vectors of four floats, the last of them 0.
+/// Lanes as eight vectors of four floats, the last of them 0: those of lanes k and k + 4 side by side (kSlotOfLane).
 SINEW_INLINE void storeQuadruples(float* out, const Vec3Of<Float8>& v) {
   const Float8 zero{};
   const Float8 xy0 = interleaveLow(v.x, v.y), xy1 = interleaveHigh(v.x, v.y);
   const Float8 z0 = interleaveLow(v.z, zero), z1 = interleaveHigh(v.z, zero);
-  const Float8 v04 = pairLow(xy0, z0), v15 = pairHigh(xy0, z0), v26 = pairLow(xy1, z1), v37 = pairHigh(xy1, z1);
-  store4(out, lowHalf(v04));
-  store4(out + 4, lowHalf(v15));
-  store4(out + 8, lowHalf(v26));
-  store4(out + 12, lowHalf(v37));
-  store4(out + 16, highHalf(v04));
-  store4(out + 20, highHalf(v15));
-  store4(out + 24, highHalf(v26));
-  store4(out + 28, highHalf(v37));
+  store8(out, pairLow(xy0, z0));
+  store8(out + 8, pairHigh(xy0, z0));
+  store8(out + 16, pairLow(xy1, z1));
+  store8(out + 24, pairHigh(xy1, z1));
 }
 
 #if defined(__AVX512F__)
@@ -121,10 +111,8 @@ SINEW_INLINE void storeQuadruples(float* out, float* second, const Vec3Of<Float1
   const Float16 z0 = interleaveLow(v.z, zero), z1 = interleaveHigh(v.z, zero);
   const Float16 four[4] = {pairLow(xy0, z0), pairHigh(xy0, z0), pairLow(xy1, z1), pairHigh(xy1, z1)};
   for (int i = 0; i < 4; ++i) {
-    store4(out + 4 * i, lowHalf(lowHalf(four[i])));
-    store4(out + 16 + 4 * i, highHalf(lowHalf(four[i])));
-    store4(second + 4 * i, lowHalf(highHalf(four[i])));
-    store4(second + 16 + 4 * i, highHalf(highHalf(four[i])));
+    store8(out + 8 * i, lowHalf(four[i]));
+    store8(second + 8 * i, highHalf(four[i]));
   }
 }
 #endif
@@ -135,7 +123,7 @@ struct Triples8 {
 };
 SINEW_INLINE Triples8 loadTriples(const float* p) { return {{load8(p), load8(p + 8), load8(p + 16)}}; }
 SINEW_INLINE void storeTriples(float* p, const Triples8& t) {
-  for (int k = 0; k < 3; ++k) store8(p + 8 * k, t.part[k]);
+  SINEW_UNROLL for (int k = 0; k < 3; ++k) store8(p + 8 * k, t.part[k]);
 }
 /// The same for the last `count` < 8 of an array; missing triples repeat the first.
 SINEW_INLINE Triples8 loadTriples(const float* p, std::uint32_t count) {
@@ -177,7 +165,7 @@ SINEW_INLINE Vec3Of<Float8> lanesOf(const Triples8& t) {
   const Float4 four[2][3] = {{t.part[0].low, t.part[0].high, t.part[1].low},
                              {t.part[1].high, t.part[2].low, t.part[2].high}};
   Vec3Of<Float4> half[2];
-  for (int i = 0; i < 2; ++i) {
+  SINEW_UNROLL for (int i = 0; i < 2; ++i) {
     // a = x0 y0 z0 x1, b = y1 z1 x2 y2, c = z2 x3 y3 z3
     const Float4 a = four[i][0], b = four[i][1], c = four[i][2];
     const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
@@ -194,7 +182,7 @@ SINEW_INLINE Triples8 triplesOf(const Vec3Of<Float8>& v) {
            SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 13, 0, 6, 14, 0, 7, 15, 0), v.z, 0, 13, 2, 3, 14, 5, 6, 15)}};
 #else
   Float4 four[2][3];
-  for (int half = 0; half < 2; ++half) {
+  SINEW_UNROLL for (int half = 0; half < 2; ++half) {
     const Float4 x = half == 0 ? lowHalf(v.x) : highHalf(v.x), y = half == 0 ? lowHalf(v.y) : highHalf(v.y),
                  z = half == 0 ? lowHalf(v.z) : highHalf(v.z);
     const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5), zx = SINEW_SHUFFLE(z, x, 0, 5, 2, 7),
@@ -214,7 +202,7 @@ SINEW_INLINE Triples8 triplesOf(const Float8 (&v)[4]) {
            SINEW_SHUFFLE(v[2], v[3], 5, 6, 8, 9, 10, 12, 13, 14)}};
 #else
   Float4 four[2][3];
-  for (int half = 0; half < 2; ++half) {
+  SINEW_UNROLL for (int half = 0; half < 2; ++half) {
     const Float4 a = v[2 * half].low, b = v[2 * half].high, c = v[2 * half + 1].low, d = v[2 * half + 1].high;
     four[half][0] = SINEW_SHUFFLE(a, SINEW_SHUFFLE(a, b, 2, 2, 4, 4), 0, 1, 4, 6);
     four[half][1] = SINEW_SHUFFLE(b, c, 1, 2, 4, 5);
@@ -247,7 +235,8 @@ SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
 /// Lane k of the result: the sum of v[k]'s lanes, always in the same order.
 SINEW_INLINE Float8 sumEach(const Float8 (&v)[8]) {
   Float8 s[4];
-  for (int i = 0; i < 4; ++i) s[i] = interleaveLow(v[2 * i], v[2 * i + 1]) + interleaveHigh(v[2 * i], v[2 * i + 1]);
+  SINEW_UNROLL for (int i = 0; i < 4; ++i) s[i] =
+      interleaveLow(v[2 * i], v[2 * i + 1]) + interleaveHigh(v[2 * i], v[2 * i + 1]);
   const Float8 t0 = pairLow(s[0], s[1]) + pairHigh(s[0], s[1]);
   const Float8 t1 = pairLow(s[2], s[3]) + pairHigh(s[2], s[3]);
   return lowHalves(t0, t1) + highHalves(t0, t1);

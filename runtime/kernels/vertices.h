@@ -103,19 +103,24 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments a) {
 SINEW_INLINE void applyToSixteen(const ApplyArguments& a, std::uint32_t i, UseBlock use, UseBlock second) {
   const std::uint32_t* one = a.use_offset + 8 * std::uint64_t(use.first);
   const std::uint32_t* two = a.use_offset + 8 * std::uint64_t(second.first);
-  const auto four = [&](const std::uint32_t* offset) {
-    return joined(load4(a.slots + offset[0]), load4(a.slots + offset[1]), load4(a.slots + offset[2]),
-                  load4(a.slots + offset[3]));
+  const auto two_at = [&](const std::uint32_t* offset) {
+    return joined(load4(a.slots + offset[0]), load4(a.slots + offset[1]));
   };
-  Float16 moves[4] = {four(one), four(one + 4), four(two), four(two + 4)};
+  Float8 sums[8];
+  for (int k = 0; k < 4; ++k) {
+    sums[k] = two_at(one + 2 * k);
+    sums[4 + k] = two_at(two + 2 * k);
+  }
   for (std::uint32_t row = 1; row < use.rows; ++row) {
     one += 8;
     two += 8;
-    moves[0] += four(one);
-    moves[1] += four(one + 4);
-    moves[2] += four(two);
-    moves[3] += four(two + 4);
+    for (int k = 0; k < 4; ++k) {
+      sums[k] += two_at(one + 2 * k);
+      sums[4 + k] += two_at(two + 2 * k);
+    }
   }
+  Float16 moves[4];
+  for (int k = 0; k < 4; ++k) moves[k] = joined(sums[2 * k], sums[2 * k + 1]);
   const Triples16 moved = triplesOf(moves);
   float* y = a.vertices.y + 3 * std::uint64_t(i);
   float* v = a.vertices.v + 3 * std::uint64_t(i);
@@ -155,7 +160,7 @@ SINEW_INLINE void apply(const ApplyArguments a) {
     const std::uint32_t* offset = a.use_offset + 8 * std::uint64_t(use.first);
     Float8 moves[4] = {};
     for (std::uint32_t row = 0; row < use.rows; ++row, offset += 8) {
-      for (int k = 0; k < 4; ++k) {
+      SINEW_UNROLL for (int k = 0; k < 4; ++k) {
         moves[k] += joined(load4(a.slots + offset[2 * k]), load4(a.slots + offset[2 * k + 1]));
       }
     }

@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace sinew::internal {
@@ -64,7 +65,7 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
   }
   result.blocks.resize((clusters.size() + 7) / 8, ClusterRestBlock{});
   for (ClusterRestBlock& block : result.blocks) std::fill(std::begin(block.radius), std::end(block.radius), 1.0F);
-  std::vector<std::uint32_t> use_slots(package.memberships().size());  // as `uses`: 8 * member block + lane
+  std::vector<std::uint32_t> use_slots(package.memberships().size());  // as `uses`
   std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const formats::Cluster& cluster = clusters[c];
@@ -75,21 +76,27 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
     for (std::size_t k = 0; k < 27; ++k) block.moment[k][lane] = rest.moment.data()[k];
     block.radius[lane] = cluster.radius;
     block.first_block[lane] = std::uint32_t(result.members.size());
-    block.block_count[lane] = (cluster.member_count + 7) / 8;
+    const std::size_t wide = cluster.member_count > 8 ? 16 : 8;
+    const std::size_t places = (cluster.member_count + wide - 1) / wide * wide;
+    block.block_count[lane] = std::uint32_t(places / 8);
+    result.members.resize(result.members.size() + places / 8);
     if (cluster.mode == formats::ClusterMode::quadratic) block.quadratic = 1;
     const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
-    for (std::size_t m = 0; m < 8 * std::size_t(block.block_count[lane]); ++m) {
-      if (m % 8 == 0) result.members.emplace_back();
-      MemberBlock& eight = result.members.back();
+    for (std::size_t m = 0; m < places; ++m) {
+      const std::size_t eight = block.first_block[lane] + m / 8;
+      std::uint32_t* const words = result.members[eight - m / 8 % (wide / 8)].words + m % wide;
+      const auto set = [&](std::uint32_t field, float value) {
+        words[wide * field] = std::bit_cast<std::uint32_t>(value);
+      };
       const bool real = m < members.size();
       const formats::Membership& member = real ? members[m] : members.back();
       const Vector3 q = restOffset(cluster, asVector(vertices[member.vertex].rest_position));
-      eight.offset[m % 8] = 3 * member.vertex;
-      eight.mu[m % 8] = real ? member.mu : 0.0F;
       const float stiffness = package.vertexStiffness().empty() ? 1.0F : package.vertexStiffness()[member.vertex];
-      eight.share[m % 8] = real ? member.share * stiffness : 0.0F;
-      for (int k = 0; k < 3; ++k) eight.q[k][m % 8] = q[k];
-      if (real) use_slots[next[member.vertex]++] = std::uint32_t(8 * (result.members.size() - 1) + m % 8);
+      words[wide * kMemberOffset] = 3 * member.vertex;
+      set(kMemberMu, real ? member.mu : 0.0F);
+      set(kMemberShare, real ? member.share * stiffness : 0.0F);
+      for (std::uint32_t k = 0; k < 3; ++k) set(kMemberRest + k, q[k]);
+      if (real) use_slots[next[member.vertex]++] = std::uint32_t(8 * eight + kSlotOfLane[m % 8]);
     }
   }
   const std::uint32_t nothing = std::uint32_t(4 * 8 * result.members.size());
