@@ -517,14 +517,13 @@ BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vect
   const formats::PackageView& package = asset_->package();
   const auto vertices = package.physicalVertices();
   // y with goals x: a pass starts from there in effect. Richardson's iteration climbs the dual function, whose values
-  // are bounds from below; what no goals reach is a spring of about kIterations m / h². What the guard moves is no
+  // are bounds from below; what no goals reach is a spring of about kSearchRounds m / h². What the guard moves is no
   // energy of a cluster: it counts with the first pass alone.
-  constexpr int kIterations = 24;
   std::vector<Vector3d> y(x.begin(), x.end()), goal(x.size());
   ClusterPotential result;
   double& bound = result.energy;
   double first = 0;
-  for (int iteration = -1; iteration < kIterations; ++iteration) {
+  for (int iteration = -1; iteration < kSearchRounds; ++iteration) {
     const bool guarded = iteration < 0;
     double elastic = 0, apart = 0;
     std::fill(goal.begin(), goal.end(), Vector3d::Zero());

@@ -59,6 +59,8 @@ class BodyMeasure {
     bool limited = false;  ///< some cluster is beyond a limit or the guard: what stops it there is no potential
     bool tangled = false;  ///< neighbours are turned against each other, or were and the part is not back yet
   };
+  /// Rounds of the search: a distance that no goals reach has that many times the energy of a spring m / h².
+  static constexpr int kSearchRounds = 24;
   /// \param tangled what the last call returned of that, false at first.
   Potential potential(const World& world, BodyId body, double pass_seconds, bool tangled) const;
 
