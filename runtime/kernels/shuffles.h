@@ -127,13 +127,15 @@ SINEW_INLINE void storeTriples(float* p, const Triples8& t) {
 }
 /// The same for the last `count` < 8 of an array; missing triples repeat the first.
 SINEW_INLINE Triples8 loadTriples(const float* p, std::uint32_t count) {
-  if (count >= 8) [[likely]] return loadTriples(p);
+  if (count >= 8) [[likely]]
+    return loadTriples(p);
   float copy[24];
   SINEW_ROLLED for (std::uint32_t i = 0; i < 24; ++i) copy[i] = p[i < 3 * count ? i : i % 3];
   return loadTriples(copy);
 }
 SINEW_INLINE void storeTriples(float* p, const Triples8& t, std::uint32_t count) {
-  if (count >= 8) [[likely]] return storeTriples(p, t);
+  if (count >= 8) [[likely]]
+    return storeTriples(p, t);
   float copy[24];
   storeTriples(copy, t);
   SINEW_ROLLED for (std::uint32_t i = 0; i < 3 * count; ++i) p[i] = copy[i];
@@ -226,7 +228,8 @@ SINEW_INLINE Triples16 triplesOf(const Float16 (&v)[4]) {
 
 /// `count` scalars; 0 in missing lanes.
 SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
-  if (count >= 8) [[likely]] return load8(p);
+  if (count >= 8) [[likely]]
+    return load8(p);
   float copy[8] = {};
   SINEW_ROLLED for (std::uint32_t i = 0; i < count; ++i) copy[i] = p[i];
   return load8(copy);
