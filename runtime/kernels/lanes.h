@@ -21,6 +21,12 @@
 #define SINEW_KERNELS baseline  // what the compiler's own flags say
 #endif
 #define SINEW_INLINE [[gnu::always_inline]] inline
+// A function that stays one: much code, called from several places. Clang makes no copies for constant arguments.
+#if defined(__clang__)
+#define SINEW_APART [[gnu::noinline]]
+#else
+#define SINEW_APART [[gnu::noinline, gnu::noclone]]
+#endif
 // Before loops over arrays of lanes: taken apart, so that the arrays are registers (sixteen of four floats hold none).
 #if defined(__SSE4_2__) && !defined(__AVX__)
 #define SINEW_UNROLL

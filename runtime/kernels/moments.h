@@ -91,8 +91,8 @@ SINEW_INLINE void sweepInline(MembersAt<W> members, std::uint32_t count, const f
 
 // Nine columns are much code, which is not inlined everywhere; three are little work, which a call would slow down.
 template <class W>
-[[gnu::noinline, gnu::noclone]] static void sweepNine(MembersAt<W> members, std::uint32_t count, const float* y,
-                                                      const float* reference, float* slots, float* sums, bool add) {
+SINEW_APART static void sweepNine(MembersAt<W> members, std::uint32_t count, const float* y, const float* reference,
+                                  float* slots, float* sums, bool add) {
   sweepInline<true, W>(members, count, y, reference, slots, sums, add);
 }
 template <bool quadratic, class W>

@@ -19,6 +19,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kLength = 1, kThickness = 0.2;  // m
+constexpr double kAtRest = 0.05;                 // m/s
 constexpr double kSoftHz = 3;
 constexpr double kSagSeconds = 6, kReturnSeconds = 4, kPullSeconds = 4;
 constexpr float kPull = 0.15F;  // m, upwards
@@ -89,6 +90,7 @@ class HeldBeam {
     result.vertices = std::uint32_t(rest().size());
     const Section end = section(kLength);
     result.sag = -end.center[1];
+    for (const Vec3& v : world_.velocities(body_)) result.speed = std::max(result.speed, wide(v).norm());
     result.end_turn_deg = turnOf(end);
     result.wall_turn_deg = turnOf(section(spacing_));
     result.wall_error = largestMove(wall_);
@@ -226,6 +228,7 @@ nlohmann::ordered_json pinsJson(const std::vector<PinsResult>& results) {
                                   {"clusters", r.beam.clusters},
                                   {"finite", r.finite},
                                   {"sag_metres", r.sag},
+                                  {"speed_metres_per_second", r.speed},
                                   {"wall_section_turned_deg", r.wall_turn_deg},
                                   {"end_turned_deg", r.end_turn_deg},
                                   {"wall_error_metres", r.wall_error},
@@ -248,7 +251,13 @@ std::string pinsText(const std::vector<PinsResult>& results) {
   for (const PinsResult& r : results) {
     if (!is_usual(r) || r.beam.pulled) continue;
     if (r.beam.rate_hz == kRates.front()) text += "| " + nameOf(r.beam) + " |";
-    append(text, " %.4f %s", r.sag, r.beam.rate_hz == kRates.back() ? "|" : "/");
+    // Where a beam does not come to rest its sag is that of a moment.
+    if (r.speed < kAtRest) {
+      append(text, " %.4f", r.sag);
+    } else {
+      text += " moves";
+    }
+    text += r.beam.rate_hz == kRates.back() ? " |" : " /";
     if (r.beam.rate_hz != kRates.back()) continue;
     // The other columns are of 60 steps a second.
     const auto at60 = std::find_if(results.begin(), results.end(), [&](const PinsResult& other) {

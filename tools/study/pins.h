@@ -36,6 +36,7 @@ struct PinsResult {
   PinsCase beam;
   std::uint32_t vertices = 0;
   double sag = 0;                                   ///< of the free face's middle at rest, metres; up is negative
+  double speed = 0;                                 ///< of its fastest vertex then, m/s
   double wall_turn_deg = 0;                         ///< of the first section that is not held
   double end_turn_deg = 0;                          ///< of the free face
   double wall_error = 0;                            ///< largest distance of a held vertex from its place, metres
