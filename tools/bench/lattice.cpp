@@ -229,6 +229,12 @@ LatticeBody makeLattice(const LatticeOptions& o) {
     mechanics.volume = formats::VolumeMethod::principal;
     content.mechanics.assign(content.clusters.size(), mechanics);
   }
+  if (o.per_step_beta >= 0) {
+    formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+    mechanics.stiffness = formats::StiffnessModel::per_step;
+    mechanics.per_step_beta.fill(o.per_step_beta);
+    content.mechanics.assign(content.clusters.size(), mechanics);
+  }
   const formats::StringRef name = content.addText("lattice");
   for (formats::Cluster& cluster : content.clusters) cluster.name = name;
   content.bodies.push_back({0, std::uint32_t(content.physical_vertices.size()), 0,

@@ -21,6 +21,7 @@ struct LatticeOptions {
   double memberships = 2.5;
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
   double stretch_hz = 10, bend_hz = 10, twist_hz = 10;
+  float per_step_beta = -1;           ///< 0..1: StiffnessModel::per_step with it, in place of frequencies; -1: none
   bool limits = false;                ///< principal stretches limited and volume kept, as a bake's default
   std::uint32_t visual_vertices = 0;  ///< on an ellipsoid within the block; 0 = neither these nor tetrahedra
 };
