@@ -48,9 +48,11 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   if (stiffness.deforms) {
     Columns<9> deviation = a_pq - rest_linear * rest.moment;
     // Implicit damping: what was left of the deformation a pass ago pulls towards itself (eq. 8d).
-    // The frame of what is lost is not the one that remembers: it is not damped in this pass.
-    if (extras.previous != nullptr) {
-      deviation += extras.damping_passes * (lost ? deviation.eval() : (r * *extras.previous).eval());
+    // The frame of what is lost is not the one that remembers: it is not damped in this pass, also where S is.
+    if (extras.previous != nullptr && !lost) {
+      deviation += extras.damping_passes * (r * *extras.previous);
+    } else if (extras.modes == nullptr) {
+      deviation *= 1.0F + extras.damping_passes;
     }
     const auto answer_to = [&](const Columns<9>& load) -> Columns<9> {
       if (extras.modes == nullptr) return timesSymmetric(load, stiffness.s);

@@ -177,7 +177,11 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
     }
     // Of what deforms at all: turns, and modes that the cluster lacks, keep everything.
     const auto deforms = (modes.omega2.array() > 0).cast<float>();
-    result.kept = deforms.sum() > 0 ? (kept.array() * deforms).sum() / deforms.sum() : 1.0F;
+    if (deforms.sum() > 0) {
+      result.kept = float(1 + damping) * (kept.array() * deforms).sum() / deforms.sum();
+    } else {
+      result.kept = 1.0F;
+    }
     result.slowest_hz = slowestMode(modes, double(rest.clusters[index].frequency_ratio), double(stiffness_scale));
     result.deforms = true;
     result.mixes_classes = quadratic || mechanics.poisson > 0;
@@ -186,7 +190,7 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
 
   const std::array<double, 3> ratios = classRatios(package, rest, index, stiffness_scale, step_seconds);
   const float beta = float(1 / (1 + damping + ratios[0]));
-  result.kept = beta;
+  result.kept = float(1 + damping) * beta;
   result.slowest_hz = slowestClass(std::span(ratios).first(quadratic ? 3 : 1),
                                    double(rest.clusters[index].frequency_ratio), double(step_seconds));
   if (!quadratic) {

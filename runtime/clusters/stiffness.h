@@ -16,8 +16,10 @@ namespace sinew::internal {
 
 /// What a cluster's frequencies mean for one length of step (docs/method.md §4).
 struct ClusterStiffness {
-  float alpha = 1.0F;        ///< alpha_h of eq. 9
-  float kept = 0.0F;         ///< beta_h of stretch and shear (eq. 6); 0 for a rigid cluster
+  float alpha = 1.0F;  ///< alpha_h of eq. 9
+  /// What a pass keeps of a stretch or shear: beta_h (eq. 6), or with damping (1 + h d) / (1 + h d + (2 pi f h)²),
+  /// since damping pulls towards what was; 0 for a rigid cluster.
+  float kept = 0.0F;
   float volume_ease = 0.0F;  ///< how much the volume gives way to a unit pressure (eq. 18)
   /// The lowest frequency that the body returns with where it is made of such clusters, Hz; 0 = it never does,
   /// infinite = rigid.

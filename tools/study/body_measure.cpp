@@ -223,8 +223,8 @@ double BodyMeasure::fastestOmega(double pass_seconds) const {
   return fastest;
 }
 
-BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match, double pass_seconds,
-                                          bool guarded) const {
+BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match, double pass_seconds, bool guarded,
+                                          bool tangled) const {
   const ClusterData& data = clusters_[index];
   const formats::Cluster& cluster = asset_->package().clusters()[index];
   Answer answer;
@@ -252,8 +252,9 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     unit_pressure.leftCols<3>() = internal::cofactor(a.cast<float>()).cast<double>();
     Eigen::VectorXd amplitude = Eigen::VectorXd::Zero(data.modes.cols());
     const Eigen::Matrix<double, 3, 9> pushed = answer_to(unit_pressure, amplitude);
-    const double pressure = double(
-        internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(), float(1 / (h2 * stiffness))));
+    const float ease = float(1 / (h2 * stiffness));
+    const double pressure =
+        tangled ? 0.0 : double(internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(), ease));
     answer.deformation += pressure * pushed;
     amplitudes += pressure * amplitude;
     // Where the pressure does not act it has no energy either, but may get it.
@@ -393,10 +394,10 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
   std::vector<Vector3d> x;
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
   Potential result;
-  const ClusterPotential clusters = clusterPotential(x, pass_seconds);
+  const PartPotential one = partPotential(x, pass_seconds, tangled);
+  const ClusterPotential clusters = clusterPotential(x, pass_seconds, one.tangled);
   const double by_cluster = clusters.energy;
   result.limited = clusters.limited;
-  const PartPotential one = partPotential(x, pass_seconds, tangled);
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
   result.least = one.begins ? result.most : by_cluster;
   result.most += clusters.latent;
@@ -513,7 +514,8 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   return result;
 }
 
-BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds) const {
+BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds,
+                                                            bool tangled) const {
   const formats::PackageView& package = asset_->package();
   const auto vertices = package.physicalVertices();
   // y with goals x: a pass starts from there in effect. Richardson's iteration climbs the dual function, whose values
@@ -531,7 +533,7 @@ BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vect
       const ClusterData& data = clusters_[c];
       const formats::Cluster& cluster = package.clusters()[c];
       const Match m = match(c, y);
-      const Answer answer = answerOf(c, m, pass_seconds, guarded);
+      const Answer answer = answerOf(c, m, pass_seconds, guarded, tangled);
       result.limited = result.limited || answer.limited;
       if (guarded) result.latent += answer.latent;
       elastic += answer.energy;

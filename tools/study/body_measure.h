@@ -107,7 +107,9 @@ class BodyMeasure {
   /// The part of a deformation that a pass takes, at most 1.
   static double takenOf(const ClusterData& data, double pass_seconds);
   static double omegaOf(const ClusterData& data, double pass_seconds);
-  Answer answerOf(std::size_t cluster, const Match& match, double pass_seconds, bool guarded) const;
+  /// \param guarded with what limits and the guard change. \param tangled its part goes back as one, through itself:
+  /// without volume and limits.
+  Answer answerOf(std::size_t cluster, const Match& match, double pass_seconds, bool guarded, bool tangled) const;
   struct PartPotential {
     double energy = 0;    ///< J
     double weight = 0;    ///< 0 where the part is not astray
@@ -119,7 +121,8 @@ class BodyMeasure {
     double energy = 0, latent = 0;  ///< J
     bool limited = false;           ///< some cluster is beyond a limit
   };
-  ClusterPotential clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds) const;
+  ClusterPotential clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds,
+                                    bool tangled) const;
   PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool tangled) const;
   /// Whether all clusters are as good as rigid in passes of this length.
   bool isStiff(double pass_seconds) const;

@@ -474,10 +474,13 @@ class CellRun {
     const auto ratio = [](double value, double limit) { return limit > 0 ? value / limit : value > 0 ? 1e30 : 0.0; };
     result_.momentum = std::max({result_.momentum, ratio(p, p_limit), ratio(l, l_limit)});
 
+    // Goals are sums of terms of the size of the rest shape, also where the body has collapsed.
+    const double size = std::max(now.extent, 0.5 * double(asset_->package().info().diagonal));
+    const double goal_rounding_speed = rounding_speed + kUlp * (size - now.extent) / pass_seconds_;
     // What the rounding of goals adds in each pass may add up: it need not be chance.
-    const double added = measure_.roundingGain() * rounding_speed * std::max(4.0, double(passes_since_release_));
+    const double added = measure_.roundingGain() * goal_rounding_speed * std::max(4.0, double(passes_since_release_));
     // Goals are off by kGoalRounding of the body, which the search for the potential takes for distances.
-    const double off = BodyMeasure::kSearchRounds * std::pow(kGoalRounding * now.extent / pass_seconds_, 2);
+    const double off = BodyMeasure::kSearchRounds * std::pow(kGoalRounding * size / pass_seconds_, 2);
     const double ringing = std::pow(4 * measure_.fastestOmega(pass_seconds_) * rounding, 2);
     const double floor = 0.5 * now.mass * (std::pow(added, 2) + off + ringing);
     // What has flowed rests in another shape, and what has no stiffness in any: of it kinetic energy alone is judged,
