@@ -455,9 +455,11 @@ class BodyStep {
       part.wanted.velocity += part.moving;
       // A turn of this size moves the arms that the sums were taken with.
       part.limited = std::max(part.found.omega.norm(), part.wanted.omega.norm()) * double(h_) > kLargeTurn;
+      part.stopped = false;
       for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
-        part.limited |= body_.blocks[c / 8].limited[c % 8] != 0;
+        part.stopped |= body_.blocks[c / 8].limited[c % 8] != 0;
       }
+      part.limited |= part.stopped;
       any_limited |= part.limited && part.free;
     }
     forChunks([&](VertexChunk& chunk) { settle(chunk); });
@@ -515,20 +517,26 @@ class BodyStep {
     const auto copy = [](const Eigen::Vector3d& from, float(&to)[3]) {
       for (int k = 0; k < 3; ++k) to[k] = float(from[k]);
     };
+    // What stopped vertices had made of the part's motion stops with them. The others do not answer for it: what is
+    // lacking then is given back to all (restoreMomentum).
+    const bool stops = part.free && part.stopped;
+    const RigidMotion& found = stops ? part.wanted : part.found;
     const Eigen::Vector3d turned = part.wanted.omega - part.found.omega;
     const Eigen::Vector3d change = part.wanted.velocity - part.found.velocity;
     const Eigen::Vector3d rounding = roundedToFloat(part.found.center) - part.found.center;
     copy(part.found.center, a.center);
-    copy(part.found.velocity + part.found.omega.cross(rounding), a.moving);
-    copy(part.found.omega, a.lost_omega);
-    copy(change + turned.cross(rounding), a.change);
-    copy(turned, a.change_omega);
+    copy(found.velocity + found.omega.cross(rounding), a.moving);
+    copy(found.omega, a.lost_omega);
+    if (!stops) {
+      copy(change + turned.cross(rounding), a.change);
+      copy(turned, a.change_omega);
+    }
     // A real turn of this size would change the angular momentum again by moving the arms; the match's own stays.
     const bool shift_turns = turned.norm() * double(h_) <= kRoundingTurn;
     copy(shift_turns ? change + turned.cross(rounding) : change, a.shift);
     if (shift_turns) copy(turned, a.shift_omega);
     std::array<float, kVerticesPerChunk> vertex_kept;
-    if (part.limited) {
+    if (part.stopped) {
       // What a cluster's guard stopped, it stopped for good.
       for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
         float kept = 1.0F;

@@ -110,7 +110,8 @@ struct Part {
   bool tangled = false;       ///< neighbouring clusters are turned against each other: it goes back as one
   bool free = true;           ///< no row of this pass touches the part
   bool shifted = false;       ///< bringNear() moved it in this pass
-  bool limited = false;       ///< a cluster was stopped by the guard in this pass
+  bool stopped = false;       ///< a cluster was stopped by the guard or a limit in this pass
+  bool limited = false;       ///< so it was, or the part turned far: its momentum is set right twice
 };
 
 /// Memory that begins at a cache line: kernels read and write whole lines of vertices.

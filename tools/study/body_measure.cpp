@@ -408,7 +408,7 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
 // Whether a cluster has its part looked at: it has lost its orientation, is torn or beyond the guard (docs/method.md
 // §3, eq. 10).
 bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pass_seconds) const {
-  constexpr double kResistance = 0.3, kTorn = 1.1, kLeast = 0.1, kLargest = 3, kMargin = 1.001;
+  constexpr double kResistance = 0.3, kTorn = 1.1, kLeast = 0.1, kLargest = 3, kMargin = 1.00005;
   const Matrix3d rest = data.moment.leftCols<3>();
   if (!(rest.trace() > 0)) return false;
   const Matrix3d linear = match.deviation.leftCols<3>() + match.rotation * rest;
