@@ -65,7 +65,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
       const Columns<9> answer = answer_to(unit_pressure);
       f += volumePressure(f.leftCols<3>(), answer.leftCols<3>(), stiffness.volume_ease) * answer;
     }
-    limited = applyGoalLimits(limits, stiff && !tangled, r, extras.shape, f);
+    limited = applyGoalLimits(limits, stiff && !tangled, stiffness.margin, r, extras.shape, f);
   }
   if (!lost && (limited != Limited::nothing || keeps_volume || stiffness.mixes_classes)) {
     // Eq. 11: turned so that the match exerts no torque: A_pq F^T becomes symmetric.

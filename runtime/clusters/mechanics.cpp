@@ -376,7 +376,8 @@ GoalLimits limitsTangled() {
   return result;
 }
 
-Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f) {
+Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, const Matrix3& r, const Matrix3* shape,
+                        Columns<9>& f) {
   Matrix3 a = f.leftCols<3>();
   if (!a.allFinite()) return Limited::nothing;
   if (shape != nullptr) a = a * inverseOf(*shape);
@@ -397,7 +398,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
   if (lacks_volume || !lanes::surelyWithin(toLanes(a), limits.least, limits.largest)) {
     lanes::SvdOf<float> svd;
     rotationSvdOfLane(a.data(), svd.u.m, svd.v.m, &svd.sigma.x);
-    const float outside_by = stiff ? 1.0F : kGuardMargin;
+    const float outside_by = stiff ? 1.0F : margin;
     const bool guarded = svd.sigma.z * outside_by < std::min(kLeastStretch, limits.least) ||
                          svd.sigma.x > outside_by * std::max(kLargestStretch, limits.largest);
     const bool inside = guarded && stiff;
@@ -413,7 +414,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, 
     if (outside || lacks_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
   // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
-  if ((a - start).norm() > (kGuardMargin - 1) * start.norm()) done = Limited::stopped;
+  if ((a - start).norm() > (margin - 1) * start.norm()) done = Limited::stopped;
   if (done == Limited::stopped) {
     f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
   } else if (a != start) {

@@ -77,14 +77,15 @@ double volumeEnergy(double volume);
 enum class Limited {
   nothing,  ///< F is what it was
   shaped,   ///< a limit or the volume changed it: its torque has to be removed
-  stopped,  ///< it was beyond a limit or the guard by more than kGuardMargin: the motion of its vertices is stopped
+  stopped,  ///< it was beyond a limit or the guard by more than the margin: the motion of its vertices is stopped
 };
 
 /// Limits on the linear block of F (eq. 10), and what the volume method `principal` makes up for behind them; blending
-/// limits take the squares and products along, which are zero in a linear cluster. \param stiff a pass keeps less than
-/// half of a stretch. \param shape the rest shape's own deformation (plasticity, activation), null for none: limits
-/// count from it.
-Limited applyGoalLimits(const GoalLimits& limits, bool stiff, const Matrix3& r, const Matrix3* shape, Columns<9>& f);
+/// limits take the squares and products along, which are zero in a linear cluster. \param margin guardMargin(). \param
+/// stiff a pass keeps less than half of a stretch. \param shape the rest shape's own deformation (plasticity,
+/// activation), null for none: limits count from it.
+Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, const Matrix3& r, const Matrix3* shape,
+                        Columns<9>& f);
 
 /// Deformation of the rest shape of one cluster, body state.
 struct ShapeState {

@@ -332,7 +332,7 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   GoalLimits limits = *extras.limits;
   limits.volume = formats::VolumeMethod::none;
   Columns<9> f = frame.f;
-  if (applyGoalLimits(limits, false, r, extras.shape, f) == Limited::nothing) return false;
+  if (applyGoalLimits(limits, false, guardMargin(pass_seconds_), r, extras.shape, f) == Limited::nothing) return false;
   const Eigen::Vector3d shift(g(0, 0), g(0, 1), g(0, 2));
   g = held;
   addFreePart(g, answerOf(f, r, shape, shift), held);

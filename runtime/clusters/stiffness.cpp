@@ -126,6 +126,11 @@ std::array<double, 3> classRatios(const formats::PackageView& package, const Res
   return ratios;
 }
 
+float guardMargin(float pass_seconds) {
+  constexpr float kLeast = 5e-5F, kMost = 1e-3F, kBodiesPerSecond = 5;
+  return 1.0F + std::clamp(kBodiesPerSecond * pass_seconds, kLeast, kMost);
+}
+
 double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, double stiffness_scale,
                    double pass_seconds) {
   const double hz = std::max(kVolumeHz, kVolumeOverStretch * double(cluster.stretch_hz) * stiffness_scale);
@@ -157,6 +162,7 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
       package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[index];
   ClusterStiffness result;
   const double missing = 1.0 - std::clamp(double(cluster.alpha), 0.0, 1.0);
+  result.margin = guardMargin(step_seconds);
   result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
@@ -227,6 +233,7 @@ void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, Stiff
   block.deforms[lane] = stiffness.deforms ? -1 : 0;
   block.stiff[lane] = stiffness.kept < 0.5F ? -1 : 0;
   block.mixes[lane] = stiffness.mixes_classes ? -1 : 0;
+  block.margin[lane] = stiffness.margin;
   block.least[lane] = kLeastStretch;
   block.largest[lane] = kLargestStretch;
   block.keeps_volume[lane] = 0;

@@ -20,6 +20,7 @@ struct ClusterStiffness {
   /// What a pass keeps of a stretch or shear: beta_h (eq. 6), or with damping (1 + h d) / (1 + h d + (2 pi f h)²),
   /// since damping pulls towards what was; 0 for a rigid cluster.
   float kept = 0.0F;
+  float margin = 1.0F;       ///< guardMargin()
   float volume_ease = 0.0F;  ///< how much the volume gives way to a unit pressure (eq. 18)
   /// The lowest frequency that the body returns with where it is made of such clusters, Hz; 0 = it never does,
   /// infinite = rigid.
@@ -28,6 +29,11 @@ struct ClusterStiffness {
   bool mixes_classes = false;       ///< S is no multiple of A_qq: classes of modes differ in frequency
   Square<9> s = Square<9>::Zero();  ///< S of eq. 8: F = [R 0] + (A_pq - R M) S; rows and columns 3.. only if quadratic
 };
+
+/// A goal is always brought back within its limits and the guard; what is further off than this factor is stopped as
+/// well. Without it rounding would stop the return of what has been let through, pass after pass. What is brought back
+/// by less becomes a speed, of at most 5 bodies a second.
+float guardMargin(float pass_seconds);
 
 /// (2 pi f h)² of the classes of modes (stretch, bend, twist); of per_step (1 - beta) / beta. Infinite where rigid;
 /// elastic clusters have none: 0.

@@ -16,9 +16,6 @@ namespace sinew::internal {
 /// squashed or mirrored past it comes back on the right side.
 inline constexpr float kLeastStretch = 0.1F;
 inline constexpr float kLargestStretch = 3.0F;
-/// A goal is always brought back to these stretches; what is further off than this factor is stopped as well. Without
-/// it rounding would have the guard stop the return of what it has let through, pass after pass.
-inline constexpr float kGuardMargin = 1.00005F;
 /// A stiff cluster is brought this factor inside them, so that tangled neighbours cannot hold each other there. In the
 /// short passes of a soft one such a jump would be a speed.
 inline constexpr float kStiffGuardMargin = 1.05F;

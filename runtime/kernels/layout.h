@@ -60,6 +60,7 @@ struct alignas(32) StiffnessBlock {
   std::int32_t deforms[8];  ///< -1: S is not zero
   std::int32_t stiff[8];  ///< -1: a pass keeps less than half of a stretch: what is lost goes where it belongs at once
   std::int32_t mixes[8];  ///< -1: classes of modes differ in stiffness, so F needs its torque removed
+  float margin[8];        ///< what is beyond a limit or the guard by more than this factor is stopped
   float least[8];         ///< principal stretches of F: the limit `principal`, or the guard's
   float largest[8];
   std::int32_t keeps_volume[8];  ///< -1: a pressure keeps the volume, also within the limits

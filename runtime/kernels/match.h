@@ -124,10 +124,11 @@ SINEW_INLINE Mask limitStretches(BlocksAt<const StiffnessBlock> stiffness, Mask 
   const SvdOf<W> svd = rotationSvd(a);
   const Mask stiff = stiffness.loadMask<W>(stiffness->stiff);
   // What is beyond a limit, authored or the guard's, is stopped: bringing it back is no motion of its own.
-  const W outside_by = select(stiff, splat<W>(1.0F), splat<W>(kGuardMargin));
+  const W margin = stiffness.load<W>(stiffness->margin);
+  const W outside_by = select(stiff, splat<W>(1.0F), margin);
   const Mask guarded = (svd.sigma.z * outside_by < least_guard) |
                        (svd.sigma.x > outside_by * larger(largest, splat<W>(kLargestStretch)));
-  const Mask stopped = guarded | (svd.sigma.z * kGuardMargin < least) | (svd.sigma.x > kGuardMargin * largest);
+  const Mask stopped = guarded | (svd.sigma.z * margin < least) | (svd.sigma.x > margin * largest);
   const Mask inside = guarded & stiff & ~tangled;
   least = select(inside, larger(least, splat<W>(kLeastStretch * kStiffGuardMargin)), least);
   largest = select(inside, smaller(largest, splat<W>(kLargestStretch / kStiffGuardMargin)), largest);

@@ -166,6 +166,10 @@ class BodyStep {
     }
     for (std::size_t i = 0; i < body_.parts.size(); ++i) {
       Part& part = body_.parts[i];
+      for (std::uint32_t c = part.first_cluster; c < part.first_cluster + part.cluster_count; ++c) {
+        const ClusterBlock& block = body_.blocks[c / 8];
+        part.turned |= part.cluster_count > 1 && block.lost[c % 8] != 0 && block.astray[c % 8] == 0;
+      }
       part.turned_seconds = part.turned && part.free ? part.turned_seconds + seconds : 0.0F;
       part.tangled |= part.turned_seconds * body_.stiffness->slowest_hz[i] > kTangledPeriods;
     }

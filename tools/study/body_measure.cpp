@@ -53,7 +53,7 @@ Vector3d angularVelocity(const Matrix3d& second, const Vector3d& angular) {
 }
 
 // When the runtime matches a part as one (docs/method.md §3): RMS distance from the rest shape, radii of gyration.
-constexpr double kAstray = 0.5, kHardlyAstray = 0.002;
+constexpr double kAstray = 0.85, kHardlyAstray = 0.002;
 constexpr double kDistorted = 0.25;   // of single clusters, below which a part is only bent
 constexpr double kFewPasses = 0.02;   // s
 constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
@@ -223,8 +223,8 @@ double BodyMeasure::fastestOmega(double pass_seconds) const {
   return fastest;
 }
 
-BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match, double pass_seconds, bool guarded,
-                                          bool tangled) const {
+BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match, double pass_seconds,
+                                          Manner manner) const {
   const ClusterData& data = clusters_[index];
   const formats::Cluster& cluster = asset_->package().clusters()[index];
   Answer answer;
@@ -232,13 +232,18 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
   const double mass = double(cluster.mass), radius = double(cluster.radius), h2 = pass_seconds * pass_seconds;
   const double phase = omegaOf(data, pass_seconds) * pass_seconds;
   Eigen::VectorXd amplitudes = Eigen::VectorXd::Zero(data.modes.cols());
+  Eigen::ArrayXd omega2 = data.mode_omega2.array();
+  if (manner.lost && data.modes.cols() > 0) {
+    const double taken = takenOf(data, pass_seconds);
+    omega2.setConstant(taken / (h2 * std::max(1 - taken, 1e-12)));
+  }
   // The answer of the modes to a load on the moments.
   const auto answer_to = [&](const Eigen::Matrix<double, 3, 9>& load,
                              Eigen::VectorXd& amplitude) -> Eigen::Matrix<double, 3, 9> {
     if (data.modes.cols() == 0) return load * data.a_qq / (1 + phase * phase);
     const Eigen::Matrix<double, 3, 9> local = match.rotation.transpose() * load;
     const Eigen::VectorXd loads = data.modes.transpose() * Eigen::Map<const Eigen::Matrix<double, 27, 1>>(local.data());
-    amplitude = loads.array() / (1 + h2 * data.mode_omega2.array());
+    amplitude = loads.array() / (1 + h2 * omega2);
     const Eigen::Matrix<double, 27, 1> sum = data.modes * amplitude;
     return match.rotation * Eigen::Map<const Eigen::Matrix<double, 3, 9>>(sum.data());
   };
@@ -254,7 +259,8 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     const Eigen::Matrix<double, 3, 9> pushed = answer_to(unit_pressure, amplitude);
     const float ease = float(1 / (h2 * stiffness));
     const double pressure =
-        tangled ? 0.0 : double(internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(), ease));
+        manner.tangled ? 0.0
+                       : double(internal::volumePressure(a.cast<float>(), pushed.leftCols<3>().cast<float>(), ease));
     answer.deformation += pressure * pushed;
     amplitudes += pressure * amplitude;
     // Where the pressure does not act it has no energy either, but may get it.
@@ -262,16 +268,16 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     (pressure != 0 ? answer.energy : answer.latent) = mass * radius * radius * stiffness * off;
   }
   if (data.modes.cols() > 0) {
-    answer.energy += 0.5 * mass * radius * radius * (data.mode_omega2.array() * amplitudes.array().square()).sum();
+    answer.energy += 0.5 * mass * radius * radius * (omega2 * amplitudes.array().square()).sum();
   }
-  if (guarded && data.limited) {
+  if (manner.guarded && data.limited) {
     internal::Columns<9> f = answer.deformation.cast<float>();
     f.leftCols<3>() += match.rotation.cast<float>();
-    answer.limited = internal::applyGoalLimits(data.limits, false, match.rotation.cast<float>(), nullptr, f) !=
-                     internal::Limited::nothing;
+    answer.limited = internal::applyGoalLimits(data.limits, false, internal::guardMargin(float(pass_seconds)),
+                                               match.rotation.cast<float>(), nullptr, f) != internal::Limited::nothing;
     answer.deformation = f.cast<double>();
     answer.deformation.leftCols<3>() -= match.rotation;
-  } else if (guarded && (data.modes.cols() > 0 || data.a_qq(0, 0) > 0)) {
+  } else if (manner.guarded && (data.modes.cols() > 0 || data.a_qq(0, 0) > 0)) {
     const Matrix3d wanted = match.rotation + answer.deformation.leftCols<3>(), held = clampedStretch(wanted);
     answer.limited = (held - wanted).norm() > 1e-6 * wanted.norm();
     answer.deformation.leftCols<3>() = held - match.rotation;
@@ -367,7 +373,7 @@ double BodyMeasure::restError(const World& world, BodyId body) const {
   return worst / double(asset_->package().info().diagonal);
 }
 
-BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3d> x) const {
+BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3d> x, const Matrix3d* rotation) const {
   const formats::PackageView& package = asset_->package();
   const formats::Cluster& cluster = package.clusters()[index];
   const ClusterData& data = clusters_[index];
@@ -384,7 +390,7 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
     a += double(members[k].mu) * (x[members[k].vertex] - result.center) * data.monomials[k].transpose();
   }
   a /= double(cluster.radius);
-  result.rotation = nearestRotation(a.leftCols<3>());
+  result.rotation = rotation != nullptr ? *rotation : nearestRotation(a.leftCols<3>());
   result.deviation = a - result.rotation * data.moment;
   return result;
 }
@@ -395,11 +401,15 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
   for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
   Potential result;
   const PartPotential one = partPotential(x, pass_seconds, tangled);
-  const ClusterPotential clusters = clusterPotential(x, pass_seconds, one.tangled);
+  const ClusterPotential clusters = clusterPotential(x, pass_seconds, one, false);
   const double by_cluster = clusters.energy;
   result.limited = clusters.limited;
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
   result.least = one.begins ? result.most : by_cluster;
+  const auto is_lost = [](std::uint8_t lost) { return lost != 0; };
+  if (std::any_of(one.lost.begin(), one.lost.end(), is_lost)) {
+    result.most = std::max(result.most, clusterPotential(x, pass_seconds, one, true).energy);
+  }
   result.most += clusters.latent;
   result.tangled = one.tangled;
   return result;
@@ -408,7 +418,8 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
 // Whether a cluster has its part looked at: it has lost its orientation, is torn or beyond the guard (docs/method.md
 // §3, eq. 10).
 bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pass_seconds) const {
-  constexpr double kResistance = 0.3, kTorn = 1.1, kLeast = 0.1, kLargest = 3, kMargin = 1.00005;
+  constexpr double kResistance = 0.3, kTorn = 1.1, kLeast = 0.1, kLargest = 3;
+  const double margin = double(internal::guardMargin(float(pass_seconds)));
   const Matrix3d rest = data.moment.leftCols<3>();
   if (!(rest.trace() > 0)) return false;
   const Matrix3d linear = match.deviation.leftCols<3>() + match.rotation * rest;
@@ -421,7 +432,7 @@ bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pas
   const double kept = 1 - takenOf(data, pass_seconds);
   const Matrix3d f = match.rotation + kept * (match.deviation * data.a_qq).leftCols<3>();
   const Vector3d stretches = Eigen::JacobiSVD<Matrix3d>(f).singularValues();
-  return f.determinant() < 0 || stretches[2] < kLeast / kMargin || stretches[0] > largest * kMargin;
+  return f.determinant() < 0 || stretches[2] < kLeast / margin || stretches[0] > largest * margin;
 }
 
 bool BodyMeasure::isStiff(double pass_seconds) const {
@@ -453,7 +464,6 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
                                                       bool tangled) const {
   const formats::PackageView& package = asset_->package();
   const auto clusters = package.clusters();
-  if (clusters.size() < 2) return {};
   double mass = 0;
   Vector3d center = Vector3d::Zero(), rest_center = Vector3d::Zero();
   std::vector<Match> matches;
@@ -479,6 +489,11 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   const Matrix3d rotation = nearestRotation(moment);
   double deviation = 0, spread = 0, own_deviation = 0, own_spread = 0;
   PartPotential result;
+  result.rotation = rotation;
+  for (std::size_t c = 0; c < clusters.size(); ++c) {
+    result.lost.push_back(isLost(clusters_[c], matches[c], pass_seconds) ? 1 : 0);
+  }
+  if (clusters.size() < 2) return result;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const double m = double(clusters[c].mass), radius = double(clusters[c].radius);
     const Matrix3d rest_moment = clusters_[c].moment.leftCols<3>();
@@ -503,11 +518,12 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   result.tangled = tangled || areTangled(matches);
   result.begins = pass_seconds >= kFewPasses || uneven_ || isStiff(pass_seconds);
   const bool always = result.begins || result.tangled;
-  for (std::size_t c = 0; c < clusters.size(); ++c) {
-    result.begins = result.begins || isLost(clusters_[c], matches[c], pass_seconds);
-  }
+  for (const std::uint8_t lost : result.lost) result.begins = result.begins || lost != 0;
   const double far = always ? kHardlyAstray : kAstray;
-  if (!always && own_deviation <= kDistorted * kDistorted * own_spread) return {};  // bent, not astray
+  if (!always && own_deviation <= kDistorted * kDistorted * own_spread) {  // bent, not astray
+    result.begins = result.tangled = false;
+    return result;
+  }
   const bool astray = deviation > far * far * spread;
   if (astray) result.weight = 1 - far * far * spread / deviation;
   result.tangled = result.tangled && astray;
@@ -515,7 +531,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
 }
 
 BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds,
-                                                            bool tangled) const {
+                                                            const PartPotential& part, bool part_rotates) const {
   const formats::PackageView& package = asset_->package();
   const auto vertices = package.physicalVertices();
   // y with goals x: a pass starts from there in effect. Richardson's iteration climbs the dual function, whose values
@@ -532,8 +548,9 @@ BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vect
     for (std::size_t c = 0; c < clusters_.size(); ++c) {
       const ClusterData& data = clusters_[c];
       const formats::Cluster& cluster = package.clusters()[c];
-      const Match m = match(c, y);
-      const Answer answer = answerOf(c, m, pass_seconds, guarded, tangled);
+      const bool lost = part_rotates && part.lost[c] != 0;
+      const Match m = match(c, y, lost ? &part.rotation : nullptr);
+      const Answer answer = answerOf(c, m, pass_seconds, {guarded, part.tangled, lost});
       result.limited = result.limited || answer.limited;
       if (guarded) result.latent += answer.latent;
       elastic += answer.energy;

@@ -107,28 +107,37 @@ class BodyMeasure {
   /// The part of a deformation that a pass takes, at most 1.
   static double takenOf(const ClusterData& data, double pass_seconds);
   static double omegaOf(const ClusterData& data, double pass_seconds);
-  /// \param guarded with what limits and the guard change. \param tangled its part goes back as one, through itself:
-  /// without volume and limits.
-  Answer answerOf(std::size_t cluster, const Match& match, double pass_seconds, bool guarded, bool tangled) const;
+  /// How a cluster is matched.
+  struct Manner {
+    bool guarded = false;  ///< with what limits and the guard change
+    bool tangled = false;  ///< its part goes back as one, through itself: without volume and limits
+    bool lost = false;     ///< its rotation is its part's: elastic modes answer alike, turns too
+  };
+  Answer answerOf(std::size_t cluster, const Match& match, double pass_seconds, Manner manner) const;
   struct PartPotential {
     double energy = 0;    ///< J
     double weight = 0;    ///< 0 where the part is not astray
     bool begins = false;  ///< whatever its past, the part is matched as one
     bool tangled = false;
+    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+    std::vector<std::uint8_t> lost;  ///< by cluster: isLost()
   };
   bool isLost(const ClusterData& data, const Match& match, double pass_seconds) const;
   struct ClusterPotential {
     double energy = 0, latent = 0;  ///< J
     bool limited = false;           ///< some cluster is beyond a limit
   };
+  /// \param part_rotates lost clusters take their part's rotation, as they do in a pass; else each its own.
   ClusterPotential clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds,
-                                    bool tangled) const;
+                                    const PartPotential& part, bool part_rotates) const;
   PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool tangled) const;
   /// Whether all clusters are as good as rigid in passes of this length.
   bool isStiff(double pass_seconds) const;
   bool areTangled(std::span<const Match> matches) const;
   void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
-  Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions) const;
+  /// \param rotation null: the nearest.
+  Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions,
+              const Eigen::Matrix3d* rotation = nullptr) const;
 
   const Asset* asset_;
   double scale_;
