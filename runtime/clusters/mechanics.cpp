@@ -416,7 +416,9 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, cons
   // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
   if ((a - start).norm() > (margin - 1) * start.norm()) done = Limited::stopped;
   if (done == Limited::stopped) {
-    f.rightCols<6>() = f.rightCols<6>().cwiseMax(-kLargestStretch).cwiseMin(kLargestStretch);
+    f.rightCols<6>() *= std::min(a.norm() / start.norm(), 1.0F);
+    const auto most = (kSquaresKept * f.rightCols<6>().cwiseAbs()).cwiseMax(kMostSquares).eval();
+    f.rightCols<6>() = f.rightCols<6>().cwiseMax(-most).cwiseMin(most);
   } else if (a != start) {
     done = Limited::shaped;
   }

@@ -20,6 +20,10 @@ inline constexpr float kLargestStretch = 3.0F;
 /// short passes of a soft one such a jump would be a speed.
 inline constexpr float kStiffGuardMargin = 1.05F;
 
+/// Squares and products of a cluster that is stopped are cut in proportion to its linear block, and beyond kMostSquares
+/// to kSquaresKept of themselves: cut at once they fling the neighbours.
+inline constexpr float kMostSquares = kLargestStretch, kSquaresKept = 0.95F;
+
 /// A cluster further from its volume than by this part of it is pushed no harder (docs/method.md eq. 18).
 inline constexpr float kVolumeYield = 0.3F;
 

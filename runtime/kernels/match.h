@@ -255,11 +255,13 @@ SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, Bloc
     const Mask act =
         deforms & ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest));
     if (any(act)) {
+      const W before = squaredNorm(linear);
       limited = limitStretchesByFour(stiffness, act, tangled, linear, shaped);
+      const W cut = squareRoot(smaller(squaredNorm(linear) / before, splat<W>(1.0F)));
       for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
       SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) {
-        const W most = splat<W>(kLargestStretch);
-        f[k] = select(limited, clamped(f[k], -most, most), f[k]);
+        const W part = cut * f[k], most = larger(splat<W>(kMostSquares), kSquaresKept * absolute(part));
+        f[k] = select(limited, clamped(part, -most, most), f[k]);
       }
     }
   }

@@ -58,6 +58,12 @@ constexpr double kDistorted = 0.25;   // of single clusters, below which a part 
 constexpr double kFewPasses = 0.02;   // s
 constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
 
+std::vector<Vector3d> widePositions(const World& world, BodyId body) {
+  std::vector<Vector3d> x;
+  for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
+  return x;
+}
+
 }  // namespace
 
 Vector3d cornerOf(const World& world, BodyId body, std::uint32_t visual_vertex) {
@@ -395,10 +401,13 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
   return result;
 }
 
+bool BodyMeasure::isTangled(const World& world, BodyId body, double pass_seconds, bool tangled) const {
+  return partPotential(widePositions(world, body), pass_seconds, tangled).tangled;
+}
+
 BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, double pass_seconds,
                                               bool tangled) const {
-  std::vector<Vector3d> x;
-  for (const Vec3& p : world.positions(body)) x.push_back(wide(p));
+  const std::vector<Vector3d> x = widePositions(world, body);
   Potential result;
   const PartPotential one = partPotential(x, pass_seconds, tangled);
   const ClusterPotential clusters = clusterPotential(x, pass_seconds, one, false);

@@ -63,6 +63,8 @@ class BodyMeasure {
   static constexpr int kSearchRounds = 24;
   /// \param tangled what the last call returned of that, false at first.
   Potential potential(const World& world, BodyId body, double pass_seconds, bool tangled) const;
+  /// Potential::tangled alone.
+  bool isTangled(const World& world, BodyId body, double pass_seconds, bool tangled) const;
 
   /// The lowest frequency that the body returns with in passes of this length, Hz; 0 where a part of it never does;
   /// infinite where all clusters are rigid. Clusters of StiffnessModel::elastic that are 1/n of the body bend n² slower

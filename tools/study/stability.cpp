@@ -424,6 +424,7 @@ class CellRun {
     momentum_scale_ += released;
     angular_scale_ += released * before_.extent;
     passes_since_release_ = 0;
+    momentum_rounding_ = angular_rounding_ = 0;
   }
 
   double advance(float step, double seconds, std::uint32_t most) {
@@ -437,6 +438,8 @@ class CellRun {
       checkRepair(i == 0);
       passes_since_release_ += double(step) / passSeconds(step);
       if (!holding_) recenter();
+      // What is tangled is so until it is back once, also between two measurements.
+      if (measuring_ && tangled_) tangled_ = measure_.isTangled(world_, body_, pass_seconds_, true);
       if (measuring_ && (i < 8 || i % every == 0 || i + 1 == count)) measureFree();
     }
     return double(count) * double(step);
@@ -468,9 +471,12 @@ class CellRun {
     const double rounding_speed = rounding / pass_seconds_;
     const double p = (now.momentum - before_.momentum).norm();
     const double l = (now.angular - before_.angular).norm();
-    const double p_limit = kMomentumLimit * momentum_scale_ + now.mass * rounding_speed;
-    const double l_limit =
-        kMomentumLimit * angular_scale_ + now.extent * now.mass * rounding_speed + rounding * momentum_scale_;
+    // What was rounded off in a pass stays off, however slow and small the body is by now.
+    momentum_rounding_ = std::max(momentum_rounding_, now.mass * rounding_speed);
+    angular_rounding_ =
+        std::max(angular_rounding_, now.extent * now.mass * rounding_speed + rounding * momentum_scale_);
+    const double p_limit = kMomentumLimit * momentum_scale_ + momentum_rounding_;
+    const double l_limit = kMomentumLimit * angular_scale_ + angular_rounding_;
     const auto ratio = [](double value, double limit) { return limit > 0 ? value / limit : value > 0 ? 1e30 : 0.0; };
     result_.momentum = std::max({result_.momentum, ratio(p, p_limit), ratio(l, l_limit)});
 
@@ -541,7 +547,8 @@ class CellRun {
   StabilityResult result_;
   BodyMotion before_;
   double momentum_scale_ = 0, angular_scale_ = 0;
-  double energy_ = 0;  // what kinetic + elastic energy may not exceed
+  double momentum_rounding_ = 0, angular_rounding_ = 0;  // most that a pass since the release may have rounded off
+  double energy_ = 0;                                    // what kinetic + elastic energy may not exceed
   double released_energy_ = 0;
   double pass_seconds_ = 0;
   double passes_since_release_ = 0;
