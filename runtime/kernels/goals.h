@@ -28,7 +28,8 @@ struct GoalTransforms {
 
   /// share alpha (g - y) of members of cluster `lane`.
   template <class W>
-  SINEW_INLINE void ask(float alpha, std::uint32_t lane, const MembersAt<W>& members, float* slots) const {
+  SINEW_INLINE void ask(float alpha, std::uint32_t lane, const MembersAt<W>& members, float* slots, float* run_slots,
+                        bool run) const {
     const W qx = members.rest(0), qy = members.rest(1), qz = members.rest(2);
     W q[9] = {qx, qy, qz, {}, {}, {}, {}, {}, {}};
     if constexpr (quadratic) {
@@ -44,7 +45,7 @@ struct GoalTransforms {
       move.z += splat<W>(f[3 * k + 2][lane]) * q[k];
     }
     const W share = splat<W>(alpha) * members.field(kMemberShare);
-    storeSlots(slots, share * move);
+    storeSlots(slots, run_slots, share * move, run);
   }
 };
 
@@ -59,16 +60,21 @@ SINEW_INLINE void goals(const ClusterRestBlock& rest, const MemberBlock* members
     const std::uint32_t* words = members[rest.first_block[lane]].words;
     float* at = slots + kSlotFloats * rest.first_block[lane];
     const float alpha = stiffness.alpha[lane];
-    if (count == 1) transforms.ask(alpha, lane, MembersAt<Float8>{words, 8}, at);
-    for (std::uint32_t b = 0; b + 1 < count; b += 2, words += kPairWords, at += kPairSlotFloats) {
+    const std::uint32_t runs = rest.run_count[lane];
 #if defined(__AVX512F__)
-      transforms.ask(alpha, lane, MembersAt<Float16>{words, 16}, at);
-#else
-      for (std::uint32_t half = 0; half < 2; ++half) {
-        transforms.ask(alpha, lane, MembersAt<Float8>{words + 8 * half, 16}, at + kSlotFloats * half);
-      }
-#endif
+    if (count == 1) transforms.ask(alpha, lane, MembersAt<Float8>{words, 8}, at, at, runs != 0);
+    for (std::uint32_t b = 0; b + 1 < count; b += 2, words += kPairWords, at += kPairSlotFloats) {
+      transforms.ask(alpha, lane, MembersAt<Float16>{words, 16}, at, at, b < runs);
     }
+#else
+    const std::uint32_t stride = count == 1 ? 8 : 16;
+    for (std::uint32_t b = 0; b < count; b += 2, words += kPairWords, at += kPairSlotFloats) {
+      for (std::uint32_t half = 0; half < stride / 8; ++half) {
+        transforms.ask(alpha, lane, MembersAt<Float8>{words + 8 * half, stride}, at + kSlotFloats * half,
+                       at + kRunFloats * half, b < runs);
+      }
+    }
+#endif
   }
 }
 

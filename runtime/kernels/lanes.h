@@ -27,12 +27,8 @@
 #else
 #define SINEW_APART [[gnu::noinline, gnu::noclone]]
 #endif
-// Before loops over arrays of lanes: taken apart, so that the arrays are registers (sixteen of four floats hold none).
-#if defined(__SSE4_2__) && !defined(__AVX__)
-#define SINEW_UNROLL
-#else
+// Before loops over arrays of lanes: taken apart, so that the arrays are registers.
 #define SINEW_UNROLL _Pragma("GCC unroll 32")
-#endif
 // Before loops over arrays of lanes that are too many for registers: a third of the code at the same speed.
 #define SINEW_ROLLED _Pragma("GCC unroll 1")
 
@@ -136,33 +132,36 @@ template <class F>
 SINEW_INLINE void setLane(F& a, std::uint32_t i, float value) {
   __builtin_memcpy(reinterpret_cast<char*>(&a) + 4 * i, &value, sizeof value);
 }
-// Unaligned loads and stores.
-SINEW_INLINE Float8 load8(const float* p) {
-  Float8 result;
+// Unaligned loads and stores of vectors and masks of any width.
+template <class V>
+SINEW_INLINE V load(const void* p) {
+  V result;
   __builtin_memcpy(&result, p, sizeof result);
   return result;
 }
-SINEW_INLINE void store8(float* p, Float8 value) { __builtin_memcpy(p, &value, sizeof value); }
-SINEW_INLINE Int8 loadMask(const std::int32_t* p) {
-  Int8 result;
-  __builtin_memcpy(&result, p, sizeof result);
-  return result;
+template <class V>
+SINEW_INLINE void store(void* p, const V& value) {
+  __builtin_memcpy(p, &value, sizeof value);
 }
-SINEW_INLINE void storeMask(std::int32_t* p, Int8 value) { __builtin_memcpy(p, &value, sizeof value); }
-SINEW_INLINE Float4 load4(const float* p) {
-  Float4 result;
-  __builtin_memcpy(&result, p, sizeof result);
-  return result;
+#if !defined(__AVX__)
+// Half by half: what is copied as 32 bytes never becomes a pair of registers.
+template <>
+SINEW_INLINE Float8 load<Float8>(const void* p) {
+  return {load<Float4>(p), load<Float4>(static_cast<const float*>(p) + 4)};
 }
-SINEW_INLINE void store4(float* p, Float4 value) { __builtin_memcpy(p, &value, sizeof value); }
-
+template <>
+SINEW_INLINE void store<Float8>(void* p, const Float8& value) {
+  store(p, value.low);
+  store(static_cast<float*>(p) + 4, value.high);
+}
+#endif
+SINEW_INLINE Float8 load8(const float* p) { return load<Float8>(p); }
+SINEW_INLINE void store8(float* p, Float8 value) { store(p, value); }
+SINEW_INLINE Float4 load4(const float* p) { return load<Float4>(p); }
+SINEW_INLINE void store4(float* p, Float4 value) { store(p, value); }
 #if defined(__AVX512F__)
-SINEW_INLINE Float16 load16(const float* p) {
-  Float16 result;
-  __builtin_memcpy(&result, p, sizeof result);
-  return result;
-}
-SINEW_INLINE void store16(float* p, Float16 value) { __builtin_memcpy(p, &value, sizeof value); }
+SINEW_INLINE Float16 load16(const float* p) { return load<Float16>(p); }
+SINEW_INLINE void store16(float* p, Float16 value) { store(p, value); }
 #endif
 
 // select(mask, a, b): a where the mask is true. For scalars the mask is a bool.

@@ -12,14 +12,19 @@ namespace sinew::internal {
 enum MemberField : std::uint32_t { kMemberOffset, kMemberMu, kMemberShare, kMemberRest, kMemberFields = 6 };
 
 /// Eight members of one cluster, [field][lane]. A cluster of more than eight has an even number of blocks, two and two
-/// as one: [field][sixteen lanes]. What is missing repeats the last member with mu = share = 0.
+/// as one: [field][sixteen lanes]. What is missing repeats the last member with mu = share = 0. First come runs: blocks
+/// whose members are eight consecutive vertices that a UseBlock begins with.
 struct alignas(64) MemberBlock {
   std::uint32_t words[8 * kMemberFields];  ///< but for the offsets, the bits of floats
 };
 static_assert(sizeof(MemberBlock) == 192);
 
-/// Where the slots of a block's members lie within it: k and k + 4 side by side, as registers hold them.
+/// Where the slots of a block's members lie within it: k and k + 4 side by side, as registers hold them. Those of a run
+/// are three floats each, in order, and the second run of a pair follows the first at once.
 inline constexpr std::uint32_t kSlotOfLane[8] = {0, 2, 4, 6, 1, 3, 5, 7};
+
+/// Floats of the slots of a block: eight members, four each; three each in a run.
+inline constexpr std::uint64_t kSlotFloats = 32, kRunFloats = 24;
 
 /// State of eight clusters. Matrices column by column: component 3 k + row; columns 3.. only if quadratic.
 struct alignas(32) ClusterBlock {
@@ -42,14 +47,17 @@ struct alignas(32) ClusterRestBlock {
   float radius[8];               ///< metres; 1 in a lane without a cluster
   std::uint32_t first_block[8];  ///< into the member blocks
   std::uint32_t block_count[8];  ///< 0 in a lane without a cluster, 1, or even
+  std::uint32_t run_count[8];    ///< of them runs; even where block_count is
   std::uint32_t quadratic;       ///< not 0: some cluster of the eight is
   std::uint32_t unused[7];
 };
 
-/// The memberships of eight consecutive vertices of a part: `rows` rows of eight offsets into the slots (4 * slot), the
-/// first row at 8 * first; vertices with fewer memberships have offsets of the slot behind the last, which stays zero.
+/// The memberships of eight consecutive vertices of a part: offsets into the slots from 8 * first on. First that of
+/// each run, in whole rows of eight; then `rows` rows for the vertices' other memberships (4 * slot). Vertices with
+/// fewer of them have offsets of the slot behind the last, which stays zero.
 struct UseBlock {
   std::uint32_t first;
+  std::uint32_t runs;
   std::uint32_t rows;
 };
 

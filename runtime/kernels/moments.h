@@ -7,8 +7,15 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-constexpr std::uint32_t kTile =
-    16;  // member blocks of either parity whose mu p stay at hand between the sweeps over columns
+// Pairs of member blocks whose mu p stay at hand between the sweeps over columns.
+constexpr std::uint32_t kTile = 32;
+
+// Lanes that sums are taken in: four of SSE's registers hold more of them than pairs.
+#if defined(__AVX__)
+using SumLanes = Float8;
+#else
+using SumLanes = Float4;
+#endif
 
 // One column of Σ mu p q~^T: a block's share of it.
 template <class W>
@@ -18,9 +25,9 @@ SINEW_INLINE void addColumn(const W (&p)[3], W q, W* sums) {
 
 // p = y - reference of members, to their slots; mu p.
 template <class W>
-SINEW_INLINE void weighMembers(const MembersAt<W>& members, const float* y, const Vec3Of<W>& origin, float* slots,
-                               W (&weighted)[3]) {
-  const Vec3Of<W> p = gatherMembers(y, members) - origin;
+SINEW_INLINE void weighMembers(const MembersAt<W>& members, bool run, const float* y, const Vec3Of<W>& origin,
+                               float* slots, W (&weighted)[3]) {
+  const Vec3Of<W> p = positionsOf(y, members, run) - origin;
   storeMoves(slots, p);
   const W mu = members.field(kMemberMu);
   weighted[0] = mu * p.x;
@@ -28,94 +35,131 @@ SINEW_INLINE void weighMembers(const MembersAt<W>& members, const float* y, cons
   weighted[2] = mu * p.z;
 }
 
-// Sums of a block's lanes, and what was there already. Of a pair: the first block's and the second's.
-SINEW_INLINE void leaveSum(float* out, Float8 sum, bool add) { store8(out, add ? load8(out) + sum : sum); }
+// Four sums, over four lanes each: to `out`, or added to it. Of a pair: the first block's and the second's.
+template <class W>
+SINEW_INLINE void leaveFours(float* out, const W& fours, bool add) {
 #if defined(__AVX512F__)
-SINEW_INLINE void leaveSum(float* out, Float16 sum, bool) { store8(out, lowHalf(sum) + highHalf(sum)); }
+  if constexpr (sizeof(W) > sizeof(Float8)) {
+    const Float8 low = lowHalf(fours);
+    return store8(out, (add ? load8(out) + low : low) + highHalf(fours));
+  } else
 #endif
+  {
+    store(out, add ? load<W>(out) + fours : fours);
+  }
+}
 
-/// Σ mu p and Σ mu p q^T, column by column, over `count` pairs of blocks or one of their halves, lane by lane: sum k to
-/// sums + 64 k, or added to it. p = y - reference goes to the slots. What a sum is made of and in which order does not
-/// depend on how the work is cut below: blocks of even number, blocks of odd number, then both.
+/// Members of one cluster: the same lanes of at most kTile blocks or pairs, the first of them runs.
+template <class W>
+struct MembersToSum {
+  MembersAt<W> first;
+  std::uint32_t count, runs;
+  const float* y;
+  const float* reference;
+  float* slots;
+};
+
+/// How many fours are summed.
+template <bool quadratic>
+constexpr std::uint32_t kFours = quadratic ? 8 : 3;
+// Which sum a column's row is. The last columns, q_k^2 and q_k times the next, come k by k, four sums of the six each.
+SINEW_INLINE std::uint32_t sumOf(std::uint32_t column, std::uint32_t row) {
+  if (column < 3) return 3 + 3 * column + row;
+  const std::uint32_t k = column % 3, place = column < 6 ? row : 3 + row;
+  return place < 4 ? 12 + 4 * k + place : 24 + 2 * k + (place - 4);
+}
+
+/// Σ mu p and Σ mu p q^T, column by column: four sums each to `result` + 64 k, over four lanes and four, or added to
+/// it. p = y - reference goes to the slots. What a sum is made of and in which order does not depend on how the work is
+/// cut: four lanes each of blocks of even number and of odd number, tile by tile, and the halves of a block at last.
 template <bool quadratic, class W>
-SINEW_INLINE void sweepInline(MembersAt<W> members, std::uint32_t count, const float* y, const float* reference,
-                              float* slots, float* result, bool add) {
-  constexpr std::uint32_t kSums = quadratic ? 30 : 12;
-  W sums[kSums];
-  SINEW_UNROLL for (std::uint32_t k = 0; k < kSums; ++k) sums[k] = W{};
-  const Vec3Of<W> origin = {splat<W>(reference[0]), splat<W>(reference[1]), splat<W>(reference[2])};
+SINEW_INLINE void sweepInline(const MembersToSum<W>& all, float* result, bool add) {
+  const Vec3Of<W> origin = {splat<W>(all.reference[0]), splat<W>(all.reference[1]), splat<W>(all.reference[2])};
+  MembersAt<W> members = all.first;
+  float* slots = all.slots;
+  W p[quadratic ? kTile : 1][3];
+  W sums[12] = {};
+  for (std::uint32_t b = 0; b < all.count; ++b, members.words += kPairWords, slots += kPairSlotFloats) {
+    W(&own)[3] = p[quadratic ? b : 0];
+    weighMembers<W>(members, b < all.runs, all.y, origin, slots, own);
+    SINEW_UNROLL for (int row = 0; row < 3; ++row) sums[row] += own[row];
+    SINEW_UNROLL for (int k = 0; k < 3; ++k) addColumn(own, members.rest(k), sums + 3 + 3 * k);
+  }
+  SINEW_UNROLL for (int k = 0; k < 12; k += 4) {
+    leaveFours(result + 16 * k, sumFours(sums[k], sums[k + 1], sums[k + 2], sums[k + 3]), add);
+  }
+  if constexpr (quadratic) {
+    // So many of three pairs of columns at a time that a sweep keeps its sums in registers.
 #if defined(__AVX512F__)
-  constexpr bool at_once = true;  // 32 registers hold all sums
+    constexpr int kAtOnce = 3;
 #else
-  constexpr bool at_once = !quadratic;
+    constexpr int kAtOnce = 1;
 #endif
-  if (at_once || count <= 1) {
-    for (std::uint32_t b = 0; b < count; ++b, members.words += kPairWords, slots += kPairSlotFloats) {
-      W p[3];
-      weighMembers<W>(members, y, origin, slots, p);
-      SINEW_UNROLL for (int row = 0; row < 3; ++row) sums[row] += p[row];
-      W q[3];
-      SINEW_UNROLL for (int k = 0; k < 3; ++k) {
-        q[k] = members.rest(k);
-        addColumn(p, q[k], sums + 3 + 3 * k);
-      }
-      if constexpr (quadratic) {
-        SINEW_UNROLL for (int k = 0; k < 3; ++k) addColumn(p, W(q[k] * q[k]), sums + 12 + 3 * k);
-        SINEW_UNROLL for (int k = 0; k < 3; ++k) { addColumn(p, W(q[k] * q[k == 2 ? 0 : k + 1]), sums + 21 + 3 * k); }
-      }
-    }
-  } else if constexpr (quadratic) {
-    // Column by column over a tile, so that each sweep keeps its sums in registers.
-    W p[kTile][3];
-    for (std::uint32_t first = 0; first < count; first += kTile) {
-      const std::uint32_t size = count - first < kTile ? count - first : kTile;
-      MembersAt<W> at = members;
-      for (std::uint32_t t = 0; t < size; ++t, at.words += kPairWords, slots += kPairSlotFloats) {
-        weighMembers<W>(at, y, origin, slots, p[t]);
-        SINEW_UNROLL for (int row = 0; row < 3; ++row) sums[row] += p[t][row];
-        SINEW_UNROLL for (int k = 0; k < 3; ++k) addColumn(p[t], at.rest(k), sums + 3 + 3 * k);
-      }
-      SINEW_UNROLL for (int k = 0; k < 3; ++k) {
-        at = members;
-        for (std::uint32_t t = 0; t < size; ++t, at.words += kPairWords) {
-          const W u = at.rest(k), v = at.rest(k == 2 ? 0 : k + 1);
-          addColumn(p[t], W(u * u), sums + 12 + 3 * k);
-          addColumn(p[t], W(u * v), sums + 21 + 3 * k);
+    W rest[3];
+    SINEW_ROLLED for (int first = 0; first < 3; first += kAtOnce) {
+      members = all.first;
+      W six[kAtOnce][6] = {};
+      for (std::uint32_t b = 0; b < all.count; ++b, members.words += kPairWords) {
+        SINEW_UNROLL for (int k = 0; k < kAtOnce; ++k) {
+          const W u = members.rest(first + k), v = members.rest(first + k == 2 ? 0 : first + k + 1);
+          addColumn(p[b], W(u * u), six[k]);
+          addColumn(p[b], W(u * v), six[k] + 3);
         }
       }
-      members = at;
+      SINEW_UNROLL for (int k = 0; k < kAtOnce; ++k) {
+        const W(&s)[6] = six[k];
+        leaveFours(result + 64 * (3 + first + k), sumFours(s[0], s[1], s[2], s[3]), add);
+        rest[first + k] = sumPairwise(s[4], s[5]);
+      }
     }
+    leaveFours(result + 64 * 6, sumPairs(rest[0], rest[1]), add);
+    leaveFours(result + 64 * 7, sumPairs(rest[2], rest[2]), add);
   }
-  SINEW_UNROLL for (std::uint32_t k = 0; k < kSums; ++k) leaveSum(result + 64 * k, sums[k], add);
 }
 
 // Nine columns are much code, which is not inlined everywhere; three are little work, which a call would slow down.
 template <class W>
-SINEW_APART static void sweepNine(MembersAt<W> members, std::uint32_t count, const float* y, const float* reference,
-                                  float* slots, float* sums, bool add) {
-  sweepInline<true, W>(members, count, y, reference, slots, sums, add);
+SINEW_APART static void sweepNine(const MembersToSum<W>& all, float* sums, bool add) {
+  sweepInline<true, W>(all, sums, add);
 }
 template <bool quadratic, class W>
-SINEW_INLINE void sweepMoments(MembersAt<W> members, std::uint32_t count, const float* y, const float* reference,
-                               float* slots, float* sums, bool add) {
+SINEW_INLINE void sweepMoments(const MembersToSum<W>& all, float* sums, bool add) {
   if constexpr (quadratic) {
-    sweepNine<W>(members, count, y, reference, slots, sums, add);
+    sweepNine<W>(all, sums, add);
   } else {
-    sweepInline<false, W>(members, count, y, reference, slots, sums, add);
+    sweepInline<false, W>(all, sums, add);
+  }
+}
+
+// Sums of a cluster's members, W at a time.
+template <bool quadratic, class W>
+SINEW_INLINE void sumMembers(const MembersToSum<W>& all, float* result) {
+  constexpr std::uint32_t kWidth = sizeof(W) / sizeof(float);
+  const std::uint32_t stride = all.first.stride;
+  for (std::uint32_t tile = 0; tile < all.count; tile += kTile) {
+    const std::uint32_t left = all.count - tile;
+    for (std::uint32_t lane = 0; lane < stride; lane += kWidth) {
+      sweepMoments<quadratic, W>({{all.first.words + kPairWords * tile + lane, stride},
+                                  left < kTile ? left : kTile,
+                                  all.runs > tile ? all.runs - tile : 0,
+                                  all.y,
+                                  all.reference,
+                                  all.slots + kPairSlotFloats * tile + (lane < 8 ? lane : kSlotFloats + lane - 8)},
+                                 result + lane % 8, tile + lane >= 8);
+    }
   }
 }
 
 template <bool quadratic>
 SINEW_INLINE void moments(const ClusterRestBlock& rest, const MemberBlock* members, const float* y, ClusterBlock& state,
                           float* slots) {
-  constexpr std::uint32_t kSums = quadratic ? 30 : 12;
-  alignas(64) float sums[kSums][8][8];  // of each cluster, eight partial sums
+  alignas(64) float fours[kFours<quadratic>][8][8];  // of each cluster, four sums over four lanes each
   float references[3][8];
   for (std::uint32_t lane = 0; lane < 8; ++lane) {
     const std::uint32_t count = rest.block_count[lane];
-    float* const own = sums[0][lane];
+    float* const own = fours[0][lane];
     if (count == 0) {
-      for (std::uint32_t k = 0; k < kSums; ++k) store8(own + 64 * k, Float8{});
+      for (std::uint32_t k = 0; k < kFours<quadratic>; ++k) store8(own + 64 * k, Float8{});
       for (int k = 0; k < 3; ++k) references[k][lane] = 0.0F;
       continue;
     }
@@ -124,33 +168,41 @@ SINEW_INLINE void moments(const ClusterRestBlock& rest, const MemberBlock* membe
     // Relative to a member, not to the world's origin: far from the origin the differences are what floats still hold.
     const float* reference = y + words[kMemberOffset];
     for (int k = 0; k < 3; ++k) references[k][lane] = reference[k];
-    if (count == 1) {
-      sweepMoments<quadratic>(MembersAt<Float8>{words, 8}, 1, y, reference, at, own, false);
+    const std::uint32_t pairs = (count + 1) / 2, runs = (rest.run_count[lane] + 1) / 2;
+#if defined(__AVX512F__)
+    if (count > 1) {
+      sumMembers<quadratic, Float16>({{words, 16}, pairs, runs, y, reference, at}, own);
       continue;
     }
-#if defined(__AVX512F__)
-    sweepMoments<quadratic>(MembersAt<Float16>{words, 16}, count / 2, y, reference, at, own, false);
-#else
-    sweepMoments<quadratic>(MembersAt<Float8>{words, 16}, count / 2, y, reference, at, own, false);
-    sweepMoments<quadratic>(MembersAt<Float8>{words + 8, 16}, count / 2, y, reference, at + kSlotFloats, own, true);
 #endif
+    sumMembers<quadratic, SumLanes>({{words, count > 1 ? 16U : 8U}, pairs, runs, y, reference, at}, own);
   }
-  const auto sum = [&](std::uint32_t k) {
-    Float8 eight[8];
-    SINEW_UNROLL for (std::uint32_t lane = 0; lane < 8; ++lane) eight[lane] = load8(sums[k][lane]);
-    return sumEach(eight);
-  };
+  // Of all clusters, sum k in sums[k].
+  float sums[4 * kFours<quadratic>][8];
+  SINEW_ROLLED for (std::uint32_t k = 0; k < kFours<quadratic>; ++k) {
+    Float8 v[4];
+    SINEW_UNROLL for (std::uint32_t i = 0; i < 4; ++i) {
+      const float *a = fours[k][i], *b = fours[k][i + 4];
+      v[i] = joined(load4(a), load4(b)) + joined(load4(a + 4), load4(b + 4));
+    }
+    const Float8 xy0 = interleaveLow(v[0], v[1]), xy1 = interleaveLow(v[2], v[3]);
+    const Float8 zw0 = interleaveHigh(v[0], v[1]), zw1 = interleaveHigh(v[2], v[3]);
+    store8(sums[4 * k], pairLow(xy0, xy1));
+    store8(sums[4 * k + 1], pairHigh(xy0, xy1));
+    store8(sums[4 * k + 2], pairLow(zw0, zw1));
+    store8(sums[4 * k + 3], pairHigh(zw0, zw1));
+  }
   const Float8 inverse_radius = 1.0F / load8(rest.radius);
   Float8 first[3];
   SINEW_UNROLL for (std::uint32_t k = 0; k < 3; ++k) {
-    first[k] = sum(k);
+    first[k] = load8(sums[k]);
     store8(state.reference[k], load8(references[k]));
     store8(state.center[k], load8(references[k]) + first[k]);
   }
   // About the centre, and about the mean of q~.
   SINEW_ROLLED for (std::uint32_t k = 0; k < (quadratic ? 9 : 3); ++k) {
     SINEW_UNROLL for (std::uint32_t row = 0; row < 3; ++row) {
-      const Float8 centred = sum(3 + 3 * k + row) - load8(rest.mean[k]) * first[row];
+      const Float8 centred = load8(sums[sumOf(k, row)]) - load8(rest.mean[k]) * first[row];
       store8(state.a_pq[3 * k + row], centred * inverse_radius);
     }
   }

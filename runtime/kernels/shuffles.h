@@ -22,27 +22,35 @@ SINEW_INLINE Float4 lowHalf(Float8 a) { return a.low; }
 SINEW_INLINE Float4 highHalf(Float8 a) { return a.high; }
 #endif
 
+SINEW_INLINE Float4 interleaveLow(Float4 a, Float4 b) { return SINEW_SHUFFLE(a, b, 0, 4, 1, 5); }
+SINEW_INLINE Float4 interleaveHigh(Float4 a, Float4 b) { return SINEW_SHUFFLE(a, b, 2, 6, 3, 7); }
+SINEW_INLINE Float4 pairLow(Float4 a, Float4 b) { return SINEW_SHUFFLE(a, b, 0, 1, 4, 5); }
+SINEW_INLINE Float4 pairHigh(Float4 a, Float4 b) { return SINEW_SHUFFLE(a, b, 2, 3, 6, 7); }
+// The same shuffle of four in each half: 0 to 3 are of a, 4 to 7 of b.
+template <int i, int j, int k, int l>
+SINEW_INLINE Float8 inHalves(Float8 a, Float8 b) {
 #if defined(__AVX__)
+  constexpr auto at = [](int place) { return place < 4 ? place : place + 4; };
+  return SINEW_SHUFFLE(a, b, at(i), at(j), at(k), at(l), at(i) + 4, at(j) + 4, at(k) + 4, at(l) + 4);
+#else
+  return joined(SINEW_SHUFFLE(a.low, b.low, i, j, k, l), SINEW_SHUFFLE(a.high, b.high, i, j, k, l));
+#endif
+}
 // In each half of four: a0 b0 a1 b1, and a2 b2 a3 b3.
-SINEW_INLINE Float8 interleaveLow(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 8, 1, 9, 4, 12, 5, 13); }
-SINEW_INLINE Float8 interleaveHigh(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 2, 10, 3, 11, 6, 14, 7, 15); }
+SINEW_INLINE Float8 interleaveLow(Float8 a, Float8 b) { return inHalves<0, 4, 1, 5>(a, b); }
+SINEW_INLINE Float8 interleaveHigh(Float8 a, Float8 b) { return inHalves<2, 6, 3, 7>(a, b); }
 // In each half of four: a0 a1 b0 b1, and a2 a3 b2 b3.
-SINEW_INLINE Float8 pairLow(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 1, 8, 9, 4, 5, 12, 13); }
-SINEW_INLINE Float8 pairHigh(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 2, 3, 10, 11, 6, 7, 14, 15); }
-// The low halves of both, and the high halves.
+SINEW_INLINE Float8 pairLow(Float8 a, Float8 b) { return inHalves<0, 1, 4, 5>(a, b); }
+SINEW_INLINE Float8 pairHigh(Float8 a, Float8 b) { return inHalves<2, 3, 6, 7>(a, b); }
+#if defined(__AVX__)
+// The low halves of both, and the high halves; the low one of a and the high one of b.
 SINEW_INLINE Float8 lowHalves(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 1, 2, 3, 8, 9, 10, 11); }
 SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 4, 5, 6, 7, 12, 13, 14, 15); }
+SINEW_INLINE Float8 lowAndHigh(Float8 a, Float8 b) { return SINEW_SHUFFLE(a, b, 0, 1, 2, 3, 12, 13, 14, 15); }
 #else
-template <int i, int j, int k, int l>
-SINEW_INLINE Float8 shuffledHalves(Float8 a, Float8 b) {
-  return joined(SINEW_SHUFFLE(lowHalf(a), lowHalf(b), i, j, k, l), SINEW_SHUFFLE(highHalf(a), highHalf(b), i, j, k, l));
-}
-SINEW_INLINE Float8 interleaveLow(Float8 a, Float8 b) { return shuffledHalves<0, 4, 1, 5>(a, b); }
-SINEW_INLINE Float8 interleaveHigh(Float8 a, Float8 b) { return shuffledHalves<2, 6, 3, 7>(a, b); }
-SINEW_INLINE Float8 pairLow(Float8 a, Float8 b) { return shuffledHalves<0, 1, 4, 5>(a, b); }
-SINEW_INLINE Float8 pairHigh(Float8 a, Float8 b) { return shuffledHalves<2, 3, 6, 7>(a, b); }
 SINEW_INLINE Float8 lowHalves(Float8 a, Float8 b) { return joined(lowHalf(a), lowHalf(b)); }
 SINEW_INLINE Float8 highHalves(Float8 a, Float8 b) { return joined(highHalf(a), highHalf(b)); }
+SINEW_INLINE Float8 lowAndHigh(Float8 a, Float8 b) { return joined(lowHalf(a), highHalf(b)); }
 #endif
 
 #if defined(__AVX512F__)
@@ -83,6 +91,13 @@ SINEW_INLINE Vec3Of<Float8> gatherTriples(const float* data, const std::uint32_t
   Float8 v[4];
   SINEW_UNROLL for (int i = 0; i < 4; ++i) v[i] = joined(load4(data + offset[i]), load4(data + offset[i + 4]));
   return toLanes(v);
+}
+SINEW_INLINE Vec3Of<Float4> gatherFourTriples(const float* data, const std::uint32_t* offset) {
+  Float4 v[4];
+  SINEW_UNROLL for (int i = 0; i < 4; ++i) v[i] = load4(data + offset[i]);
+  const Float4 xy0 = interleaveLow(v[0], v[1]), xy1 = interleaveLow(v[2], v[3]);
+  const Float4 z0 = interleaveHigh(v[0], v[1]), z1 = interleaveHigh(v[2], v[3]);
+  return {pairLow(xy0, xy1), pairHigh(xy0, xy1), pairLow(z0, z1)};
 }
 #if defined(__AVX512F__)
 // In halves: putting together four times four floats costs twice the shuffles.
@@ -155,8 +170,15 @@ SINEW_INLINE Triples8 operator*(Float8 s, const Triples8& a) {  // s: the same i
   return {{s * a.part[0], s * a.part[1], s * a.part[2]}};
 }
 
+/// Four consecutive triples, apart.
+SINEW_INLINE Vec3Of<Float4> lanesOf(Float4 a, Float4 b, Float4 c) {
+  // a = x0 y0 z0 x1, b = y1 z1 x2 y2, c = z2 x3 y3 z3
+  const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
+  const Float4 yz = SINEW_SHUFFLE(a, b, 1, 2, 4, 5);  // y0 z0 y1 z1
+  return {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7), SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
+}
 SINEW_INLINE Vec3Of<Float8> lanesOf(const Triples8& t) {
-#if defined(__AVX__)
+#if defined(__AVX512F__)
   // a = x0 y0 z0 x1 | y1 z1 x2 y2, b = z2 x3 y3 z3 | x4 y4 z4 x5, c = y5 z5 x6 y6 | z6 x7 y7 z7
   const Float8 a = t.part[0], b = t.part[1], c = t.part[2];
   const Float8 x = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 0, 3, 6, 9, 12, 15, 0, 0), c, 0, 1, 2, 3, 4, 5, 10, 13);
@@ -164,37 +186,24 @@ SINEW_INLINE Vec3Of<Float8> lanesOf(const Triples8& t) {
   const Float8 z = SINEW_SHUFFLE(SINEW_SHUFFLE(a, b, 2, 5, 8, 11, 14, 0, 0, 0), c, 0, 1, 2, 3, 4, 9, 12, 15);
   return {x, y, z};
 #else
-  const Float4 four[2][3] = {{t.part[0].low, t.part[0].high, t.part[1].low},
-                             {t.part[1].high, t.part[2].low, t.part[2].high}};
-  Vec3Of<Float4> half[2];
-  SINEW_UNROLL for (int i = 0; i < 2; ++i) {
-    // a = x0 y0 z0 x1, b = y1 z1 x2 y2, c = z2 x3 y3 z3
-    const Float4 a = four[i][0], b = four[i][1], c = four[i][2];
-    const Float4 xy = SINEW_SHUFFLE(b, c, 2, 3, 5, 6);  // x2 y2 x3 y3
-    const Float4 yz = SINEW_SHUFFLE(a, b, 1, 2, 4, 5);  // y0 z0 y1 z1
-    half[i] = {SINEW_SHUFFLE(a, xy, 0, 3, 4, 6), SINEW_SHUFFLE(yz, xy, 0, 2, 5, 7), SINEW_SHUFFLE(yz, c, 1, 3, 4, 7)};
-  }
-  return {joined(half[0].x, half[1].x), joined(half[0].y, half[1].y), joined(half[0].z, half[1].z)};
+  // As above, four triples in each half.
+  const Float8 a = lowAndHigh(t.part[0], t.part[1]), b = joined(highHalf(t.part[0]), lowHalf(t.part[2])),
+               c = lowAndHigh(t.part[1], t.part[2]);
+  const Float8 xy = inHalves<2, 3, 5, 6>(b, c), yz = inHalves<1, 2, 4, 5>(a, b);
+  return {inHalves<0, 3, 4, 6>(a, xy), inHalves<0, 2, 5, 7>(yz, xy), inHalves<1, 3, 4, 7>(yz, c)};
 #endif
 }
 SINEW_INLINE Triples8 triplesOf(const Vec3Of<Float8>& v) {
-#if defined(__AVX__)
+#if defined(__AVX512F__)
   return {{SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 8, 0, 1, 9, 0, 2, 10), v.z, 0, 1, 8, 3, 4, 9, 6, 7),
            SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 3, 11, 0, 4, 12, 0, 5), v.z, 10, 1, 2, 11, 4, 5, 12, 7),
            SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 13, 0, 6, 14, 0, 7, 15, 0), v.z, 0, 13, 2, 3, 14, 5, 6, 15)}};
 #else
-  Float4 four[2][3];
-  SINEW_UNROLL for (int half = 0; half < 2; ++half) {
-    const Float4 x = half == 0 ? lowHalf(v.x) : highHalf(v.x), y = half == 0 ? lowHalf(v.y) : highHalf(v.y),
-                 z = half == 0 ? lowHalf(v.z) : highHalf(v.z);
-    const Float4 xy = SINEW_SHUFFLE(x, y, 0, 4, 1, 5), zx = SINEW_SHUFFLE(z, x, 0, 5, 2, 7),
-                 yz = SINEW_SHUFFLE(y, z, 1, 5, 3, 7);   // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3
-    const Float4 xy2 = SINEW_SHUFFLE(x, y, 2, 6, 3, 7);  // x2 y2 x3 y3
-    four[half][0] = SINEW_SHUFFLE(xy, zx, 0, 1, 4, 5);
-    four[half][1] = SINEW_SHUFFLE(yz, xy2, 0, 1, 4, 5);
-    four[half][2] = SINEW_SHUFFLE(zx, yz, 2, 3, 6, 7);
-  }
-  return {{joined(four[0][0], four[0][1]), joined(four[0][2], four[1][0]), joined(four[1][1], four[1][2])}};
+  // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3; x2 y2 x3 y3
+  const Float8 xy = interleaveLow(v.x, v.y), zx = inHalves<0, 5, 2, 7>(v.z, v.x), yz = inHalves<1, 5, 3, 7>(v.y, v.z),
+               xy2 = interleaveHigh(v.x, v.y);
+  const Float8 a = pairLow(xy, zx), b = pairLow(yz, xy2), c = pairHigh(zx, yz);
+  return {{lowHalves(a, b), lowAndHigh(c, a), highHalves(b, c)}};
 #endif
 }
 /// Eight vectors of four floats, two and two side by side, without their fourth floats.
@@ -218,6 +227,14 @@ SINEW_INLINE Triples8 triplesOf(const Float8 (&v)[4]) {
 struct Triples16 {
   Float16 part[3];
 };
+SINEW_INLINE Triples16 triplesOf(const Vec3Of<Float16>& v) {
+  return {{SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5), v.z, 0, 1, 16, 3,
+                         4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15),
+           SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26), v.z, 0, 21, 2,
+                         3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15),
+           SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0), v.z, 26, 1,
+                         2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31)}};
+}
 /// Sixteen vectors of four floats, four and four side by side, without their fourth floats.
 SINEW_INLINE Triples16 triplesOf(const Float16 (&v)[4]) {
   return {{SINEW_SHUFFLE(v[0], v[1], 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20),
@@ -235,14 +252,19 @@ SINEW_INLINE Float8 loadScalars(const float* p, std::uint32_t count) {
   return load8(copy);
 }
 
-/// Lane k of the result: the sum of v[k]'s lanes, always in the same order.
-SINEW_INLINE Float8 sumEach(const Float8 (&v)[8]) {
-  Float8 s[4];
-  SINEW_UNROLL for (int i = 0; i < 4; ++i) s[i] =
-      interleaveLow(v[2 * i], v[2 * i + 1]) + interleaveHigh(v[2 * i], v[2 * i + 1]);
-  const Float8 t0 = pairLow(s[0], s[1]) + pairHigh(s[0], s[1]);
-  const Float8 t1 = pairLow(s[2], s[3]) + pairHigh(s[2], s[3]);
-  return lowHalves(t0, t1) + highHalves(t0, t1);
+// The two steps of sumFours().
+template <class W>
+SINEW_INLINE W sumPairwise(const W& a, const W& b) {
+  return interleaveLow(a, b) + interleaveHigh(a, b);
+}
+template <class W>
+SINEW_INLINE W sumPairs(const W& ab, const W& cd) {
+  return pairLow(ab, cd) + pairHigh(ab, cd);
+}
+/// In each four lanes the sums of a, b, c and d over these lanes, always in the same order.
+template <class W>
+SINEW_INLINE W sumFours(const W& a, const W& b, const W& c, const W& d) {
+  return sumPairs(sumPairwise(a, b), sumPairwise(c, d));
 }
 
 /// Rows become columns.

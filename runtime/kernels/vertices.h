@@ -98,30 +98,43 @@ SINEW_INLINE std::uint32_t predict(const PredictArguments a) {
   return repaired;
 }
 
+SINEW_INLINE Float8 pairOfSlots(const ApplyArguments& a, const std::uint32_t* offset) {
+  return joined(load4(a.slots + offset[0]), load4(a.slots + offset[1]));
+}
+
 #if defined(__AVX512F__)
-// y += moves and v += moves / h of sixteen vertices, without ground.
+// y += moves and v += moves / h of sixteen vertices without ground, with as many runs and rows in both use blocks.
 SINEW_INLINE void applyToSixteen(const ApplyArguments& a, std::uint32_t i, UseBlock use, UseBlock second) {
   const std::uint32_t* one = a.use_offset + 8 * std::uint64_t(use.first);
   const std::uint32_t* two = a.use_offset + 8 * std::uint64_t(second.first);
-  const auto two_at = [&](const std::uint32_t* offset) {
-    return joined(load4(a.slots + offset[0]), load4(a.slots + offset[1]));
-  };
-  Float8 sums[8];
-  for (int k = 0; k < 4; ++k) {
-    sums[k] = two_at(one + 2 * k);
-    sums[4 + k] = two_at(two + 2 * k);
+  Triples16 moved = {};
+  for (std::uint32_t run = 0; run < use.runs; ++run) {
+    const float *low = a.slots + one[run], *high = a.slots + two[run];
+    moved.part[0] += load16(low);
+    moved.part[1] += joined(load8(low + 16), load8(high));
+    moved.part[2] += load16(high + 8);
   }
-  for (std::uint32_t row = 1; row < use.rows; ++row) {
-    one += 8;
-    two += 8;
+  if (use.rows > 0) {
+    one += (use.runs + 7) / 8 * 8;
+    two += (use.runs + 7) / 8 * 8;
+    Float8 sums[8];
     for (int k = 0; k < 4; ++k) {
-      sums[k] += two_at(one + 2 * k);
-      sums[4 + k] += two_at(two + 2 * k);
+      sums[k] = pairOfSlots(a, one + 2 * k);
+      sums[4 + k] = pairOfSlots(a, two + 2 * k);
     }
+    for (std::uint32_t row = 1; row < use.rows; ++row) {
+      one += 8;
+      two += 8;
+      for (int k = 0; k < 4; ++k) {
+        sums[k] += pairOfSlots(a, one + 2 * k);
+        sums[4 + k] += pairOfSlots(a, two + 2 * k);
+      }
+    }
+    Float16 moves[4];
+    for (int k = 0; k < 4; ++k) moves[k] = joined(sums[2 * k], sums[2 * k + 1]);
+    const Triples16 others = triplesOf(moves);
+    for (int k = 0; k < 3; ++k) moved.part[k] += others.part[k];
   }
-  Float16 moves[4];
-  for (int k = 0; k < 4; ++k) moves[k] = joined(sums[2 * k], sums[2 * k + 1]);
-  const Triples16 moved = triplesOf(moves);
   float* y = a.vertices.y + 3 * std::uint64_t(i);
   float* v = a.vertices.v + 3 * std::uint64_t(i);
   for (int k = 0; k < 3; ++k) {
@@ -144,7 +157,7 @@ SINEW_INLINE void apply(const ApplyArguments a) {
   for (std::uint32_t i = r.begin; i < r.end; i += 8) {
 #if defined(__AVX512F__)
     const UseBlock* const both = a.uses + (i - r.begin) / 8;
-    if (!a.ground && i + 16 <= r.end && both[0].rows == both[1].rows && both[0].rows > 0) [[likely]] {
+    if (!a.ground && i + 16 <= r.end && both[0].rows == both[1].rows && both[0].runs == both[1].runs) [[likely]] {
       applyToSixteen(a, i, both[0], both[1]);
       if (a.sums != nullptr) {
         for (std::uint32_t k = i; k < i + 16; k += 8) {
@@ -158,13 +171,18 @@ SINEW_INLINE void apply(const ApplyArguments a) {
     const std::uint32_t count = r.end - i < 8 ? r.end - i : 8;
     const UseBlock use = a.uses[(i - r.begin) / 8];
     const std::uint32_t* offset = a.use_offset + 8 * std::uint64_t(use.first);
-    Float8 moves[4] = {};
-    for (std::uint32_t row = 0; row < use.rows; ++row, offset += 8) {
-      SINEW_UNROLL for (int k = 0; k < 4; ++k) {
-        moves[k] += joined(load4(a.slots + offset[2 * k]), load4(a.slots + offset[2 * k + 1]));
+    Triples8 moved = {};
+    for (std::uint32_t run = 0; run < use.runs; ++run) moved = moved + loadTriples(a.slots + offset[run]);
+    if (use.rows > 0) {
+      offset += (use.runs + 7) / 8 * 8;
+      Float8 moves[4];
+      SINEW_UNROLL for (int k = 0; k < 4; ++k) moves[k] = pairOfSlots(a, offset + 2 * k);
+      for (std::uint32_t row = 1; row < use.rows; ++row) {
+        offset += 8;
+        SINEW_UNROLL for (int k = 0; k < 4; ++k) moves[k] += pairOfSlots(a, offset + 2 * k);
       }
+      moved = moved + triplesOf(moves);
     }
-    Triples8 moved = triplesOf(moves);
     const Triples8 start = loadTriples(r.y + 3 * std::uint64_t(i), count);
     if (a.ground) {
       // Rows hold the clusters up; what a vertex keeps of its own below the surface is taken here.

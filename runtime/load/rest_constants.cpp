@@ -54,6 +54,35 @@ double gyrationRadius(const formats::PackageView& package, const formats::BodyRa
   return std::sqrt(std::max(0.0, second / mass - (first / mass).squaredNorm()));
 }
 
+std::uint32_t firstVertexOfPart(const formats::PackageView& package, std::size_t cluster) {
+  for (const formats::BodyRange& range : package.bodies()) {
+    if (cluster - range.first_cluster < range.cluster_count) return range.first_vertex;
+  }
+  return 0;
+}
+
+// Of a cluster's members in the order of its lanes, first those of runs: eight consecutive vertices that a use block of
+// the part begins with. More than eight members take runs by twos, as blocks. \return how many runs.
+std::size_t orderOfLanes(std::span<const formats::Membership> members, std::uint32_t first_vertex,
+                         std::vector<std::size_t>& order) {
+  const auto is_run = [&](std::size_t m) {
+    if (m + 8 > members.size() || (members[m].vertex - first_vertex) % 8 != 0) return false;
+    for (std::size_t i = 1; i < 8; ++i) {
+      if (members[m + i].vertex != members[m].vertex + i) return false;
+    }
+    return true;
+  };
+  std::vector<std::size_t> others;
+  order.clear();
+  for (std::size_t m = 0; m < members.size();) {
+    const bool run = is_run(m);
+    for (const std::size_t end = m + (run ? 8 : 1); m < end; ++m) (run ? order : others).push_back(m);
+  }
+  const std::size_t runs = members.size() > 8 ? order.size() / 16 * 2 : order.size() / 8;
+  order.insert(order.end(), others.begin(), others.end());
+  return runs;
+}
+
 void makeBlocks(const formats::PackageView& package, RestConstants& result) {
   const auto clusters = package.clusters();
   const auto vertices = package.physicalVertices();
@@ -65,7 +94,12 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
   }
   result.blocks.resize((clusters.size() + 7) / 8, ClusterRestBlock{});
   for (ClusterRestBlock& block : result.blocks) std::fill(std::begin(block.radius), std::end(block.radius), 1.0F);
-  std::vector<std::uint32_t> use_slots(package.memberships().size());  // as `uses`
+  struct UseSlot {
+    std::uint32_t offset;
+    bool of_run;
+  };
+  std::vector<UseSlot> use_slots(package.memberships().size());  // as `uses`
+  std::vector<std::size_t> order;
   std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const formats::Cluster& cluster = clusters[c];
@@ -82,34 +116,56 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
     result.members.resize(result.members.size() + places / 8);
     if (cluster.mode == formats::ClusterMode::quadratic) block.quadratic = 1;
     const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
+    const std::size_t runs = orderOfLanes(members, firstVertexOfPart(package, c), order);
+    block.run_count[lane] = std::uint32_t(runs);
     for (std::size_t m = 0; m < places; ++m) {
-      const std::size_t eight = block.first_block[lane] + m / 8;
-      std::uint32_t* const words = result.members[eight - m / 8 % (wide / 8)].words + m % wide;
+      const std::size_t eight = block.first_block[lane] + m / 8, half = m / 8 % (wide / 8);
+      std::uint32_t* const words = result.members[eight - half].words + m % wide;
       const auto set = [&](std::uint32_t field, float value) {
         words[wide * field] = std::bit_cast<std::uint32_t>(value);
       };
       const bool real = m < members.size();
-      const formats::Membership& member = real ? members[m] : members.back();
+      const formats::Membership& member = members[order[real ? m : order.size() - 1]];
       const Vector3 q = restOffset(cluster, asVector(vertices[member.vertex].rest_position));
       const float stiffness = package.vertexStiffness().empty() ? 1.0F : package.vertexStiffness()[member.vertex];
       words[wide * kMemberOffset] = 3 * member.vertex;
       set(kMemberMu, real ? member.mu : 0.0F);
       set(kMemberShare, real ? member.share * stiffness : 0.0F);
       for (std::uint32_t k = 0; k < 3; ++k) set(kMemberRest + k, q[k]);
-      if (real) use_slots[next[member.vertex]++] = std::uint32_t(8 * eight + kSlotOfLane[m % 8]);
+      if (!real) continue;
+      const bool of_run = m / 8 < runs;
+      const std::size_t offset =
+          of_run ? kSlotFloats * (eight - half) + kRunFloats * half : kSlotFloats * eight + 4 * kSlotOfLane[m % 8];
+      use_slots[next[member.vertex]++] = {std::uint32_t(offset), of_run};
     }
   }
-  const std::uint32_t nothing = std::uint32_t(4 * 8 * result.members.size());
+  const auto nothing = std::uint32_t(kSlotFloats * result.members.size());
+  std::vector<std::uint32_t>& offsets = result.use_offsets;
   for (const formats::BodyRange& range : package.bodies()) {
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += 8) {
       const std::uint32_t count = std::min(range.vertex_count - begin, 8U);
-      UseBlock block = {std::uint32_t(result.use_offsets.size() / 8), 0};
-      const std::uint32_t* first = result.first_use.data() + range.first_vertex + begin;
-      for (std::uint32_t k = 0; k < count; ++k) block.rows = std::max(block.rows, first[k + 1] - first[k]);
-      for (std::uint32_t row = 0; row < block.rows; ++row) {
-        for (std::uint32_t k = 0; k < 8; ++k) {
-          const bool real = k < count && row < first[k + 1] - first[k];
-          result.use_offsets.push_back(real ? 4 * use_slots[first[k] + row] : nothing);
+      const auto uses_of = [&](std::uint32_t k) {
+        const std::uint32_t* const first = result.first_use.data() + range.first_vertex + begin + k;
+        return std::span(use_slots).subspan(first[0], first[1] - first[0]);
+      };
+      UseBlock block = {std::uint32_t(offsets.size() / 8), 0, 0};
+      for (const UseSlot& use : uses_of(0)) {  // which all eight vertices have
+        if (!use.of_run) continue;
+        offsets.push_back(use.offset);
+        ++block.runs;
+      }
+      offsets.resize((offsets.size() + 7) / 8 * 8, nothing);
+      for (std::uint32_t k = 0; k < count; ++k) {
+        block.rows = std::max(block.rows, std::uint32_t(uses_of(k).size()) - block.runs);
+      }
+      const std::size_t rows = offsets.size();
+      offsets.resize(rows + 8 * std::size_t(block.rows), nothing);
+      for (std::uint32_t k = 0; k < count; ++k) {
+        std::size_t at = rows + k;
+        for (const UseSlot& use : uses_of(k)) {
+          if (use.of_run) continue;
+          offsets[at] = use.offset;
+          at += 8;
         }
       }
       result.use_blocks.push_back(block);
