@@ -13,11 +13,15 @@ namespace sinew::internal::SINEW_KERNELS {
 template <class F>
 [[gnu::noinline]] static void nearestRotation(const Mat3Of<F>& a, QuaternionOf<F>& q) {
   using Mask = decltype(F{} < F{});
-  F scale = absolute(a.m[0]), difference = a.m[0] - a.m[0];
-  for (int k = 1; k < 9; ++k) {
-    scale = larger(absolute(a.m[k]), scale);
-    difference += a.m[k] - a.m[k];
+  F size[9], nothing[9];
+  for (int k = 0; k < 9; ++k) {
+    size[k] = absolute(a.m[k]);
+    nothing[k] = a.m[k] - a.m[k];
   }
+  const auto largest = [&](int k) { return larger(larger(size[k], size[k + 1]), size[k + 2]); };
+  const F scale = larger(larger(largest(0), largest(3)), largest(6));
+  const auto sum = [&](int k) { return nothing[k] + nothing[k + 1] + nothing[k + 2]; };
+  const F difference = sum(0) + sum(3) + sum(6);
   const Mask finite = difference == 0.0F;  // not for infinities and what is no number
   const Mask usable = finite & (scale > 0.0F);
   const Mask normal = usable & (scale >= 1.17549435e-38F);
@@ -33,31 +37,27 @@ template <class F>
     const F g0 = c(2, 1) - c(1, 2), g1 = c(0, 2) - c(2, 0), g2 = c(1, 0) - c(0, 1);
     const F j00 = c(1, 1) + c(2, 2), j11 = c(0, 0) + c(2, 2), j22 = c(0, 0) + c(1, 1);
     const F j01 = -0.5F * (c(0, 1) + c(1, 0)), j02 = -0.5F * (c(0, 2) + c(2, 0)), j12 = -0.5F * (c(1, 2) + c(2, 1));
-    active &= j00 > kDefinite;
-    const F d0 = select(active, j00, splat<F>(1.0F));
-    const F i0 = 1.0F / d0, l10 = j01 * i0, l20 = j02 * i0;
-    const F pivot1 = j11 - l10 * j01;
-    active &= pivot1 > kDefinite;
-    const F d1 = select(active, pivot1, splat<F>(1.0F));
-    const F i1 = 1.0F / d1, l21 = (j12 - l20 * j01) * i1;
-    const F pivot2 = j22 - l20 * j02 - l21 * l21 * d1;
-    active &= pivot2 > kDefinite;
-    const F d2 = select(active, pivot2, splat<F>(1.0F));
-    const F y1 = g1 - l10 * g0;
-    const F s2 = (g2 - l20 * g0 - l21 * y1) / d2;
-    const F s1 = y1 * i1 - l21 * s2;
-    const F s0 = g0 * i0 - l10 * s1 - l20 * s2;
-    const F length2 = s0 * s0 + s1 * s1 + s2 * s2;
-    active &= length2 < kNear * kNear;
-    // iterate * (1, step / 2), normalized: the Cayley map, exact to third order.
+    // By cofactors: one division, and little that waits for it. Lanes that are not definite come to nothing below.
+    const F a00 = j11 * j22 - j12 * j12, a01 = j02 * j12 - j01 * j22, a02 = j01 * j12 - j02 * j11;
+    const F a11 = j00 * j22 - j02 * j02, a12 = j01 * j02 - j00 * j12, a22 = j00 * j11 - j01 * j01;
+    const F det = j00 * a00 + (j01 * a01 + j02 * a02);
+    const F half = 0.5F / det;
+    const F h0 = half * (a00 * g0 + (a01 * g1 + a02 * g2)), h1 = half * (a01 * g0 + (a11 * g1 + a12 * g2)),
+            h2 = half * (a02 * g0 + (a12 * g1 + a22 * g2));
+    const F length2 = h0 * h0 + (h1 * h1 + h2 * h2);
+    // iterate * (1, h), h half the step, normalized: the Cayley map, exact to third order.
     const F w = iterate.w, x = iterate.x, y = iterate.y, z = iterate.z;
-    const F h0 = 0.5F * s0, h1 = 0.5F * s1, h2 = 0.5F * s2;
-    const F nw = w - x * h0 - y * h1 - z * h2, nx = x + w * h0 + y * h2 - z * h1, ny = y + w * h1 + z * h0 - x * h2,
-            nz = z + w * h2 + x * h1 - y * h0;
-    const F unit = 1.0F / squareRoot(nw * nw + nx * nx + ny * ny + nz * nz);
+    const F nw = w - (x * h0 + (y * h1 + z * h2)), nx = x + (w * h0 + (y * h2 - z * h1)),
+            ny = y + (w * h1 + (z * h0 - x * h2)), nz = z + (w * h2 + (x * h1 - y * h0));
+    // 1 / |iterate (1, h)| = (1 + e)^-1/2 as a series.
+    const F own = (w * w + x * x) + (y * y + z * z);
+    const F e = (own - 1.0F) + own * length2;
+    const F unit = 1.0F - e * (0.5F - e * (0.375F - e * (0.3125F - e * (0.2734375F - e * 0.24609375F))));
+    active &= (j00 > kDefinite) & (a22 > kDefinite * j00) & (det > kDefinite * a22) &
+              (length2 < 0.25F * kNear * kNear) & (absolute(e) < 0.5F * kNear * kNear);
     iterate = {select(active, nw * unit, w), select(active, nx * unit, x), select(active, ny * unit, y),
                select(active, nz * unit, z)};
-    const Mask done = active & (length2 < kSettled);
+    const Mask done = active & (length2 < 0.25F * kSettled);
     settled |= done;
     active &= ~done;
   }

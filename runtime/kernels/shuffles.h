@@ -194,17 +194,11 @@ SINEW_INLINE Vec3Of<Float8> lanesOf(const Triples8& t) {
 #endif
 }
 SINEW_INLINE Triples8 triplesOf(const Vec3Of<Float8>& v) {
-#if defined(__AVX512F__)
-  return {{SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 8, 0, 1, 9, 0, 2, 10), v.z, 0, 1, 8, 3, 4, 9, 6, 7),
-           SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 0, 3, 11, 0, 4, 12, 0, 5), v.z, 10, 1, 2, 11, 4, 5, 12, 7),
-           SINEW_SHUFFLE(SINEW_SHUFFLE(v.x, v.y, 13, 0, 6, 14, 0, 7, 15, 0), v.z, 0, 13, 2, 3, 14, 5, 6, 15)}};
-#else
   // x0 y0 x1 y1; z0 x1 z2 x3; y1 z1 y3 z3; x2 y2 x3 y3
   const Float8 xy = interleaveLow(v.x, v.y), zx = inHalves<0, 5, 2, 7>(v.z, v.x), yz = inHalves<1, 5, 3, 7>(v.y, v.z),
                xy2 = interleaveHigh(v.x, v.y);
   const Float8 a = pairLow(xy, zx), b = pairLow(yz, xy2), c = pairHigh(zx, yz);
   return {{lowHalves(a, b), lowAndHigh(c, a), highHalves(b, c)}};
-#endif
 }
 /// Eight vectors of four floats, two and two side by side, without their fourth floats.
 SINEW_INLINE Triples8 triplesOf(const Float8 (&v)[4]) {
