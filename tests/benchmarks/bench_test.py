@@ -17,6 +17,7 @@ LINES = (
     + [("output", "positions"), ("output", "positions and normals")]
     + [("linearity", f"exponent over {what}, {passes}") for what in ("vertices of a body", "bodies of 125 vertices")
        for passes in ("4 iterations", "1 iteration")]
+    + [("linearity", "exponent over vertices of a body, of its bound")]
     + [("determinism", name) for name in ("1 thread", "2 threads", "3 threads", "8 threads", "instruction set sse42",
                                           "instruction set avx2", "instruction set avx512")]
     + [("memory", "an instance"), ("memory", "an instance, normals written"), ("memory", "scratch of a thread")]
