@@ -172,10 +172,12 @@ SINEW_INLINE void moments(const ClusterRestBlock& rest, const MemberBlock* membe
 #if defined(__AVX512F__)
     if (count > 1) {
       sumMembers<quadratic, Float16>({{words, 16}, pairs, runs, y, reference, at}, own);
-      continue;
+    } else {
+      sweepMoments<quadratic, Float8>({{words, 8}, 1, runs, y, reference, at}, own, false);
     }
-#endif
+#else
     sumMembers<quadratic, SumLanes>({{words, count > 1 ? 16U : 8U}, pairs, runs, y, reference, at}, own);
+#endif
   }
   // Of all clusters, sum k in sums[k].
   float sums[4 * kFours<quadratic>][8];

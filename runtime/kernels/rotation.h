@@ -51,8 +51,8 @@ template <class F>
             ny = y + (w * h1 + (z * h0 - x * h2)), nz = z + (w * h2 + (x * h1 - y * h0));
     // 1 / |iterate (1, h)| = (1 + e)^-1/2 as a series.
     const F own = (w * w + x * x) + (y * y + z * z);
-    const F e = (own - 1.0F) + own * length2;
-    const F unit = 1.0F - e * (0.5F - e * (0.375F - e * (0.3125F - e * (0.2734375F - e * 0.24609375F))));
+    const F e = (own - 1.0F) + own * length2, e2 = e * e;
+    const F unit = (1.0F - 0.5F * e) + e2 * ((0.375F - 0.3125F * e) + e2 * (0.2734375F - 0.24609375F * e));
     active &= (j00 > kDefinite) & (a22 > kDefinite * j00) & (det > kDefinite * a22) &
               (length2 < 0.25F * kNear * kNear) & (absolute(e) < 0.5F * kNear * kNear);
     iterate = {select(active, nw * unit, w), select(active, nx * unit, x), select(active, ny * unit, y),
