@@ -174,18 +174,18 @@ template <class W, class Mask = decltype(W{} < W{})>
 // The same by limitFourStretches(), which all instruction sets share: few lanes are ever beyond a limit.
 template <class W, class Mask = decltype(W{} < W{})>
 [[gnu::noinline]] static Mask limitStretchesByFour(BlocksAt<const StiffnessBlock> stiffness, const Mask& act,
-                                                   const Mask& tangled, Mat3Of<W>& a, Mask& shaped) {
+                                                   const Mask& tangled, W* a, Mask& shaped) {
   Mask stopped;
   const auto lanesFrom = [](auto& value, std::uint32_t first) { return reinterpret_cast<char*>(&value) + 4 * first; };
   for (std::uint32_t first = 0; first < sizeof(W) / sizeof(float); first += 4) {
     FourStretches four;
-    SINEW_ROLLED for (int k = 0; k < 9; ++k) __builtin_memcpy(four.a[k], lanesFrom(a.m[k], first), sizeof four.a[k]);
+    SINEW_ROLLED for (int k = 0; k < 9; ++k) __builtin_memcpy(four.a[k], lanesFrom(a[k], first), sizeof four.a[k]);
     __builtin_memcpy(four.act, reinterpret_cast<const char*>(&act) + 4 * first, sizeof four.act);
     __builtin_memcpy(four.tangled, reinterpret_cast<const char*>(&tangled) + 4 * first, sizeof four.tangled);
     __builtin_memcpy(four.shaped, lanesFrom(shaped, first), sizeof four.shaped);
     const StiffnessBlock* block = first < kLanes ? stiffness.first : stiffness.first + stiffness.next;
     limitFourStretches(*block, sizeof(W) == sizeof(Float4) ? stiffness.lane : first % kLanes, four);
-    SINEW_ROLLED for (int k = 0; k < 9; ++k) __builtin_memcpy(lanesFrom(a.m[k], first), four.a[k], sizeof four.a[k]);
+    SINEW_ROLLED for (int k = 0; k < 9; ++k) __builtin_memcpy(lanesFrom(a[k], first), four.a[k], sizeof four.a[k]);
     __builtin_memcpy(lanesFrom(shaped, first), four.shaped, sizeof four.shaped);
     __builtin_memcpy(lanesFrom(stopped, first), four.stopped, sizeof four.stopped);
   }
@@ -197,7 +197,8 @@ template <class W>
 SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, BlocksAt<const StiffnessBlock> stiffness,
                         BlocksAt<ClusterBlock> state) {
   using Mask = decltype(W{} < W{});
-  const Mat3Of<W> a_pq = state.loadMatrix<W>(state->a_pq);
+  Mat3Of<W> a_pq;
+  for (int k = 0; k < 9; ++k) a_pq.m[k] = state.load<W>(state->a_pq[k]);
   QuaternionOf<W> q = {state.load<W>(state->rotation[0]), state.load<W>(state->rotation[1]),
                        state.load<W>(state->rotation[2]), state.load<W>(state->rotation[3])};
   nearestRotation(a_pq, q);
@@ -255,15 +256,13 @@ SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, Bloc
     const Mask tangled = state.loadMask<W>(state->tangled);
     shaped = deforms & stiffness.loadMask<W>(stiffness->keeps_volume) & ~tangled;
     if (any(shaped)) keepVolume(columns, stiffness, shaped, f);
-    Mat3Of<W> linear;
-    for (int k = 0; k < 9; ++k) linear.m[k] = f[k];
+    const Mat3Of<W> linear = {{f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8]}};
     const Mask act =
         deforms & ~surelyWithin(linear, stiffness.load<W>(stiffness->least), stiffness.load<W>(stiffness->largest));
     if (any(act)) {
-      const W before = squaredNorm(linear);
-      limited = limitStretchesByFour(stiffness, act, tangled, linear, shaped);
-      const W cut = squareRoot(smaller(squaredNorm(linear) / before, splat<W>(1.0F)));
-      for (int k = 0; k < 9; ++k) f[k] = linear.m[k];
+      limited = limitStretchesByFour(stiffness, act, tangled, f, shaped);
+      const Mat3Of<W> held = {{f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8]}};
+      const W cut = squareRoot(smaller(squaredNorm(held) / squaredNorm(linear), splat<W>(1.0F)));
       SINEW_ROLLED for (int k = 9; k < 3 * columns; ++k) {
         const W part = cut * f[k], most = larger(splat<W>(kMostSquares), kSquaresKept * absolute(part));
         f[k] = select(limited, clamped(part, -most, most), f[k]);
