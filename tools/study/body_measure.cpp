@@ -414,7 +414,7 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
   const double by_cluster = clusters.energy;
   result.limited = clusters.limited;
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
-  result.least = one.begins ? result.most : by_cluster;
+  result.least = by_cluster + one.least_weight * std::max(0.0, one.energy - by_cluster);
   const auto is_lost = [](std::uint8_t lost) { return lost != 0; };
   if (std::any_of(one.lost.begin(), one.lost.end(), is_lost)) {
     result.most = std::max(result.most, clusterPotential(x, pass_seconds, one, true).energy);
@@ -525,16 +525,24 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   }
   result.energy /= pass_seconds * pass_seconds;
   result.tangled = tangled || areTangled(matches);
-  result.begins = pass_seconds >= kFewPasses || uneven_ || isStiff(pass_seconds);
-  const bool always = result.begins || result.tangled;
-  for (const std::uint8_t lost : result.lost) result.begins = result.begins || lost != 0;
-  const double far = always ? kHardlyAstray : kAstray;
-  if (!always && own_deviation <= kDistorted * kDistorted * own_spread) {  // bent, not astray
-    result.begins = result.tangled = false;
-    return result;
+  // Matched as one whatever its past: at once where passes are few, masses uneven or all is stiff, far off where a
+  // cluster is lost. What is tangled may have gone on to.
+  const bool at_once = pass_seconds >= kFewPasses || uneven_ || isStiff(pass_seconds);
+  const bool lost = std::any_of(result.lost.begin(), result.lost.end(), [](std::uint8_t one) { return one != 0; });
+  const bool bent = own_deviation <= kDistorted * kDistorted * own_spread;  // and no cluster is out of shape
+  const auto weight = [&](double far) { return std::max(0.0, 1 - far * far * spread / deviation); };
+  if (at_once) {
+    result.least_weight = weight(kHardlyAstray);
+  } else if (lost && !bent) {
+    result.least_weight = weight(kAstray);
   }
-  const bool astray = deviation > far * far * spread;
-  if (astray) result.weight = 1 - far * far * spread / deviation;
+  if (at_once || result.tangled) {
+    result.weight = weight(kHardlyAstray);
+  } else if (!bent) {
+    result.weight = weight(kAstray);
+  }
+  const bool astray = deviation > 0 && (at_once || result.tangled) && result.weight > 0;
+  if (!(deviation > 0)) result.weight = result.least_weight = 0;
   result.tangled = result.tangled && astray;
   return result;
 }

@@ -117,9 +117,9 @@ class BodyMeasure {
   };
   Answer answerOf(std::size_t cluster, const Match& match, double pass_seconds, Manner manner) const;
   struct PartPotential {
-    double energy = 0;    ///< J
-    double weight = 0;    ///< 0 where the part is not astray
-    bool begins = false;  ///< whatever its past, the part is matched as one
+    double energy = 0;        ///< J
+    double weight = 0;        ///< 0 where the part is not astray
+    double least_weight = 0;  ///< the same of a part that is matched as one whatever its past
     bool tangled = false;
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     std::vector<std::uint8_t> lost;  ///< by cluster: isLost()
