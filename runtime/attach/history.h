@@ -2,9 +2,9 @@
 #pragma once
 
 #include <memory_resource>
-#include <vector>
 
 #include "runtime/kernels/attach_layout.h"
+#include "runtime/memory/array.h"
 #include "sinew/runtime/settings.h"
 
 namespace sinew::internal {
@@ -13,8 +13,8 @@ namespace sinew::internal {
 struct History {
   explicit History(std::pmr::memory_resource* memory) : positions(memory), columns(memory) {}
 
-  std::pmr::vector<Vec3> positions;          ///< by physical vertex, metres
-  std::pmr::vector<ClusterColumns> columns;  ///< by cluster; only where the visual mesh hangs on clusters
+  Array<Vec3> positions;          ///< by physical vertex, metres
+  Array<ClusterColumns> columns;  ///< by cluster; only where the visual mesh hangs on clusters
 };
 
 }  // namespace sinew::internal

@@ -51,8 +51,7 @@ SlotFrame mendedFrame(const Body& body, std::span<const Vec3> positions, const S
   return frame;
 }
 
-void fillFrames(const Body& body, std::span<const Vec3> positions, std::pmr::vector<SlotFrame>& frames,
-                JobSystem* jobs) {
+void fillFrames(const Body& body, std::span<const Vec3> positions, Array<SlotFrame>& frames, JobSystem* jobs) {
   const VisualConstants& visual = body.asset->visualConstants();
   frames.resize(visual.corners.size());
   parallel(jobs, std::uint32_t(frames.size()), kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {

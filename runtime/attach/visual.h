@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <memory_resource>
 #include <span>
-#include <vector>
 
 #include "runtime/kernels/attach_layout.h"
+#include "runtime/memory/array.h"
 #include "runtime/world/body.h"
 #include "sinew/runtime/output.h"
 #include "sinew/runtime/settings.h"
@@ -37,9 +37,9 @@ class VisualScratch {
 
   const Body* body_ = nullptr;
   bool has_frames_ = false, has_previous_ = false, has_columns_ = false, has_cofactors_ = false, has_gradients_ = false;
-  std::pmr::vector<SlotFrame> frames_, previous_frames_;  ///< by slot of the attachment
-  std::pmr::vector<ClusterColumns> columns_;              ///< by cluster
-  std::pmr::vector<PaddedMatrix> cofactors_, gradients_;  ///< by physical vertex
+  Array<SlotFrame> frames_, previous_frames_;  ///< by slot of the attachment
+  Array<ClusterColumns> columns_;              ///< by cluster
+  Array<PaddedMatrix> cofactors_, gradients_;  ///< by physical vertex
 };
 
 /// Notes where a body is, before a step; nothing unless it keeps its history.

@@ -23,7 +23,8 @@ double angleBetween(const Wide& a, const Wide& b) { return std::atan2(a.cross(b)
 
 void makeSlots(const formats::PackageView& package, VisualConstants& result) {
   const auto attachments = package.barycentric();
-  std::vector<std::uint32_t> slot_of(package.tetrahedra().size(), formats::kNone);
+  Array<std::uint32_t> slot_of;
+  slot_of.resize(package.tetrahedra().size(), formats::kNone);
   result.records.reserve(attachments.size());
   bool outside = false;
   for (const formats::BarycentricAttachment& attachment : attachments) {
@@ -38,7 +39,7 @@ void makeSlots(const formats::PackageView& package, VisualConstants& result) {
     outside |= w[0] < 0 || w[1] < 0 || w[2] < 0 || w[0] + w[1] + w[2] > 1;
   }
   if (!outside) return;
-  result.directions = result.records;
+  result.directions.assign(result.records);
   for (AttachmentRecord& record : result.directions) {
     const float last = 1.0F - record.weight[0] - record.weight[1] - record.weight[2];
     float sum = std::clamp(last, 0.0F, 1.0F);
@@ -53,7 +54,7 @@ void makeSlots(const formats::PackageView& package, VisualConstants& result) {
 // For a mesh without normals: angle-weighted mean of the faces around each vertex.
 void makeNormals(const formats::PackageView& package, VisualConstants& result) {
   const auto positions = package.visualPositions();
-  std::vector<Wide> sums(positions.size(), Wide::Zero());
+  Array<Wide> sums(positions.size());
   for (const formats::Triangle& triangle : package.visualTriangles()) {
     for (std::size_t k = 0; k < 3; ++k) {
       const Wide at = wide(positions[triangle[k]]);
@@ -69,16 +70,16 @@ void makeNormals(const formats::PackageView& package, VisualConstants& result) {
 }
 
 void makeSubMeshRuns(const formats::PackageView& package, VisualConstants& result) {
-  std::vector<std::uint32_t> used;
+  Array<std::uint32_t> used;
   result.first_sub_mesh_run.push_back(0);
   for (const formats::SubMesh& sub_mesh : package.subMeshes()) {
     used.clear();
     for (const formats::Triangle& triangle :
          package.visualTriangles().subspan(sub_mesh.first_triangle, sub_mesh.triangle_count)) {
-      used.insert(used.end(), triangle.begin(), triangle.end());
+      for (const std::uint32_t vertex : triangle) used.push_back(vertex);
     }
     std::sort(used.begin(), used.end());
-    used.erase(std::unique(used.begin(), used.end()), used.end());
+    used.truncate(std::size_t(std::unique(used.begin(), used.end()) - used.begin()));
     for (std::size_t i = 0; i < used.size();) {
       std::size_t end = i + 1;
       while (end < used.size() && used[end] == used[end - 1] + 1) ++end;
@@ -99,7 +100,7 @@ VisualConstants makeVisualConstants(const formats::PackageView& package) {
   return result;
 }
 
-std::vector<std::array<float, 4>> makeTangents(const formats::PackageView& package, std::span<const Vec3> normals) {
+Array<std::array<float, 4>> makeTangents(const formats::PackageView& package, std::span<const Vec3> normals) {
   const auto positions = package.visualPositions();
   const auto uvs = package.visualUvs();
   // By handedness: 0 left, 1 right.
@@ -107,7 +108,7 @@ std::vector<std::array<float, 4>> makeTangents(const formats::PackageView& packa
     Wide tangent = Wide::Zero();
     double angle = 0;
   };
-  std::vector<std::array<Sum, 2>> sums(positions.size());
+  Array<std::array<Sum, 2>> sums(positions.size());
   for (const formats::Triangle& triangle :
        uvs.empty() ? std::span<const formats::Triangle>() : package.visualTriangles()) {
     const auto uv = [&](std::size_t k, std::size_t axis) {
@@ -130,7 +131,7 @@ std::vector<std::array<float, 4>> makeTangents(const formats::PackageView& packa
       sum.angle += angle;
     }
   }
-  std::vector<std::array<float, 4>> result(positions.size());
+  Array<std::array<float, 4>> result(positions.size());
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const bool right = sums[i][1].angle >= sums[i][0].angle;
     const Wide n = unitOrZero(wide(normals[i]));

@@ -4,9 +4,9 @@
 #include <array>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "runtime/kernels/attach_layout.h"
+#include "runtime/memory/array.h"
 #include "sinew/formats/package.h"
 #include "sinew/runtime/output.h"
 #include "sinew/runtime/settings.h"
@@ -16,13 +16,13 @@ namespace sinew::internal {
 /// What the outputs want of a package and the package does not hold in that form. One per Asset, made at the first
 /// output, shared by its bodies.
 struct VisualConstants {
-  std::vector<AttachmentRecord> records;     ///< barycentric attachments, by visual vertex
-  std::vector<AttachmentRecord> directions;  ///< with weights brought into 0..1, sum 1; empty: as `records`
-  std::vector<SlotCorners> corners;          ///< of the tetrahedra that a visual vertex hangs on
-  std::vector<Vec3> made_normals;            ///< rest normals where the package has none
+  Array<AttachmentRecord> records;     ///< barycentric attachments, by visual vertex
+  Array<AttachmentRecord> directions;  ///< with weights brought into 0..1, sum 1; empty: as `records`
+  Array<SlotCorners> corners;          ///< of the tetrahedra that a visual vertex hangs on
+  Array<Vec3> made_normals;            ///< rest normals where the package has none
 
-  std::vector<VertexRun> sub_mesh_runs;           ///< visual vertices of the sub-meshes, ascending within one
-  std::vector<std::uint32_t> first_sub_mesh_run;  ///< sub-mesh -> runs, sub-mesh count + 1 entries
+  Array<VertexRun> sub_mesh_runs;           ///< visual vertices of the sub-meshes, ascending within one
+  Array<std::uint32_t> first_sub_mesh_run;  ///< sub-mesh -> runs, sub-mesh count + 1 entries
 
   std::span<const AttachmentRecord> directionRecords() const { return directions.empty() ? records : directions; }
   std::span<const VertexRun> runsOf(std::uint32_t sub_mesh) const {
@@ -36,6 +36,6 @@ VisualConstants makeVisualConstants(const formats::PackageView& package);
 /// Rest tangents by visual vertex: xyz unit, orthogonal to the normal, where u grows; w = +1 or -1, so that
 /// cross(normal, tangent) * w points where v grows. Angle-weighted mean of the triangles' tangents, of the handedness
 /// that has the larger angle at the vertex; without usable texture coordinates any direction in the surface, w = 1.
-std::vector<std::array<float, 4>> makeTangents(const formats::PackageView& package, std::span<const Vec3> normals);
+Array<std::array<float, 4>> makeTangents(const formats::PackageView& package, std::span<const Vec3> normals);
 
 }  // namespace sinew::internal

@@ -6,10 +6,10 @@
 
 #include <memory_resource>
 #include <span>
-#include <vector>
 
 #include "runtime/clusters/algebra.h"
 #include "runtime/geometry/small_matrix.h"
+#include "runtime/memory/array.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -55,11 +55,11 @@ float curveResponse(std::span<const formats::CurvePoint> curve, float phi);
 
 /// Constants of an asset whose package has CMEC; empty vectors otherwise.
 struct MechanicsConstants {
-  std::vector<GoalLimits> limits;       ///< by cluster
-  std::vector<ElasticModes> modes;      ///< of elastic clusters that deform
-  std::vector<std::uint32_t> modes_of;  ///< cluster -> modes, formats::kNone; empty without elastic clusters
-  bool changes_shape = false;           ///< some cluster is plastic, or has a fibre that something activates
-  bool damps = false;                   ///< some cluster has a damping of its own
+  Array<GoalLimits> limits;       ///< by cluster
+  Array<ElasticModes> modes;      ///< of elastic clusters that deform
+  Array<std::uint32_t> modes_of;  ///< cluster -> modes, formats::kNone; empty without elastic clusters
+  bool changes_shape = false;     ///< some cluster is plastic, or has a fibre that something activates
+  bool damps = false;             ///< some cluster has a damping of its own
 };
 MechanicsConstants makeMechanics(const formats::PackageView& package);
 
@@ -95,9 +95,9 @@ struct ShapeState {
 
 /// State of a body beyond frames; vectors are empty where the package needs none.
 struct MechanicsState {
-  std::pmr::vector<ShapeState> shapes;    ///< by cluster
-  std::pmr::vector<Columns<9>> previous;  ///< by cluster: (R^T F - S) M of the last pass, for damping
-  std::pmr::vector<float> activation;     ///< by channel, 0..1
+  Array<ShapeState> shapes;    ///< by cluster
+  Array<Columns<9>> previous;  ///< by cluster: (R^T F - S) M of the last pass, for damping
+  Array<float> activation;     ///< by channel, 0..1
 
   MechanicsState(const formats::PackageView& package, const MechanicsConstants& constants,
                  std::pmr::memory_resource* memory);

@@ -77,9 +77,9 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
     : cluster_(cluster),
       method_(method),
       point_count_(std::uint32_t(points.size())),
-      groups_(allocator),
+      groups_(allocator.resource()),
       basis_(modeBasis(package, cluster)),
-      elastic3_(allocator) {
+      elastic3_(allocator.resource()) {
   const formats::Cluster& record = package.clusters()[cluster];
   if (record.mode == formats::ClusterMode::rigid) basis_.t = SmallMatrix<81>(3, 0);
   elastic_ = !package.mechanics().empty() && record.mode != formats::ClusterMode::rigid &&
@@ -190,9 +190,8 @@ PinFit::Basis PinFit::basisAt(const formats::Cluster& cluster, const Vector3& re
   return b;
 }
 
-void PinFit::prepare(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
-                     float pass_seconds) {
-  if (pass_seconds_ == pass_seconds) return;
+void PinFit::remake(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
+                    float pass_seconds) {
   pass_seconds_ = pass_seconds;
   const double h = double(pass_seconds);
   const int modes = basis_.t.columns(), size = modes + 1;

@@ -8,12 +8,12 @@
 #include <cstdint>
 #include <memory_resource>
 #include <span>
-#include <vector>
 
 #include "runtime/clusters/frame.h"
 #include "runtime/clusters/mechanics.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/load/rest_constants.h"
+#include "runtime/memory/array.h"
 #include "sinew/runtime/settings.h"
 
 namespace sinew::internal {
@@ -54,8 +54,8 @@ class PinFit {
   };
 
   /// \param points of this cluster, at least one, by set. \param allocator what the fit keeps comes from there.
-  PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method, std::span<const PinPoint> points,
-         allocator_type allocator);
+  [[gnu::cold]] PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method,
+                       std::span<const PinPoint> points, allocator_type allocator);
   PinFit(PinFit&& other) noexcept = default;
   PinFit(PinFit&& other, allocator_type) noexcept : PinFit(std::move(other)) {}  // of the same memory
   PinFit(const PinFit&) = delete;
@@ -72,7 +72,9 @@ class PinFit {
 
   /// Makes what depends on the length of a pass; cheap if that has not changed. Never allocates.
   void prepare(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
-               float pass_seconds);
+               float pass_seconds) {
+    if (pass_seconds_ != pass_seconds) remake(package, rest, stiffness_scale, pass_seconds);
+  }
 
   /// R, F and the goals' centre, from frame.a_pq and momentCenter(), with the goals of exact points in their places.
   /// Call after updateFrame() of the same frame.
@@ -94,6 +96,8 @@ class PinFit {
   float ownResponse(const Basis& b) const;
 
  private:
+  [[gnu::cold]] void remake(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
+                            float pass_seconds);
   void keepVolume(const Matrix3& shape, Answer& g) const;
   void addFreePart(Answer& g, Answer answer, const Answer& held) const;
   double springScale() const;
@@ -106,7 +110,7 @@ class PinFit {
   PinMethod method_;
   std::uint32_t point_count_;
   std::uint32_t exact_count_ = 0;
-  std::pmr::vector<Group> groups_;
+  Array<Group> groups_;
   Answer exact_offsets_, soft_offsets_;                   ///< Σ b q^T, Σ k b q^T, of centred q
   Eigen::Vector3d exact_mean_ = Eigen::Vector3d::Zero();  ///< of centred q of the exact points
   Square10 springs_;                                      ///< Σ k b b^T
@@ -127,7 +131,7 @@ class PinFit {
     ModeMatrix energy;         ///< E and nu as baked
     Square30 system, inverse;  ///< the same of elastic clusters, axis by axis
   };
-  std::pmr::vector<Elastic> elastic3_;  ///< one, or none: it is large
+  Array<Elastic> elastic3_;  ///< one, or none: it is large
   Square10 response_;
   Vector3 moment_center_ = Vector3::Zero();
 };

@@ -67,12 +67,12 @@ void setHeld(Body& body, const PinSet& set, bool held) {
 
 // Fits are remade as a whole: sets come and go rarely. Where memory runs out, the body keeps those that it had.
 void rebuildFits(Body& body) {
-  const auto memory = body.fits.get_allocator();
+  std::pmr::memory_resource* const memory = body.fits.get_allocator().resource();
   struct Reached {
     std::uint32_t cluster;
     PinPoint point;
   };
-  std::pmr::vector<Reached> reached(memory);
+  Array<Reached> reached(memory);
   for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
     const PinSet& set = body.pin_sets[s];
     if (isHeldByRows(set)) continue;
@@ -89,8 +89,8 @@ void rebuildFits(Body& body) {
     return std::tie(a.cluster, a.point.set, a.point.item) < std::tie(b.cluster, b.point.set, b.point.item);
   });
   std::pmr::vector<PinFit> fits(memory);
-  std::pmr::vector<std::uint32_t> fit_of(memory);
-  std::pmr::vector<PinPoint> points(memory);
+  Array<std::uint32_t> fit_of(memory);
+  Array<PinPoint> points(memory);
   if (!reached.empty()) fit_of.resize(body.clusterCount(), formats::kNone);
   for (auto first = reached.begin(); first != reached.end();) {
     PinMethod method = PinMethod::infinite_mass;

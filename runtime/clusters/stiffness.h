@@ -5,11 +5,11 @@
 #include <cstdint>
 #include <limits>
 #include <memory_resource>
-#include <vector>
 
 #include "runtime/clusters/algebra.h"
 #include "runtime/kernels/layout.h"
 #include "runtime/load/rest_constants.h"
+#include "runtime/memory/array.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -74,13 +74,13 @@ struct StiffnessSet {
 
   float scale;
   float step_seconds = 0;  ///< pass length it holds for; 0 = none yet
-  std::pmr::vector<ClusterStiffness> clusters;
-  std::pmr::vector<StiffnessBlock> blocks;  ///< the same for kernels
-  std::pmr::vector<float> slowest_hz;       ///< by part: the lowest of its clusters' that is not 0
-  std::pmr::vector<float> own_damping;      ///< by part: the least that its clusters have themselves, 1/s
-  std::pmr::vector<std::uint8_t> stiff;     ///< by part: not 0 where no cluster keeps more than kStiffKeeps in a pass
+  Array<ClusterStiffness> clusters;
+  Array<StiffnessBlock> blocks;  ///< the same for kernels
+  Array<float> slowest_hz;       ///< by part: the lowest of its clusters' that is not 0
+  Array<float> own_damping;      ///< by part: the least that its clusters have themselves, 1/s
+  Array<std::uint8_t> stiff;     ///< by part: not 0 where no cluster keeps more than kStiffKeeps in a pass
   /// By entry of MechanicsConstants::modes: what a pass keeps of each.
-  std::pmr::vector<Eigen::Matrix<float, 27, 1>> kept;
+  Array<Eigen::Matrix<float, 27, 1>> kept;
 };
 
 }  // namespace sinew::internal

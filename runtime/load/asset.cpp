@@ -6,7 +6,6 @@
 #include <cstring>
 #include <mutex>
 #include <new>
-#include <vector>
 
 #include "runtime/attach/visual_constants.h"
 #include "runtime/load/mapped_file.h"
@@ -17,7 +16,7 @@ namespace sinew {
 struct Asset::Lazy {
   std::once_flag visual_made, tangents_made;
   internal::VisualConstants visual;
-  std::vector<std::array<float, 4>> tangents;
+  internal::Array<std::array<float, 4>> tangents;
 };
 
 Asset::Asset() : lazy_(std::make_unique<Lazy>()) {}

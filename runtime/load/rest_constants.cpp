@@ -64,7 +64,7 @@ std::uint32_t firstVertexOfPart(const formats::PackageView& package, std::size_t
 // Of a cluster's members in the order of its lanes, first those of runs: eight consecutive vertices that a use block of
 // the part begins with. More than eight members take runs by twos, as blocks. \return how many runs.
 std::size_t orderOfLanes(std::span<const formats::Membership> members, std::uint32_t first_vertex,
-                         std::vector<std::size_t>& order) {
+                         Array<std::uint32_t>& order) {
   const auto is_run = [&](std::size_t m) {
     if (m + 8 > members.size() || (members[m].vertex - first_vertex) % 8 != 0) return false;
     for (std::size_t i = 1; i < 8; ++i) {
@@ -72,35 +72,33 @@ std::size_t orderOfLanes(std::span<const formats::Membership> members, std::uint
     }
     return true;
   };
-  std::vector<std::size_t> others;
-  order.clear();
+  // The others from the back, turned round afterwards.
+  order.resize(members.size());
+  std::size_t of_runs = 0, others = members.size();
   for (std::size_t m = 0; m < members.size();) {
     const bool run = is_run(m);
-    for (const std::size_t end = m + (run ? 8 : 1); m < end; ++m) (run ? order : others).push_back(m);
+    for (const std::size_t end = m + (run ? 8 : 1); m < end; ++m) order[run ? of_runs++ : --others] = std::uint32_t(m);
   }
-  const std::size_t runs = members.size() > 8 ? order.size() / 16 * 2 : order.size() / 8;
-  order.insert(order.end(), others.begin(), others.end());
-  return runs;
+  std::reverse(order.begin() + of_runs, order.end());
+  return members.size() > 8 ? of_runs / 16 * 2 : of_runs / 8;
 }
 
 void makeBlocks(const formats::PackageView& package, RestConstants& result) {
   const auto clusters = package.clusters();
   const auto vertices = package.physicalVertices();
-  result.masses.reserve(vertices.size());
+  result.masses.resize(vertices.size());
   double total = 0;
   for (const formats::PhysicalVertex& vertex : vertices) total += double(vertex.mass);
-  for (const formats::PhysicalVertex& vertex : vertices) {
-    result.masses.push_back(float(double(vertex.mass) / total));
-  }
+  for (std::size_t i = 0; i < vertices.size(); ++i) result.masses[i] = float(double(vertices[i].mass) / total);
   result.blocks.resize((clusters.size() + 7) / 8, ClusterRestBlock{});
   for (ClusterRestBlock& block : result.blocks) std::fill(std::begin(block.radius), std::end(block.radius), 1.0F);
   struct UseSlot {
     std::uint32_t offset;
     bool of_run;
   };
-  std::vector<UseSlot> use_slots(package.memberships().size());  // as `uses`
-  std::vector<std::size_t> order;
-  std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
+  Array<UseSlot> use_slots(package.memberships().size());  // as `uses`
+  Array<std::uint32_t> order, next;
+  next.assign(result.first_use);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const formats::Cluster& cluster = clusters[c];
     const ClusterRest& rest = result.clusters[c];
@@ -140,13 +138,13 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
     }
   }
   const auto nothing = std::uint32_t(kSlotFloats * result.members.size());
-  std::vector<std::uint32_t>& offsets = result.use_offsets;
+  Array<std::uint32_t>& offsets = result.use_offsets;
   for (const formats::BodyRange& range : package.bodies()) {
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += 8) {
       const std::uint32_t count = std::min(range.vertex_count - begin, 8U);
       const auto uses_of = [&](std::uint32_t k) {
         const std::uint32_t* const first = result.first_use.data() + range.first_vertex + begin + k;
-        return std::span(use_slots).subspan(first[0], first[1] - first[0]);
+        return std::span<const UseSlot>(use_slots).subspan(first[0], first[1] - first[0]);
       };
       UseBlock block = {std::uint32_t(offsets.size() / 8), 0, 0};
       for (const UseSlot& use : uses_of(0)) {  // which all eight vertices have
@@ -198,23 +196,24 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
   result.mechanics = makeMechanics(package);
 
   const std::size_t vertex_count = package.physicalVertices().size();
-  result.first_use.assign(vertex_count + 1, 0);
+  result.first_use.resize(vertex_count + 1);
   for (const formats::Membership& member : members) ++result.first_use[member.vertex + 1];
   for (std::size_t i = 0; i < vertex_count; ++i) result.first_use[i + 1] += result.first_use[i];
   result.uses.resize(members.size());
-  std::vector<std::uint32_t> next(result.first_use.begin(), result.first_use.end() - 1);
+  Array<std::uint32_t> next;
+  next.assign(result.first_use);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     for (const formats::Membership& member : members.subspan(clusters[c].first_member, clusters[c].member_count)) {
       result.uses[next[member.vertex]++] = {std::uint32_t(c), member.share};
     }
   }
+  Array<std::array<std::uint32_t, 2>> overlaps;
   for (std::size_t i = 0; i < vertex_count; ++i) {
     const auto uses = result.usesOf(std::uint32_t(i));
-    for (std::size_t k = 1; k < uses.size(); ++k) result.overlaps.push_back({uses[k - 1].cluster, uses[k].cluster});
+    for (std::size_t k = 1; k < uses.size(); ++k) overlaps.push_back({uses[k - 1].cluster, uses[k].cluster});
   }
-  std::sort(result.overlaps.begin(), result.overlaps.end());
-  result.overlaps.erase(std::unique(result.overlaps.begin(), result.overlaps.end()), result.overlaps.end());
-  result.overlaps.shrink_to_fit();
+  std::sort(overlaps.begin(), overlaps.end());
+  result.overlaps.assign({overlaps.begin(), std::unique(overlaps.begin(), overlaps.end())});
   makeBlocks(package, result);
   return result;
 }

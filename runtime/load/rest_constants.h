@@ -4,11 +4,11 @@
 #include <array>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "runtime/clusters/algebra.h"
 #include "runtime/clusters/mechanics.h"
 #include "runtime/kernels/layout.h"
+#include "runtime/memory/array.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -32,21 +32,21 @@ struct ClusterRest {
 
 /// What the step wants of a package and the package does not hold in that form. One per Asset, shared by its bodies.
 struct RestConstants {
-  std::vector<ClusterRest> clusters;
-  std::vector<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries
-  std::vector<ClusterUse> uses;          ///< by vertex, clusters ascending
-  std::vector<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
+  Array<ClusterRest> clusters;
+  Array<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries
+  Array<ClusterUse> uses;          ///< by vertex, clusters ascending
+  Array<Square<9>> full_moments;   ///< Σ mu q~ q~^T by the cluster's `quadratic` index
 
   /// Clusters that share a vertex, each with the next one that the vertex has: lower index first, ascending.
-  std::vector<std::array<std::uint32_t, 2>> overlaps;
+  Array<std::array<std::uint32_t, 2>> overlaps;
 
   MechanicsConstants mechanics;
   // The same for kernels.
-  std::vector<float> masses;               ///< by vertex, relative to the mass of all
-  std::vector<MemberBlock> members;        ///< cluster by cluster
-  std::vector<ClusterRestBlock> blocks;    ///< eight clusters each
-  std::vector<UseBlock> use_blocks;        ///< eight vertices each, part by part
-  std::vector<std::uint32_t> use_offsets;  ///< rows of the use blocks
+  Array<float> masses;               ///< by vertex, relative to the mass of all
+  Array<MemberBlock> members;        ///< cluster by cluster
+  Array<ClusterRestBlock> blocks;    ///< eight clusters each
+  Array<UseBlock> use_blocks;        ///< eight vertices each, part by part
+  Array<std::uint32_t> use_offsets;  ///< rows of the use blocks
 
   std::span<const ClusterUse> usesOf(std::uint32_t vertex) const {
     return {uses.data() + first_use[vertex], uses.data() + first_use[vertex + 1]};

@@ -5,6 +5,7 @@
 #include <memory_resource>
 #include <vector>
 
+#include "runtime/memory/array.h"
 #include "runtime/world/body.h"
 #include "sinew/runtime/world.h"
 
@@ -28,12 +29,12 @@ struct BodyScratch {
 
   PassScratch pass;
   // Of the solver of rows.
-  std::pmr::vector<Row> rows;
-  std::pmr::vector<ClusterFrame> frames;
-  std::pmr::vector<ClusterResponse> responses;
-  std::pmr::vector<SolverRow> solver_rows;
-  std::pmr::vector<RowTerm> terms;
-  std::pmr::vector<ClusterAnswer> answers;
+  Array<Row> rows;
+  Array<ClusterFrame> frames;
+  Array<ClusterResponse> responses;
+  Array<SolverRow> solver_rows;
+  Array<RowTerm> terms;
+  Array<ClusterAnswer> answers;
 };
 
 /// Scratch of a world: one BodyScratch for each body that may be stepped at the same time. The first is large enough

@@ -15,6 +15,7 @@
 #include "runtime/clusters/stiffness.h"
 #include "runtime/contact/row.h"
 #include "runtime/load/rest_constants.h"
+#include "runtime/memory/array.h"
 #include "runtime/step/motion.h"
 #include "sinew/runtime/asset.h"
 #include "sinew/runtime/settings.h"
@@ -41,14 +42,14 @@ struct PinSet {
   PinMethod method = PinMethod::constrained_fit;
   RigidTransform at;      ///< where it is in this pass
   RigidTransform target;  ///< where it is at the end of the step
-  std::pmr::vector<PinnedVertex> vertices;
+  Array<PinnedVertex> vertices;
   // Reactions of the step's passes; means are taken over `passes`.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
   std::uint32_t passes = 0;
   bool first_pass = true;  ///< the next pass is the first of a step
 
   using allocator_type = std::pmr::polymorphic_allocator<>;
-  explicit PinSet(allocator_type allocator) : vertices(allocator) {}
+  explicit PinSet(allocator_type allocator) : vertices(allocator.resource()) {}
   PinSet(PinSet&& other) noexcept = default;
   PinSet(PinSet&& other, allocator_type) noexcept : PinSet(std::move(other)) {}  // of the same memory
   PinSet& operator=(PinSet&& other) = default;
@@ -143,8 +144,8 @@ struct PassScratch {
     if (slots.size() <= 8 * member_blocks) slots.resize(8 * member_blocks + 1);
   }
 
-  std::pmr::vector<Vec3> y;
-  std::pmr::vector<std::array<float, 4>> slots;
+  Array<Vec3> y;
+  Array<std::array<float, 4>> slots;
 };
 
 /// State of one body. Constants stay in the asset.
@@ -182,41 +183,41 @@ struct Body {
   LineMemory lines;  ///< where the arrays by vertex and membership live
 
   // By physical vertex, and one more: kernels read triples as 16 bytes.
-  std::pmr::vector<Vec3> x;  ///< positions at the start of the pass, metres
-  std::pmr::vector<Vec3> v;  ///< velocities, m/s
+  Array<Vec3> x;  ///< positions at the start of the pass, metres
+  Array<Vec3> v;  ///< velocities, m/s
   /// Of contact or pin in the last pass, over the body's mass, m/s²: where the next one starts from.
-  std::pmr::vector<Vec3> force;
-  std::pmr::vector<std::uint8_t> pinned;
+  Array<Vec3> force;
+  Array<std::uint8_t> pinned;
 
   // Lent between take() and giveBack(), empty otherwise.
   std::span<Vec3> y;  ///< predicted, then matched positions; one more, as x
   /// By membership, padded: what its cluster asks of a vertex; zero behind the last.
   std::span<std::array<float, 4>> slots;
 
-  std::pmr::vector<ClusterBlock> blocks;  ///< by cluster, eight each
+  Array<ClusterBlock> blocks;  ///< by cluster, eight each
 
   std::shared_ptr<StiffnessSet> stiffness;  ///< shared by the bodies of a world with the same asset and scale
 
-  std::pmr::vector<Pin> pins;  ///< vertices ascending
-  std::pmr::vector<Pick> picks;
+  Array<Pin> pins;  ///< vertices ascending
+  Array<Pick> picks;
   std::pmr::vector<PinSet> pin_sets;
-  std::pmr::vector<PinFit> fits;           ///< clusters that a pin set reaches, ascending
-  std::pmr::vector<std::uint32_t> fit_of;  ///< cluster -> fits, formats::kNone; empty without fits
+  std::pmr::vector<PinFit> fits;  ///< clusters that a pin set reaches, ascending
+  Array<std::uint32_t> fit_of;    ///< cluster -> fits, formats::kNone; empty without fits
   MechanicsState mechanics;
 
   // The body's work, cut for jobs.
-  std::pmr::vector<VertexChunk> chunks;
-  std::pmr::vector<Part> parts;
+  Array<VertexChunk> chunks;
+  Array<Part> parts;
   bool centers_known = false;  ///< Part::reference and moving are those of x and v; not after a state from outside
   float pass_seconds = 0;      ///< length of the passes of the last step: spins are looked at for it
 
   // Scratch of the solver of rows: lent by the world for the time of a step, empty otherwise.
-  std::pmr::vector<Row> rows;
-  std::pmr::vector<ClusterFrame> frames;  ///< copies of the clusters that rows reach
-  std::pmr::vector<ClusterResponse> responses;
-  std::pmr::vector<SolverRow> solver_rows;  ///< `rows` as the sweeps see them
-  std::pmr::vector<RowTerm> terms;
-  std::pmr::vector<ClusterAnswer> answers;  ///< by cluster
+  Array<Row> rows;
+  Array<ClusterFrame> frames;  ///< copies of the clusters that rows reach
+  Array<ClusterResponse> responses;
+  Array<SolverRow> solver_rows;  ///< `rows` as the sweeps see them
+  Array<RowTerm> terms;
+  Array<ClusterAnswer> answers;  ///< by cluster
 
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 

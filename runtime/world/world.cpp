@@ -303,7 +303,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     return;
   }
   impl_->guarded("pin", false, [&] {
-    body->pins.insert(place, {vertex, target});
+    body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target});
     body->pinned[vertex] = 1;
     body->force[vertex] = {};
     impl_->growScratch();
@@ -314,7 +314,10 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
 void World::unpin(BodyId id, std::uint32_t vertex) {
   Body* body = impl_->find(id, "unpin");
   if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
-  if (std::erase_if(body->pins, [vertex](const internal::Pin& pin) { return pin.vertex == vertex; }) == 0) return;
+  const auto held = std::find_if(body->pins.begin(), body->pins.end(),
+                                 [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
+  if (held == body->pins.end()) return;
+  body->pins.erase(std::size_t(held - body->pins.begin()));
   body->pinned[vertex] = 0;
   body->force[vertex] = {};
 }
@@ -479,7 +482,7 @@ void World::movePick(PickId id, Vec3 target) {
 
 void World::releasePick(PickId id) {
   const auto [body, index] = impl_->findPick(id);
-  if (body != nullptr) body->picks.erase(body->picks.begin() + std::ptrdiff_t(index));
+  if (body != nullptr) body->picks.erase(index);
 }
 
 std::size_t World::picks(BodyId id, std::span<PickId> ids) const {

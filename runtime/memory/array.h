@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: MIT
+//
+// Arrays of plain records. What std::vector writes anew for each type of element, a quarter of a kilobyte for each way
+// to grow, is compiled here once for bytes.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory_resource>
+#include <span>
+#include <type_traits>
+
+namespace sinew::internal {
+
+/// What all arrays do alike. Sizes are in elements.
+class ArrayBytes {
+ public:
+  ArrayBytes(const ArrayBytes&) = delete;
+  ArrayBytes& operator=(const ArrayBytes&) = delete;
+
+  std::size_t size() const { return size_; }
+  bool empty() const { return size_ == 0; }
+  void clear() { size_ = 0; }
+  /// Drops elements from the end. \param count of those that stay, at most size().
+  void truncate(std::size_t count) { size_ = count; }
+  std::pmr::memory_resource* memory() const { return memory_; }
+
+ protected:
+  struct Element {
+    std::uint32_t bytes, alignment;
+  };
+
+  explicit ArrayBytes(std::pmr::memory_resource* memory) : memory_(memory) {}
+  ArrayBytes(ArrayBytes&& other) noexcept : memory_(other.memory_) { exchange(other); }
+  ~ArrayBytes() = default;
+
+  void exchange(ArrayBytes& other) noexcept;
+  void reserve(Element element, std::size_t count);
+  /// \param like what new elements are copies of; null: of zeros.
+  void resize(Element element, std::size_t count, const void* like);
+  void assign(Element element, const void* from, std::size_t count);
+  /// \param value behind the last it may be an element.
+  void insert(Element element, std::size_t index, const void* value);
+  void erase(Element element, std::size_t index);
+  void release(Element element) noexcept;
+
+  std::byte* data_ = nullptr;  ///< null without capacity
+  std::size_t size_ = 0, capacity_ = 0;
+  std::pmr::memory_resource* memory_;
+
+ private:
+  std::byte* allocate(Element element, std::size_t count) const;
+  void take(Element element, std::byte* place, std::size_t count) noexcept;
+};
+
+/// A vector of records that are their bytes: without a destructor, moved and copied as memory is. Its memory goes along
+/// where it is moved or swapped.
+template <class T>
+class Array : public ArrayBytes {
+ public:
+  /// \param memory where elements live; outlives the array.
+  explicit Array(std::pmr::memory_resource* memory = std::pmr::new_delete_resource()) : ArrayBytes(memory) {}
+  explicit Array(std::size_t count, std::pmr::memory_resource* memory = std::pmr::new_delete_resource())
+      : ArrayBytes(memory) {
+    resize(count);
+  }
+  Array(Array&& other) noexcept : ArrayBytes(static_cast<ArrayBytes&&>(other)) {}
+  Array& operator=(Array&& other) noexcept {
+    exchange(other);
+    return *this;
+  }
+  ~Array() {
+    static_assert(std::is_trivially_destructible_v<T>);
+    release(kElement);
+  }
+  void swap(Array& other) noexcept { exchange(other); }
+
+  T* data() { return reinterpret_cast<T*>(data_); }
+  const T* data() const { return reinterpret_cast<const T*>(data_); }
+  T* begin() { return data(); }
+  const T* begin() const { return data(); }
+  T* end() { return data() + size_; }
+  const T* end() const { return data() + size_; }
+  T& operator[](std::size_t index) { return data()[index]; }
+  const T& operator[](std::size_t index) const { return data()[index]; }
+  T& back() { return data()[size_ - 1]; }
+
+  /// Throws std::bad_alloc, as all that grow; the array is what it was then.
+  void reserve(std::size_t count) { ArrayBytes::reserve(kElement, count); }
+  /// New elements are as T{} makes them, vectors and matrices zero.
+  void resize(std::size_t count) {
+    if constexpr (std::is_trivially_default_constructible_v<T> || requires { T::Zero(); }) {
+      ArrayBytes::resize(kElement, count, nullptr);
+    } else {
+      resize(count, T{});
+    }
+  }
+  void resize(std::size_t count, const T& like) { ArrayBytes::resize(kElement, count, &like); }
+  void assign(std::span<const T> from) { ArrayBytes::assign(kElement, from.data(), from.size()); }
+  void push_back(const T& value) { ArrayBytes::insert(kElement, size_, &value); }
+  void insert(std::size_t index, const T& value) { ArrayBytes::insert(kElement, index, &value); }
+  void erase(std::size_t index) { ArrayBytes::erase(kElement, index); }
+
+ private:
+  static constexpr Element kElement = {sizeof(T), alignof(T)};
+};
+
+}  // namespace sinew::internal
