@@ -92,11 +92,10 @@ Vector3 attachedPosition(const Body& body, std::uint32_t vertex, std::span<const
     return last + offset;
   }
   const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[vertex];
-  const Vector3 rest = asVector(package.visualPositions()[vertex]);
   Vector3 sum = Vector3::Zero();
   for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
-    sum += use.weight * clusterGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster],
-                                    loadFrame(body.blocks, use.cluster), rest);
+    addGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster], loadFrame(body.blocks, use.cluster),
+            package.visualPositions()[vertex], use.weight, sum);
   }
   return sum;
 }

@@ -18,10 +18,9 @@ template <class T>
   }
 }
 
-// Σ a_k b_k of nine, each `step` further, in Eigen's order.
-float sumOfNine(const float* a, const float* b, int b_step) {
-  const auto term = [&](int k) { return a[3 * k] * b[k * b_step]; };
-  return ((term(0) + term(1)) + (term(2) + term(3))) + ((term(4) + term(5)) + (term(6) + (term(7) + term(8))));
+// Σ a_k b_k of nine, each `step` further.
+[[gnu::always_inline]] inline float sumOfNine(const float* a, const float* b, int b_step) {
+  return internal::sumOfNine([&](int k) { return a[3 * k] * b[k * b_step]; });
 }
 
 }  // namespace
@@ -31,6 +30,12 @@ Columns<9> timesSymmetric(const Columns<9>& a, const Square<9>& s) {
   for (int j = 0; j < 9; ++j) {
     for (int i = 0; i < 3; ++i) result(i, j) = sumOfNine(a.data() + i, s.data() + 9 * j, 1);
   }
+  return result;
+}
+
+Vector3 timesColumn(const Columns<9>& a, const Monomials<9>& b) {
+  Vector3 result;
+  for (int i = 0; i < 3; ++i) result[i] = sumOfNine(a.data() + i, b.data(), 1);
   return result;
 }
 

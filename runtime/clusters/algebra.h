@@ -53,8 +53,15 @@ operator*(const A& a, const B& b) {
   return result;
 }
 
-/// a s, s symmetric, and a b^T: sums of nine, compiled once as well.
+/// Σ term(k), k = 0..8, in Eigen's order.
+template <class Term>
+[[gnu::always_inline]] inline float sumOfNine(const Term& term) {
+  return ((term(0) + term(1)) + (term(2) + term(3))) + ((term(4) + term(5)) + (term(6) + (term(7) + term(8))));
+}
+
+/// a s, s symmetric, a b, and a b^T: sums of nine, compiled once as well.
 Columns<9> timesSymmetric(const Columns<9>& a, const Square<9>& s);
+Vector3 timesColumn(const Columns<9>& a, const Monomials<9>& b);
 Matrix3 timesTransposed(const Columns<9>& a, const Columns<9>& b);
 
 float determinantOf(const Matrix3& a);

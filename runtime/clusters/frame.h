@@ -18,28 +18,7 @@ struct ClusterFrame {
   Columns<9> f = Columns<9>::Zero();     ///< F; columns 3.. only if quadratic
 };
 
-inline ClusterFrame loadFrame(std::span<const ClusterBlock> blocks, std::uint32_t cluster) {
-  const ClusterBlock& block = blocks[cluster / 8];
-  const std::uint32_t lane = cluster % 8;
-  ClusterFrame frame;
-  for (int k = 0; k < 3; ++k) frame.center[k] = block.center[k][lane];
-  for (std::size_t k = 0; k < 4; ++k) frame.rotation[k] = block.rotation[k][lane];
-  for (int k = 0; k < 27; ++k) {
-    frame.a_pq.data()[k] = block.a_pq[k][lane];
-    frame.f.data()[k] = block.f[k][lane];
-  }
-  return frame;
-}
-
-inline void storeFrame(const ClusterFrame& frame, std::span<ClusterBlock> blocks, std::uint32_t cluster) {
-  ClusterBlock& block = blocks[cluster / 8];
-  const std::uint32_t lane = cluster % 8;
-  for (int k = 0; k < 3; ++k) block.center[k][lane] = frame.center[k];
-  for (std::size_t k = 0; k < 4; ++k) block.rotation[k][lane] = frame.rotation[k];
-  for (int k = 0; k < 27; ++k) {
-    block.a_pq[k][lane] = frame.a_pq.data()[k];
-    block.f[k][lane] = frame.f.data()[k];
-  }
-}
+ClusterFrame loadFrame(std::span<const ClusterBlock> blocks, std::uint32_t cluster);
+void storeFrame(const ClusterFrame& frame, std::span<ClusterBlock> blocks, std::uint32_t cluster);
 
 }  // namespace sinew::internal

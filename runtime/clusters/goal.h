@@ -26,15 +26,9 @@ bool updatePartPose(const formats::PackageView& package, const RestConstants& co
                     std::span<const ClusterStiffness> stiffness, std::uint32_t first, std::uint32_t count,
                     std::span<ClusterBlock> blocks, double far = kAstray);
 
-/// g of eq. 4: where the cluster wants the point with rest position X. Metres, world.
-inline Vector3 clusterGoal(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterFrame& frame,
-                           const Vector3& rest_position) {
-  const Vector3 q = restOffset(cluster, rest_position);
-  if (cluster.mode == formats::ClusterMode::quadratic) {
-    return frame.center + cluster.radius * (frame.f * (monomials<9>(q) - rest.mean));
-  }
-  return frame.center + cluster.radius * (frame.f.leftCols<3>() * (q - rest.mean.head<3>()));
-}
+/// sum += weight g of eq. 4: where the cluster wants the point with rest position X. Metres, world.
+void addGoal(const formats::Cluster& cluster, const ClusterRest& rest, const ClusterFrame& frame,
+             const Vec3& rest_position, float weight, Vector3& sum);
 
 /// d g / d X at a rest position (eq. 13).
 inline Matrix3 clusterGradient(const formats::Cluster& cluster, const ClusterFrame& frame,

@@ -203,7 +203,10 @@ void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
 }
 
 void beginPinFits(Body& body) {
-  for (PinFit& fit : body.fits) fit.momentCenter() = loadFrame(body.blocks, fit.cluster()).center;
+  for (PinFit& fit : body.fits) {
+    const ClusterBlock& block = body.blocks[fit.cluster() / 8];
+    for (int k = 0; k < 3; ++k) fit.momentCenter()[k] = block.center[k][fit.cluster() % 8];
+  }
 }
 
 void holdPins(Body& body, float pass_seconds, std::uint32_t passes_left) {

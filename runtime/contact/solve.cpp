@@ -8,7 +8,9 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/match.h"
@@ -37,38 +39,62 @@ constexpr float kLargestMove = 0.25F;
 // A part whose rows are further off than this, in diagonals, is first moved there as a whole.
 constexpr float kFarOff = 0.25F;
 
-// Where a row touches a cluster, calls visit(cluster index, coefficient, rest position).
-template <class Visit>
-void forEachTerm(const Body& body, const Row& row, const Visit& visit) {
+// What a row reaches: a vertex, the corners of a tetrahedron, or the clusters that a visual vertex hangs on.
+struct Reach {
+  struct Point {
+    const void* uses;  // cluster and share each: ClusterUse, or what an attachment says in the same bytes
+    std::size_t count;
+    float weight;
+    const Vec3* rest;
+  };
+  std::array<Point, 4> points;
+  std::size_t count = 0;
+
+  void add(const void* uses, std::size_t use_count, float weight, const Vec3& rest) {
+    points[count++] = {uses, use_count, weight, &rest};
+  }
+};
+static_assert(sizeof(ClusterUse) == sizeof(formats::ClusterAttachment));
+
+[[gnu::noinline]] void findReach(const Body& body, const Row& row, Reach& reach) {
   const formats::PackageView& package = body.package();
-  const auto at_vertex = [&](std::uint32_t vertex, float weight) {
-    const Vector3 rest = asVector(package.physicalVertices()[vertex].rest_position);
-    for (const ClusterUse& use : body.rest().usesOf(vertex)) visit(use.cluster, weight * use.share, rest);
+  const auto add_vertex = [&](std::uint32_t vertex, float weight) {
+    const auto uses = body.rest().usesOf(vertex);
+    reach.add(uses.data(), uses.size(), weight, package.physicalVertices()[vertex].rest_position);
   };
   if (row.point == RowPoint::physical_vertex) {
-    at_vertex(row.index, 1.0F);
+    add_vertex(row.index, 1.0F);
   } else if (!package.barycentric().empty()) {
     const formats::BarycentricAttachment& attachment = package.barycentric()[row.index];
     const auto& corners = package.tetrahedra()[attachment.tetrahedron].vertex;
     const auto& w = attachment.weight;
-    at_vertex(corners[0], w[0]);
-    at_vertex(corners[1], w[1]);
-    at_vertex(corners[2], w[2]);
-    at_vertex(corners[3], 1.0F - w[0] - w[1] - w[2]);
+    for (std::size_t k = 0; k < 4; ++k) add_vertex(corners[k], k < 3 ? w[k] : 1.0F - w[0] - w[1] - w[2]);
   } else if (!package.clusterAttachmentRanges().empty()) {
     const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[row.index];
-    const Vector3 rest = asVector(package.visualPositions()[row.index]);
-    for (const formats::ClusterAttachment& attachment :
-         package.clusterAttachments().subspan(range.first, range.count)) {
-      visit(attachment.cluster, attachment.weight, rest);
+    reach.add(package.clusterAttachments().data() + range.first, range.count, 1.0F,
+              package.visualPositions()[row.index]);
+  }
+}
+
+// Where a row touches a cluster, calls visit(cluster index, coefficient, rest position).
+template <class Visit>
+void forEachTerm(const Body& body, const Row& row, const Visit& visit) {
+  Reach reach;
+  findReach(body, row, reach);
+  for (std::size_t p = 0; p < reach.count; ++p) {
+    const Reach::Point& point = reach.points[p];
+    for (std::size_t i = 0; i < point.count; ++i) {
+      ClusterUse use;
+      std::memcpy(&use, static_cast<const std::byte*>(point.uses) + i * sizeof use, sizeof use);
+      visit(use.cluster, point.weight * use.share, *point.rest);
     }
   }
 }
 
 Vector3 pointOf(const Body& body, const Row& row) {
   Vector3 point = Vector3::Zero();
-  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& rest) {
-    point += coefficient * clusterGoal(body.package().clusters()[c], body.rest().clusters[c], body.frames[c], rest);
+  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vec3& rest) {
+    addGoal(body.package().clusters()[c], body.rest().clusters[c], body.frames[c], rest, coefficient, point);
   });
   return point;
 }
@@ -80,15 +106,15 @@ float relativeMass(const Body& body, const formats::Cluster& cluster) {
 
 // \param shift the impulse over the cluster's mass, metres.
 template <int N>
-void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift,
-                 const Vector3& position, ClusterFrame& frame) {
-  const Monomials<N> q = monomials<N>(restOffset(cluster, position)) - rest.mean.head<N>();
+void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift, const Vec3& position,
+                 ClusterFrame& frame) {
+  const Monomials<N> q = monomials<N>(restOffset(cluster, asVector(position))) - rest.mean.head<N>();
   frame.center += shift;
   frame.a_pq.leftCols<N>() += (shift / cluster.radius) * q.transpose();
 }
 
-void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift,
-                 const Vector3& position, ClusterFrame& frame) {
+void pushMoments(const formats::Cluster& cluster, const ClusterRest& rest, const Vector3& shift, const Vec3& position,
+                 ClusterFrame& frame) {
   if (cluster.mode == formats::ClusterMode::quadratic) {
     pushMoments<9>(cluster, rest, shift, position, frame);
   } else {
@@ -145,21 +171,21 @@ void copy(const Vector3& from, float* to) { std::copy(from.data(), from.data() +
 // others here; Gauss-Seidel does).
 Matrix3 addTerms(Body& body, const Row& row) {
   Matrix3 w = Matrix3::Zero();
-  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+  forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vec3& position) {
     if (coefficient == 0) return;
     const formats::Cluster& cluster = body.package().clusters()[c];
     const ClusterRest& rest = body.rest().clusters[c];
-    RowTerm term = {};
+    RowTerm& term = body.terms.add();
     term.cluster = c;
     term.coefficient = coefficient;
     term.scale = coefficient / relativeMass(body, cluster);
     term.answer = 1;
-    const Vector3 offset = restOffset(cluster, position);
+    const Vector3 offset = restOffset(cluster, asVector(position));
     Monomials<9> q = monomials<9>(offset) - rest.mean;
     if (cluster.mode != formats::ClusterMode::quadratic) q.tail<6>().setZero();
     Eigen::Map<Monomials<9>> in(term.in), out(term.out);
     if (const PinFit* fit = fitOf(body, c)) {
-      const PinFit::Basis basis = fit->basisAt(cluster, position);
+      const PinFit::Basis basis = fit->basisAt(cluster, asVector(position));
       Monomials<9> columns = Monomials<9>::Zero();
       term.answer = fit->response(basis, columns);
       in = columns / cluster.radius;
@@ -169,7 +195,7 @@ Matrix3 addTerms(Body& body, const Row& row) {
       const ClusterResponse& response = body.responses[c];
       const ClusterStiffness& stiffness = body.stiffness->clusters[c];
       const Vector3 arm = response.rotation * q.head<3>();
-      const Vector3 lever = response.lever.lazyProduct(q);
+      const Vector3 lever = timesColumn(response.lever, q);
       in = q / cluster.radius;
       float deformation = 0;
       if (stiffness.deforms) {
@@ -183,13 +209,12 @@ Matrix3 addTerms(Body& body, const Row& row) {
       w += coefficient * term.scale *
            ((1.0F + deformation) * Matrix3::Identity() + 0.5F * (turning + turning.transpose()));
     }
-    body.terms.push_back(term);
   });
   return w;
 }
 
 void addSolverRow(Body& body, const Row& row, float pass_seconds) {
-  SolverRow result = {};
+  SolverRow& result = body.solver_rows.add();
   result.first_term = std::uint32_t(body.terms.size());
   const Matrix3 w = addTerms(body, row);
   result.term_count = std::uint32_t(body.terms.size()) - result.first_term;
@@ -220,7 +245,6 @@ void addSolverRow(Body& body, const Row& row, float pass_seconds) {
   }
   copy(target, result.target);
   copy(row.impulse, result.impulse);
-  body.solver_rows.push_back(result);
 }
 
 // Visits the clusters that some row reaches.
@@ -278,7 +302,7 @@ void endRound(Body& body) {
     row.impulse += impulse;
     if (body.fits.empty()) continue;
     // Where pins hold a cluster the moments take the whole impulse: the fit sees it when the cluster is matched again.
-    forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+    forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vec3& position) {
       if (fitOf(body, c) == nullptr) return;
       const formats::Cluster& cluster = body.package().clusters()[c];
       const Vector3 shift = (coefficient / relativeMass(body, cluster)) * impulse;
@@ -298,7 +322,7 @@ std::size_t mostTerms(const Body& body) {
     Row row;
     row.point = RowPoint::visual_vertex;
     row.index = pick.visual_vertex;
-    forEachTerm(body, row, [&](std::uint32_t, float, const Vector3&) { ++count; });
+    forEachTerm(body, row, [&](std::uint32_t, float, const Vec3&) { ++count; });
   }
   return count;
 }
@@ -358,12 +382,12 @@ void warmStartRows(Body& body) {
   for (ClusterResponse& response : body.responses) response.used = false;
   for (Row& row : body.rows) {
     if (row.kind == RowKind::hold) row.impulse *= kRememberedHold;
-    forEachTerm(body, row, [&](std::uint32_t c, float, const Vector3&) { body.responses[c].used = true; });
+    forEachTerm(body, row, [&](std::uint32_t c, float, const Vec3&) { body.responses[c].used = true; });
   }
   loadUsedFrames(body);
   for (const Row& row : body.rows) {
     if (row.impulse.isZero(0)) continue;
-    forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vector3& position) {
+    forEachTerm(body, row, [&](std::uint32_t c, float coefficient, const Vec3& position) {
       const formats::Cluster& cluster = body.package().clusters()[c];
       pushMoments(cluster, body.rest().clusters[c], (coefficient / relativeMass(body, cluster)) * row.impulse, position,
                   body.frames[c]);

@@ -97,6 +97,11 @@ class Array : public ArrayBytes {
   }
   void resize(std::size_t count, const T& like) { ArrayBytes::resize(kElement, count, &like); }
   void assign(std::span<const T> from) { ArrayBytes::assign(kElement, from.data(), from.size()); }
+  /// A new last element, as resize() makes it.
+  T& add() {
+    resize(size_ + 1);
+    return back();
+  }
   void push_back(const T& value) { ArrayBytes::insert(kElement, size_, &value); }
   void insert(std::size_t index, const T& value) { ArrayBytes::insert(kElement, index, &value); }
   void erase(std::size_t index) { ArrayBytes::erase(kElement, index); }

@@ -148,30 +148,29 @@ void Body::matchPositions(PassScratch& scratch) {
 void Body::rememberDeformation(std::uint32_t c) {
   const formats::Cluster& cluster = package().clusters()[c];
   const ClusterFrame frame = loadFrame(blocks, c);
-  const Matrix3& rest_moment = rest().clusters[c].moment.leftCols<3>();
+  const Matrix3 rest_moment = rest().clusters[c].moment.leftCols<3>();
   const Matrix3 shape = mechanics.shapes.empty() ? Matrix3(Matrix3::Identity()) : mechanics.shapes[c].shape;
   geometry::Quaternion rotation = frame.rotation;
   // Of a cluster that is lost, R is its part's: its own, which the next pass may find again, is another.
   if (blocks[c / 8].lost[c % 8] != 0) {
-    geometry::nearestRotation(Matrix3(frame.f.leftCols<3>() * rest_moment * shape.transpose()), rotation);
+    geometry::nearestRotation(Matrix3(frame.f.leftCols<3>()) * rest_moment * shape.transpose(), rotation);
   }
   Columns<9> local = geometry::rotationMatrix(rotation).transpose() * frame.f;
   local.leftCols<3>() -= shape;
   Columns<9>& deformation = mechanics.previous[c];
   if (cluster.mode == formats::ClusterMode::quadratic) {
-    deformation = local * rest().full_moments[cluster.quadratic];
+    deformation = timesSymmetric(local, rest().full_moments[cluster.quadratic]);
   } else {
-    deformation.leftCols<3>() = local.leftCols<3>() * rest_moment;
+    deformation.leftCols<3>() = Matrix3(local.leftCols<3>()) * rest_moment;
   }
   if (!deformation.allFinite()) deformation.setZero();
 }
 
 Vector3 Body::blendedGoal(std::uint32_t vertex) const {
-  const Vector3 at_rest = asVector(vertices()[vertex].rest_position);
   Vector3 goal = Vector3::Zero();
   for (const ClusterUse& use : rest().usesOf(vertex)) {
-    goal += use.share * clusterGoal(package().clusters()[use.cluster], rest().clusters[use.cluster],
-                                    loadFrame(blocks, use.cluster), at_rest);
+    addGoal(package().clusters()[use.cluster], rest().clusters[use.cluster], loadFrame(blocks, use.cluster),
+            vertices()[vertex].rest_position, use.share, goal);
   }
   return goal;
 }
