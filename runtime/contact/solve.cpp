@@ -316,7 +316,7 @@ void endRound(Body& body) {
 
 }  // namespace
 
-std::size_t mostTerms(const Body& body) {
+[[gnu::cold]] std::size_t mostTerms(const Body& body) {
   std::size_t count = body.package().memberships().size();
   for (const Pick& pick : body.picks) {
     Row row;
@@ -327,7 +327,7 @@ std::size_t mostTerms(const Body& body) {
   return count;
 }
 
-void bringNear(Body& body, float pass_seconds) {
+[[gnu::cold]] void bringNear(Body& body, float pass_seconds) {
   const float far_off = kFarOff * body.package().info().diagonal;
   for (Part& part : body.parts) {
     part.pull = {};
