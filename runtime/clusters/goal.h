@@ -10,7 +10,8 @@
 
 namespace sinew::internal {
 
-/// Flattened to a plane a cube is 0.58 radii of gyration from its rest shape, a bar bent to a quarter circle 0.25.
+/// Drawn to a point a cube is 1 radius of gyration from its rest shape, to a line 0.82, flattened 0.58; a bar bent to a
+/// quarter circle 0.25.
 inline constexpr double kAstray = 0.85;
 /// The same of single clusters, each about its own best pose, as |A_pq - R M| / tr M tells at least: 0.32 for a
 /// flattened cube, 0.17 for one stretched by half. A part whose clusters are less distorted is bent, not astray.

@@ -62,7 +62,7 @@ TEST(Stability, CellsOfTheFullMatrixThatShowedFaults) {
     const char* cell;
     const char* fault;
   };
-  constexpr std::array<Found, 10> kFound = {{
+  constexpr std::array<Found, 16> kFound = {{
       {"start=inside_out step=1/60 stiffness=1 mass_ratio=1 mode=quadratic passes=4"
        " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
        "each cluster is well, its neighbours are half a turn away: tangled for good"},
@@ -93,6 +93,24 @@ TEST(Stability, CellsOfTheFullMatrixThatShowedFaults) {
       {"start=mirrored step=1e-05 stiffness=10 mass_ratio=1 mode=linear passes=1"
        " body=bar before=pinned model=per_step limit=frobenius_cheap volume=principal matter=plain size=1e+03",
        "damping of a chain by the frequency of its pieces had it creep"},
+      {"start=mirrored step=0.1 stiffness=1 mass_ratio=1 mode=linear passes=16"
+       " body=animal before=nothing model=elastic limit=frobenius_cheap volume=principal matter=damped size=1e+06",
+       "damping pulled a part that goes back as one, as if it were stiffness"},
+      {"start=plane step=1e-05 stiffness=0.1 mass_ratio=1 mode=linear passes=16"
+       " body=coincident before=nothing model=frequency limit=frobenius volume=cube_root matter=active size=1",
+       "what a limit brought back without a stop was a speed of 100 bodies a second"},
+      {"start=stretched step=1 stiffness=0.1 mass_ratio=1e+06 mode=quadratic passes=4"
+       " body=animal before=pressed model=frequency limit=frobenius_cheap volume=principal matter=plain size=0.001",
+       "the motion of stopped vertices was that of their part"},
+      {"start=scatter_1e6 step=1/240 stiffness=1 mass_ratio=1 mode=quadratic passes=4"
+       " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
+       "clusters without an orientation of their own were stopped at the guard for good"},
+      {"start=scatter_1e6 step=1e-05 stiffness=0.1 mass_ratio=1e+03 mode=quadratic passes=4"
+       " body=bar before=hold model=per_step limit=principal volume=none matter=plain size=1e+03",
+       "squares that were cut at once flung the neighbours"},
+      {"start=scatter_1e-6 step=1e-05 stiffness=100 mass_ratio=1 mode=quadratic passes=4"
+       " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
+       "a part near enough to its rest shape was pulled as one at each turning point"},
   }};
   const std::vector<StabilityCell> design = stabilityDesign(false);
   for (const Found& found : kFound) {
