@@ -384,12 +384,14 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, cons
   Limited done = Limited::nothing;
   const Matrix3 start = a;
   const float volume = determinantOf(a);
+  float squares_change = 0;
   if (limits.limit == formats::LimitMethod::rows) {
     a = fromLanes(lanes::limitRows(toLanes(a), toLanes(r), limits.row));
   } else {
     const float gamma = blendOf(limits, toLanes(a), toLanes(r));
     if (gamma < 1) {
       a = r + gamma * (a - r);
+      squares_change = (1 - gamma) * f.rightCols<6>().norm();
       f.rightCols<6>() *= gamma;
     }
   }
@@ -414,7 +416,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, cons
     if (outside || lacks_volume) a = fromLanes(lanes::compose(svd, sigma));
   }
   // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
-  if ((a - start).norm() > (margin - 1) * start.norm()) done = Limited::stopped;
+  if ((a - start).norm() + squares_change > (margin - 1) * start.norm()) done = Limited::stopped;
   if (done == Limited::stopped) {
     f.rightCols<6>() *= std::min(a.norm() / start.norm(), 1.0F);
     const auto most = (kSquaresKept * f.rightCols<6>().cwiseAbs()).cwiseMax(kMostSquares).eval();

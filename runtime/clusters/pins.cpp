@@ -156,6 +156,7 @@ void removePinSet(Body& body, std::size_t index) {
     throw;
   }
   setHeld(body, removed, false);
+  body.centers_known = false;
 }
 
 void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left) {

@@ -318,6 +318,7 @@ void World::unpin(BodyId id, std::uint32_t vertex) {
                                  [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   if (held == body->pins.end()) return;
   body->pins.erase(std::size_t(held - body->pins.begin()));
+  body->centers_known = false;  // while held they were those of the pins as well
   body->pinned[vertex] = 0;
   body->force[vertex] = {};
 }
@@ -330,6 +331,7 @@ void World::unpinAll(BodyId id) {
     body->force[pin.vertex] = {};
   }
   body->pins.clear();
+  body->centers_known = false;
   impl_->guarded("unpinAll", false, [body] {
     while (!body->pin_sets.empty()) internal::removePinSet(*body, body->pin_sets.size() - 1);
     return true;
