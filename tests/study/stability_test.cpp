@@ -62,7 +62,7 @@ TEST(Stability, CellsOfTheFullMatrixThatShowedFaults) {
     const char* cell;
     const char* fault;
   };
-  constexpr std::array<Found, 16> kFound = {{
+  constexpr std::array<Found, 18> kFound = {{
       {"start=inside_out step=1/60 stiffness=1 mass_ratio=1 mode=quadratic passes=4"
        " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
        "each cluster is well, its neighbours are half a turn away: tangled for good"},
@@ -111,6 +111,12 @@ TEST(Stability, CellsOfTheFullMatrixThatShowedFaults) {
       {"start=scatter_1e-6 step=1e-05 stiffness=100 mass_ratio=1 mode=quadratic passes=4"
        " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
        "a part near enough to its rest shape was pulled as one at each turning point"},
+      {"start=scatter_1e-6 step=1/240 stiffness=0.1 mass_ratio=1 mode=quadratic passes=16"
+       " body=plane before=nothing model=elastic limit=frobenius volume=none matter=active size=1",
+       "large squares that a limit blended by a thousandth were no stop"},
+      {"start=fast_opposed step=1e-05 stiffness=100 mass_ratio=1e+06 mode=rigid passes=1"
+       " body=ring before=hold model=frequency limit=soft volume=principal matter=plastic size=1e-06",
+       "what pins had held had its sums taken about a point that stayed with the pins"},
   }};
   const std::vector<StabilityCell> design = stabilityDesign(false);
   for (const Found& found : kFound) {
