@@ -16,6 +16,12 @@ inline constexpr double kAstray = 0.85;
 /// The same of single clusters, each about its own best pose, as |A_pq - R M| / tr M tells at least: 0.32 for a
 /// flattened cube, 0.17 for one stretched by half. A part whose clusters are less distorted is bent, not astray.
 inline constexpr double kDistorted = 0.25;
+/// Passes of this length or longer, s, are too few for clusters to pass a correction on to one another: a free part
+/// goes back as one as soon as it is kHardlyAstray radii of gyration from its rest shape. So does one whose heaviest
+/// vertex weighs more than kUneven times its lightest: clusters hold on to one another by the masses that they share.
+inline constexpr float kFewPasses = 0.02F;
+inline constexpr double kHardlyAstray = 0.002;
+inline constexpr float kUneven = 100;
 
 /// Rigid pose of a body part from its clusters' moments: its rotation into ClusterBlock::part_rotation of each, what a
 /// cluster falls back to that has lost its own. Where the part is far from its rest shape, ClusterBlock::astray is set

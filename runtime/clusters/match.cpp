@@ -51,7 +51,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
     // The frame of what is lost is not the one that remembers: it is not damped in this pass, also where S is.
     if (extras.previous != nullptr && !lost) {
       deviation += extras.damping_passes * (r * *extras.previous);
-    } else if (extras.modes == nullptr) {
+    } else if (lost && extras.modes == nullptr) {
       deviation *= 1.0F + extras.damping_passes;
     }
     const auto answer_to = [&](const Columns<9>& load) -> Columns<9> {

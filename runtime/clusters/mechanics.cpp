@@ -384,7 +384,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, cons
   Limited done = Limited::nothing;
   const Matrix3 start = a;
   const float volume = determinantOf(a);
-  float squares_change = 0;
+  float squares_change = 0, squares_belong_to = start.norm();  // a linear block of this norm
   if (limits.limit == formats::LimitMethod::rows) {
     a = fromLanes(lanes::limitRows(toLanes(a), toLanes(r), limits.row));
   } else {
@@ -393,6 +393,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, cons
       a = r + gamma * (a - r);
       squares_change = (1 - gamma) * f.rightCols<6>().norm();
       f.rightCols<6>() *= gamma;
+      squares_belong_to = a.norm();
     }
   }
   const bool keeps_volume = limits.volume == formats::VolumeMethod::principal;
@@ -418,7 +419,7 @@ Limited applyGoalLimits(const GoalLimits& limits, bool stiff, float margin, cons
   // What is beyond a limit is stopped as well: bringing it back is no motion of its own.
   if ((a - start).norm() + squares_change > (margin - 1) * start.norm()) done = Limited::stopped;
   if (done == Limited::stopped) {
-    f.rightCols<6>() *= std::min(a.norm() / start.norm(), 1.0F);
+    f.rightCols<6>() *= std::min(1.0F, a.norm() / squares_belong_to);  // 1 where that is 0 / 0
     const auto most = (kSquaresKept * f.rightCols<6>().cwiseAbs()).cwiseMax(kMostSquares).eval();
     f.rightCols<6>() = f.rightCols<6>().cwiseMax(-most).cwiseMin(most);
   } else if (a != start) {

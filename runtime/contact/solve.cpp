@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 
 #include "runtime/clusters/goal.h"
@@ -54,7 +55,9 @@ struct Reach {
     points[count++] = {uses, use_count, weight, &rest};
   }
 };
-static_assert(sizeof(ClusterUse) == sizeof(formats::ClusterAttachment));
+static_assert(sizeof(ClusterUse) == sizeof(formats::ClusterAttachment) &&
+              offsetof(ClusterUse, cluster) == offsetof(formats::ClusterAttachment, cluster) &&
+              offsetof(ClusterUse, share) == offsetof(formats::ClusterAttachment, weight));
 
 [[gnu::noinline]] void findReach(const Body& body, const Row& row, Reach& reach) {
   const formats::PackageView& package = body.package();

@@ -95,6 +95,7 @@ class Array : public ArrayBytes {
       resize(count, T{});
     }
   }
+  /// \param like none of the array's own elements.
   void resize(std::size_t count, const T& like) { ArrayBytes::resize(kElement, count, &like); }
   void assign(std::span<const T> from) { ArrayBytes::assign(kElement, from.data(), from.size()); }
   /// A new last element, as resize() makes it.
@@ -103,6 +104,7 @@ class Array : public ArrayBytes {
     return back();
   }
   void push_back(const T& value) { ArrayBytes::insert(kElement, size_, &value); }
+  /// Of its own elements `value` may be one before `index`.
   void insert(std::size_t index, const T& value) { ArrayBytes::insert(kElement, index, &value); }
   void erase(std::size_t index) { ArrayBytes::erase(kElement, index); }
 

@@ -35,11 +35,6 @@ constexpr double kLargeTurn = 0.1;
 // A step is divided no finer than this, s: floats do not resolve what a shorter pass moves.
 constexpr float kShortestPass = 1e-5F;
 
-// Passes of this length or longer, s, are too few for clusters to pass a correction on to one another: a free part goes
-// back as one as soon as it is so far, in radii of gyration, from its rest shape. So does one of uneven masses.
-constexpr float kFewPasses = 0.02F;
-constexpr double kHardlyAstray = 0.002;
-
 // Clusters that share vertices and are turned against each other by more than 120 degrees are tangled: |w| of the
 // quaternion between them.
 constexpr float kTangled = 0.5F;

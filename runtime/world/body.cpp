@@ -12,10 +12,6 @@
 namespace sinew::internal {
 namespace {
 
-// Heaviest to lightest vertex from which clusters hold on to one another too weakly: they do so through the vertices
-// they share, in proportion to their mass.
-constexpr float kUneven = 100;
-
 bool within(const Vec3& v, float limit) {
   return std::abs(v[0]) <= limit && std::abs(v[1]) <= limit && std::abs(v[2]) <= limit;  // false for NaN
 }

@@ -7,8 +7,10 @@
 #include <limits>
 #include <numbers>
 
+#include "runtime/clusters/goal.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/geometry/tet_mesh.h"
+#include "runtime/kernels/kernels.h"
 
 namespace sinew::tools {
 namespace {
@@ -26,7 +28,7 @@ Matrix3d nearestRotation(const Matrix3d& a) {
 
 // No direction mirrored, or stretched or squashed past the runtime's guard (docs/method.md eq. 10).
 Matrix3d clampedStretch(const Matrix3d& f) {
-  constexpr double kLeast = 0.1, kLargest = 3;
+  constexpr double kLeast = double(internal::kLeastStretch), kLargest = double(internal::kLargestStretch);
   const Eigen::JacobiSVD<Matrix3d> svd(f, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Matrix3d u = svd.matrixU(), v = svd.matrixV();
   Vector3d sigma = svd.singularValues();
@@ -51,12 +53,6 @@ Vector3d angularVelocity(const Matrix3d& second, const Vector3d& angular) {
   }
   return omega;
 }
-
-// When the runtime matches a part as one (docs/method.md §3): RMS distance from the rest shape, radii of gyration.
-constexpr double kAstray = 0.85, kHardlyAstray = 0.002;
-constexpr double kDistorted = 0.25;   // of single clusters, below which a part is only bent
-constexpr double kFewPasses = 0.02;   // s
-constexpr double kUnevenRatio = 100;  // heaviest to lightest vertex
 
 std::vector<Vector3d> widePositions(const World& world, BodyId body) {
   std::vector<Vector3d> x;
@@ -107,7 +103,7 @@ BodyMeasure::BodyMeasure(const Asset& asset, double stiffness_scale) : asset_(&a
     first += double(vertex.mass) * d;
     second += double(vertex.mass) * d.squaredNorm();
   }
-  uneven_ = heaviest > kUnevenRatio * lightest;
+  uneven_ = heaviest > double(internal::kUneven) * lightest;
   const double body_radius = radius_of(first, second, mass);
   for (const formats::Cluster& cluster : package.clusters()) {
     ClusterData data;
@@ -415,10 +411,7 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
   result.limited = clusters.limited;
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
   result.least = by_cluster + one.least_weight * std::max(0.0, one.energy - by_cluster);
-  const auto is_lost = [](std::uint8_t lost) { return lost != 0; };
-  if (std::any_of(one.lost.begin(), one.lost.end(), is_lost)) {
-    result.most = std::max(result.most, clusterPotential(x, pass_seconds, one, true).energy);
-  }
+  if (one.any_lost) result.most = std::max(result.most, clusterPotential(x, pass_seconds, one, true).energy);
   result.most += clusters.latent;
   result.tangled = one.tangled;
   return result;
@@ -427,7 +420,8 @@ BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, d
 // Whether a cluster has its part looked at: it has lost its orientation, is torn or beyond the guard (docs/method.md
 // §3, eq. 10).
 bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pass_seconds) const {
-  constexpr double kResistance = 0.3, kTorn = 1.1, kLeast = 0.1, kLargest = 3;
+  constexpr double kResistance = 0.3, kTorn = double(internal::kTorn);
+  constexpr double kLeast = double(internal::kLeastStretch), kLargest = double(internal::kLargestStretch);
   const double margin = double(internal::guardMargin(float(pass_seconds)));
   const Matrix3d rest = data.moment.leftCols<3>();
   if (!(rest.trace() > 0)) return false;
@@ -500,7 +494,9 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   PartPotential result;
   result.rotation = rotation;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
-    result.lost.push_back(isLost(clusters_[c], matches[c], pass_seconds) ? 1 : 0);
+    const bool lost = isLost(clusters_[c], matches[c], pass_seconds);
+    result.lost.push_back(lost ? 1 : 0);
+    result.any_lost = result.any_lost || lost;
   }
   if (clusters.size() < 2) return result;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
@@ -527,23 +523,23 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   result.tangled = tangled || areTangled(matches);
   // Matched as one whatever its past: at once where passes are few, masses uneven or all is stiff, far off where a
   // cluster is lost. What is tangled may have gone on to.
-  const bool at_once = pass_seconds >= kFewPasses || uneven_ || isStiff(pass_seconds);
-  const bool lost = std::any_of(result.lost.begin(), result.lost.end(), [](std::uint8_t one) { return one != 0; });
-  const bool bent = own_deviation <= kDistorted * kDistorted * own_spread;  // and no cluster is out of shape
-  const auto weight = [&](double far) { return std::max(0.0, 1 - far * far * spread / deviation); };
+  const bool at_once = pass_seconds >= double(internal::kFewPasses) || uneven_ || isStiff(pass_seconds);
+  // Bent: no cluster is out of shape.
+  const bool bent = own_deviation <= internal::kDistorted * internal::kDistorted * own_spread;
+  const auto weight = [&](double far) {  // of what is nowhere off: 0
+    return deviation > 0 ? std::max(0.0, 1 - far * far * spread / deviation) : 0.0;
+  };
   if (at_once) {
-    result.least_weight = weight(kHardlyAstray);
-  } else if (lost && !bent) {
-    result.least_weight = weight(kAstray);
+    result.least_weight = weight(internal::kHardlyAstray);
+  } else if (result.any_lost && !bent) {
+    result.least_weight = weight(internal::kAstray);
   }
   if (at_once || result.tangled) {
-    result.weight = weight(kHardlyAstray);
+    result.weight = weight(internal::kHardlyAstray);
   } else if (!bent) {
-    result.weight = weight(kAstray);
+    result.weight = weight(internal::kAstray);
   }
-  const bool astray = deviation > 0 && (at_once || result.tangled) && result.weight > 0;
-  if (!(deviation > 0)) result.weight = result.least_weight = 0;
-  result.tangled = result.tangled && astray;
+  result.tangled = result.tangled && result.weight > 0;
   return result;
 }
 

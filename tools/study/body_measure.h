@@ -123,6 +123,7 @@ class BodyMeasure {
     bool tangled = false;
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     std::vector<std::uint8_t> lost;  ///< by cluster: isLost()
+    bool any_lost = false;
   };
   bool isLost(const ClusterData& data, const Match& match, double pass_seconds) const;
   struct ClusterPotential {
