@@ -74,7 +74,7 @@ bool match(const ClusterRest& rest, const ClusterStiffness& stiffness, const Mat
   frame.f = f;
   const float stretched = kTorn * std::max(extras.limits->largest, kLargestStretch);
   const bool torn = a_pq.leftCols<3>().squaredNorm() > stretched * stretched * rest_moment.squaredNorm();
-  return limited == Limited::stopped || (lost && stiff) || torn;
+  return limited == Limited::stopped || ((lost || torn) && stiff);
 }
 
 // Whether the kernel has done all: frequencies, volume, limits by principal stretches.

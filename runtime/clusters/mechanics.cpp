@@ -82,6 +82,27 @@ bool makeUnitBeside(geometry::ConstMatrixView units, geometry::MatrixView column
   return independent;
 }
 
+// Σ mu q~ and Σ mu q~ q~^T of a cluster's rest shape.
+MomentSums momentsOf(const formats::PackageView& package, std::uint32_t index) {
+  const formats::Cluster& cluster = package.clusters()[index];
+  MomentSums sums;
+  for (const formats::Membership& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
+    const Vector3 q = restOffset(cluster, asVector(package.physicalVertices()[member.vertex].rest_position));
+    sums.add(double(member.mu), monomialsOf(q.cast<double>()));
+  }
+  sums.finish();
+  return sums;
+}
+
+// Not of a plane or a line. There the cofactor of A knows lengths and areas, which no volume says anything about.
+bool enclosesVolume(const formats::PackageView& package, std::uint32_t index) {
+  const MomentSums sums = momentsOf(package, index);
+  std::array<double, 3> spread;
+  Eigen::Matrix3d axes;
+  geometry::symmetricEigen(geometry::viewOf(sums.moment).block(0, 0, 3, 3), spread, geometry::viewOf(axes));
+  return spread[0] > geometry::kMomentCutoff * spread[2];
+}
+
 // A plane or a line lacks directions. Moving along one of those in proportion to a coordinate that it has is a turn,
 // and would be one for the energy too if it had the coordinate whose motion completes it: it costs nothing. Charged as
 // a shear, two vertices were turned by any limit and drawn to a point.
@@ -118,12 +139,7 @@ ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
   const formats::Cluster& cluster = package.clusters()[index];
   const int n = columnsOf(cluster);
   ModeBasis basis;
-  MomentSums sums;
-  for (const formats::Membership& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
-    const Vector3 q = restOffset(cluster, asVector(package.physicalVertices()[member.vertex].rest_position));
-    sums.add(double(member.mu), monomialsOf(q.cast<double>()));
-  }
-  sums.finish();
+  const MomentSums sums = momentsOf(package, index);
   basis.mean = sums.mean;
   basis.moment = sums.moment;
 
@@ -256,7 +272,7 @@ GoalLimits goalLimits(const formats::PackageView& package, std::uint32_t index) 
   const formats::ClusterMechanics& m =
       package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[index];
   result.limit = m.limit;
-  result.volume = m.volume;
+  if (m.volume != formats::VolumeMethod::none && enclosesVolume(package, index)) result.volume = m.volume;
   result.least = kLeastStretch;
   result.largest = kLargestStretch;
   result.row = m.stretch_max;
@@ -267,7 +283,7 @@ GoalLimits goalLimits(const formats::PackageView& package, std::uint32_t index) 
     result.largest = m.stretch_max;
   } else if (m.limit == formats::LimitMethod::rows) {
     // What keeps the volume must not stretch again what the rows had cut.
-    const bool bounds = m.volume == formats::VolumeMethod::principal;
+    const bool bounds = result.volume == formats::VolumeMethod::principal;
     result.largest = bounds ? m.stretch_max : std::max(kLargestStretch, std::sqrt(3.0F) * m.stretch_max);
   } else if (m.limit == formats::LimitMethod::soft) {
     result.largest = std::sqrt(m.norm_limit);

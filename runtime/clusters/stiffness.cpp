@@ -166,7 +166,8 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
-  if (mechanics.volume != formats::VolumeMethod::none) {
+  const Array<GoalLimits>& limits = rest.mechanics.limits;
+  if (!limits.empty() && limits[index].volume != formats::VolumeMethod::none) {
     const double phase = double(step_seconds) * volumeOmega(cluster, double(rest.clusters[index].frequency_ratio),
                                                             double(stiffness_scale), double(step_seconds));
     result.volume_ease = float(double(freeStiffness(package, index).s.topLeftCorner<3, 3>().trace()) / (phase * phase));
@@ -186,7 +187,7 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
     if (deforms.sum() > 0) {
       result.kept = float(1 + damping) * (kept.array() * deforms).sum() / deforms.sum();
     } else {
-      result.kept = 1.0F;
+      result.kept = modes.vectors.isZero(0) ? 0.0F : 1.0F;  // a single vertex has nothing to keep
     }
     result.slowest_hz = slowestMode(modes, double(rest.clusters[index].frequency_ratio), double(stiffness_scale));
     result.deforms = true;
@@ -245,6 +246,10 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
   step_seconds = pass_seconds;
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
+    // The margin lets a body return along its limits. One that nothing brings back is stopped by all that they do:
+    // what they moved without a stop was a speed, and fed a sheet until it was twice as fast.
+    const bool returns = clusters[c].slowest_hz > 0 || clusters[c].volume_ease > 0;
+    if (!returns) clusters[c].margin = 1.0F;
     storeStiffness(clusters[c], c % 8, blocks[c / 8]);
     if (rest.mechanics.limits.empty()) continue;
     const GoalLimits& limits = rest.mechanics.limits[c];

@@ -269,7 +269,7 @@ SINEW_INLINE void match(int columns, BlocksAt<const ClusterRestBlock> rest, Bloc
       }
     }
   }
-  limited |= (lost & stiffness.loadMask<W>(stiffness->stiff)) | torn;
+  limited |= (lost | torn) & stiffness.loadMask<W>(stiffness->stiff);
 
   // Where the classes of modes differ in stiffness, S mixes them and the deviation turns the cluster by itself: in a
   // C-shaped cluster that grew without bound out of nothing (a ring of four, stretch 12 Hz, bend 6 Hz). Turned back,
