@@ -800,4 +800,12 @@ sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, u
                 });
 }
 
+sinew_status sinew_body_cluster_rest_shape(const sinew_world* world, uint32_t body, uint32_t cluster, float shape[9]) {
+  return onBody("sinew_body_cluster_rest_shape", world, body, shape != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) {
+                  const sinew::Mat3 matrix = w.clusterRestShape(id, cluster);
+                  std::copy(matrix.begin(), matrix.end(), shape);
+                });
+}
+
 }  // extern "C"

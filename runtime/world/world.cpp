@@ -537,6 +537,18 @@ void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& l
   result = frame.f.leftCols<3>();
 }
 
+Mat3 World::clusterRestShape(BodyId id, std::uint32_t cluster) const {
+  Mat3 result = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const Body* body = impl_->find(id, "clusterRestShape");
+  if (body == nullptr) return result;
+  if (cluster >= body->clusterCount()) {
+    impl_->tell(LogSeverity::error, "clusterRestShape: body %u has no cluster %u", id.value, cluster);
+  } else if (!body->mechanics.shapes.empty()) {
+    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(result.data()) = body->mechanics.shapes[cluster].shape;
+  }
+  return result;
+}
+
 std::span<const World::Phase> World::lastStepPhases() const { return impl_->phases; }
 
 }  // namespace sinew

@@ -369,6 +369,9 @@ static void testMotion(const sinew_asset* asset) {
   CHECK(fabsf(rotation[0] * rotation[0] + rotation[3] * rotation[3] + rotation[6] * rotation[6] - 1) < 1e-3f);
   CHECK_OK(sinew_body_cluster_frame(world, body, 0, vector, matrix));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_cluster_frame(world, body, 1000, vector, matrix));
+  CHECK_OK(sinew_body_cluster_rest_shape(world, body, 0, matrix));
+  CHECK(matrix[0] == 1 && matrix[1] == 0 && matrix[4] == 1 && matrix[8] == 1);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_cluster_rest_shape(world, body, 1000, matrix));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_positions(world, 1000, &x, &count));
 
   /* A newer program's struct, longer than this library's. */

@@ -312,6 +312,11 @@ TEST(Plasticity, AStretchBeyondTheYieldStaysAndABelowOneReturns) {
       world.setState(body, x, {});
       run(world, 10);
       EXPECT_LT(rmsSpeed(world, body), 1e-3);
+      // At rest the body has the shape that has become permanent.
+      const Mat3 shape = world.clusterRestShape(body, 0);
+      const float length = world.positions(body).back()[0] - world.positions(body).front()[0];
+      EXPECT_NEAR(shape[0], length / rest, 2e-3);
+      EXPECT_NEAR(shape[0] * shape[4] * shape[8], 1, 1e-4);
       return double(world.positions(body).back()[0] - world.positions(body).front()[0]) / double(rest);
     };
     EXPECT_NEAR(left(1.08F, 10), 1, 1e-3);  // elastic: |S - 1| = 0.1
@@ -351,6 +356,10 @@ TEST(Activation, AFibreContractsAtConstantVolume) {
         EXPECT_NEAR(length(0), along, 2e-3) << active;
         EXPECT_NEAR(length(1), across, 2e-3) << active;
         EXPECT_NEAR(length(0) * length(1) * length(2), 1, 5e-3) << active;
+        const Mat3 shape = world.clusterRestShape(body, 0);
+        EXPECT_NEAR(shape[0], along, 1e-6) << active;
+        EXPECT_NEAR(shape[4], across, 1e-6) << active;
+        EXPECT_NEAR(shape[1], 0, 1e-6) << active;
       }
     }
   }

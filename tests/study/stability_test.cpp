@@ -62,7 +62,7 @@ TEST(Stability, CellsOfTheFullMatrixThatShowedFaults) {
     const char* cell;
     const char* fault;
   };
-  constexpr std::array<Found, 18> kFound = {{
+  constexpr std::array<Found, 23> kFound = {{
       {"start=inside_out step=1/60 stiffness=1 mass_ratio=1 mode=quadratic passes=4"
        " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
        "each cluster is well, its neighbours are half a turn away: tangled for good"},
@@ -117,6 +117,21 @@ TEST(Stability, CellsOfTheFullMatrixThatShowedFaults) {
       {"start=fast_opposed step=1e-05 stiffness=100 mass_ratio=1e+06 mode=rigid passes=1"
        " body=ring before=hold model=frequency limit=soft volume=principal matter=plastic size=1e-06",
        "what pins had held had its sums taken about a point that stayed with the pins"},
+      {"start=scatter_1e-3 step=1e-05 stiffness=10 mass_ratio=1 mode=quadratic passes=1"
+       " body=line before=hold model=per_step limit=soft volume=none matter=active size=1",
+       "a line that twists fast was turned as fast about the axis of its momentum"},
+      {"start=point step=1/240 stiffness=0 mass_ratio=1 mode=quadratic passes=1"
+       " body=plane before=pressed model=elastic limit=rows volume=none matter=plain size=1",
+       "limits moved what has no stiffness without stopping it, a little faster every pass"},
+      {"start=inside_out step=1e-05 stiffness=0 mass_ratio=1 mode=quadratic passes=4"
+       " body=box2 before=nothing model=frequency limit=none volume=none matter=plain size=1",
+       "the guard did the same"},
+      {"start=scatter_1 step=1 stiffness=1e+03 mass_ratio=1e+06 mode=quadratic passes=1"
+       " body=odd before=pressed model=elastic limit=principal volume=none matter=plain size=1e-06",
+       "elastic clusters of one vertex stayed where they were when their part went back as one"},
+      {"start=thrown step=0.001 stiffness=0 mass_ratio=1 mode=linear passes=1"
+       " body=two_vertices before=hold model=elastic limit=frobenius_cheap volume=cube_root matter=plastic size=1e-06",
+       "the measure did not see what a plastic rest shape stores"},
   }};
   const std::vector<StabilityCell> design = stabilityDesign(false);
   for (const Found& found : kFound) {

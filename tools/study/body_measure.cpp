@@ -162,7 +162,7 @@ void BodyMeasure::addStiffness(const formats::PackageView& package, std::uint32_
   data.limits = internal::goalLimits(package, index);
   data.limited = mechanics.limit != formats::LimitMethod::none;
   const double response = data.a_qq.topLeftCorner<3, 3>().trace();
-  if (mechanics.volume != formats::VolumeMethod::none && response > 0) {
+  if (data.limits.volume != formats::VolumeMethod::none && response > 0) {
     data.volume_response = response;
   }
   if (mechanics.stiffness == formats::StiffnessModel::per_step) {
@@ -254,7 +254,7 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
     // c of the energy 1/2 M r² c (det F - 1)², 1/s².
     const double omega = internal::volumeOmega(cluster, data.size_ratio, scale_, pass_seconds);
     const double stiffness = omega * omega / data.volume_response;
-    const Matrix3d a = match.rotation + answer.deformation.leftCols<3>();
+    const Matrix3d a = match.rest + answer.deformation.leftCols<3>();
     Eigen::Matrix<double, 3, 9> unit_pressure = Eigen::Matrix<double, 3, 9>::Zero();
     unit_pressure.leftCols<3>() = internal::cofactor(a.cast<float>()).cast<double>();
     Eigen::VectorXd amplitude = Eigen::VectorXd::Zero(data.modes.cols());
@@ -274,15 +274,16 @@ BodyMeasure::Answer BodyMeasure::answerOf(std::size_t index, const Match& match,
   }
   if (manner.guarded && data.limited) {
     internal::Columns<9> f = answer.deformation.cast<float>();
-    f.leftCols<3>() += match.rotation.cast<float>();
+    f.leftCols<3>() += match.rest.cast<float>();
+    const internal::Matrix3 shape = (match.rotation.transpose() * match.rest).cast<float>();
     answer.limited = internal::applyGoalLimits(data.limits, false, internal::guardMargin(float(pass_seconds)),
-                                               match.rotation.cast<float>(), nullptr, f) != internal::Limited::nothing;
+                                               match.rotation.cast<float>(), &shape, f) != internal::Limited::nothing;
     answer.deformation = f.cast<double>();
-    answer.deformation.leftCols<3>() -= match.rotation;
+    answer.deformation.leftCols<3>() -= match.rest;
   } else if (manner.guarded && (data.modes.cols() > 0 || data.a_qq(0, 0) > 0)) {
-    const Matrix3d wanted = match.rotation + answer.deformation.leftCols<3>(), held = clampedStretch(wanted);
+    const Matrix3d wanted = match.rest + answer.deformation.leftCols<3>(), held = clampedStretch(wanted);
     answer.limited = (held - wanted).norm() > 1e-6 * wanted.norm();
-    answer.deformation.leftCols<3>() = held - match.rotation;
+    answer.deformation.leftCols<3>() = held - match.rest;
   }
   answer.deformation *= radius;
   if (data.modes.cols() == 0) {
@@ -375,7 +376,8 @@ double BodyMeasure::restError(const World& world, BodyId body) const {
   return worst / double(asset_->package().info().diagonal);
 }
 
-BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3d> x, const Matrix3d* rotation) const {
+BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3d> x, const Matrix3d& shape,
+                                      const Matrix3d* rotation) const {
   const formats::PackageView& package = asset_->package();
   const formats::Cluster& cluster = package.clusters()[index];
   const ClusterData& data = clusters_[index];
@@ -392,48 +394,59 @@ BodyMeasure::Match BodyMeasure::match(std::size_t index, std::span<const Vector3
     a += double(members[k].mu) * (x[members[k].vertex] - result.center) * data.monomials[k].transpose();
   }
   a /= double(cluster.radius);
-  result.rotation = rotation != nullptr ? *rotation : nearestRotation(a.leftCols<3>());
-  result.deviation = a - result.rotation * data.moment;
+  result.rotation = rotation != nullptr ? *rotation : nearestRotation(a.leftCols<3>() * shape.transpose());
+  result.rest = result.rotation * shape;
+  result.deviation = a - result.rest * data.moment;
   return result;
 }
 
+std::vector<Matrix3d> BodyMeasure::shapesOf(const World& world, BodyId body) {
+  std::vector<Matrix3d> shapes(world.asset(body).package().clusters().size());
+  for (std::size_t c = 0; c < shapes.size(); ++c) {
+    const Mat3 shape = world.clusterRestShape(body, std::uint32_t(c));
+    shapes[c] = Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(shape.data()).cast<double>();
+  }
+  return shapes;
+}
+
 bool BodyMeasure::isTangled(const World& world, BodyId body, double pass_seconds, bool tangled) const {
-  return partPotential(widePositions(world, body), pass_seconds, tangled).tangled;
+  return partPotential(widePositions(world, body), shapesOf(world, body), pass_seconds, tangled).tangled;
 }
 
 BodyMeasure::Potential BodyMeasure::potential(const World& world, BodyId body, double pass_seconds,
                                               bool tangled) const {
   const std::vector<Vector3d> x = widePositions(world, body);
+  const std::vector<Matrix3d> shapes = shapesOf(world, body);
   Potential result;
-  const PartPotential one = partPotential(x, pass_seconds, tangled);
-  const ClusterPotential clusters = clusterPotential(x, pass_seconds, one, false);
+  const PartPotential one = partPotential(x, shapes, pass_seconds, tangled);
+  const ClusterPotential clusters = clusterPotential(x, shapes, pass_seconds, one, false);
   const double by_cluster = clusters.energy;
   result.limited = clusters.limited;
   result.most = by_cluster + one.weight * std::max(0.0, one.energy - by_cluster);
   result.least = by_cluster + one.least_weight * std::max(0.0, one.energy - by_cluster);
-  if (one.any_lost) result.most = std::max(result.most, clusterPotential(x, pass_seconds, one, true).energy);
+  if (one.any_lost) result.most = std::max(result.most, clusterPotential(x, shapes, pass_seconds, one, true).energy);
   result.most += clusters.latent;
   result.tangled = one.tangled;
   return result;
 }
 
-// Whether a cluster has its part looked at: it has lost its orientation, is torn or beyond the guard (docs/method.md
-// §3, eq. 10).
+// Whether a cluster has its part looked at: it has lost its orientation, is stiff and torn, or beyond the guard
+// (docs/method.md §3, eq. 10).
 bool BodyMeasure::isLost(const ClusterData& data, const Match& match, double pass_seconds) const {
   constexpr double kResistance = 0.3, kTorn = double(internal::kTorn);
   constexpr double kLeast = double(internal::kLeastStretch), kLargest = double(internal::kLargestStretch);
   const double margin = double(internal::guardMargin(float(pass_seconds)));
   const Matrix3d rest = data.moment.leftCols<3>();
   if (!(rest.trace() > 0)) return false;
-  const Matrix3d linear = match.deviation.leftCols<3>() + match.rotation * rest;
+  const Matrix3d linear = match.deviation.leftCols<3>() + match.rest * rest;
   const double largest = data.limited ? std::max(kLargest, double(data.limits.largest)) : kLargest;
-  if (linear.norm() > kTorn * largest * rest.norm()) return true;
+  const double kept = 1 - takenOf(data, pass_seconds);
+  if (kept < 0.5 && linear.norm() > kTorn * largest * rest.norm()) return true;
   const Matrix3d c = match.rotation.transpose() * linear, s = 0.5 * (c + c.transpose()) - kResistance * rest;
   const Matrix3d resistance = (s.trace() + 1e-3 * rest.trace()) * Matrix3d::Identity() - s;
   if (!(Eigen::SelfAdjointEigenSolver<Matrix3d>(resistance, Eigen::EigenvaluesOnly).eigenvalues()[0] > 0)) return true;
   if (data.rigid || data.modes.cols() > 0) return false;
-  const double kept = 1 - takenOf(data, pass_seconds);
-  const Matrix3d f = match.rotation + kept * (match.deviation * data.a_qq).leftCols<3>();
+  const Matrix3d f = match.rest + kept * (match.deviation * data.a_qq).leftCols<3>();
   const Vector3d stretches = Eigen::JacobiSVD<Matrix3d>(f).singularValues();
   return f.determinant() < 0 || stretches[2] < kLeast / margin || stretches[0] > largest * margin;
 }
@@ -463,8 +476,8 @@ bool BodyMeasure::areTangled(std::span<const Match> matches) const {
   return false;
 }
 
-BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> x, double pass_seconds,
-                                                      bool tangled) const {
+BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> x, std::span<const Matrix3d> shapes,
+                                                      double pass_seconds, bool tangled) const {
   const formats::PackageView& package = asset_->package();
   const auto clusters = package.clusters();
   double mass = 0;
@@ -473,7 +486,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   const Vector3d& origin = x.front();
   const Vector3d rest_origin = wide(clusters[0].rest_center);
   for (std::size_t c = 0; c < clusters.size(); ++c) {
-    matches.push_back(match(c, x));
+    matches.push_back(match(c, x, shapes[c], nullptr));
     mass += double(clusters[c].mass);
     center += double(clusters[c].mass) * (matches[c].center - origin);
     rest_center += double(clusters[c].mass) * (wide(clusters[c].rest_center) - rest_origin);
@@ -482,7 +495,7 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   rest_center = rest_origin + rest_center / mass;
   Matrix3d moment = Matrix3d::Zero();
   const auto moment_of = [&](std::size_t c) -> Matrix3d {
-    return matches[c].deviation.leftCols<3>() + matches[c].rotation * clusters_[c].moment.leftCols<3>();
+    return matches[c].deviation.leftCols<3>() + matches[c].rest * clusters_[c].moment.leftCols<3>();
   };
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const double m = double(clusters[c].mass), r2 = std::pow(double(clusters[c].radius), 2);
@@ -543,7 +556,8 @@ BodyMeasure::PartPotential BodyMeasure::partPotential(std::span<const Vector3d> 
   return result;
 }
 
-BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vector3d> x, double pass_seconds,
+BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vector3d> x,
+                                                            std::span<const Matrix3d> shapes, double pass_seconds,
                                                             const PartPotential& part, bool part_rotates) const {
   const formats::PackageView& package = asset_->package();
   const auto vertices = package.physicalVertices();
@@ -562,13 +576,13 @@ BodyMeasure::ClusterPotential BodyMeasure::clusterPotential(std::span<const Vect
       const ClusterData& data = clusters_[c];
       const formats::Cluster& cluster = package.clusters()[c];
       const bool lost = part_rotates && part.lost[c] != 0;
-      const Match m = match(c, y, lost ? &part.rotation : nullptr);
+      const Match m = match(c, y, shapes[c], lost ? &part.rotation : nullptr);
       const Answer answer = answerOf(c, m, pass_seconds, {guarded, part.tangled, lost});
       result.limited = result.limited || answer.limited;
       if (guarded) result.latent += answer.latent;
       elastic += answer.energy;
       Eigen::Matrix<double, 3, 9> f = answer.deformation;
-      f.leftCols<3>() += double(cluster.radius) * m.rotation;
+      f.leftCols<3>() += double(cluster.radius) * m.rest;
       const auto members = package.memberships().subspan(cluster.first_member, cluster.member_count);
       for (std::size_t k = 0; k < members.size(); ++k) {
         const std::size_t i = members[k].vertex;

@@ -96,7 +96,8 @@ class BodyMeasure {
   struct Match {
     Eigen::Vector3d center;
     Eigen::Matrix3d rotation;
-    Eigen::Matrix<double, 3, 9> deviation;  ///< D = A_pq - R M
+    Eigen::Matrix3d rest;                   ///< R S, S what plasticity and activation have made of the rest shape
+    Eigen::Matrix<double, 3, 9> deviation;  ///< D = A_pq - R S M
   };
   /// A cluster's elastic answer to a deviation: a deformation in q~, times the radius; and its energy, J.
   struct Answer {
@@ -131,16 +132,19 @@ class BodyMeasure {
     bool limited = false;           ///< some cluster is beyond a limit
   };
   /// \param part_rotates lost clusters take their part's rotation, as they do in a pass; else each its own.
-  ClusterPotential clusterPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds,
-                                    const PartPotential& part, bool part_rotates) const;
-  PartPotential partPotential(std::span<const Eigen::Vector3d> positions, double pass_seconds, bool tangled) const;
+  ClusterPotential clusterPotential(std::span<const Eigen::Vector3d> positions, std::span<const Eigen::Matrix3d> shapes,
+                                    double pass_seconds, const PartPotential& part, bool part_rotates) const;
+  PartPotential partPotential(std::span<const Eigen::Vector3d> positions, std::span<const Eigen::Matrix3d> shapes,
+                              double pass_seconds, bool tangled) const;
+  /// World::clusterRestShape() of each cluster.
+  static std::vector<Eigen::Matrix3d> shapesOf(const World& world, BodyId body);
   /// Whether all clusters are as good as rigid in passes of this length.
   bool isStiff(double pass_seconds) const;
   bool areTangled(std::span<const Match> matches) const;
   void addRoundingGain(std::span<const formats::Membership> members, const ClusterData& data);
-  /// \param rotation null: the nearest.
-  Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions,
-              const Eigen::Matrix3d* rotation = nullptr) const;
+  /// \param shape the rest shape's own deformation, S. \param rotation null: the nearest.
+  Match match(std::size_t cluster, std::span<const Eigen::Vector3d> positions, const Eigen::Matrix3d& shape,
+              const Eigen::Matrix3d* rotation) const;
 
   const Asset* asset_;
   double scale_;

@@ -313,9 +313,11 @@ class CellRun {
     const std::uint32_t most = quick_ ? 300 : 2000;
     release(setup_.step);
     double done = advance(setup_.step, free_seconds, most);
-    if (done < free_seconds) {
+    // Where floats do not resolve what short passes move, longer ones have to bring the body back.
+    const bool resolved = !returns || unresolvedShape(slow) <= kShapeLimit;
+    if (done < free_seconds || !resolved) {
       release(finishing);
-      advance(finishing, free_seconds - done, 1000000);
+      advance(finishing, resolved ? free_seconds - done : free_seconds, 1000000);
     }
     if (returns && result_.finite && (spinMatters(finishing) || far())) {
       world_.settings().damping = kBrake;
@@ -327,15 +329,8 @@ class CellRun {
     }
     if (returns && result_.finite) {
       result_.rest_error = measure_.restError(world_, body_);
-      const BodyMotion m = measure_.motion(world_, body_);
-      // A pass moves a deformation by (2 pi f h)² of itself; where that is below the rounding of a goal nothing moves.
-      const double h = passSeconds(finishing);
-      const double phase = 2 * std::numbers::pi * slow * h;
-      const double moves = std::isfinite(slow) ? phase * phase / (1 + phase * phase) : 1.0;
-      const double rounding =
-          measure_.roundingGain() * kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
       const double limit = kShapeLimit + (setup_.matter == Matter::plastic ? double(kPlasticLimit) : 0.0);
-      result_.shape = result_.rest_error / (limit + 2 * rounding / moves);
+      result_.shape = result_.rest_error / (limit + unresolvedShape(slow));
     }
     if (!result_.finite) result_.shape = result_.energy = result_.momentum = 0;
     return result_;
@@ -396,6 +391,17 @@ class CellRun {
     const double damping = setup_.matter == Matter::damped ? double(clusterDamping(setup_.frequency_hz)) : 0.0;
     if (damping > 2 * omega) seconds = std::max(seconds, kCreepTimes * damping / (omega * omega));
     return seconds;
+  }
+
+  // Deformation, diagonals, that the last passes do not move: one moves a deformation by (2 pi f h)² of itself, which
+  // may be less than the rounding of a goal.
+  double unresolvedShape(double slow) const {
+    const BodyMotion m = measure_.motion(world_, body_);
+    const double phase = 2 * std::numbers::pi * slow * pass_seconds_;
+    const double moves = std::isfinite(slow) ? phase * phase / (1 + phase * phase) : 1.0;
+    const double rounding =
+        measure_.roundingGain() * kUlp * (m.reach + m.extent) / double(asset_->package().info().diagonal);
+    return 2 * rounding / moves;
   }
 
   // From here on the body is free: what it has now is what it may not lose or exceed.

@@ -289,6 +289,9 @@ SINEW_API sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_
 /* Goal transform of a cluster: its centre (m, world) and linear part. */
 SINEW_API sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster,
                                                 float center[3], float linear[9]);
+/* What plasticity and activation have made of a cluster's rest shape: the identity where it has neither. */
+SINEW_API sinew_status sinew_body_cluster_rest_shape(const sinew_world* world, uint32_t body, uint32_t cluster,
+                                                     float shape[9]);
 
 #ifdef __cplusplus
 }

@@ -173,6 +173,9 @@ class SINEW_API World {
 
   /// Goal transform of a cluster for overlays: its current centre (metres, world) and linear part.
   void clusterFrame(BodyId body, std::uint32_t cluster, Vec3& center, Mat3& linear) const;
+  /// What plasticity and activation have made of a cluster's rest shape (docs/method.md §2): S, of X relative to the
+  /// cluster's rest centre. The identity where it has neither, and for an unknown cluster.
+  Mat3 clusterRestShape(BodyId body, std::uint32_t cluster) const;
 
   /// Milliseconds per phase of the last step, if WorldSettings::measure_phases asked for it (bodies that were stepped
   /// side by side are left out); names are static strings.
