@@ -70,7 +70,7 @@ void makeNormals(const formats::PackageView& package, VisualConstants& result) {
 }
 
 void makeSubMeshRuns(const formats::PackageView& package, VisualConstants& result) {
-  Array<std::uint32_t> used;
+  Array<std::uint64_t> used;
   result.first_sub_mesh_run.push_back(0);
   for (const formats::SubMesh& sub_mesh : package.subMeshes()) {
     used.clear();
@@ -78,12 +78,12 @@ void makeSubMeshRuns(const formats::PackageView& package, VisualConstants& resul
          package.visualTriangles().subspan(sub_mesh.first_triangle, sub_mesh.triangle_count)) {
       for (const std::uint32_t vertex : triangle) used.push_back(vertex);
     }
-    std::sort(used.begin(), used.end());
+    sortAscending(used);
     used.truncate(std::size_t(std::unique(used.begin(), used.end()) - used.begin()));
     for (std::size_t i = 0; i < used.size();) {
       std::size_t end = i + 1;
       while (end < used.size() && used[end] == used[end - 1] + 1) ++end;
-      result.sub_mesh_runs.push_back({used[i], std::uint32_t(end - i)});
+      result.sub_mesh_runs.push_back({std::uint32_t(used[i]), std::uint32_t(end - i)});
       i = end;
     }
     result.first_sub_mesh_run.push_back(std::uint32_t(result.sub_mesh_runs.size()));

@@ -73,13 +73,13 @@ Matrix9d shiftedMonomials(const Eigen::Vector3d& s) {
 }  // namespace
 
 PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method,
-               std::span<const PinPoint> points, allocator_type allocator)
+               std::span<const PinPoint> points, std::pmr::memory_resource* memory)
     : cluster_(cluster),
       method_(method),
       point_count_(std::uint32_t(points.size())),
-      groups_(allocator.resource()),
+      groups_(memory),
       basis_(modeBasis(package, cluster)),
-      elastic3_(allocator.resource()) {
+      elastic3_(memory) {
   const formats::Cluster& record = package.clusters()[cluster];
   if (record.mode == formats::ClusterMode::rigid) basis_.t = SmallMatrix<81>(3, 0);
   elastic_ = !package.mechanics().empty() && record.mode != formats::ClusterMode::rigid &&

@@ -37,7 +37,6 @@ class PinFit {
   using Square10 = geometry::SmallMatrix<100>;
   using Square30 = geometry::SmallMatrix<900>;
   using Answer = geometry::SmallMatrix<30>;
-  using allocator_type = std::pmr::polymorphic_allocator<>;
 
   /// The points of one set, which move as one: sums are all that a match needs of them, however many they are.
   struct Group {
@@ -53,14 +52,11 @@ class PinFit {
     Eigen::Vector3d offset = Eigen::Vector3d::Zero();  ///< Σ (q - mean q) of the exact ones
   };
 
-  /// \param points of this cluster, at least one, by set. \param allocator what the fit keeps comes from there.
+  /// \param points of this cluster, at least one, by set. \param memory what the fit keeps comes from there.
   [[gnu::cold]] PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMethod method,
-                       std::span<const PinPoint> points, allocator_type allocator);
-  PinFit(PinFit&& other) noexcept = default;
-  PinFit(PinFit&& other, allocator_type) noexcept : PinFit(std::move(other)) {}  // of the same memory
+                       std::span<const PinPoint> points, std::pmr::memory_resource* memory);
   PinFit(const PinFit&) = delete;
   PinFit& operator=(const PinFit&) = delete;
-  PinFit& operator=(PinFit&&) = delete;
   ~PinFit() = default;
 
   std::uint32_t cluster() const { return cluster_; }

@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <tuple>
 
 #include "runtime/clusters/goal.h"
 
@@ -67,7 +66,7 @@ void setHeld(Body& body, const PinSet& set, bool held) {
 
 // Fits are remade as a whole: sets come and go rarely. Where memory runs out, the body keeps those that it had.
 void rebuildFits(Body& body) {
-  std::pmr::memory_resource* const memory = body.fits.get_allocator().resource();
+  std::pmr::memory_resource* const memory = body.fits.memory();
   struct Reached {
     std::uint32_t cluster;
     PinPoint point;
@@ -85,24 +84,25 @@ void rebuildFits(Body& body) {
       }
     }
   }
-  std::sort(reached.begin(), reached.end(), [](const Reached& a, const Reached& b) {
-    return std::tie(a.cluster, a.point.set, a.point.item) < std::tie(b.cluster, b.point.set, b.point.item);
-  });
-  std::pmr::vector<PinFit> fits(memory);
+  // By cluster, and as they come, which is by set and item.
+  Array<std::uint64_t> order(reached.size(), memory);
+  for (std::size_t k = 0; k < order.size(); ++k) order[k] = (std::uint64_t(reached[k].cluster) << 32) | k;
+  sortAscending(order);
+  OwningArray<PinFit> fits(memory);
   Array<std::uint32_t> fit_of(memory);
   Array<PinPoint> points(memory);
   if (!reached.empty()) fit_of.resize(body.clusterCount(), formats::kNone);
-  for (auto first = reached.begin(); first != reached.end();) {
+  for (std::size_t k = 0; k < order.size();) {
+    const std::uint32_t cluster = std::uint32_t(order[k] >> 32);
     PinMethod method = PinMethod::infinite_mass;
     points.clear();
-    auto last = first;
-    for (; last != reached.end() && last->cluster == first->cluster; ++last) {
-      method = std::max(method, body.pin_sets[last->point.set].method);
-      points.push_back(last->point);
+    for (; k < order.size() && order[k] >> 32 == cluster; ++k) {
+      const PinPoint& point = reached[std::uint32_t(order[k])].point;
+      method = std::max(method, body.pin_sets[point.set].method);
+      points.push_back(point);
     }
-    fit_of[first->cluster] = std::uint32_t(fits.size());
-    fits.emplace_back(body.package(), first->cluster, method, points);
-    first = last;
+    fit_of[cluster] = std::uint32_t(fits.size());
+    fits.emplace_back(body.package(), cluster, method, points, memory);
   }
   body.fits.swap(fits);
   body.fit_of.swap(fit_of);
@@ -128,7 +128,7 @@ void addPackagePins(Body& body, std::uint32_t& next_id) {
   const auto weights = package.pinWeights();
   for (std::uint32_t s = 0; s < package.pinSets().size(); ++s) {
     const formats::PinSet& source = package.pinSets()[s];
-    PinSet set(body.pin_sets.get_allocator());
+    PinSet set(body.pin_sets.memory());
     set.source = s;
     set.method = PinMethod(source.method);
     set.at = set.target = {body.settings.position, body.settings.rotation};
@@ -146,13 +146,12 @@ void addPackagePins(Body& body, std::uint32_t& next_id) {
 }
 
 void removePinSet(Body& body, std::size_t index) {
-  const auto place = body.pin_sets.begin() + std::ptrdiff_t(index);
-  PinSet removed = std::move(*place);
-  body.pin_sets.erase(place);
+  PinSet removed = std::move(body.pin_sets[index]);
+  body.pin_sets.erase(index);
   try {
     rebuildFits(body);
   } catch (...) {
-    body.pin_sets.insert(body.pin_sets.begin() + std::ptrdiff_t(index), std::move(removed));  // there is room
+    body.pin_sets.insert(index, std::move(removed));  // there is room
     throw;
   }
   setHeld(body, removed, false);

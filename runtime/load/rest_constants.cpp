@@ -207,13 +207,19 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
       result.uses[next[member.vertex]++] = {std::uint32_t(c), member.share};
     }
   }
-  Array<std::array<std::uint32_t, 2>> overlaps;
+  Array<std::uint64_t> overlaps;  // a pair each, the first cluster in the high half
   for (std::size_t i = 0; i < vertex_count; ++i) {
     const auto uses = result.usesOf(std::uint32_t(i));
-    for (std::size_t k = 1; k < uses.size(); ++k) overlaps.push_back({uses[k - 1].cluster, uses[k].cluster});
+    for (std::size_t k = 1; k < uses.size(); ++k) {
+      overlaps.push_back((std::uint64_t(uses[k - 1].cluster) << 32) | uses[k].cluster);
+    }
   }
-  std::sort(overlaps.begin(), overlaps.end());
-  result.overlaps.assign({overlaps.begin(), std::unique(overlaps.begin(), overlaps.end())});
+  sortAscending(overlaps);
+  overlaps.truncate(std::size_t(std::unique(overlaps.begin(), overlaps.end()) - overlaps.begin()));
+  result.overlaps.reserve(overlaps.size());
+  for (const std::uint64_t pair : overlaps) {
+    result.overlaps.push_back({std::uint32_t(pair >> 32), std::uint32_t(pair)});
+  }
   makeBlocks(package, result);
   return result;
 }

@@ -34,6 +34,10 @@ void ArrayBytes::reserve(Element element, std::size_t count) {
   take(element, place, count);
 }
 
+void ArrayBytes::grow(Element element) {
+  if (size_ == capacity_) reserve(element, std::max<std::size_t>(1, 2 * size_));
+}
+
 void ArrayBytes::resize(Element element, std::size_t count, const void* like) {
   if (count > capacity_) reserve(element, std::max(count, 2 * size_));
   if (count > size_ && like == nullptr) {
@@ -71,5 +75,7 @@ void ArrayBytes::erase(Element element, std::size_t index) {
 void ArrayBytes::release(Element element) noexcept {
   if (data_ != nullptr) memory_->deallocate(data_, capacity_ * element.bytes, element.alignment);
 }
+
+void sortAscending(std::span<std::uint64_t> keys) { std::sort(keys.begin(), keys.end()); }
 
 }  // namespace sinew::internal

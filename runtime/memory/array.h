@@ -7,8 +7,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory_resource>
+#include <new>
 #include <span>
 #include <type_traits>
+#include <utility>
 
 namespace sinew::internal {
 
@@ -36,6 +38,8 @@ class ArrayBytes {
 
   void exchange(ArrayBytes& other) noexcept;
   void reserve(Element element, std::size_t count);
+  /// Makes room for one more.
+  void grow(Element element);
   /// \param like what new elements are copies of; null: of zeros.
   void resize(Element element, std::size_t count, const void* like);
   void assign(Element element, const void* from, std::size_t count);
@@ -111,5 +115,58 @@ class Array : public ArrayBytes {
  private:
   static constexpr Element kElement = {sizeof(T), alignof(T)};
 };
+
+/// The same of elements with a destructor. They too are moved as their bytes when the array grows or closes a gap, so
+/// nothing may point into one.
+template <class T>
+class OwningArray : public ArrayBytes {
+ public:
+  /// \param memory where elements live; outlives the array.
+  explicit OwningArray(std::pmr::memory_resource* memory) : ArrayBytes(memory) {}
+  ~OwningArray() {
+    clear();
+    release(kElement);
+  }
+  void swap(OwningArray& other) noexcept { exchange(other); }
+
+  T* begin() { return reinterpret_cast<T*>(data_); }
+  const T* begin() const { return reinterpret_cast<const T*>(data_); }
+  T* end() { return begin() + size_; }
+  const T* end() const { return begin() + size_; }
+  T& operator[](std::size_t index) { return begin()[index]; }
+  const T& operator[](std::size_t index) const { return begin()[index]; }
+  T& back() { return begin()[size_ - 1]; }
+
+  void clear() {
+    while (size_ > 0) pop_back();
+  }
+  /// A new last element, made of these arguments. Throws as Array does, or as they do; the array is what it was then.
+  template <class... Arguments>
+  T& emplace_back(Arguments&&... arguments) {
+    grow(kElement);
+    T* const made = new (data_ + size_ * sizeof(T)) T(std::forward<Arguments>(arguments)...);
+    ++size_;
+    return *made;
+  }
+  void push_back(T&& value) { insert(size_, std::move(value)); }
+  void insert(std::size_t index, T&& value) {
+    grow(kElement);
+    alignas(T) std::byte moved[sizeof(T)];  // whose bytes become the element's
+    new (moved) T(std::move(value));
+    ArrayBytes::insert(kElement, index, moved);
+  }
+  void pop_back() { begin()[--size_].~T(); }
+  void erase(std::size_t index) {
+    begin()[index].~T();
+    ArrayBytes::erase(kElement, index);
+  }
+
+ private:
+  static constexpr Element kElement = {sizeof(T), alignof(T)};
+};
+
+/// Sorts numbers, smallest first: what std::sort writes for each type of element is a kilobyte. Records are sorted by
+/// keys that hold the place of each in their low half.
+void sortAscending(std::span<std::uint64_t> keys);
 
 }  // namespace sinew::internal

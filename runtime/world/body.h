@@ -48,11 +48,9 @@ struct PinSet {
   std::uint32_t passes = 0;
   bool first_pass = true;  ///< the next pass is the first of a step
 
-  using allocator_type = std::pmr::polymorphic_allocator<>;
-  explicit PinSet(allocator_type allocator) : vertices(allocator.resource()) {}
+  explicit PinSet(std::pmr::memory_resource* memory) : vertices(memory) {}
   PinSet(PinSet&& other) noexcept = default;
-  PinSet(PinSet&& other, allocator_type) noexcept : PinSet(std::move(other)) {}  // of the same memory
-  PinSet& operator=(PinSet&& other) = default;
+  PinSet& operator=(PinSet&& other) = delete;
   PinSet(const PinSet&) = delete;
   PinSet& operator=(const PinSet&) = delete;
   ~PinSet() = default;
@@ -200,9 +198,9 @@ struct Body {
 
   Array<Pin> pins;  ///< vertices ascending
   Array<Pick> picks;
-  std::pmr::vector<PinSet> pin_sets;
-  std::pmr::vector<PinFit> fits;  ///< clusters that a pin set reaches, ascending
-  Array<std::uint32_t> fit_of;    ///< cluster -> fits, formats::kNone; empty without fits
+  OwningArray<PinSet> pin_sets;
+  OwningArray<PinFit> fits;     ///< clusters that a pin set reaches, ascending
+  Array<std::uint32_t> fit_of;  ///< cluster -> fits, formats::kNone; empty without fits
   MechanicsState mechanics;
 
   // The body's work, cut for jobs.
@@ -235,7 +233,7 @@ struct BodyRelease {
 using BodyPointer = std::unique_ptr<Body, BodyRelease>;
 
 /// Bodies of a world by BodyId; null where one was removed.
-using BodyList = std::pmr::vector<BodyPointer>;
+using BodyList = OwningArray<BodyPointer>;
 
 /// Whether a vertex can be stepped: position and velocity finite and below 1e15 m, 1e17 m/s.
 bool stateIsUsable(const Vec3& x, const Vec3& v);

@@ -268,15 +268,16 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   Reader reader(bytes.data());
   reader.get(&header, 1);
   // Memory first, so that a failure leaves the body as it was.
-  std::pmr::vector<internal::PinSet> sets(impl_->memory);
+  internal::OwningArray<internal::PinSet> sets(impl_->memory);
   const bool reserved = impl_->guarded("restoreState", false, [&] {
     body->pins.reserve(header.pins);
     body->picks.reserve(header.picks);
     if (body->settings.keep_previous) keepHistory(*body);
-    sets.resize(header.pin_sets);
     Reader tail(bytes.data() + header.bytes - bytesOf<internal::PinnedVertex>(header.pinned_vertices) -
                 bytesOf<SavedPinSet>(header.pin_sets));
-    for (internal::PinSet& set : sets) set.vertices.resize(tail.get<SavedPinSet>().vertices);
+    for (std::uint32_t i = 0; i < header.pin_sets; ++i) {
+      sets.emplace_back(impl_->memory).vertices.resize(tail.get<SavedPinSet>().vertices);
+    }
     for (internal::PinSet& set : sets) tail.get(set.vertices.data(), set.vertices.size());
     return true;
   });

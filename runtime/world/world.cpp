@@ -354,18 +354,20 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
     set.method = method;
     set.at = set.target = at;
     const auto weights = body->package().pinWeights();
+    const auto weightOf = [&](std::uint32_t vertex) { return weights.empty() ? 1.0F : weights[vertex]; };
+    internal::Array<std::uint64_t> held(impl_->memory);
     for (const std::uint32_t vertex : vertices) {
       if (vertex >= body->vertexCount()) return refused("vertex " + std::to_string(vertex) + " does not exist");
       if (body->pinned[vertex] != 0) return refused("vertex " + std::to_string(vertex) + " is pinned already");
-      const float weight = weights.empty() ? 1.0F : weights[vertex];
-      if (weight > 0) set.vertices.push_back({vertex, weight});
+      if (weightOf(vertex) > 0) held.push_back(vertex);
     }
-    std::sort(set.vertices.begin(), set.vertices.end(),
-              [](const internal::PinnedVertex& a, const internal::PinnedVertex& b) { return a.vertex < b.vertex; });
-    for (std::size_t i = 1; i < set.vertices.size(); ++i) {
-      if (set.vertices[i].vertex == set.vertices[i - 1].vertex) {
-        return refused("vertex " + std::to_string(set.vertices[i].vertex) + " is given twice");
+    internal::sortAscending(held);
+    for (const std::uint64_t key : held) {
+      const std::uint32_t vertex = std::uint32_t(key);
+      if (!set.vertices.empty() && set.vertices.back().vertex == vertex) {
+        return refused("vertex " + std::to_string(vertex) + " is given twice");
       }
+      set.vertices.push_back({vertex, weightOf(vertex)});
     }
     if (set.vertices.empty()) return refused("no vertex with a pin weight above 0");
     internal::addPinSet(*body, std::move(set));

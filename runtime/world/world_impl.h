@@ -23,7 +23,7 @@ bool isProper(const Mat3& rotation);
 bool isProper(const RigidTransform& transform);
 }  // namespace internal
 
-struct World::Impl {
+struct SINEW_HIDDEN World::Impl {
   Impl(const WorldSettings& world_settings, const WorldResources& resources);
 
   internal::Body* find(BodyId id) const { return id.value < bodies.size() ? bodies[id.value].get() : nullptr; }

@@ -139,5 +139,65 @@ TEST(Array, AlignsWhatAsksForIt) {
   }
 }
 
+// With a destructor, and with memory that only one of them owns.
+struct Owner {
+  Owner(std::uint32_t first, std::pmr::memory_resource* memory) : numbers(memory) { numbers.push_back(first); }
+  Array<std::uint32_t> numbers;
+};
+
+std::vector<std::uint32_t> contentOf(const OwningArray<Owner>& array) {
+  std::vector<std::uint32_t> result;
+  for (const Owner& owner : array) result.push_back(owner.numbers[0]);
+  return result;
+}
+
+TEST(OwningArray, ElementsComeAndGoWithWhatTheyOwn) {
+  Counting memory;
+  {
+    OwningArray<Owner> array(&memory), other(&memory);
+    for (std::uint32_t i = 0; i < 5; ++i) array.emplace_back(i, &memory);
+    array.push_back(Owner(5, &memory));
+    array.insert(1, Owner(6, &memory));
+    array.erase(3);
+    EXPECT_EQ(contentOf(array), (std::vector<std::uint32_t>{0, 6, 1, 3, 4, 5}));
+    Owner taken = std::move(array[2]);
+    array.erase(2);
+    array.pop_back();
+    EXPECT_EQ(contentOf(array), (std::vector<std::uint32_t>{0, 6, 3, 4}));
+    array.insert(2, std::move(taken));
+    array.swap(other);
+    EXPECT_TRUE(array.empty());
+    EXPECT_EQ(contentOf(other), (std::vector<std::uint32_t>{0, 6, 1, 3, 4}));
+    other.clear();
+    EXPECT_GT(memory.out, 0U);  // its own capacity
+  }
+  EXPECT_EQ(memory.out, 0U);
+}
+
+TEST(OwningArray, StaysAsItWasWhereMemoryIsRefused) {
+  Counting memory;
+  {
+    OwningArray<Owner> array(&memory);
+    array.emplace_back(1U, &memory);
+    memory.most = memory.out;
+    EXPECT_THROW(array.emplace_back(2U, &memory), std::bad_alloc);
+    EXPECT_EQ(contentOf(array), std::vector<std::uint32_t>{1});
+  }
+  EXPECT_EQ(memory.out, 0U);
+}
+
+TEST(SortAscending, SortsRecordsByTheirKeys) {
+  std::vector<std::uint64_t> keys, sorted;
+  std::uint32_t chance = 1;
+  for (std::uint64_t i = 0; i < 1000; ++i) {
+    chance = chance * 1664525U + 1013904223U;
+    keys.push_back((std::uint64_t(chance >> 24) << 32) | i);
+  }
+  sorted = keys;
+  sortAscending(sorted);
+  std::stable_sort(keys.begin(), keys.end(), [](auto a, auto b) { return a >> 32 < b >> 32; });
+  EXPECT_EQ(sorted, keys);
+}
+
 }  // namespace
 }  // namespace sinew::internal
