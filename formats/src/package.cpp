@@ -72,7 +72,7 @@ class PackageReader {
   PackageReader(std::span<const std::byte> bytes, PackageView& view) : bytes_(bytes), view_(view) {}
 
   bool read() {
-    return readHeader() && readTable() && checkPresence() && bindSections() && checkTexts() && checkInfo() &&
+    return readHeader() && readTable() && checkPresence() && readInfo() && checkTexts() && checkInfo() &&
            checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
            checkMechanics() && checkPinSets() && checkParts() && checkVisualMesh() && checkMaterials() &&
            checkAttachments() && checkIdentity() && checkGroups() && checkMasks();
@@ -193,7 +193,7 @@ class PackageReader {
       if (byte != std::byte{0}) return refuse(id, "the padding behind it is not 0");
     }
 
-    const std::size_t rule_index = sectionRuleIndex(id);
+    const std::size_t rule_index = section::indexOf(id);
     const bool known = rule_index < kSectionRules.size();
     view_.sections_.push_back({id, entry.bytes, entry.element_count, known});
     if (!known) {
@@ -206,17 +206,13 @@ class PackageReader {
       return refuseSection(id, "elements of %u bytes, must be %u", unsigned(entry.element_bytes), rule.element_bytes);
     }
     if (entry.element_count >= kNone) return refuse(id, "more elements than 32-bit indices can name");
-    if (!data_[rule_index].empty()) return refuse(id, "occurs twice");
-    data_[rule_index] = bytes_.subspan(entry.offset, entry.bytes);
+    PackageView::List& list = view_.lists_[rule_index];
+    if (list.count != 0) return refuse(id, "occurs twice");
+    list = {bytes_.data() + entry.offset, entry.element_count};
     return true;
   }
 
-  bool has(std::uint32_t id) const { return !data_[sectionRuleIndex(id)].empty(); }
-
-  bool needs(std::uint32_t id, std::uint32_t needed) {
-    return !has(id) || has(needed) ||
-           refuseSection(id, "needs section %s, which is missing", sectionName(needed).c_str());
-  }
+  bool has(std::uint32_t id) const { return view_.sectionData(id).count != 0; }
 
   bool checkPresence() {
     if ((header_.features & ~kKnownFeatures) != 0) {
@@ -225,24 +221,38 @@ class PackageReader {
     }
     for (std::size_t i = 0; i < kSectionRules.size(); ++i) {
       const SectionRule& rule = kSectionRules[i];
-      const bool present = !data_[i].empty();
+      const bool present = view_.lists_[i].count != 0;
       if (rule.always_present && !present) return refuse(rule.id, "missing, but every package has it");
       if (rule.feature != 0 && present != ((header_.features & rule.feature) != 0)) {
         return refuse(rule.id, present ? "present, but its feature bit in the header is not set"
                                        : "missing, but its feature bit in the header is set");
       }
     }
-    for (const std::uint32_t id :
-         {section::visual_normals, section::visual_uv, section::visual_colors, section::sub_meshes, section::materials,
-          section::barycentric, section::cluster_attachments, section::visual_identity, section::groups, section::parts,
-          section::masks}) {
-      if (!needs(id, section::visual_positions)) return false;
-    }
-    if (!needs(section::curve_points, section::mechanics) || !needs(section::texture_bytes, section::textures) ||
-        !needs(section::group_vertices, section::groups) || !needs(section::mask_weights, section::masks) ||
-        !needs(section::pin_set_vertices, section::pin_sets) || !needs(section::part_vertices, section::parts) ||
-        !needs(section::barycentric, section::tetrahedra)) {
-      return false;
+    // What the first is about is in the second.
+    constexpr std::array<std::array<std::uint32_t, 2>, 18> kNeeds = {{
+        {section::visual_normals, section::visual_positions},
+        {section::visual_uv, section::visual_positions},
+        {section::visual_colors, section::visual_positions},
+        {section::sub_meshes, section::visual_positions},
+        {section::materials, section::visual_positions},
+        {section::barycentric, section::visual_positions},
+        {section::cluster_attachments, section::visual_positions},
+        {section::visual_identity, section::visual_positions},
+        {section::groups, section::visual_positions},
+        {section::parts, section::visual_positions},
+        {section::masks, section::visual_positions},
+        {section::curve_points, section::mechanics},
+        {section::texture_bytes, section::textures},
+        {section::group_vertices, section::groups},
+        {section::mask_weights, section::masks},
+        {section::pin_set_vertices, section::pin_sets},
+        {section::part_vertices, section::parts},
+        {section::barycentric, section::tetrahedra},
+    }};
+    for (const auto& [id, needed] : kNeeds) {
+      if (has(id) && !has(needed)) {
+        return refuseSection(id, "needs section %s, which is missing", sectionName(needed).c_str());
+      }
     }
     if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
       return refuse(section::visual_positions, "a visual mesh without an attachment (section ATBC, or ATCR and ATCW)");
@@ -250,53 +260,8 @@ class PackageReader {
     return true;
   }
 
-  template <class T>
-  void bind(std::uint32_t id, std::span<const T>& target) {
-    const auto data = data_[sectionRuleIndex(id)];
-    target = {reinterpret_cast<const T*>(data.data()), data.size() / sizeof(T)};
-  }
-
-  bool bindSections() {
-    std::span<const BodyInfo> info;
-    bind(section::info, info);
-    if (info.size() != 1) return refuse(section::info, "must have exactly one element");
-    view_.info_ = info.data();
-    bind(section::strings, view_.strings_);
-    bind(section::bodies, view_.bodies_);
-    bind(section::physical_vertices, view_.physical_vertices_);
-    bind(section::tetrahedra, view_.tetrahedra_);
-    bind(section::clusters, view_.clusters_);
-    bind(section::memberships, view_.memberships_);
-    bind(section::quadratic_moments, view_.quadratic_moments_);
-    bind(section::mechanics, view_.mechanics_);
-    bind(section::curve_points, view_.curve_points_);
-    bind(section::channels, view_.channels_);
-    bind(section::vertex_stiffness, view_.vertex_stiffness_);
-    bind(section::pin_weights, view_.pin_weights_);
-    bind(section::pin_sets, view_.pin_sets_);
-    bind(section::pin_set_vertices, view_.pin_set_vertices_);
-    bind(section::parts, view_.parts_);
-    bind(section::part_vertices, view_.part_vertices_);
-    bind(section::visual_positions, view_.visual_positions_);
-    bind(section::visual_normals, view_.visual_normals_);
-    bind(section::visual_uv, view_.visual_uvs_);
-    bind(section::visual_colors, view_.visual_colors_);
-    bind(section::visual_triangles, view_.visual_triangles_);
-    bind(section::sub_meshes, view_.sub_meshes_);
-    bind(section::materials, view_.materials_);
-    bind(section::textures, view_.textures_);
-    bind(section::texture_bytes, view_.texture_bytes_);
-    bind(section::barycentric, view_.barycentric_);
-    bind(section::cluster_attachment_ranges, view_.cluster_attachment_ranges_);
-    bind(section::cluster_attachments, view_.cluster_attachments_);
-    bind(section::visual_identity, view_.visual_identity_);
-    bind(section::source_identity, view_.source_identity_);
-    bind(section::source_visual_list, view_.source_visual_list_);
-    bind(section::source_meshes, view_.source_meshes_);
-    bind(section::groups, view_.groups_);
-    bind(section::group_vertices, view_.group_vertices_);
-    bind(section::masks, view_.masks_);
-    bind(section::mask_weights, view_.mask_weights_);
+  bool readInfo() {
+    if (view_.sectionData(section::info).count != 1) return refuse(section::info, "must have exactly one element");
     view_.features_ = header_.features;
     view_.format_version_ = header_.format_version;
     view_.total_bytes_ = header_.total_bytes;
@@ -306,42 +271,46 @@ class PackageReader {
   // ---- Values ----
 
   unsigned badText(StringRef ref) const {
-    return unsigned(std::uint64_t{ref.offset} + ref.bytes > view_.strings_.size());
+    return unsigned(std::uint64_t{ref.offset} + ref.bytes > view_.strings().size());
   }
 
-  // One text of each record. \param first that of the first. \param step bytes from one to the next.
-  bool checkTexts(std::uint32_t id, const StringRef* first, std::size_t step, std::size_t count, const char* what) {
-    for (std::size_t i = 0; i < count; ++i) {
+  // One text of each record of a section. \param offset where in the record.
+  bool checkTexts(std::uint32_t id, std::size_t offset, const char* what) {
+    const SectionData records = view_.sectionData(id);
+    for (std::size_t i = 0; i < records.count; ++i) {
       StringRef ref;
-      std::memcpy(&ref, reinterpret_cast<const std::byte*>(first) + i * step, sizeof ref);
+      std::memcpy(&ref, static_cast<const std::byte*>(records.data) + i * records.bytes_each + offset, sizeof ref);
       if (badText(ref) != 0) return refuse(id, i, what);
     }
     return true;
   }
 
-  template <class T>
-  bool checkNames(std::uint32_t id, std::span<const T> items) {
-    return items.empty() ||
-           checkTexts(id, &items.front().name, sizeof(T), items.size(), "its name lies outside section STRS");
-  }
-
   bool checkTexts() {
-    const BodyInfo& info = *view_.info_;
+    const BodyInfo& info = view_.info();
     for (const StringRef ref : {info.name, info.tool_version, info.source_file, info.unit_source, info.settings_json}) {
       if (badText(ref) != 0) return refuse(section::info, "a text lies outside section STRS");
     }
-    return checkNames(section::bodies, view_.bodies_) && checkNames(section::clusters, view_.clusters_) &&
-           checkNames(section::channels, view_.channels_) && checkNames(section::pin_sets, view_.pin_sets_) &&
-           checkNames(section::parts, view_.parts_) && checkNames(section::sub_meshes, view_.sub_meshes_) &&
-           checkNames(section::materials, view_.materials_) && checkNames(section::textures, view_.textures_) &&
-           (view_.textures_.empty() || checkTexts(section::textures, &view_.textures_.front().mime, sizeof(Texture),
-                                                  view_.textures_.size(), "its mime type lies outside section STRS")) &&
-           checkNames(section::source_meshes, view_.source_meshes_) && checkNames(section::groups, view_.groups_) &&
-           checkNames(section::masks, view_.masks_);
+    constexpr std::array<std::array<std::uint32_t, 2>, 11> kNames = {{
+        {section::bodies, offsetof(BodyRange, name)},
+        {section::clusters, offsetof(Cluster, name)},
+        {section::channels, offsetof(ActivationChannel, name)},
+        {section::pin_sets, offsetof(PinSet, name)},
+        {section::parts, offsetof(AttachedPart, name)},
+        {section::sub_meshes, offsetof(SubMesh, name)},
+        {section::materials, offsetof(Material, name)},
+        {section::textures, offsetof(Texture, name)},
+        {section::source_meshes, offsetof(SourceMesh, name)},
+        {section::groups, offsetof(Group, name)},
+        {section::masks, offsetof(Mask, name)},
+    }};
+    for (const auto& [id, offset] : kNames) {
+      if (!checkTexts(id, offset, "its name lies outside section STRS")) return false;
+    }
+    return checkTexts(section::textures, offsetof(Texture, mime), "its mime type lies outside section STRS");
   }
 
   bool checkInfo() {
-    const BodyInfo& info = *view_.info_;
+    const BodyInfo& info = view_.info();
     const auto bad = [this](const char* what) { return refuse(section::info, what); };
     for (const double value : info.origin) {
       if (!std::isfinite(value)) return bad("origin is not finite");
@@ -365,15 +334,15 @@ class PackageReader {
           info.max_dihedral_deg <= 180.0F)) {
       return bad("dihedral angles are not in order within 0 to 180");
     }
-    if (info.inverted_tetrahedra > view_.tetrahedra_.size()) return bad("more inverted tetrahedra than tetrahedra");
+    if (info.inverted_tetrahedra > view_.tetrahedra().size()) return bad("more inverted tetrahedra than tetrahedra");
     if (info.reserved0 != 0) return bad("a reserved field is not 0");
     return true;
   }
 
   bool checkBodies() {
     std::uint64_t vertices = 0, tetrahedra = 0, clusters = 0;
-    for (std::size_t i = 0; i < view_.bodies_.size(); ++i) {
-      const BodyRange& body = view_.bodies_[i];
+    for (std::size_t i = 0; i < view_.bodies().size(); ++i) {
+      const BodyRange& body = view_.bodies()[i];
       if (body.first_vertex != vertices || body.first_tetrahedron != tetrahedra || body.first_cluster != clusters) {
         return refuse(section::bodies, i, "a run does not start where the body before it ends");
       }
@@ -383,28 +352,28 @@ class PackageReader {
       vertices += body.vertex_count;
       tetrahedra += body.tetrahedron_count;
       clusters += body.cluster_count;
-      if (vertices > view_.physical_vertices_.size() || tetrahedra > view_.tetrahedra_.size() ||
-          clusters > view_.clusters_.size()) {
+      if (vertices > view_.physicalVertices().size() || tetrahedra > view_.tetrahedra().size() ||
+          clusters > view_.clusters().size()) {
         return refuse(section::bodies, i, "reaches beyond the vertices, tetrahedra or clusters that there are");
       }
     }
-    if (vertices != view_.physical_vertices_.size() || tetrahedra != view_.tetrahedra_.size() ||
-        clusters != view_.clusters_.size()) {
+    if (vertices != view_.physicalVertices().size() || tetrahedra != view_.tetrahedra().size() ||
+        clusters != view_.clusters().size()) {
       return refuse(section::bodies, "the bodies do not cover all vertices, tetrahedra and clusters");
     }
     return true;
   }
 
   bool checkPhysicalVertices() {
-    return check(section::physical_vertices, view_.physical_vertices_, "position not finite, or mass not above 0",
+    return check(section::physical_vertices, view_.physicalVertices(), "position not finite, or mass not above 0",
                  [](const PhysicalVertex& v) { return notFinite(v.rest_position) | notPositive(v.mass); });
   }
 
   bool checkTetrahedra() {
-    for (const BodyRange& body : view_.bodies_) {
+    for (const BodyRange& body : view_.bodies()) {
       const std::uint32_t first = body.first_vertex, count = body.vertex_count;
       const std::size_t index = firstBad(
-          view_.tetrahedra_.subspan(body.first_tetrahedron, body.tetrahedron_count), [=](const Tetrahedron& t) {
+          view_.tetrahedra().subspan(body.first_tetrahedron, body.tetrahedron_count), [=](const Tetrahedron& t) {
             const auto [a, b, c, d] = t.vertex;
             // v - first wraps to a large number where v < first, so one comparison tests both ends.
             return unsigned(a - first >= count) | unsigned(b - first >= count) | unsigned(c - first >= count) |
@@ -422,10 +391,10 @@ class PackageReader {
   bool checkClusters() {
     std::uint64_t member = 0;
     std::uint32_t quadratic = 0;
-    for (std::size_t b = 0; b < view_.bodies_.size(); ++b) {
-      const BodyRange& body = view_.bodies_[b];
+    for (std::size_t b = 0; b < view_.bodies().size(); ++b) {
+      const BodyRange& body = view_.bodies()[b];
       for (std::size_t i = body.first_cluster; i < std::size_t{body.first_cluster} + body.cluster_count; ++i) {
-        const Cluster& c = view_.clusters_[i];
+        const Cluster& c = view_.clusters()[i];
         const auto bad = [&](const char* what) { return refuse(section::clusters, i, what); };
         const auto mode = static_cast<std::uint32_t>(c.mode);
         if (mode > static_cast<std::uint32_t>(ClusterMode::quadratic)) return bad("unknown mode");
@@ -433,9 +402,9 @@ class PackageReader {
         if (c.first_member != member) return bad("its members do not start where those of the cluster before end");
         if (c.member_count == 0) return bad("has no members");
         member += c.member_count;
-        if (member > view_.memberships_.size()) return bad("its members reach beyond section MEMB");
+        if (member > view_.memberships().size()) return bad("its members reach beyond section MEMB");
         if (c.mode == ClusterMode::quadratic) {
-          if (c.quadratic != quadratic || c.quadratic >= view_.quadratic_moments_.size()) {
+          if (c.quadratic != quadratic || c.quadratic >= view_.quadraticMoments().size()) {
             return bad("its moment is not the next one of section AQQ9");
           }
           ++quadratic;
@@ -453,24 +422,24 @@ class PackageReader {
         }
       }
     }
-    if (member != view_.memberships_.size()) return refuse(section::memberships, "has members of no cluster");
-    if (quadratic != view_.quadratic_moments_.size()) {
+    if (member != view_.memberships().size()) return refuse(section::memberships, "has members of no cluster");
+    if (quadratic != view_.quadraticMoments().size()) {
       return refuse(section::quadratic_moments, "has moments of no cluster");
     }
-    return check(section::quadratic_moments, view_.quadratic_moments_, "not finite",
+    return check(section::quadratic_moments, view_.quadraticMoments(), "not finite",
                  [](const QuadraticMoment& m) { return notFinite(m.a_qq); });
   }
 
   bool checkMemberships() {
-    std::vector<float> shares(view_.physical_vertices_.size(), 0.0F);
-    for (std::size_t i = 0; i < view_.clusters_.size(); ++i) {
-      const Cluster& cluster = view_.clusters_[i];
-      const BodyRange& body = view_.bodies_[cluster.body];
+    std::vector<float> shares(view_.physicalVertices().size(), 0.0F);
+    for (std::size_t i = 0; i < view_.clusters().size(); ++i) {
+      const Cluster& cluster = view_.clusters()[i];
+      const BodyRange& body = view_.bodies()[cluster.body];
       const std::uint64_t end = std::uint64_t{body.first_vertex} + body.vertex_count;
       std::uint64_t lowest = body.first_vertex;
       double mu = 0;
       for (std::size_t k = cluster.first_member; k < std::size_t{cluster.first_member} + cluster.member_count; ++k) {
-        const Membership& m = view_.memberships_[k];
+        const Membership& m = view_.memberships()[k];
         if (m.vertex < lowest || m.vertex >= end) {
           return refuse(section::memberships, k, "vertex not ascending, or outside the body of its cluster");
         }
@@ -510,50 +479,50 @@ class PackageReader {
 
   bool checkPinSets() {
     std::uint64_t end = 0;
-    for (std::size_t i = 0; i < view_.pin_sets_.size(); ++i) {
-      const PinSet& set = view_.pin_sets_[i];
+    for (std::size_t i = 0; i < view_.pinSets().size(); ++i) {
+      const PinSet& set = view_.pinSets()[i];
       if (badText(set.target) != 0) return refuse(section::pin_sets, i, "its target lies outside section STRS");
       if (set.method > 3 || set.reserved0 != 0) {
         return refuse(section::pin_sets, i, "unknown method, or a reserved field that is not 0");
       }
-      if (!checkRun(section::pin_sets, i, set.first, set.count, view_.pin_set_vertices_,
-                    view_.physical_vertices_.size(), end)) {
-        return false;
-      }
-    }
-    return end == view_.pin_set_vertices_.size() || refuse(section::pin_set_vertices, "has vertices of no pin set");
-  }
-
-  bool checkParts() {
-    std::uint64_t end = 0;
-    for (std::size_t i = 0; i < view_.parts_.size(); ++i) {
-      const AttachedPart& part = view_.parts_[i];
-      if ((part.cluster != kNone && part.cluster >= view_.clusters_.size()) || part.reserved0 != 0) {
-        return refuse(section::parts, i, "its cluster is not in section CLUS, or a reserved field is not 0");
-      }
-      if (!checkRun(section::parts, i, part.first, part.count, view_.part_vertices_, view_.visual_positions_.size(),
+      if (!checkRun(section::pin_sets, i, set.first, set.count, view_.pinSetVertices(), view_.physicalVertices().size(),
                     end)) {
         return false;
       }
     }
-    return end == view_.part_vertices_.size() || refuse(section::part_vertices, "has vertices of no part");
+    return end == view_.pinSetVertices().size() || refuse(section::pin_set_vertices, "has vertices of no pin set");
+  }
+
+  bool checkParts() {
+    std::uint64_t end = 0;
+    for (std::size_t i = 0; i < view_.parts().size(); ++i) {
+      const AttachedPart& part = view_.parts()[i];
+      if ((part.cluster != kNone && part.cluster >= view_.clusters().size()) || part.reserved0 != 0) {
+        return refuse(section::parts, i, "its cluster is not in section CLUS, or a reserved field is not 0");
+      }
+      if (!checkRun(section::parts, i, part.first, part.count, view_.partVertices(), view_.visualPositions().size(),
+                    end)) {
+        return false;
+      }
+    }
+    return end == view_.partVertices().size() || refuse(section::part_vertices, "has vertices of no part");
   }
 
   bool checkMechanics() {
-    const std::size_t vertices = view_.physical_vertices_.size();
-    for (const auto& [id, values] : {std::pair{section::vertex_stiffness, view_.vertex_stiffness_},
-                                     std::pair{section::pin_weights, view_.pin_weights_}}) {
+    const std::size_t vertices = view_.physicalVertices().size();
+    for (const auto& [id, values] : {std::pair{section::vertex_stiffness, view_.vertexStiffness()},
+                                     std::pair{section::pin_weights, view_.pinWeights()}}) {
       if (!values.empty() && values.size() != vertices) {
         return refuseSection(id, "%zu elements for %zu physical vertices", values.size(), vertices);
       }
       if (!check(id, values, "outside 0 to 1", [](float value) { return outsideUnit(value); })) return false;
     }
-    if (!view_.mechanics_.empty() && view_.mechanics_.size() != view_.clusters_.size()) {
-      return refuseSection(section::mechanics, "%zu elements for %zu clusters", view_.mechanics_.size(),
-                           view_.clusters_.size());
+    if (!view_.mechanics().empty() && view_.mechanics().size() != view_.clusters().size()) {
+      return refuseSection(section::mechanics, "%zu elements for %zu clusters", view_.mechanics().size(),
+                           view_.clusters().size());
     }
-    for (std::size_t i = 0; i < view_.mechanics_.size(); ++i) {
-      const char* fault = faultOf(view_.mechanics_[i]);
+    for (std::size_t i = 0; i < view_.mechanics().size(); ++i) {
+      const char* fault = faultOf(view_.mechanics()[i]);
       if (fault != nullptr) return refuse(section::mechanics, i, fault);
     }
     return true;
@@ -580,7 +549,7 @@ class PackageReader {
     if (outside(m.contraction, 0, 0.9F) != 0) return "contraction is outside 0 to 0.9";
     const float length2 = m.fibre[0] * m.fibre[0] + m.fibre[1] * m.fibre[1] + m.fibre[2] * m.fibre[2];
     if (length2 != 0 && outside(length2, 0.999F, 1.001F) != 0) return "fibre is neither 0 nor of length 1";
-    if (m.channel != kNone && m.channel >= view_.channels_.size()) return "its channel is not in section CHAN";
+    if (m.channel != kNone && m.channel >= view_.channels().size()) return "its channel is not in section CHAN";
     if (m.reserved0 != 0) return "a reserved field is not 0";
     return faultOfCurve(m);
   }
@@ -589,7 +558,7 @@ class PackageReader {
     if (m.limit != LimitMethod::curve) {
       return m.first_curve_point == 0 && m.curve_point_count == 0 ? nullptr : "has a curve that its limit does not use";
     }
-    const std::span<const CurvePoint> all = view_.curve_points_;
+    const std::span<const CurvePoint> all = view_.curvePoints();
     if (m.curve_point_count < 2) return "its curve has fewer than 2 points";
     if (m.first_curve_point >= all.size() || m.curve_point_count > all.size() - m.first_curve_point) {
       return "its curve reaches beyond section CURV";
@@ -608,56 +577,51 @@ class PackageReader {
     return nullptr;
   }
 
-  bool sameLengthAsVisual(std::uint32_t id, std::size_t count) {
-    return count == 0 || count == view_.visual_positions_.size() ||
-           refuseSection(id, "%zu elements for %zu visual vertices", count, view_.visual_positions_.size());
-  }
-
   bool checkVisualMesh() {
-    if (!sameLengthAsVisual(section::visual_normals, view_.visual_normals_.size()) ||
-        !sameLengthAsVisual(section::visual_uv, view_.visual_uvs_.size()) ||
-        !sameLengthAsVisual(section::visual_colors, view_.visual_colors_.size()) ||
-        !sameLengthAsVisual(section::barycentric, view_.barycentric_.size()) ||
-        !sameLengthAsVisual(section::cluster_attachment_ranges, view_.cluster_attachment_ranges_.size()) ||
-        !sameLengthAsVisual(section::visual_identity, view_.visual_identity_.size())) {
-      return false;
+    for (const std::uint32_t id :
+         {section::visual_normals, section::visual_uv, section::visual_colors, section::barycentric,
+          section::cluster_attachment_ranges, section::visual_identity}) {
+      const std::size_t count = view_.sectionData(id).count;
+      if (count != 0 && count != view_.visualPositions().size()) {
+        return refuseSection(id, "%zu elements for %zu visual vertices", count, view_.visualPositions().size());
+      }
     }
     constexpr const char* kNotFinite = "not finite";
-    if (!check(section::visual_positions, view_.visual_positions_, kNotFinite,
+    if (!check(section::visual_positions, view_.visualPositions(), kNotFinite,
                [](const Float3& v) { return notFinite(v); }) ||
-        !check(section::visual_normals, view_.visual_normals_, kNotFinite,
+        !check(section::visual_normals, view_.visualNormals(), kNotFinite,
                [](const Float3& v) { return notFinite(v); }) ||
-        !check(section::visual_uv, view_.visual_uvs_, kNotFinite, [](const Float2& v) { return notFinite(v); })) {
+        !check(section::visual_uv, view_.visualUvs(), kNotFinite, [](const Float2& v) { return notFinite(v); })) {
       return false;
     }
-    const std::size_t vertices = view_.visual_positions_.size();
-    if (!check(section::visual_triangles, view_.visual_triangles_, "a corner is not a visual vertex",
+    const std::size_t vertices = view_.visualPositions().size();
+    if (!check(section::visual_triangles, view_.visualTriangles(), "a corner is not a visual vertex",
                [vertices](const Triangle& t) {
                  return unsigned(t[0] >= vertices) | unsigned(t[1] >= vertices) | unsigned(t[2] >= vertices);
                })) {
       return false;
     }
     std::uint64_t triangle = 0;
-    for (std::size_t i = 0; i < view_.sub_meshes_.size(); ++i) {
-      const SubMesh& sub_mesh = view_.sub_meshes_[i];
+    for (std::size_t i = 0; i < view_.subMeshes().size(); ++i) {
+      const SubMesh& sub_mesh = view_.subMeshes()[i];
       if (sub_mesh.first_triangle != triangle) {
         return refuse(section::sub_meshes, i, "does not start where the sub-mesh before it ends");
       }
       triangle += sub_mesh.triangle_count;
-      if (sub_mesh.material != kNone && sub_mesh.material >= view_.materials_.size()) {
+      if (sub_mesh.material != kNone && sub_mesh.material >= view_.materials().size()) {
         return refuse(section::sub_meshes, i, "its material is not in section VMAT");
       }
       if (sub_mesh.reserved0 != 0) return refuse(section::sub_meshes, i, "a reserved field is not 0");
     }
-    if (!view_.sub_meshes_.empty() && triangle != view_.visual_triangles_.size()) {
+    if (!view_.subMeshes().empty() && triangle != view_.visualTriangles().size()) {
       return refuse(section::sub_meshes, "the sub-meshes do not cover exactly the triangles");
     }
     return true;
   }
 
   bool checkMaterials() {
-    const std::size_t textures = view_.textures_.size();
-    if (!check(section::materials, view_.materials_, "base_color outside 0 to 1, no such texture, or unknown flag",
+    const std::size_t textures = view_.textures().size();
+    if (!check(section::materials, view_.materials(), "base_color outside 0 to 1, no such texture, or unknown flag",
                [textures](const Material& m) {
                  unsigned bad = unsigned(m.texture != kNone) & unsigned(m.texture >= textures);
                  for (const float channel : m.base_color) bad |= outsideUnit(channel);
@@ -667,38 +631,38 @@ class PackageReader {
     }
     std::uint64_t end = 0;
     for (std::size_t i = 0; i < textures; ++i) {
-      const Texture& texture = view_.textures_[i];
+      const Texture& texture = view_.textures()[i];
       if (texture.offset != end) {
         return refuse(section::textures, i, "its bytes do not start where those of the texture before end");
       }
-      if (texture.bytes > view_.texture_bytes_.size() - end) {
+      if (texture.bytes > view_.textureBytes().size() - end) {
         return refuse(section::textures, i, "its bytes reach beyond section TEXB");
       }
       end += texture.bytes;
     }
-    return end == view_.texture_bytes_.size() || refuse(section::texture_bytes, "has bytes of no texture");
+    return end == view_.textureBytes().size() || refuse(section::texture_bytes, "has bytes of no texture");
   }
 
   bool checkAttachments() {
-    const std::size_t tetrahedra = view_.tetrahedra_.size(), clusters = view_.clusters_.size();
-    if (!check(section::barycentric, view_.barycentric_, "no such tetrahedron, or a weight not finite",
+    const std::size_t tetrahedra = view_.tetrahedra().size(), clusters = view_.clusters().size();
+    if (!check(section::barycentric, view_.barycentric(), "no such tetrahedron, or a weight not finite",
                [tetrahedra](const BarycentricAttachment& a) {
                  return unsigned(a.tetrahedron >= tetrahedra) | notFinite(a.weight);
                }) ||
         !check(
-            section::cluster_attachments, view_.cluster_attachments_, "no such cluster, or weight not finite",
+            section::cluster_attachments, view_.clusterAttachments(), "no such cluster, or weight not finite",
             [clusters](const ClusterAttachment& a) { return unsigned(a.cluster >= clusters) | notFinite(a.weight); })) {
       return false;
     }
     std::uint64_t end = 0;
-    for (std::size_t i = 0; i < view_.cluster_attachment_ranges_.size(); ++i) {
-      const ClusterAttachmentRange& range = view_.cluster_attachment_ranges_[i];
-      if (range.first != end || range.count == 0 || range.count > view_.cluster_attachments_.size() - end) {
+    for (std::size_t i = 0; i < view_.clusterAttachmentRanges().size(); ++i) {
+      const ClusterAttachmentRange& range = view_.clusterAttachmentRanges()[i];
+      if (range.first != end || range.count == 0 || range.count > view_.clusterAttachments().size() - end) {
         return refuse(section::cluster_attachment_ranges, i,
                       "empty, does not start where the run before ends, or reaches beyond section ATCW");
       }
       double sum = 0;
-      for (const ClusterAttachment& a : view_.cluster_attachments_.subspan(range.first, range.count)) {
+      for (const ClusterAttachment& a : view_.clusterAttachments().subspan(range.first, range.count)) {
         sum += static_cast<double>(a.weight);
       }
       if (!(std::abs(sum - 1.0) <= kSumTolerance)) {
@@ -706,20 +670,20 @@ class PackageReader {
       }
       end += range.count;
     }
-    return end == view_.cluster_attachments_.size() ||
+    return end == view_.clusterAttachments().size() ||
            refuse(section::cluster_attachments, "has weights of no visual vertex");
   }
 
   bool checkIdentity() {
-    const std::size_t vertices = view_.visual_identity_.size(), sources = view_.source_identity_.size();
-    if (view_.source_visual_list_.size() != vertices) {
+    const std::size_t vertices = view_.visualIdentity().size(), sources = view_.sourceIdentity().size();
+    if (view_.sourceVisualList().size() != vertices) {
       return refuse(section::source_visual_list, "does not have one element for each visual vertex");
     }
-    if (!check(section::visual_identity, view_.visual_identity_, "no such source vertex or welded point",
+    if (!check(section::visual_identity, view_.visualIdentity(), "no such source vertex or welded point",
                [=](const VisualIdentity& v) {
                  return unsigned(v.source_vertex >= sources) | unsigned(v.welded >= vertices);
                }) ||
-        !check(section::source_visual_list, view_.source_visual_list_, "no such visual vertex",
+        !check(section::source_visual_list, view_.sourceVisualList(), "no such visual vertex",
                [vertices](std::uint32_t v) { return unsigned(v >= vertices); })) {
       return false;
     }
@@ -727,7 +691,7 @@ class PackageReader {
     // vertices that name this source vertex: so every visual vertex occurs exactly once.
     std::uint64_t end = 0;
     for (std::size_t i = 0; i < sources; ++i) {
-      const SourceIdentity& source = view_.source_identity_[i];
+      const SourceIdentity& source = view_.sourceIdentity()[i];
       const auto bad = [&](const char* what) { return refuse(section::source_identity, i, what); };
       if (source.first_visual != end) return bad("its run of SVLS does not start where the run before ends");
       if (source.visual_count > vertices - end) return bad("its run reaches beyond section SVLS");
@@ -736,11 +700,11 @@ class PackageReader {
         continue;
       }
       for (std::uint64_t k = end; k < end + source.visual_count; ++k) {
-        const std::uint32_t v = view_.source_visual_list_[k];
-        if (view_.visual_identity_[v].source_vertex != i || (k > end && v <= view_.source_visual_list_[k - 1])) {
+        const std::uint32_t v = view_.sourceVisualList()[k];
+        if (view_.visualIdentity()[v].source_vertex != i || (k > end && v <= view_.sourceVisualList()[k - 1])) {
           return bad("its run of SVLS is not ascending, or holds a visual vertex of another source vertex");
         }
-        if (view_.visual_identity_[v].welded != source.welded) {
+        if (view_.visualIdentity()[v].welded != source.welded) {
           return bad("its welded point is not that of its visual vertices");
         }
       }
@@ -749,8 +713,8 @@ class PackageReader {
     if (end != vertices) return refuse(section::source_visual_list, "has visual vertices of no source vertex");
 
     std::uint64_t source_vertex = 0;
-    for (std::size_t i = 0; i < view_.source_meshes_.size(); ++i) {
-      const SourceMesh& mesh = view_.source_meshes_[i];
+    for (std::size_t i = 0; i < view_.sourceMeshes().size(); ++i) {
+      const SourceMesh& mesh = view_.sourceMeshes()[i];
       if (mesh.first_source_vertex != source_vertex) {
         return refuse(section::source_meshes, i, "does not start where the mesh before it ends");
       }
@@ -761,27 +725,27 @@ class PackageReader {
 
   bool checkGroups() {
     std::uint64_t end = 0;
-    for (std::size_t i = 0; i < view_.groups_.size(); ++i) {
-      const Group& group = view_.groups_[i];
-      if (!checkRun(section::groups, i, group.first, group.count, view_.group_vertices_, view_.visual_positions_.size(),
+    for (std::size_t i = 0; i < view_.groups().size(); ++i) {
+      const Group& group = view_.groups()[i];
+      if (!checkRun(section::groups, i, group.first, group.count, view_.groupVertices(), view_.visualPositions().size(),
                     end)) {
         return false;
       }
     }
-    return end == view_.group_vertices_.size() || refuse(section::group_vertices, "has vertices of no group");
+    return end == view_.groupVertices().size() || refuse(section::group_vertices, "has vertices of no group");
   }
 
   bool checkMasks() {
-    const std::span<const MaskWeight> weights = view_.mask_weights_;
+    const std::span<const MaskWeight> weights = view_.maskWeights();
     std::uint64_t end = 0;
-    for (std::size_t i = 0; i < view_.masks_.size(); ++i) {
-      const Mask& mask = view_.masks_[i];
+    for (std::size_t i = 0; i < view_.masks().size(); ++i) {
+      const Mask& mask = view_.masks()[i];
       if (mask.first != end || mask.count > weights.size() - end) {
         return refuse(section::masks, i, "does not start where the mask before ends, or reaches beyond section MSKV");
       }
       std::uint64_t lowest = 0;
       for (const MaskWeight& w : weights.subspan(mask.first, mask.count)) {
-        if (w.vertex < lowest || w.vertex >= view_.visual_positions_.size() || !(w.weight > 0) || !(w.weight <= 1)) {
+        if (w.vertex < lowest || w.vertex >= view_.visualPositions().size() || !(w.weight > 0) || !(w.weight <= 1)) {
           return refuse(section::masks, i, "its vertices are not ascending visual vertices of weight 0 to 1");
         }
         lowest = std::uint64_t{w.vertex} + 1;
@@ -794,9 +758,14 @@ class PackageReader {
   std::span<const std::byte> bytes_;
   PackageView& view_;
   Header header_{};
-  std::array<std::span<const std::byte>, kSectionRules.size()> data_;
   std::string reason_;
 };
+
+SectionData PackageView::sectionData(std::uint32_t id) const {
+  const std::size_t index = section::indexOf(id);
+  if (index == lists_.size()) return {};
+  return {lists_[index].data, lists_[index].count, kSectionRules[index].element_bytes};
+}
 
 PackageError PackageView::open(std::span<const std::byte> bytes, PackageView& view) {
   PackageView candidate;

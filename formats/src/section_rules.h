@@ -18,8 +18,8 @@ struct SectionRule {
   std::uint64_t feature;  ///< the bit of Header::features that is set exactly when the section is there; 0 = none
 };
 
-/// In the order in which the writer lays sections out.
-inline constexpr std::array<SectionRule, 37> kSectionRules = {{
+/// In the order of section::kAll.
+inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {{
     {section::info, sizeof(BodyInfo), kSectionRequired, true, 0},
     {section::strings, 1, kSectionRequired, false, 0},
     {section::bodies, sizeof(BodyRange), kSectionRequired, true, 0},
@@ -66,12 +66,12 @@ inline constexpr std::uint64_t kKnownFeatures = [] {
   return bits;
 }();
 
-/// Index into kSectionRules, or kSectionRules.size() for an id this software does not know.
-constexpr std::size_t sectionRuleIndex(std::uint32_t id) {
-  std::size_t i = 0;
-  while (i < kSectionRules.size() && kSectionRules[i].id != id) ++i;
-  return i;
-}
+static_assert([] {
+  for (std::size_t i = 0; i < section::kAll.size(); ++i) {
+    if (kSectionRules[i].id != section::kAll[i]) return false;
+  }
+  return true;
+}());
 
 /// `bytes` rounded up to the next multiple of kSectionAlignment; `bytes` at most 2^64 - 64.
 constexpr std::uint64_t alignedSize(std::uint64_t bytes) {

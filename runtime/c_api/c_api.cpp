@@ -12,6 +12,8 @@
 #include <new>
 #include <optional>
 #include <string_view>
+#include <type_traits>
+#include <utility>
 
 #include "sinew/formats/version.h"
 #include "sinew/runtime/thread_pool.h"
@@ -212,83 +214,6 @@ sinew::RigidTransform transform(const float* position, const float* rotation) {
   return result;
 }
 
-struct SectionBytes {
-  const void* data = nullptr;
-  std::size_t count = 0;
-  std::size_t bytes_each = 0;
-};
-
-template <class T>
-SectionBytes bytesOf(std::span<const T> section) {
-  return {section.data(), section.size(), sizeof(T)};
-}
-
-SectionBytes sectionOf(const sinew::formats::PackageView& package, std::uint32_t id) {
-  namespace section = sinew::formats::section;
-  switch (id) {
-    case section::info:
-      return {&package.info(), 1, sizeof(sinew::formats::BodyInfo)};
-    case section::bodies:
-      return bytesOf(package.bodies());
-    case section::physical_vertices:
-      return bytesOf(package.physicalVertices());
-    case section::tetrahedra:
-      return bytesOf(package.tetrahedra());
-    case section::clusters:
-      return bytesOf(package.clusters());
-    case section::memberships:
-      return bytesOf(package.memberships());
-    case section::quadratic_moments:
-      return bytesOf(package.quadraticMoments());
-    case section::visual_positions:
-      return bytesOf(package.visualPositions());
-    case section::visual_normals:
-      return bytesOf(package.visualNormals());
-    case section::visual_uv:
-      return bytesOf(package.visualUvs());
-    case section::visual_colors:
-      return bytesOf(package.visualColors());
-    case section::visual_triangles:
-      return bytesOf(package.visualTriangles());
-    case section::sub_meshes:
-      return bytesOf(package.subMeshes());
-    case section::materials:
-      return bytesOf(package.materials());
-    case section::textures:
-      return bytesOf(package.textures());
-    case section::texture_bytes:
-      return bytesOf(package.textureBytes());
-    case section::barycentric:
-      return bytesOf(package.barycentric());
-    case section::cluster_attachment_ranges:
-      return bytesOf(package.clusterAttachmentRanges());
-    case section::cluster_attachments:
-      return bytesOf(package.clusterAttachments());
-    case section::visual_identity:
-      return bytesOf(package.visualIdentity());
-    case section::source_identity:
-      return bytesOf(package.sourceIdentity());
-    case section::source_visual_list:
-      return bytesOf(package.sourceVisualList());
-    case section::source_meshes:
-      return bytesOf(package.sourceMeshes());
-    case section::groups:
-      return bytesOf(package.groups());
-    case section::group_vertices:
-      return bytesOf(package.groupVertices());
-    case section::strings: {
-      // The text with offset 0 starts the section; its size is in the list of sections.
-      std::size_t bytes = 0;
-      for (const sinew::formats::SectionInfo& info : package.sections()) {
-        if (info.id == id) bytes = std::size_t(info.bytes);
-      }
-      return {bytes > 0 ? package.text({0, 0}).data() : nullptr, bytes, 1};
-    }
-    default:
-      return {};
-  }
-}
-
 }  // namespace
 
 struct sinew_asset {
@@ -311,42 +236,55 @@ struct sinew_world {
 
 namespace {
 
-sinew_status runOnWorld(const char* call, const sinew_world* world, bool arguments_given,
-                        const Callable& work) noexcept {
+// What a function below does with a world, and perhaps a body of it, whatever it is.
+struct WorldWork {
+  const void* work;
+  void (*run)(const void* work, const sinew::World& world, sinew::BodyId body);
+};
+
+sinew_status runOnWorld(const char* call, const sinew_world* world, sinew::BodyId body, bool arguments_given,
+                        const WorldWork& work) noexcept {
   if (world == nullptr || !arguments_given) return failNull(call);
-  const sinew_status status = guarded(call, work);
+  const sinew_status status = guarded(call, [&] {
+    work.run(work.work, *world->world, body);
+    return SINEW_OK;
+  });
   const sinew_status told = world->log.takeStatus();
   return status != SINEW_OK ? status : told;
 }
 
-sinew_status runOnBody(const char* call, const sinew_world* world, std::uint32_t body, bool arguments_given,
-                       const Callable& work) noexcept {
+sinew_status runOnBody(const char* call, const sinew_world* world, sinew::BodyId body, bool arguments_given,
+                       const WorldWork& work) noexcept {
   if (world == nullptr || !arguments_given) return failNull(call);
-  if (!world->world->contains({body})) {
+  if (!world->world->contains(body)) {
     char line[128];
-    std::snprintf(line, sizeof line, "%s: there is no body %u in this world", call, body);
+    std::snprintf(line, sizeof line, "%s: there is no body %u in this world", call, body.value);
     return fail(SINEW_ERROR_ARGUMENT, line);
   }
-  return runOnWorld(call, world, true, work);
+  return runOnWorld(call, world, body, true, work);
 }
+
+// A world that is reached through a handle to read stays one to read.
+template <class WorldHandle>
+using WorldOf = std::conditional_t<std::is_const_v<WorldHandle>, const sinew::World, sinew::World>;
 
 // Runs work(world) and reports what it told the log.
 template <class WorldHandle, class Work>
 sinew_status onWorld(const char* call, WorldHandle* world, bool arguments_given, const Work& work) noexcept {
-  return runOnWorld(call, world, arguments_given, [&] {
-    work(*world->world);
-    return SINEW_OK;
-  });
+  const auto run = [](const void* it, const sinew::World& on, sinew::BodyId) {
+    (*static_cast<const Work*>(it))(const_cast<WorldOf<WorldHandle>&>(on));
+  };
+  return runOnWorld(call, world, {}, arguments_given, {&work, run});
 }
 
 // The same for a body: refused where there is none.
 template <class WorldHandle, class Work>
 sinew_status onBody(const char* call, WorldHandle* world, std::uint32_t body, bool arguments_given,
                     const Work& work) noexcept {
-  return runOnBody(call, world, body, arguments_given, [&] {
-    work(*world->world, sinew::BodyId{body});
-    return SINEW_OK;
-  });
+  const auto run = [](const void* it, const sinew::World& on, sinew::BodyId id) {
+    (*static_cast<const Work*>(it))(const_cast<WorldOf<WorldHandle>&>(on), id);
+  };
+  return runOnBody(call, world, {body}, arguments_given, {&work, run});
 }
 
 sinew_status finishLoad(const sinew::Result<std::shared_ptr<const sinew::Asset>>& loaded, sinew_asset** asset) {
@@ -434,10 +372,10 @@ sinew_status sinew_asset_section(const sinew_asset* asset, uint32_t id, const vo
   if (asset == nullptr || data == nullptr || count == nullptr || bytes_each == nullptr) {
     return failNull("sinew_asset_section");
   }
-  const SectionBytes section = sectionOf(asset->asset->package(), id);
-  *data = section.count > 0 ? section.data : nullptr;
+  const sinew::formats::SectionData section = asset->asset->package().sectionData(id);
+  *data = section.data;
   *count = std::uint32_t(section.count);
-  *bytes_each = std::uint32_t(section.bytes_each);
+  *bytes_each = section.bytes_each;
   return SINEW_OK;
 }
 

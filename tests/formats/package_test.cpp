@@ -103,6 +103,22 @@ TEST(Package, MechanicsReadAsWritten) {
   EXPECT_EQ(view.pinWeights()[3], 0.5F);
 }
 
+TEST(Package, SectionDataIsThatOfTheTable) {
+  const test::AlignedBytes bytes(writePackage(test::mechanicsPackage()));
+  PackageView view;
+  ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+  std::size_t present = 0;
+  for (const std::uint32_t id : section::kAll) present += std::size_t(view.sectionData(id).count > 0);
+  EXPECT_EQ(present, view.sections().size());
+  for (const SectionInfo& info : view.sections()) {
+    const SectionData data = view.sectionData(info.id);
+    EXPECT_EQ(data.count, info.element_count) << sectionName(info.id);
+    EXPECT_EQ(data.count * data.bytes_each, info.bytes) << sectionName(info.id);
+  }
+  EXPECT_EQ(view.sectionData(section::mechanics).data, view.mechanics().data());
+  EXPECT_EQ(view.sectionData(fourcc("NONE")).bytes_each, 0U);
+}
+
 TEST(Package, OnlySectionsThatAreNeededExist) {
   PackageContent content = samplePackage();
   PackageContent bare;

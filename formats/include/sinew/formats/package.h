@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -23,6 +24,13 @@ struct SectionInfo {
   std::uint64_t bytes;
   std::uint64_t element_count;
   bool known;
+};
+
+/// Where the elements of a section lie.
+struct SectionData {
+  const void* data = nullptr;
+  std::size_t count = 0;
+  std::uint32_t bytes_each = 0;
 };
 
 /// The four characters of a section's id; bytes that do not print as \xHH.
@@ -49,86 +57,76 @@ class PackageView {
   std::span<const SectionInfo> sections() const { return sections_; }
 
   /// Text of a reference; safe for every StringRef inside this package.
-  std::string_view text(StringRef ref) const { return {strings_.data() + ref.offset, ref.bytes}; }
+  std::string_view text(StringRef ref) const { return {strings().data() + ref.offset, ref.bytes}; }
 
-  const BodyInfo& info() const { return *info_; }
-  std::span<const BodyRange> bodies() const { return bodies_; }
-  std::span<const PhysicalVertex> physicalVertices() const { return physical_vertices_; }
-  std::span<const Tetrahedron> tetrahedra() const { return tetrahedra_; }
-  std::span<const Cluster> clusters() const { return clusters_; }
-  std::span<const Membership> memberships() const { return memberships_; }
-  std::span<const QuadraticMoment> quadraticMoments() const { return quadratic_moments_; }
-  std::span<const ClusterMechanics> mechanics() const { return mechanics_; }
-  std::span<const CurvePoint> curvePoints() const { return curve_points_; }
-  std::span<const ActivationChannel> channels() const { return channels_; }
-  std::span<const float> vertexStiffness() const { return vertex_stiffness_; }
-  std::span<const float> pinWeights() const { return pin_weights_; }
-  std::span<const PinSet> pinSets() const { return pin_sets_; }
-  std::span<const std::uint32_t> pinSetVertices() const { return pin_set_vertices_; }
-  std::span<const AttachedPart> parts() const { return parts_; }
-  std::span<const std::uint32_t> partVertices() const { return part_vertices_; }
-  std::span<const Float3> visualPositions() const { return visual_positions_; }
-  std::span<const Float3> visualNormals() const { return visual_normals_; }
-  std::span<const Float2> visualUvs() const { return visual_uvs_; }
-  std::span<const Color8> visualColors() const { return visual_colors_; }
-  std::span<const Triangle> visualTriangles() const { return visual_triangles_; }
-  std::span<const SubMesh> subMeshes() const { return sub_meshes_; }
-  std::span<const Material> materials() const { return materials_; }
-  std::span<const Texture> textures() const { return textures_; }
-  std::span<const std::byte> textureBytes() const { return texture_bytes_; }
-  std::span<const BarycentricAttachment> barycentric() const { return barycentric_; }
-  std::span<const ClusterAttachmentRange> clusterAttachmentRanges() const { return cluster_attachment_ranges_; }
-  std::span<const ClusterAttachment> clusterAttachments() const { return cluster_attachments_; }
-  std::span<const VisualIdentity> visualIdentity() const { return visual_identity_; }
-  std::span<const SourceIdentity> sourceIdentity() const { return source_identity_; }
-  std::span<const std::uint32_t> sourceVisualList() const { return source_visual_list_; }
-  std::span<const SourceMesh> sourceMeshes() const { return source_meshes_; }
-  std::span<const Group> groups() const { return groups_; }
-  std::span<const std::uint32_t> groupVertices() const { return group_vertices_; }
-  std::span<const Mask> masks() const { return masks_; }
-  std::span<const MaskWeight> maskWeights() const { return mask_weights_; }
+  /// The elements of any section that this software knows; none of one that is absent, and 0 bytes each of others.
+  SectionData sectionData(std::uint32_t id) const;
+
+  const BodyInfo& info() const { return list<BodyInfo, section::info>().front(); }
+  std::span<const BodyRange> bodies() const { return list<BodyRange, section::bodies>(); }
+  std::span<const PhysicalVertex> physicalVertices() const {
+    return list<PhysicalVertex, section::physical_vertices>();
+  }
+  std::span<const Tetrahedron> tetrahedra() const { return list<Tetrahedron, section::tetrahedra>(); }
+  std::span<const Cluster> clusters() const { return list<Cluster, section::clusters>(); }
+  std::span<const Membership> memberships() const { return list<Membership, section::memberships>(); }
+  std::span<const QuadraticMoment> quadraticMoments() const {
+    return list<QuadraticMoment, section::quadratic_moments>();
+  }
+  std::span<const ClusterMechanics> mechanics() const { return list<ClusterMechanics, section::mechanics>(); }
+  std::span<const CurvePoint> curvePoints() const { return list<CurvePoint, section::curve_points>(); }
+  std::span<const ActivationChannel> channels() const { return list<ActivationChannel, section::channels>(); }
+  std::span<const float> vertexStiffness() const { return list<float, section::vertex_stiffness>(); }
+  std::span<const float> pinWeights() const { return list<float, section::pin_weights>(); }
+  std::span<const PinSet> pinSets() const { return list<PinSet, section::pin_sets>(); }
+  std::span<const std::uint32_t> pinSetVertices() const { return list<std::uint32_t, section::pin_set_vertices>(); }
+  std::span<const AttachedPart> parts() const { return list<AttachedPart, section::parts>(); }
+  std::span<const std::uint32_t> partVertices() const { return list<std::uint32_t, section::part_vertices>(); }
+  std::span<const Float3> visualPositions() const { return list<Float3, section::visual_positions>(); }
+  std::span<const Float3> visualNormals() const { return list<Float3, section::visual_normals>(); }
+  std::span<const Float2> visualUvs() const { return list<Float2, section::visual_uv>(); }
+  std::span<const Color8> visualColors() const { return list<Color8, section::visual_colors>(); }
+  std::span<const Triangle> visualTriangles() const { return list<Triangle, section::visual_triangles>(); }
+  std::span<const SubMesh> subMeshes() const { return list<SubMesh, section::sub_meshes>(); }
+  std::span<const Material> materials() const { return list<Material, section::materials>(); }
+  std::span<const Texture> textures() const { return list<Texture, section::textures>(); }
+  std::span<const std::byte> textureBytes() const { return list<std::byte, section::texture_bytes>(); }
+  std::span<const BarycentricAttachment> barycentric() const {
+    return list<BarycentricAttachment, section::barycentric>();
+  }
+  std::span<const ClusterAttachmentRange> clusterAttachmentRanges() const {
+    return list<ClusterAttachmentRange, section::cluster_attachment_ranges>();
+  }
+  std::span<const ClusterAttachment> clusterAttachments() const {
+    return list<ClusterAttachment, section::cluster_attachments>();
+  }
+  std::span<const VisualIdentity> visualIdentity() const { return list<VisualIdentity, section::visual_identity>(); }
+  std::span<const SourceIdentity> sourceIdentity() const { return list<SourceIdentity, section::source_identity>(); }
+  std::span<const std::uint32_t> sourceVisualList() const { return list<std::uint32_t, section::source_visual_list>(); }
+  std::span<const SourceMesh> sourceMeshes() const { return list<SourceMesh, section::source_meshes>(); }
+  std::span<const Group> groups() const { return list<Group, section::groups>(); }
+  std::span<const std::uint32_t> groupVertices() const { return list<std::uint32_t, section::group_vertices>(); }
+  std::span<const Mask> masks() const { return list<Mask, section::masks>(); }
+  std::span<const MaskWeight> maskWeights() const { return list<MaskWeight, section::mask_weights>(); }
 
  private:
   friend class PackageReader;
+  struct List {
+    const void* data = nullptr;
+    std::size_t count = 0;
+  };
+  template <class T, std::uint32_t kId>
+  std::span<const T> list() const {
+    constexpr std::size_t kIndex = section::indexOf(kId);
+    return {static_cast<const T*>(lists_[kIndex].data), lists_[kIndex].count};
+  }
+  std::span<const char> strings() const { return list<char, section::strings>(); }
+
   std::uint64_t features_ = 0;
   std::uint32_t format_version_ = 0;
   std::uint64_t total_bytes_ = 0;
   std::vector<SectionInfo> sections_;
-  std::span<const char> strings_;
-  const BodyInfo* info_ = nullptr;
-  std::span<const BodyRange> bodies_;
-  std::span<const PhysicalVertex> physical_vertices_;
-  std::span<const Tetrahedron> tetrahedra_;
-  std::span<const Cluster> clusters_;
-  std::span<const Membership> memberships_;
-  std::span<const QuadraticMoment> quadratic_moments_;
-  std::span<const ClusterMechanics> mechanics_;
-  std::span<const CurvePoint> curve_points_;
-  std::span<const ActivationChannel> channels_;
-  std::span<const float> vertex_stiffness_, pin_weights_;
-  std::span<const PinSet> pin_sets_;
-  std::span<const std::uint32_t> pin_set_vertices_;
-  std::span<const AttachedPart> parts_;
-  std::span<const std::uint32_t> part_vertices_;
-  std::span<const Float3> visual_positions_, visual_normals_;
-  std::span<const Float2> visual_uvs_;
-  std::span<const Color8> visual_colors_;
-  std::span<const Triangle> visual_triangles_;
-  std::span<const SubMesh> sub_meshes_;
-  std::span<const Material> materials_;
-  std::span<const Texture> textures_;
-  std::span<const std::byte> texture_bytes_;
-  std::span<const BarycentricAttachment> barycentric_;
-  std::span<const ClusterAttachmentRange> cluster_attachment_ranges_;
-  std::span<const ClusterAttachment> cluster_attachments_;
-  std::span<const VisualIdentity> visual_identity_;
-  std::span<const SourceIdentity> source_identity_;
-  std::span<const std::uint32_t> source_visual_list_;
-  std::span<const SourceMesh> source_meshes_;
-  std::span<const Group> groups_;
-  std::span<const std::uint32_t> group_vertices_;
-  std::span<const Mask> masks_;
-  std::span<const MaskWeight> mask_weights_;
+  std::array<List, section::kAll.size()> lists_;  // in the order of section::kAll
 };
 
 }  // namespace sinew::formats

@@ -402,6 +402,52 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
                                groups = fourcc("GRUP"), group_vertices = fourcc("GRPV"), masks = fourcc("MASK"),
                                mask_weights = fourcc("MSKV");
+
+/// All of them, in the order in which the writer lays sections out.
+inline constexpr std::array kAll = {info,
+                                    strings,
+                                    bodies,
+                                    physical_vertices,
+                                    tetrahedra,
+                                    clusters,
+                                    memberships,
+                                    quadratic_moments,
+                                    mechanics,
+                                    curve_points,
+                                    channels,
+                                    vertex_stiffness,
+                                    pin_weights,
+                                    pin_sets,
+                                    pin_set_vertices,
+                                    parts,
+                                    part_vertices,
+                                    visual_positions,
+                                    visual_normals,
+                                    visual_uv,
+                                    visual_colors,
+                                    visual_triangles,
+                                    sub_meshes,
+                                    materials,
+                                    textures,
+                                    texture_bytes,
+                                    barycentric,
+                                    cluster_attachment_ranges,
+                                    cluster_attachments,
+                                    visual_identity,
+                                    source_identity,
+                                    source_visual_list,
+                                    source_meshes,
+                                    groups,
+                                    group_vertices,
+                                    masks,
+                                    mask_weights};
+
+/// Place of an id in kAll, or kAll.size() for an id this software does not know.
+constexpr std::size_t indexOf(std::uint32_t id) {
+  std::size_t i = 0;
+  while (i < kAll.size() && kAll[i] != id) ++i;
+  return i;
+}
 }  // namespace section
 
 }  // namespace sinew::formats
