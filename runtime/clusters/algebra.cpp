@@ -56,6 +56,28 @@ void multiply(const double* a, int a_row_step, int a_column_step, const double* 
   multiplyThree(a, a_row_step, a_column_step, b, b_row_step, b_column_step, columns, to);
 }
 
+Eigen::Matrix3d widened(const Matrix3& a) { return a.cast<double>(); }
+Eigen::Matrix<double, 3, 9> widened(const Columns<9>& a) {
+  Eigen::Matrix<double, 3, 9> result;
+  for (int k = 0; k < 27; ++k) result.data()[k] = double(a.data()[k]);
+  return result;
+}
+Columns<9> narrowed(const Eigen::Matrix<double, 3, 9>& a) {
+  Columns<9> result;
+  for (int k = 0; k < 27; ++k) result.data()[k] = float(a.data()[k]);
+  return result;
+}
+
+Eigen::Matrix<double, 9, 1> monomials(const Eigen::Vector3d& q) {
+  Eigen::Matrix<double, 9, 1> result;
+  for (int axis = 0; axis < 3; ++axis) {
+    result[axis] = q[axis];
+    result[3 + axis] = q[axis] * q[axis];
+    result[6 + axis] = q[axis] * q[axis < 2 ? axis + 1 : 0];
+  }
+  return result;
+}
+
 float determinantOf(const Matrix3& a) { return a.determinant(); }
 Matrix3 inverseOf(const Matrix3& a) { return a.inverse(); }
 Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& a) { return a.inverse(); }

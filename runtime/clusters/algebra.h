@@ -64,6 +64,11 @@ Columns<9> timesSymmetric(const Columns<9>& a, const Square<9>& s);
 Vector3 timesColumn(const Columns<9>& a, const Monomials<9>& b);
 Matrix3 timesTransposed(const Columns<9>& a, const Columns<9>& b);
 
+/// The same numbers in double, and back in float.
+Eigen::Matrix3d widened(const Matrix3& a);
+Eigen::Matrix<double, 3, 9> widened(const Columns<9>& a);
+Columns<9> narrowed(const Eigen::Matrix<double, 3, 9>& a);
+
 float determinantOf(const Matrix3& a);
 Matrix3 inverseOf(const Matrix3& a);
 Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& a);
@@ -87,6 +92,9 @@ Monomials<N> monomials(const Vector3& q) {
   }
   return result;
 }
+
+/// The nine of them in double.
+Eigen::Matrix<double, 9, 1> monomials(const Eigen::Vector3d& q);
 
 /// d q~ / d q, N x 3.
 template <int N>

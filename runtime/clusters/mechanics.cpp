@@ -18,17 +18,10 @@ namespace {
 namespace lanes = SINEW_KERNELS;
 
 using Vector9d = Eigen::Matrix<double, 9, 1>;
-using Matrix9d = Eigen::Matrix<double, 9, 9>;
 
 constexpr double kFallbackDensity = 1000;  // kg/m³, of packages that state neither density nor volume
 
 int columnsOf(const formats::Cluster& cluster) { return cluster.mode == formats::ClusterMode::quadratic ? 9 : 3; }
-
-Vector9d monomialsOf(const Eigen::Vector3d& q) {
-  Vector9d result;
-  result << q, q.cwiseProduct(q), q[0] * q[1], q[1] * q[2], q[2] * q[0];
-  return result;
-}
 
 double densityOf(const formats::BodyInfo& info) {
   if (info.density > 0) return double(info.density);
@@ -88,7 +81,7 @@ MomentSums momentsOf(const formats::PackageView& package, std::uint32_t index) {
   MomentSums sums;
   for (const formats::Membership& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
     const Vector3 q = restOffset(cluster, asVector(package.physicalVertices()[member.vertex].rest_position));
-    sums.add(double(member.mu), monomialsOf(q.cast<double>()));
+    sums.add(double(member.mu), monomials(q.cast<double>()));
   }
   sums.finish();
   return sums;
@@ -189,21 +182,21 @@ ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t inde
   const double lambda = young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu = young / (2 * (1 + poisson));
   // The gradient of q~ is affine in q: d q~ / d q = Σ_s g_s q^s with q^s = (1, qx, qy, qz), and products of two of
   // those have the moments 1, Σ mu q, Σ mu q q^T.
-  Eigen::Matrix<double, 9, 3> gradient[4];
-  for (auto& g : gradient) g.setZero();
-  gradient[0].topRows<3>().setIdentity();
+  double gradient[4][3][9] = {};  // [s][derivative by][of]
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;
-    gradient[1 + axis](3 + axis, axis) = 2;
-    gradient[1 + axis](6 + axis, next) = 1;  // d (q_axis q_next) / d q_next
-    gradient[1 + next](6 + axis, axis) = 1;
+    gradient[0][axis][axis] = 1;
+    gradient[1 + axis][axis][3 + axis] = 2;
+    gradient[1 + axis][next][6 + axis] = 1;  // d (q_axis q_next) / d q_next
+    gradient[1 + next][axis][6 + axis] = 1;
   }
-  Eigen::Matrix4d affine = Eigen::Matrix4d::Zero();
-  const Eigen::Vector3d mean = basis.mean.head<3>();
-  affine(0, 0) = 1;
-  affine.block<1, 3>(0, 1) = mean.transpose();
-  affine.block<3, 1>(1, 0) = mean;
-  affine.block<3, 3>(1, 1) = basis.moment.topLeftCorner<3, 3>() + mean * mean.transpose();
+  double affine[4][4];
+  for (int s = 0; s < 4; ++s) {
+    for (int t = 0; t < 4; ++t) {
+      const double a = s > 0 ? basis.mean[s - 1] : 1, b = t > 0 ? basis.mean[t - 1] : 1;
+      affine[s][t] = (s > 0 && t > 0 ? basis.moment(s - 1, t - 1) : 0) + a * b;
+    }
+  }
 
   // W_ij = ∫ (d_i q~)(d_j q~)^T in the modes; the energy density is mu |sym|² terms of grad u and lambda tr².
   const int n = basis.t.rows(), modes = basis.t.columns();
@@ -213,16 +206,16 @@ ModeMatrix elasticEnergy(const formats::PackageView& package, std::uint32_t inde
   ModeMatrix energy(3 * modes, 3 * modes);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
-      Matrix9d sum = Matrix9d::Zero();
+      geometry::SmallMatrix<81> sum(9, 9);
       for (int s = 0; s < 4; ++s) {
         for (int t = 0; t < 4; ++t) {
-          for (int b = 0; b < 9; ++b) {
-            for (int a = 0; a < 9; ++a) sum(a, b) += affine(s, t) * gradient[s](a, i) * gradient[t](b, j);
+          for (int k = 0; k < 81; ++k) {
+            sum.data()[k] += affine[s][t] * gradient[s][i][k % 9] * gradient[t][j][k / 9];
           }
         }
       }
       geometry::SmallMatrix<81> w(modes, modes);
-      geometry::addCongruence(w, scale, geometry::viewOf(std::as_const(sum)).block(0, 0, n, n), basis.t);
+      geometry::addCongruence(w, scale, std::as_const(sum).block(0, 0, n, n), basis.t);
       // Each block with its transpose, so that the sum is symmetric to the last bit.
       const auto add = [&](int a, int b, double factor) {
         geometry::addScaled(energy.block(a * modes, b * modes, modes, modes), factor, w);

@@ -28,7 +28,6 @@ using geometry::ConstMatrixView;
 using geometry::MatrixView;
 using geometry::SmallMatrix;
 using geometry::viewOf;
-using Matrix9d = Eigen::Matrix<double, 9, 9>;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 
 // The spring of a pin of this weight below 1 is this times mu times springScale().
@@ -37,9 +36,12 @@ double springFactor(float weight) {
   return w / (1 - w) * (w / (1 - w));
 }
 
+// A vector of three as a column.
+ConstMatrixView columnOf(const Eigen::Vector3d& v) { return viewOf(v); }
+
 // to += scale a b^T with b a vector of three.
 void addOuter(MatrixView to, double scale, ConstMatrixView a, const Eigen::Vector3d& b) {
-  addProduct(to, scale, a, {b.data(), 1, 3, 1, 1});
+  addProduct(to, scale, a, {b.data(), geometry::MatrixShape{1, 3, 1, 1}});
 }
 
 // N (N^T H N)^-1 N^T.
@@ -52,15 +54,10 @@ SmallMatrix<kMost> inverseWithin(const SmallMatrix<kMost>& n, const SmallMatrix<
   return result;
 }
 
-Vector9d monomialsOf(const Eigen::Vector3d& q) {
-  Vector9d result;
-  result << q, q.cwiseProduct(q), q[0] * q[1], q[1] * q[2], q[2] * q[0];
-  return result;
-}
-
-// A of q~(q' + s) = A q~'(q') + q~(s).
-Matrix9d shiftedMonomials(const Eigen::Vector3d& s) {
-  Matrix9d a = Matrix9d::Identity();
+// A of q~(q' + s) = A q~'(q') + q~(s). Its first three columns are d q~ / d q at s.
+SmallMatrix<81> shiftedMonomials(const Eigen::Vector3d& s) {
+  SmallMatrix<81> a(9, 9);
+  geometry::addToDiagonal(a, 1);
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;
     a(3 + axis, axis) = 2 * s[axis];
@@ -136,9 +133,9 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
     addOuter(group.exact_spread, 1, b, local);
     addOuter(exact_offsets_, 1, b, q);
     addProduct(moment, 1, b, b.transposed());
-    group.turn += local * turned.transpose();
+    addOuter(viewOf(group.turn), 1, columnOf(local), turned);
     group.offset += turned;
-    second += turned * turned.transpose();
+    addOuter(viewOf(second), 1, columnOf(turned), turned);
   }
   std::array<double, 10> values;
   Square10 vectors(size, size);
@@ -164,10 +161,10 @@ PinFit::PinFit(const formats::PackageView& package, std::uint32_t cluster, PinMe
   for (int k = 0; k < 6; ++k) {
     const double reach = std::sqrt(3 * std::max(spread[std::size_t(k / 2)], 0.0)) * (k % 2 == 0 ? 1 : -1);
     const Eigen::Vector3d q = basis_.mean.head<3>() + reach * axes.col(k / 2);
-    const Eigen::Matrix<double, 9, 3> gradient = monomialGradient<9>(q.cast<float>()).cast<double>();
+    const SmallMatrix<81> gradient = shiftedMonomials(q.cast<float>().cast<double>());
     ModeGradient& at = strain_points_[std::size_t(k)];
     at = ModeGradient(size - 1, 3);
-    addProduct(at, 1, std::as_const(basis_.t).transposed(), viewOf(gradient).block(0, 0, basis_.t.rows(), 3));
+    addProduct(at, 1, std::as_const(basis_.t).transposed(), gradient.block(0, 0, basis_.t.rows(), 3));
   }
   if (exact_count_ >= 3) {
     geometry::symmetricEigen(viewOf(std::as_const(second)), spread, viewOf(axes));
@@ -182,7 +179,7 @@ Eigen::Vector3d PinFit::centredOffset(const formats::PackageView& package, const
 }
 
 PinFit::Basis PinFit::basisAt(const formats::Cluster& cluster, const Vector3& rest_position) const {
-  const Vector9d monomial = monomialsOf(restOffset(cluster, rest_position).cast<double>()) - basis_.mean;
+  const Vector9d monomial = monomials(restOffset(cluster, rest_position).cast<double>()) - basis_.mean;
   const int modes = basis_.t.columns(), n = basis_.t.rows();
   Basis b(modes + 1, 1);
   b(0, 0) = 1;
@@ -231,20 +228,20 @@ void PinFit::remake(const formats::PackageView& package, const RestConstants& re
     // About the pins: q~' of q' = q - (mean of the pins), q~ = A q~' + constant, so that a mode that leaves the pins in
     // place has the frequency of its class. K = D M' D in those, M' with the mean: the pins take the translation.
     const int n = basis_.t.rows();
-    const Vector9d offset = basis_.mean - monomialsOf(pin_mean_);
-    const Matrix9d to = shiftedMonomials(pin_mean_), back = shiftedMonomials(-pin_mean_);
-    const Matrix9d moment = basis_.moment + offset * offset.transpose();
-    Matrix9d about = Matrix9d::Zero(), energy = Matrix9d::Zero();
-    geometry::addCongruence(viewOf(about), 1, viewOf(moment), viewOf(back).transposed());
+    const Vector9d offset = basis_.mean - monomials(pin_mean_);
+    Eigen::Matrix<double, 9, 9> moment = basis_.moment;
+    addProduct(viewOf(moment), 1, viewOf(offset), viewOf(offset).transposed());
+    SmallMatrix<81> about(9, 9), energy(9, 9);
+    geometry::addCongruence(about, 1, viewOf(std::as_const(moment)), shiftedMonomials(-pin_mean_).transposed());
+    double* at = about.data();
     for (int j = 0; j < 9; ++j) {
-      for (int i = 0; i < 9; ++i) {
+      for (int i = 0; i < 9; ++i, ++at) {
         const bool both = i < n && j < n;
-        about(i, j) *= both ? std::sqrt(ratios[std::size_t(i / 3)]) * std::sqrt(ratios[std::size_t(j / 3)]) : 0.0;
+        *at *= both ? std::sqrt(ratios[std::size_t(i / 3)]) * std::sqrt(ratios[std::size_t(j / 3)]) : 0.0;
       }
     }
-    geometry::addCongruence(viewOf(energy), 1, viewOf(std::as_const(about)), viewOf(to).transposed());
-    geometry::addCongruence(system_.block(1, 1, modes, modes), 1, viewOf(std::as_const(energy)).block(0, 0, n, n),
-                            basis_.t);
+    geometry::addCongruence(energy, 1, about, shiftedMonomials(pin_mean_).transposed());
+    geometry::addCongruence(system_.block(1, 1, modes, modes), 1, std::as_const(energy).block(0, 0, n, n), basis_.t);
   }
   inverse_ = inverseWithin(null_space_, system_);
   response_ = Square10(size, size);
@@ -261,27 +258,30 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
                    ClusterFrame& frame) const {
   const int modes = basis_.t.columns(), n = basis_.t.rows(), size = modes + 1;
   const Matrix3 shape = extras.shape != nullptr ? *extras.shape : Matrix3(Matrix3::Identity());
+  const Eigen::Matrix3d rest_shape = widened(shape);
   // R: what the pins say. Frequencies are about that frame: about a frame that follows the body they would let it sag
   // without end. The energy of elastic modes does not mind turns, and large ones are right only about the body's own.
   if (oriented_ && !elastic_ && method_ != PinMethod::matrix) {
     Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
     for (const Group& group : groups_) {
-      moment += group.rotation * group.turn + (group.place - moment_center_).cast<double>() * group.offset.transpose();
+      const Eigen::Vector3d place = (group.place - moment_center_).cast<double>();
+      addProduct(viewOf(moment), 1, viewOf(group.rotation), viewOf(group.turn));
+      addOuter(viewOf(moment), 1, columnOf(place), group.offset);
     }
-    moment *= shape.transpose().cast<double>() / double(cluster.radius);
+    moment = moment * rest_shape.transpose() / double(cluster.radius);
     geometry::nearestRotation(Matrix3(moment.cast<float>()), frame.rotation);
   }
   const Matrix3 r = geometry::rotationMatrix(frame.rotation);
-  const Eigen::Matrix3d back = r.transpose().cast<double>();
+  const Eigen::Matrix3d back = widened(r).transpose();
 
   // Where the pins want their points, and the exact ones' least-norm answer to it.
   // Σ b d^T, d = R^T (place - c) / radius - S q, of the sets' sums.
   Answer wanted(size, 3), load(size, 3);
-  const Eigen::Matrix3d rest_shape = shape.cast<double>();
   const double per_radius = 1 / double(cluster.radius);
+  const Eigen::Matrix3d scaled_back = per_radius * back;
   for (const Group& group : groups_) {
-    const Eigen::Matrix3d turn = per_radius * back * group.rotation;
-    const Eigen::Vector3d place = per_radius * (back * (group.place - moment_center_).cast<double>());
+    const Eigen::Matrix3d turn = scaled_back * group.rotation;
+    const Eigen::Vector3d offset = (group.place - moment_center_).cast<double>(), place = per_radius * (back * offset);
     if (group.exact > 0) {
       addProduct(wanted, 1, group.exact_spread, viewOf(turn).transposed());
       addOuter(wanted, 1, group.exact_sum, place);
@@ -296,13 +296,19 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   Answer held(size, 3);
   addProduct(held, 1, from_points_, wanted);
 
-  Answer g = held;
+  Answer g;
   if (method_ == PinMethod::matrix) {
-    addFreePart(g, answerOf(frame.f, r, shape, Eigen::Vector3d::Zero()), held);
+    g = withFreePart(held, answerOf(frame.f, r, shape, Eigen::Vector3d::Zero()));
   } else {
+    g = held;
     if (modes > 0) {
-      Eigen::Matrix<double, 3, 9> deviation = back * frame.a_pq.cast<double>() - (shape * rest.moment).cast<double>();
-      if (extras.previous != nullptr) deviation += double(extras.damping_passes) * extras.previous->cast<double>();
+      Eigen::Matrix<double, 3, 9> deviation = back * widened(frame.a_pq);
+      const Columns<9> at_rest = shape * rest.moment;
+      for (int k = 0; k < 27; ++k) {
+        double& one = deviation.data()[k];
+        one -= double(at_rest.data()[k]);
+        if (extras.previous != nullptr) one += double(extras.damping_passes) * double(extras.previous->data()[k]);
+      }
       addProduct(load.block(1, 0, modes, 3), 1, basis_.t.transposed(),
                  viewOf(std::as_const(deviation)).block(0, 0, 3, n).transposed());
     }
@@ -333,24 +339,26 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   Columns<9> f = frame.f;
   if (applyGoalLimits(limits, false, guardMargin(pass_seconds_), r, extras.shape, f) == Limited::nothing) return false;
   const Eigen::Vector3d shift(g(0, 0), g(0, 1), g(0, 2));
-  g = held;
-  addFreePart(g, answerOf(f, r, shape, shift), held);
+  g = withFreePart(held, answerOf(f, r, shape, shift));
   write(cluster, r, shape, g, frame);
   return true;
 }
 
-// g += N N^T (answer - held).
-void PinFit::addFreePart(Answer& g, Answer answer, const Answer& held) const {
+// held + N N^T (answer - held).
+PinFit::Answer PinFit::withFreePart(const Answer& held, Answer&& answer) const {
   addScaled(answer, -1, held);
+  Answer g = held;
   addProduct(g, 1, free_, answer);
+  return g;
 }
 
 // What an F is in the basis. \param shift of the goals' centre, over the radius, in the frame R.
 PinFit::Answer PinFit::answerOf(const Columns<9>& f, const Matrix3& r, const Matrix3& shape,
                                 const Eigen::Vector3d& shift) const {
   const int modes = basis_.t.columns(), n = basis_.t.rows();
-  Eigen::Matrix<double, 3, 9> g = r.transpose().cast<double>() * f.cast<double>();
-  g.leftCols<3>() -= shape.cast<double>();
+  const Eigen::Matrix3d back = widened(r).transpose();
+  Eigen::Matrix<double, 3, 9> g = back * widened(f);
+  g.leftCols<3>() -= widened(shape);
   SmallMatrix<81> moment(n, modes);
   addProduct(moment, 1, viewOf(basis_.moment).block(0, 0, n, n), basis_.t);
   Answer answer(modes + 1, 3);
@@ -365,7 +373,7 @@ PinFit::Answer PinFit::answerOf(const Columns<9>& f, const Matrix3& r, const Mat
 // change, and with pins in the way it fed a beam energy until it burst.
 void PinFit::keepVolume(const Matrix3& shape, Answer& g) const {
   const int modes = basis_.t.columns(), size = modes + 1;
-  const Eigen::Matrix3d rest = shape.cast<double>();
+  const Eigen::Matrix3d rest = widened(shape);
   const double part = 1.0 / double(strain_points_.size());
   for (int step = 0; step < 3; ++step) {
     double ratio = 0;
@@ -375,7 +383,7 @@ void PinFit::keepVolume(const Matrix3& shape, Answer& g) const {
       addProduct(viewOf(local).transposed(), 1, at.transposed(), g.block(1, 0, modes, 3));
       Eigen::Matrix3d cofactor;
       for (int k = 0; k < 3; ++k) cofactor.col(k) = local.col((k + 1) % 3).cross(local.col((k + 2) % 3));
-      ratio += part * local.determinant();
+      ratio += part * local.col(0).dot(cofactor.col(0));
       addProduct(gradient.block(1, 0, modes, 3), part, at, viewOf(std::as_const(cofactor)).transposed());
     }
     Answer along(size, 3);
@@ -399,9 +407,9 @@ void PinFit::write(const formats::Cluster& cluster, const Matrix3& r, const Matr
                    ClusterFrame& frame) const {
   const int modes = basis_.t.columns(), n = basis_.t.rows();
   Eigen::Matrix<double, 3, 9> f = Eigen::Matrix<double, 3, 9>::Zero();
-  f.leftCols<3>() = shape.cast<double>();
+  f.leftCols<3>() = widened(shape);
   addProduct(viewOf(f).block(0, 0, 3, n), 1, g.block(1, 0, modes, 3).transposed(), basis_.t.transposed());
-  frame.f = (r.cast<double>() * f).cast<float>();
+  frame.f = narrowed(widened(r) * f);
   frame.center = moment_center_ + cluster.radius * (r * Vector3(float(g(0, 0)), float(g(0, 1)), float(g(0, 2))));
 }
 

@@ -95,7 +95,7 @@ class PinFit {
   [[gnu::cold]] void remake(const formats::PackageView& package, const RestConstants& rest, float stiffness_scale,
                             float pass_seconds);
   void keepVolume(const Matrix3& shape, Answer& g) const;
-  void addFreePart(Answer& g, Answer answer, const Answer& held) const;
+  Answer withFreePart(const Answer& held, Answer&& answer) const;
   double springScale() const;
   Eigen::Vector3d centredOffset(const formats::PackageView& package, const PinPoint& point) const;
   Answer answerOf(const Columns<9>& f, const Matrix3& r, const Matrix3& shape, const Eigen::Vector3d& shift) const;

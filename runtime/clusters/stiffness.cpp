@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/geometry/small_matrix.h"
 #include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
@@ -28,49 +28,44 @@ double stiffnessRatio(float frequency_hz, float scale, float step_seconds) {
   return phase * phase;
 }
 
-Square<3> linearMoment(const formats::Cluster& cluster) {
-  const auto& a = cluster.a_qq;
-  Square<3> result;
-  result << a[0], a[3], a[5], a[3], a[1], a[4], a[5], a[4], a[2];
-  return result;
+// A_qq times a factor: that of a linear cluster in rows and columns 0..2, that of a quadratic one in all.
+void setLinear(const formats::Cluster& cluster, float factor, Square<9>& s) {
+  constexpr std::uint8_t kPlace[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) s(row, column) = factor * cluster.a_qq[kPlace[row][column]];
+  }
 }
 
-Square<9> unpack(const formats::QuadraticMoment& packed) {
-  Square<9> result;
+void setQuadratic(const formats::QuadraticMoment& packed, float factor, Square<9>& s) {
   std::size_t k = 0;
   for (int row = 0; row < 9; ++row) {
-    for (int column = 0; column <= row; ++column) result(row, column) = result(column, row) = packed.a_qq[k++];
+    for (int column = 0; column <= row; ++column) s(row, column) = s(column, row) = factor * packed.a_qq[k++];
   }
-  return result;
 }
 
 // S = (M + K)^+ with K = D M D, D = diag(2 pi f h) by class of modes: the implicit step of the energy 1/2 g^T K g.
 // Symmetric; A_qq / (1 + (2 pi f h)^2) where all frequencies are equal.
 // `damping` (h d) adds d M to the implicit step.
-Square<9> coupledStiffness(const Square<9>& moment, const std::array<double, 3>& ratios, double damping) {
-  Eigen::Matrix<double, 9, 9> sum = moment.cast<double>();
-  for (int row = 0; row < 9; ++row) {
-    for (int column = 0; column < 9; ++column) {
-      const double both =
-          std::min(ratios[std::size_t(row / 3)], kRigidRatio) * std::min(ratios[std::size_t(column / 3)], kRigidRatio);
-      sum(row, column) *= 1 + damping + std::sqrt(both);
+void setCoupled(const Square<9>& moment, const std::array<double, 3>& ratios, double damping, Square<9>& s) {
+  geometry::SmallMatrix<81> sum(9, 9);
+  double* at = sum.data();
+  for (int column = 0; column < 9; ++column) {
+    for (int row = 0; row < 9; ++row, ++at) {
+      const double a = ratios[std::size_t(row / 3)], b = ratios[std::size_t(column / 3)];
+      if (a < kRigidRatio && b < kRigidRatio) *at = double(moment(row, column)) * (1 + damping + std::sqrt(a * b));
     }
   }
-  for (int block = 0; block < 3; ++block) {
-    if (ratios[std::size_t(block)] < kRigidRatio) continue;
-    sum.middleRows<3>(3 * block).setZero();
-    sum.middleCols<3>(3 * block).setZero();
-  }
-  return geometry::equilibratedPseudoInverse<9>(sum, 1e-7).cast<float>();
+  geometry::equilibratedPseudoInverse(sum, 1e-7, sum);
+  for (int k = 0; k < 81; ++k) s.data()[k] = float(sum.data()[k]);
 }
 
 // Whether a cluster is so thin that its classes of modes cannot be told apart under a load: a wire's bend turns it
 // about its own axis, where it has next to no inertia, and contacts then drove it without bound.
 bool isSlender(const ClusterRest& rest) {
-  const Eigen::Matrix3d moment = rest.moment.leftCols<3>().cast<double>();
+  geometry::SmallMatrix<9> moment(3, 3), axes(3, 3);
+  for (int k = 0; k < 9; ++k) moment.data()[k] = double(rest.moment.data()[k]);
   std::array<double, 3> values;
-  Eigen::Matrix3d axes;
-  geometry::symmetricEigen(geometry::viewOf(moment), values, geometry::viewOf(axes));
+  geometry::symmetricEigen(moment, values, axes);
   return values[0] < double(kSlender) * values[2];
 }
 
@@ -140,17 +135,19 @@ double volumeOmega(const formats::Cluster& cluster, double frequency_ratio, doub
 Eigen::Matrix<float, 27, 1> keptModes(const formats::ClusterMechanics& mechanics, const ElasticModes& modes,
                                       float stiffness_scale, float step_seconds) {
   const double h = double(step_seconds), scale = double(stiffness_scale);
-  const Eigen::Array<double, 27, 1> omega2 = modes.omega2.cast<double>().array();
-  return (1 / (1 + h * double(mechanics.damping) + h * h * scale * scale * omega2)).cast<float>();
+  const double damped = 1 + h * double(mechanics.damping), per_omega2 = h * h * scale * scale;
+  Eigen::Matrix<float, 27, 1> kept;
+  for (int k = 0; k < 27; ++k) kept[k] = float(1 / (damped + per_omega2 * double(modes.omega2[k])));
+  return kept;
 }
 
 ClusterStiffness freeStiffness(const formats::PackageView& package, std::uint32_t index) {
   const formats::Cluster& cluster = package.clusters()[index];
   ClusterStiffness result;
   result.deforms = cluster.mode != formats::ClusterMode::rigid;
-  if (cluster.mode == formats::ClusterMode::linear) result.s.topLeftCorner<3, 3>() = linearMoment(cluster);
+  if (cluster.mode == formats::ClusterMode::linear) setLinear(cluster, 1, result.s);
   if (cluster.mode == formats::ClusterMode::quadratic) {
-    result.s = unpack(package.quadraticMoments()[cluster.quadratic]);
+    setQuadratic(package.quadraticMoments()[cluster.quadratic], 1, result.s);
   }
   return result;
 }
@@ -170,7 +167,8 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   if (!limits.empty() && limits[index].volume != formats::VolumeMethod::none) {
     const double phase = double(step_seconds) * volumeOmega(cluster, double(rest.clusters[index].frequency_ratio),
                                                             double(stiffness_scale), double(step_seconds));
-    result.volume_ease = float(double(freeStiffness(package, index).s.topLeftCorner<3, 3>().trace()) / (phase * phase));
+    const Square<9> moment = freeStiffness(package, index).s;
+    result.volume_ease = float(double(moment(0, 0) + (moment(1, 1) + moment(2, 2))) / (phase * phase));
   }
   const double damping = double(mechanics.damping) * double(step_seconds);
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
@@ -178,17 +176,25 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
     // What rows count with: the answer averaged over the axes. The match itself asks the modes.
     const ElasticModes& modes = rest.mechanics.modes[rest.mechanics.modes_of[index]];
     const Eigen::Matrix<float, 27, 1> kept = keptModes(mechanics, modes, stiffness_scale, step_seconds);
+    // `kept` of what deforms at all: turns, and modes that the cluster lacks, keep everything.
+    double sum = 0;
+    int deforming = 0;
     for (int k = 0; k < 27; ++k) {
-      const Eigen::Map<const Columns<9>> mode(modes.vectors.col(k).data());
-      result.s += (kept[k] / 3) * mode.transpose() * mode;
+      const float* const mode = modes.vectors.col(k).data();
+      for (int j = 0; j < 9; ++j) {
+        for (int i = 0; i < 9; ++i) {
+          const float* const a = mode + 3 * i;
+          const float* const b = mode + 3 * j;
+          result.s(i, j) += kept[k] / 3 * (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
+        }
+      }
+      if (modes.omega2[k] > 0) {
+        sum += double(kept[k]);
+        ++deforming;
+      }
     }
-    // Of what deforms at all: turns, and modes that the cluster lacks, keep everything.
-    const auto deforms = (modes.omega2.array() > 0).cast<float>();
-    if (deforms.sum() > 0) {
-      result.kept = float(1 + damping) * (kept.array() * deforms).sum() / deforms.sum();
-    } else {
-      result.kept = modes.vectors.isZero(0) ? 0.0F : 1.0F;  // a single vertex has nothing to keep
-    }
+    result.kept = modes.vectors.isZero(0) ? 0.0F : 1.0F;  // a single vertex has nothing to keep
+    if (deforming > 0) result.kept = float((1 + damping) * sum / deforming);
     result.slowest_hz = slowestMode(modes, double(rest.clusters[index].frequency_ratio), double(stiffness_scale));
     result.deforms = true;
     result.mixes_classes = quadratic || mechanics.poisson > 0;
@@ -202,16 +208,16 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
                                    double(rest.clusters[index].frequency_ratio), double(step_seconds));
   if (!quadratic) {
     result.deforms = beta > 0;
-    result.s.topLeftCorner<3, 3>() = beta * linearMoment(cluster);
+    setLinear(cluster, beta, result.s);
     return result;
   }
   if (ratios[0] == ratios[1] && ratios[1] == ratios[2]) {
-    result.s = beta * unpack(package.quadraticMoments()[cluster.quadratic]);
+    setQuadratic(package.quadraticMoments()[cluster.quadratic], beta, result.s);
   } else {
-    result.s = coupledStiffness(rest.full_moments[cluster.quadratic], ratios, damping);
+    setCoupled(rest.full_moments[cluster.quadratic], ratios, damping, result.s);
     result.mixes_classes = true;
   }
-  result.deforms = !result.s.isZero(0);
+  result.deforms = std::any_of(result.s.data(), result.s.data() + 81, [](float value) { return value != 0; });
   return result;
 }
 

@@ -14,11 +14,11 @@ inline constexpr double kMomentCutoff = 1e-6;
 /// An Eigen matrix of fixed size, for the functions of small_matrix.h.
 template <int kRows, int kColumns>
 ConstMatrixView viewOf(const Eigen::Matrix<double, kRows, kColumns>& matrix) {
-  return {matrix.data(), kRows, kColumns, 1, kRows};
+  return {matrix.data(), MatrixShape{kRows, kColumns, 1, kRows}};
 }
 template <int kRows, int kColumns>
 MatrixView viewOf(Eigen::Matrix<double, kRows, kColumns>& matrix) {
-  return {matrix.data(), kRows, kColumns, 1, kRows};
+  return {matrix.data(), MatrixShape{kRows, kColumns, 1, kRows}};
 }
 
 /// Moore-Penrose pseudo-inverse of a symmetric positive semi-definite matrix (a moment: Σ mu q q^T).

@@ -51,6 +51,16 @@ bool annihilate(MatrixView a, MatrixView vectors, int p, int q) {
 
 }  // namespace
 
+MatrixShape shapeOf(int rows, int columns, int row_step, int column_step) {
+  return {std::int16_t(rows), std::int16_t(columns), std::int16_t(row_step), std::int16_t(column_step)};
+}
+
+MatrixShape resized(MatrixShape shape, int rows, int columns) {
+  return {std::int16_t(rows), std::int16_t(columns), shape.row_step, shape.column_step};
+}
+
+MatrixShape transposed(MatrixShape shape) { return {shape.columns, shape.rows, shape.column_step, shape.row_step}; }
+
 void addProduct(MatrixView to, double scale, ConstMatrixView a, ConstMatrixView b) {
   for (int j = 0; j < b.columns; ++j) {
     for (int k = 0; k < a.columns; ++k) {

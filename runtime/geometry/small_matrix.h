@@ -16,27 +16,32 @@ namespace sinew::geometry {
 /// Rows and columns that the functions of this file take, at most.
 inline constexpr int kSmallRows = 30;
 
-/// A part of a matrix, seen in place: element (row, column) at data[row * row_step + column * column_step]. Small
-/// enough to be passed in registers.
-template <class Number>
-struct MatrixViewOf {
-  Number* data;
-  std::int16_t rows, columns;
-  std::int16_t row_step, column_step;
+/// How a matrix lies in memory: element (row, column) at row * row_step + column * column_step.
+struct MatrixShape {
+  std::int16_t rows = 0, columns = 0;
+  std::int16_t row_step = 1, column_step = 0;
+};
+static_assert(sizeof(MatrixShape) == 8);
+// Out of line: to put four small numbers into a register is more code than a call.
+MatrixShape shapeOf(int rows, int columns, int row_step, int column_step);
+MatrixShape resized(MatrixShape shape, int rows, int columns);
+MatrixShape transposed(MatrixShape shape);
 
+/// A part of a matrix, seen in place. Small enough to be passed in registers.
+template <class Number>
+struct MatrixViewOf : MatrixShape {
+  Number* data;
+
+  MatrixViewOf(Number* first, MatrixShape shape) : MatrixShape(shape), data(first) {}
   MatrixViewOf(Number* first, int row_count, int column_count, int to_next_row, int to_next_column)
-      : data(first),
-        rows(std::int16_t(row_count)),
-        columns(std::int16_t(column_count)),
-        row_step(std::int16_t(to_next_row)),
-        column_step(std::int16_t(to_next_column)) {}
+      : MatrixViewOf(first, shapeOf(row_count, column_count, to_next_row, to_next_column)) {}
   Number& operator()(int row, int column) const { return data[row * row_step + column * column_step]; }
   MatrixViewOf block(int row, int column, int row_count, int column_count) const {
-    return {&(*this)(row, column), row_count, column_count, row_step, column_step};
+    return {&(*this)(row, column), resized(*this, row_count, column_count)};
   }
-  MatrixViewOf transposed() const { return {data, columns, rows, column_step, row_step}; }
+  MatrixViewOf transposed() const { return {data, geometry::transposed(*this)}; }
   // NOLINTNEXTLINE(google-explicit-constructor): a view to read is a view to write, seen with less
-  operator MatrixViewOf<const Number>() const { return {data, rows, columns, row_step, column_step}; }
+  operator MatrixViewOf<const Number>() const { return {data, *this}; }
 };
 using MatrixView = MatrixViewOf<double>;
 using ConstMatrixView = MatrixViewOf<const double>;
@@ -46,18 +51,18 @@ template <int kMost>
 class SmallMatrix {
  public:
   SmallMatrix() = default;
-  SmallMatrix(int rows, int columns) : rows_(std::int16_t(rows)), columns_(std::int16_t(columns)) {}
+  SmallMatrix(int rows, int columns) : shape_(shapeOf(rows, columns, 1, rows)) {}
 
-  int rows() const { return rows_; }
-  int columns() const { return columns_; }
+  int rows() const { return shape_.rows; }
+  int columns() const { return shape_.columns; }
   /// Drops columns from the end.
-  void keepColumns(int count) { columns_ = std::int16_t(count); }
+  void keepColumns(int count) { shape_.columns = std::int16_t(count); }
   double& operator()(int row, int column) { return view()(row, column); }
   double operator()(int row, int column) const { return view()(row, column); }
   double* data() { return values_.data(); }
   const double* data() const { return values_.data(); }
-  MatrixView view() { return {values_.data(), rows_, columns_, 1, rows_}; }
-  ConstMatrixView view() const { return {values_.data(), rows_, columns_, 1, rows_}; }
+  MatrixView view() { return {values_.data(), shape_}; }
+  ConstMatrixView view() const { return {values_.data(), shape_}; }
   MatrixView block(int row, int column, int rows, int columns) { return view().block(row, column, rows, columns); }
   ConstMatrixView block(int row, int column, int rows, int columns) const {
     return view().block(row, column, rows, columns);
@@ -70,7 +75,7 @@ class SmallMatrix {
 
  private:
   std::array<double, std::size_t(kMost)> values_ = {};
-  std::int16_t rows_ = 0, columns_ = 0;
+  MatrixShape shape_;
 };
 
 /// to += scale * a * b. Sizes have to fit; `to` shares no element with a or b.

@@ -51,6 +51,27 @@ std::vector<VectorXd> spectra(int n, Random& random) {
   return result;
 }
 
+TEST(SmallMatrix, PartsAndTransposesAreSeenInPlace) {
+  Random random;
+  MatrixXd a = random.matrix(7, 5);
+  const MatrixView part = viewOf(a).block(2, 1, 4, 3);
+  const ConstMatrixView turned = ConstMatrixView(part).transposed(), inner = turned.block(1, 2, 2, 2);
+  EXPECT_EQ(part.rows, 4);
+  EXPECT_EQ(turned.rows, 3);
+  EXPECT_EQ(turned.columns, 4);
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(&turned(j, i), &a(2 + i, 1 + j));
+  }
+  EXPECT_EQ(&inner(1, 0), &a(4, 3));
+  EXPECT_EQ(inner.transposed().rows, 2);
+  SmallMatrix<12> b(3, 4);
+  b(2, 3) = 1;
+  EXPECT_EQ(&b.block(1, 1, 2, 3)(1, 2), b.data() + 11);
+  b.keepColumns(2);
+  EXPECT_EQ(b.columns(), 2);
+  EXPECT_EQ(b.transposed().rows, 2);
+}
+
 TEST(SmallMatrix, EigenvaluesAreEigensAndVectorsAreOrthonormal) {
   Random random;
   for (const int n : {1, 2, 3, 4, 9, 10, 27, 30}) {
