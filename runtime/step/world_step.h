@@ -46,11 +46,11 @@ struct StepScratch {
   PassScratch& passOf(const Body& body);
 
   LineMemory lines;
-  std::pmr::vector<BodyScratch> lanes;
+  OwningArray<BodyScratch> lanes;
 
  private:
   friend void growScratch(const BodyList&, StepScratch&, const WorldSettings&, const JobSystem*);
-  void addLane() { lanes.emplace_back(lanes.get_allocator().resource(), &lines); }
+  void addLane() { lanes.emplace_back(lanes.memory(), &lines); }
 };
 
 /// Sizes the scratch for the worst case of all bodies, so that steps do not allocate, nor jobs at any time.

@@ -16,6 +16,7 @@ using internal::asArray;
 using internal::asVector;
 using internal::Body;
 using internal::ClusterBlock;
+using internal::operator*;
 
 namespace {
 
@@ -259,11 +260,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
 Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> bytes) {
   Body* body = impl_->find(id, "restoreState");
   if (body == nullptr) return Error{"restoreState: no such body"};
-  const auto refused = [&](const char* reason) {
-    impl_->tell(LogSeverity::error, "restoreState: %s", reason);
-    return Result<std::size_t>(Error{std::string("restoreState: ") + reason});
-  };
-  if (const char* fault = faultOf(bytes, *body); *fault != '\0') return refused(fault);
+  if (const char* fault = faultOf(bytes, *body); *fault != '\0') return impl_->refuse("restoreState: %s", fault);
   StateHeader header;
   Reader reader(bytes.data());
   reader.get(&header, 1);

@@ -17,6 +17,7 @@ namespace sinew {
 using internal::asArray;
 using internal::asVector;
 using internal::Body;
+using internal::operator*;
 
 World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& resources)
     : settings(world_settings),
@@ -52,8 +53,13 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
 }
 
 bool internal::isProper(const Mat3& rotation) {
-  const Eigen::Map<const internal::Matrix3> m(rotation.data());
-  return (m * m.transpose() - internal::Matrix3::Identity()).norm() < 1e-3F && internal::determinantOf(m) > 0;
+  const Matrix3 m = Eigen::Map<const Matrix3>(rotation.data()), product = m * m.transpose();
+  float off2 = 0;
+  for (int k = 0; k < 9; ++k) {
+    const float off = product.data()[k] - (k % 4 == 0 ? 1.0F : 0.0F);
+    off2 += off * off;
+  }
+  return off2 < 1e-6F && determinantOf(m) > 0;
 }
 
 bool internal::isProper(const RigidTransform& transform) {
@@ -78,6 +84,16 @@ void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
   const int length = std::vsnprintf(line, sizeof line, format, arguments);
   va_end(arguments);
   if (length > 0) log->write(severity, {line, std::min(std::size_t(length), sizeof line - 1)});
+}
+
+Error World::Impl::refuse(const char* format, ...) const {
+  char line[256];
+  std::va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(line, sizeof line, format, arguments);
+  va_end(arguments);
+  tell(LogSeverity::error, "%s", line);
+  return Error{line};
 }
 
 namespace {
@@ -155,19 +171,24 @@ World& World::operator=(World&&) noexcept = default;
 WorldSettings& World::settings() { return impl_->settings; }
 const WorldSettings& World::settings() const { return impl_->settings; }
 
+namespace {
+
+// Why a body cannot be added; null if it can.
+const char* faultOf(const Asset* asset, const BodySettings& settings) {
+  if (asset == nullptr) return "addBody: no asset";
+  if (!internal::kernelsRun()) return "addBody: this build has no kernels for this processor";
+  if (!finite(settings.position)) return "addBody: BodySettings::position is not finite";
+  if (!internal::isProper(settings.rotation)) return "addBody: BodySettings::rotation is not a proper rotation";
+  if (!(settings.stiffness_scale >= 0) || !std::isfinite(settings.stiffness_scale)) {
+    return "addBody: BodySettings::stiffness_scale must be 0 or more";
+  }
+  return nullptr;
+}
+
+}  // namespace
+
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
-  if (asset == nullptr) return Error{"addBody: no asset"};
-  if (!internal::kernelsRun()) return Error{"addBody: this build has no kernels for this processor"};
-  const auto finite = [](float value) { return std::isfinite(value); };
-  if (!std::all_of(settings.position.begin(), settings.position.end(), finite)) {
-    return Error{"addBody: BodySettings::position is not finite"};
-  }
-  if (!internal::isProper(settings.rotation)) {
-    return Error{"addBody: BodySettings::rotation is not a proper rotation"};
-  }
-  if (!(settings.stiffness_scale >= 0) || !finite(settings.stiffness_scale)) {
-    return Error{"addBody: BodySettings::stiffness_scale must be 0 or more"};
-  }
+  if (const char* fault = faultOf(asset.get(), settings)) return Error{fault};
   return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
     // All that can fail comes before the body is in its place.
     std::pmr::memory_resource* memory = impl_->memory;
@@ -342,13 +363,10 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
                                   PinMethod method) {
   Body* body = impl_->find(id, "addPinSet");
   if (body == nullptr) return Error{"addPinSet: no such body"};
-  const auto refused = [&](const std::string& reason) {
-    impl_->tell(LogSeverity::error, "addPinSet: %s", reason.c_str());
-    return Result<PinSetId>(Error{"addPinSet: " + reason});
-  };
   return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
-    if (!internal::isProper(at)) return refused("the transform is not finite, or its rotation not proper");
-    if (method > PinMethod::constrained_fit) return refused("no such method");
+    if (!internal::isProper(at))
+      return impl_->refuse("addPinSet: the transform is not finite, or its rotation not proper");
+    if (method > PinMethod::constrained_fit) return impl_->refuse("addPinSet: no such method");
     internal::PinSet set(impl_->memory);
     set.id = impl_->next_pin_set;
     set.method = method;
@@ -357,19 +375,19 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
     const auto weightOf = [&](std::uint32_t vertex) { return weights.empty() ? 1.0F : weights[vertex]; };
     internal::Array<std::uint64_t> held(impl_->memory);
     for (const std::uint32_t vertex : vertices) {
-      if (vertex >= body->vertexCount()) return refused("vertex " + std::to_string(vertex) + " does not exist");
-      if (body->pinned[vertex] != 0) return refused("vertex " + std::to_string(vertex) + " is pinned already");
+      if (vertex >= body->vertexCount()) return impl_->refuse("addPinSet: vertex %u does not exist", vertex);
+      if (body->pinned[vertex] != 0) return impl_->refuse("addPinSet: vertex %u is pinned already", vertex);
       if (weightOf(vertex) > 0) held.push_back(vertex);
     }
     internal::sortAscending(held);
     for (const std::uint64_t key : held) {
       const std::uint32_t vertex = std::uint32_t(key);
       if (!set.vertices.empty() && set.vertices.back().vertex == vertex) {
-        return refused("vertex " + std::to_string(vertex) + " is given twice");
+        return impl_->refuse("addPinSet: vertex %u is given twice", vertex);
       }
       set.vertices.push_back({vertex, weightOf(vertex)});
     }
-    if (set.vertices.empty()) return refused("no vertex with a pin weight above 0");
+    if (set.vertices.empty()) return impl_->refuse("addPinSet: no vertex with a pin weight above 0");
     internal::addPinSet(*body, std::move(set));
     impl_->growScratch();
     return PinSetId{impl_->next_pin_set++};
@@ -432,8 +450,10 @@ PinReaction World::pinReaction(PinSetId id) const {
   if (body == nullptr || body->pin_sets[index].passes == 0) return reaction;
   const internal::PinSet& set = body->pin_sets[index];
   const double passes = double(set.passes);
-  reaction.force = asArray((set.force_sum / passes).cast<float>());
-  reaction.torque = asArray((set.torque_sum / passes).cast<float>());
+  for (int k = 0; k < 3; ++k) {
+    reaction.force[std::size_t(k)] = float(set.force_sum[k] / passes);
+    reaction.torque[std::size_t(k)] = float(set.torque_sum[k] / passes);
+  }
   return reaction;
 }
 
@@ -497,33 +517,49 @@ std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
 }
 
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
-  Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(rotation.data());
+  rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  translation = {};
   const Body* body = impl_->find(id, "rigidMotion");
-  if (body == nullptr) {
-    result.setIdentity();
-    translation = {};
-    return;
-  }
-  double mass = 0;
-  Eigen::Vector3d center = Eigen::Vector3d::Zero(), rest_center = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < body->vertexCount(); ++i) {
-    const double m = double(body->vertices()[i].mass);
+  if (body == nullptr) return;
+  double mass = 0, center[3] = {}, rest_center[3] = {};
+  const std::span<const formats::PhysicalVertex> vertices = body->vertices();
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const double m = double(vertices[i].mass);
     mass += m;
-    center += m * asVector(body->x[i]).cast<double>();
-    rest_center += m * asVector(body->vertices()[i].rest_position).cast<double>();
+    for (std::size_t k = 0; k < 3; ++k) {
+      center[k] += m * double(body->x[i][k]);
+      rest_center[k] += m * double(vertices[i].rest_position[k]);
+    }
   }
-  center /= mass;
-  rest_center /= mass;
-  Eigen::Matrix3d a_pq = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < body->vertexCount(); ++i) {
-    a_pq += double(body->vertices()[i].mass) * (asVector(body->x[i]).cast<double>() - center) *
-            (asVector(body->vertices()[i].rest_position).cast<double>() - rest_center).transpose();
+  for (int k = 0; k < 3; ++k) {
+    center[k] /= mass;
+    rest_center[k] /= mass;
   }
-  const double scale = a_pq.cwiseAbs().maxCoeff();
-  const internal::Matrix3 r =
-      scale > 0 ? geometry::nearestRotation((a_pq / scale).cast<float>()) : internal::Matrix3::Identity();
-  result = r;
-  translation = asArray((center - r.cast<double>() * rest_center).cast<float>());
+  double a_pq[3][3] = {}, scale = 0;
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    for (std::size_t row = 0; row < 3; ++row) {
+      const double p = double(vertices[i].mass) * (double(body->x[i][row]) - center[row]);
+      for (std::size_t column = 0; column < 3; ++column) {
+        a_pq[row][column] += p * (double(vertices[i].rest_position[column]) - rest_center[column]);
+      }
+    }
+  }
+  for (const auto& row : a_pq) {
+    for (const double entry : row) scale = std::max(scale, std::abs(entry));
+  }
+  if (scale > 0) {
+    internal::Matrix3 scaled;
+    for (int k = 0; k < 9; ++k) scaled(k / 3, k % 3) = float(a_pq[k / 3][k % 3] / scale);
+    const internal::Matrix3 r = geometry::nearestRotation(scaled);
+    for (int k = 0; k < 9; ++k) rotation[std::size_t(k)] = r(k / 3, k % 3);
+  }
+  for (std::size_t row = 0; row < 3; ++row) {
+    double turned = 0;
+    for (std::size_t column = 0; column < 3; ++column) {
+      turned += double(rotation[3 * row + column]) * rest_center[column];
+    }
+    translation[row] = float(center[row] - turned);
+  }
 }
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
@@ -535,8 +571,7 @@ void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& l
   }
   const internal::ClusterFrame frame = internal::loadFrame(body->blocks, cluster);
   center = asArray(frame.center);
-  Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> result(linear.data());
-  result = frame.f.leftCols<3>();
+  for (int k = 0; k < 9; ++k) linear[std::size_t(k)] = frame.f(k / 3, k % 3);
 }
 
 Mat3 World::clusterRestShape(BodyId id, std::uint32_t cluster) const {

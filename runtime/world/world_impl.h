@@ -42,6 +42,9 @@ struct SINEW_HIDDEN World::Impl {
   /// One line to the log sink, printf-style; no allocation.
   [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;
 
+  /// Tells the log why a call is refused, and hands the reason on.
+  [[gnu::format(printf, 2, 3)]] Error refuse(const char* format, ...) const;
+
   /// Runs work() where memory may run out or a callback of the caller's may throw; tells the log and returns
   /// `otherwise` then.
   template <class Result, class Work>
