@@ -19,7 +19,17 @@ Wide unitOrZero(const Wide& v) {
   return length > 1e-300 && std::isfinite(length) ? Wide(v / length) : Wide::Zero();
 }
 
-double angleBetween(const Wide& a, const Wide& b) { return std::atan2(a.cross(b).norm(), a.dot(b)); }
+Wide crossOf(const Wide& a, const Wide& b) { return a.cross(b); }
+
+double angleBetween(const Wide& a, const Wide& b) { return std::atan2(crossOf(a, b).norm(), a.dot(b)); }
+
+// What of a direction is across a unit vector, of unit length, or zero.
+Wide unitAcross(const Wide& direction, const Wide& n) { return unitOrZero(direction - n * n.dot(direction)); }
+
+// From one position to another.
+Wide edge(std::span<const Vec3> positions, std::uint32_t from, std::uint32_t to) {
+  return wide(positions[to]) - wide(positions[from]);
+}
 
 void makeSlots(const formats::PackageView& package, VisualConstants& result) {
   const auto attachments = package.barycentric();
@@ -57,9 +67,9 @@ void makeNormals(const formats::PackageView& package, VisualConstants& result) {
   Array<Wide> sums(positions.size());
   for (const formats::Triangle& triangle : package.visualTriangles()) {
     for (std::size_t k = 0; k < 3; ++k) {
-      const Wide at = wide(positions[triangle[k]]);
-      const Wide a = wide(positions[triangle[(k + 1) % 3]]) - at, b = wide(positions[triangle[(k + 2) % 3]]) - at;
-      sums[triangle[k]] += angleBetween(a, b) * unitOrZero(a.cross(b));
+      const Wide a = edge(positions, triangle[k], triangle[(k + 1) % 3]);
+      const Wide b = edge(positions, triangle[k], triangle[(k + 2) % 3]);
+      sums[triangle[k]] += angleBetween(a, b) * unitOrZero(crossOf(a, b));
     }
   }
   for (const Wide& sum : sums) {
@@ -116,16 +126,14 @@ Array<std::array<float, 4>> makeTangents(const formats::PackageView& package, st
     };
     const double area = uv(1, 0) * uv(2, 1) - uv(2, 0) * uv(1, 1);
     if (area == 0 || !std::isfinite(area)) continue;
-    const Wide e1 = wide(positions[triangle[1]]) - wide(positions[triangle[0]]);
-    const Wide e2 = wide(positions[triangle[2]]) - wide(positions[triangle[0]]);
+    const Wide e1 = edge(positions, triangle[0], triangle[1]), e2 = edge(positions, triangle[0], triangle[2]);
     const Wide tangent = unitOrZero((e1 * uv(2, 1) - e2 * uv(1, 1)) * (area > 0 ? 1.0 : -1.0));
     if (tangent.isZero(0)) continue;
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t vertex = triangle[k];
-      const Wide at = wide(positions[vertex]), n = unitOrZero(wide(normals[vertex]));
-      const Wide flat = unitOrZero(tangent - n * n.dot(tangent));
+      const Wide flat = unitAcross(tangent, unitOrZero(wide(normals[vertex])));
       const double angle =
-          angleBetween(wide(positions[triangle[(k + 1) % 3]]) - at, wide(positions[triangle[(k + 2) % 3]]) - at);
+          angleBetween(edge(positions, vertex, triangle[(k + 1) % 3]), edge(positions, vertex, triangle[(k + 2) % 3]));
       Sum& sum = sums[vertex][area > 0 ? 1 : 0];
       sum.tangent += angle * flat;
       sum.angle += angle;
@@ -136,9 +144,9 @@ Array<std::array<float, 4>> makeTangents(const formats::PackageView& package, st
     const bool right = sums[i][1].angle >= sums[i][0].angle;
     const Wide n = unitOrZero(wide(normals[i]));
     const Wide sum = sums[i][right ? 1 : 0].tangent;
-    Wide tangent = unitOrZero(sum - n * n.dot(sum));
+    Wide tangent = unitAcross(sum, n);
     if (tangent.norm() < 0.5) {
-      tangent = unitOrZero(n.cross(std::abs(n[0]) < 0.6 ? Wide::UnitX() : Wide::UnitZ()));
+      tangent = unitOrZero(crossOf(n, std::abs(n[0]) < 0.6 ? Wide::UnitX() : Wide::UnitZ()));
       if (tangent.isZero(0)) tangent = Wide::UnitX();
     }
     result[i] = {float(tangent[0]), float(tangent[1]), float(tangent[2]), right ? 1.0F : -1.0F};

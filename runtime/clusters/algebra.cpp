@@ -78,6 +78,8 @@ Eigen::Matrix<double, 9, 1> monomials(const Eigen::Vector3d& q) {
   return result;
 }
 
+Matrix3 asMatrix(const Mat3& m) { return Eigen::Map<const Matrix3>(m.data()).transpose(); }
+
 float determinantOf(const Matrix3& a) { return a.determinant(); }
 Matrix3 inverseOf(const Matrix3& a) { return a.inverse(); }
 Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& a) { return a.inverse(); }

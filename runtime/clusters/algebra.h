@@ -75,6 +75,8 @@ Eigen::Matrix3d inverseOf(const Eigen::Matrix3d& a);
 
 inline Eigen::Map<const Vector3> asVector(const std::array<float, 3>& v) { return Eigen::Map<const Vector3>(v.data()); }
 inline Eigen::Map<Vector3> asVector(std::array<float, 3>& v) { return Eigen::Map<Vector3>(v.data()); }
+/// A rotation as settings give it, row by row.
+Matrix3 asMatrix(const Mat3& m);
 inline Vec3 asArray(const Vector3& v) { return {v[0], v[1], v[2]}; }
 
 /// q = (X - c0) / radius.

@@ -9,10 +9,6 @@
 namespace sinew::internal {
 namespace {
 
-using RowMatrix = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
-
-Eigen::Map<const RowMatrix> asMatrix(const Mat3& m) { return Eigen::Map<const RowMatrix>(m.data()); }
-
 // Written out: it is done for every pinned vertex, twice a pass.
 Vector3 placeOf(const RigidTransform& at, const Vec3& local) {
   const Mat3& r = at.rotation;
@@ -47,8 +43,9 @@ RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransfor
   if (part >= 1) return to;
   RigidTransform result;
   asVector(result.position) = asVector(from.position) + part * (asVector(to.position) - asVector(from.position));
-  const Eigen::Quaternionf a(Matrix3(asMatrix(from.rotation))), b(Matrix3(asMatrix(to.rotation)));
-  Eigen::Map<RowMatrix>(result.rotation.data()) = a.slerp(part, b).normalized().toRotationMatrix();
+  const Eigen::Quaternionf a(asMatrix(from.rotation)), b(asMatrix(to.rotation));
+  const Matrix3 rotation = a.slerp(part, b).normalized().toRotationMatrix();
+  for (int k = 0; k < 9; ++k) result.rotation[std::size_t(k)] = rotation(k / 3, k % 3);
   return result;
 }
 
@@ -108,10 +105,11 @@ void rebuildFits(Body& body) {
   body.fit_of.swap(fit_of);
 }
 
-void addPinSet(Body& body, PinSet set) {
-  const auto rotation = asMatrix(set.at.rotation);
+void addPinSet(Body& body, PinSet&& set) {
+  const Matrix3 rotation = asMatrix(set.at.rotation);
   for (PinnedVertex& vertex : set.vertices) {
-    vertex.local = asArray(rotation.transpose() * (asVector(body.x[vertex.vertex]) - asVector(set.at.position)));
+    const Vector3 arm = asVector(body.x[vertex.vertex]) - asVector(set.at.position);
+    vertex.local = asArray(rotation.transpose() * arm);
   }
   body.pin_sets.push_back(std::move(set));
   try {
@@ -196,7 +194,7 @@ void placePins(Body& body, float pass_seconds, std::uint32_t passes_left) {
     fit.prepare(body.package(), body.rest(), body.settings.stiffness_scale, pass_seconds);
     for (PinFit::Group& group : fit.groups()) {
       const RigidTransform& at = body.pin_sets[group.set].at;
-      group.rotation = asMatrix(at.rotation).cast<double>();
+      group.rotation = widened(asMatrix(at.rotation));
       group.place = placeOf(at, asArray(group.mean));
     }
   }

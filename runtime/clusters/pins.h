@@ -15,7 +15,7 @@ inline Vector3 pinPosition(const Vector3& start, const Vector3& target, std::uin
 RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransform& to, float part);
 
 /// Adds a set to the body; the arguments are sound. Its vertices stay where they are in its transform.
-void addPinSet(Body& body, PinSet set);
+void addPinSet(Body& body, PinSet&& set);
 /// Puts the package's pin sets to work on a body that was just reset. \param next_id of a pin set; moves on.
 void addPackagePins(Body& body, std::uint32_t& next_id);
 /// Makes Body::fits again from its sets, as they are.

@@ -20,7 +20,9 @@ void addMoments(const formats::PackageView& package, const formats::Cluster& clu
   MomentSums sums;
   for (const formats::Membership& member : members) {
     const Monomials<9> q = monomials<9>(restOffset(cluster, asVector(vertices[member.vertex].rest_position)));
-    sums.add(double(member.mu), q.cast<double>());
+    Eigen::Matrix<double, 9, 1> wide;
+    for (int k = 0; k < 9; ++k) wide[k] = double(q[k]);
+    sums.add(double(member.mu), wide);
   }
   sums.finish();
   const int columns = full != nullptr ? 9 : 3;
@@ -28,30 +30,35 @@ void addMoments(const formats::PackageView& package, const formats::Cluster& clu
     rest.mean[k] = float(sums.mean[k]);
     for (int axis = 0; axis < 3; ++axis) rest.moment(axis, k) = float(sums.moment(axis, k));
   }
-  if (full != nullptr) *full = sums.moment.cast<float>();
-  const Eigen::Matrix3d spread = sums.moment.topLeftCorner<3, 3>();
-  const double trace = spread.trace();
+  for (int k = 0; full != nullptr && k < 81; ++k) full->data()[k] = float(sums.moment.data()[k]);
+  const double trace = sums.moment(0, 0) + (sums.moment(1, 1) + sums.moment(2, 2));
   if (trace > 0) {
-    const Eigen::Matrix3d inertia = trace * (1.0 + kInertiaFloor) * Eigen::Matrix3d::Identity() - spread;
-    rest.inertia_inverse = inverseOf(inertia).cast<float>();
+    Eigen::Matrix3d inertia;
+    for (int k = 0; k < 9; ++k) {
+      inertia.data()[k] = (k % 4 == 0 ? trace * (1.0 + kInertiaFloor) : 0.0) - sums.moment(k % 3, k / 3);
+    }
+    inertia = inverseOf(inertia);
+    for (int k = 0; k < 9; ++k) rest.inertia_inverse.data()[k] = float(inertia.data()[k]);
   }
 }
 
 // Radius of gyration of a body part, metres.
 double gyrationRadius(const formats::PackageView& package, const formats::BodyRange& range) {
-  double mass = 0;
-  Eigen::Vector3d first = Eigen::Vector3d::Zero();
-  double second = 0;
+  double mass = 0, first[3] = {}, second = 0;
   const auto vertices = package.physicalVertices().subspan(range.first_vertex, range.vertex_count);
   if (vertices.empty()) return 0;
-  const Vector3 reference = asVector(vertices.front().rest_position);
   for (const formats::PhysicalVertex& vertex : vertices) {
-    const Eigen::Vector3d d = (asVector(vertex.rest_position) - reference).cast<double>();
-    mass += double(vertex.mass);
-    first += double(vertex.mass) * d;
-    second += double(vertex.mass) * d.squaredNorm();
+    const double m = double(vertex.mass);
+    mass += m;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double d = double(vertex.rest_position[k] - vertices.front().rest_position[k]);
+      first[k] += m * d;
+      second += m * d * d;
+    }
   }
-  return std::sqrt(std::max(0.0, second / mass - (first / mass).squaredNorm()));
+  double mean2 = 0;
+  for (const double sum : first) mean2 += (sum / mass) * (sum / mass);
+  return std::sqrt(std::max(0.0, second / mass - mean2));
 }
 
 std::uint32_t firstVertexOfPart(const formats::PackageView& package, std::size_t cluster) {

@@ -82,7 +82,7 @@ void Body::giveBack() {
 }
 
 void Body::reset(PassScratch& scratch) {
-  const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> rotation(settings.rotation.data());
+  const Matrix3 rotation = asMatrix(settings.rotation);
   const Vector3 position = asVector(settings.position);
   for (std::uint32_t i = 0; i < vertexCount(); ++i) {
     x[i] = asArray(rotation * asVector(vertices()[i].rest_position) + position);

@@ -356,7 +356,6 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
 void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
   Body* body = impl_->find(id, "teleport");
   if (body == nullptr) return;
-  const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> given(rotation.data());
   if (!internal::isProper(rotation) || !asVector(translation).allFinite()) {
     impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a finite translation");
     return;
@@ -364,7 +363,7 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
   impl_->changed(*body);
   body->centers_known = false;
   geometry::Quaternion turn = geometry::kIdentityQuaternion;
-  geometry::nearestRotation(internal::Matrix3(given), turn);
+  geometry::nearestRotation(internal::asMatrix(rotation), turn);
   const Eigen::Quaterniond q =
       Eigen::Quaterniond(double(turn[0]), double(turn[1]), double(turn[2]), double(turn[3])).normalized();
   const Eigen::Matrix3d r = q.toRotationMatrix();
