@@ -49,21 +49,22 @@ std::size_t firstBad(std::span<const T> items, Bad bad) {
   return kAllGood;
 }
 
-}  // namespace
-
-std::string sectionName(std::uint32_t id) {
-  std::string name;
-  for (unsigned shift = 0; shift < 32; shift += 8) {
-    const unsigned byte = (id >> shift) & 0xffU;
-    if (byte > 0x20U && byte < 0x7fU) {
-      name += static_cast<char>(byte);
-    } else {
-      constexpr const char* kDigits = "0123456789abcdef";
-      name += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15U]};
+// The name of a section, four times \xHH at most.
+struct SectionName {
+  explicit SectionName(std::uint32_t id) {
+    char* at = text;
+    for (unsigned shift = 0; shift < 32; shift += 8) {
+      const unsigned byte = (id >> shift) & 0xffU;
+      const bool prints = byte > 0x20U && byte < 0x7fU;
+      at += std::snprintf(at, 5, prints ? "%c" : "\\x%02x", byte);
     }
   }
-  return name;
-}
+  char text[17];
+};
+
+}  // namespace
+
+std::string sectionName(std::uint32_t id) { return SectionName(id).text; }
 
 /// Fills a PackageView from hostile bytes. Each step relies on the ones before it: frame (header, table, checksums,
 /// tiling), then the sections' presence, then every value in them. A step returns false once reason_ is set.
@@ -78,7 +79,7 @@ class PackageReader {
            checkAttachments() && checkIdentity() && checkGroups() && checkMasks();
   }
 
-  std::string reason() && { return std::move(reason_); }
+  const char* reason() const { return reason_; }
 
  private:
   // Reasons are put together by printf's formats, by these few functions: text built at each of the hundred places
@@ -86,29 +87,24 @@ class PackageReader {
   [[gnu::format(printf, 2, 3)]] bool refuse(const char* format, ...) {
     std::va_list arguments;
     va_start(arguments, format);
-    setReason("", format, arguments);
+    std::vsnprintf(reason_, sizeof reason_, format, arguments);
     va_end(arguments);
     return false;
   }
 
   [[gnu::format(printf, 3, 4)]] bool refuseSection(std::uint32_t id, const char* format, ...) {
+    char line[256];
     std::va_list arguments;
     va_start(arguments, format);
-    setReason("section " + sectionName(id) + ": ", format, arguments);
+    std::vsnprintf(line, sizeof line, format, arguments);
     va_end(arguments);
-    return false;
+    return refuse(id, line);
   }
 
-  bool refuse(std::uint32_t id, const char* what) { return refuseSection(id, "%s", what); }
+  bool refuse(std::uint32_t id, const char* what) { return refuse("section %s: %s", SectionName(id).text, what); }
 
   bool refuse(std::uint32_t id, std::size_t element, const char* what) {
-    return refuse("section %s, element %zu: %s", sectionName(id).c_str(), element, what);
-  }
-
-  [[gnu::format(printf, 3, 0)]] void setReason(std::string prefix, const char* format, std::va_list arguments) {
-    char line[256];
-    std::vsnprintf(line, sizeof line, format, arguments);
-    reason_ = std::move(prefix) + line;
+    return refuse("section %s, element %zu: %s", SectionName(id).text, element, what);
   }
 
   /// True when `bad` rejects no item; otherwise sets the reason.
@@ -251,7 +247,7 @@ class PackageReader {
     }};
     for (const auto& [id, needed] : kNeeds) {
       if (has(id) && !has(needed)) {
-        return refuseSection(id, "needs section %s, which is missing", sectionName(needed).c_str());
+        return refuseSection(id, "needs section %s, which is missing", SectionName(needed).text);
       }
     }
     if (has(section::visual_positions) && !has(section::barycentric) && !has(section::cluster_attachments)) {
@@ -758,7 +754,7 @@ class PackageReader {
   std::span<const std::byte> bytes_;
   PackageView& view_;
   Header header_{};
-  std::string reason_;
+  char reason_[320] = "";
 };
 
 SectionData PackageView::sectionData(std::uint32_t id) const {
@@ -770,7 +766,7 @@ SectionData PackageView::sectionData(std::uint32_t id) const {
 PackageError PackageView::open(std::span<const std::byte> bytes, PackageView& view) {
   PackageView candidate;
   PackageReader reader(bytes, candidate);
-  if (!reader.read()) return {std::move(reader).reason()};
+  if (!reader.read()) return {reader.reason()};
   view = std::move(candidate);
   return {};
 }

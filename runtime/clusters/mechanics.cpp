@@ -75,21 +75,20 @@ bool makeUnitBeside(geometry::ConstMatrixView units, geometry::MatrixView column
   return independent;
 }
 
-// Σ mu q~ and Σ mu q~ q~^T of a cluster's rest shape.
-MomentSums momentsOf(const formats::PackageView& package, std::uint32_t index) {
+// Moments of the coordinates q~ of a cluster's rest shape. \param[out] sums empty before.
+void findMoments(const formats::PackageView& package, std::uint32_t index, MomentSums& sums) {
   const formats::Cluster& cluster = package.clusters()[index];
-  MomentSums sums;
   for (const formats::Membership& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
     const Vector3 q = restOffset(cluster, asVector(package.physicalVertices()[member.vertex].rest_position));
     sums.add(double(member.mu), monomials(q.cast<double>()));
   }
   sums.finish();
-  return sums;
 }
 
 // Not of a plane or a line. There the cofactor of A knows lengths and areas, which no volume says anything about.
 bool enclosesVolume(const formats::PackageView& package, std::uint32_t index) {
-  const MomentSums sums = momentsOf(package, index);
+  MomentSums sums;
+  findMoments(package, index, sums);
   std::array<double, 3> spread;
   Eigen::Matrix3d axes;
   geometry::symmetricEigen(geometry::viewOf(sums.moment).block(0, 0, 3, 3), spread, geometry::viewOf(axes));
@@ -132,9 +131,7 @@ ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t index) {
   const formats::Cluster& cluster = package.clusters()[index];
   const int n = columnsOf(cluster);
   ModeBasis basis;
-  const MomentSums sums = momentsOf(package, index);
-  basis.mean = sums.mean;
-  basis.moment = sums.moment;
+  findMoments(package, index, basis);
 
   // Equilibrated, so that the cut-off means dependence between coordinates and not their size.
   const geometry::ConstMatrixView moment = geometry::viewOf(std::as_const(basis.moment)).block(0, 0, n, n);

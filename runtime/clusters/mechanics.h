@@ -15,11 +15,9 @@
 namespace sinew::internal {
 
 /// The modes that a cluster can deform in, in double: b = T^T q~ with Σ mu b b^T = 1, so directions that the rest shape
-/// lacks are left out and what remains is well conditioned.
-struct ModeBasis {
-  geometry::SmallMatrix<81> t;                                               ///< T, columns of q~ x modes
-  Eigen::Matrix<double, 9, 1> mean = Eigen::Matrix<double, 9, 1>::Zero();    ///< Σ mu q~ of the uncentred q~
-  Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();  ///< Σ mu q~ q~^T, centred
+/// lacks are left out and what remains is well conditioned. `mean` is that of the uncentred q~.
+struct ModeBasis : MomentSums {
+  geometry::SmallMatrix<81> t;  ///< T, columns of q~ x modes
 };
 ModeBasis modeBasis(const formats::PackageView& package, std::uint32_t cluster);
 

@@ -229,10 +229,10 @@ void PinFit::remake(const formats::PackageView& package, const RestConstants& re
     // place has the frequency of its class. K = D M' D in those, M' with the mean: the pins take the translation.
     const int n = basis_.t.rows();
     const Vector9d offset = basis_.mean - monomials(pin_mean_);
-    Eigen::Matrix<double, 9, 9> moment = basis_.moment;
-    addProduct(viewOf(moment), 1, viewOf(offset), viewOf(offset).transposed());
-    SmallMatrix<81> about(9, 9), energy(9, 9);
-    geometry::addCongruence(about, 1, viewOf(std::as_const(moment)), shiftedMonomials(-pin_mean_).transposed());
+    SmallMatrix<81> moment(9, 9), about(9, 9), energy(9, 9);
+    addScaled(moment, 1, viewOf(std::as_const(basis_.moment)));
+    addProduct(moment, 1, viewOf(offset), viewOf(offset).transposed());
+    geometry::addCongruence(about, 1, moment, shiftedMonomials(-pin_mean_).transposed());
     double* at = about.data();
     for (int j = 0; j < 9; ++j) {
       for (int i = 0; i < 9; ++i, ++at) {
@@ -296,11 +296,9 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   Answer held(size, 3);
   addProduct(held, 1, from_points_, wanted);
 
-  Answer g;
-  if (method_ == PinMethod::matrix) {
-    g = withFreePart(held, answerOf(frame.f, r, shape, Eigen::Vector3d::Zero()));
-  } else {
-    g = held;
+  Answer g =
+      method_ == PinMethod::matrix ? withFreePart(held, answerOf(frame.f, r, shape, Eigen::Vector3d::Zero())) : held;
+  if (method_ != PinMethod::matrix) {
     if (modes > 0) {
       Eigen::Matrix<double, 3, 9> deviation = back * widened(frame.a_pq);
       const Columns<9> at_rest = shape * rest.moment;
@@ -339,8 +337,7 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
   Columns<9> f = frame.f;
   if (applyGoalLimits(limits, false, guardMargin(pass_seconds_), r, extras.shape, f) == Limited::nothing) return false;
   const Eigen::Vector3d shift(g(0, 0), g(0, 1), g(0, 2));
-  g = withFreePart(held, answerOf(f, r, shape, shift));
-  write(cluster, r, shape, g, frame);
+  write(cluster, r, shape, withFreePart(held, answerOf(f, r, shape, shift)), frame);
   return true;
 }
 

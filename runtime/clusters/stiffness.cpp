@@ -167,8 +167,8 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
   if (!limits.empty() && limits[index].volume != formats::VolumeMethod::none) {
     const double phase = double(step_seconds) * volumeOmega(cluster, double(rest.clusters[index].frequency_ratio),
                                                             double(stiffness_scale), double(step_seconds));
-    const Square<9> moment = freeStiffness(package, index).s;
-    result.volume_ease = float(double(moment(0, 0) + (moment(1, 1) + moment(2, 2))) / (phase * phase));
+    const ClusterStiffness free = freeStiffness(package, index);
+    result.volume_ease = float(double(free.s(0, 0) + (free.s(1, 1) + free.s(2, 2))) / (phase * phase));
   }
   const double damping = double(mechanics.damping) * double(step_seconds);
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;

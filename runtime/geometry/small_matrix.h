@@ -57,8 +57,8 @@ class SmallMatrix {
   int columns() const { return shape_.columns; }
   /// Drops columns from the end.
   void keepColumns(int count) { shape_.columns = std::int16_t(count); }
-  double& operator()(int row, int column) { return view()(row, column); }
-  double operator()(int row, int column) const { return view()(row, column); }
+  double& operator()(int row, int column) { return data()[row + column * shape_.rows]; }
+  double operator()(int row, int column) const { return data()[row + column * shape_.rows]; }
   double* data() { return values_.data(); }
   const double* data() const { return values_.data(); }
   MatrixView view() { return {values_.data(), shape_}; }

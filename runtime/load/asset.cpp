@@ -30,16 +30,34 @@ Asset::~Asset() {
   }
 }
 
+namespace {
+
+// Compiled once, for whatever is to be made.
+void makeOnce(std::once_flag& made, void (*make)(const Asset&), const Asset& asset) {
+  std::call_once(made, make, asset);
+}
+
+Error faultOf(const std::string& path, const char* fault) {
+  std::string reason = path;
+  reason.append(": ").append(fault);
+  return Error{std::move(reason)};
+}
+
+}  // namespace
+
 Result<std::shared_ptr<const Asset>> Asset::load(const std::string& path) try {
   std::shared_ptr<Asset> asset(new Asset);
   const internal::MappedFile file = internal::mapFile(path);
-  if (!file.reason.empty()) return Error{path + ": " + file.reason};
+  if (file.reason != nullptr) return faultOf(path, file.reason);
   asset->memory_ = file.data;
   asset->bytes_ = file.bytes;
   asset->mapped_ = file.mapped;
-  return open(std::move(asset), {static_cast<const std::byte*>(file.data), file.bytes}, path + ": ");
+  Result<std::shared_ptr<const Asset>> opened =
+      open(std::move(asset), {static_cast<const std::byte*>(file.data), file.bytes});
+  if (!opened) return faultOf(path, opened.reason().c_str());
+  return opened;
 } catch (const std::bad_alloc&) {
-  return Error{path + ": out of memory"};
+  return faultOf(path, "out of memory");
 }
 
 Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte> bytes) try {
@@ -48,30 +66,30 @@ Result<std::shared_ptr<const Asset>> Asset::fromMemory(std::span<const std::byte
   asset->bytes_ = bytes.size();
   std::span<std::byte> copy(static_cast<std::byte*>(asset->memory_), bytes.size());
   std::copy(bytes.begin(), bytes.end(), copy.begin());
-  return open(std::move(asset), copy, "");
+  return open(std::move(asset), copy);
 } catch (const std::bad_alloc&) {
   return Error{"out of memory"};
 }
 
 Result<std::shared_ptr<const Asset>> Asset::inPlace(std::span<const std::byte> bytes) try {
-  return open(std::shared_ptr<Asset>(new Asset), bytes, "");
+  return open(std::shared_ptr<Asset>(new Asset), bytes);
 } catch (const std::bad_alloc&) {
   return Error{"out of memory"};
 }
 
-Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes,
-                                                 const std::string& prefix) {
-  const formats::PackageError error = formats::PackageView::open(bytes, asset->view_);
-  if (!error.reason.empty()) return Error{prefix + error.reason};
+Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes) {
+  formats::PackageError error = formats::PackageView::open(bytes, asset->view_);
+  if (!error.reason.empty()) return Error{std::move(error.reason)};
   formats::Header header;
   std::memcpy(&header, bytes.data(), sizeof header);
   asset->checksum_ = header.checksum;
-  asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
+  asset->constants_.reset(new internal::RestConstants(internal::makeRestConstants(asset->view_)));  // made in place
   return std::shared_ptr<const Asset>(std::move(asset));
 }
 
 const internal::VisualConstants& Asset::visualConstants() const {
-  std::call_once(lazy_->visual_made, [this] { lazy_->visual = internal::makeVisualConstants(view_); });
+  const auto make = [](const Asset& asset) { asset.lazy_->visual = internal::makeVisualConstants(asset.view_); };
+  makeOnce(lazy_->visual_made, make, *this);
   return lazy_->visual;
 }
 
@@ -80,7 +98,10 @@ std::span<const Vec3> Asset::restNormals() const {
 }
 
 std::span<const std::array<float, 4>> Asset::restTangents() const {
-  std::call_once(lazy_->tangents_made, [this] { lazy_->tangents = internal::makeTangents(view_, restNormals()); });
+  const auto make = [](const Asset& asset) {
+    asset.lazy_->tangents = internal::makeTangents(asset.view_, asset.restNormals());
+  };
+  makeOnce(lazy_->tangents_made, make, *this);
   return lazy_->tangents;
 }
 

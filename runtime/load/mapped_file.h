@@ -11,7 +11,7 @@ struct MappedFile {
   void* data = nullptr;
   std::size_t bytes = 0;
   bool mapped = false;
-  std::string reason;  ///< why there are none; empty on success
+  const char* reason = nullptr;  ///< why there are none, until the next failure; null on success
 };
 
 /// Maps a file for reading; reads it into memory where the system has no memory maps.

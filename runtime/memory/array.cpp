@@ -8,6 +8,8 @@
 
 namespace sinew::internal {
 
+ArrayBytes::ArrayBytes(std::pmr::memory_resource* memory) noexcept : memory_(memory) {}
+
 void ArrayBytes::exchange(ArrayBytes& other) noexcept {
   std::swap(data_, other.data_);
   std::swap(size_, other.size_);

@@ -32,8 +32,8 @@ class ArrayBytes {
     std::uint32_t bytes, alignment;
   };
 
-  explicit ArrayBytes(std::pmr::memory_resource* memory) : memory_(memory) {}
-  ArrayBytes(ArrayBytes&& other) noexcept : memory_(other.memory_) { exchange(other); }
+  explicit ArrayBytes(std::pmr::memory_resource* memory) noexcept;
+  ArrayBytes(ArrayBytes&& other) noexcept : ArrayBytes(other.memory_) { exchange(other); }
   ~ArrayBytes() = default;
 
   void exchange(ArrayBytes& other) noexcept;

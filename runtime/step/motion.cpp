@@ -18,12 +18,13 @@ void MotionSums::add(const MotionLanes& lanes) {
     for (int lane = 0; lane < 8; ++lane) sum[k] += double(lanes.sum[k][lane]);
   }
   mass += sum[0];
-  first += Eigen::Vector3d(sum[1], sum[2], sum[3]);
-  momentum += Eigen::Vector3d(sum[4], sum[5], sum[6]);
-  angular += Eigen::Vector3d(sum[7], sum[8], sum[9]);
-  Eigen::Matrix3d part;
-  part << sum[10], sum[13], sum[15], sum[13], sum[11], sum[14], sum[15], sum[14], sum[12];
-  second += part;
+  constexpr int kSecond[3][3] = {{10, 13, 15}, {13, 11, 14}, {15, 14, 12}};
+  for (int k = 0; k < 3; ++k) {
+    first[k] += sum[1 + k];
+    momentum[k] += sum[4 + k];
+    angular[k] += sum[7 + k];
+    for (int i = 0; i < 3; ++i) second(i, k) += sum[kSecond[k][i]];
+  }
 }
 
 MotionOf3 RigidMotion::forKernels() const {
@@ -45,16 +46,28 @@ RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector
       inverse_inertia_(Eigen::Matrix3d::Zero()),
       gyration_(0) {
   center_ = reference + offset_;
-  const Eigen::Matrix3d second = sums.second - sums.mass * offset_ * offset_.transpose();
-  gyration_ = std::sqrt(std::max(0.0, second.trace() / sums.mass));
-  inertia_ = second.trace() * Eigen::Matrix3d::Identity() - second;
-  const double scale = inertia_.cwiseAbs().maxCoeff();
-  if (!(scale > 0) || !std::isfinite(scale)) return;
-  const Eigen::Matrix3d scaled = inertia_ / scale;
+  Eigen::Matrix3d second = sums.second;
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 3; ++i) second(i, j) -= sums.mass * offset_[i] * offset_[j];
+  }
+  const double trace = second(0, 0) + (second(1, 1) + second(2, 2));
+  gyration_ = std::sqrt(std::max(0.0, trace / sums.mass));
+  double scale = 0;
+  bool finite = true;
+  for (int k = 0; k < 9; ++k) {
+    double& entry = inertia_.data()[k];
+    entry = (k % 4 == 0 ? trace : 0) - second.data()[k];
+    scale = std::max(scale, std::abs(entry));
+    finite &= std::isfinite(entry);
+  }
+  if (!(scale > 0) || !finite) return;
+  Eigen::Matrix3d scaled;
+  for (int k = 0; k < 9; ++k) scaled.data()[k] = inertia_.data()[k] / scale;
   // Well away from singular, as nearly every body is, the inverse comes from the cofactors.
   constexpr double kWellConditioned = 1e-3, kLeastInertia = 1e-6, kLittleInertia = 1e-2;
   if (scaled.determinant() > kWellConditioned && scaled(0, 0) > kWellConditioned) {
-    inverse_inertia_ = inverseOf(scaled) / scale;
+    inverse_inertia_ = inverseOf(scaled);
+    for (int k = 0; k < 9; ++k) inverse_inertia_.data()[k] /= scale;
     return;
   }
   Eigen::Vector3d values;
@@ -62,9 +75,11 @@ RigidMotionSolver::RigidMotionSolver(const MotionSums& sums, const Eigen::Vector
   geometry::symmetricEigen(geometry::viewOf(scaled), {values.data(), 3}, geometry::viewOf(axes));
   for (int k = 0; k < 3; ++k) {
     if (values[k] < kLeastInertia) continue;
-    const Eigen::Vector3d axis = axes.col(k);
-    if (values[k] < kLittleInertia) weak_axes_.col(k) = axis;
-    inverse_inertia_ += axis * axis.transpose() / (scale * values[k]);
+    const double* const axis = axes.col(k).data();
+    for (int j = 0; j < 3; ++j) {
+      if (values[k] < kLittleInertia) weak_axes_(j, k) = axis[j];
+      for (int i = 0; i < 3; ++i) inverse_inertia_(i, j) += axis[i] * axis[j] / (scale * values[k]);
+    }
   }
 }
 

@@ -54,11 +54,12 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
     part.first_chunk = std::uint32_t(chunks.size());
     part.first_cluster = range.first_cluster;
     part.cluster_count = range.cluster_count;
-    if (range.vertex_count > 0) {
-      const auto own = std::span(rest().masses).subspan(range.first_vertex, range.vertex_count);
-      const auto [light, heavy] = std::minmax_element(own.begin(), own.end());
-      part.uneven = *heavy > kUneven * *light;
+    float light = std::numeric_limits<float>::infinity(), heavy = 0;
+    for (const float mass : std::span(rest().masses).subspan(range.first_vertex, range.vertex_count)) {
+      light = std::min(light, mass);
+      heavy = std::max(heavy, mass);
     }
+    part.uneven = heavy > kUneven * light;
     const std::uint32_t index = std::uint32_t(parts.size());
     for (std::uint32_t begin = 0; begin < range.vertex_count; begin += kVerticesPerChunk) {
       const std::uint32_t end = std::min(range.vertex_count, begin + kVerticesPerChunk);

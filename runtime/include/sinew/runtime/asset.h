@@ -55,8 +55,7 @@ class SINEW_API Asset {
 
  private:
   Asset();
-  static Result<std::shared_ptr<const Asset>> open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes,
-                                                   const std::string& prefix);
+  static Result<std::shared_ptr<const Asset>> open(std::shared_ptr<Asset> asset, std::span<const std::byte> bytes);
   formats::PackageView view_;
   void* memory_ = nullptr;  // mapped or owned bytes, released by the destructor
   std::size_t bytes_ = 0;
