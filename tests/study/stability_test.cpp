@@ -39,6 +39,18 @@ TEST(Stability, TheDesignsAreTheSameEachTimeAndDistinct) {
   EXPECT_EQ(std::set<StabilityCell>(cells.begin(), cells.end()).size(), cells.size());
 }
 
+TEST(Stability, ChanceDrawsEveryLevelAndTheSameForTheSameSeed) {
+  const auto cells = stabilityChance(2000, 3);
+  EXPECT_EQ(cells, stabilityChance(2000, 3));
+  EXPECT_NE(cells, stabilityChance(2000, 4));
+  for (std::size_t f = 0; f < kStabilityFactorCount; ++f) {
+    const std::size_t levels = levelsOf(StabilityFactor(f)).size();
+    std::vector<double> drawn(levels, 0);
+    for (const StabilityCell& cell : cells) ++drawn.at(cell[f]);
+    for (const double count : drawn) EXPECT_NEAR(count, 2000.0 / double(levels), 0.2 * 2000.0 / double(levels) + 40);
+  }
+}
+
 TEST(Stability, ACellGivesTheSameResultEachTime) {
   const StabilityCell cell = stabilityDesign(true)[17];
   const StabilityResult one = runStabilityCell(cell, true), two = runStabilityCell(cell, true);

@@ -28,6 +28,9 @@ void addStability(CLI::App& study, int& exit_code) {
       "stability",
       "Bodies from states no game should reach: finite, no energy gained, back in shape (docs/stability.md)");
   verb->add_flag("--quick", command->options.quick, "Every pair of levels once; else every triple and more (minutes)");
+  verb->add_option("--chance", command->options.chance, "So many cells by chance instead, of all 2e9 that there are")
+      ->check(CLI::Range(1, 1000000));
+  verb->add_option("--seed", command->options.seed, "What --chance draws with");
   verb->add_option("--only", command->options.only,
                    "Only cells whose description has all these words, as \"start=point step=1\"")
       ->type_name("WORDS");
@@ -48,7 +51,7 @@ void addStability(CLI::App& study, int& exit_code) {
     }
     if (!command->picture.empty()) writePng(stabilityPicture(results), command->picture);
     if (command->json) {
-      std::cout << stabilityJson(results, command->options.quick, command->all).dump(2) << "\n";
+      std::cout << stabilityJson(results, command->options, command->all).dump(2) << "\n";
     } else {
       std::cout << stabilityText(results);
     }

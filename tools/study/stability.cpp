@@ -670,6 +670,18 @@ std::vector<StabilityCell> stabilityDesign(bool quick) {
   return cells;
 }
 
+std::vector<StabilityCell> stabilityChance(std::uint32_t count, std::uint64_t seed) {
+  std::vector<StabilityCell> cells(count);
+  std::uint64_t drawn = 0;
+  for (StabilityCell& cell : cells) {
+    for (std::size_t f = 0; f < kStabilityFactorCount; ++f) {
+      const std::size_t levels = levelsOf(StabilityFactor(f)).size();
+      cell[f] = std::uint8_t(std::min(std::size_t(chance(seed, drawn++) * double(levels)), levels - 1));
+    }
+  }
+  return cells;
+}
+
 StabilityResult runStabilityCell(const StabilityCell& cell, bool quick) {
   const auto start = std::chrono::steady_clock::now();
   StabilityResult result = CellRun(cell, quick).run();
@@ -678,7 +690,8 @@ StabilityResult runStabilityCell(const StabilityCell& cell, bool quick) {
 }
 
 std::vector<StabilityResult> runStability(const StabilityOptions& options) {
-  std::vector<StabilityCell> cells = stabilityDesign(options.quick);
+  std::vector<StabilityCell> cells =
+      options.chance > 0 ? stabilityChance(options.chance, options.seed) : stabilityDesign(options.quick);
   std::erase_if(cells, [&](const StabilityCell& cell) { return !selected(textOf(cell), options.only); });
   std::vector<StabilityResult> results(cells.size());
   std::mutex mutex;
@@ -693,7 +706,7 @@ std::vector<StabilityResult> runStability(const StabilityOptions& options) {
   return results;
 }
 
-ordered_json stabilityJson(const std::vector<StabilityResult>& results, bool quick, bool all) {
+ordered_json stabilityJson(const std::vector<StabilityResult>& results, const StabilityOptions& options, bool all) {
   const auto number = [](double value) {
     return std::isfinite(value) ? ordered_json(value) : ordered_json("infinite");
   };
@@ -728,7 +741,9 @@ ordered_json stabilityJson(const std::vector<StabilityResult>& results, bool qui
   std::stable_sort(order.begin(), order.end(), [](const auto* a, const auto* b) { return a->worst() > b->worst(); });
   ordered_json json;
   json["study"] = "stability";
-  json["design"] = quick ? "pairs" : "triples and start x step x stiffness x mode";
+  json["design"] = options.chance > 0 ? "chance, seed " + std::to_string(options.seed)
+                   : options.quick    ? "pairs"
+                                      : "triples and start x step x stiffness x mode";
   json["cells"] = results.size();
   json["failed"] = failed;
   json["failed_by_cause"] = causes;

@@ -64,14 +64,18 @@ struct StabilityResult {
 
 struct StabilityOptions {
   bool quick =
-      false;         ///< every pair of levels; else every triple, and the full product of start, step, stiffness, mode
-  std::string only;  ///< runs cells whose text contains this (words separated by spaces must all occur)
-  unsigned threads = 0;                                            ///< 0 = all
+      false;  ///< every pair of levels; else every triple, and the full product of start, step, stiffness, mode
+  std::uint32_t chance = 0;  ///< not 0: so many cells of all that there are, by chance, in place of a design
+  std::uint64_t seed = 1;    ///< of that chance
+  std::string only;          ///< runs cells whose text contains this (words separated by spaces must all occur)
+  unsigned threads = 0;      ///< 0 = all
   std::function<void(std::size_t done, std::size_t of)> progress;  ///< may be empty; calls do not overlap
 };
 
 /// The cells of the design, deterministic.
 std::vector<StabilityCell> stabilityDesign(bool quick);
+/// Cells of all that there are (2e9), each level as likely as the others of its factor; the same for the same seed.
+std::vector<StabilityCell> stabilityChance(std::uint32_t count, std::uint64_t seed);
 
 /// Runs one cell. \param quick fewer steps where they are short.
 StabilityResult runStabilityCell(const StabilityCell& cell, bool quick);
@@ -80,7 +84,8 @@ StabilityResult runStabilityCell(const StabilityCell& cell, bool quick);
 std::vector<StabilityResult> runStability(const StabilityOptions& options);
 
 /// Totals, worst cells and failures by cause; every cell too where `all`.
-nlohmann::ordered_json stabilityJson(const std::vector<StabilityResult>& results, bool quick, bool all);
+nlohmann::ordered_json stabilityJson(const std::vector<StabilityResult>& results, const StabilityOptions& options,
+                                     bool all);
 /// The same for a person.
 std::string stabilityText(const std::vector<StabilityResult>& results);
 /// Rows: start states; columns: levels of the other factors; colour: the share of the cells with both that fail.
