@@ -107,8 +107,8 @@ ClusterColumns clusterColumns(const Body& body, std::uint32_t index) {
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
   const int columns = quadratic ? 9 : 3;
   Columns<9> f = Columns<9>::Zero();
-  f.leftCols(columns) = cluster.radius * frame.f.leftCols(columns);
-  const Vector3 start = frame.center - f * body.rest().clusters[index].mean;
+  for (int k = 0; k < 3 * columns; ++k) f.data()[k] = cluster.radius * frame.f.data()[k];
+  const Vector3 start = frame.center - timesColumn(f, body.rest().clusters[index].mean);
   std::copy(start.data(), start.data() + 3, result.column[0]);
   for (int k = 0; k < columns; ++k) std::copy(f.col(k).data(), f.col(k).data() + 3, result.column[k + 1]);
   std::copy(cluster.rest_center.begin(), cluster.rest_center.end(), result.center);

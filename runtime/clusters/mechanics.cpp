@@ -363,8 +363,7 @@ float curveResponse(std::span<const formats::CurvePoint> curve, float phi) {
 }
 
 float volumePressure(const Matrix3& a, const Matrix3& answer, float ease) {
-  const lanes::Mat3Of<float> linear = toLanes(a);
-  return lanes::volumePressure(linear, lanes::cofactor(linear), toLanes(answer), ease);
+  return lanes::volumePressure(toLanes(a), toLanes(cofactor(a)), toLanes(answer), ease);
 }
 
 double volumeEnergy(double volume) {

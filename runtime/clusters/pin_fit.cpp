@@ -265,7 +265,7 @@ bool PinFit::match(const formats::Cluster& cluster, const ClusterRest& rest, con
     Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
     for (const Group& group : groups_) {
       const Eigen::Vector3d place = (group.place - moment_center_).cast<double>();
-      addProduct(viewOf(moment), 1, viewOf(group.rotation), viewOf(group.turn));
+      moment += group.rotation * group.turn;
       addOuter(viewOf(moment), 1, columnOf(place), group.offset);
     }
     moment = moment * rest_shape.transpose() / double(cluster.radius);

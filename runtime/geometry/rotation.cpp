@@ -26,10 +26,11 @@ Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const Quatern
   symmetricEigen(viewOf(std::as_const(k)), {values.data(), 4}, viewOf(vectors));
   const double tie =
       2e-6 * std::max(std::abs(values[0]), std::abs(values[3]));  // a few times the rounding of a float A
-  const Eigen::Vector4d before = Eigen::Map<const Eigen::Vector4f>(previous.data()).cast<double>();
-  Eigen::Vector4d q = Eigen::Vector4d::Zero();
+  Eigen::Vector4d before, q = Eigen::Vector4d::Zero();
+  for (int j = 0; j < 4; ++j) before[j] = double(previous[std::size_t(j)]);
   for (int i = 3; i >= 0 && values[i] >= values[3] - tie; --i) {
-    q += vectors.col(i) * vectors.col(i).dot(before);
+    const double along = vectors.col(i).dot(before);
+    for (int j = 0; j < 4; ++j) q[j] += vectors(j, i) * along;
   }
   if (!(q.squaredNorm() > 1e-6)) q = vectors.col(3);  // the previous rotation is as far off as can be
   q.normalize();

@@ -62,19 +62,23 @@ MatrixShape resized(MatrixShape shape, int rows, int columns) {
 MatrixShape transposed(MatrixShape shape) { return {shape.columns, shape.rows, shape.column_step, shape.row_step}; }
 
 void addProduct(MatrixView to, double scale, ConstMatrixView a, ConstMatrixView b) {
-  for (int j = 0; j < b.columns; ++j) {
-    for (int k = 0; k < a.columns; ++k) {
-      const double factor = scale * b(k, j);
-      const double* from = &a(0, k);
-      double* at = &to(0, j);
-      for (int i = a.rows; i > 0; --i, from += a.row_step, at += to.row_step) *at += *from * factor;
+  const std::ptrdiff_t a_row_step = a.row_step, to_row_step = to.row_step;
+  for (int j = 0; j < b.columns; ++j, to.data += to.column_step, b.data += b.column_step) {
+    const double* column = a.data;
+    const double* entry = b.data;
+    for (int k = a.columns; k > 0; --k, column += a.column_step, entry += b.row_step) {
+      const double factor = scale * *entry;
+      const double* from = column;
+      double* at = to.data;
+      for (int i = a.rows; i > 0; --i, from += a_row_step, at += to_row_step) *at += *from * factor;
     }
   }
 }
 
 void addCongruence(MatrixView to, double scale, ConstMatrixView a, ConstMatrixView t) {
-  Square storage = {};
-  const MatrixView product = squareIn(storage, kSmallRows).block(0, 0, a.rows, t.columns);
+  Square storage;
+  std::fill_n(storage.data(), a.rows * t.columns, 0.0);
+  const MatrixView product(storage.data(), a.rows, t.columns, 1, a.rows);
   addProduct(product, scale, a, t);
   addProduct(to, 1, t.transposed(), product);
 }
