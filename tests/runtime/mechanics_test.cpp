@@ -72,6 +72,21 @@ ClusterMechanics elastic(float young, float poisson) {
   return m;
 }
 
+TEST(Algebra, SharedFunctionsDoAsEigen) {
+  using namespace internal;
+  const Matrix3 a = Matrix3::Random();
+  const Columns<9> f = Columns<9>::Random();
+  EXPECT_EQ(widened(a), a.cast<double>());
+  EXPECT_EQ(widened(f), f.cast<double>());
+  EXPECT_EQ(narrowed(widened(f)), f);
+  const Eigen::Matrix3d left = Eigen::Matrix3d::Random();
+  EXPECT_LT((left * widened(f) - left.lazyProduct(f.cast<double>())).norm(), 1e-14);
+  EXPECT_EQ(asMatrix({1, 2, 3, 4, 5, 6, 7, 8, 9}), (Matrix3() << 1, 2, 3, 4, 5, 6, 7, 8, 9).finished());
+  const Vector3 q = Vector3::Random();
+  const Eigen::Matrix<double, 9, 1> wide = monomials(q.cast<double>());
+  EXPECT_LT((wide - monomials<9>(q).cast<double>()).norm(), 1e-6);
+}
+
 TEST(Elastic, TheImplicitStepIsThatOfTheSolid) {
   BoxOptions box;
   box.cells = {5, 3, 3};
