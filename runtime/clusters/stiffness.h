@@ -7,6 +7,7 @@
 #include <memory_resource>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/kernels/guard.h"  // guardMargin() is about its bounds
 #include "runtime/kernels/layout.h"
 #include "runtime/load/rest_constants.h"
 #include "runtime/memory/array.h"
@@ -20,7 +21,7 @@ struct ClusterStiffness {
   /// What a pass keeps of a stretch or shear: beta_h (eq. 6), or with damping (1 + h d) / (1 + h d + (2 pi f h)²),
   /// since damping pulls towards what was; 0 for a rigid cluster.
   float kept = 0.0F;
-  float margin = 1.0F;       ///< guardMargin()
+  float margin = 1.0F;       ///< guardMargin(); 1 where nothing brings the cluster back
   float volume_ease = 0.0F;  ///< how much the volume gives way to a unit pressure (eq. 18)
   /// The lowest frequency that the body returns with where it is made of such clusters, Hz; 0 = it never does,
   /// infinite = rigid.

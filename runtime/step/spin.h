@@ -15,7 +15,8 @@ inline constexpr double kMostTurn = 0.5;
 
 /// Splits the angular momentum of a free part about its centre into what it turns with in the next pass and what is set
 /// aside. Turned about the axis of the whole, the part keeps the energy of its spin as well: half L I^-1 L does not
-/// change then. It turns no faster about that axis than L / I there, so that turning has no energy that L has not. \param solver inertia of the part. \param angular all of it: what its vertices have and what is aside.
+/// change then. It turns no faster about that axis than L / I there, so that turning has no energy that L has not.
+/// \param solver inertia of the part. \param angular all of it: what its vertices have and what is aside.
 /// \param[out] aside zero where the part turns by less than kMostTurn. \return angular velocity to turn with, rad/s.
 Eigen::Vector3d setSpinAside(const RigidMotionSolver& solver, const Eigen::Vector3d& angular, double pass_seconds,
                              Eigen::Vector3d& aside);

@@ -114,7 +114,7 @@ struct ThreadPool::Impl {
   }
 };
 
-[[gnu::cold]] [[gnu::cold]] ThreadPool::ThreadPool(std::uint32_t threads) noexcept {
+[[gnu::cold]] ThreadPool::ThreadPool(std::uint32_t threads) noexcept {
   const std::uint32_t cores = std::max(1U, std::thread::hardware_concurrency());
   if (threads == 0) threads = cores;
   try {

@@ -10,7 +10,6 @@
 #include "runtime/clusters/goal.h"
 #include "runtime/clusters/stiffness.h"
 #include "runtime/geometry/tet_mesh.h"
-#include "runtime/kernels/kernels.h"
 
 namespace sinew::tools {
 namespace {
