@@ -16,7 +16,7 @@ Eigen::Vector3d setSpinAside(const RigidMotionSolver& solver, const Eigen::Vecto
   const double inertia = axis.dot(solver.inertia() * axis);
   double turn = kMostTurn / pass_seconds;
   if (inertia > 0) turn = std::min(turn, angular.norm() / inertia);  // rounded, it may be none
-  const Eigen::Vector3d kept = turn * axis;
+  Eigen::Vector3d kept = turn * axis;
   aside = angular - solver.inertia() * kept;
   return kept;
 }
