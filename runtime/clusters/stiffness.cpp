@@ -159,7 +159,6 @@ ClusterStiffness clusterStiffness(const formats::PackageView& package, const Res
       package.mechanics().empty() ? formats::kPlainMechanics : package.mechanics()[index];
   ClusterStiffness result;
   const double missing = 1.0 - std::clamp(double(cluster.alpha), 0.0, 1.0);
-  result.margin = guardMargin(step_seconds);
   result.alpha = float(1.0 - std::pow(missing, double(step_seconds) / kAlphaStep));
   if (cluster.mode == formats::ClusterMode::rigid) return result;
 
@@ -255,7 +254,7 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
     // The margin lets a body return along its limits. One that nothing brings back is stopped by all that they do:
     // what they moved without a stop was a speed, and fed a sheet until it was twice as fast.
     const bool returns = clusters[c].slowest_hz > 0 || clusters[c].volume_ease > 0;
-    if (!returns) clusters[c].margin = 1.0F;
+    clusters[c].margin = returns ? guardMargin(pass_seconds) : 1.0F;
     storeStiffness(clusters[c], c % 8, blocks[c / 8]);
     if (rest.mechanics.limits.empty()) continue;
     const GoalLimits& limits = rest.mechanics.limits[c];

@@ -33,15 +33,4 @@ Eigen::Matrix<double, N, N> pseudoInverse(const Eigen::Matrix<double, N, N>& mom
   return result;
 }
 
-/// The same for a moment whose coordinates differ in scale (squares beside lengths): scaled to unit diagonal first, so
-/// that the cut-off means dependence between coordinates and not their size. Coordinates with a diagonal below
-/// `cutoff` times the largest are dropped.
-template <int N>
-Eigen::Matrix<double, N, N> equilibratedPseudoInverse(const Eigen::Matrix<double, N, N>& moment,
-                                                      double cutoff = kMomentCutoff) {
-  Eigen::Matrix<double, N, N> result;
-  equilibratedPseudoInverse(viewOf(moment), cutoff, viewOf(result));
-  return result;
-}
-
 }  // namespace sinew::geometry

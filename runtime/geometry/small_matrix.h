@@ -103,7 +103,9 @@ void invertPositive(MatrixView a);
 /// \param to of a's size; may be a.
 void pseudoInverse(ConstMatrixView a, double cutoff, MatrixView to);
 
-/// The same of a matrix whose coordinates differ in scale, as pseudo_inverse.h says. \param to of a's size; may be a.
+/// The same of a moment whose coordinates differ in scale (squares beside lengths): scaled to unit diagonal first, so
+/// that the cut-off means dependence between coordinates and not their size. Coordinates with a diagonal below `cutoff`
+/// times the largest are dropped. \param to of a's size; may be a.
 void equilibratedPseudoInverse(ConstMatrixView a, double cutoff, MatrixView to);
 
 /// Scales of coordinates that give a moment a unit diagonal; 0 for those whose diagonal is below `cutoff` times the

@@ -83,8 +83,7 @@ Result<std::shared_ptr<const Asset>> Asset::open(std::shared_ptr<Asset> asset, s
   formats::Header header;
   std::memcpy(&header, bytes.data(), sizeof header);
   asset->checksum_ = header.checksum;
-  // NOLINTNEXTLINE(modernize-make-unique): made in place, which is half the code of moving it
-  asset->constants_.reset(new internal::RestConstants(internal::makeRestConstants(asset->view_)));
+  asset->constants_ = std::make_unique<const internal::RestConstants>(internal::makeRestConstants(asset->view_));
   return std::shared_ptr<const Asset>(std::move(asset));
 }
 
