@@ -233,6 +233,9 @@ void addSolverRow(Body& body, const Row& row, float pass_seconds) {
     const float along = row.normal.dot(w * row.normal);
     result.normal_response = along + result.compliance;
     result.tangent_response = w.trace() - along + result.compliance;
+    // Friction has its bound and needs none from compliance: only what it changes by gives way. A tenth of all of it
+    // was a slip in every pass, and bodies crept down slopes and walked about.
+    target += result.compliance * (row.impulse - row.normal * row.normal.dot(row.impulse));
   } else {
     if (row.point == RowPoint::visual_vertex) {
       // A critically damped spring of frequency f on the mass it feels, 1/mean, implicit: eq. 12. The row's target is

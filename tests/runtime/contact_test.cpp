@@ -117,7 +117,7 @@ TEST(Ground, CoulombFrictionOnASlope) {
     const double expected = std::max(0.0, 9.81 * (std::sin(angle) - double(mu) * std::cos(angle)));
     EXPECT_NEAR(acceleration, expected, 0.03) << mu;
     if (expected == 0) {
-      EXPECT_LT(std::abs(at_2.center[0] - at_1.center[0]), 2e-3) << "creeps";
+      EXPECT_LT(std::abs(at_2.center[0] - at_1.center[0]), 2e-5) << "creeps";
     }
   }
 }
