@@ -313,6 +313,12 @@ MechanicsState::MechanicsState(const formats::PackageView& package, const Mechan
   activation.resize(package.channels().size());
 }
 
+void MechanicsState::forgetShapes(const formats::PackageView& package) {
+  std::fill(shapes.begin(), shapes.end(), ShapeState{});
+  std::fill(previous.begin(), previous.end(), Columns<9>::Zero());
+  for (std::uint32_t c = 0; c < shapes.size(); ++c) updateShape(package, c);
+}
+
 void MechanicsState::reset() {
   std::fill(shapes.begin(), shapes.end(), ShapeState{});
   std::fill(previous.begin(), previous.end(), Columns<9>::Zero());

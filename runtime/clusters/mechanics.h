@@ -101,6 +101,8 @@ struct MechanicsState {
                  std::pmr::memory_resource* memory);
   /// Nothing permanent, nothing activated, at rest.
   void reset();
+  /// Nothing permanent, at rest; what is activated stays.
+  void forgetShapes(const formats::PackageView& package);
   /// Sets a channel, 0..1, and the shapes of the clusters that it contracts.
   void activate(const formats::PackageView& package, std::uint32_t channel, float value);
   void updateShape(const formats::PackageView& package, std::uint32_t cluster);

@@ -21,6 +21,8 @@ constexpr double kPinFrequency = 60;
 
 // A ratio (2 pi f h)² from which on a class of modes counts as rigid.
 constexpr double kRigidRatio = 1e9;
+// The stiffest elastic mode beside the mass: further up the mass is rounded away, and with it what turns do.
+constexpr double kMostOverMass = 1e11;
 
 using geometry::addProduct;
 using geometry::addScaled;
@@ -202,7 +204,11 @@ void PinFit::remake(const formats::PackageView& package, const RestConstants& re
   geometry::addToDiagonal(system_, 1);
   geometry::addToDiagonal(system_.block(1, 1, modes, modes), damping);
   if (elastic_ && method_ == PinMethod::constrained_fit) {
-    const double scale = h * h * double(stiffness_scale) * double(stiffness_scale);
+    const ModeMatrix& energy = elastic3_[0].energy;
+    double stiffest = 0;
+    for (int k = 0; k < 3 * modes; ++k) stiffest = std::max(stiffest, energy(k, k));
+    double scale = h * h * double(stiffness_scale) * double(stiffness_scale);
+    if (scale * stiffest > kMostOverMass) scale = kMostOverMass / stiffest;
     Square30& system3 = elastic3_[0].system;
     system3 = Square30(3 * size, 3 * size);
     const int free_count = null_space_.columns();

@@ -121,10 +121,14 @@ void addPinSet(Body& body, PinSet&& set) {
   setHeld(body, body.pin_sets.back(), true);
 }
 
-void addPackagePins(Body& body, std::uint32_t& next_id) {
+void setPackagePins(Body& body, std::uint32_t& next_id) {
   const formats::PackageView& package = body.package();
   const auto weights = package.pinWeights();
-  for (std::uint32_t s = 0; s < package.pinSets().size(); ++s) {
+  OwningArray<PinSet> sets(body.pin_sets.memory());
+  Array<std::uint8_t> held(body.pin_sets.memory());
+  const std::size_t count = body.settings.package_pins ? package.pinSets().size() : 0;
+  if (count > 0) held.resize(body.vertexCount());
+  for (std::uint32_t s = 0; s < count; ++s) {
     const formats::PinSet& source = package.pinSets()[s];
     PinSet set(body.pin_sets.memory());
     set.source = s;
@@ -132,15 +136,29 @@ void addPackagePins(Body& body, std::uint32_t& next_id) {
     set.at = set.target = {body.settings.position, body.settings.rotation};
     for (const std::uint32_t vertex : package.pinSetVertices().subspan(source.first, source.count)) {
       const float weight = weights.empty() ? 1.0F : weights[vertex];
-      if (weight > 0 && body.pinned[vertex] == 0)
-        set.vertices.push_back({vertex, weight, body.vertices()[vertex].rest_position});
+      if (!(weight > 0) || held[vertex] != 0) continue;
+      set.vertices.push_back({vertex, weight, body.vertices()[vertex].rest_position});
+      held[vertex] = 1;
     }
     if (set.vertices.empty()) continue;
-    set.id = next_id++;
-    setHeld(body, set, true);
-    body.pin_sets.push_back(std::move(set));
+    set.id = next_id + std::uint32_t(sets.size());
+    sets.push_back(std::move(set));
   }
-  rebuildFits(body);
+  body.pin_sets.swap(sets);
+  try {
+    rebuildFits(body);
+  } catch (...) {
+    body.pin_sets.swap(sets);
+    throw;
+  }
+  next_id += std::uint32_t(body.pin_sets.size());
+}
+
+void removePinSets(Body& body) {
+  for (const PinSet& set : body.pin_sets) setHeld(body, set, false);
+  body.pin_sets.clear();
+  body.fits.clear();
+  body.fit_of.clear();
 }
 
 void removePinSet(Body& body, std::size_t index) {

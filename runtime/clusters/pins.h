@@ -16,12 +16,15 @@ RigidTransform betweenTransforms(const RigidTransform& from, const RigidTransfor
 
 /// Adds a set to the body; the arguments are sound. Its vertices stay where they are in its transform.
 void addPinSet(Body& body, PinSet&& set);
-/// Puts the package's pin sets to work on a body that was just reset. \param next_id of a pin set; moves on.
-void addPackagePins(Body& body, std::uint32_t& next_id);
+/// In place of all sets of a body those of its package, if BodySettings ask for them; Body::reset() is due. Where
+/// memory runs out (std::bad_alloc) the body keeps what it had. \param next_id of a pin set; moves on.
+void setPackagePins(Body& body, std::uint32_t& next_id);
 /// Makes Body::fits again from its sets, as they are.
 void rebuildFits(Body& body);
 /// Removes the set at an index. This and addPinSet() leave all as it was where memory runs out (std::bad_alloc).
 void removePinSet(Body& body, std::size_t index);
+/// Removes all.
+void removePinSets(Body& body);
 
 /// Appends a row for each vertex that is held (method `hold`: positions held, forces passed on through the match).
 void addPinRows(Body& body, float pass_seconds, std::uint32_t passes_left);

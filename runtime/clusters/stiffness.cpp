@@ -248,7 +248,8 @@ void storeStiffness(const ClusterStiffness& stiffness, std::uint32_t lane, Stiff
 
 void StiffnessSet::update(const formats::PackageView& package, const RestConstants& rest, float pass_seconds) {
   if (step_seconds == pass_seconds) return;
-  step_seconds = pass_seconds;
+  step_seconds = 0;  // what follows may run out of memory
+  kept.resize(rest.mechanics.modes.size());
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     clusters[c] = clusterStiffness(package, rest, c, scale, pass_seconds);
     // The margin lets a body return along its limits. One that nothing brings back is stopped by all that they do:
@@ -283,13 +284,13 @@ void StiffnessSet::update(const formats::PackageView& package, const RestConstan
     if (std::isfinite(least)) own_damping[part] = least;
   }
   const MechanicsConstants& mechanics = rest.mechanics;
-  kept.resize(mechanics.modes.size());
   for (std::uint32_t c = 0; c < mechanics.modes_of.size(); ++c) {
     const std::uint32_t modes = mechanics.modes_of[c];
     if (modes != formats::kNone) {
       kept[modes] = keptModes(package.mechanics()[c], mechanics.modes[modes], scale, pass_seconds);
     }
   }
+  step_seconds = pass_seconds;
 }
 
 }  // namespace sinew::internal

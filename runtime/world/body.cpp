@@ -83,21 +83,43 @@ void Body::giveBack() {
 }
 
 void Body::reset(PassScratch& scratch) {
+  std::fill(pinned.begin(), pinned.end(), std::uint8_t(0));
+  for (const PinSet& set : pin_sets) {
+    for (const PinnedVertex& vertex : set.vertices) pinned[vertex.vertex] = 1;
+  }
+  pins.clear();
+  picks.clear();
+  mechanics.reset();
+  rows.clear();
+  repaired = 0;
+  placeAtRest(scratch);
+}
+
+bool Body::isLost() const {
+  bool lost = false;
+  for (std::uint32_t c = 0; c < clusterCount(); ++c) {
+    const ClusterBlock& block = blocks[c / 8];
+    float turned = 0;
+    for (const float(&component)[8] : block.rotation) turned += component[c % 8] * component[c % 8];
+    lost |= !(turned > 0.5F && turned < 2) ||
+            !within({block.center[0][c % 8], block.center[1][c % 8], block.center[2][c % 8]}, kLargestPosition);
+  }
+  return lost;
+}
+
+void Body::recover(PassScratch& scratch) {
+  mechanics.forgetShapes(package());
+  placeAtRest(scratch);
+  repaired = vertexCount();
+}
+
+void Body::placeAtRest(PassScratch& scratch) {
   const Matrix3 rotation = asMatrix(settings.rotation);
   const Vector3 position = asVector(settings.position);
   for (std::uint32_t i = 0; i < vertexCount(); ++i) {
     x[i] = asArray(rotation * asVector(vertices()[i].rest_position) + position);
     v[i] = force[i] = {};
-    pinned[i] = 0;
   }
-  pins.clear();
-  picks.clear();
-  pin_sets.clear();
-  fits.clear();
-  fit_of.clear();
-  mechanics.reset();
-  rows.clear();
-  repaired = 0;
   geometry::Quaternion start = geometry::kIdentityQuaternion;
   geometry::nearestRotation(rotation, start);
   for (ClusterBlock& block : blocks) {

@@ -166,8 +166,13 @@ struct Body {
   std::uint32_t vertexCount() const { return std::uint32_t(vertices().size()); }
   std::uint32_t clusterCount() const { return std::uint32_t(package().clusters().size()); }
 
-  /// Back to the rest shape at the place it was added; nothing held. \param scratch reserved for this body.
+  /// Back to the rest shape at the place it was added; nothing held but by its pin sets. \param scratch reserved for
+  /// this body.
   void reset(PassScratch& scratch);
+  /// Whether no vertex can be put right by what its clusters want: some of them are nowhere themselves.
+  bool isLost() const;
+  /// A lost body: at rest at the place it was added; what holds it stays. \param scratch reserved for this body.
+  void recover(PassScratch& scratch);
   /// Matches every cluster to the current positions (R, and F as the match sees them), as after a new state was set.
   /// \param scratch reserved for this body.
   void matchPositions(PassScratch& scratch);
@@ -176,6 +181,7 @@ struct Body {
   /// Where its clusters last wanted a physical vertex: Σ share g, metres.
   Vector3 blendedGoal(std::uint32_t vertex) const;
 
+  std::uint32_t id = 0;  ///< BodyId
   std::shared_ptr<const Asset> asset;
   BodySettings settings;
   LineMemory lines;  ///< where the arrays by vertex and membership live
@@ -220,6 +226,9 @@ struct Body {
   std::uint32_t repaired = 0;  ///< vertices whose state was not finite in the last step
 
   History history;  ///< for motion vectors
+
+ private:
+  void placeAtRest(PassScratch& scratch);
 };
 
 /// Gives a body back to the memory resource it was made in.
@@ -232,7 +241,7 @@ struct BodyRelease {
 };
 using BodyPointer = std::unique_ptr<Body, BodyRelease>;
 
-/// Bodies of a world by BodyId; null where one was removed.
+/// Bodies of a world, ids ascending.
 using BodyList = OwningArray<BodyPointer>;
 
 /// Whether a vertex can be stepped: position and velocity finite and below 1e15 m, 1e17 m/s.

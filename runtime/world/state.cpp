@@ -56,6 +56,9 @@ struct SavedCenter {
 
 constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
 
+// Ids of picks and pin sets in a saved state are below this: new ones must not run out behind them.
+constexpr std::uint32_t kMostIds = 0xFFFF0000U;
+
 template <class T>
 std::size_t bytesOf(std::size_t count) {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -152,7 +155,8 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   }
   const bool columns = h.history_columns == 0 || h.history_columns == body.clusterCount();
   if (h.pins > h.vertices || (h.history_positions != 0 && h.history_positions != h.vertices) || !columns ||
-      h.centers_known > 1 || h.bytes != totalBytes(h, body)) {
+      h.centers_known > 1 || !(h.pass_seconds >= 0 && std::isfinite(h.pass_seconds)) ||
+      h.bytes != totalBytes(h, body)) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
@@ -172,14 +176,14 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   std::uint32_t next = 0;
   for (std::uint32_t i = 0; i < h.pins; ++i) {
     const auto pin = reader.get<internal::Pin>();
-    sound &= pin.vertex >= next && pin.vertex < h.vertices;
+    sound &= pin.vertex >= next && pin.vertex < h.vertices && allFinite(pin.target.data(), 3);
     next = pin.vertex + 1;
   }
   const std::size_t visual_count = body.package().visualPositions().size();
   for (std::uint32_t i = 0; i < h.picks; ++i) {
     const auto pick = reader.get<internal::Pick>();
-    sound &= pick.visual_vertex < visual_count && allFinite(pick.target.data(), 3) && allFinite(pick.force.data(), 3) &&
-             pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F;
+    sound &= pick.id < kMostIds && pick.visual_vertex < visual_count && allFinite(pick.target.data(), 3) &&
+             allFinite(pick.force.data(), 3) && pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F;
   }
   for (std::uint32_t i = 0; i < h.history_positions; ++i) reader.get<Vec3>();
   for (std::uint32_t i = 0; i < h.history_columns; ++i) reader.get<internal::ClusterColumns>();
@@ -189,8 +193,9 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   std::uint64_t pinned = 0;
   for (std::uint32_t i = 0; i < h.pin_sets; ++i) {
     const auto set = reader.get<SavedPinSet>();
-    sound &= internal::isProper(set.at) && internal::isProper(set.target) && set.method <= PinMethod::constrained_fit &&
-             set.vertices > 0 && (set.source == formats::kNone || set.source < body.package().pinSets().size());
+    sound &= set.id < kMostIds && internal::isProper(set.at) && internal::isProper(set.target) &&
+             set.method <= PinMethod::constrained_fit && set.vertices > 0 &&
+             (set.source == formats::kNone || set.source < body.package().pinSets().size());
     pinned += set.vertices;
   }
   sound &= pinned == h.pinned_vertices;
@@ -273,9 +278,27 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     Reader tail(bytes.data() + header.bytes - bytesOf<internal::PinnedVertex>(header.pinned_vertices) -
                 bytesOf<SavedPinSet>(header.pin_sets));
     for (std::uint32_t i = 0; i < header.pin_sets; ++i) {
-      sets.emplace_back(impl_->memory).vertices.resize(tail.get<SavedPinSet>().vertices);
+      const auto saved = tail.get<SavedPinSet>();
+      internal::PinSet& set = sets.emplace_back(impl_->memory);
+      set.vertices.resize(saved.vertices);
+      set.id = formats::kNone;  // none yet, and none of another's
+      set.source = saved.source;
+      set.method = saved.method;
+      set.at = saved.at;
+      set.target = saved.target;
+      set.passes = saved.passes;
+      set.first_pass = saved.first_pass != 0;
+      std::copy(saved.force_sum.begin(), saved.force_sum.end(), set.force_sum.data());
+      std::copy(saved.torque_sum.begin(), saved.torque_sum.end(), set.torque_sum.data());
     }
     for (internal::PinSet& set : sets) tail.get(set.vertices.data(), set.vertices.size());
+    body->pin_sets.swap(sets);
+    try {
+      internal::rebuildFits(*body);
+    } catch (...) {
+      body->pin_sets.swap(sets);
+      throw;
+    }
     return true;
   });
   if (!reserved) return Error{"restoreState: out of memory"};
@@ -299,7 +322,6 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   std::fill(body->pinned.begin(), body->pinned.end(), std::uint8_t(0));
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 1;
   body->picks.clear();
-  body->pin_sets.clear();
   for (std::uint32_t i = 0; i < header.picks; ++i) {
     auto pick = reader.get<internal::Pick>();
     if (impl_->findPick({pick.id}).first != nullptr) pick.id = impl_->next_pick;
@@ -322,42 +344,23 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   }
   for (auto& previous : body->mechanics.previous) reader.get(previous.data(), kDampingFloats);
   reader.get(body->mechanics.activation.data(), header.channels);
-  std::size_t next_set = 0;
-  for (std::uint32_t i = 0; i < header.pin_sets; ++i) {
+  for (internal::PinSet& set : body->pin_sets) {
     const auto saved = reader.get<SavedPinSet>();
-    internal::PinSet& set = sets[next_set++];
     set.id = impl_->findPinSet({saved.id}).first != nullptr ? impl_->next_pin_set : saved.id;
     impl_->next_pin_set = std::max(impl_->next_pin_set, set.id + 1);
-    set.source = saved.source;
-    set.method = saved.method;
-    set.at = saved.at;
-    set.target = saved.target;
-    set.passes = saved.passes;
-    set.first_pass = saved.first_pass != 0;
-    std::copy(saved.force_sum.begin(), saved.force_sum.end(), set.force_sum.data());
-    std::copy(saved.torque_sum.begin(), saved.torque_sum.end(), set.torque_sum.data());
   }
-  body->pin_sets.swap(sets);
   for (const internal::PinSet& set : body->pin_sets) {
     for (const internal::PinnedVertex& vertex : set.vertices) body->pinned[vertex.vertex] = 1;
   }
-  const bool fitted = impl_->guarded("restoreState", false, [&] {
-    internal::rebuildFits(*body);
-    impl_->growScratch();
-    return true;
-  });
-  if (!fitted) {
-    body->reset(impl_->step_scratch.passOf(*body));
-    return Error{"restoreState: out of memory; the body was reset"};
-  }
+  impl_->growScratch();
   return std::size_t(header.bytes);
 }
 
 void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
   Body* body = impl_->find(id, "teleport");
   if (body == nullptr) return;
-  if (!internal::isProper(rotation) || !asVector(translation).allFinite()) {
-    impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a finite translation");
+  if (!internal::isProper(rotation) || !internal::stateIsUsable(translation, {})) {
+    impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a translation within 1e15 m");
     return;
   }
   impl_->changed(*body);

@@ -30,10 +30,17 @@ World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& res
 
 std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& asset, float scale) const {
   for (const internal::BodyPointer& body : bodies) {
-    if (body != nullptr && body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
+    if (body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
   }
   return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(), scale,
                                                       memory);
+}
+
+std::pair<Body*, std::size_t> World::Impl::locate(BodyId id) const {
+  const auto comes_before = [](const internal::BodyPointer& body, std::uint32_t value) { return body->id < value; };
+  const auto place = std::lower_bound(bodies.begin(), bodies.end(), id.value, comes_before);
+  const bool there = place != bodies.end() && (*place)->id == id.value;
+  return {there ? place->get() : nullptr, std::size_t(place - bodies.begin())};
 }
 
 Body* World::Impl::find(BodyId id, const char* call) const {
@@ -44,7 +51,6 @@ Body* World::Impl::find(BodyId id, const char* call) const {
 
 std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
   for (const internal::BodyPointer& body : bodies) {
-    if (body == nullptr) continue;
     for (std::size_t i = 0; i < body->picks.size(); ++i) {
       if (body->picks[i].id == id.value) return {body.get(), i};
     }
@@ -63,12 +69,11 @@ bool internal::isProper(const Mat3& rotation) {
 }
 
 bool internal::isProper(const RigidTransform& transform) {
-  return asVector(transform.position).allFinite() && isProper(transform.rotation);
+  return stateIsUsable(transform.position, {}) && isProper(transform.rotation);
 }
 
 std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
   for (const internal::BodyPointer& body : bodies) {
-    if (body == nullptr) continue;
     for (std::size_t i = 0; i < body->pin_sets.size(); ++i) {
       if (body->pin_sets[i].id == id.value) return {body.get(), i};
     }
@@ -83,7 +88,11 @@ void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
   va_start(arguments, format);
   const int length = std::vsnprintf(line, sizeof line, format, arguments);
   va_end(arguments);
-  if (length > 0) log->write(severity, {line, std::min(std::size_t(length), sizeof line - 1)});
+  if (length <= 0) return;
+  try {
+    log->write(severity, {line, std::min(std::size_t(length), sizeof line - 1)});
+  } catch (...) {  // there is nobody left to tell
+  }
 }
 
 Error World::Impl::refuse(const char* format, ...) const {
@@ -98,7 +107,11 @@ Error World::Impl::refuse(const char* format, ...) const {
 
 namespace {
 
-bool finite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
+// Whether a body may be at a place, or be pulled there.
+bool usable(const Vec3& place) { return internal::stateIsUsable(place, {}); }
+
+// s. Nobody means a longer one.
+constexpr float kLongestStep = 1e6F;
 
 // The settings that step() is to use, all in range, and what it made of those that were not.
 struct CheckedSettings {
@@ -123,7 +136,7 @@ CheckedSettings checked(const WorldSettings& given) {
     const float instead = value > 0 ? 1e4F : 0.0F;  // not a number: 0
     check(name, value >= 0 && value <= 1e4F, value, instead);
   };
-  check("gravity", finite(s.gravity), s.gravity, Vec3{0, 0, 0});
+  check("gravity", usable(s.gravity), s.gravity, Vec3{0, 0, 0});
   check("iterations", s.iterations >= 1 && s.iterations <= 16, s.iterations, std::clamp(s.iterations, 1U, 16U));
   in_range("damping", s.damping);
   const float ratio = s.deformation_damping_ratio;
@@ -177,10 +190,10 @@ namespace {
 const char* faultOf(const Asset* asset, const BodySettings& settings) {
   if (asset == nullptr) return "addBody: no asset";
   if (!internal::kernelsRun()) return "addBody: this build has no kernels for this processor";
-  if (!finite(settings.position)) return "addBody: BodySettings::position is not finite";
+  if (!usable(settings.position)) return "addBody: BodySettings::position is not finite, or beyond 1e15 m";
   if (!internal::isProper(settings.rotation)) return "addBody: BodySettings::rotation is not a proper rotation";
-  if (!(settings.stiffness_scale >= 0) || !std::isfinite(settings.stiffness_scale)) {
-    return "addBody: BodySettings::stiffness_scale must be 0 or more";
+  if (!(settings.stiffness_scale >= 0 && settings.stiffness_scale <= 1e6F)) {
+    return "addBody: BodySettings::stiffness_scale must be 0 to 1e6";
   }
   return nullptr;
 }
@@ -202,19 +215,20 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
       memory->deallocate(place, sizeof(Body), alignof(Body));
       throw;
     }
+    internal::setPackagePins(*body, impl_->next_pin_set);
     body->reset(impl_->step_scratch.passOf(*body));
     keepHistory(*body);
-    if (settings.package_pins) internal::addPackagePins(*body, impl_->next_pin_set);
+    body->id = impl_->next_body;
     impl_->bodies.push_back(std::move(body));
-    return BodyId{std::uint32_t(impl_->bodies.size() - 1)};
+    return BodyId{impl_->next_body++};
   });
 }
 
 void World::removeBody(BodyId id) {
-  Body* body = impl_->find(id, "removeBody");
-  if (body == nullptr) return;
+  if (impl_->find(id, "removeBody") == nullptr) return;
+  const auto [body, place] = impl_->locate(id);
   impl_->changed(*body);
-  impl_->bodies[id.value].reset();
+  impl_->bodies.erase(place);
 }
 
 bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
@@ -222,22 +236,20 @@ bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
 void World::resetBody(BodyId id) {
   Body* body = impl_->find(id, "resetBody");
   if (body == nullptr) return;
-  internal::PassScratch& scratch = impl_->step_scratch.passOf(*body);
-  body->reset(scratch);
-  keepHistory(*body);
-  impl_->changed(*body);
-  if (!body->settings.package_pins) return;
-  const bool held = impl_->guarded("resetBody", false, [&] {
-    internal::addPackagePins(*body, impl_->next_pin_set);
+  // All that can fail comes first.
+  impl_->guarded("resetBody", false, [&] {
+    internal::setPackagePins(*body, impl_->next_pin_set);
+    body->reset(impl_->step_scratch.passOf(*body));
+    keepHistory(*body);
+    impl_->changed(*body);
     return true;
   });
-  if (!held) body->reset(scratch);
 }
 
-const Asset& World::asset(BodyId id) const { return *impl_->bodies[id.value]->asset; }
+const Asset& World::asset(BodyId id) const { return *impl_->find(id)->asset; }
 
 void World::step(float seconds) {
-  if (!(seconds > 0) || !std::isfinite(seconds)) {
+  if (!(seconds > 0 && seconds <= kLongestStep)) {
     impl_->tell(LogSeverity::error, "step: %g is not a length of time; nothing was done", double(seconds));
     return;
   }
@@ -249,9 +261,7 @@ void World::step(float seconds) {
   impl_->settings_told = settings.wrong;
   impl_->visual.invalidate();
   impl_->guarded("step", false, [&] {
-    for (const internal::BodyPointer& body : impl_->bodies) {
-      if (body != nullptr) keepHistory(*body);
-    }
+    for (const internal::BodyPointer& body : impl_->bodies) keepHistory(*body);
     internal::StepTimes times = {};
     const bool measured = settings.settings.measure_phases;
     internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds,
@@ -259,12 +269,11 @@ void World::step(float seconds) {
     for (std::size_t k = 0; k < times.size(); ++k) impl_->phases[k].milliseconds = measured ? times[k] : 0;
     return true;
   });
-  for (std::uint32_t i = 0; i < impl_->bodies.size(); ++i) {
-    const Body* body = impl_->bodies[i].get();
-    if (body == nullptr || body->repaired == 0) continue;
+  for (const internal::BodyPointer& body : impl_->bodies) {
+    if (body->repaired == 0) continue;
     impl_->tell(LogSeverity::warning,
-                "step: body %u: the state of %u vert%s was lost (not finite, or beyond 1e15 m) and was put right", i,
-                body->repaired, body->repaired == 1 ? "ex" : "ices");
+                "step: body %u: the state of %u vert%s was lost (not finite, or beyond 1e15 m) and was put right",
+                body->id, body->repaired, body->repaired == 1 ? "ex" : "ices");
   }
 }
 
@@ -308,8 +317,9 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
   Body* body = impl_->find(id, "pin");
   if (body == nullptr) return;
-  if (vertex >= body->vertexCount() || !finite(target)) {
-    impl_->tell(LogSeverity::error, "pin: body %u has no vertex %u, or the target is not finite", id.value, vertex);
+  if (vertex >= body->vertexCount() || !usable(target)) {
+    impl_->tell(LogSeverity::error, "pin: body %u has no vertex %u, or the target is not finite or beyond 1e15 m",
+                id.value, vertex);
     return;
   }
   for (const internal::PinSet& set : body->pin_sets) {
@@ -353,10 +363,7 @@ void World::unpinAll(BodyId id) {
   }
   body->pins.clear();
   body->centers_known = false;
-  impl_->guarded("unpinAll", false, [body] {
-    while (!body->pin_sets.empty()) internal::removePinSet(*body, body->pin_sets.size() - 1);
-    return true;
-  });
+  internal::removePinSets(*body);
 }
 
 Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vertices, const RigidTransform& at,
@@ -481,8 +488,8 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
     impl_->tell(LogSeverity::error, "pick: body %u has no visual vertex %u", id.value, visual_vertex);
     return {};
   }
-  if (!finite(target) || std::isnan(frequency_hz)) {
-    impl_->tell(LogSeverity::error, "pick: target or frequency is not finite");
+  if (!usable(target) || std::isnan(frequency_hz)) {
+    impl_->tell(LogSeverity::error, "pick: target or frequency is not finite, or the target beyond 1e15 m");
     return {};
   }
   return impl_->guarded("pick", PickId{}, [&] {
@@ -496,9 +503,9 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
 
 void World::movePick(PickId id, Vec3 target) {
   const auto [body, index] = impl_->findPick(id);
-  if (body == nullptr || !finite(target)) {
-    impl_->tell(LogSeverity::error,
-                body == nullptr ? "movePick: there is no such pick" : "movePick: target is not finite");
+  if (body == nullptr || !usable(target)) {
+    impl_->tell(LogSeverity::error, body == nullptr ? "movePick: there is no such pick"
+                                                    : "movePick: target is not finite, or beyond 1e15 m");
     return;
   }
   body->picks[index].target = target;
@@ -506,7 +513,11 @@ void World::movePick(PickId id, Vec3 target) {
 
 void World::releasePick(PickId id) {
   const auto [body, index] = impl_->findPick(id);
-  if (body != nullptr) body->picks.erase(index);
+  if (body == nullptr) {
+    impl_->tell(LogSeverity::error, "releasePick: there is no such pick");
+    return;
+  }
+  body->picks.erase(index);
 }
 
 std::size_t World::picks(BodyId id, std::span<PickId> ids) const {

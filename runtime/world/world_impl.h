@@ -26,7 +26,9 @@ bool isProper(const RigidTransform& transform);
 struct SINEW_HIDDEN World::Impl {
   Impl(const WorldSettings& world_settings, const WorldResources& resources);
 
-  internal::Body* find(BodyId id) const { return id.value < bodies.size() ? bodies[id.value].get() : nullptr; }
+  /// A body and its place in `bodies`; (nullptr, its place if it were there) of one that is not in this world.
+  std::pair<internal::Body*, std::size_t> locate(BodyId id) const;
+  internal::Body* find(BodyId id) const { return locate(id).first; }
   /// The same, and tells the log where there is none.
   internal::Body* find(BodyId id, const char* call) const;
 
@@ -62,8 +64,14 @@ struct SINEW_HIDDEN World::Impl {
   void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
                    const VisualOutput& output) const;
 
-  /// After something was held or pulled: so that the next step finds its memory ready.
-  void growScratch() { internal::growScratch(bodies, step_scratch, settings, jobs); }
+  /// After something was held or pulled: so that the next step finds its memory ready. Where there is none, that step
+  /// asks again, and tells.
+  void growScratch() noexcept {
+    try {
+      internal::growScratch(bodies, step_scratch, settings, jobs);
+    } catch (...) {
+    }
+  }
 
   /// To be called whenever a body changes.
   void changed(internal::Body&) { visual.invalidate(); }
@@ -72,7 +80,8 @@ struct SINEW_HIDDEN World::Impl {
   std::pmr::memory_resource* memory;
   JobSystem* jobs;
   LogSink* log;
-  internal::BodyList bodies;  ///< by BodyId; null where removed, since ids are never used again
+  internal::BodyList bodies;
+  std::uint32_t next_body = 0;  ///< ids are never used again
   internal::StepScratch step_scratch;
   std::array<Phase, internal::kStepPhaseCount> phases = {
       {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};

@@ -210,6 +210,28 @@ TEST(PinSets, ABodyFollowsItsTransformRigidly) {
   }
 }
 
+TEST(ConstrainedFit, ElasticClustersMayBeAsStiffAsTheirRangesAllow) {
+  for (const float step : {1e-3F, 1.0F / 60, 1.0F}) {
+    Beam beam;
+    beam.mechanics = elastic(1e12F, 0.499F);
+    HeldBeam held(beam);
+    BodySettings stiffest;
+    stiffest.stiffness_scale = 1e6F;
+    const BodyId body = *held.world.addBody(held.asset, stiffest);
+    ASSERT_TRUE(held.world.addPinSet(body, held.wall, {}, PinMethod::constrained_fit));
+    for (int i = 0; i < 60; ++i) held.world.step(step);
+    for (const BodyId each : {held.body, body}) {
+      ASSERT_TRUE(allFinite(held.world, each)) << step;
+      // A pass of a quarter of a second falls 0.3 m before R is looked for once.
+      EXPECT_LT(restError(held.world, each).max, step < 1 ? 1e-6 : 5e-3) << step;
+    }
+  }
+  BodySettings beyond;
+  beyond.stiffness_scale = 2e6F;
+  HeldBeam held({});
+  EXPECT_FALSE(held.world.addBody(held.asset, beyond));
+}
+
 TEST(PinSets, AHangingBodyPullsWithItsWeightWhateverTheMethod) {
   for (const PinMethod method : {PinMethod::hold, PinMethod::infinite_mass, PinMethod::constrained_fit}) {
     Beam beam;

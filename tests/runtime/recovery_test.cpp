@@ -265,6 +265,46 @@ TEST(Extremes, ALostVertexIsReportedContainedAndBroughtBack) {
   }
 }
 
+TEST(Extremes, ABodyThatIsLostAltogetherComesBackWhereItWasAdded) {
+  BoxOptions box;
+  box.clusters = {2, 2, 2};
+  formats::PackageContent content = boxContent(box);
+  formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+  mechanics.plastic_yield = 0.1F;
+  mechanics.plastic_creep = 1;
+  mechanics.plastic_limit = 0.2F;
+  content.mechanics.assign(content.clusters.size(), mechanics);
+  const auto asset = makeAsset(content);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  using Deed = std::function<void(World&, BodyId)>;
+  const std::array<std::pair<const char*, Deed>, 3> kDeeds = {{
+      {"fell out of the world",
+       [](World& world, BodyId) {
+         world.settings().gravity = {0, -1e15F, 0};
+         for (int i = 0; i < 10; ++i) world.step(1);
+       }},
+      {"a step of a fortnight", [](World& world, BodyId) { world.step(1e6F); }},
+      {"nothing but NaN",
+       [nan](World& world, BodyId body) {
+         world.setState(body, std::vector<Vec3>(world.positions(body).size(), Vec3{nan, nan, nan}), {});
+       }},
+  }};
+  for (const auto& [name, deed] : kDeeds) {
+    World world(weightless());
+    BodySettings place;
+    place.position = {3, 4, 5};
+    const BodyId body = *world.addBody(asset, place);
+    world.settings().damping = 0;
+    deed(world, body);
+    world.settings().gravity = {0, 0, 0};
+    for (int i = 0; i < 60; ++i) world.step(1.0F / 60);
+    EXPECT_EQ(world.repairedVertices(body), 0U) << name;
+    EXPECT_TRUE(allFinite(world, body)) << name;
+    EXPECT_LT(restError(world, body).max, 1e-3) << name;
+    EXPECT_LT((motionOf(world, body).center - Eigen::Vector3d(3, 4, 5)).norm(), 1e-3) << name;
+  }
+}
+
 TEST(DegenerateClusters, KeepTheDirectionsTheyLack) {
   // Clusters of 1, 2, 3 vertices, of a line and of a sheet: none may collapse.
   formats::PackageContent content = boxContent({});

@@ -53,6 +53,11 @@ class Lines final : public LogSink {
   std::vector<std::pair<LogSeverity, std::string>> lines;
 };
 
+class Throwing final : public LogSink {
+ public:
+  void write(LogSeverity, std::string_view) override { throw 1; }
+};
+
 BoxOptions softBox() {
   BoxOptions box;
   box.mode = formats::ClusterMode::quadratic;
@@ -227,6 +232,110 @@ TEST(Resources, APinSetThatFindsNoMemoryChangesNothing) {
   EXPECT_NE(world.positions(body)[1], place);
 }
 
+// A package that needs most: elastic, damped and plastic clusters, and pins of its own.
+std::shared_ptr<const Asset> demandingAsset() {
+  formats::PackageContent content = boxContent(softBox());
+  formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+  mechanics.stiffness = formats::StiffnessModel::elastic;
+  mechanics.young = 1e5F;
+  mechanics.poisson = 0.3F;
+  mechanics.damping = 1;
+  mechanics.plastic_yield = 0.1F;
+  mechanics.plastic_creep = 1;
+  mechanics.plastic_limit = 0.2F;
+  content.mechanics.assign(content.clusters.size(), mechanics);
+  return makeAsset(content);
+}
+
+TEST(Resources, AStepThatFindsNoMemoryIsDoneByTheNext) {
+  const auto asset = demandingAsset();
+  std::size_t dry_after = 0;
+  for (bool fell_short = true; fell_short; ++dry_after) {
+    ASSERT_LT(dry_after, 100U);
+    CountingMemory memory;
+    Lines log;
+    WorldSettings settings;
+    settings.ground.enabled = true;
+    World world(settings, WorldResources{&memory, nullptr, &log});
+    BodySettings place;
+    place.position = {0, 3, 0};
+    const BodyId body = *world.addBody(asset, place);
+    memory.dry_after = dry_after;
+    world.step(1.0F / 60);
+    memory.dry_after = std::numeric_limits<std::size_t>::max();
+    fell_short = log.count(LogSeverity::error) > 0;
+    for (int i = 0; i < 3; ++i) world.step(1.0F / 60);
+    EXPECT_EQ(log.count(LogSeverity::error), fell_short ? 1U : 0U);
+    EXPECT_TRUE(allFinite(world, body));
+    EXPECT_LT(motionOf(world, body).momentum[1], 0) << "it did not step";
+  }
+  EXPECT_GT(dry_after, 6U);
+}
+
+TEST(Resources, WhatFindsNoMemoryHasDoneNothing) {
+  const auto asset = demandingAsset();
+  const std::vector<std::uint32_t> some = {0, 1, 2}, others = {3, 4, 5};
+  std::vector<std::byte> saved;
+  for (std::size_t dry_after = 0, failed = 1; failed > 0; ++dry_after) {
+    ASSERT_LT(dry_after, 200U);
+    CountingMemory memory;
+    World world({}, WorldResources{&memory, nullptr, nullptr});
+    const BodyId body = *world.addBody(asset);
+    if (saved.empty()) {  // of a body that more holds
+      const PinSetId set = *world.addPinSet(body, others, {}, PinMethod::constrained_fit);
+      world.step(1.0F / 60);
+      saved.resize(world.stateBytes(body));
+      ASSERT_EQ(world.saveState(body, saved), saved.size());
+      world.removePinSet(set);
+    }
+    ASSERT_TRUE(world.addPinSet(body, some, {}, PinMethod::constrained_fit));
+    world.step(1.0F / 60);
+    const std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
+    failed = 0;
+    memory.dry_after = dry_after;
+    const bool restored = bool(world.restoreState(body, saved));
+    memory.dry_after = std::numeric_limits<std::size_t>::max();
+    if (!restored) {
+      ++failed;
+      EXPECT_TRUE(std::equal(x.begin(), x.end(), world.positions(body).begin())) << dry_after;
+      EXPECT_FALSE(world.addPinSet(body, some, {}, PinMethod::constrained_fit)) << "they are held still";
+    }
+    // What a pick and a pin need for the next step is asked for again then.
+    memory.dry_after = dry_after;
+    const PickId pick = world.pick(body, 0, {0, 1, 0});
+    memory.dry_after = std::numeric_limits<std::size_t>::max();
+    std::array<PickId, 4> picks;
+    EXPECT_EQ(world.picks(body, picks), pick.value == PickId{}.value ? 0U : 1U) << dry_after;
+    world.step(1.0F / 60);
+    EXPECT_TRUE(allFinite(world, body));
+  }
+}
+
+TEST(Resources, BodiesThatAreGoneCostNothing) {
+  CountingMemory memory;
+  World world({}, WorldResources{&memory, nullptr, nullptr});
+  const auto asset = boxAsset(softBox());
+  const BodyId stays = *world.addBody(asset);
+  const auto come_and_go = [&] {
+    const BodyId body = *world.addBody(asset);
+    const PickId pick = world.pick(body, 0, {0, 1, 0});
+    world.step(1.0F / 60);
+    world.releasePick(pick);
+    world.removeBody(body);
+    EXPECT_FALSE(world.contains(body));
+    return body.value;
+  };
+  std::uint32_t last = come_and_go();
+  const std::size_t before = memory.live_bytes;
+  for (int i = 0; i < 300; ++i) {
+    const std::uint32_t id = come_and_go();
+    EXPECT_GT(id, last);  // ids are never used again
+    last = id;
+  }
+  EXPECT_EQ(memory.live_bytes, before);
+  EXPECT_TRUE(world.contains(stays));
+}
+
 TEST(Resources, TheLogTellsWhatWasRefusedOrPutRight) {
   Lines log;
   World world({}, WorldResources{nullptr, nullptr, &log});
@@ -237,6 +346,8 @@ TEST(Resources, TheLogTellsWhatWasRefusedOrPutRight) {
   const BodyId unknown{77};
   const std::vector<std::function<void()>> refused = {[&] { world.removeBody(unknown); },
                                                       [&] { world.resetBody(unknown); },
+                                                      [&] { world.releasePick({77}); },
+                                                      [&] { world.step(2e6F); },
                                                       [&] { world.step(-1); },
                                                       [&] { world.step(std::numeric_limits<float>::quiet_NaN()); },
                                                       [&] { world.setState(body, {}, {}); },
@@ -282,6 +393,15 @@ TEST(Resources, TheLogTellsWhatWasRefusedOrPutRight) {
   world.step(1.0F / 60);
   EXPECT_EQ(log.lines.size(), 2U);
   EXPECT_TRUE(allFinite(world, body));
+}
+
+TEST(Resources, WhatALogThrowsGoesNoFurther) {
+  Throwing log;
+  World world({}, WorldResources{nullptr, nullptr, &log});
+  EXPECT_NO_THROW(world.step(-1));
+  EXPECT_NO_THROW(world.removeBody({5}));
+  const BodyId body = *world.addBody(boxAsset(softBox()));
+  EXPECT_NO_THROW(EXPECT_FALSE(world.addPinSet(body, {}, {})));
 }
 
 TEST(Resources, MovedWorldsKeepTheirBodies) {

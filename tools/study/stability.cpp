@@ -516,9 +516,9 @@ class CellRun {
     if (!flows && !potential.limited) energy_ = std::min(energy_, kEnergyLimit * (now.kinetic + potential.most));
   }
 
-  // A step is divided no finer than 1e-5 s.
+  // A step is divided no finer than 2e-4 s.
   double passSeconds(float step) const {
-    return double(step) / std::clamp(std::floor(double(step) / 1e-5 * (1 + 1e-6)), 1.0, double(setup_.passes));
+    return double(step) / std::clamp(std::floor(double(step) / 2e-4 * (1 + 1e-6)), 1.0, double(setup_.passes));
   }
 
   // Back to the origin, as an engine moves its own: further out positions are too coarse for a body of this size. One

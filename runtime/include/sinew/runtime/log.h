@@ -17,6 +17,7 @@ class LogSink {
  public:
   virtual ~LogSink() = default;
   /// Called in the thread that called the world, during that call. \param line without line end; copy it to keep it.
+  /// What this throws goes no further.
   virtual void write(LogSeverity severity, std::string_view line) = 0;
 };
 

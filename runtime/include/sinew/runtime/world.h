@@ -98,14 +98,16 @@ class SINEW_API World {
   /// \pre contains(body)
   const Asset& asset(BodyId body) const;
 
-  /// Advances all bodies. \param seconds step length, > 0 and finite (1e-5 .. 1 s is tested); other values do nothing.
+  /// Advances all bodies. \param seconds step length, > 0 and at most 1e6 (1e-5 .. 1 s is tested); other values do
+  /// nothing.
   void step(float seconds);
 
   /// Positions (metres, world) and velocities (m/s) of the physical vertices, in the package's order.
   std::span<const Vec3> positions(BodyId body) const;
   std::span<const Vec3> velocities(BodyId body) const;
   /// Vertices whose position or velocity was not finite (or beyond 1e15 m, 1e17 m/s) when the last step began. They
-  /// were put where their clusters had last wanted them, at rest; the rest of the body is not affected.
+  /// were put where their clusters had last wanted them, at rest; the rest of the body is not affected. A body that is
+  /// nowhere itself (beyond 1e15 m, as what falls for hours without a ground) comes back at rest to where it was added.
   std::uint32_t repairedVertices(BodyId body) const;
   /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero).
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
