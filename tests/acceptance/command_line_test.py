@@ -131,6 +131,39 @@ class CommandLine(unittest.TestCase):
         self.assert_refused(run("simulate", package, "--scene", scene, "--export", posed), 2, "posed.obj", "destroy")
         self.assertEqual({p.name: p.read_bytes() for p in self.path.iterdir()}, before)
 
+    def test_outputs_are_named_like_what_they_are(self):
+        names = ("mine.glb", "other.OBJ", "a.ply", "a.stl", "a.off", "a.gltf", "a.fbx", "a.dae", "a.mesh", "skin.png", "skin.JPG")
+        (self.path / "mine.glb").write_bytes(b"made by hand")
+        (self.path / "notes").write_bytes(b"made by hand")
+        (self.path / "link.sinew").symlink_to("mine.glb")
+        before = {p.name: p.read_bytes() for p in self.path.iterdir()}
+        for name in names:
+            self.assert_refused(run("bake", SPOT, "-o", self.path / name), 2, name, pathlib.Path(name).stem + ".sinew")
+        self.assert_refused(run("bake", SPOT, "-o", self.path / "notes"), 2, "notes: is no Sinew package", "ends in .sinew")
+        self.assert_refused(run("bake", SPOT, "-o", self.path / "link.sinew"), 2, "link.sinew: is no Sinew package")
+        self.assert_refused(run("bake", SPOT, "-o", self.path / "a.sinew", "--report", self.path / "mine.glb"), 2, "mine.glb", ".json")
+        self.assert_refused(run("check", SPOT, "--render", self.path / "mine.glb"), 2, "mine.glb", ".png")
+        self.assert_refused(run("render", SPOT, "-o", self.path / "mine.glb"), 2, "mine.glb", ".png")
+        self.assertEqual({p.name: p.read_bytes() for p in self.path.iterdir()}, before)
+        # Any other name will do, and what is a package, or a broken one by its name, is baked again.
+        (self.path / "broken.sinew").write_bytes(b"half a package")
+        for name in ("plain", "plain", "a.pkg", "broken.sinew"):
+            self.bake("--quiet", name=name)
+        self.assert_refused(run("simulate", self.path / "plain", "--export", self.path / "mine.glb"), 2, "mine.glb", ".obj")
+
+    def test_no_advice_to_bake_over_what_is_no_package(self):
+        mesh, notes = self.path / "cow.obj", self.path / "notes"
+        mesh.write_bytes(pathlib.Path(SPOT).read_bytes())
+        notes.write_text("hello")
+        result = run("simulate", mesh)
+        self.assert_refused(result, 3, "not a Sinew package", f"sinew bake {mesh} -o {self.path / 'cow.sinew'}.")
+        result = run("simulate", notes)
+        self.assert_refused(result, 3, "sinew bake SOURCE -o OUT.sinew")
+        self.assertNotIn("-o " + str(notes), result.stderr)
+        package = self.bake()
+        package.write_bytes(package.read_bytes()[:-1])
+        self.assert_refused(run("simulate", package), 3, f"Bake it again: sinew bake SOURCE -o {package}.")
+
     def test_a_link_stays_a_link(self):
         link = self.path / "latest.sinew"
         link.symlink_to("versions/1.sinew")

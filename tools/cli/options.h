@@ -12,7 +12,6 @@
 #include <string>
 #include <vector>
 
-#include "sinew/runtime/asset.h"
 #include "tools/author/recipe.h"
 #include "tools/core/error.h"
 
@@ -43,18 +42,6 @@ inline CLI::Validator finiteNumber() {
 /// replacement characters.
 inline std::string jsonText(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
-}
-
-/// Loads a package or throws ToolError(bad_input).
-inline std::shared_ptr<const Asset> loadPackage(const std::string& file) {
-  auto asset = Asset::load(file);
-  if (!asset) {
-    std::string reason = asset.reason();
-    const std::string prefix = file + ": ";
-    if (reason.starts_with(prefix)) reason.erase(0, prefix.size());
-    throw ToolError(ExitCode::bad_input, file, reason, "Bake it again: sinew bake SOURCE -o " + file + ".");
-  }
-  return *asset;
 }
 
 }  // namespace sinew::tools

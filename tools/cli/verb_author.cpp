@@ -9,6 +9,7 @@
 #include "tools/author/transfer.h"
 #include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
@@ -92,7 +93,7 @@ std::vector<Shown> evaluate(const AuthorCommand& command, const Recipe& recipe, 
 
 void show(const AuthorCommand& command) {
   const Recipe recipe = readRecipe(command.recipe);
-  if (!command.picture.empty()) requireWritable(command.picture, {command.recipe, recipe.source});
+  if (!command.picture.empty()) requireOutput(Output::picture, command.picture, {command.recipe, recipe.source});
   Progress progress(!command.json);
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);

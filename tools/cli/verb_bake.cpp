@@ -6,6 +6,7 @@
 
 #include "tools/bake/bake.h"
 #include "tools/bake/findings_json.h"
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
@@ -71,9 +72,9 @@ void runBake(const BakeCommand& command) {
   Recipe recipe = recipeFor(command.input);
   if (!command.unit.empty()) recipe.settings.set("import.unit", command.unit);
   applyAssignments(recipe.settings, command.assignments);
-  requireWritable(command.output, {command.input, recipe.source});
+  requireOutput(Output::package, command.output, {command.input, recipe.source});
   if (!command.report_file.empty()) {
-    requireWritable(command.report_file, {command.input, recipe.source});
+    requireOutput(Output::report, command.report_file, {command.input, recipe.source});
     const auto place = [](const std::string& file) {
       return std::filesystem::weakly_canonical(std::filesystem::absolute(file));
     };

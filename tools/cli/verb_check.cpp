@@ -7,9 +7,9 @@
 #include "tools/bake/findings_json.h"
 #include "tools/bake/parts.h"
 #include "tools/bake/suggest_parts.h"
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
-#include "tools/core/atomic_file.h"
 #include "tools/import/import.h"
 #include "tools/render/defect_picture.h"
 
@@ -47,7 +47,7 @@ Diagnosis checkPackageFile(const Command& command) {
 
 Diagnosis checkSourceFile(const Command& command) {
   Recipe recipe = recipeFor(command.file);
-  if (!command.picture.empty()) requireWritable(command.picture, {command.file, recipe.source});
+  if (!command.picture.empty()) requireOutput(Output::picture, command.picture, {command.file, recipe.source});
   applyAssignments(recipe.settings, command.assignments);
   Progress progress(!command.json);
   progress.stage("import");

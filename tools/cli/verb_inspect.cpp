@@ -2,6 +2,7 @@
 #include <iostream>
 
 #include "tools/bake/inspect.h"
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/import/import.h"

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "tools/bake/check_source.h"
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
-#include "tools/core/atomic_file.h"
 #include "tools/core/progress.h"
 #include "tools/import/import.h"
 #include "tools/import/topology.h"
@@ -120,13 +120,9 @@ void renderSource(const RenderCommand& command) {
 }
 
 void runRender(const RenderCommand& command) {
+  requireOutput(Output::picture_or_video, command.output, {command.input});
   const std::string extension = std::filesystem::path(command.output).extension().string();
-  const bool video = extension == ".mp4";
-  if (!video && extension != ".png") {
-    throw ToolError(ExitCode::usage, command.output, "pictures are written as .png, videos as .mp4",
-                    "Name a file that ends in one of them.");
-  }
-  requireWritable(command.output, {command.input});
+  const bool video = extension == ".mp4" || extension == ".MP4";
   if (std::filesystem::path(command.input).extension() == ".sinew") {
     renderPackage(command, video);
   } else if (video) {

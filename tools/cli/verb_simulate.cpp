@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
@@ -71,12 +72,7 @@ double percentile(std::vector<double> values, double part) {
 
 void runSimulate(const SimulateCommand& command) {
   const SceneChoice choice = SceneChoice::byName(command.scene);
-  if (!command.output.empty()) {
-    requireWritable(command.output, {command.package, command.scene});
-    if (!command.output.ends_with(".obj")) {
-      throw ToolError(ExitCode::usage, command.output, "only .obj can be exported", "Name a file that ends in .obj.");
-    }
-  }
+  if (!command.output.empty()) requireOutput(Output::mesh, command.output, {command.package, command.scene});
   const auto asset = loadPackage(command.package);
   SceneOptions options;
   options.scene = choice;

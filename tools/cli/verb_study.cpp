@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <iostream>
 
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
-#include "tools/core/atomic_file.h"
 #include "tools/core/progress.h"
 #include "tools/render/headless.h"
 #include "tools/study/error.h"
@@ -39,7 +39,7 @@ void addStability(CLI::App& study, int& exit_code) {
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->add_flag("--all", command->all, "With --json: every cell, not only the worst");
   verb->callback([command, &exit_code] {
-    if (!command->picture.empty()) requireWritable(command->picture);
+    if (!command->picture.empty()) requireOutput(Output::picture, command->picture);
     Progress progress(!command->json);
     progress.stage("stability");
     command->options.progress = [&](std::size_t done, std::size_t of) { progress.fraction(double(done) / double(of)); };
@@ -136,7 +136,7 @@ void addKinks(CLI::App& study, int& exit_code) {
       ->type_name("FILE.png");
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
-    if (!command->picture.empty()) requireWritable(command->picture);
+    if (!command->picture.empty()) requireOutput(Output::picture, command->picture);
     KinkOptions options;
     options.scene = SceneChoice::byName(command->scene);
     options.mask = command->mask;
@@ -206,7 +206,7 @@ void addError(CLI::App& study, int& exit_code) {
   verb->add_option("--picture", command->picture, "Draw the reference and all rows")->type_name("FILE.png");
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
-    if (!command->picture.empty()) requireWritable(command->picture);
+    if (!command->picture.empty()) requireOutput(Output::picture, command->picture);
     if (!command->pick.empty()) command->options.pick = vectorOf(command->pick);
     if (!command->pull.empty()) command->options.pull = vectorOf(command->pull);
     if (command->input.ends_with(".sinew")) {

@@ -2,6 +2,7 @@
 #include <memory>
 #include <string>
 
+#include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/scene/scene.h"
@@ -31,6 +32,9 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   verb->callback([command, &exit_code] {
     if (!command->scene.empty()) command->options.scene = SceneChoice::byName(command->scene);
     command->options.file = command->package;
+    if (!command->options.screenshot.empty()) {
+      requireOutput(Output::picture, command->options.screenshot, {command->package});
+    }
     requireDisplay(command->package);
     const std::shared_ptr<const Asset> asset = loadPackage(command->package);
     if (command->scene.empty()) {

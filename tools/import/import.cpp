@@ -27,6 +27,14 @@ std::string lower(std::string text) {
   return text;
 }
 
+/// The format that the name ends with; empty where it is none of kFormats.
+std::string formatByName(const std::filesystem::path& file) {
+  const std::string extension = lower(file.extension().string());
+  for (const std::string_view format : kFormats)
+    if (extension.size() == format.size() + 1 && extension.ends_with(format)) return std::string(format);
+  return "";
+}
+
 /// Unmistakable first bytes; empty where the content does not tell.
 std::string formatByContent(std::string_view head) {
   if (head.starts_with("glTF")) return "glb";
@@ -61,17 +69,15 @@ std::string probe(const std::filesystem::path& file, const ImportOptions& option
   if (!S_ISREG(facts.st_mode)) throw bad("is no regular file", "Copy it into one.");
   if (facts.st_size == 0) throw bad("is empty", "Export it again.");
 
-  std::string extension = lower(file.extension().string());
-  if (!extension.empty()) extension.erase(0, 1);
-  std::string format;
-  if (std::find(std::begin(kFormats), std::end(kFormats), extension) != std::end(kFormats)) format = extension;
+  std::string format = formatByName(file);
   const std::string content = formatByContent({head, std::size_t(held)});
   if (format.empty()) format = content;
   // A GLB named .gltf and the like: the content knows better, but only among what shares a reader.
   if (format == "gltf" && content == "glb") format = "glb";
+  const std::string extension = file.extension().string();
   if (format.empty())
     throw bad(extension.empty() ? "has no extension, so its format is unknown"
-                                : "has the unsupported format \"" + extension + "\"",
+                                : "has the unsupported format \"" + lower(extension.substr(1)) + "\"",
               std::string("Supported are ") + kFormatList + "; export it as one of these.");
   // A reader holds the file and what it becomes.
   const std::uint64_t most = (std::uint64_t(options.memory_megabytes) << 20) / 2;
@@ -103,6 +109,8 @@ void checkOptions(const ImportOptions& options) {
 }
 
 }  // namespace
+
+bool isMeshName(const std::filesystem::path& file) { return !formatByName(file).empty(); }
 
 VisualMesh importVisualMesh(const std::filesystem::path& file, const ImportOptions& options, Progress& progress) {
   checkOptions(options);

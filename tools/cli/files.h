@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What the verbs read and write: under which names, and over which files.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <initializer_list>
+#include <memory>
+#include <string>
+
+#include "sinew/runtime/asset.h"
+
+namespace sinew::tools {
+
+enum class Output : std::uint8_t { package, picture, picture_or_video, mesh, report };
+
+/// Throws ToolError where `file` cannot be written (requireWritable), or its name or what lies there says that it is
+/// something else: a package or a report named like a mesh or a picture, a picture that does not end in .png, a package
+/// over a file that is none. To be called before any work.
+void requireOutput(Output what, const std::filesystem::path& file,
+                   std::initializer_list<std::filesystem::path> inputs = {});
+
+/// Loads a package or throws ToolError(bad_input).
+std::shared_ptr<const Asset> loadPackage(const std::string& file);
+
+}  // namespace sinew::tools
