@@ -131,6 +131,17 @@ class CommandLine(unittest.TestCase):
         self.assert_refused(run("simulate", package, "--scene", scene, "--export", posed), 2, "posed.obj", "destroy")
         self.assertEqual({p.name: p.read_bytes() for p in self.path.iterdir()}, before)
 
+    def test_check_finds_what_bake_refuses(self):
+        line = self.path / "line.obj"
+        line.write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+        wrong = "no triangle has an area, so there is nothing to fill"
+        self.assert_refused(run("bake", line, "-o", self.path / "line.sinew", "--quiet"), 3, wrong)
+        result = run("check", line, "--json")
+        self.assertEqual(result.returncode, 1, result.stderr)
+        report = json.loads(result.stdout)
+        self.assertFalse(report["ok"])
+        self.assertIn(wrong, [f["message"] for f in report["findings"] if f["severity"] == "error"])
+
     def test_outputs_are_named_like_what_they_are(self):
         names = ("mine.glb", "other.OBJ", "a.ply", "a.stl", "a.off", "a.gltf", "a.fbx", "a.dae", "a.mesh", "skin.png", "skin.JPG")
         (self.path / "mine.glb").write_bytes(b"made by hand")

@@ -207,5 +207,12 @@ TEST(CheckSource, AFaceWithoutAreaIsNamed) {
   EXPECT_EQ(find(findings, "zero-area-faces")->places, (Places{6}));
 }
 
+TEST(CheckSource, ASourceWithoutAnyAreaCannotBeBaked) {
+  const auto findings = check(makeMesh({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 1, 2}}));
+  EXPECT_EQ(warnings(findings), (std::set<std::string>{"no-area", "zero-area-faces"}));
+  EXPECT_EQ(find(findings, "no-area")->severity, Severity::error);
+  EXPECT_EQ(sourceVerdict(findings), "1 error, 1 warning: it cannot be baked as it is");
+}
+
 }  // namespace
 }  // namespace sinew::tools

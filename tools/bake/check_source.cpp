@@ -69,7 +69,9 @@ class SourceCheck {
     nonManifold();
     flipped();
     selfIntersections();
-    if (!topology_.parts.empty()) {
+    if (topology_.parts.empty()) {
+      add("no-area", Severity::error, kNoArea, mesh_.source_face_count, kNoAreaCure);
+    } else {
       enclosure();
       holes();
       nearParts();

@@ -33,6 +33,10 @@ struct SolidBody {
   bool volume_exact = false;  ///< by the divergence theorem; else sampled
 };
 
+/// What check and bake say of a source that has no bodies.
+inline constexpr const char* kNoArea = "no triangle has an area, so there is nothing to fill";
+inline constexpr const char* kNoAreaCure = "Export a mesh with faces that have an area.";
+
 struct BodySet {
   std::vector<SolidBody> bodies;
   std::vector<std::uint32_t> part_body;

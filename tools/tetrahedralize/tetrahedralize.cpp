@@ -305,8 +305,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
                             Progress& progress) {
   BodySet set = findBodies(mesh, topology, options.join_distance * mesh.diagonal, parallelFor);
   if (set.bodies.empty()) {
-    throw ToolError(ExitCode::bad_input, mesh.file, "no triangle has an area, so there is nothing to fill",
-                    "Export a mesh with faces.");
+    throw ToolError(ExitCode::bad_input, mesh.file, kNoArea, kNoAreaCure);
   }
   PhysicalMesh result;
   result.part_body = set.part_body;
