@@ -223,6 +223,27 @@ TEST_F(Gltf, MorphTargets) {
   EXPECT_TRUE(mesh.morphs[0].displacements[0].isApprox(Eigen::Vector3f(-1, 0, 0), 1e-6F));
 }
 
+TEST_F(Gltf, MorphWeightsThatAreNotAppliedAreSaid) {
+  Builder b = tetrahedron();
+  const int displacements = b.accessor(std::vector<float>{0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0}, kFloat, "VEC3", 4);
+  primitive(b)["targets"] = {{{"POSITION", displacements}}, {{"POSITION", displacements}}};
+  b.doc["meshes"][0]["extras"] = {{"targetNames", {"smile", "frown"}}};
+  b.doc["meshes"][0]["weights"] = {0.0, 0.0};
+  EXPECT_EQ(findingOf(importFile(write("none.glb", b.glb())), "unapplied-morphs"), nullptr);
+  b.doc["meshes"][0]["weights"] = {0.0, 1.0};
+  const VisualMesh mesh = importFile(write("mesh.glb", b.glb()));
+  EXPECT_EQ(mesh.positions[2], Eigen::Vector3d(0, 1, 0));
+  const Finding* finding = findingOf(mesh, "unapplied-morphs");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->count, 1U);
+  EXPECT_EQ(finding->place, "in tet: frown 1");
+  EXPECT_FALSE(finding->cure.empty());
+  b.doc["nodes"][0]["weights"] = {0.0, 0.0};
+  EXPECT_EQ(findingOf(importFile(write("node.glb", b.glb())), "unapplied-morphs"), nullptr);
+  b.doc["nodes"][0]["weights"] = {0.0, "much"};
+  expectRefusal(write("text.glb", b.glb()), "/nodes/0/weights/1");
+}
+
 TEST_F(Gltf, TexturesEmbeddedByUriAndByData) {
   const std::string png = "\x89PNG\r\n\x1a\nrest";
   write("my skin.png", png);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -224,6 +225,18 @@ class GltfReader {
     if (dropped_primitives_ > 0)
       info("dropped-primitives", dropped_primitives_,
            std::to_string(dropped_primitives_) + " point or line primitives were left out; only faces are used");
+    if (!posed_morphs_.empty())
+      scene_.findings.push_back(
+          {"unapplied-morphs",
+           Severity::warning,
+           std::to_string(posed_morphs_.size()) + (posed_morphs_.size() == 1 ? " mesh has" : " meshes have") +
+               " morph weights that are not 0 by default; they are not applied, the base shape is used",
+           posed_morphs_.size(),
+           "",
+           {},
+           posed_morphs_.front(),
+           "For the other shape apply the shape keys to the mesh in the program that made the file, and export it "
+           "again."});
     if (const std::size_t animations = top_.get("animations").size(); animations > 0)
       info("dropped-animations", animations,
            std::to_string(animations) + " animations were left out; the rest pose is used");
@@ -1008,9 +1021,26 @@ class GltfReader {
       for (AttributeSource& attribute : mesh.attributes) attribute.values.resize(total * attribute.components, 0.0F);
     }
     if (mesh.face_size.empty() && mesh.points.empty()) return;
+    notePosedMorphs(node, source, morphs, mesh.name);
     for (auto& [index, morph] : morphs) mesh.morphs.push_back(std::move(morph));
     place(node_index, its_skin, vertex_origin, mesh);
     scene_.meshes.push_back(std::move(mesh));
+  }
+
+  // Weights of a node stand in for those of its mesh. The base shape is what morphs as clusters refer to.
+  void notePosedMorphs(const Value& node, const Value& source, const std::map<std::size_t, RawMorph>& morphs,
+                       const std::string& name) {
+    const Value weights = node.get("weights") ? node.get("weights") : source.get("weights");
+    std::string posed;
+    for (const auto& [index, morph] : morphs) {
+      if (index >= weights.size() || morph.vertices.empty()) continue;
+      const double weight = weights.at(index).number();
+      if (weight == 0) continue;
+      char text[32];
+      std::snprintf(text, sizeof text, "%.3g", weight);
+      posed += (posed.empty() ? "" : ", ") + morph.name + " " + text;
+    }
+    if (!posed.empty()) posed_morphs_.push_back("in " + name + ": " + posed);
   }
 
   void checkDraco(const Value& primitive, const Value& attributes) const {
@@ -1166,6 +1196,7 @@ class GltfReader {
   std::map<std::uint64_t, std::uint32_t> texture_of_image_;
   std::map<std::uint64_t, std::uint32_t> joint_of_node_;
   std::size_t dropped_primitives_ = 0;
+  std::vector<std::string> posed_morphs_;  // where, and by how much
 };
 
 }  // namespace
