@@ -58,6 +58,10 @@ class CommandLine(unittest.TestCase):
         for option in ("--step", "--seconds", "--gravity"):
             for number in ("nan", "inf"):
                 self.assert_refused(run("simulate", package, option, number), 2, option, number)
+        for number in ("-9.81", "1000.1"):
+            self.assert_refused(run("simulate", package, f"--gravity={number}"), 2, "--gravity", number, "0 to 1000")
+        for number in ("0", "1000"):
+            self.assertEqual(run("simulate", package, f"--gravity={number}", "--seconds", "0.02").returncode, 0)
         self.assertEqual([p.name for p in self.path.iterdir()], ["spot.sinew"])
 
     def test_what_floats_cannot_weigh_exits_3(self):

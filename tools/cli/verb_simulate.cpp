@@ -12,6 +12,7 @@
 #include "tools/core/atomic_file.h"
 #include "tools/scene/measure.h"
 #include "tools/scene/scene.h"
+#include "tools/scene/scene_script.h"
 #include "tools/scene/tbb_jobs.h"
 
 namespace sinew::tools {
@@ -134,6 +135,21 @@ void runSimulate(const SimulateCommand& command) {
   }
 }
 
+// As in scenes from files.
+CLI::Validator gravityInRange() {
+  return {[](const std::string& text) {
+            double gravity = 0;
+            if (CLI::detail::lexical_cast(text, gravity) && gravity >= 0 && gravity <= kMostGravity)
+              return std::string();
+            char line[160];
+            std::snprintf(line, sizeof line,
+                          "%.32s is not within 0 to %g m/s^2 (it points downwards, so write 9.81 for the Earth's)",
+                          text.c_str(), kMostGravity);
+            return std::string(line);
+          },
+          ""};
+}
+
 }  // namespace
 
 void addSimulateVerb(CLI::App& app, int& exit_code) {
@@ -151,7 +167,8 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   verb->add_option("--gravity", command->gravity,
                    "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike")
-      ->check(finiteNumber());
+      ->check(finiteNumber())
+      ->check(gravityInRange());
   verb->add_option("--iterations", command->iterations, "Matching passes per step; 0 = the scene's own")
       ->check(CLI::Range(0U, 16U));
   verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")

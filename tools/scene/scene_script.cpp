@@ -40,7 +40,7 @@ class Reader {
     }
     script_.seconds = number(json, "", "seconds", 2, 1e-3, kMostSeconds);
     script_.still = number(json, "", "still", script_.seconds, 0, script_.seconds);
-    script_.gravity = number(json, "", "gravity", 0, 0, 1000);
+    script_.gravity = number(json, "", "gravity", 0, 0, kMostGravity);
     if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);

@@ -15,6 +15,8 @@
 
 namespace sinew::tools {
 
+inline constexpr double kMostGravity = 1000;  ///< m/s²
+
 /// What a scene file says. Lengths in metres, points in the source's coordinates (as `sinew inspect` shows them).
 struct SceneScript {
   struct ChannelKey {
@@ -45,7 +47,7 @@ struct SceneScript {
   std::string name;              ///< of the file, without folder and extension
   double seconds = 2;            ///< length
   double still = 2;              ///< s, the moment of a single picture
-  double gravity = 0;            ///< m/s², downwards
+  double gravity = 0;            ///< m/s², downwards, 0..kMostGravity
   std::uint32_t iterations = 0;  ///< matching passes a step, 1..16; 0 = the runtime's default
   std::vector<Channel> channels;
   std::vector<Target> targets;
