@@ -144,6 +144,21 @@ TEST_F(Ply, FaultsAreNamed) {
                 "without x, y and z");
 }
 
+TEST_F(Ply, FacesMayComeBeforeVertices) {
+  const std::string head =
+      "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\nproperty float "
+      "x\nproperty float y\nproperty float z\nend_header\n";
+  const VisualMesh mesh = importFile(write("a.ply", head + "3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n"));
+  ASSERT_EQ(mesh.triangles.size(), 1U);
+  EXPECT_EQ(mesh.positions[mesh.triangles[0][1]], Eigen::Vector3d(1, 0, 0));
+  expectRefusal(write("index.ply", head + "3 0 1 3\n0 0 0\n1 0 0\n0 1 0\n"), "names vertex 3 of 3");
+  expectRefusal(write("cut.ply", head + "3 0 1 2\n0 0 0\n1 0 0\n"), "vertex 2 (line 4 of the body) is missing");
+  expectRefusal(
+      write("none.ply",
+            "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n3 0 1 2\n"),
+      "names vertex 0 of 0");
+}
+
 TEST_F(Ply, ContentWithoutExtension) { EXPECT_EQ(importFile(write("scan", plyBody(1))).format, "ply"); }
 
 std::string stlBody(std::uint32_t promised, const std::string& head = "binary") {
@@ -179,6 +194,19 @@ TEST_F(Stl, WrongCounts) {
   expectRefusal(write("short.stl", "abc"), "is no STL");
   const VisualMesh mesh = importFile(write("tail.stl", stlBody(4) + "made with love"));
   EXPECT_EQ(findingOf(mesh, "trailing-bytes")->count, 14U);
+}
+
+TEST_F(Stl, TextOfAnotherFormatIsNamed) {
+  std::string obj = "# a tetrahedron\no tetrahedron\n";
+  for (const auto& c : kCorner)
+    obj += "v " + std::to_string(c[0]) + " " + std::to_string(c[1]) + " " + std::to_string(c[2]) + "\n";
+  obj += "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  ASSERT_GT(obj.size(), 84U);
+  expectRefusal(write("obj.stl", obj), "is no STL: it looks like OBJ text. Rename it to end in .obj.");
+  expectRefusal(write("short_obj.stl", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), "looks like OBJ");
+  expectRefusal(write("off.stl", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"), "looks like OFF");
+  expectRefusal(write("ply.stl", plyBody(0)), "looks like PLY");
+  expectRefusal(write("text.stl", std::string(200, 'x')), "is no STL: it is text without facets");
 }
 
 TEST_F(Stl, TextInCapitalsAndTextThatWasCutOff) {
@@ -234,6 +262,18 @@ TEST_F(Off, PlainAndWithExtras) {
       "NOFF\n4 4 6\n0 0 0 -1 -1 -1\n1 0 0 1 0 0\n0 1 0 0 1 0\n0 0 1 0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"));
   EXPECT_TRUE(normals.had_normals);
   EXPECT_TRUE(normals.normals[0].isApprox(Eigen::Vector3f(-1, -1, -1).normalized()));
+}
+
+TEST_F(Off, ACommentMayFollowANumberAtOnce) {
+  const VisualMesh mesh =
+      importFile(write("a.off",
+                       "COFF#colours\n4 4 6#counts\n0 0 0 0.9 0 0#red\n1 0 0 0 0 0.9#blue 1\n0 1 0 0 "
+                       "0 0.9\n0 0 1 0.9 0 0\n3 0 2 1#one\n3 0 1 3 0.9 0 0#two\n3 0 3 2 # three\n3 1 2 3\n"));
+  EXPECT_EQ(mesh.triangles.size(), 4U);
+  EXPECT_EQ(mesh.colors[1], (std::array<float, 4>{0, 0, 0.9F, 1}));
+  expectRefusal(write("few.off", "OFF\n3 1 0\n0 0 0\n1 0#0\n0 1 0\n3 0 1 2\n"),
+                "vertex 1 has too few numbers (line 4)");
+  expectRefusal(write("nan.off", "OFF\n3 1 0\n0 0 0\n1 0 1.#IND\n0 1 0\n3 0 1 2\n"), "vertex 1 (line 4)");
 }
 
 TEST_F(Off, Faults) {

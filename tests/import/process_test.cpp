@@ -177,6 +177,20 @@ TEST(BadInputs, AllEndInWordsInTime) {
   EXPECT_EQ(seen, expected.size());
 }
 
+TEST_F(Process, TextInUtf16IsNamed) {
+  const std::string dae = "<?xml version=\"1.0\"?><COLLADA>", obj = "v 0 0 0\n";
+  const auto wide = [](const std::string& text, bool big) {
+    std::string out;
+    for (const char c : text) out += big ? std::string{'\0', c} : std::string{c, '\0'};
+    return out;
+  };
+  for (const std::string& text :
+       {"\xFF\xFE" + wide(dae, false), "\xFE\xFF" + wide(dae, true), wide(dae, false), wide(dae, true)})
+    expectRefusal(write("a.dae", text), "is text in UTF-16. Save it as UTF-8");
+  for (const char* name : {"a.obj", "a.ply", "a.off", "a.stl", "a.gltf"})
+    expectRefusal(write(name, "\xFF\xFE" + wide(obj, false)), "is text in UTF-16. Save it as UTF-8");
+}
+
 TEST_F(Process, FuzzedBytesUnderEveryExtension) {
   for (const char* source :
        {"clusterfuzz-testcase-minimized-assimp_fuzzer-4751812606885888", "OverflowingTriangleIndex.md5mesh",

@@ -45,6 +45,14 @@ std::string formatByContent(std::string_view head) {
   return "";
 }
 
+/// Whether it begins like UTF-16 of mostly Latin letters, with or without a byte order mark.
+bool isUtf16(std::string_view head) {
+  if (head.size() < 4) return false;
+  const bool marked = head.starts_with("\xFF\xFE") || head.starts_with("\xFE\xFF");
+  if (marked) return (head[2] == 0) != (head[3] == 0);
+  return head.substr(0, 2) == std::string_view("<\0", 2) || head.substr(0, 2) == std::string_view("\0<", 2);
+}
+
 /// Checks what can be known before a child is started. \return the format.
 std::string probe(const std::filesystem::path& file, const ImportOptions& options) {
   const std::string name = file.string();
@@ -79,6 +87,8 @@ std::string probe(const std::filesystem::path& file, const ImportOptions& option
     throw bad(extension.empty() ? "has no extension, so its format is unknown"
                                 : "has the unsupported format \"" + lower(extension.substr(1)) + "\"",
               std::string("Supported are ") + kFormatList + "; export it as one of these.");
+  if (format != "glb" && format != "fbx" && format != "mesh" && isUtf16({head, std::size_t(held)}))
+    throw bad("is text in UTF-16", "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 does it, and so do most text editors.");
   // A reader holds the file and what it becomes.
   const std::uint64_t most = (std::uint64_t(options.memory_megabytes) << 20) / 2;
   if (std::uint64_t(facts.st_size) > most)

@@ -14,11 +14,22 @@ void skipToContent(TextCursor& cursor) {
   while (!cursor.atEnd() && (cursor.atLineEnd() || cursor.rest().front() == '#')) cursor.nextLine();
 }
 
+// The next word of this line; empty at its end. A comment may follow a number at once and ends the line.
+std::string_view wordOf(TextCursor& cursor) {
+  const std::string_view word = cursor.word();
+  const std::size_t at = word.find('#');
+  const bool is_nan = at != word.npos && (word.substr(at).starts_with("#IN") || word.substr(at).starts_with("#QNAN") ||
+                                          word.substr(at).starts_with("#SNAN"));  // as MSVC's printf writes it
+  if (at == word.npos || is_nan) return word;
+  cursor.lineRest();
+  return word.substr(0, at);
+}
+
 std::vector<double> lineNumbers(TextCursor& cursor, std::size_t most) {
   std::vector<double> numbers;
-  while (numbers.size() < most && !cursor.atLineEnd()) {
-    const std::string_view word = cursor.word();
-    if (word.front() == '#') break;
+  while (numbers.size() < most) {
+    const std::string_view word = wordOf(cursor);
+    if (word.empty()) break;
     const auto value = parseNumber(word);
     if (!value)
       throw ReadError("has \"" + std::string(word.substr(0, 40)) + "\" where a number belongs" + place(cursor));
@@ -29,7 +40,7 @@ std::vector<double> lineNumbers(TextCursor& cursor, std::size_t most) {
 
 std::uint64_t count(TextCursor& cursor, const char* of) {
   skipToContent(cursor);
-  const auto value = parseInteger(cursor.word());
+  const auto value = parseInteger(wordOf(cursor));
   if (!value || *value < 0) throw ReadError(std::string("has no proper number of ") + of + place(cursor));
   // An entry takes at least two characters.
   if (std::uint64_t(*value) > cursor.rest().size())
@@ -42,7 +53,7 @@ std::uint64_t count(TextCursor& cursor, const char* of) {
 RawScene readOff(std::string_view text, const std::string& stem) {
   TextCursor cursor(text);
   skipToContent(cursor);
-  std::string_view header = cursor.word();
+  std::string_view header = wordOf(cursor);
   if (!header.ends_with("OFF")) throw ReadError("is no OFF: its first word is not OFF");
   header.remove_suffix(3);
   bool uv = false;
@@ -103,12 +114,12 @@ RawScene readOff(std::string_view text, const std::string& stem) {
     if (cursor.atEnd())
       throw ReadError("face " + std::to_string(i) + " of " + std::to_string(faces) +
                       " is missing: the file ends too early");
-    const auto size = parseInteger(cursor.word());
+    const auto size = parseInteger(wordOf(cursor));
     if (!size || *size < 0)
       throw ReadError("face " + std::to_string(i) + " has no proper number of corners" + place(cursor));
     const std::size_t start = mesh.corners.size();
     for (std::int64_t k = 0; k < *size; ++k) {
-      const std::string_view word = cursor.word();
+      const std::string_view word = wordOf(cursor);
       const auto index = parseInteger(word);
       if (!index || *index < 0 || std::uint64_t(*index) >= vertices)
         throw ReadError("face " + std::to_string(i) +

@@ -142,6 +142,9 @@ class PlyReader {
 
   RawScene read() {
     Body body(body_, text_, swap_);
+    // Faces may lie before the vertices.
+    for (const Element& element : elements_)
+      if (element.name == "vertex") vertex_count_ = element.count;
     for (const Element& element : elements_) {
       body.setPlace(&element.name, 0);
       // Each entry takes at least one byte (text: a digit and a blank), so a count beyond that is a lie told before any
@@ -417,9 +420,9 @@ class PlyReader {
   }
 
   RawCorner corner(const Body& body, double index) const {
-    if (!(index >= 0 && index < double(mesh_.points.size())))
+    if (!(index >= 0 && index < double(vertex_count_)))
       throw ReadError(body.place() + " names vertex " + std::to_string(std::int64_t(std::clamp(index, -9e15, 9e15))) +
-                      " of " + std::to_string(mesh_.points.size()));
+                      " of " + std::to_string(vertex_count_));
     return {std::uint32_t(index), kNoIndex, kNoIndex};
   }
 
@@ -486,6 +489,7 @@ class PlyReader {
   bool text_ = true;
   bool swap_ = false;
   std::string texture_;
+  std::uint64_t vertex_count_ = 0;
   std::vector<RawCorner> corners_;
   std::vector<Eigen::Vector3f> point_normals_;
   std::vector<Eigen::Vector2f> point_uvs_;
