@@ -261,5 +261,54 @@ TEST_F(Stray, WhatIsLargeNearOrReachesOutStays) {
   EXPECT_EQ(importFile(write("two.obj", triangle(0, 1) + triangle(1000, 1))).triangles.size(), 2U);
 }
 
+// A closed ball of rings, its numbered vertices moved to where they do not belong.
+std::string ballWithout(const std::vector<std::uint32_t>& flung, double far) {
+  constexpr int kRings = 8, kAround = 12;
+  std::vector<Eigen::Vector3d> points = {{0, 1, 0}, {0, -1, 0}};
+  std::string faces;
+  const auto at = [&](int ring, int i) { return std::to_string(3 + ring * kAround + i % kAround); };
+  for (int ring = 0; ring < kRings; ++ring)
+    for (int i = 0; i < kAround; ++i) {
+      const double polar = M_PI * (ring + 1) / (kRings + 1), around = 2 * M_PI * i / kAround;
+      points.emplace_back(std::sin(polar) * std::sin(around), std::cos(polar), std::sin(polar) * std::cos(around));
+      if (ring == 0) faces += "f 1 " + at(0, i) + " " + at(0, i + 1) + "\n";
+      if (ring > 0)
+        faces += "f " + at(ring - 1, i) + " " + at(ring, i) + " " + at(ring, i + 1) + " " + at(ring - 1, i + 1) + "\n";
+      if (ring == kRings - 1) faces += "f 2 " + at(ring, i + 1) + " " + at(ring, i) + "\n";
+    }
+  for (const std::uint32_t v : flung) points[v] *= far;
+  std::string text = "o Ball\n";
+  for (const Eigen::Vector3d& p : points)
+    text += "v " + std::to_string(p.x()) + " " + std::to_string(p.y()) + " " + std::to_string(p.z()) + "\n";
+  return text + faces;
+}
+
+class Flung : public ImportTest {};
+
+TEST_F(Flung, AVertexFarOutIsNamedAndNotTakenForTheUnit) {
+  VisualMesh mesh = importFile(write("one.obj", ballWithout({40}, 300)));
+  const Finding* finding = findingOf(mesh, "flung-vertices");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->severity, Severity::warning);
+  EXPECT_EQ(finding->places, std::vector<std::uint32_t>{40});
+  EXPECT_NE(finding->message.find("(vertex 40 of Ball)"), std::string::npos) << finding->message;
+  EXPECT_NE(finding->message.find(" times further out"), std::string::npos) << finding->message;
+  EXPECT_EQ(findingOf(mesh, "implausible-size"), nullptr);
+  mesh = importFile(write("two.obj", ballWithout({0, 60}, 1000)));
+  ASSERT_NE(findingOf(mesh, "flung-vertices"), nullptr);
+  EXPECT_EQ(findingOf(mesh, "flung-vertices")->places, (std::vector<std::uint32_t>{0, 60}));
+  ImportOptions options = testOptions();
+  options.unit = "0.0001";
+  mesh = importFile(write("one.obj", ballWithout({40}, 300)), options);
+  EXPECT_NE(findingOf(mesh, "flung-vertices"), nullptr);
+  EXPECT_NE(findingOf(mesh, "implausible-size"), nullptr) << "all the others are 0.3 mm across";
+}
+
+TEST_F(Flung, WhatReachesOutOnPurposeIsNot) {
+  EXPECT_EQ(findingOf(importFile(write("none.obj", ballWithout({}, 1))), "flung-vertices"), nullptr);
+  EXPECT_EQ(findingOf(importFile(write("spike.obj", ballWithout({40}, 20))), "flung-vertices"), nullptr);
+  EXPECT_EQ(findingOf(importFile(write("wall.obj", ballWithout({40, 41}, 300))), "flung-vertices"), nullptr);
+}
+
 }  // namespace
 }  // namespace sinew::tools

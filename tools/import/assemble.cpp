@@ -31,6 +31,9 @@ constexpr double kWeightSumTolerance = 1e-3;
 // was left behind in the file. With them every length that is a part of the diagonal would be theirs.
 constexpr double kStrayArea = 0.01;
 constexpr double kStrayDistance = 20;
+// Vertices this many times further from the middle than all the others, each alone in its faces, are flung: a slip of
+// the hand, where a cone has an apex.
+constexpr double kFlungDistance = 50;
 
 std::string lengthText(double metres) {
   char text[64];
@@ -310,6 +313,73 @@ class Assembler {
            "Delete degenerate faces in the program that made the file.", Severity::warning, "face", repeated);
   }
 
+  /// The vertices that are flung, none where there is no wide gap before them.
+  std::vector<std::uint32_t> flungVertices() const {
+    const std::vector<Eigen::Vector3d>& x = mesh_.positions;
+    const std::size_t most = std::min(x.size() / 4, Finding::kMaxPlaces);
+    if (most == 0) return {};
+    Eigen::Vector3d middle;  // half of the vertices lie on either side of it
+    std::vector<double> distance(x.size());
+    for (int axis = 0; axis < 3; ++axis) {
+      for (std::size_t v = 0; v < x.size(); ++v) distance[v] = x[v][axis];
+      std::nth_element(distance.begin(), distance.begin() + std::ptrdiff_t(x.size() / 2), distance.end());
+      middle[axis] = distance[x.size() / 2];
+    }
+    for (std::size_t v = 0; v < x.size(); ++v) distance[v] = (x[v] - middle).norm();
+    std::vector<std::uint32_t> order(x.size());
+    std::iota(order.begin(), order.end(), 0U);
+    std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(most + 1), order.end(),
+                      [&](std::uint32_t a, std::uint32_t b) {
+                        return distance[a] != distance[b] ? distance[a] > distance[b] : a < b;
+                      });
+    std::size_t count = most;
+    while (count > 0 &&
+           !(distance[order[count]] > 0 && distance[order[count - 1]] > kFlungDistance * distance[order[count]]))
+      --count;
+    order.resize(count);
+    std::sort(order.begin(), order.end());
+    const auto isFlung = [&](std::uint32_t v) { return std::binary_search(order.begin(), order.end(), v); };
+    for (const Triangle& t : mesh_.triangles)
+      for (std::size_t k = 0; k < 3 && count > 0; ++k) {
+        const std::uint32_t a = t[k], b = t[(k + 1) % 3];
+        if (isFlung(a) && isFlung(b) && x[a] != x[b]) return {};  // a far wall
+      }
+    return order;
+  }
+
+  /// \return the diagonal of all vertices but those.
+  double reportFlung(const std::vector<std::uint32_t>& flung) {
+    Eigen::AlignedBox3d rest;
+    std::vector<std::uint32_t> source;
+    for (std::uint32_t v = 0, next = 0; v < mesh_.positions.size(); ++v) {
+      if (next < flung.size() && flung[next] == v) {
+        source.push_back(mesh_.source_vertex[v]);
+        ++next;
+      } else {
+        rest.extend(mesh_.positions[v]);
+      }
+    }
+    const double size = rest.diagonal().norm();
+    if (flung.empty()) return size;
+    std::sort(source.begin(), source.end());
+    source.erase(std::unique(source.begin(), source.end()), source.end());
+    const Eigen::Vector3d& at = points_[source[0]];
+    const double times = (at - rest.center()).norm() / (size / 2);
+    std::string name;
+    for (const SourceMeshRange& range : mesh_.source_meshes)
+      if (source[0] - range.first_source_vertex < range.source_vertex_count) name = range.name;
+    char text[64];
+    std::snprintf(text, sizeof text, "%.0f times further out than all the others", times);
+    warn("flung-vertices", source.size(),
+         std::to_string(source.size()) + (source.size() == 1 ? " vertex lies " : " vertices lie ") + text +
+             " (vertex " + std::to_string(source[0]) + (name.empty() ? "" : " of " + name) + ")",
+         "Move it back or delete it in the program that made the file: the bake fills all the way out to it.",
+         Severity::warning, "vertex", source);
+    std::snprintf(text, sizeof text, "at (%.4g, %.4g, %.4g) m", at.x(), at.y(), at.z());
+    mesh_.findings.back().place = text;
+    return size;
+  }
+
   void measure() {
     Eigen::AlignedBox3d box;
     for (const Eigen::Vector3d& p : mesh_.positions) box.extend(p);
@@ -320,11 +390,13 @@ class Assembler {
       fail("has vertices too far apart to compute with", "Check its coordinates.");
     if (!(mesh_.diagonal > 0))
       fail("has no size: all its faces lie in one point", "Check its coordinates and node scales.");
-    if (mesh_.diagonal >= kSmallestPlausible && mesh_.diagonal <= kLargestPlausible) return;
+    // A single vertex far out says nothing about the unit.
+    const double size = reportFlung(flungVertices());
+    if (size >= kSmallestPlausible && size <= kLargestPlausible) return;
     std::string cure = "Pass the unit the file was made in.";
     if (options_.unit == "auto") {
       // The two units that bring the size nearest to a metre.
-      const double units = mesh_.diagonal / mesh_.metres_per_unit;
+      const double units = size / mesh_.metres_per_unit;
       std::vector<std::pair<double, const char*>> guesses;
       for (const char* unit : {"mm", "cm", "in", "m"})
         guesses.emplace_back(std::abs(std::log10(units * metresPerUnit(unit))), unit);
@@ -335,8 +407,7 @@ class Assembler {
                " (then " + then(guesses[0].second) + "; in " + guesses[1].second + " it would be " +
                then(guesses[1].second) + ").";
     }
-    warn("implausible-size", 1, "the model is " + lengthText(mesh_.diagonal) + " across (" + mesh_.unit_source + ")",
-         cure);
+    warn("implausible-size", 1, "the model is " + lengthText(size) + " across (" + mesh_.unit_source + ")", cure);
   }
 
   void weld() {
