@@ -11,6 +11,8 @@
 #include "tests/support/obj_reader.h"
 #include "tests/tetrahedralize/check.h"
 #include "tools/core/error.h"
+#include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/fill.h"
 
 namespace sinew::tools {
 namespace {
@@ -413,6 +415,23 @@ TEST(Tetrahedralize, SameBytesForAnyThreadsAndTwice) {
     EXPECT_EQ(first.tetrahedra, second.tetrahedra) << testing::name(method);
     EXPECT_EQ(first.fill, second.fill) << testing::name(method);
   }
+}
+
+TEST(Tetrahedralize, TheLatticeOfStuffingIsBoundedHoweverFarAVertexLies) {
+  Surface ball = testing::sphere(1, 24);
+  ball.positions[100] = {500, 200, 0};
+  const VisualMesh mesh = visual(ball);
+  const Topology topology = analyzeTopology(mesh);
+  const BodySet set = findBodies(mesh, topology, 1e-3 * mesh.diagonal, geometry::serialFor);
+  ASSERT_EQ(set.bodies.size(), 1U);
+  // Lattices are only counted: what is not asked is outside.
+  std::size_t largest = 0;
+  fillWithStuffing(set.bodies[0], 1500, [&](std::size_t count, std::size_t grain, const auto& body) {
+    largest = std::max(largest, count);
+    if (count < 100000) geometry::serialFor(count, grain, body);
+  });
+  EXPECT_GT(largest, 1000000U);
+  EXPECT_LE(largest, 2000000U);
 }
 
 TEST(Tetrahedralize, NothingToFillIsAnError) {

@@ -23,15 +23,32 @@ constexpr double kGridDihedral = 30.5;
 // Masses come from fill: below this a vertex of the cage could weigh nothing.
 constexpr double kLeastFill = 0.02;
 
+// Points of a lattice, which takes time and memory for all of the bounds however little of them is solid.
+constexpr double kMostLattice = 2e6, kMostLatticePerVertex = 256;
+
+// The spacing at which the lattice of stuffing has at most that many points.
+double finestSpacing(const AlignedBox3d& bounds, std::uint32_t target) {
+  const double most = std::max(kMostLattice, kMostLatticePerVertex * target);
+  double low = 1e-9 * bounds.sizes().maxCoeff(), high = bounds.sizes().maxCoeff();
+  for (int i = 0; i < 60; ++i) {
+    const double h = std::sqrt(low * high);
+    const double count = 2 * (bounds.sizes() / h + Vector3d::Constant(4)).prod();  // with its margins
+    (count > most ? low : high) = h;
+  }
+  return high;
+}
+
 // Spacing at which `build` gives about `target` vertices: a few steps of the secant method on logarithms, the best one
 // met is kept. Counts jump with the spacing, so an exact hit is neither possible nor needed.
-FilledBody searchSpacing(double spacing, std::uint32_t target, const std::function<FilledBody(double)>& build) {
+// \param least spacing to try.
+FilledBody searchSpacing(double spacing, double least, std::uint32_t target,
+                         const std::function<FilledBody(double)>& build) {
   FilledBody best;
   double best_error = std::numeric_limits<double>::infinity();
   double last_log_spacing = 0, last_log_count = 0, slope = -2.5;
   // What the estimate of the spacing is trusted to: thin bodies that a lattice misses must not be chased down to
   // theirs.
-  const double finest = 0.55 * spacing, coarsest = 4 * spacing;
+  const double finest = std::max(0.55 * spacing, least), coarsest = 4 * spacing;
   for (int step = 0; step < 8; ++step) {
     FilledBody filled = build(spacing);
     const double count = double(std::max<std::size_t>(filled.mesh.positions.size(), 1));
@@ -188,7 +205,7 @@ FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const Paral
     filled.mesh = geometry::gridTetrahedra(grid);
     return filled;
   };
-  FilledBody filled = searchSpacing(firstSpacing(body, target, 1), target, build);
+  FilledBody filled = searchSpacing(firstSpacing(body, target, 1), 0, target, build);
   measureFill(body, filled, parallel_for);
   return filled;
 }
@@ -201,13 +218,14 @@ FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target, const P
     filled.mesh = geometry::stuffIsosurface(solid.domain(spacing), body.bounds, spacing, parallel_for);
     return filled;
   };
-  FilledBody filled = searchSpacing(firstSpacing(body, target, 2), target, build);
+  const double least = finestSpacing(body.bounds, target);
+  FilledBody filled = searchSpacing(std::max(firstSpacing(body, target, 2), least), least, target, build);
   // What lies half a cell outside would follow the body stiffly, by extrapolation: thicken it.
   const std::size_t every = body.triangles.size();
   const Outside lost = findOutside(body, filled.mesh, filled.spacing / 2, every, parallel_for);
   if (lost.fraction > 1e-3) {
     solid.thicken(lost.triangles);
-    filled = searchSpacing(filled.spacing, target, build);
+    filled = searchSpacing(filled.spacing, least, target, build);
     filled.thickened = lost.fraction;
   }
   if (filled.mesh.tetrahedra.empty()) return filled;
