@@ -256,6 +256,36 @@ TEST(Shell, MaskOfAFaceAndFins) {
   checkPhysicalMesh(fill(testing::makeMesh(fish.positions, faces), automatic, 1500), "fins");
 }
 
+// Two squares that cross: they share no point, yet are one body.
+TEST(Shell, SheetsThatCrossHoldTogether) {
+  VisualMesh square = sheet([](double u, double v) { return Vector3d(u - 0.5, 0, v - 0.5); }, 20, 20, false);
+  const VisualMesh upright =
+      sheet([](double u, double v) { return Vector3d(0.013, u - 0.4, v - 0.45); }, 12, 12, false);
+  std::vector<std::vector<std::uint32_t>> faces;
+  for (const auto& t : square.triangles) faces.push_back({t[0], t[1], t[2]});
+  const auto first = std::uint32_t(square.positions.size());
+  for (const auto& t : upright.triangles) faces.push_back({first + t[0], first + t[1], first + t[2]});
+  square.positions.insert(square.positions.end(), upright.positions.begin(), upright.positions.end());
+  const VisualMesh mesh = testing::makeMesh(square.positions, faces);
+  for (const std::uint32_t target : {150U, 2000U}) {
+    const PhysicalMesh physical = shellOf(mesh, target, 0.02);
+    checkPhysicalMesh(physical, "crossed");
+    ASSERT_EQ(physical.bodies.size(), 1U);
+    EXPECT_EQ(physical.bodies[0].method, shell);
+    // All along the line where they cross, not by one tetrahedron: the skins have three a triangle.
+    EXPECT_GT(physical.bodies[0].tie_count, 0U);
+    if (target == 2000) {
+      EXPECT_GT(physical.tetrahedra.size(), 3 * mesh.triangles.size() + 16);
+    }
+    ASSERT_NE(findingOf(physical, "tetrahedra-method"), nullptr);
+    EXPECT_NE(findingOf(physical, "tetrahedra-method")->message.find("2 pieces tied"), std::string::npos);
+  }
+  // Eyeballs lie in the head without touching it.
+  const PhysicalMesh head = shellOf(asset("models/makehuman_head.obj"), 3000, 0.02);
+  std::vector<std::uint32_t> component;
+  EXPECT_EQ(geometry::connectedComponents(testing::bodyMesh(head, head.bodies[0]), component), 1U);
+}
+
 TEST(Shell, AClosedSurfaceBecomesHollowWhereAShellIsAsked) {
   const testing::Surface ball = testing::sphere(1, 20);
   std::vector<std::vector<std::uint32_t>> faces;

@@ -162,19 +162,24 @@ class TetrahedronTree {
   std::vector<Node> nodes_;
 };
 
-// Tetrahedra around each vertex.
+// Tetrahedra around each vertex, but for those that only tie pieces together.
 class Neighbourhood {
  public:
   explicit Neighbourhood(const PhysicalMesh& mesh) : mesh_(mesh), first_(mesh.positions.size() + 1, 0) {
-    for (const auto& t : mesh.tetrahedra) {
-      for (const std::uint32_t v : t) ++first_[v + 1];
-    }
+    const auto forCarrying = [&](auto&& visit) {
+      for (const PhysicalBody& body : mesh.bodies) {
+        for (std::uint32_t i = 0; i < body.tetrahedron_count - body.tie_count; ++i) visit(body.first_tetrahedron + i);
+      }
+    };
+    forCarrying([&](std::uint32_t t) {
+      for (const std::uint32_t v : mesh.tetrahedra[t]) ++first_[v + 1];
+    });
     std::partial_sum(first_.begin(), first_.end(), first_.begin());
     around_.resize(first_.back());
     std::vector<std::uint32_t> filled = first_;
-    for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    forCarrying([&](std::uint32_t t) {
       for (const std::uint32_t v : mesh.tetrahedra[t]) around_[filled[v]++] = t;
-    }
+    });
     std::vector<std::uint32_t> order(mesh.positions.size());
     std::iota(order.begin(), order.end(), 0U);
     const auto key = [&](std::uint32_t v) {
@@ -337,7 +342,7 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
   std::vector<TetrahedronTree> trees;
   trees.reserve(physical.bodies.size());
   for (const PhysicalBody& body : physical.bodies)
-    trees.emplace_back(physical, body.first_tetrahedron, body.tetrahedron_count);
+    trees.emplace_back(physical, body.first_tetrahedron, body.tetrahedron_count - body.tie_count);
 
   const Neighbourhood neighbourhood(physical);
   const std::vector<std::uint32_t> start = startingPlaces(mesh, physical);

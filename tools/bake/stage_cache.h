@@ -165,9 +165,11 @@ void fields(Archive& archive, Finding& value) {
 }
 template <class Archive>
 void fields(Archive& archive, PhysicalBody& value) {
-  auto& [name, method, parts, first_vertex, vertex_count, first_tetrahedron, tetrahedron_count, volume, source] = value;
+  auto& [name, method, parts, first_vertex, vertex_count, first_tetrahedron, tetrahedron_count, volume, source, ties] =
+      value;
   archive(name), archive(method), archive(parts), archive(first_vertex), archive(vertex_count);
   archive(first_tetrahedron), archive(tetrahedron_count), archive(volume), archive(source);
+  archive(ties);
 }
 template <class Archive>
 void fields(Archive& archive, TetrahedraQuality& value) {

@@ -20,6 +20,7 @@ struct FilledBody {
   double volume = 0;             ///< m^3
   double uncovered = 0;          ///< fraction of the surface's area further than a cell outside the tetrahedra
   std::uint32_t bridges = 0;     ///< cells added to join pieces
+  std::uint32_t ties = 0;        ///< shell: the last tetrahedra, which only hold its pieces together
   double widened = 1;            ///< grid: largest factor by which an axis was widened to keep the angles
   double thickened = 0;          ///< stuffing: fraction of the surface area that was thickened to a cell
 };

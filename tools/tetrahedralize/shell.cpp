@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <tuple>
 
+#include "runtime/geometry/triangle_bvh.h"
 #include "tools/core/sets.h"
 #include "tools/tetrahedralize/cgal_simplify.h"
 
@@ -26,6 +28,10 @@ constexpr double kAutomaticThickness = 0.5;
 constexpr int kAttempts = 30;
 // A normal that leans further than this over a face around it carries no prism there (cosine).
 constexpr double kLeastLean = 0.05;
+// Of a surface; each is joined to what lies nearest, so the work grows with their square.
+constexpr std::size_t kMostPieces = 1000;
+// Points of a piece at most this part of the mean edge farther from another than its nearest one hold it there.
+constexpr double kJoinedBand = 0.5;
 
 // Why a surface carries no layer of prisms, or nothing.
 std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
@@ -122,6 +128,98 @@ std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
   return three;
 }
 
+// Points that triangles lead between.
+Sets piecesOf(const PlainSurface& surface) {
+  Sets pieces(surface.positions.size());
+  for (const auto& t : surface.triangles) {
+    pieces.join(t[0], t[1]);
+    pieces.join(t[0], t[2]);
+  }
+  return pieces;
+}
+
+std::vector<std::uint32_t> representatives(const PlainSurface& surface, Sets& pieces) {
+  std::vector<std::uint32_t> list;
+  for (const auto& t : surface.triangles) list.push_back(pieces.find(t[0]));
+  std::sort(list.begin(), list.end());
+  list.erase(std::unique(list.begin(), list.end()), list.end());
+  return list;
+}
+
+// The best shaped tetrahedron between the two vertices of a point and the prism over a triangle.
+geometry::Tetrahedron between(const TetMesh& mesh, std::uint32_t point, const geometry::Triangle& triangle) {
+  const std::array<std::uint32_t, 2> mine = {2 * point, 2 * point + 1};
+  std::array<std::uint32_t, 6> theirs{};
+  for (std::size_t i = 0; i < 6; ++i) theirs[i] = 2 * triangle[i / 2] + std::uint32_t(i % 2);
+  geometry::Tetrahedron best{};
+  double widest = -1;
+  const auto consider = [&](geometry::Tetrahedron t) {
+    const auto& x = mesh.positions;
+    if (geometry::signedVolume6(x[t[0]], x[t[1]], x[t[2]], x[t[3]]) < 0) std::swap(t[2], t[3]);
+    const double angle = geometry::dihedralRange(x[t[0]], x[t[1]], x[t[2]], x[t[3]])[0];
+    if (angle <= widest) return;
+    widest = angle;
+    best = t;
+  };
+  for (std::size_t i = 0; i < 6; ++i) {
+    for (std::size_t j = i + 1; j < 6; ++j) {
+      consider({mine[0], mine[1], theirs[i], theirs[j]});
+      for (std::size_t k = j + 1; k < 6; ++k) {
+        for (const std::uint32_t m : mine) consider({m, theirs[i], theirs[j], theirs[k]});
+      }
+    }
+  }
+  return best;
+}
+
+// Ties pieces that share no vertex to what lies nearest, by tetrahedra along where they cross or come closest: they
+// are one body, and would part at once. \return how many pieces there were.
+std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, TetMesh& mesh) {
+  Sets pieces = piecesOf(surface);
+  std::vector<std::uint32_t> list = representatives(surface, pieces);
+  const auto count = std::uint32_t(list.size());
+  std::vector<char> tied(surface.positions.size(), 0);
+  std::vector<std::array<std::uint32_t, 2>> joins;  // point, triangle
+  for (; list.size() > 1; list = representatives(surface, pieces)) {
+    joins.clear();
+    for (const std::uint32_t piece : list) {
+      std::vector<std::uint32_t> number;
+      std::vector<geometry::Triangle> others;
+      std::vector<std::uint32_t> points;
+      for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+        const auto& corners = surface.triangles[t];
+        if (pieces.find(corners[0]) == piece) {
+          points.insert(points.end(), corners.begin(), corners.end());
+          continue;
+        }
+        number.push_back(t);
+        others.push_back(corners);
+      }
+      std::sort(points.begin(), points.end());
+      points.erase(std::unique(points.begin(), points.end()), points.end());
+      const geometry::TriangleBvh bvh(surface.positions, others);
+      std::vector<std::pair<double, std::array<std::uint32_t, 2>>> near;
+      double least = std::numeric_limits<double>::infinity();
+      for (const std::uint32_t p : points) {
+        const auto hit = bvh.closest(surface.positions[p], least + kJoinedBand * mean_edge);
+        if (hit.triangle == kNoIndex) continue;
+        const double distance = std::sqrt(hit.squared_distance);
+        least = std::min(least, distance);
+        near.push_back({distance, {p, number[hit.triangle]}});
+      }
+      for (const auto& [distance, join] : near) {
+        if (distance <= least + kJoinedBand * mean_edge) joins.push_back(join);
+      }
+    }
+    for (const auto& [p, t] : joins) {
+      pieces.join(p, surface.triangles[t][0]);
+      if (tied[p] == 0) mesh.tetrahedra.push_back(between(mesh, p, surface.triangles[t]));
+      tied[p] = 1;
+    }
+  }
+  return count;
+}
+
 // \param keep per position of the body: nonzero where it stays as fine as it is.
 FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const char> keep, double thickness,
                     std::span<const double> factors, ShellOutcome& outcome) {
@@ -139,6 +237,11 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
   outcome.reason = complaint(fine, where);
   if (!outcome.reason.empty()) {
     outcome.triangle = source[where];
+    return filled;
+  }
+  Sets fine_pieces = piecesOf(fine);
+  if (const std::size_t pieces = representatives(fine, fine_pieces).size(); pieces > kMostPieces) {
+    outcome.reason = "has " + std::to_string(pieces) + " pieces, too many to tie to one another";
     return filled;
   }
 
@@ -255,13 +358,17 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
     return {};
   }
 
-  // 5. What the report and the attachment need.
+  // 5. One body, not several that fall apart.
+  outcome.pieces = joinPieces(surface, mean_edge, mesh);
+
+  // 6. What the report and the attachment need.
   for (std::uint32_t v = 0; v < count; ++v) {
     outcome.thickness += 2 * part[v] * half[v] / count;
     if (part[v] < 1) ++outcome.thinned;
   }
   for (const std::uint32_t v : coarse.vertex_of) outcome.home.push_back(3 * some_triangle[v]);
   filled.spacing = mean_edge;
+  filled.ties = std::uint32_t(mesh.tetrahedra.size() - 3 * surface.triangles.size());
   filled.components = 1;
   filled.volume = geometry::volume(mesh);
   return filled;

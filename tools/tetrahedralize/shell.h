@@ -18,6 +18,7 @@ struct ShellOutcome {
   bool coarsened = false;            ///< the surface had more points than the budget allows
   double thickness = 0;              ///< mean, metres
   std::uint32_t thinned = 0;         ///< vertices at which creases left no room for the whole thickness
+  std::uint32_t pieces = 0;          ///< that share no vertex; tied to one another
   std::vector<std::uint32_t> home;   ///< per position of the body: a tetrahedron beside it
 };
 
@@ -25,11 +26,11 @@ struct ShellOutcome {
 /// tetrahedra along diagonals that neighbours share. A surface of more than half of `target_vertices` points is
 /// coarsened first. Two vertices a point, offset along the normal that is farthest from edge-on to all faces around
 /// (Aubry & Loehner 2008); where prisms would turn over, at creases and borders, the offset is shortened. Each piece of
-/// a surface in several (a head, its eyeballs and teeth) has a skin of its own. Empty where the surface has an edge of
-/// more than two faces, one side only, or points where fans meet.
-/// \param thickness metres; 0: half of the mean edge of the coarsened surface.
-/// \param factors what multiplies that at each position of the body, > 0; a vertex of the coarsened surface has the
-/// mean of those that became it. Empty: 1 everywhere.
+/// a surface in several (a mask and the horn stuck through it) has a skin of its own, tied by further tetrahedra to
+/// what lies nearest, along where they cross or come closest. Empty where the surface has an edge of more than two
+/// faces, one side only, points where fans meet, or more than a thousand pieces. \param thickness metres; 0: half of
+/// the mean edge of the coarsened surface. \param factors what multiplies that at each position of the body, > 0; a
+/// vertex of the coarsened surface has the mean of those that became it. Empty: 1 everywhere.
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, double thickness,
                          std::span<const double> factors, ShellOutcome& outcome);
 

@@ -166,6 +166,7 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
     choice.home = std::move(outcome.home);
     std::string detail = text("%.3g", outcome.thickness) + " m thick on average";
     if (outcome.thinned > 0) detail += ", thinner at " + std::to_string(outcome.thinned) + " vertices of creases";
+    if (outcome.pieces > 1) detail += ", of " + std::to_string(outcome.pieces) + " pieces tied to one another";
     const bool other = wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay;
     remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info,
                 body.encloses ? "became a hollow shell" : "enclosed nothing and became a shell",
@@ -260,6 +261,19 @@ Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, Tetrahe
   return choice;
 }
 
+// How many there are whose tetrahedra share no vertex.
+std::uint32_t piecesOf(const PhysicalMesh& mesh, const PhysicalBody& body) {
+  TetMesh one;
+  one.positions.assign(mesh.positions.begin() + body.first_vertex,
+                       mesh.positions.begin() + body.first_vertex + body.vertex_count);
+  for (std::uint32_t t = 0; t < body.tetrahedron_count; ++t) {
+    one.tetrahedra.push_back(mesh.tetrahedra[body.first_tetrahedron + t]);
+    for (std::uint32_t& v : one.tetrahedra.back()) v -= body.first_vertex;
+  }
+  std::vector<std::uint32_t> component;
+  return geometry::connectedComponents(one, component);
+}
+
 // The last gate: what leaves this stage is sound, whichever way it was made.
 void validate(const PhysicalMesh& mesh, const std::string& file) {
   const auto fail = [&](const std::string& what) {
@@ -276,6 +290,12 @@ void validate(const PhysicalMesh& mesh, const std::string& file) {
       }
     }
     if (std::find(used.begin(), used.end(), char(0)) != used.end()) fail("a vertex is unused");
+    if (const std::uint32_t pieces = piecesOf(mesh, body); pieces > 1) {
+      throw ToolError(
+          ExitCode::bad_input, file,
+          "the tetrahedra of body '" + body.name + "' are " + std::to_string(pieces) + " pieces that would fall apart",
+          "Set tetrahedra.method=grid, which joins them, or raise tetrahedra.vertices.");
+    }
   }
   for (const Vector3d& p : mesh.positions) {
     if (!p.allFinite()) fail("a position is not finite");
@@ -372,6 +392,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     physical.vertex_count = static_cast<std::uint32_t>(tets.positions.size());
     physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
     physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
+    physical.tie_count = choice.filled.ties;
     physical.volume = choice.filled.volume;
     physical.source_volume = solid ? body.volume : -1;
     for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);

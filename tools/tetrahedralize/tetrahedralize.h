@@ -35,6 +35,8 @@ struct PhysicalBody {
   double volume = 0;  ///< of the space its tetrahedra take, m^3: copies of one cell count once
   double source_volume =
       -1;  ///< enclosed by its surface (winding number > 1/2), m^3; negative where it encloses nothing
+  std::uint32_t tie_count =
+      0;  ///< its last tetrahedra, which only hold pieces of a shell together: nothing hangs there
 };
 
 /// Tetrahedra over the angle between two faces, degrees.
