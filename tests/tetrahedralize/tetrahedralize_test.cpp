@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "runtime/geometry/winding_number.h"
@@ -251,6 +253,34 @@ TEST(Tetrahedralize, LooseSheetsFollowTheNearestBody) {
   const Finding* finding = findingOf(mesh, "tetrahedra-loose-sheets");
   ASSERT_NE(finding, nullptr);
   EXPECT_EQ(finding->count, 1U);
+}
+
+// Drawers in a chest: bodies that lie a little further apart than what joins them.
+TEST(Tetrahedralize, BodiesThatNearlyTouchAreReportedWithWhatJoinsThem) {
+  const double diagonal = Vector3d(2, 1, 1).norm();
+  for (const double gap : {2e-3, 3.9e-3, 4.3e-3, 0.1}) {
+    Surface pair = testing::box({1, 1, 1}, 4);
+    pair.append(testing::box({1, 1, 1}, 4), {1 + gap * diagonal, 0, 0});
+    const VisualMesh mesh = visual(pair);
+    const PhysicalMesh physical = fill(mesh, automatic, 300);
+    ASSERT_EQ(physical.bodies.size(), 2U);
+    const Finding* finding = findingOf(physical, "near-bodies");
+    ASSERT_EQ(finding != nullptr, gap < 4e-3) << gap;
+    if (finding == nullptr) continue;
+    EXPECT_EQ(finding->severity, Severity::warning);
+    EXPECT_EQ(finding->places, (std::vector<std::uint32_t>{0, std::uint32_t(mesh.triangles.size() / 2)}));
+    EXPECT_NE(finding->message.find("from mesh 1 to mesh 2"), std::string::npos) << finding->message;
+    // What the cure says cures.
+    const std::string key = "--set tetrahedra.join=";
+    const std::size_t at = finding->cure.find(key);
+    ASSERT_NE(at, std::string::npos) << finding->cure;
+    TetrahedraOptions options;
+    options.target_vertices = 300;
+    options.join_distance = std::stod(finding->cure.substr(at + key.size()));
+    EXPECT_LT(options.join_distance, 1.15 * gap);
+    Progress progress(false);
+    EXPECT_EQ(tetrahedralize(mesh, analyzeTopology(mesh), options, progress).bodies.size(), 1U) << finding->cure;
+  }
 }
 
 TEST(Tetrahedralize, PatchesThatEncloseSomethingTogether) {

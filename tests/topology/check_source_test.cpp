@@ -196,6 +196,20 @@ TEST(CheckSource, PartsFarApartBecomeBodies) {
   EXPECT_EQ(sourceVerdict(findings), "sound: it can be baked");
 }
 
+TEST(CheckSource, PartsThatNearlyShareABodyAreAWarning) {
+  std::vector<Vector3d> positions;
+  Faces faces;
+  addBox(positions, faces, {0, 0, 0}, {1, 1, 1});
+  addBox(positions, faces, {1.005, 0, 0}, {2, 1, 1});
+  const auto findings = check(makeMesh(positions, faces));
+  EXPECT_EQ(warnings(findings), (std::set<std::string>{"near-bodies"}));
+  const Finding* f = find(findings, "near-bodies");
+  EXPECT_EQ(f->count, 2U);
+  EXPECT_NE(f->message.find("the smallest gap is 5 mm"), std::string::npos) << f->message;
+  EXPECT_NE(f->cure.find("--set tetrahedra.join=0.0021"), std::string::npos) << f->cure;
+  expectKnownSettings(f->cure);
+}
+
 TEST(CheckSource, AFaceWithoutAreaIsNamed) {
   std::vector<Vector3d> positions;
   Faces faces;

@@ -275,8 +275,11 @@ class SourceCheck {
       for (const SolidBody& body : bodies_.bodies)
         triangles.push_back(topology_.parts[body.parts.front()].triangles.front());
       placeFaces(f, triangles);
-      for (std::size_t i = 0; i < n && i < 6; ++i) f.place += (i == 0 ? "" : ", ") + bodies_.bodies[i].name;
+      for (std::size_t i = 0; i < n && i < 6; ++i) f.place += (i == 0 ? "" : ", ") + bodies_.bodies[i].title;
       if (n > 6) f.place += ", ...";
+    }
+    for (Finding& f : bodyFindings(mesh_, topology_, bodies_, options_.join_distance * mesh_.diagonal)) {
+      findings_.push_back(std::move(f));
     }
   }
 

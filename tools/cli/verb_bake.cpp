@@ -10,6 +10,7 @@
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
+#include "tools/tetrahedralize/bodies.h"
 
 namespace sinew::tools {
 namespace {
@@ -49,6 +50,9 @@ void printSummary(const BakeCommand& command, const nlohmann::ordered_json& repo
               report["tetrahedra_quality"]["min_dihedral_deg"].get<double>(),
               report["tetrahedra_quality"]["max_dihedral_deg"].get<double>());
   const auto& bodies = report["bodies"];
+  std::vector<std::string> names;
+  for (const auto& body : bodies) names.push_back(body["name"].get<std::string>());
+  names = distinctNames(names);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (b == 4 && bodies.size() > 5) {
       std::printf("  ...        and %zu more bodies\n", bodies.size() - b);
@@ -59,8 +63,8 @@ void printSummary(const BakeCommand& command, const nlohmann::ordered_json& repo
                                    ? ", " + std::to_string(int(std::lround(100 * body["volume_ratio"].get<double>()))) +
                                          " % of the source's volume"
                                    : ", encloses no volume";
-    std::printf("  body       %s: %s, %s%s\n", body["name"].get<std::string>().c_str(),
-                body["method"].get<std::string>().c_str(), count(body["clusters"], "cluster").c_str(), volume.c_str());
+    std::printf("  body       %s: %s, %s%s\n", names[b].c_str(), body["method"].get<std::string>().c_str(),
+                count(body["clusters"], "cluster").c_str(), volume.c_str());
   }
   std::printf("  attachment rest error %.1e of the diagonal\n", report["attachment"]["max_rest_error"].get<double>());
   std::fflush(stdout);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <numeric>
 
@@ -24,6 +25,8 @@ constexpr double kMostOpen = 0.35;
 // much of a plate; of a closed one only rounding is not a solid (both sides of a leaf, back to back).
 constexpr double kLeastVolumeOpen = 3e-3;
 constexpr double kLeastVolumeClosed = 1e-7;
+// Bodies within this multiple of the distance that would join them are reported.
+constexpr double kNearBodies = 4;
 
 // Triangles over welded points, neighbours turned the same way, relative to the middle of the mesh.
 struct Frame {
@@ -133,19 +136,14 @@ std::vector<Triangle> withoutWallsAndFins(const Frame& frame, std::vector<Triang
   return kept;
 }
 
-// Joins parts with triangles within `distance` of each other.
-void joinNearParts(const Frame& frame, const Topology& topology, double distance, Sets& sets) {
-  std::vector<Triangle> triangles;
-  std::vector<std::uint32_t> part;
-  for (std::uint32_t p = 0; p < topology.parts.size(); ++p) {
-    for (const std::uint32_t t : topology.parts[p].triangles) {
-      triangles.push_back(frame.triangles[t]);
-      part.push_back(p);
-    }
-  }
-  const TriangleBvh bvh(frame.points, triangles);
+// Calls `visit(a, b, squared distance)` for triangles of two labels within `distance` of each other, but where
+// `same(a, b)` says that these two labels need no more of them.
+template <class Same, class Visit>
+void forNearTriangles(std::span<const Vector3d> points, std::span<const Triangle> triangles,
+                      std::span<const std::uint32_t> label, double distance, const Same& same, const Visit& visit) {
+  const TriangleBvh bvh(points, triangles);
   const auto& nodes = bvh.nodes();
-  // Nodes whose triangles are all of one part can be skipped as soon as that part is joined.
+  // Nodes whose triangles are all of one label can be skipped as a whole.
   std::vector<std::uint32_t> only(nodes.size(), kNoIndex);
   for (std::size_t n = nodes.size(); n-- > 0;) {
     const auto& node = nodes[n];
@@ -153,15 +151,15 @@ void joinNearParts(const Frame& frame, const Topology& topology, double distance
       only[n] = only[n + 1] == only[node.right] ? only[n + 1] : kNoIndex;
       continue;
     }
-    only[n] = part[bvh.order()[node.first]];
+    only[n] = label[bvh.order()[node.first]];
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-      if (part[bvh.order()[i]] != only[n]) only[n] = kNoIndex;
+      if (label[bvh.order()[i]] != only[n]) only[n] = kNoIndex;
     }
   }
   std::vector<std::uint32_t> stack;
   for (std::uint32_t i = 0; i < triangles.size(); ++i) {
     const TriangleBvh::Corners& mine = bvh.corners()[i];
-    const std::uint32_t my_part = part[bvh.order()[i]];
+    const std::uint32_t my_label = label[bvh.order()[i]];
     AlignedBox3d box(mine[0]);
     box.extend(mine[1]);
     box.extend(mine[2]);
@@ -174,19 +172,36 @@ void joinNearParts(const Frame& frame, const Topology& topology, double distance
       const auto& node = nodes[index];
       // Each pair is met from both sides: one is enough.
       if (node.first + node.count <= i || !node.box.intersects(box)) continue;
-      if (only[index] != kNoIndex && sets.find(only[index]) == sets.find(my_part)) continue;
+      if (only[index] != kNoIndex && same(only[index], my_label)) continue;
       if (node.right != 0) {
         stack.push_back(node.right);
         stack.push_back(index + 1);
         continue;
       }
       for (std::uint32_t j = std::max(node.first, i + 1); j < node.first + node.count; ++j) {
-        const std::uint32_t other = part[bvh.order()[j]];
-        if (sets.find(other) == sets.find(my_part)) continue;
-        if (geometry::squaredDistance(mine, bvh.corners()[j]) <= distance * distance) sets.join(other, my_part);
+        const std::uint32_t other = label[bvh.order()[j]];
+        if (same(other, my_label)) continue;
+        const double squared = geometry::squaredDistance(mine, bvh.corners()[j]);
+        if (squared <= distance * distance) visit(other, my_label, squared);
       }
     }
   }
+}
+
+// Joins parts with triangles within `distance` of each other.
+void joinNearParts(const Frame& frame, const Topology& topology, double distance, Sets& sets) {
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> part;
+  for (std::uint32_t p = 0; p < topology.parts.size(); ++p) {
+    for (const std::uint32_t t : topology.parts[p].triangles) {
+      triangles.push_back(frame.triangles[t]);
+      part.push_back(p);
+    }
+  }
+  forNearTriangles(
+      frame.points, triangles, part, distance,
+      [&](std::uint32_t a, std::uint32_t b) { return sets.find(a) == sets.find(b); },
+      [&](std::uint32_t a, std::uint32_t b, double) { sets.join(a, b); });
 }
 
 // Parts that touch, taken together.
@@ -386,17 +401,110 @@ void joinNestedGroups(const Frame& frame, std::vector<Group>& groups, Sets& sets
   }
 }
 
-std::string bodyName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts) {
-  const std::uint32_t largest = *std::max_element(parts.begin(), parts.end(), [&](std::uint32_t a, std::uint32_t b) {
+std::uint32_t largestPart(const Topology& topology, const std::vector<std::uint32_t>& parts) {
+  return *std::max_element(parts.begin(), parts.end(), [&](std::uint32_t a, std::uint32_t b) {
     return topology.parts[a].area < topology.parts[b].area;
   });
-  const std::uint32_t triangle = topology.parts[largest].triangles.front();
+}
+
+std::string bodyName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts) {
+  const std::uint32_t triangle = topology.parts[largestPart(topology, parts)].triangles.front();
   for (const SubMeshSource& sub : mesh.sub_meshes) {
     if (triangle < sub.first_triangle || triangle >= sub.first_triangle + sub.triangle_count) continue;
     if (!sub.mesh.empty()) return sub.mesh;
     if (!sub.node.empty()) return sub.node;
   }
   return "body";
+}
+
+// What a person would call a part.
+std::string partName(const VisualMesh& mesh, const Topology& topology, std::uint32_t part) {
+  const std::vector<std::uint32_t>& triangles = topology.parts[part].triangles;
+  for (const GroupSource& group : mesh.groups) {
+    if (group.triangles == triangles) return group.name;
+  }
+  return "part " + std::to_string(part) + " of " + bodyName(mesh, topology, {part});
+}
+
+void placeParts(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts,
+                Finding& finding) {
+  constexpr std::size_t kNamed = 4;
+  finding.place_kind = "face";
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (i < kNamed) finding.place += (i == 0 ? "" : ", ") + partName(mesh, topology, parts[i]);
+    if (i == kNamed) finding.place += ", ...";
+    if (i < Finding::kMaxPlaces) {
+      finding.places.push_back(mesh.triangle_face[topology.parts[parts[i]].triangles.front()]);
+    }
+  }
+}
+
+std::string rounded(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.3g", value);
+  return text.data();
+}
+
+// The value of tetrahedra.join that closes a gap, rounded up to two digits.
+std::string joinText(double gap, double diagonal) {
+  const double value = 1.005 * gap / diagonal;
+  const double digit = std::pow(10, std::floor(std::log10(value)) - 1);
+  return rounded(std::ceil(value / digit) * digit);
+}
+
+// Bodies that the next larger tetrahedra.join would make one: more often the drawers of a chest than two things.
+void reportNearBodies(const VisualMesh& mesh, const Topology& topology, const BodySet& set, double join_distance,
+                      std::vector<Finding>& findings) {
+  if (set.bodies.size() < 2) return;
+  const Vector3d center = (mesh.bounds_min + mesh.bounds_max) / 2;
+  std::vector<Vector3d> points;
+  std::vector<Triangle> triangles;
+  std::vector<std::uint32_t> label;
+  for (std::uint32_t b = 0; b < set.bodies.size(); ++b) {
+    const SolidBody& body = set.bodies[b];
+    const auto first = std::uint32_t(points.size());
+    for (const Vector3d& p : body.positions) points.emplace_back(p + (body.center - center));
+    for (const Triangle& t : body.triangles) {
+      triangles.push_back({first + t[0], first + t[1], first + t[2]});
+      label.push_back(b);
+    }
+  }
+  std::map<std::array<std::uint32_t, 2>, double> squared;
+  forNearTriangles(
+      points, triangles, label, kNearBodies * std::max(join_distance, mesh.weld_tolerance),
+      [](std::uint32_t a, std::uint32_t b) { return a == b; },
+      [&](std::uint32_t a, std::uint32_t b, double d) {
+        const auto [at, fresh] = squared.try_emplace({std::min(a, b), std::max(a, b)}, d);
+        at->second = std::min(at->second, d);
+      });
+  if (squared.empty()) return;
+  std::vector<std::pair<double, std::array<std::uint32_t, 2>>> gaps;
+  for (const auto& [pair, d] : squared) gaps.emplace_back(std::sqrt(d), pair);
+  std::sort(gaps.begin(), gaps.end());
+  // What joins all of them: the widest gap that is needed.
+  Sets sets(set.bodies.size());
+  double widest = 0;
+  std::vector<std::uint32_t> near, parts;
+  for (const auto& [gap, pair] : gaps) {
+    if (sets.join(pair[0], pair[1])) widest = gap;
+    near.insert(near.end(), pair.begin(), pair.end());
+  }
+  std::sort(near.begin(), near.end());
+  near.erase(std::unique(near.begin(), near.end()), near.end());
+  for (const std::uint32_t b : near) parts.push_back(largestPart(topology, set.bodies[b].parts));
+  const auto& [smallest, closest] = gaps.front();
+  Finding f;
+  f.id = "near-bodies";
+  f.count = near.size();
+  f.message = std::to_string(near.size()) + " bodies that move on their own lie within " + rounded(kNearBodies) +
+              " times tetrahedra.join of another; the smallest gap is " + rounded(1000 * smallest) + " mm, from " +
+              set.bodies[closest[0]].title + " to " + set.bodies[closest[1]].title;
+  placeParts(mesh, topology, parts, f);
+  const std::string first = joinText(smallest, mesh.diagonal), all = joinText(widest, mesh.diagonal);
+  f.cure = "Nothing to do if they are to come apart; else --set tetrahedra.join=" + first +
+           (first == all ? " makes them one" : " closes the smallest gap, " + all + " one in each pair") +
+           ", and more holds them where they lie further apart.";
+  findings.push_back(std::move(f));
 }
 
 // Lengths of rays inside, over a grid of rays: exact along x, sampled in y and z.
@@ -609,7 +717,28 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
     for (const std::uint32_t p : body.parts) set.part_body[p] = static_cast<std::uint32_t>(set.bodies.size());
     set.bodies.push_back(std::move(body));
   }
+  std::vector<std::string> names;
+  for (const SolidBody& body : set.bodies) names.push_back(body.name);
+  names = distinctNames(names);
+  for (std::size_t b = 0; b < names.size(); ++b) set.bodies[b].title = names[b];
   return set;
+}
+
+std::vector<std::string> distinctNames(const std::vector<std::string>& names) {
+  std::map<std::string, std::size_t> all, seen;
+  for (const std::string& name : names) ++all[name];
+  std::vector<std::string> distinct;
+  for (const std::string& name : names) {
+    distinct.push_back(all[name] == 1 ? name : name + " " + std::to_string(++seen[name]));
+  }
+  return distinct;
+}
+
+std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
+                                  double join_distance) {
+  std::vector<Finding> findings;
+  reportNearBodies(mesh, topology, set, join_distance, findings);
+  return findings;
 }
 
 }  // namespace sinew::tools

@@ -9,6 +9,7 @@
 
 #include "runtime/geometry/parallel.h"
 #include "runtime/geometry/winding_number.h"
+#include "tools/core/finding.h"
 #include "tools/import/topology.h"
 #include "tools/import/visual_mesh.h"
 
@@ -18,6 +19,7 @@ namespace sinew::tools {
 /// from the origin loses no digits.
 struct SolidBody {
   std::string name;
+  std::string title;                                 ///< for messages: the name, numbered where several share it
   std::vector<std::uint32_t> parts;                  ///< of the surface, ascending, loose sheets included
   std::vector<std::uint32_t> sheets;                 ///< those of `parts` that enclose nothing
   bool encloses = false;                             ///< false: all its parts are sheets
@@ -49,5 +51,12 @@ struct BodySet {
 /// are bodies themselves where nothing encloses anything.
 BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
                    const geometry::ParallelFor& parallel_for);
+
+/// What a person should know of these bodies: some nearly touch.
+std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
+                                  double join_distance);
+
+/// The names, with numbers behind those that occur more than once.
+std::vector<std::string> distinctNames(const std::vector<std::string>& names);
 
 }  // namespace sinew::tools

@@ -150,7 +150,7 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
                  const std::string& file, Remarks& remarks) {
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
-    remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.name,
+    remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.title,
                 "");
     choice.filled = fillWithGrid(body, target, parallelFor);
     return choice;
@@ -170,18 +170,19 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
     const bool other = wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay;
     remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info,
                 body.encloses ? "became a hollow shell" : "enclosed nothing and became a shell",
-                body.name + " (" + detail + ")",
+                body.title + " (" + detail + ")",
                 other ? "Give the surface a volume, or close it, for other methods." : "");
     return choice;
   }
   const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
   if (wanted == TetrahedraMethod::shell) {
-    throw ToolError(ExitCode::bad_input, file, "body '" + body.name + "' " + outcome.reason + place,
+    throw ToolError(ExitCode::bad_input, file, "body '" + body.title + "' " + outcome.reason + place,
                     "Lower tetrahedra.thickness, repair it there, or set tetrahedra.method=grid.");
   }
   remarks.add("tetrahedra-method", Severity::warning,
               "enclosed nothing and became a layer of grid cells because a shell was not possible",
-              body.name + " (" + outcome.reason + place + ")", "Repair it there for a shell that follows the surface.");
+              body.title + " (" + outcome.reason + place + ")",
+              "Repair it there for a shell that follows the surface.");
   choice.filled = fillWithGrid(body, target, parallelFor);
   return choice;
 }
@@ -202,21 +203,21 @@ Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, Tetrahe
     if (!choice.filled.mesh.tetrahedra.empty()) {
       choice.method = TetrahedraMethod::delaunay;
       remarks.add("tetrahedra-method", Severity::info, "filled by delaunay",
-                  body.name + (outcome.note.empty() ? "" : " (" + outcome.note + ")"), "");
+                  body.title + (outcome.note.empty() ? "" : " (" + outcome.note + ")"), "");
       if (choice.filled.uncovered > kMostUncovered) {
         remarks.add("tetrahedra-thin", Severity::warning, "lost something to delaunay",
-                    body.name + " (" + text("%.1f", 100 * choice.filled.uncovered) + " % of the surface)",
+                    body.title + " (" + text("%.1f", 100 * choice.filled.uncovered) + " % of the surface)",
                     "Raise tetrahedra.vertices, or set tetrahedra.method=auto.");
       }
       return choice;
     }
     if (!outcome.only_angles) {
       throw ToolError(ExitCode::bad_input, file,
-                      "delaunay cannot fill body '" + body.name + "' (" + outcome.reason + ")",
+                      "delaunay cannot fill body '" + body.title + "' (" + outcome.reason + ")",
                       "Set tetrahedra.method=auto, or repair what sinew check reports.");
     }
     remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
-                body.name + " (" + outcome.reason + ")", "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
+                body.title + " (" + outcome.reason + ")", "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
     return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
   }
   choice.filled = fillWithStuffing(body, target, parallelFor);
@@ -247,15 +248,15 @@ Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, Tetrahe
       choice.method = TetrahedraMethod::grid;
     }
     remarks.add("tetrahedra-method", Severity::info, stays ? "filled by stuffing" : "filled by grid",
-                body.name + (detail.empty() ? "" : " (" + detail + ")"), "");
+                body.title + (detail.empty() ? "" : " (" + detail + ")"), "");
     return choice;
   }
   if (choice.filled.mesh.tetrahedra.empty()) {
-    throw ToolError(ExitCode::bad_input, file, "stuffing finds nothing of body '" + body.name + "' (" + fault + ")",
+    throw ToolError(ExitCode::bad_input, file, "stuffing finds nothing of body '" + body.title + "' (" + fault + ")",
                     "Set tetrahedra.method=grid, or raise tetrahedra.vertices.");
   }
   if (!fault.empty()) {
-    remarks.add("tetrahedra-thin", Severity::warning, "lost something to stuffing", body.name + " (" + fault + ")",
+    remarks.add("tetrahedra-thin", Severity::warning, "lost something to stuffing", body.title + " (" + fault + ")",
                 "Raise tetrahedra.vertices, or set tetrahedra.method=grid or auto.");
   }
   return choice;
@@ -366,7 +367,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       choice.filled.volume = split.volume;
       if (method != options.method) {
         remarks.add("tetrahedra-method", Severity::info, "filled by grid",
-                    body.name + " (stuffing holds thin parts only across gaps)", "");
+                    body.title + " (stuffing holds thin parts only across gaps)", "");
       }
       // What hung together only across a gap, thinner than a cell elsewhere: a cage loses nothing.
       if (options.method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::stuffing &&
@@ -405,24 +406,24 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     const double ratio = solid ? volumeRatio(body, choice.filled) : 1;
     if (std::abs(ratio - 1) > kReportedRatio) {
       remarks.add("tetrahedra-volume", Severity::warning, "whose tetrahedra do not have the volume of the source",
-                  body.name + " (" + text("%.2f", ratio) + " times)",
+                  body.title + " (" + text("%.2f", ratio) + " times)",
                   "Masses are made from the source's volume all the same; raise tetrahedra.vertices for a closer fit.");
     }
     if (choice.filled.bridges > 0) {
       remarks.add("tetrahedra-bridged", Severity::warning, "had pieces joined by cells outside the surface",
-                  body.name + " (" + std::to_string(choice.filled.bridges) + " cells)",
+                  body.title + " (" + std::to_string(choice.filled.bridges) + " cells)",
                   "Lower tetrahedra.join to make the pieces bodies of their own, or connect them in the source.");
     }
     if (split.cells > 0) {
       remarks.add("tetrahedra-split", Severity::info, "had cells split along gaps narrower than they are",
-                  body.name + " (" + std::to_string(split.cells) + " cells, " + std::to_string(split.vertices) +
+                  body.title + " (" + std::to_string(split.cells) + " cells, " + std::to_string(split.vertices) +
                       " vertices more)",
                   "");
     }
     if (!split.doubtful.empty()) {
       remarks.add("tetrahedra-overlap", Severity::info,
                   "had sheets that pierce each other: each was taken for a surface of its own",
-                  body.name + " (" + std::to_string(split.doubtful.size()) + " cells)",
+                  body.title + " (" + std::to_string(split.doubtful.size()) + " cells)",
                   "Move them apart, or join them by faces, where sinew check reports self-intersections.");
     }
     for (std::size_t p = 0; p < split.home.size(); ++p) {
@@ -432,6 +433,8 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   }
   progress.fraction(1);
   remarks.report(result.findings);
+  const std::vector<Finding> about = bodyFindings(mesh, topology, set, options.join_distance * mesh.diagonal);
+  result.findings.insert(result.findings.end(), about.begin(), about.end());
   const auto reportAttached = [&](const std::vector<std::uint32_t>& parts, const char* id, const std::string& one,
                                   const std::string& many, const char* cure) {
     if (parts.empty()) return;
