@@ -223,6 +223,23 @@ class CommandLine(unittest.TestCase):
             self.assertGreaterEqual(stage["seconds"], 0)
             self.assertGreater(stage["peak_megabytes"], 1)
 
+    def test_what_is_drawn_below_the_ground_is_said(self):
+        # A pole of 3 m with four cloths, which have no tetrahedra and so meet no ground, however it falls.
+        corners = [(x, y, z) for x in (0, 0.1) for y in (0, 3) for z in (0, 0.1)]
+        cloth = []
+        for dx, dz in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            cloth += [(0.05 + r * dx, y, 0.05 + r * dz) for r, y in ((0.05, 2), (1, 2), (1, 2.9), (0.05, 2.9))]
+        mesh = self.path / "flag.obj"
+        mesh.write_text("".join("v %g %g %g\n" % corner for corner in corners + cloth) +
+                        "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n" + "".join("f %d %d %d %d\n" % tuple(range(n, n + 4)) for n in (9, 13, 17, 21)))
+        package = self.path / "flag.sinew"
+        result = run("bake", mesh, "-o", package, "--no-cache")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("[large-sheets]", result.stdout)
+        measures = json.loads(run("simulate", package, "--scene", "drop", "--json").stdout)
+        self.assertGreaterEqual(measures["lowest"], -1e-6)
+        self.assertLess(measures["lowest_visual"], -0.05)
+
     def test_bodies_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
         mesh = self.path / "chest.obj"

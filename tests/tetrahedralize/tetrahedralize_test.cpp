@@ -283,6 +283,22 @@ TEST(Tetrahedralize, BodiesThatNearlyTouchAreReportedWithWhatJoinsThem) {
   }
 }
 
+// A flag on its pole has no tetrahedra: that is right for a fin, and worth a warning here.
+TEST(Tetrahedralize, LargeSheetsDoNotRideAlongUnsaid) {
+  for (const double size : {0.1, 1.0}) {
+    Surface pole = testing::box({0.1, 3, 0.1}, 6);
+    pole.append(patch(size, 0, 8), {0.05 + size / 2, 0, 0});
+    const PhysicalMesh mesh = fill(visual(pole), automatic, 300);
+    ASSERT_EQ(mesh.bodies.size(), 1U);
+    const Finding* finding = findingOf(mesh, "large-sheets");
+    ASSERT_EQ(finding != nullptr, size > 0.5) << size;
+    if (finding == nullptr) continue;
+    EXPECT_EQ(finding->severity, Severity::warning);
+    EXPECT_EQ(finding->place, "part 1 of mesh");
+    EXPECT_NE(finding->message.find("45 % of the area"), std::string::npos) << finding->message;
+  }
+}
+
 TEST(Tetrahedralize, PatchesThatEncloseSomethingTogether) {
   // A ball cut into two open halves that do not share points, with a fin on it.
   const Surface ball = testing::sphere(1, 20);

@@ -119,6 +119,7 @@ void runSimulate(const SimulateCommand& command) {
         {"volume_ratio",
          {{"min", number(volume_min)}, {"max", number(volume_max)}, {"final", number(measure.volume_ratio)}}},
         {"lowest", number(measure.lowest)},
+        {"lowest_visual", number(measure.lowest_visual)},
         {"seam_gap", number(measure.seam_gap)},
         {"state_hash", measure.state_hash}};
     std::cout << jsonText(json);
@@ -131,6 +132,8 @@ void runSimulate(const SimulateCommand& command) {
     std::printf("  speed      %.2e diagonals/s rms\n", measure.rms_speed);
     std::printf("  volume     %.3f of the rest volume at the end (%.3f .. %.3f on the way)\n", measure.volume_ratio,
                 volume_min, volume_max);
+    std::printf("  lowest     %.2e of what moves, %.2e of what is drawn (diagonals above the ground)\n", measure.lowest,
+                measure.lowest_visual);
     std::printf("  state      %s, %s\n", measure.finite ? "finite" : "NOT FINITE", measure.state_hash.c_str());
   }
 }

@@ -128,9 +128,12 @@ BodyMeasure measureBody(const World& world, BodyId body) {
   measure.volume_ratio = measureVolumeRatio(world, body);
 
   const std::vector<Vec3> visual = visualPositions(world, body);
+  double lowest_visual = visual.empty() ? lowest : double(visual[0][1]);
   for (const Vec3& x : visual) {
+    lowest_visual = std::min(lowest_visual, double(x[1]));
     measure.finite = measure.finite && std::isfinite(x[0]) && std::isfinite(x[1]) && std::isfinite(x[2]);
   }
+  measure.lowest_visual = lowest_visual / diagonal;
   if (measure.finite && !visual.empty()) {
     const std::vector<std::uint32_t> bodies = bodyOfVisual(package);
     double squared = 0;

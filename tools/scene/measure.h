@@ -14,11 +14,12 @@ struct BodyMeasure {
   bool finite = true;         ///< every position and velocity
   double rest_error_rms = 0;  ///< visual vertices from the rest shape, best rigid motion of each separate body removed
   double rest_error_max = 0;
-  double rms_speed = 0;     ///< mass-weighted, diagonals per second
-  double volume_ratio = 1;  ///< tetrahedra now / at rest
-  double lowest = 0;        ///< lowest physical vertex, y
-  double seam_gap = 0;      ///< farthest that visual vertices of one welded point have drifted apart since rest
-  std::string state_hash;   ///< XXH3-64 of positions and velocities, 16 hexadecimal digits
+  double rms_speed = 0;      ///< mass-weighted, diagonals per second
+  double volume_ratio = 1;   ///< tetrahedra now / at rest
+  double lowest = 0;         ///< lowest physical vertex, y
+  double lowest_visual = 0;  ///< lowest vertex that is drawn, y: sheets that ride along touch no ground
+  double seam_gap = 0;       ///< farthest that visual vertices of one welded point have drifted apart since rest
+  std::string state_hash;    ///< XXH3-64 of positions and velocities, 16 hexadecimal digits
 };
 
 BodyMeasure measureBody(const World& world, BodyId body);

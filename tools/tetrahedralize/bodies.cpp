@@ -27,6 +27,10 @@ constexpr double kLeastVolumeOpen = 3e-3;
 constexpr double kLeastVolumeClosed = 1e-7;
 // Bodies within this multiple of the distance that would join them are reported.
 constexpr double kNearBodies = 4;
+// A sheet that rides along is reported if it has this part of all area, or reaches this part of the model's diagonal
+// away from its body.
+constexpr double kLargeSheet = 0.25;
+constexpr double kFarSheet = 0.15;
 
 // Triangles over welded points, neighbours turned the same way, relative to the middle of the mesh.
 struct Frame {
@@ -507,6 +511,47 @@ void reportNearBodies(const VisualMesh& mesh, const Topology& topology, const Bo
   findings.push_back(std::move(f));
 }
 
+// Sheets that ride along are drawn where the body's motion would carry them, and touch nothing: that suits fins.
+void reportLargeSheets(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
+                       std::vector<Finding>& findings) {
+  double all = 0;
+  for (const SurfacePart& part : topology.parts) all += part.area;
+  std::vector<std::uint32_t> parts;
+  double area = 0, farthest = 0;
+  for (const SolidBody& body : set.bodies) {
+    if (!body.encloses) continue;
+    for (const std::uint32_t p : body.sheets) {
+      const SurfacePart& part = topology.parts[p];
+      constexpr std::size_t kSamples = 256;
+      const std::size_t step = std::max<std::size_t>(1, part.triangles.size() / kSamples);
+      double reach = 0;
+      for (std::size_t i = 0; i < part.triangles.size(); i += step) {
+        for (const std::uint32_t v : mesh.weldedTriangle(part.triangles[i])) {
+          const Vector3d local = mesh.welded_positions[v] - body.center;
+          reach = std::max(reach, std::sqrt(body.winding.bvh().closest(local).squared_distance));
+        }
+      }
+      if (part.area < kLargeSheet * all && reach < kFarSheet * mesh.diagonal) continue;
+      parts.push_back(p);
+      area += part.area;
+      farthest = std::max(farthest, reach);
+    }
+  }
+  if (parts.empty()) return;
+  Finding f;
+  f.id = "large-sheets";
+  f.count = parts.size();
+  const bool one = parts.size() == 1;
+  f.message = std::to_string(parts.size()) + (one ? " sheet, " : " sheets, ") + rounded(100 * area / all) +
+              " % of the area and up to " + rounded(farthest) + " m off the body nearest to " + (one ? "it" : "them") +
+              ", only " + (one ? "follows" : "follow") + " that body: nothing bends there or stops at the ground";
+  placeParts(mesh, topology, parts, f);
+  f.cure =
+      "Give a sheet two sides and a rim to have it filled, or bake it as a file of its own: alone it becomes a shell "
+      "(tetrahedra.thickness).";
+  findings.push_back(std::move(f));
+}
+
 // Lengths of rays inside, over a grid of rays: exact along x, sampled in y and z.
 double rayVolume(const SolidBody& body, const ParallelFor& parallel_for) {
   constexpr std::size_t kRays = 96;
@@ -738,6 +783,7 @@ std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topolo
                                   double join_distance) {
   std::vector<Finding> findings;
   reportNearBodies(mesh, topology, set, join_distance, findings);
+  reportLargeSheets(mesh, topology, set, findings);
   return findings;
 }
 

@@ -52,7 +52,7 @@ struct BodySet {
 BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
                    const geometry::ParallelFor& parallel_for);
 
-/// What a person should know of these bodies: some nearly touch.
+/// What a person should know of these bodies: some nearly touch, large sheets ride along.
 std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
                                   double join_distance);
 
