@@ -299,6 +299,51 @@ TEST(Tetrahedralize, LargeSheetsDoNotRideAlongUnsaid) {
   }
 }
 
+// A tube about the middle of a body, open at both ends: it adds what it covers, whichever way it faces.
+TEST(Tetrahedralize, InvertedCoversDoNotHollowOutTheBody) {
+  Surface tube;
+  constexpr std::uint32_t kAround = 32;
+  for (std::uint32_t j = 0; j < 2; ++j) {
+    for (std::uint32_t i = 0; i < kAround; ++i) {
+      const double a = 2 * 3.14159265358979323846 * i / kAround;
+      // Its upper rim cuts into the ball.
+      tube.positions.emplace_back(1.02 * std::cos(a), j == 0 ? -0.3 : 0.6, 1.02 * std::sin(a));
+    }
+  }
+  for (std::uint32_t i = 0; i < kAround; ++i) {
+    const std::uint32_t k = (i + 1) % kAround;
+    tube.triangles.push_back({i, kAround + k, k});
+    tube.triangles.push_back({i, kAround + i, kAround + k});
+  }
+  std::array<double, 2> volume{};
+  for (const bool inwards : {false, true}) {
+    Surface dressed = testing::sphere(1.03, 24);
+    if (inwards) tube.reverse();
+    dressed.append(tube);
+    const PhysicalMesh mesh = fill(visual(dressed), automatic, 800);
+    checkPhysicalMesh(mesh, "dressed");
+    ASSERT_EQ(mesh.bodies.size(), 1U);
+    volume[inwards ? 1 : 0] = mesh.bodies[0].source_volume;
+    EXPECT_EQ(findingOf(mesh, "cover-inside-out") != nullptr, inwards);
+  }
+  EXPECT_GT(volume[0], testing::sphere(1.03, 24).volume());
+  EXPECT_EQ(volume[0], volume[1]);
+}
+
+// Turned inwards within the solid it is a cavity: the bag of a mouth, with an opening.
+TEST(Tetrahedralize, OpenCavitiesStay) {
+  Surface ball = testing::sphere(1, 24), bag = testing::sphere(0.5, 16);
+  std::erase_if(bag.triangles, [&](const auto& t) {
+    return std::all_of(t.begin(), t.end(), [&](std::uint32_t v) { return bag.positions[v].y() > 0.4; });
+  });
+  bag.reverse();
+  const double solid = ball.volume();
+  ball.append(bag, {0, 0.4999, 0});
+  const PhysicalMesh mesh = fill(visual(ball), automatic, 1500);
+  EXPECT_EQ(findingOf(mesh, "cover-inside-out"), nullptr);
+  EXPECT_LT(mesh.bodies[0].source_volume, 0.93 * solid);
+}
+
 TEST(Tetrahedralize, PatchesThatEncloseSomethingTogether) {
   // A ball cut into two open halves that do not share points, with a fin on it.
   const Surface ball = testing::sphere(1, 20);

@@ -25,6 +25,8 @@ constexpr double kMostOpen = 0.35;
 // much of a plate; of a closed one only rounding is not a solid (both sides of a leaf, back to back).
 constexpr double kLeastVolumeOpen = 3e-3;
 constexpr double kLeastVolumeClosed = 1e-7;
+// An open part that faces inwards is a cavity if more than this part of it lies within the others.
+constexpr double kCavityShare = 0.75;
 // Bodies within this multiple of the distance that would join them are reported.
 constexpr double kNearBodies = 4;
 // A sheet that rides along is reported if it has this part of all area, or reaches this part of the model's diagonal
@@ -216,7 +218,8 @@ constexpr double kAccessoryReach = 0.1;
 
 struct Group {
   std::vector<std::uint32_t> parts, solid_parts;
-  std::vector<Triangle> triangles;  // of the solid parts (all where it encloses nothing)
+  std::vector<std::uint32_t> turned;  // open solid parts that were inside out
+  std::vector<Triangle> triangles;    // of the solid parts (all where it encloses nothing)
   Enclosure enclosure;
   AlignedBox3d bounds;
   WindingNumber winding;
@@ -321,11 +324,55 @@ void addLids(const Topology& topology, const Frame& frame, const std::vector<std
 // A Moebius strip: it has no side that could be the outer one, so whatever its turns add up to is no volume.
 bool isOneSidedSheet(const SurfacePart& part) { return part.manifold && !part.orientable && !part.closed; }
 
+// A solid part of a group.
+struct SolidPart {
+  std::uint32_t part;
+  std::size_t first, count;  // of the group's triangles
+  double volume;
+  bool closed;
+};
+
+// Turns open parts that face inwards around the others (a shirt on a body): each would take from the body what it
+// covers. One that lies within them is a cavity and stays (the bag of a mouth).
+void turnCovers(const Frame& frame, const std::vector<SolidPart>& solids, Group& group) {
+  if (solids.size() < 2) return;
+  // The largest closed part faces the right way, else the largest.
+  const SolidPart& host = *std::max_element(solids.begin(), solids.end(), [](const SolidPart& a, const SolidPart& b) {
+    return a.closed != b.closed ? b.closed : std::abs(a.volume) < std::abs(b.volume);
+  });
+  const double side = host.volume < 0 ? -1 : 1;
+  std::vector<Triangle> right;
+  for (const SolidPart& s : solids) {
+    if (s.volume * side < 0) continue;
+    const auto first = group.triangles.begin() + std::ptrdiff_t(s.first);
+    right.insert(right.end(), first, first + std::ptrdiff_t(s.count));
+  }
+  WindingNumber winding;
+  for (const SolidPart& s : solids) {
+    if (s.closed || s.volume * side > 0) continue;
+    if (winding.bvh().empty()) winding = WindingNumber(frame.points, right, false);
+    constexpr std::size_t kSamples = 64;
+    const std::size_t step = std::max<std::size_t>(1, s.count / kSamples);
+    std::size_t samples = 0, within = 0;
+    for (std::size_t i = s.first; i < s.first + s.count; i += step) {
+      const Triangle& t = group.triangles[i];
+      ++samples;
+      const double around = winding.at((frame.points[t[0]] + frame.points[t[1]] + frame.points[t[2]]) / 3);
+      if (side * around > 0.5) ++within;
+    }
+    // A tight one pokes in here and there, and the rim of a cavity out.
+    if (double(within) > kCavityShare * double(samples)) continue;
+    for (std::size_t i = s.first; i < s.first + s.count; ++i) std::swap(group.triangles[i][1], group.triangles[i][2]);
+    group.turned.push_back(s.part);
+  }
+}
+
 Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<std::uint32_t>& parts) {
   Group group;
   group.parts = parts;
   std::vector<Triangle> triangles;
   std::vector<std::uint32_t> two_sided;
+  std::vector<SolidPart> solids;
   double solid_volume = 0;
   for (const std::uint32_t p : parts) {
     if (isOneSidedSheet(topology.parts[p])) continue;
@@ -338,6 +385,7 @@ Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<
     }
     if (!e.encloses) continue;
     group.solid_parts.push_back(p);
+    solids.push_back({p, group.triangles.size(), triangles.size(), e.volume, e.balanced});
     group.triangles.insert(group.triangles.end(), triangles.begin(), triangles.end());
     solid_volume += std::abs(e.volume);
   }
@@ -347,6 +395,8 @@ Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<
   if (group.solid_parts.size() < two_sided.size() && all.encloses && std::abs(all.volume) > 2 * solid_volume) {
     group.solid_parts = withoutSheets(topology, frame, two_sided, all.volume);
     gather(topology, frame, group.solid_parts, group.triangles);
+  } else {
+    turnCovers(frame, solids, group);
   }
   if (!group.solid_parts.empty() && group.solid_parts.size() < two_sided.size()) {
     addLids(topology, frame, two_sided, group);
@@ -552,6 +602,20 @@ void reportLargeSheets(const VisualMesh& mesh, const Topology& topology, const B
   findings.push_back(std::move(f));
 }
 
+void reportTurned(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
+                  std::vector<Finding>& findings) {
+  if (set.turned_parts.empty()) return;
+  Finding f;
+  f.id = "cover-inside-out";
+  f.count = set.turned_parts.size();
+  f.message = std::to_string(f.count) +
+              (f.count == 1 ? " open part that faces inwards covers" : " open parts that face inwards cover") +
+              " a solid: filled as if it faced outwards";
+  placeParts(mesh, topology, set.turned_parts, f);
+  f.cure = "Flip its normals in the program that made the file; it is also lit from the wrong side.";
+  findings.push_back(std::move(f));
+}
+
 // Lengths of rays inside, over a grid of rays: exact along x, sampled in y and z.
 double rayVolume(const SolidBody& body, const ParallelFor& parallel_for) {
   constexpr std::size_t kRays = 96;
@@ -638,6 +702,9 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
     if (!parts.empty()) groups.push_back(makeGroup(topology, frame, parts));
   }
   const auto group_count = static_cast<std::uint32_t>(groups.size());
+  for (const Group& group : groups) {
+    set.turned_parts.insert(set.turned_parts.end(), group.turned.begin(), group.turned.end());
+  }
 
   // 2. Groups inside the solid of others belong to them.
   Sets nested(group_count);
@@ -784,6 +851,7 @@ std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topolo
   std::vector<Finding> findings;
   reportNearBodies(mesh, topology, set, join_distance, findings);
   reportLargeSheets(mesh, topology, set, findings);
+  reportTurned(mesh, topology, set, findings);
   return findings;
 }
 

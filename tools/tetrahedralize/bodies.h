@@ -44,6 +44,7 @@ struct BodySet {
   std::vector<std::uint32_t> part_body;
   std::vector<std::uint32_t> attached_solids;  ///< parts of small solids that move with a much larger neighbour
   std::vector<std::uint32_t> attached_sheets;  ///< parts that joined the nearest body though they do not touch it
+  std::vector<std::uint32_t> turned_parts;     ///< open parts around a solid, taken as if they faced the other way
 };
 
 /// Groups surface parts into bodies. Parts within `join_distance` metres (or piercing) are one; a part inside the solid
@@ -52,7 +53,7 @@ struct BodySet {
 BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
                    const geometry::ParallelFor& parallel_for);
 
-/// What a person should know of these bodies: some nearly touch, large sheets ride along.
+/// What a person should know of these bodies: some nearly touch, large sheets ride along, covers are inside out.
 std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
                                   double join_distance);
 
