@@ -333,6 +333,10 @@ void endRound(Body& body) {
   return count;
 }
 
+Vec3& rememberedForce(Body& body, const Row& row) {
+  return row.point == RowPoint::physical_vertex ? body.force[row.index] : body.picks[row.pick].force;
+}
+
 [[gnu::cold]] void bringNear(Body& body, float pass_seconds) {
   const float far_off = kFarOff * body.package().info().diagonal;
   for (Part& part : body.parts) {
@@ -432,8 +436,7 @@ void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings
 
   const float to_force = 1.0F / (pass_seconds * pass_seconds);
   for (const Row& row : body.rows) {
-    Vec3& remembered = row.point == RowPoint::physical_vertex ? body.force[row.index] : body.picks[row.pick].force;
-    remembered = asArray(to_force * row.impulse);
+    rememberedForce(body, row) = asArray(to_force * row.impulse);
   }
 }
 

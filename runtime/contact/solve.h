@@ -26,6 +26,9 @@ void bringNear(Body& body, float pass_seconds);
 /// Adds the rows' remembered impulses to the clusters' moments. Call between moments and match.
 void warmStartRows(Body& body);
 
+/// What a row's point remembers of its impulse for the next pass, as a force over the body's mass.
+Vec3& rememberedForce(Body& body, const Row& row);
+
 /// Finds the impulses with which the goals of the clusters satisfy the rows, adds them to the moments and matches
 /// again; leaves the forces in Body::force and Pick::force for the next pass. Needs matched clusters.
 void solveRows(Body& body, float pass_seconds, const RowSolverSettings& settings);

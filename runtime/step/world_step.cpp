@@ -310,7 +310,7 @@ class BodyStep {
     if (astray) {
       // A part that goes back as one does not answer forces in this pass; vertices stay above the ground without rows,
       // which is no free motion either.
-      for (const Row& row : body_.rows) body_.force[row.index] = {};
+      for (const Row& row : body_.rows) rememberedForce(body_, row) = {};
       rows_are_dropped_ = !body_.rows.empty();
       body_.rows.clear();
       return;
