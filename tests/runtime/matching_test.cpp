@@ -110,7 +110,11 @@ std::vector<Vector3d> referencePass(const formats::PackageContent& content, cons
       const MatrixXd rhs = b.transpose() * mu.asDiagonal() * (p - rigid);
       const double scale = std::max(1.0, part_gyration / (radius * std::sqrt(gyration)));
       const double hz[3] = {double(cluster.stretch_hz), double(cluster.bend_hz), double(cluster.twist_hz)};
-      const auto omega_h = [&](Eigen::Index k) { return 2 * std::numbers::pi * hz[k / 3] * scale * h; };
+      const auto omega_h = [&](Eigen::Index k) {
+        if (content.mechanics.empty()) return 2 * std::numbers::pi * hz[k / 3] * scale * h;
+        const double beta = double(content.mechanics[0].per_step_beta[std::size_t(k / 3)]);
+        return std::sqrt((1 - beta) / beta);  // the part beta of a deformation stays, whatever h
+      };
       for (Eigen::Index j = 0; j < b.cols(); ++j) {
         for (Eigen::Index k = 0; k < b.cols(); ++k) system(j, k) *= 1 + omega_h(j) * omega_h(k);
       }
@@ -167,6 +171,7 @@ struct Case {
   ClusterMode mode;
   std::array<std::uint32_t, 3> clusters;
   float alpha, stretch, bend, twist;
+  std::array<float, 3> per_step = {};  // beta of each class, in place of the frequencies
 };
 
 class OnePass : public testing::TestWithParam<Case> {};
@@ -182,7 +187,13 @@ TEST_P(OnePass, AgreesWithTheDoubleReference) {
   box.stretch_hz = c.stretch;
   box.bend_hz = c.bend;
   box.twist_hz = c.twist;
-  const formats::PackageContent content = boxContent(box);
+  formats::PackageContent content = boxContent(box);
+  if (c.per_step[0] > 0) {
+    formats::ClusterMechanics mechanics = formats::kPlainMechanics;
+    mechanics.stiffness = formats::StiffnessModel::per_step;
+    std::copy(c.per_step.begin(), c.per_step.end(), mechanics.per_step_beta.begin());
+    content.mechanics.assign(content.clusters.size(), mechanics);
+  }
   for (const float h : {1.0F / 60, 1.0F / 480}) {
     WorldSettings settings;
     settings.gravity = {0, 0, 0};
@@ -212,7 +223,10 @@ INSTANTIATE_TEST_SUITE_P(
         Case{ClusterMode::quadratic, {1, 1, 1}, 1, 5, 3, 2}, Case{ClusterMode::quadratic, {3, 1, 1}, 0.9F, 8, 2, 20},
         Case{ClusterMode::quadratic, {2, 2, 1}, 1, 4, 4, 4}, Case{ClusterMode::quadratic, {3, 1, 1}, 1, 4, 4, 4},
         Case{ClusterMode::quadratic, {1, 1, 1}, 1, 8, 2, 20}, Case{ClusterMode::quadratic, {3, 1, 1}, 1, 8, 2, 20},
-        Case{ClusterMode::quadratic, {2, 2, 1}, 1, 8, 2, 20}));
+        Case{ClusterMode::quadratic, {2, 2, 1}, 1, 8, 2, 20},
+        Case{ClusterMode::linear, {3, 2, 2}, 0.7F, 5, 3, 3, {0.6F, 0.6F, 0.6F}},
+        Case{ClusterMode::quadratic, {1, 1, 1}, 1, 5, 5, 5, {0.9F, 0.5F, 0.2F}},
+        Case{ClusterMode::quadratic, {3, 1, 1}, 1, 5, 5, 5, {0.3F, 0.8F, 0.95F}}));
 
 TEST(Stiffness, ReturnHasTheAuthoredFrequencyAtAnySmallStep) {
   // A stretched free cluster rings at its frequency: time from largest stretch to the first crossing is 1 / (4 f).

@@ -306,6 +306,36 @@ TEST(Damping, OfAClusterStopsItsRingingAndNotItsFlight) {
     const double undamped = wobble(0), damped = wobble(8);
     EXPECT_GT(undamped, 1e-3);
     EXPECT_LT(damped, 1.1 * 0.0204 * undamped);
+    EXPECT_GT(damped, 0.9 * std::exp(-8 * 0.75) * undamped);  // the next peak is at most half a period on
+  }
+}
+
+TEST(Damping, OfDeformationsIsARatioOfCritical) {
+  const auto wobble = [&](float ratio) {
+    BoxOptions box;
+    box.stretch_hz = 2;
+    WorldSettings settings = weightless();
+    settings.damping = 0;
+    settings.deformation_damping_ratio = ratio;
+    World world(settings);
+    const BodyId body = *world.addBody(boxAsset(box));
+    std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
+    for (Vec3& p : x) p[0] *= 1.2F;
+    world.setState(body, x, {});
+    run(world, 0.5, 1.0F / 240);
+    double most = 0;
+    for (int step = 0; step < 120; ++step) {
+      world.step(1.0F / 240);
+      most = std::max(most, motionOf(world, body).kinetic);
+    }
+    return most;
+  };
+  // As above with d = 2 zeta w0: after half a second, and at the next peak.
+  const double undamped = wobble(0), w0 = 2 * std::numbers::pi * 2;
+  for (const double zeta : {0.05, 0.1, 0.25}) {
+    const double damped = wobble(float(zeta));
+    EXPECT_LT(damped, 1.1 / (1 - zeta * zeta) * std::exp(-2 * zeta * w0 * 0.5) * undamped) << zeta;
+    EXPECT_GT(damped, 0.9 * std::exp(-2 * zeta * w0 * 0.75) * undamped) << zeta;
   }
 }
 
@@ -418,6 +448,32 @@ TEST(Curve, AnswersBetweenItsPoints) {
   EXPECT_FLOAT_EQ(internal::curveResponse(curve, 6), 4.5F);
   EXPECT_FLOAT_EQ(internal::curveResponse(curve, 12), 5.5F);
   EXPECT_EQ(internal::curveResponse(curve, 1e30F), 6);
+}
+
+TEST(Curve, IsWhatAClusterMayStretchTo) {
+  BoxOptions box;
+  box.stretch_hz = 0.01F;  // hardly pulls back by itself
+  ClusterMechanics m = kPlainMechanics;
+  m.limit = LimitMethod::curve;
+  m.curve_point_count = 3;
+  formats::PackageContent content = withMechanics(box, m);
+  content.curve_points = {{4, 4}, {8, 5}, {16, 6}};
+  const auto asset = makeAsset(content);
+  for (const auto& [stretch, squared] : {std::pair{1.2F, 3.44F}, {2.0F, 4.5F}, {2.4F, 4.94F}, {2.9F, 5.301F}}) {
+    World world(weightless());
+    world.settings().iterations = 1;
+    const BodyId body = *world.addBody(asset);
+    std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
+    for (Vec3& p : x) p[0] *= stretch;
+    world.setState(body, x, {});
+    world.step(1.0F / 60);
+    Vec3 center;
+    Mat3 linear;
+    world.clusterFrame(body, 0, center, linear);
+    float norm2 = 0;
+    for (const float entry : linear) norm2 += entry * entry;
+    EXPECT_NEAR(norm2, squared, 1e-3F) << stretch;
+  }
 }
 
 }  // namespace
