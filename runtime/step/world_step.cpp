@@ -509,9 +509,9 @@ class BodyStep {
     const double ratio = double(settings_.deformation_damping_ratio);
     const double slowest_hz = double(body_.stiffness->slowest_hz[chunk.part]);
     double rate = ratio > 0 ? std::min(4 * std::numbers::pi * ratio * slowest_hz, kFastestDamping) : 0.0;
-    // Together with what clusters damp themselves at most half of critical, or slow chains would creep. Not less than
-    // that: what clusters do to themselves does not damp how they swing about one another.
-    rate = std::clamp(2 * std::numbers::pi * slowest_hz - double(body_.stiffness->own_damping[chunk.part]), 0.0, rate);
+    // What clusters damp themselves is part of it, or slow chains would creep; but of half of it at most, since it does
+    // not damp how they swing about one another.
+    rate = std::max(rate - double(body_.stiffness->own_damping[chunk.part]), 0.5 * rate);
     // What stands or hangs tips over and swings as the world's settings say: inner friction would turn that to honey.
     if (!part.free) rate = std::min(rate, double(settings_.support_damping));
     a.lost = float(-std::expm1(-rate * double(h_)));
