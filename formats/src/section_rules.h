@@ -58,6 +58,13 @@ inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {
     {section::group_vertices, sizeof(std::uint32_t), 0, false, 0},
     {section::masks, sizeof(Mask), 0, false, 0},
     {section::mask_weights, sizeof(MaskWeight), 0, false, 0},
+    {section::fields, sizeof(Field), kSectionRequired, false, kFeatureField},
+    {section::field_functions, sizeof(FieldFunction), kSectionRequired, false, kFeatureField},
+    {section::field_packs, sizeof(FieldPack), kSectionRequired, false, kFeatureField},
+    {section::field_gradients, sizeof(Lanes), kSectionRequired, false, kFeatureField},
+    {section::field_values, sizeof(Lanes), kSectionRequired, false, kFeatureField},
+    {section::field_points, sizeof(FieldPoint), kSectionRequired, false, kFeatureField},
+    {section::field_point_values, sizeof(Lanes), kSectionRequired, false, kFeatureField},
 }};
 
 inline constexpr std::uint64_t kKnownFeatures = [] {

@@ -101,6 +101,20 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.masks);
     case section::mask_weights:
       return payload(content.mask_weights);
+    case section::fields:
+      return payload(content.fields);
+    case section::field_functions:
+      return payload(content.field_functions);
+    case section::field_packs:
+      return payload(content.field_packs);
+    case section::field_gradients:
+      return payload(content.field_gradients);
+    case section::field_values:
+      return payload(content.field_values);
+    case section::field_points:
+      return payload(content.field_points);
+    case section::field_point_values:
+      return payload(content.field_point_values);
     default:
       return {};
   }

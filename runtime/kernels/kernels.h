@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "runtime/kernels/attach_layout.h"
+#include "runtime/kernels/field_layout.h"
 #include "runtime/kernels/guard.h"
 #include "runtime/kernels/layout.h"
 
@@ -120,6 +121,9 @@ struct Kernels {
   void (*settle)(const SettleArguments& arguments);
   void (*add_motion)(const AddMotionArguments& arguments);
   float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
+  double (*field_energy)(const FieldEnergyArguments& arguments);  ///< \return joule
+  void (*field_values)(const FieldValuesArguments& arguments);
+  void (*field_heights)(const FieldHeightsArguments& arguments);
   const AttachKernels& attach;
 };
 

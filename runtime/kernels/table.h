@@ -6,6 +6,7 @@
 #pragma once
 
 #include "runtime/kernels/attach.h"
+#include "runtime/kernels/field.h"
 #include "runtime/kernels/goals.h"
 #include "runtime/kernels/kernels.h"
 #include "runtime/kernels/match.h"
@@ -68,6 +69,9 @@ void goalsOf(const ClusterRestBlock& rest, const MemberBlock* members, const Sti
 std::uint32_t predictOf(const PredictArguments& a) { return predict(a); }
 void applyOf(const ApplyArguments& a) { apply(a); }
 void settleOf(const SettleArguments& a) { settle(a); }
+double fieldEnergyOf(const FieldEnergyArguments& a) { return fieldEnergy(a); }
+void fieldValuesOf(const FieldValuesArguments& a) { fieldValues(a); }
+void fieldHeightsOf(const FieldHeightsArguments& a) { fieldHeights(a); }
 
 }  // namespace
 
@@ -92,6 +96,9 @@ inline constexpr Kernels tableNamed(const char* name) {
           settleOf,
           narrow::addMotionOf,
           narrow::relaxRowsOf,
+          fieldEnergyOf,
+          fieldValuesOf,
+          fieldHeightsOf,
           narrow::kAttach};
 }
 

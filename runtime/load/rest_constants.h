@@ -9,6 +9,7 @@
 #include "runtime/clusters/mechanics.h"
 #include "runtime/kernels/layout.h"
 #include "runtime/memory/array.h"
+#include "runtime/solver/field.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::internal {
@@ -39,6 +40,8 @@ struct RestConstants {
 
   /// Clusters that share a vertex, each with the next one that the vertex has: lower index first, ascending.
   Array<std::array<std::uint32_t, 2>> overlaps;
+
+  Array<Field> fields;  ///< in which pieces move; empty: clusters are matched
 
   MechanicsConstants mechanics;
   // The same for kernels.

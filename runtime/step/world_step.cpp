@@ -572,7 +572,7 @@ class BodyStep {
   const Kernels& kernel_ = kernels();
 };
 
-bool isLarge(const Body& body) { return body.chunks.size() >= kLargeBody; }
+bool isLarge(const Body& body) { return body.pieces.empty() && body.chunks.size() >= kLargeBody; }
 
 // Lends scratch to a body, or takes it back.
 void exchange(Body& body, BodyScratch& scratch) {
@@ -643,6 +643,9 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const WorldSettin
   for (std::size_t i = 0; i < scratch.lanes.size(); ++i) {
     const Need& need = i == 0 ? all : small;  // large bodies are stepped one at a time
     scratch.lanes[i].pass.reserve(need.vertices, need.members);
+    for (const BodyPointer& body : bodies) {
+      for (const Piece& piece : body->pieces) scratch.lanes[i].piece.reserve(piece);
+    }
     scratch.lanes[i].rows.reserve(need.rows);
     scratch.lanes[i].frames.reserve(need.clusters);
     scratch.lanes[i].responses.reserve(need.clusters);
@@ -670,6 +673,10 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& sett
     for (std::uint32_t lane = begin; lane < end; ++lane) {
       for (std::size_t i = next++; i < bodies.size(); i = next++) {
         if (isLarge(*bodies[i])) continue;
+        if (!bodies[i]->pieces.empty()) {
+          stepPieces(*bodies[i], settings, double(seconds), scratch.lanes[lane].piece);
+          continue;
+        }
         stepBody(*bodies[i], scratch.lanes[lane], settings, nullptr, passes, h, small_times);
       }
     }

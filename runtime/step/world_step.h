@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "runtime/memory/array.h"
+#include "runtime/step/piece_step.h"
 #include "runtime/world/body.h"
 #include "sinew/runtime/world.h"
 
@@ -20,6 +21,7 @@ using StepTimes = std::array<double, kStepPhaseCount>;
 struct BodyScratch {
   BodyScratch(std::pmr::memory_resource* memory, LineMemory* lines)
       : pass(lines),
+        piece(memory),
         rows(memory),
         frames(memory),
         responses(memory),
@@ -28,6 +30,7 @@ struct BodyScratch {
         answers(memory) {}
 
   PassScratch pass;
+  PieceScratch piece;
   // Of the solver of rows.
   Array<Row> rows;
   Array<ClusterFrame> frames;

@@ -7,7 +7,9 @@
 #include <limits>
 
 #include "runtime/clusters/goal.h"
+#include "runtime/contact/plane.h"
 #include "runtime/kernels/kernels.h"
+#include "runtime/step/piece_step.h"
 
 namespace sinew::internal {
 namespace {
@@ -39,6 +41,10 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       mechanics(package(), rest().mechanics, memory),
       chunks(memory),
       parts(memory),
+      pieces(memory),
+      coefficients(memory),
+      field_values(memory),
+      residuals(memory),
       rows(memory),
       frames(memory),
       responses(memory),
@@ -46,6 +52,27 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       terms(memory),
       answers(memory),
       history(memory) {
+  std::uint32_t most_functions = 0, most_vertices = 0;
+  for (std::uint32_t p = 0; p < package().bodies().size() && !rest().fields.empty(); ++p) {
+    const Field *const free = fieldOf(rest().fields, p, false), *const fixed = fieldOf(rest().fields, p, true);
+    Piece& piece = pieces.emplace_back(free, fixed, memory);
+    const std::size_t k = std::max(free->k, fixed != nullptr ? fixed->k : 0U);
+    for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
+      array->reserve(k);
+    }
+    piece.state.touching.reserve(kMostContacts);
+    piece.factor_points.reserve(kMostContacts);
+    piece.factor.reserve(k * k);
+    piece.springs.reserve(k * k);
+    piece.row.reserve(k);
+    most_functions = std::max(most_functions, std::uint32_t(k));
+    most_vertices = std::max(most_vertices, free->vertex_count);
+  }
+  if (!pieces.empty()) {
+    coefficients.reserve(4 * std::size_t(most_functions));
+    field_values.reserve(24 * ((std::size_t(most_vertices) + 7) / 8));
+    residuals.resize(vertexCount());
+  }
   std::uint32_t use_block = 0;
   for (const formats::BodyRange& range : package().bodies()) {
     Part part;
@@ -90,6 +117,7 @@ void Body::reset(PassScratch& scratch) {
   pins.clear();
   picks.clear();
   mechanics.reset();
+  chooseFields(*this);
   rows.clear();
   repaired = 0;
   placeAtRest(scratch);
@@ -114,6 +142,8 @@ void Body::recover(PassScratch& scratch) {
 }
 
 void Body::placeAtRest(PassScratch& scratch) {
+  for (Piece& piece : pieces) restPiece(*this, piece);
+  outdated = false;
   const Matrix3 rotation = asMatrix(settings.rotation);
   const Vector3 position = asVector(settings.position);
   for (std::uint32_t i = 0; i < vertexCount(); ++i) {

@@ -16,6 +16,7 @@
 #include "runtime/contact/row.h"
 #include "runtime/load/rest_constants.h"
 #include "runtime/memory/array.h"
+#include "runtime/solver/piece.h"
 #include "runtime/step/motion.h"
 #include "sinew/runtime/asset.h"
 #include "sinew/runtime/settings.h"
@@ -214,6 +215,14 @@ struct Body {
   Array<Part> parts;
   bool centers_known = false;  ///< Part::reference and moving are those of x and v; not after a state from outside
   float pass_seconds = 0;      ///< length of the passes of the last step: spins are looked at for it
+
+  /// Of a body that moves in fields (sections FELD): its pieces, in the package's order. x and v are made from their
+  /// coefficients when somebody asks.
+  OwningArray<Piece> pieces;
+  bool outdated = false;         ///< x and v are not those of the pieces
+  bool frames_outdated = false;  ///< blocks are not those of x
+  Array<float> coefficients, field_values;
+  Array<Vector3d> residuals;
 
   // Scratch of the solver of rows: lent by the world for the time of a step, empty otherwise.
   Array<Row> rows;

@@ -25,14 +25,14 @@ bool isSound(const VisualOutput& output) {
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
-  const Body* body = impl_->find(id, "visualVertices");
+  const Body* body = impl_->drawn(id, "visualVertices");
   if (body == nullptr) return;
   const VertexRun all = {0, std::uint32_t(body->package().visualPositions().size())};
   impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
 }
 
 void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
-  const Body* body = impl_->find(id, "visualSubMesh");
+  const Body* body = impl_->drawn(id, "visualSubMesh");
   if (body == nullptr) return;
   if (sub_mesh >= body->package().subMeshes().size()) {
     impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
@@ -68,13 +68,13 @@ void World::Impl::writeVisual(const char* call, const Body& body, std::span<cons
 
 Bounds World::physicalBounds(BodyId id) const {
   Bounds bounds;
-  const Body* body = impl_->find(id, "physicalBounds");
+  const Body* body = impl_->seen(id, "physicalBounds");
   if (body != nullptr) internal::boundsOf({body->x.data(), body->vertices().size()}, bounds);
   return bounds;
 }
 
 Bounds World::visualBounds(BodyId id) const {
-  const Body* body = impl_->find(id, "visualBounds");
+  const Body* body = impl_->drawn(id, "visualBounds");
   Bounds bounds;
   if (body == nullptr) return bounds;
   if (body->package().visualPositions().empty()) return physicalBounds(id);

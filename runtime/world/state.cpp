@@ -21,7 +21,7 @@ using internal::operator*;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 5;
+constexpr std::uint32_t kStateVersion = 6;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -35,8 +35,9 @@ struct StateHeader {
   std::uint32_t pin_sets, pinned_vertices;
   std::uint32_t centers_known;
   float pass_seconds;  ///< Body::pass_seconds
+  std::uint64_t piece_bytes;  ///< of the pieces, behind all else
 };
-static_assert(sizeof(StateHeader) == 80);
+static_assert(sizeof(StateHeader) == 88);
 
 /// A PinSet without its vertices, which follow behind all sets.
 struct SavedPinSet {
@@ -54,6 +55,12 @@ struct SavedCenter {
   std::uint32_t tangled;
 };
 
+/// A PieceState without its arrays, which follow: z, v, those of one step earlier, what touches.
+struct SavedPiece {
+  std::uint32_t held, functions, touching, steady;
+  double h_before, elastic, budget;
+};
+
 constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
 
 // Ids of picks and pin sets in a saved state are below this: new ones must not run out behind them.
@@ -63,6 +70,10 @@ template <class T>
 std::size_t bytesOf(std::size_t count) {
   static_assert(std::is_trivially_copyable_v<T>);
   return count * sizeof(T);
+}
+
+std::size_t pieceBytes(std::size_t functions, std::size_t touching) {
+  return sizeof(SavedPiece) + bytesOf<std::array<double, 3>>(4 * functions) + bytesOf<internal::TouchingPoint>(touching);
 }
 
 StateHeader headerOf(const Body& body) {
@@ -84,12 +95,15 @@ StateHeader headerOf(const Body& body) {
   header.channels = std::uint32_t(body.mechanics.activation.size());
   header.pin_sets = std::uint32_t(body.pin_sets.size());
   for (const internal::PinSet& set : body.pin_sets) header.pinned_vertices += std::uint32_t(set.vertices.size());
+  for (const internal::Piece& piece : body.pieces) {
+    header.piece_bytes += pieceBytes(piece.state.z.size(), piece.state.touching.size());
+  }
   return header;
 }
 
 // Sizes are bounded by 2^32 records of under 2 KB each: no overflow.
 std::size_t totalBytes(const StateHeader& h, const Body& body) {
-  return sizeof h + bytesOf<SavedCenter>(body.parts.size()) + 3 * bytesOf<Vec3>(h.vertices) +
+  return h.piece_bytes + sizeof h + bytesOf<SavedCenter>(body.parts.size()) + 3 * bytesOf<Vec3>(h.vertices) +
          bytesOf<ClusterBlock>(h.blocks) + bytesOf<internal::Pin>(h.pins) + bytesOf<internal::Pick>(h.picks) +
          bytesOf<Vec3>(h.history_positions) + bytesOf<internal::ClusterColumns>(h.history_columns) +
          bytesOf<float>(kShapeFloats * std::size_t(h.shapes) + kDampingFloats * std::size_t(h.dampings) + h.channels) +
@@ -138,8 +152,53 @@ bool isSound(const ClusterBlock& block) {
          allFinite(block.part_rotation[0], 4 * 8) && allFinite(block.a_pq[0], 27 * 8) && allFinite(block.f[0], 27 * 8);
 }
 
+// Reads the pieces of a saved state into those of a body, or with `only_check` into nothing. \return whether they are
+// sound.
+bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
+  Reader reader(bytes.data());
+  std::size_t left = bytes.size();
+  for (internal::Piece& piece : body.pieces) {
+    if (left < sizeof(SavedPiece)) return false;
+    const auto saved = reader.get<SavedPiece>();
+    const internal::Field* field = saved.held != 0 ? piece.fixed : piece.free;
+    if (field == nullptr || saved.functions != field->k || saved.touching > internal::kMostContacts ||
+        saved.held > 1 || saved.steady > 1 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
+      return false;
+    }
+    const std::size_t size = pieceBytes(saved.functions, saved.touching);
+    if (left < size) return false;
+    left -= size;
+    internal::PieceState& state = piece.state;
+    if (!only_check) {
+      state.held = saved.held != 0;
+      state.steady = saved.steady != 0;
+      state.h_before = saved.h_before;
+      state.elastic = saved.elastic;
+      state.budget = saved.budget;
+      state.touching.clear();
+      piece.springs_known = false;
+      piece.factor_h = 0;
+    }
+    for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
+      if (!only_check) array->resize(saved.functions);
+      for (std::uint32_t j = 0; j < saved.functions; ++j) {
+        const auto row = reader.get<std::array<double, 3>>();  // any: what is lost a step puts right
+        if (!only_check) (*array)[j] = {row[0], row[1], row[2]};
+      }
+    }
+    std::uint32_t next = 0;
+    for (std::uint32_t t = 0; t < saved.touching; ++t) {
+      const auto point = reader.get<internal::TouchingPoint>();
+      if (point.point < next || point.point >= field->points.size()) return false;
+      next = point.point + 1;
+      if (!only_check) state.touching.push_back(point);
+    }
+  }
+  return left == 0;
+}
+
 // Why saved bytes cannot be restored into a body; empty if they can.
-const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
+const char* faultOf(std::span<const std::byte> bytes, Body& body) {
   if (bytes.size() < sizeof(StateHeader)) return "too few bytes for a saved state";
   StateHeader h;
   std::memcpy(&h, bytes.data(), sizeof h);
@@ -160,6 +219,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
+  if (!readPieces(body, bytes.subspan(h.bytes - h.piece_bytes, h.piece_bytes), true)) return "the saved state is damaged";
 
   Reader reader(bytes.data() + sizeof h);
   bool sound = true;
@@ -209,12 +269,12 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
 }  // namespace
 
 std::size_t World::stateBytes(BodyId id) const {
-  const Body* body = impl_->find(id, "stateBytes");
+  const Body* body = impl_->drawn(id, "stateBytes");
   return body != nullptr ? totalBytes(headerOf(*body), *body) : 0;
 }
 
 std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
-  const Body* body = impl_->find(id, "saveState");
+  const Body* body = impl_->drawn(id, "saveState");
   if (body == nullptr) return 0;
   StateHeader header = headerOf(*body);
   header.bytes = totalBytes(header, *body);
@@ -259,6 +319,16 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
     writer.put(&saved, 1);
   }
   for (const internal::PinSet& set : body->pin_sets) writer.put(set.vertices.data(), set.vertices.size());
+  for (const internal::Piece& piece : body->pieces) {
+    const internal::PieceState& state = piece.state;
+    const SavedPiece saved = {state.held ? 1U : 0U, std::uint32_t(state.z.size()), std::uint32_t(state.touching.size()),
+                              state.steady ? 1U : 0U, state.h_before, state.elastic, state.budget};
+    writer.put(&saved, 1);
+    for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
+      writer.put(reinterpret_cast<const std::array<double, 3>*>(array->data()), array->size());
+    }
+    writer.put(state.touching.data(), state.touching.size());
+  }
   return header.bytes;
 }
 
@@ -275,7 +345,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     body->pins.reserve(header.pins);
     body->picks.reserve(header.picks);
     if (body->settings.keep_previous) keepHistory(*body);
-    Reader tail(bytes.data() + header.bytes - bytesOf<internal::PinnedVertex>(header.pinned_vertices) -
+    Reader tail(bytes.data() + header.bytes - header.piece_bytes - bytesOf<internal::PinnedVertex>(header.pinned_vertices) -
                 bytesOf<SavedPinSet>(header.pin_sets));
     for (std::uint32_t i = 0; i < header.pin_sets; ++i) {
       const auto saved = tail.get<SavedPinSet>();
@@ -352,12 +422,14 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   for (const internal::PinSet& set : body->pin_sets) {
     for (const internal::PinnedVertex& vertex : set.vertices) body->pinned[vertex.vertex] = 1;
   }
+  readPieces(*body, bytes.subspan(header.bytes - header.piece_bytes, header.piece_bytes), false);
+  body->outdated = body->frames_outdated = false;  // they came along
   impl_->growScratch();
   return std::size_t(header.bytes);
 }
 
 void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
-  Body* body = impl_->find(id, "teleport");
+  Body* body = impl_->drawn(id, "teleport");
   if (body == nullptr) return;
   if (!internal::isProper(rotation) || !internal::stateIsUsable(translation, {})) {
     impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a translation within 1e15 m");
@@ -417,6 +489,19 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
     set.force_sum = r * set.force_sum;
     set.torque_sum = r * set.torque_sum;
   }
+  for (internal::Piece& piece : body->pieces) {
+    internal::PieceState& state = piece.state;
+    for (std::uint32_t j = 0; j < state.z.size(); ++j) {
+      const double one = double(piece.field().functions[j].one);
+      for (auto* array : {&state.z, &state.z_before}) (*array)[j] = r * (*array)[j] + one * t;
+      for (auto* array : {&state.v, &state.v_before}) (*array)[j] = r * (*array)[j];
+    }
+    for (internal::TouchingPoint& point : state.touching) {
+      Eigen::Map<Eigen::Vector3d> anchor(point.anchor.data());
+      anchor = r * anchor + t;
+    }
+  }
+  body->outdated = body->frames_outdated = !body->pieces.empty();
   for (Vec3& previous : body->history.positions) move(previous.data(), 1);
   for (internal::ClusterColumns& columns : body->history.columns) {
     move(columns.column[0], 1);

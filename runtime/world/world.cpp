@@ -10,6 +10,7 @@
 
 #include "runtime/clusters/pins.h"
 #include "runtime/kernels/kernels.h"
+#include "runtime/step/piece_step.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -47,6 +48,26 @@ Body* World::Impl::find(BodyId id, const char* call) const {
   Body* body = find(id);
   if (body == nullptr) tell(LogSeverity::error, "%s: there is no body %u in this world", call, id.value);
   return body;
+}
+
+Body* World::Impl::seen(BodyId id, const char* call) const {
+  Body* body = find(id, call);
+  if (body != nullptr) internal::refresh(*body);
+  return body;
+}
+
+Body* World::Impl::drawn(BodyId id, const char* call) {
+  Body* body = seen(id, call);
+  if (body == nullptr || !body->frames_outdated) return body;
+  body->frames_outdated = false;
+  body->matchPositions(step_scratch.passOf(*body));
+  return body;
+}
+
+void World::Impl::holdsChanged(Body& body) {
+  if (body.pieces.empty()) return;
+  internal::refresh(body);
+  if (internal::chooseFields(body)) internal::project(body);
 }
 
 std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
@@ -261,7 +282,10 @@ void World::step(float seconds) {
   impl_->settings_told = settings.wrong;
   impl_->visual.invalidate();
   impl_->guarded("step", false, [&] {
-    for (const internal::BodyPointer& body : impl_->bodies) keepHistory(*body);
+    for (const internal::BodyPointer& body : impl_->bodies) {
+      if (body->settings.keep_previous) impl_->drawn({body->id}, "step");
+      keepHistory(*body);
+    }
     internal::StepTimes times = {};
     const bool measured = settings.settings.measure_phases;
     internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds,
@@ -278,12 +302,12 @@ void World::step(float seconds) {
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
-  const Body* body = impl_->find(id, "positions");
+  const Body* body = impl_->seen(id, "positions");
   return body != nullptr ? std::span<const Vec3>(body->x.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::span<const Vec3> World::velocities(BodyId id) const {
-  const Body* body = impl_->find(id, "velocities");
+  const Body* body = impl_->seen(id, "velocities");
   return body != nullptr ? std::span<const Vec3>(body->v.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
@@ -309,6 +333,11 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
   }
   std::fill(body->force.begin(), body->force.end(), Vec3{});
   for (internal::Pick& pick : body->picks) pick.force = {};
+  if (!body->pieces.empty()) {
+    internal::project(*body);
+    internal::refresh(*body);
+    body->frames_outdated = false;
+  }
   body->matchPositions(impl_->step_scratch.passOf(*body));
   keepHistory(*body);
   impl_->changed(*body);
@@ -337,6 +366,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target});
     body->pinned[vertex] = 1;
     body->force[vertex] = {};
+    impl_->holdsChanged(*body);
     impl_->growScratch();
     return true;
   });
@@ -352,6 +382,7 @@ void World::unpin(BodyId id, std::uint32_t vertex) {
   body->centers_known = false;  // while held they were those of the pins as well
   body->pinned[vertex] = 0;
   body->force[vertex] = {};
+  impl_->holdsChanged(*body);
 }
 
 void World::unpinAll(BodyId id) {
@@ -363,12 +394,14 @@ void World::unpinAll(BodyId id) {
   }
   body->pins.clear();
   body->centers_known = false;
+  internal::refresh(*body);
   internal::removePinSets(*body);
+  impl_->holdsChanged(*body);
 }
 
 Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vertices, const RigidTransform& at,
                                   PinMethod method) {
-  Body* body = impl_->find(id, "addPinSet");
+  Body* body = impl_->seen(id, "addPinSet");
   if (body == nullptr) return Error{"addPinSet: no such body"};
   return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
     if (!internal::isProper(at))
@@ -396,6 +429,7 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
     }
     if (set.vertices.empty()) return impl_->refuse("addPinSet: no vertex with a pin weight above 0");
     internal::addPinSet(*body, std::move(set));
+    impl_->holdsChanged(*body);
     impl_->growScratch();
     return PinSetId{impl_->next_pin_set++};
   });
@@ -417,8 +451,10 @@ void World::removePinSet(PinSetId id) {
     impl_->tell(LogSeverity::error, "removePinSet: there is no such pin set");
     return;
   }
-  impl_->guarded("removePinSet", false, [found = body, at = index] {
+  impl_->guarded("removePinSet", false, [this, found = body, at = index] {
+    internal::refresh(*found);
     internal::removePinSet(*found, at);
+    impl_->holdsChanged(*found);
     return true;
   });
 }
@@ -496,6 +532,7 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
     const PickId pick{impl_->next_pick};
     body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
     ++impl_->next_pick;
+    impl_->holdsChanged(*body);
     impl_->growScratch();
     return pick;
   });
@@ -518,6 +555,7 @@ void World::releasePick(PickId id) {
     return;
   }
   body->picks.erase(index);
+  impl_->holdsChanged(*body);
 }
 
 std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
@@ -530,7 +568,7 @@ std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   translation = {};
-  const Body* body = impl_->find(id, "rigidMotion");
+  const Body* body = impl_->seen(id, "rigidMotion");
   if (body == nullptr) return;
   double mass = 0, center[3] = {}, rest_center[3] = {};
   const std::span<const formats::PhysicalVertex> vertices = body->vertices();
@@ -574,7 +612,7 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
 }
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
-  const Body* body = impl_->find(id, "clusterFrame");
+  const Body* body = impl_->drawn(id, "clusterFrame");
   if (body == nullptr) return;
   if (cluster >= body->clusterCount()) {
     impl_->tell(LogSeverity::error, "clusterFrame: body %u has no cluster %u", id.value, cluster);

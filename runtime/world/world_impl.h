@@ -32,6 +32,13 @@ struct SINEW_HIDDEN World::Impl {
   /// The same, and tells the log where there is none.
   internal::Body* find(BodyId id, const char* call) const;
 
+  /// The same, with its positions and velocities up to date.
+  internal::Body* seen(BodyId id, const char* call) const;
+  /// The same, with its clusters' frames as well.
+  internal::Body* drawn(BodyId id, const char* call);
+  /// What holds or pulls a body has changed.
+  void holdsChanged(internal::Body& body);
+
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
 

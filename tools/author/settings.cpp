@@ -257,6 +257,13 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.clusters.plastic_limit, 0, 10}},
       {"material.density", "kg/m^3", "Density that masses are made with; water is 1000.",
        Number{&s.material.density, 1e-3, 1e5}},
+      {"field.functions", "",
+       "Functions that a piece moves in: more bend finer and cost more. 0 leaves them out: clusters are matched and "
+       "averaged instead.",
+       Count{&s.field.functions, 0, 256}},
+      {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
+      {"field.points", "", "Points of each piece's surface that may touch something, spread over it.",
+       Count{&s.field.points, 0, 4096}},
       {"attachment.method", "",
        "How visual vertices follow: barycentric in their tetrahedron (exact contacts and pins), or blended cluster "
        "transforms (smoothest).",

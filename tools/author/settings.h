@@ -24,6 +24,12 @@ struct MaterialOptions {
   double density = 1000;  ///< kg/m^3
 };
 
+struct FieldSettings {
+  std::uint32_t functions = 32;  ///< of a piece; 0 makes no fields
+  double samples = 4;            ///< of the energy, a function
+  std::uint32_t points = 256;    ///< that may touch, a piece
+};
+
 struct PackageOptions {
   bool textures = true;  ///< embed the pictures
   bool identity = true;  ///< source vertex <-> visual vertex maps
@@ -36,6 +42,7 @@ struct Settings {
   ClusterOptions clusters;
   AttachmentOptions attachment;
   MaterialOptions material;
+  FieldSettings field;
   PackageOptions package;
 
   // How a value is held and what is legal.

@@ -17,6 +17,7 @@
 #include "tools/attach/attach.h"
 #include "tools/author/regions.h"
 #include "tools/bake/authored.h"
+#include "tools/bake/fields.h"
 #include "tools/bake/findings_json.h"
 #include "tools/bake/moments.h"
 #include "tools/bake/parts.h"
@@ -416,6 +417,9 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
     farthest = std::max(farthest, places[v].distance);
   }
 
+  progress.stage("fields");
+  const ordered_json fields_report = addFields(physical, settings, content);
+
   progress.stage("package");
   formats::BodyInfo& info = content.info;
   info.origin = {origin[0], origin[1], origin[2]};
@@ -511,6 +515,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
                                   {"inverted", physical.quality.inverted}};
   report["clusters"] = content.clusters.size();
   report["memberships"] = content.memberships.size();
+  report["fields"] = fields_report;
   if (!content.channels.empty()) report["channels"] = content.channels.size();
   for (const formats::AttachedPart& part : content.parts) {
     report["attached_parts"].push_back(

@@ -108,6 +108,13 @@ class PackageView {
   std::span<const std::uint32_t> groupVertices() const { return list<std::uint32_t, section::group_vertices>(); }
   std::span<const Mask> masks() const { return list<Mask, section::masks>(); }
   std::span<const MaskWeight> maskWeights() const { return list<MaskWeight, section::mask_weights>(); }
+  std::span<const Field> fields() const { return list<Field, section::fields>(); }
+  std::span<const FieldFunction> fieldFunctions() const { return list<FieldFunction, section::field_functions>(); }
+  std::span<const FieldPack> fieldPacks() const { return list<FieldPack, section::field_packs>(); }
+  std::span<const Lanes> fieldGradients() const { return list<Lanes, section::field_gradients>(); }
+  std::span<const Lanes> fieldValues() const { return list<Lanes, section::field_values>(); }
+  std::span<const FieldPoint> fieldPoints() const { return list<FieldPoint, section::field_points>(); }
+  std::span<const Lanes> fieldPointValues() const { return list<Lanes, section::field_point_values>(); }
 
  private:
   friend class PackageReader;

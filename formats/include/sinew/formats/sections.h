@@ -38,6 +38,7 @@ enum Feature : std::uint64_t {
   kFeatureActivation = 1U << 9,         ///< section CHAN
   kFeatureVertexStiffness = 1U << 10,   ///< section PSTF
   kFeaturePinWeights = 1U << 11,        ///< section PPIN
+  kFeatureField = 1U << 12,             ///< sections FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV
 };
 
 struct Header {
@@ -279,6 +280,61 @@ struct AttachedPart {
 };
 static_assert(sizeof(AttachedPart) == 24);
 
+/// Eight numbers that are computed with side by side: of eight samples, eight vertices or eight contact points.
+using Lanes = std::array<float, 8>;
+
+/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/method.md). A
+/// piece has at most one free field, and one more where pin sets hold it; the free ones come first, by piece. The
+/// functions are orthonormal under the masses of the piece and diagonalize sum V (2 mu + lambda) grad phi grad phi^T,
+/// but for those that pin sets drive, which are orthogonal to the others.
+struct Field {
+  std::uint32_t piece;           ///< into BODY
+  std::uint32_t held;            ///< 0: of the free piece; 1: pin sets prescribe the driven functions
+  std::uint32_t function_count;  ///< k
+  std::uint32_t driven_count;    ///< the first so many are prescribed by pin sets: four each; 0 in a free field
+  std::uint32_t first_function;  ///< into FFUN
+  std::uint32_t first_pack, pack_count;    ///< into FPAK
+  std::uint32_t first_gradient;            ///< into FGRD: 3 k a pack
+  std::uint32_t first_value;               ///< into FVAL: k for every eight vertices of the piece
+  std::uint32_t first_point, point_count;  ///< into FPNT
+  std::uint32_t first_point_value;         ///< into FPTV: k for every eight points
+  float lowest_hz;         ///< frequency of the lowest elastic mode of the piece, free or held, Hz
+  float static_error;      ///< largest rms error of the static answers that the bake tried, of their rms displacement
+  float least_eigenvalue;  ///< of the sampled rest stiffness against that of all tetrahedra
+  std::uint32_t reserved0;
+};
+static_assert(sizeof(Field) == 64);
+
+/// FFUN: a function of a field.
+struct FieldFunction {
+  float stiffness;            ///< w: its diagonal entry of sum V (2 mu + lambda) grad phi grad phi^T, 1/s^2, 0..
+  float damping_hz;           ///< how fast its motion decays at a damping ratio of 1 / (2 pi), Hz, 0..
+  float one;                  ///< sum_j one_j phi_j = 1
+  std::array<float, 3> rest;  ///< sum_j phi_j rest_j = X, metres
+  std::uint32_t pin_set;      ///< into PSET: what drives it; kNone
+  std::uint32_t monomial;     ///< of a driven function: 0 = 1, 1..3 = X, Y, Z, on the vertices of its pin set
+};
+static_assert(sizeof(FieldFunction) == 32);
+
+/// FPAK: eight samples of the elastic energy. Lanes behind the last sample have volume 0.
+struct FieldPack {
+  Lanes volume;             ///< the sample's weight, m^3, 0..
+  Lanes mu, lambda;         ///< Lame's parameters, Pa, 0..
+  std::array<Lanes, 3> at;  ///< rest position, metres
+};
+static_assert(sizeof(FieldPack) == 192);
+
+// FGRD: Lanes; pack by pack, function by function: d phi / dX, dY, dZ at the eight samples, 1/m.
+// FVAL: Lanes; for every eight vertices of the piece, function by function: phi at them. Lanes behind the last: 0.
+// FPTV: the same at the contact points.
+
+/// FPNT: a point of the surface that may touch.
+struct FieldPoint {
+  std::array<float, 3> at;  ///< rest position, metres
+  float area;               ///< of the surface that it stands for, m^2, > 0
+};
+static_assert(sizeof(FieldPoint) == 16);
+
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
 using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
 using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
@@ -401,7 +457,10 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                visual_identity = fourcc("VSRC"), source_identity = fourcc("SVTX"),
                                source_visual_list = fourcc("SVLS"), source_meshes = fourcc("SMSH"),
                                groups = fourcc("GRUP"), group_vertices = fourcc("GRPV"), masks = fourcc("MASK"),
-                               mask_weights = fourcc("MSKV");
+                               mask_weights = fourcc("MSKV"), fields = fourcc("FELD"), field_functions = fourcc("FFUN"),
+                               field_packs = fourcc("FPAK"), field_gradients = fourcc("FGRD"),
+                               field_values = fourcc("FVAL"), field_points = fourcc("FPNT"),
+                               field_point_values = fourcc("FPTV");
 
 /// All of them, in the order in which the writer lays sections out.
 inline constexpr std::array kAll = {info,
@@ -440,7 +499,14 @@ inline constexpr std::array kAll = {info,
                                     groups,
                                     group_vertices,
                                     masks,
-                                    mask_weights};
+                                    mask_weights,
+                                    fields,
+                                    field_functions,
+                                    field_packs,
+                                    field_gradients,
+                                    field_values,
+                                    field_points,
+                                    field_point_values};
 
 /// Place of an id in kAll, or kAll.size() for an id this software does not know.
 constexpr std::size_t indexOf(std::uint32_t id) {

@@ -51,6 +51,12 @@ struct PackageContent {
   std::vector<std::uint32_t> group_vertices;
   std::vector<Mask> masks;
   std::vector<MaskWeight> mask_weights;
+  std::vector<Field> fields;
+  std::vector<FieldFunction> field_functions;
+  std::vector<FieldPack> field_packs;
+  std::vector<Lanes> field_gradients, field_values;
+  std::vector<FieldPoint> field_points;
+  std::vector<Lanes> field_point_values;
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);

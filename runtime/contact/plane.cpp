@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/contact/plane.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sinew::internal {
+namespace {
+
+/// Points so close to the plane at the prediction are looked at: the minimization may press them in. Diagonals.
+constexpr double kMargin = 2e-3;
+/// Speed at which what starts inside comes out, diagonals per second.
+constexpr double kRecoverySpeed = 1;
+/// How far a piece's weight presses its points in at most where it is too soft to carry it, diagonals.
+constexpr double kSinking = 2e-3;
+
+Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z) {
+  Vector3d x = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) x += double(field.valueAtPoint(point, j)) * z.row(j).transpose();
+  return x;
+}
+
+}  // namespace
+
+void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                  Array<float>& heights, MinimizeScratch& scratch) {
+  const Field& field = piece.field();
+  scratch.contacts.clear();
+  const std::uint32_t count = std::uint32_t(field.points.size()), blocks = (count + 7) / 8;
+  if (count == 0) return;
+  const Vector3d normal(double(step.plane->normal[0]), double(step.plane->normal[1]), double(step.plane->normal[2]));
+  const double level = double(step.plane->offset) - normal.dot(center);
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const float* const base = scratch.base.data() + 4 * j;
+    scratch.x[j] = float(normal[0]) * base[0] + (float(normal[1]) * base[1] + float(normal[2]) * base[2]);
+  }
+  if (heights.size() < 8 * blocks) heights.resize(8 * blocks);
+  kernels().field_heights({field.k, blocks, field.point_values, scratch.x.data(), heights.data()});
+
+  const auto& touching = piece.state.touching;
+  const float margin = float(level + kMargin * step.diagonal);
+  std::uint32_t known = 0, near = 0;
+  for (std::uint32_t p = 0; p < count; ++p) {
+    while (known < touching.size() && touching[known].point < p) ++known;
+    const bool touched = known < touching.size() && touching[known].point == p;
+    if (!(heights[p] < margin) && !touched) continue;
+    ++near;
+    if (scratch.contacts.size() == kMostContacts) continue;
+    const Vector3d at = positionOf(field, p, y), before = positionOf(field, p, piece.z());
+    const double gap = normal.dot(at) - double(step.plane->offset);
+    const double gap_before = normal.dot(before) - double(step.plane->offset);
+    Contact contact = {};
+    contact.point = p;
+    // What starts deep inside finds the plane lower, so that it comes out at a bounded speed.
+    const double low = std::min(0.0, gap_before + kRecoverySpeed * step.diagonal * step.h);
+    contact.gap = float(gap - low);
+    Vector3d anchor = before;
+    if (touched) {
+      anchor = Eigen::Map<const Vector3d>(touching[known].anchor.data());
+    } else if (gap < 0 && gap_before > 0) {
+      anchor += gap_before / (gap_before - gap) * (at - before);  // where it touched
+    }
+    const Vector3d slide = at - anchor;
+    contact.slide = (slide - normal.dot(slide) * normal).cast<float>();
+    scratch.contacts.push_back(contact);
+  }
+  const std::size_t kept = scratch.contacts.size();
+  for (std::size_t i = 0; i < kept; ++i) {
+    Contact& contact = scratch.contacts[i];
+    float* const row = scratch.rows.data() + std::size_t(field.k) * i;
+    for (std::uint32_t j = 0; j < field.k; ++j) row[j] = field.valueAtPoint(contact.point, j);
+    contact.phi = row;
+    const double local = double(step.stiffness) * field.young * std::sqrt(double(field.points[contact.point].area));
+    const double carries = step.weight / (kSinking * step.diagonal * double(kept));
+    contact.kappa = float(std::max(local * double(near) / double(kept), carries));
+  }
+}
+
+void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const MinimizeScratch& scratch) {
+  const Field& field = piece.field();
+  const Eigen::Vector3f normal(step.plane->normal[0], step.plane->normal[1], step.plane->normal[2]);
+  piece.state.touching.clear();
+  for (const Contact& contact : scratch.contacts) {
+    Eigen::Vector3f moved = Eigen::Vector3f::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      moved += contact.phi[j] * Eigen::Map<const Eigen::Vector3f>(scratch.d.data() + 4 * j);
+    }
+    const float rise = normal.dot(moved), gap = contact.gap + rise;
+    if (!(gap < 0)) continue;
+    const Vector3d at = positionOf(field, contact.point, y) + moved.cast<double>();
+    Vector3d slide = (contact.slide + (moved - rise * normal)).cast<double>();
+    // Friction holds at most its bound: beyond it the point it holds at comes along.
+    const double length = slide.norm(), most = double(step.plane->friction) * -double(gap);
+    if (length > most) slide *= most / length;
+    const Vector3d anchor = at - slide;
+    piece.state.touching.push_back({contact.point, {anchor[0], anchor[1], anchor[2]}});
+  }
+}
+
+}  // namespace sinew::internal

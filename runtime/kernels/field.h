@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: MIT
+//
+// Kernels of fields: the corotated energy at samples and the values at places (docs/method.md). For kernel files only,
+// see lanes.h.
+#pragma once
+
+#include "runtime/kernels/field_layout.h"
+#include "runtime/kernels/lanes.h"
+#include "runtime/kernels/rotation.h"
+
+namespace sinew::internal::SINEW_KERNELS {
+
+/// Below this determinant a sample counts as inverted when a step starts.
+inline constexpr float kInverted = 0.02F;
+
+/// Sum of eight lanes, in one order for all instruction sets.
+SINEW_INLINE float sumOfLanes(Float8 a) {
+  return ((lane(a, 0) + lane(a, 4)) + (lane(a, 1) + lane(a, 5))) +
+         ((lane(a, 2) + lane(a, 6)) + (lane(a, 3) + lane(a, 7)));
+}
+
+/// F = sum_j z_j (grad phi_j)^T of eight samples.
+SINEW_INLINE Mat3Of<Float8> deformationGradient(std::uint32_t functions, const float* gradients,
+                                                const float* coefficients) {
+  Mat3Of<Float8> f = {};
+  for (std::uint32_t j = 0; j < functions; ++j) {
+    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8), gz = load8(gradients + 24 * j + 16);
+    SINEW_UNROLL
+    for (int row = 0; row < 3; ++row) {
+      const float z = coefficients[4 * j + std::uint32_t(row)];
+      f(row, 0) += gx * z;
+      f(row, 1) += gy * z;
+      f(row, 2) += gz * z;
+    }
+  }
+  return f;
+}
+
+/// lanes_j += P grad phi_j.
+SINEW_INLINE void addStress(std::uint32_t functions, const float* gradients, const Mat3Of<Float8>& p, float* lanes) {
+  for (std::uint32_t j = 0; j < functions; ++j) {
+    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8), gz = load8(gradients + 24 * j + 16);
+    SINEW_UNROLL
+    for (int row = 0; row < 3; ++row) {
+      float* const to = lanes + 24 * j + 8 * std::uint32_t(row);
+      store8(to, load8(to) + ((p(row, 0) * gx + p(row, 1) * gy) + p(row, 2) * gz));
+    }
+  }
+}
+
+/// Psi = mu |F - R|^2 + lambda / 2 tr^2(R^T F - 1), summed with the samples' volumes. \return the energy, J.
+[[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
+  const std::uint32_t k = a.functions;
+  for (std::uint32_t i = 0; i < 3 * k; ++i) store8(a.lanes + 8 * i, Float8{});
+  Mat3Of<Float8> of_piece;
+  for (int i = 0; i < 9; ++i) of_piece.m[i] = splat<Float8>(a.rotation[i]);
+  double energy = 0;
+  for (std::uint32_t s = 0; s < a.pack_count; ++s) {
+    const SamplePack& pack = a.packs[s];
+    const float* const gradients = a.gradients + std::size_t(24) * k * s;
+    Mat3Of<Float8> f = deformationGradient(k, gradients, a.coefficients), inverse = {};
+    if (a.shape_inverse != nullptr) {
+      for (int i = 0; i < 9; ++i) inverse.m[i] = load8(a.shape_inverse + 72 * s + 8 * std::uint32_t(i));
+      f = f * inverse;
+    }
+    std::int32_t* const inverted = a.inverted + 8 * s;
+    if (a.mark) store(inverted, determinant(f) < kInverted);
+    const Int8 astray = load<Int8>(inverted);
+    float* const q = a.quaternions + 32 * s;
+    QuaternionOf<Float8> rotation = {load8(q), load8(q + 8), load8(q + 16), load8(q + 24)};
+    nearestRotation(select(astray, of_piece, f), rotation);
+    store8(q, rotation.w);
+    store8(q + 8, rotation.x);
+    store8(q + 16, rotation.y);
+    store8(q + 24, rotation.z);
+    const Mat3Of<Float8> r = rotationMatrix(rotation);
+    Mat3Of<Float8> strain;
+    Float8 trace = splat<Float8>(-3.0F);
+    for (int i = 0; i < 9; ++i) {
+      strain.m[i] = f.m[i] - r.m[i];
+      trace += r.m[i] * f.m[i];
+    }
+    const Float8 volume = load8(pack.volume) * a.stiffness;
+    const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * trace;
+    energy += double(sumOfLanes(mu * squaredNorm(strain) + 0.5F * (pressure * trace)));
+    const Float8 twice = mu + mu;
+    Mat3Of<Float8> p;
+    for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + pressure * r.m[i];
+    if (a.shape_inverse != nullptr) p = p * transposed(inverse);
+    addStress(k, gradients, p, a.lanes);
+  }
+  for (std::uint32_t j = 0; j < k; ++j) {
+    for (std::uint32_t row = 0; row < 3; ++row) {
+      a.gradient[4 * j + row] = sumOfLanes(load8(a.lanes + 24 * j + 8 * row));
+    }
+    a.gradient[4 * j + 3] = 0;
+  }
+  return energy;
+}
+
+/// x = sum_j phi_j z_j at places.
+static void fieldValues(const FieldValuesArguments& a) {
+  for (std::uint32_t b = 0; b < a.blocks; ++b) {
+    const float* const values = a.values + std::size_t(8) * a.functions * b;
+    Float8 x = {}, y = {}, z = {};
+    for (std::uint32_t j = 0; j < a.functions; ++j) {
+      const Float8 phi = load8(values + 8 * j);
+      x += phi * a.coefficients[4 * j];
+      y += phi * a.coefficients[4 * j + 1];
+      z += phi * a.coefficients[4 * j + 2];
+    }
+    store8(a.out + 24 * b, x);
+    store8(a.out + 24 * b + 8, y);
+    store8(a.out + 24 * b + 16, z);
+  }
+}
+
+/// sum_j phi_j c_j at places.
+static void fieldHeights(const FieldHeightsArguments& a) {
+  for (std::uint32_t b = 0; b < a.blocks; ++b) {
+    const float* const values = a.values + std::size_t(8) * a.functions * b;
+    Float8 sum = {};
+    for (std::uint32_t j = 0; j < a.functions; ++j) sum += load8(values + 8 * j) * a.coefficients[j];
+    store8(a.out + 8 * b, sum);
+  }
+}
+
+}  // namespace sinew::internal::SINEW_KERNELS

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+//
+// What the kernels of fields are called with (docs/method.md). Plain structs: kernel files include nothing else.
+#pragma once
+
+#include <cstdint>
+
+namespace sinew::internal {
+
+/// Eight samples of the elastic energy: a FPAK record as kernels know it.
+struct SamplePack {
+  float volume[8], mu[8], lambda[8], at[3][8];
+};
+
+/// A sum over samples: the elastic energy of a piece at given coefficients, and its gradient.
+struct FieldEnergyArguments {
+  std::uint32_t functions;   ///< k
+  std::uint32_t pack_count;  ///< of eight samples
+  const SamplePack* packs;
+  const float* gradients;      ///< by pack and function: d phi / dX, dY, dZ of eight samples
+  const float* shape_inverse;  ///< null, or by pack: the inverse of what is the rest shape now, 9 x 8, column-major
+  float stiffness;             ///< factor on mu and lambda
+  const float* coefficients;   ///< k x 4: x y z 0, relative to any place
+  float rotation[9];           ///< of the piece as a whole, column-major: taken by samples that are inverted
+  bool mark;                   ///< decide here which samples are inverted; they stay so until the next mark
+  float* quaternions;          ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
+  std::int32_t* inverted;      ///< by pack 8, in and out: -1 or 0
+  float* lanes;                ///< scratch, k x 3 x 8
+  float* gradient;             ///< out, k x 4
+};
+
+/// Values of a field at blocks of eight places.
+struct FieldValuesArguments {
+  std::uint32_t functions, blocks;
+  const float* values;        ///< by block and function: phi at eight places
+  const float* coefficients;  ///< k x 4
+  float* out;                 ///< by block: x of eight places, y, z
+};
+
+/// The same of one number a function: heights along a direction.
+struct FieldHeightsArguments {
+  std::uint32_t functions, blocks;
+  const float* values;
+  const float* coefficients;  ///< k
+  float* out;                 ///< by block, eight
+};
+
+}  // namespace sinew::internal

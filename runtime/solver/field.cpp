@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/field.h"
+
+#include <cmath>
+
+namespace sinew::internal {
+
+static_assert(sizeof(SamplePack) == sizeof(formats::FieldPack));
+
+Array<Field> makeFields(const formats::PackageView& package) {
+  Array<Field> fields(package.fields().size());
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    const formats::Field& record = package.fields()[i];
+    const formats::BodyRange& piece = package.bodies()[record.piece];
+    Field& field = fields[i];
+    field.piece = record.piece;
+    field.held = record.held != 0;
+    field.k = record.function_count;
+    field.driven = record.driven_count;
+    field.first_vertex = piece.first_vertex;
+    field.vertex_count = piece.vertex_count;
+    field.functions = package.fieldFunctions().subspan(record.first_function, record.function_count);
+    field.points = package.fieldPoints().subspan(record.first_point, record.point_count);
+    const auto packs = package.fieldPacks().subspan(record.first_pack, record.pack_count);
+    field.packs = reinterpret_cast<const SamplePack*>(packs.data());
+    field.pack_count = record.pack_count;
+    field.gradients = package.fieldGradients().data()[record.first_gradient].data();
+    field.values = package.fieldValues().data()[record.first_value].data();
+    if (!field.points.empty()) field.point_values = package.fieldPointValues().data()[record.first_point_value].data();
+    for (std::uint32_t v = 0; v < piece.vertex_count; ++v) {
+      field.mass += double(package.physicalVertices()[piece.first_vertex + v].mass);
+    }
+    double volume = 0, stiffness = 0;
+    for (const formats::FieldPack& pack : packs) {
+      for (std::size_t lane = 0; lane < 8; ++lane) {
+        const double v = double(pack.volume[lane]), mu = double(pack.mu[lane]), lambda = double(pack.lambda[lane]);
+        volume += v;
+        if (mu > 0) stiffness += v * mu * (3 * lambda + 2 * mu) / (lambda + mu);
+      }
+    }
+    field.young = volume > 0 ? stiffness / volume : 0;
+    field.vertex_size = std::cbrt(volume / double(piece.vertex_count));
+  }
+  return fields;
+}
+
+const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held) {
+  for (const Field& field : fields) {
+    if (field.piece == piece && field.held == held) return &field;
+  }
+  return nullptr;
+}
+
+}  // namespace sinew::internal

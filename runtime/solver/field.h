@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+//
+// The function spaces of a package (FELD) as the solver sees them: views, and what is computed once at load.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+
+#include "runtime/kernels/field_layout.h"
+#include "runtime/memory/array.h"
+#include "sinew/formats/package.h"
+
+namespace sinew::internal {
+
+using Vector3d = Eigen::Vector3d;
+using Matrix3d = Eigen::Matrix3d;
+
+/// One field of a package: the free one of a piece, or the one for where its pin sets hold it.
+struct Field {
+  std::uint32_t piece = 0;          ///< BODY record
+  bool held = false;                ///< pin sets drive the first functions
+  std::uint32_t k = 0, driven = 0;  ///< functions; the first `driven` are prescribed
+  std::uint32_t first_vertex = 0, vertex_count = 0;
+  std::span<const formats::FieldFunction> functions;
+  std::span<const formats::FieldPoint> points;
+  const SamplePack* packs = nullptr;
+  const float* gradients = nullptr;     ///< as FieldEnergyArguments wants them
+  const float* values = nullptr;        ///< by eight vertices
+  const float* point_values = nullptr;  ///< by eight points
+  std::uint32_t pack_count = 0;
+
+  double mass = 0;         ///< kg
+  double young = 0;        ///< mean Young's modulus, Pa
+  double vertex_size = 0;  ///< cube root of the volume a vertex, m
+
+  /// phi_j at vertex i of the piece, or at contact point i.
+  float valueAt(std::uint32_t i, std::uint32_t j) const { return values[8 * (i / 8 * k + j) + i % 8]; }
+  float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
+};
+
+/// All fields of a package, in its order; empty where it has none.
+Array<Field> makeFields(const formats::PackageView& package);
+
+/// The field of a piece; null where there is none. \param held the one for its pin sets.
+const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held);
+
+}  // namespace sinew::internal

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/minimize.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace sinew::internal {
+namespace {
+
+constexpr std::uint32_t kPairs = 5;
+/// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
+constexpr double kSettled = 1e-3;
+/// Rounding of energies that are sums of floats, relative.
+constexpr double kEnergyNoise = 4e-6;
+
+double dot(const float* a, const float* b, std::uint32_t n) {
+  std::array<float, 4> sum = {};
+  double total = 0;
+  // Short runs in floats, their sums in double.
+  for (std::uint32_t i = 0; i < n; i += 4) {
+    for (std::uint32_t k = 0; k < 4; ++k) sum[k] = a[i + k] * b[i + k];
+    total += double((sum[0] + sum[1]) + (sum[2] + sum[3]));
+  }
+  return total;
+}
+
+void add(float factor, const float* a, float* to, std::uint32_t n) {
+  for (std::uint32_t i = 0; i < n; ++i) to[i] += factor * a[i];
+}
+
+}  // namespace
+
+MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
+    : base(memory), x(memory), d(memory), next(memory), gradient(memory), next_gradient(memory), direction(memory),
+      residual(memory), springs(memory), pairs(memory), lanes(memory), quaternions(memory), shape_inverse(memory),
+      inverted(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
+      work(memory), external(memory) {}
+
+void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
+  const auto grow = [](auto& array, std::size_t count) {
+    if (array.size() < count) array.resize(count);
+  };
+  const std::size_t k = field.k;
+  for (Array<float>* array : {&base, &x, &d, &next, &gradient, &next_gradient, &direction, &residual}) {
+    grow(*array, 4 * k);
+  }
+  grow(springs, k * k);
+  grow(pairs, 8 * kPairs * k);
+  grow(lanes, 24 * k);
+  grow(quaternions, 32 * std::size_t(field.pack_count));
+  grow(inverted, 8 * std::size_t(field.pack_count));
+  contacts.reserve(contact_count);
+  grow(rows, contact_count * k);
+  touched_before.reserve(contact_count);
+  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &work, &external}) grow(*array, k);
+}
+
+double Objective::external(const float* d, float* gradient) const {
+  const std::uint32_t k = field->k;
+  double total = 0;
+  if (has_springs) {
+    const float *const springs = scratch->springs.data(), *const residual = scratch->residual.data();
+    for (std::uint32_t j = field->driven; j < k; ++j) {
+      std::array<float, 4> pull = {};
+      for (std::uint32_t i = 0; i < k; ++i) {
+        const float s = springs[std::size_t(k) * j + i];
+        for (std::uint32_t c = 0; c < 4; ++c) pull[c] += s * d[4 * i + c];
+      }
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        total += double(d[4 * j + c]) * double(residual[4 * j + c] + 0.5F * pull[c]);
+        if (gradient != nullptr) gradient[4 * j + c] += residual[4 * j + c] + pull[c];
+      }
+    }
+  }
+  for (const Contact& contact : scratch->contacts) {
+    std::array<float, 4> moved = {};
+    for (std::uint32_t j = 0; j < k; ++j) {
+      for (std::uint32_t c = 0; c < 4; ++c) moved[c] += contact.phi[j] * d[4 * j + c];
+    }
+    const Eigen::Vector3f way(moved[0], moved[1], moved[2]);
+    const float rise = normal.dot(way), gap = contact.gap + rise;
+    if (gap >= 0) continue;
+    Eigen::Vector3f pull = contact.kappa * gap * normal;
+    total += 0.5 * double(contact.kappa) * double(gap) * double(gap);
+    const Eigen::Vector3f slide = contact.slide + (way - rise * normal);
+    const float length = slide.norm(), most = friction * contact.pressed;
+    if (contact.kappa * length <= most) {
+      pull += contact.kappa * slide;
+      total += 0.5 * double(contact.kappa) * double(length) * double(length);
+    } else if (most > 0) {
+      pull += (most / length) * slide;
+      total += double(most) * (double(length) - 0.5 * double(most) / double(contact.kappa));
+    }
+    if (gradient == nullptr) continue;
+    for (std::uint32_t j = field->driven; j < k; ++j) {
+      for (std::uint32_t c = 0; c < 3; ++c) gradient[4 * j + c] += contact.phi[j] * pull[c];
+    }
+  }
+  return total;
+}
+
+double Objective::besideElastic(const float* d, float* gradient) const {
+  const float inertia = float(1 / (h * h));
+  double squared = 0;
+  for (std::uint32_t i = 4 * field->driven; i < 4 * field->k; ++i) {
+    squared += double(d[i]) * double(d[i]);
+    if (gradient != nullptr) gradient[i] += inertia * d[i];
+  }
+  return 0.5 / (h * h) * squared + external(d, gradient);
+}
+
+Objective::Value Objective::at(const float* d, float* gradient, bool mark) const {
+  for (std::uint32_t i = 0; i < 4 * field->k; ++i) scratch->x[i] = scratch->base[i] + d[i];
+  FieldEnergyArguments arguments = {};
+  arguments.functions = field->k;
+  arguments.pack_count = field->pack_count;
+  arguments.packs = field->packs;
+  arguments.gradients = field->gradients;
+  arguments.shape_inverse = has_shapes ? scratch->shape_inverse.data() : nullptr;
+  arguments.stiffness = stiffness;
+  arguments.coefficients = scratch->x.data();
+  std::copy(std::begin(rotation), std::end(rotation), arguments.rotation);
+  arguments.mark = mark;
+  arguments.quaternions = scratch->quaternions.data();
+  arguments.inverted = scratch->inverted.data();
+  arguments.lanes = scratch->lanes.data();
+  arguments.gradient = gradient;
+  Value value;
+  value.elastic = kernels().field_energy(arguments);
+  std::fill_n(gradient, 4 * field->driven, 0.0F);
+  value.total = value.elastic + besideElastic(d, gradient);
+  return value;
+}
+
+void Objective::press(const float* d) const {
+  for (Contact& contact : scratch->contacts) {
+    float rise = 0;
+    for (std::uint32_t j = 0; j < field->k; ++j) {
+      rise += contact.phi[j] * (normal[0] * d[4 * j] + (normal[1] * d[4 * j + 1] + normal[2] * d[4 * j + 2]));
+    }
+    contact.pressed = contact.kappa * std::max(0.0F, -(contact.gap + rise));
+  }
+}
+
+void Objective::precondition(float* g) const {
+  const std::uint32_t k = field->k, driven = field->driven;
+  const double inertia = 1 / (h * h);
+  if (factor == nullptr) {
+    for (std::uint32_t j = driven; j < k; ++j) {
+      const float inverse = float(1 / (inertia + double(stiffness) * double(field->functions[j].stiffness)));
+      for (std::uint32_t c = 0; c < 3; ++c) g[4 * j + c] *= inverse;
+    }
+    return;
+  }
+  const std::uint32_t n = k - driven;
+  Vector3d* const x = scratch->work.data();
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const float* const from = g + 4 * (driven + i);
+    Vector3d sum = {double(from[0]), double(from[1]), double(from[2])};
+    const double* const row = factor + std::size_t(n) * i;
+    for (std::uint32_t j = 0; j < i; ++j) sum -= row[j] * x[j];
+    x[i] = sum / row[i];
+  }
+  for (std::uint32_t i = n; i-- > 0;) {
+    x[i] /= factor[std::size_t(n) * i + i];
+    const double* const row = factor + std::size_t(n) * i;
+    for (std::uint32_t j = 0; j < i; ++j) x[j] -= row[j] * x[i];
+    for (std::uint32_t c = 0; c < 3; ++c) g[4 * (driven + i) + c] = float(x[i][c]);
+  }
+}
+
+bool factorize(double* a, std::uint32_t n) {
+  for (std::uint32_t i = 0; i < n; ++i) {
+    double* const row = a + std::size_t(n) * i;
+    for (std::uint32_t j = 0; j <= i; ++j) {
+      const double* const other = a + std::size_t(n) * j;
+      double sum = row[j];
+      for (std::uint32_t m = 0; m < j; ++m) sum -= row[m] * other[m];
+      if (j < i) {
+        row[j] = sum / other[j];
+      } else {
+        if (!(sum > 0)) return false;
+        row[i] = std::sqrt(sum);
+      }
+    }
+  }
+  return true;
+}
+
+Objective::Value minimize(const Objective& objective, std::uint32_t iterations, Objective::Value value) {
+  MinimizeScratch& s = *objective.scratch;
+  const std::uint32_t n = 4 * objective.field->k;
+  std::array<double, kPairs> curvature = {}, alpha = {};
+  std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
+  const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
+  const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
+  for (std::uint32_t iteration = 0; iteration < iterations;) {
+    std::copy_n(s.gradient.data(), n, s.direction.data());
+    for (std::uint32_t i = 0; i < pairs; ++i) {
+      const std::uint32_t slot = (newest + kPairs - i) % kPairs;
+      alpha[slot] = dot(offsetOf(slot), s.direction.data(), n) / curvature[slot];
+      add(float(-alpha[slot]), changeOf(slot), s.direction.data(), n);
+    }
+    objective.precondition(s.direction.data());
+    for (std::uint32_t i = pairs; i-- > 0;) {
+      const std::uint32_t slot = (newest + kPairs - i) % kPairs;
+      const double beta = dot(changeOf(slot), s.direction.data(), n) / curvature[slot];
+      add(float(alpha[slot] - beta), offsetOf(slot), s.direction.data(), n);
+    }
+    double slope = dot(s.gradient.data(), s.direction.data(), n);
+    if (!(slope > 0)) {
+      if (pairs == 0) break;
+      pairs = 0;
+      continue;
+    }
+    const double way2 = dot(s.d.data(), s.d.data(), n), size2 = dot(s.base.data(), s.base.data(), n);
+    if (dot(s.direction.data(), s.direction.data(), n) <= kSettled * kSettled * way2 + 1e-15 * size2) break;
+    float part = 1;
+    bool taken = false;
+    Objective::Value next;
+    for (std::uint32_t tries = 0; tries < 6 && !taken; ++tries) {
+      for (std::uint32_t i = 0; i < n; ++i) s.next[i] = s.d[i] - part * s.direction[i];
+      next = objective.at(s.next.data(), s.next_gradient.data(), false);
+      const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic));
+      taken = next.total <= value.total - 1e-4 * double(part) * slope + noise;
+      if (!taken) part *= tries == 0 ? 0.5F : 0.25F;
+    }
+    ++iteration;
+    if (!taken) {
+      if (pairs == 0) break;
+      pairs = 0;
+      continue;
+    }
+    const std::uint32_t slot = (newest + 1) % kPairs;
+    float *const offset = offsetOf(slot), *const change = changeOf(slot);
+    for (std::uint32_t i = 0; i < n; ++i) {
+      offset[i] = s.next[i] - s.d[i];
+      change[i] = s.next_gradient[i] - s.gradient[i];
+    }
+    const double bend = dot(offset, change, n);
+    if (bend > 1e-9 * std::sqrt(dot(offset, offset, n) * dot(change, change, n))) {
+      curvature[slot] = bend;
+      newest = slot;
+      pairs = std::min(pairs + 1, kPairs);
+    }
+    std::copy_n(s.next.data(), n, s.d.data());
+    std::copy_n(s.next_gradient.data(), n, s.gradient.data());
+    value = next;
+    if (!s.contacts.empty() && objective.friction > 0) {
+      // Friction's bound follows the load: the objective of the next iteration is another one.
+      const double before = objective.external(s.d.data(), nullptr);
+      for (std::uint32_t i = 0; i < n; ++i) s.next_gradient[i] = 0;
+      objective.external(s.d.data(), s.next_gradient.data());
+      add(-1, s.next_gradient.data(), s.gradient.data(), n);
+      objective.press(s.d.data());
+      value.total += objective.external(s.d.data(), s.gradient.data()) - before;
+    }
+  }
+  return value;
+}
+
+}  // namespace sinew::internal

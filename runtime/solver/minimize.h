@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+//
+// One implicit step of a piece as a minimization (docs/method.md): the inertia about a prediction, the elastic energy
+// at samples, springs of pins and picks, and contacts with a plane, all functions of the same coefficients.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+
+#include "runtime/kernels/kernels.h"
+#include "runtime/memory/array.h"
+#include "runtime/solver/piece.h"
+
+namespace sinew::internal {
+
+/// A point that a plane may push. Its compliance is the local one that a field of few functions lacks: 1 / (E a).
+struct Contact {
+  std::uint32_t point;     ///< of the field
+  float gap;               ///< height above the plane at the prediction, m
+  Eigen::Vector3f slide;   ///< way along the plane from where friction holds it, at the prediction, m
+  float kappa;             ///< N/m
+  float pressed;           ///< N, that friction sees
+  const float* phi;        ///< its row, k
+};
+
+/// Memory of a minimization, for one piece after the other. Arrays of coefficients are k x 4 floats.
+struct MinimizeScratch {
+  explicit MinimizeScratch(std::pmr::memory_resource* memory);
+  /// Grows to what a field needs with so many contacts.
+  void reserve(const Field& field, std::size_t contacts);
+
+  Array<float> base, x, d, next, gradient, next_gradient, direction, residual, springs;
+  Array<float> pairs;  ///< five of s and y each
+  Array<float> lanes, quaternions, shape_inverse;
+  Array<std::int32_t> inverted;
+  Array<Contact> contacts;
+  Array<float> rows;           ///< phi of the contacts
+  Array<TouchingPoint> touched_before;
+  Array<Vector3d> prediction, predicted_velocity, work, external;
+};
+
+/// The step's objective, relative to its value at the prediction but for the elastic energy.
+struct Objective {
+  const Field* field = nullptr;
+  double h = 0;                           ///< of the inertia: the step, or 2/3 of it, s
+  float stiffness = 1;                    ///< factor on the moduli
+  bool has_springs = false;               ///< scratch.springs and scratch.residual count
+  bool has_shapes = false;                ///< scratch.shape_inverse counts
+  float friction = 0;                     ///< Coulomb coefficient
+  Eigen::Vector3f normal = {0, 1, 0};     ///< of the plane
+  float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
+  const double* factor = nullptr;         ///< Cholesky factor of the undriven block; null: diagonal
+  MinimizeScratch* scratch = nullptr;
+
+  struct Value {
+    double total = 0, elastic = 0;
+  };
+  /// \param d offset from the prediction, k x 4. \param mark decides which samples are inverted.
+  Value at(const float* d, float* gradient, bool mark) const;
+  /// All of it but the elastic energy; adds to the gradient where that is not null.
+  double besideElastic(const float* d, float* gradient) const;
+  /// What springs and contacts add of it, alone.
+  double external(const float* d, float* gradient) const;
+  /// Normal forces of the contacts at d become what friction sees.
+  void press(const float* d) const;
+  /// A^-1 g in place.
+  void precondition(float* g) const;
+};
+
+/// L-BFGS(5) about the constant matrix A, with an energy check, from the offset in scratch.d, whose value is known.
+/// \return the value at the offset that scratch.d then holds, whose gradient scratch.gradient holds.
+Objective::Value minimize(const Objective& objective, std::uint32_t iterations, Objective::Value start);
+
+/// Cholesky factor of a symmetric positive matrix in place, lower triangle row by row; false where it is not positive.
+bool factorize(double* a, std::uint32_t n);
+
+}  // namespace sinew::internal

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+//
+// The state of one separate piece of a body that moves in a field, and what is kept beside it. Pieces share nothing.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory_resource>
+
+#include "runtime/memory/array.h"
+#include "runtime/solver/field.h"
+
+namespace sinew::internal {
+
+/// k x 3, one function's coefficients a row.
+using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+using CoefficientMap = Eigen::Map<Coefficients>;
+using ConstCoefficientMap = Eigen::Map<const Coefficients>;
+
+/// A contact point that was touching when the last step ended.
+struct TouchingPoint {
+  std::uint32_t point;            ///< of the field
+  std::array<double, 3> anchor;  ///< where friction holds it, metres, world
+};
+
+/// All that the further motion of a piece depends on: this is saved.
+struct PieceState {
+  explicit PieceState(std::pmr::memory_resource* memory)
+      : z(memory), v(memory), z_before(memory), v_before(memory), touching(memory) {}
+
+  bool held = false;            ///< which of the piece's fields it moves in
+  Array<Vector3d> z, v;         ///< coefficients of position (metres, world) and velocity
+  Array<Vector3d> z_before, v_before;  ///< one step earlier
+  double h_before = 0;          ///< length of the last step, s; 0: z_before says nothing
+  double elastic = 0;           ///< energy that the shape stores, J
+  Array<TouchingPoint> touching;
+  bool steady = true;  ///< what touched in the last step had touched in the one before
+  double budget = -1;  ///< what a free piece may have of energy about its centre, J; negative: what it has
+};
+
+/// A piece: its fields, its state, and the factor of its springs that steps of one length share.
+struct Piece {
+  Piece(const Field* free_field, const Field* held_field, std::pmr::memory_resource* memory)
+      : free(free_field), fixed(held_field), state(memory), springs(memory), row(memory), factor(memory), factor_points(memory) {}
+
+  const Field& field() const { return state.held ? *fixed : *free; }
+  CoefficientMap z() { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
+  CoefficientMap v() { return {state.v.data()->data(), Eigen::Index(state.v.size()), 3}; }
+  ConstCoefficientMap z() const { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
+  ConstCoefficientMap v() const { return {state.v.data()->data(), Eigen::Index(state.v.size()), 3}; }
+
+  const Field* free;
+  const Field* fixed;  ///< null where the package has none
+  PieceState state;
+
+  Array<double> springs;  ///< k x k: sum kappa phi phi^T of pins and picks
+  bool springs_known = false;
+  Array<double> row;  ///< scratch, k
+  // Cholesky factor of diag(1/h^2 + w) + springs + contacts, and what it was made for.
+  Array<double> factor;
+  Array<std::uint32_t> factor_points;
+  double factor_h = 0, factor_contact = 0;
+};
+
+}  // namespace sinew::internal

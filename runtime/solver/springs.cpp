@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/springs.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sinew::internal {
+namespace {
+
+/// How far a piece's weight draws its pins from their targets at most where it is too soft to carry it, diagonals.
+constexpr double kSagging = 2e-3;
+
+bool isIn(const Field& field, std::uint32_t vertex) {
+  return vertex >= field.first_vertex && vertex - field.first_vertex < field.vertex_count;
+}
+
+/// Whether the field itself holds the vertices of a set that weigh 1.
+bool isDriven(const Piece& piece, const PinSet& set) { return piece.state.held && set.source != formats::kNone; }
+
+Vector3d placeOf(const RigidTransform& at, const Vec3& local) {
+  Vector3d place;
+  for (std::size_t k = 0; k < 3; ++k) {
+    place[int(k)] = double(at.position[k]);
+    for (std::size_t c = 0; c < 3; ++c) place[int(k)] += double(at.rotation[3 * k + c]) * double(local[c]);
+  }
+  return place;
+}
+
+/// phi of the vertices that a visual vertex hangs on, blended.
+struct PickRow {
+  std::array<std::uint32_t, 4> vertex = {};
+  std::array<double, 4> weight = {};
+  double at(const Field& field, std::uint32_t j) const {
+    double sum = 0;
+    for (std::size_t c = 0; c < 4; ++c) {
+      if (weight[c] != 0) sum += weight[c] * double(field.valueAt(vertex[c] - field.first_vertex, j));
+    }
+    return sum;
+  }
+};
+
+PickRow rowOf(const Body& body, std::uint32_t visual_vertex) {
+  const formats::PackageView& package = body.package();
+  PickRow row;
+  if (!package.barycentric().empty()) {
+    const formats::BarycentricAttachment& attachment = package.barycentric()[visual_vertex];
+    double last = 1;
+    for (std::size_t c = 0; c < 3; ++c) {
+      row.weight[c] = double(attachment.weight[c]);
+      last -= row.weight[c];
+    }
+    row.weight[3] = last;
+    row.vertex = package.tetrahedra()[attachment.tetrahedron].vertex;
+    return row;
+  }
+  // Hung on clusters: the physical vertex that lies nearest.
+  const Eigen::Vector3f at = asVector(package.visualPositions()[visual_vertex]);
+  float nearest = 0;
+  for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
+    const float distance = (asVector(body.vertices()[i].rest_position) - at).squaredNorm();
+    if (i == 0 || distance < nearest) {
+      nearest = distance;
+      row.vertex.fill(i);
+    }
+  }
+  row.weight[0] = 1;
+  return row;
+}
+
+/// kappa of a vertex that is held firmly: the local compliance that the field lacks, 1 / (E a), and no softer than what
+/// carries the weight.
+double firmness(const Body& body, const Field& field, const SpringStep& step, std::size_t count) {
+  const double local = double(step.stiffness) * field.young * field.vertex_size;
+  const double carries = step.weight / (kSagging * double(body.package().info().diagonal) * double(count));
+  return std::max(local, carries);
+}
+
+std::size_t heldCount(const Body& body, const Piece& piece) {
+  const Field& field = piece.field();
+  std::size_t count = 0;
+  for (const Pin& pin : body.pins) count += isIn(field, pin.vertex) ? 1U : 0U;
+  for (const PinSet& set : body.pin_sets) {
+    for (const PinnedVertex& vertex : set.vertices) {
+      if (isIn(field, vertex.vertex) && !(isDriven(piece, set) && vertex.weight >= 1)) ++count;
+    }
+  }
+  return count;
+}
+
+/// Calls visit(phi, kappa, target, set) for each spring; phi(j) gives the row, set is null but for pin sets.
+template <class Visit>
+void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, std::size_t held, const Visit& visit) {
+  const Field& field = piece.field();
+  const double firm = held > 0 ? firmness(body, field, step, held) : 0;
+  const auto vertexRow = [&field](std::uint32_t vertex) {
+    return [&field, i = vertex - field.first_vertex](std::uint32_t j) { return double(field.valueAt(i, j)); };
+  };
+  for (const Pin& pin : body.pins) {
+    if (!isIn(field, pin.vertex)) continue;
+    visit(vertexRow(pin.vertex), firm, Vector3d(asVector(pin.target).cast<double>()), nullptr);
+  }
+  for (const PinSet& set : body.pin_sets) {
+    for (const PinnedVertex& vertex : set.vertices) {
+      if (!isIn(field, vertex.vertex) || (isDriven(piece, set) && vertex.weight >= 1)) continue;
+      visit(vertexRow(vertex.vertex), firm * double(vertex.weight), placeOf(set.at, vertex.local), &set);
+    }
+  }
+  for (const Pick& pick : body.picks) {
+    const PickRow row = rowOf(body, pick.visual_vertex);
+    if (!isIn(field, row.vertex[0])) continue;
+    // The mass that a pull of this frequency moves; critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
+    const double omega = 2 * M_PI * double(pick.frequency_hz);
+    double answer = 0;
+    Vector3d old = Vector3d::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      const double phi = row.at(field, j);
+      old += phi * piece.state.z[j];
+      if (j >= field.driven) {
+        answer += phi * phi / (1 + double(step.stiffness) * double(field.functions[j].stiffness) / (omega * omega));
+      }
+    }
+    if (!(answer > 0)) continue;
+    const double kappa = omega * omega / answer, damper = 2 * omega / answer / step.h;
+    const Vector3d target = (kappa * asVector(pick.target).cast<double>() + damper * old) / (kappa + damper);
+    visit([&](std::uint32_t j) { return row.at(field, j); }, kappa + damper, target, nullptr);
+  }
+}
+
+}  // namespace
+
+bool hasSprings(const Body& body, const Piece& piece) {
+  if (heldCount(body, piece) > 0) return true;
+  for (const Pick& pick : body.picks) {
+    if (isIn(piece.field(), rowOf(body, pick.visual_vertex).vertex[0])) return true;
+  }
+  return false;
+}
+
+void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
+                    MinimizeScratch& scratch) {
+  const Field& field = piece.field();
+  const std::uint32_t k = field.k;
+  const std::size_t held = heldCount(body, piece);
+  const bool made = piece.springs_known && body.picks.empty();
+  if (!made) {
+    piece.springs.resize(std::size_t(k) * k);
+    std::fill(piece.springs.begin(), piece.springs.end(), 0.0);
+    piece.factor_h = 0;
+  }
+  std::fill_n(scratch.external.begin(), k, Vector3d::Zero());
+  Array<double>& row = piece.row;
+  row.resize(k);
+  forEachSpring(body, piece, step, held, [&](const auto& phi, double kappa, const Vector3d& target, const PinSet*) {
+    Vector3d pull = -target;
+    for (std::uint32_t j = 0; j < k; ++j) {
+      row[j] = phi(j);
+      pull += row[j] * y.row(j).transpose();
+    }
+    pull *= kappa;
+    for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += row[j] * pull;
+    if (made) return;
+    for (std::uint32_t i = 0; i < k; ++i) {
+      for (std::uint32_t j = 0; j < k; ++j) piece.springs[std::size_t(k) * i + j] += kappa * row[i] * row[j];
+    }
+  });
+  piece.springs_known = true;
+  for (std::uint32_t j = 0; j < k; ++j) {
+    for (std::uint32_t c = 0; c < 3; ++c) scratch.residual[4 * j + c] = float(scratch.external[j][c]);
+    scratch.residual[4 * j + 3] = 0;
+  }
+  for (std::size_t i = 0; i < std::size_t(k) * k; ++i) scratch.springs[i] = float(piece.springs[i]);
+}
+
+void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::span<const Vector3d> pull) {
+  const Field& field = piece.field();
+  const auto add = [](const PinSet& set, const Vector3d& force, const Vector3d& place) {
+    PinSet& to = const_cast<PinSet&>(set);  // an element of body.pin_sets
+    to.force_sum += force;
+    to.torque_sum += (place - asVector(to.at.position).cast<double>()).cross(force);
+  };
+  const std::size_t held = heldCount(body, piece);
+  if (held > 0) {
+    const auto react = [&](const auto& phi, double kappa, const Vector3d& target, const PinSet* set) {
+      if (set == nullptr) return;
+      Vector3d at = Vector3d::Zero();
+      for (std::uint32_t j = 0; j < field.k; ++j) at += phi(j) * piece.state.z[j];
+      add(*set, kappa * (at - target), target);
+    };
+    forEachSpring(body, piece, step, held, react);
+  }
+  if (pull.empty()) return;
+  for (const PinSet& set : body.pin_sets) {
+    if (!isDriven(piece, set)) continue;
+    const Vector3d origin = asVector(set.at.position).cast<double>();
+    Matrix3d rotation;
+    for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(set.at.rotation[std::size_t(i)]);
+    for (std::uint32_t j = 0; j < field.driven; ++j) {
+      if (field.functions[j].pin_set != set.source) continue;
+      // x = ... + phi_j z_j, z = position for the first function, columns of the rotation for the others.
+      const std::uint32_t monomial = field.functions[j].monomial;
+      if (monomial == 0) {
+        add(set, -pull[j], origin);
+      } else {
+        const_cast<PinSet&>(set).torque_sum -= rotation.col(int(monomial) - 1).cross(pull[j]);
+      }
+    }
+  }
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+//
+// Pins and picks of a piece as springs between points of its field and targets. What stays held for good is held by the
+// field itself (its driven functions).
+#pragma once
+
+#include "runtime/solver/minimize.h"
+#include "runtime/solver/piece.h"
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// What a step asks of the springs.
+struct SpringStep {
+  double h;         ///< s
+  double weight;    ///< of the piece: its mass times gravity, N
+  float stiffness;  ///< factor on the moduli
+};
+
+/// Whether a spring acts on the piece.
+bool hasSprings(const Body& body, const Piece& piece);
+
+/// Makes piece.springs where pins or picks have changed, and scratch.springs and scratch.residual for this step: the
+/// pull at the predicted coefficients. \param y predicted. \param velocity at the step's start, for the damping of picks.
+void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
+                    MinimizeScratch& scratch);
+
+/// Adds what the springs and driven functions do to the owners of pin sets. \param z coefficients at the end of the
+/// step. \param pull of the driven functions: the gradient of elasticity and inertia, k rows; empty without them.
+void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::span<const Vector3d> pull);
+
+}  // namespace sinew::internal

@@ -1,0 +1,718 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/step/piece_step.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/geometry/rotation.h"
+#include "runtime/solver/springs.h"
+
+namespace sinew::internal {
+namespace {
+
+/// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
+/// energy (docs/method.md).
+constexpr double kLargeTurn = 0.1;
+/// Steps whose lengths differ by more than this factor do not continue a two-step formula.
+constexpr double kUnlike = 2.0;
+
+/// The rigid motion of a piece: centre, velocity of the centre, angular velocity.
+struct Rigid {
+  Vector3d center = Vector3d::Zero(), velocity = Vector3d::Zero(), omega = Vector3d::Zero();
+};
+
+Matrix3d turnBy(const Vector3d& angle) {
+  const double length = angle.norm();
+  return length > 0 ? Eigen::AngleAxisd(length, angle / length).toRotationMatrix() : Matrix3d::Identity();
+}
+
+double oneOf(const Field& field, std::uint32_t j) { return double(field.functions[j].one); }
+
+Vector3d restOf(const Field& field, std::uint32_t j) {
+  const auto& rest = field.functions[j].rest;
+  return {double(rest[0]), double(rest[1]), double(rest[2])};
+}
+
+/// sum m x over the mass: exact where the field is orthonormal, the free one.
+Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
+  Vector3d sum = Vector3d::Zero();
+  double mass = 0;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    sum += oneOf(field, j) * z.row(j).transpose();
+    mass += oneOf(field, j) * oneOf(field, j);
+  }
+  return sum / mass;
+}
+
+Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const ConstCoefficientMap& v,
+                         const Vector3d& center, const Vector3d& velocity) {
+  Vector3d sum = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
+    sum += arm.cross(Vector3d(v.row(j).transpose() - oneOf(field, j) * velocity));
+  }
+  return sum;
+}
+
+Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
+  Matrix3d moment = Matrix3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
+    moment += arm * arm.transpose();
+  }
+  const double trace = moment.trace();
+  // What is straight has no inertia about its line.
+  return (trace * (1 + 1e-9)) * Matrix3d::Identity() - moment;
+}
+
+Vector3d solved(const Matrix3d& a, const Vector3d& b) {
+  const Matrix3d inverse = a.inverse();
+  const Vector3d x = inverse * b;
+  return x.allFinite() ? x : Vector3d::Zero();
+}
+
+/// The rotation that the piece has as a whole.
+Matrix3 rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
+  Matrix3d sum = Matrix3d::Zero();
+  const ConstCoefficientMap& at = z;
+  Vector3d rest_center = Vector3d::Zero();
+  double mass = 0;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    rest_center += oneOf(field, j) * restOf(field, j);
+    mass += oneOf(field, j) * oneOf(field, j);
+  }
+  rest_center /= mass;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    sum += Vector3d(at.row(j).transpose() - oneOf(field, j) * center) *
+           (restOf(field, j) - oneOf(field, j) * rest_center).transpose();
+  }
+  const double scale = sum.cwiseAbs().maxCoeff();
+  if (!(scale > 0) || !std::isfinite(scale)) return Matrix3::Identity();
+  return geometry::nearestRotation(Matrix3((sum / scale).cast<float>()));
+}
+
+class PieceStep {
+ public:
+  PieceStep(Body& body, Piece& piece, const WorldSettings& settings, double seconds, PieceScratch& scratch)
+      : body_(body), piece_(piece), field_(piece.field()), settings_(settings), h_(seconds), scratch_(scratch),
+        s_(scratch.minimize), k_(field_.k), stiffness_(body.settings.stiffness_scale * body.settings.stiffness_scale),
+        gravity_(asVector(settings.gravity).cast<double>()) {}
+
+  void run() {
+    s_.reserve(field_, kMostContacts);
+    springs_ = hasSprings(body_, piece_);
+    grounded_ = settings_.ground.enabled && !field_.points.empty();
+    findMotion();
+    two_step_ = mayContinue();
+    predict();
+    findExternal();
+    if (two_step_ && contactsChange()) {
+      two_step_ = false;
+      predict();
+      findExternal();
+    }
+    solve();
+    settle();
+  }
+
+ private:
+  ConstCoefficientMap y() const { return {s_.prediction.data()->data(), Eigen::Index(k_), 3}; }
+  PlaneStep planeStep() const {
+    return {&settings_.ground, h_, double(body_.package().info().diagonal), field_.mass * gravity_.norm(), stiffness_};
+  }
+  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_}; }
+
+  /// What moves as one: of a piece that the field holds, its pin sets; of another its mass.
+  void findMotion() {
+    const ConstCoefficientMap z = std::as_const(piece_).z(), v = std::as_const(piece_).v();
+    rigid_ = {};
+    if (field_.driven > 0) {
+      // A rigid motion of the pin sets moves the driven functions' coefficients like points: the mean of the sets.
+      double sets = 0;
+      Vector3d spin = Vector3d::Zero();
+      for (std::uint32_t j = 0; j < field_.driven; ++j) {
+        const Vector3d target = targetOf(j), change = (target - z.row(j).transpose()) / h_;
+        if (field_.functions[j].monomial == 0) {
+          rigid_.center += z.row(j).transpose();
+          rigid_.velocity += change;
+          ++sets;
+        } else {
+          spin += 0.5 * Vector3d(z.row(j).transpose()).cross(change);
+        }
+      }
+      rigid_.center /= sets;
+      rigid_.velocity /= sets;
+      rigid_.omega = spin / sets;
+      return;
+    }
+    rigid_.center = meanOf(field_, z);
+    rigid_.velocity = meanOf(field_, v);
+    const Vector3d momentum = angularMomentum(field_, z, v, rigid_.center, rigid_.velocity);
+    const Matrix3d inertia = inertiaOf(field_, z, rigid_.center);
+    rigid_.omega = solved(inertia, momentum);
+    if (h_ * rigid_.omega.norm() > kLargeTurn) {
+      const double along = momentum.dot(inertia * momentum);
+      if (along > 0) rigid_.omega = momentum * (momentum.squaredNorm() / along);
+    }
+  }
+
+  bool mayContinue() const {
+    const double before = piece_.state.h_before;
+    if (!(before > 0) || h_ > kUnlike * before || before > kUnlike * h_) return false;
+    return h_ * rigid_.omega.norm() <= kLargeTurn && piece_.state.steady;
+  }
+
+  Vector3d targetOf(std::uint32_t j) const {
+    const formats::FieldFunction& function = field_.functions[j];
+    for (const PinSet& set : body_.pin_sets) {
+      if (set.source != function.pin_set) continue;
+      const RigidTransform& at = set.at;
+      if (function.monomial == 0) return asVector(at.position).cast<double>();
+      const std::size_t column = function.monomial - 1;
+      return {double(at.rotation[column]), double(at.rotation[3 + column]), double(at.rotation[6 + column])};
+    }
+    return piece_.state.z[j];
+  }
+
+  /// y, the predicted velocity, and what the inertia is about: BDF2 or implicit Euler, in a frame that turns with the
+  /// piece.
+  void predict() {
+    const ConstCoefficientMap z = std::as_const(piece_).z(), v = std::as_const(piece_).v();
+    double now = 1, before = 0;  // weights of the two states
+    effective_h_ = h_;
+    const double h_before = piece_.state.h_before;
+    if (two_step_) {
+      const double ratio = h_ / h_before;
+      now = (1 + ratio) * (1 + ratio) / (1 + 2 * ratio);
+      before = ratio * ratio / (1 + 2 * ratio);
+      effective_h_ = h_ * (1 + ratio) / (1 + 2 * ratio);
+    }
+    const double air = std::exp(-double(settings_.damping) * h_);
+    const bool supported = springs_ || !piece_.state.touching.empty();
+    const double turning = air * (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
+    const Vector3d omega = rigid_.omega;
+    const Matrix3d turn = turnBy(h_ * omega), turn_before = two_step_ ? turnBy(h_before * omega) : Matrix3d::Identity();
+    // Gravity of a two-step formula adds where the centre is, too.
+    const Vector3d velocity = air * (rigid_.velocity + h_ * gravity_);
+    center_ = rigid_.center + h_ * (field_.driven > 0 ? rigid_.velocity : velocity);
+    rigid_velocity_ = field_.driven > 0 ? Vector3d(rigid_.velocity + effective_h_ * gravity_) : velocity;
+    rigid_omega_ = turning * omega;
+    const double damping = 4 * M_PI * double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
+    ConstCoefficientMap z_before(nullptr, 0, 3), v_before(nullptr, 0, 3);
+    Vector3d mean_before = Vector3d::Zero(), velocity_before = Vector3d::Zero();
+    if (two_step_) {
+      new (&z_before) ConstCoefficientMap(piece_.state.z_before.data()->data(), Eigen::Index(k_), 3);
+      new (&v_before) ConstCoefficientMap(piece_.state.v_before.data()->data(), Eigen::Index(k_), 3);
+      if (field_.driven > 0) {
+        mean_before = rigid_.center - h_before * rigid_.velocity;
+        velocity_before = rigid_.velocity;
+      } else {
+        mean_before = meanOf(field_, z_before);
+        velocity_before = meanOf(field_, v_before);
+      }
+    }
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      if (j < field_.driven) {
+        const Vector3d target = targetOf(j);
+        s_.prediction[j] = target;
+        s_.predicted_velocity[j] = (target - z.row(j).transpose()) / h_;
+        continue;
+      }
+      const double one = oneOf(field_, j), rate = damping * double(field_.functions[j].damping_hz);
+      const double kept = air * std::exp(-rate * h_);
+      const Vector3d arm = z.row(j).transpose() - one * rigid_.center;
+      Vector3d shape = now * arm;
+      Vector3d speed = now * Vector3d(v.row(j).transpose() - one * rigid_.velocity - omega.cross(arm));
+      if (two_step_) {
+        const Vector3d old = z_before.row(j).transpose() - one * mean_before;
+        const Vector3d old_speed = v_before.row(j).transpose() - one * velocity_before - omega.cross(old);
+        shape -= before * (turn_before * old);
+        speed -= before * std::exp(-rate * h_before) * (turn_before * old_speed);
+      }
+      speed *= kept;
+      const Vector3d turned = turn * (shape + effective_h_ * speed);
+      s_.prediction[j] = one * center_ + turned;
+      s_.predicted_velocity[j] = one * rigid_velocity_ + rigid_omega_.cross(Vector3d(turn * arm)) + turn * speed;
+      if (field_.driven > 0) s_.prediction[j] += one * effective_h_ * effective_h_ * gravity_;
+    }
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const double one = oneOf(field_, j);
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        s_.base[4 * j + c] = float(s_.prediction[j][int(c)] - one * center_[int(c)]);
+      }
+      s_.base[4 * j + 3] = 0;
+    }
+  }
+
+  void findExternal() {
+    objective_ = {};
+    objective_.field = &field_;
+    objective_.h = effective_h_;
+    objective_.stiffness = stiffness_;
+    objective_.scratch = &s_;
+    s_.contacts.clear();
+    if (grounded_) {
+      objective_.friction = settings_.ground.friction;
+      objective_.normal = asVector(settings_.ground.normal);
+      findContacts(piece_, planeStep(), y(), center_, scratch_.heights, s_);
+    }
+    objective_.has_springs = springs_;
+    if (springs_) prepareSprings(body_, piece_, springStep(), y(), s_);
+  }
+
+  /// Whether what would touch is not what touched.
+  bool contactsChange() const {
+    std::size_t known = 0;
+    const auto& touching = piece_.state.touching;
+    for (const Contact& contact : s_.contacts) {
+      const bool touched = known < touching.size() && touching[known].point == contact.point;
+      if (touched) ++known;
+      if (contact.gap < 0 && !touched) return true;
+    }
+    return known != touching.size();
+  }
+
+  /// The factor of A: kept while the step's length, the springs and the contacts stay.
+  void factorizeSystem() {
+    const bool any = springs_ || !s_.contacts.empty();
+    if (!any) return;
+    const std::uint32_t driven = field_.driven, n = k_ - driven;
+    bool same = piece_.factor_h == effective_h_ && piece_.factor_points.size() == s_.contacts.size();
+    for (std::size_t i = 0; same && i < s_.contacts.size(); ++i) {
+      same = piece_.factor_points[i] == s_.contacts[i].point;
+    }
+    same = same && (s_.contacts.empty() || piece_.factor_contact == double(s_.contacts[0].kappa));
+    if (!same) {
+      piece_.factor.resize(std::size_t(n) * n);
+      double* const a = piece_.factor.data();
+      for (std::uint32_t i = 0; i < n; ++i) {
+        for (std::uint32_t j = 0; j <= i; ++j) {
+          double sum = springs_ ? piece_.springs[std::size_t(k_) * (driven + i) + driven + j] : 0;
+          if (i == j) {
+            sum += 1 / (effective_h_ * effective_h_) +
+                   double(stiffness_) * double(field_.functions[driven + i].stiffness);
+          }
+          a[std::size_t(n) * i + j] = sum;
+        }
+      }
+      for (const Contact& contact : s_.contacts) {
+        for (std::uint32_t i = 0; i < n; ++i) {
+          const double scaled = double(contact.kappa) * double(contact.phi[driven + i]);
+          for (std::uint32_t j = 0; j <= i; ++j) a[std::size_t(n) * i + j] += scaled * double(contact.phi[driven + j]);
+        }
+      }
+      if (!factorize(a, n)) {
+        piece_.factor_h = 0;
+        return;
+      }
+      piece_.factor_h = effective_h_;
+      piece_.factor_contact = s_.contacts.empty() ? 0 : double(s_.contacts[0].kappa);
+      piece_.factor_points.clear();
+      for (const Contact& contact : s_.contacts) piece_.factor_points.push_back(contact.point);
+    }
+    objective_.factor = piece_.factor.data();
+  }
+
+  void solve() {
+    // Contacts out of reach do not enter A.
+    factorizeSystem();
+    const Matrix3 rotation = rotationOf(field_, std::as_const(piece_).z(), meanOf(field_, std::as_const(piece_).z()));
+    std::copy_n(rotation.data(), 9, objective_.rotation);
+    geometry::Quaternion start = geometry::kIdentityQuaternion;
+    geometry::nearestRotation(rotation, start);
+    for (std::uint32_t p = 0; p < field_.pack_count; ++p) {
+      for (std::uint32_t c = 0; c < 4; ++c) std::fill_n(s_.quaternions.data() + 32 * p + 8 * c, 8, start[c]);
+    }
+    std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
+    if (grounded_) objective_.press(s_.d.data());
+    Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
+    // The other place to start from: the old shape, moved along where nothing holds the piece.
+    const bool stays = springs_ || field_.driven > 0 || !s_.contacts.empty();
+    const Matrix3d turn = turnBy(h_ * rigid_.omega);
+    for (std::uint32_t j = field_.driven; j < k_; ++j) {
+      const Vector3d z = piece_.state.z[j];
+      const Vector3d moved =
+          stays ? z : Vector3d(oneOf(field_, j) * center_ + turn * (z - oneOf(field_, j) * rigid_.center));
+      for (std::uint32_t c = 0; c < 3; ++c) s_.next[4 * j + c] = float(moved[int(c)] - s_.prediction[j][int(c)]);
+      s_.next[4 * j + 3] = 0;
+    }
+    std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
+    if (grounded_) objective_.press(s_.next.data());
+    const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+    if (old.total < value.total) {
+      value = old;
+      std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
+      std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
+    } else if (grounded_ && !s_.contacts.empty()) {
+      objective_.press(s_.d.data());
+      value = objective_.at(s_.d.data(), s_.gradient.data(), false);
+    }
+    value_ = minimize(objective_, settings_.iterations, value);
+  }
+
+  void settle() {
+    PieceState& state = piece_.state;
+    state.z_before.swap(state.z);
+    state.v_before.swap(state.v);
+    CoefficientMap z = piece_.z(), v = piece_.v();
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const float* const d = s_.d.data() + 4 * j;
+      const Vector3d moved = {double(d[0]), double(d[1]), double(d[2])};
+      state.z[j] = s_.prediction[j] + moved;
+      state.v[j] = s_.predicted_velocity[j] + moved / effective_h_;
+    }
+    state.h_before = h_;
+    const std::size_t touched = state.touching.size();
+    bool steady = true;
+    if (grounded_) {
+      s_.touched_before.assign(state.touching);
+      rememberContacts(piece_, planeStep(), y(), s_);
+      steady = state.touching.size() == touched;
+      for (std::size_t i = 0; steady && i < touched; ++i) {
+        steady = state.touching[i].point == s_.touched_before[i].point;
+      }
+    } else {
+      state.touching.clear();
+      steady = touched == 0;
+    }
+    state.steady = steady;
+    const bool free = field_.driven == 0 && !springs_ && state.touching.empty() && touched == 0;
+    state.elastic = value_.elastic;
+    if (free) keepMomentum(z, v);
+    keepEnergy(z, v, free);
+    if (springs_ || field_.driven > 0) react();
+  }
+
+  /// The rigid motion that minimizing has lost is put back.
+  void keepMomentum(const CoefficientMap& z, CoefficientMap& v) const {
+    const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
+    const Vector3d center = meanOf(field_, at);
+    const Vector3d lacking = rigid_velocity_ - meanOf(field_, moving);
+    // Angular momentum: what it was, less what the air took.
+    const Vector3d wanted = angularMomentumBefore() * std::exp(-double(settings_.damping) * h_);
+    const Vector3d found = angularMomentum(field_, at, moving, center, meanOf(field_, moving));
+    const Vector3d turn = solved(inertiaOf(field_, at, center), wanted - found);
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
+      v.row(j) += (oneOf(field_, j) * lacking + turn.cross(arm)).transpose();
+    }
+  }
+
+  Vector3d angularMomentumBefore() const {
+    const ConstCoefficientMap z(piece_.state.z_before.data()->data(), Eigen::Index(k_), 3);
+    const ConstCoefficientMap v(piece_.state.v_before.data()->data(), Eigen::Index(k_), 3);
+    return angularMomentum(field_, z, v, rigid_.center, rigid_.velocity);
+  }
+
+  /// A free piece never has more energy than when something last acted on it.
+  void keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free) {
+    PieceState& state = piece_.state;
+    if (field_.driven > 0) return;
+    const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
+    const Vector3d center = meanOf(field_, at), velocity = meanOf(field_, moving);
+    const Vector3d omega =
+        solved(inertiaOf(field_, at, center), angularMomentum(field_, at, moving, center, velocity));
+    double whole = 0, deforming = 0;
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
+      const Vector3d own = v.row(j).transpose() - oneOf(field_, j) * velocity;
+      whole += 0.5 * own.squaredNorm();
+      deforming += 0.5 * (own - omega.cross(arm)).squaredNorm();
+    }
+    const double energy = whole + state.elastic;
+    if (!free || !(state.budget >= 0)) {
+      state.budget = energy;
+      return;
+    }
+    // Energies are sums of floats.
+    if (energy <= state.budget * (1 + 1e-5) || !(deforming > 0)) return;
+    const double left = std::max(0.0, state.budget - state.elastic - (whole - deforming));
+    const double kept = std::sqrt(std::min(1.0, left / deforming));
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
+      const Vector3d rigid = oneOf(field_, j) * velocity + omega.cross(arm);
+      v.row(j) = (rigid + kept * (v.row(j).transpose() - rigid)).transpose();
+    }
+  }
+
+  void react() {
+    std::uint32_t rows = 0;
+    if (field_.driven > 0) {
+      // Elasticity pulls at the driven functions; of the mass, what the others do not carry hangs on them as well.
+      std::fill_n(s_.next.begin(), 4 * k_, 0.0F);
+      FieldEnergyArguments arguments = {};
+      arguments.functions = k_;
+      arguments.pack_count = field_.pack_count;
+      arguments.packs = field_.packs;
+      arguments.gradients = field_.gradients;
+      arguments.shape_inverse = objective_.has_shapes ? s_.shape_inverse.data() : nullptr;
+      arguments.stiffness = stiffness_;
+      for (std::uint32_t i = 0; i < 4 * k_; ++i) s_.x[i] = s_.base[i] + s_.d[i];
+      arguments.coefficients = s_.x.data();
+      std::copy(std::begin(objective_.rotation), std::end(objective_.rotation), arguments.rotation);
+      arguments.quaternions = s_.quaternions.data();
+      arguments.inverted = s_.inverted.data();
+      arguments.lanes = s_.lanes.data();
+      arguments.gradient = s_.next_gradient.data();
+      kernels().field_energy(arguments);
+      double rest = field_.mass, sets = 0;
+      for (std::uint32_t j = 0; j < k_; ++j) {
+        if (j >= field_.driven) rest -= oneOf(field_, j) * oneOf(field_, j);
+        if (j < field_.driven && field_.functions[j].monomial == 0) ++sets;
+      }
+      rows = field_.driven;
+      for (std::uint32_t j = 0; j < rows; ++j) {
+        const float* const g = s_.next_gradient.data() + 4 * j;
+        s_.external[j] = Vector3d(double(g[0]), double(g[1]), double(g[2]));
+        if (field_.functions[j].monomial == 0) s_.external[j] -= std::max(0.0, rest) / sets * gravity_;
+      }
+    }
+    addReactions(body_, piece_, springStep(), {s_.external.data(), rows});
+  }
+
+  Body& body_;
+  Piece& piece_;
+  const Field& field_;
+  const WorldSettings& settings_;
+  const double h_;
+  PieceScratch& scratch_;
+  MinimizeScratch& s_;
+  const std::uint32_t k_;
+  const float stiffness_;
+  const Vector3d gravity_;
+  bool springs_ = false, grounded_ = false, two_step_ = false;
+  Rigid rigid_;
+  double effective_h_ = 0;
+  Vector3d center_ = Vector3d::Zero();  ///< that floats are relative to
+  Vector3d rigid_velocity_ = Vector3d::Zero(), rigid_omega_ = Vector3d::Zero();
+  Objective objective_;
+  Objective::Value value_;
+};
+
+bool isUsable(const PieceState& state) {
+  double largest = 0;
+  bool finite = true;
+  for (const Array<Vector3d>* array : {&state.z, &state.v}) {
+    for (const Vector3d& row : *array) {
+      finite = finite && row.allFinite();
+      largest = std::max(largest, row.cwiseAbs().maxCoeff());
+    }
+  }
+  return finite && largest < 1e20;
+}
+
+void resizeState(Piece& piece) {
+  const std::size_t k = piece.field().k;
+  for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
+    array->resize(k);
+  }
+  piece.springs_known = false;
+  piece.factor_h = 0;
+}
+
+}  // namespace
+
+void PieceScratch::reserve(const Piece& piece) {
+  for (const Field* field : {piece.free, piece.fixed}) {
+    if (field == nullptr) continue;
+    minimize.reserve(*field, kMostContacts);
+    const std::size_t points = (field->points.size() + 7) / 8 * 8;
+    if (heights.size() < points) heights.resize(points);
+  }
+}
+
+void stepPieces(Body& body, const WorldSettings& settings, double seconds, PieceScratch& scratch) {
+  for (PinSet& set : body.pin_sets) {
+    set.at = set.target;
+    set.force_sum.setZero();
+    set.torque_sum.setZero();
+    set.passes = 1;
+  }
+  body.repaired = 0;
+  for (Piece& piece : body.pieces) {
+    PieceStep(body, piece, settings, seconds, scratch).run();
+    if (isUsable(piece.state)) continue;
+    restPiece(body, piece);
+    body.repaired += piece.field().vertex_count;
+  }
+  body.outdated = body.frames_outdated = true;
+}
+
+void restPiece(const Body& body, Piece& piece) {
+  resizeState(piece);
+  const Field& field = piece.field();
+  Matrix3d rotation;
+  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(body.settings.rotation[std::size_t(i)]);
+  const Vector3d position = asVector(body.settings.position).cast<double>();
+  PieceState& state = piece.state;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    state.z[j] = rotation * restOf(field, j) + oneOf(field, j) * position;
+    state.v[j].setZero();
+  }
+  state.h_before = 0;
+  state.elastic = 0;
+  state.budget = 0;
+  state.steady = true;
+  state.touching.clear();
+}
+
+void refresh(Body& body) {
+  if (!body.outdated) return;
+  body.outdated = false;
+  for (const Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    const std::uint32_t blocks = (field.vertex_count + 7) / 8;
+    Array<float>&coefficients = body.coefficients, &out = body.field_values;
+    coefficients.resize(4 * std::size_t(field.k));
+    out.resize(24 * std::size_t(blocks));
+    const Vector3d center = meanOf(field, piece.z());
+    for (const bool moving : {false, true}) {
+      for (std::uint32_t j = 0; j < field.k; ++j) {
+        Vector3d row = moving ? piece.state.v[j] : piece.state.z[j];
+        if (!moving) row -= oneOf(field, j) * center;
+        for (std::uint32_t c = 0; c < 3; ++c) coefficients[4 * j + c] = float(row[int(c)]);
+      }
+      kernels().field_values({field.k, blocks, field.values, coefficients.data(), out.data()});
+      Array<Vec3>& to = moving ? body.v : body.x;
+      for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+        for (std::size_t c = 0; c < 3; ++c) {
+          const float value = out[24 * (i / 8) + 8 * c + i % 8];
+          to[field.first_vertex + i][c] = moving ? value : float(double(value) + center[int(c)]);
+        }
+      }
+    }
+  }
+  // What is held is drawn where it is held: springs leave the local give to the vertex itself.
+  for (const Pin& pin : body.pins) body.x[pin.vertex] = pin.target;
+  for (const PinSet& set : body.pin_sets) {
+    for (const PinnedVertex& vertex : set.vertices) {
+      const auto to = asVector(body.x[vertex.vertex]);
+      Vector3 place = asVector(set.at.position);
+      for (std::size_t k = 0; k < 3; ++k) {
+        for (std::size_t c = 0; c < 3; ++c) place[int(k)] += set.at.rotation[3 * k + c] * vertex.local[c];
+      }
+      body.x[vertex.vertex] = asArray(to + vertex.weight * (place - to));
+    }
+  }
+}
+
+void project(Body& body) {
+  for (Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    PieceState& state = piece.state;
+    resizeState(piece);
+    Vector3d center = Vector3d::Zero();
+    double mass = 0;
+    for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+      const double m = double(body.vertices()[field.first_vertex + i].mass);
+      center += m * asVector(body.x[field.first_vertex + i]).cast<double>();
+      mass += m;
+    }
+    center /= mass;
+    for (const bool moving : {false, true}) {
+      Array<Vector3d>& to = moving ? state.v : state.z;
+      std::fill(to.begin(), to.end(), Vector3d::Zero());
+      if (field.driven > 0) {
+        // The pin sets prescribe these.
+        for (std::uint32_t j = 0; j < field.driven && !moving; ++j) {
+          for (const PinSet& set : body.pin_sets) {
+            if (set.source != field.functions[j].pin_set) continue;
+            const std::uint32_t monomial = field.functions[j].monomial;
+            for (std::size_t c = 0; c < 3; ++c) {
+              to[j][int(c)] = double(monomial == 0 ? set.at.position[c] : set.at.rotation[3 * c + monomial - 1]);
+            }
+            if (monomial == 0) to[j] -= center;
+          }
+        }
+      }
+      // The functions are orthonormal but for rounding: a second round takes what the first has left.
+      for (int round = 0; round < 2; ++round) {
+        for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+          const std::uint32_t vertex = field.first_vertex + i;
+          Vector3d left = asVector(moving ? body.v[vertex] : body.x[vertex]).cast<double>();
+          if (!left.allFinite()) continue;
+          if (!moving) left -= center;
+          body.residuals[vertex] = left;
+          for (std::uint32_t j = 0; j < field.k; ++j) {
+            body.residuals[vertex] -= double(field.valueAt(i, j)) * to[j];
+          }
+        }
+        for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+          const std::uint32_t vertex = field.first_vertex + i;
+          const Vector3d weighed = double(body.vertices()[vertex].mass) * body.residuals[vertex];
+          for (std::uint32_t j = field.driven; j < field.k; ++j) to[j] += double(field.valueAt(i, j)) * weighed;
+        }
+      }
+      if (moving) continue;
+      for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;
+    }
+    state.h_before = 0;
+    state.budget = -1;
+    state.steady = true;
+    state.touching.clear();
+  }
+  body.outdated = true;
+}
+
+bool chooseFields(Body& body) {
+  bool changed = false;
+  for (Piece& piece : body.pieces) {
+    bool held = piece.fixed != nullptr;
+    if (held) {
+      for (std::uint32_t j = 0; j < piece.fixed->driven; ++j) {
+        const std::uint32_t source = piece.fixed->functions[j].pin_set;
+        held = held && std::any_of(body.pin_sets.begin(), body.pin_sets.end(),
+                                   [source](const PinSet& set) { return set.source == source; });
+      }
+    }
+    piece.springs_known = false;
+    piece.factor_h = 0;
+    if (held == piece.state.held) continue;
+    piece.state.held = held;
+    changed = true;
+  }
+  return changed;
+}
+
+double kineticEnergy(const Body& body) {
+  double energy = 0;
+  for (const Piece& piece : body.pieces) {
+    for (const Vector3d& row : piece.state.v) energy += 0.5 * row.squaredNorm();
+  }
+  return energy;
+}
+
+double elasticEnergy(Body& body, PieceScratch& scratch) {
+  double energy = 0;
+  for (Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    MinimizeScratch& s = scratch.minimize;
+    scratch.reserve(piece);
+    const Vector3d center = meanOf(field, std::as_const(piece).z());
+    Objective objective;
+    objective.field = &field;
+    objective.h = 1;
+    objective.stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
+    objective.scratch = &s;
+    s.contacts.clear();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      const Vector3d row = piece.state.z[j] - oneOf(field, j) * center;
+      for (std::uint32_t c = 0; c < 4; ++c) {
+        s.base[4 * j + c] = c < 3 ? float(row[int(c)]) : 0;
+        s.d[4 * j + c] = 0;
+      }
+    }
+    const Matrix3 rotation = rotationOf(field, std::as_const(piece).z(), center);
+    std::copy_n(rotation.data(), 9, objective.rotation);
+    geometry::Quaternion start = geometry::kIdentityQuaternion;
+    geometry::nearestRotation(rotation, start);
+    for (std::uint32_t p = 0; p < field.pack_count; ++p) {
+      for (std::uint32_t c = 0; c < 4; ++c) std::fill_n(s.quaternions.data() + 32 * p + 8 * c, 8, start[c]);
+    }
+    energy += objective.at(s.d.data(), s.next_gradient.data(), true).elastic;
+  }
+  return energy;
+}
+
+}  // namespace sinew::internal

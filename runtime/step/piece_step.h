@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: MIT
+//
+// One step of a piece: predict, solve, settle (docs/method.md).
+#pragma once
+
+#include "runtime/contact/plane.h"
+#include "runtime/solver/minimize.h"
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// Memory that stepping one piece takes, lent to it.
+struct PieceScratch {
+  explicit PieceScratch(std::pmr::memory_resource* memory) : minimize(memory), heights(memory) {}
+  void reserve(const Piece& piece);
+
+  MinimizeScratch minimize;
+  Array<float> heights;
+};
+
+/// Advances all pieces of a body by one step; its pin sets arrive at their targets.
+void stepPieces(Body& body, const WorldSettings& settings, double seconds, PieceScratch& scratch);
+
+/// Puts a piece at rest where the body was added.
+void restPiece(const Body& body, Piece& piece);
+
+/// Positions and velocities of a body's physical vertices from its pieces' coefficients, where they are outdated.
+void refresh(Body& body);
+
+/// Coefficients that come nearest to the positions and velocities in Body::x and v.
+void project(Body& body);
+
+/// Chooses the field of each piece: the held one where all of the package's pin sets on it hold. \return whether one
+/// changed.
+bool chooseFields(Body& body);
+
+/// Kinetic energy, and the elastic energy of the shape (made anew where it is not known), J.
+double kineticEnergy(const Body& body);
+double elasticEnergy(Body& body, PieceScratch& scratch);
+
+}  // namespace sinew::internal
