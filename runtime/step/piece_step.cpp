@@ -193,10 +193,6 @@ class PieceStep {
     const double turning = air * (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
     const Vector3d omega = rigid_.omega;
     const Matrix3d turn = turnBy(h_ * omega), turn_before = two_step_ ? turnBy(h_before * omega) : Matrix3d::Identity();
-    // Gravity of a two-step formula adds where the centre is, too.
-    const Vector3d velocity = air * (rigid_.velocity + h_ * gravity_);
-    center_ = rigid_.center + h_ * (field_.driven > 0 ? rigid_.velocity : velocity);
-    rigid_velocity_ = field_.driven > 0 ? Vector3d(rigid_.velocity + effective_h_ * gravity_) : velocity;
     rigid_omega_ = turning * omega;
     const double damping = 4 * M_PI * double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
     ConstCoefficientMap z_before(nullptr, 0, 3), v_before(nullptr, 0, 3);
@@ -211,6 +207,15 @@ class PieceStep {
         mean_before = meanOf(field_, z_before);
         velocity_before = meanOf(field_, v_before);
       }
+    }
+    const Vector3d fall = effective_h_ * gravity_;
+    if (field_.driven > 0) {
+      center_ = rigid_.center + h_ * rigid_.velocity;
+      rigid_velocity_ = rigid_.velocity + fall;
+    } else {
+      const double air_before = std::exp(-double(settings_.damping) * h_before);
+      rigid_velocity_ = air * (now * rigid_.velocity - before * air_before * velocity_before) + fall;
+      center_ = now * rigid_.center - before * mean_before + effective_h_ * rigid_velocity_;
     }
     for (std::uint32_t j = 0; j < k_; ++j) {
       if (j < field_.driven) {
