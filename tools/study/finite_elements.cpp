@@ -162,7 +162,7 @@ using SparseMatrix = Eigen::SparseMatrix<double>;
 using Eigen::VectorXd;
 
 // Unknowns up to which a system is factorized; beyond, conjugate gradients are faster and need less memory.
-constexpr Eigen::Index kMostFactorized = 15000;
+constexpr Eigen::Index kMostFactorized = 40000;
 constexpr double kGradientTolerance = 1e-8;
 constexpr int kMostHalvings = 40;
 constexpr int kMostInverse = 200;
