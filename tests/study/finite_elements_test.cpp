@@ -139,8 +139,8 @@ TEST(FiniteElements, TheAnswerSettlesAsElementsShrink) {
 }
 
 // A clamped beam of 1 x 0.2 x 0.2 m under its weight against Timoshenko's; nu 0, so that the wall's hold of the section
-// changes nothing. Linear tetrahedra are too stiff by a part that goes with the square of their size: refined once it is
-// 5 %, and what is left without it is less than 2 %.
+// changes nothing. Linear tetrahedra are too stiff by a part that goes with the square of their size: refined once it
+// is 5 %, and what is left without it is less than 2 %.
 TEST(FiniteElements, ABeamSagsUnderItsWeightAsTimoshenkoSays) {
   constexpr double kYoung = 1e8, kDensity = 1000, kGravity = 9.81;
   ElasticSolid solid = boxSolid({24, 5, 5}, {1, 0.2, 0.2});

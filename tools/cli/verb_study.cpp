@@ -8,6 +8,7 @@
 #include "tools/core/progress.h"
 #include "tools/render/headless.h"
 #include "tools/study/assets.h"
+#include "tools/study/beam.h"
 #include "tools/study/error.h"
 #include "tools/study/kinks.h"
 #include "tools/study/limits.h"
@@ -307,6 +308,41 @@ void addAssets(CLI::App& study, int& exit_code) {
   });
 }
 
+void addBeam(CLI::App& study, int& exit_code) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb = study.add_subcommand(
+      "beam",
+      "A beam on a wall, a hung box, a ball on a thin neck, baked and at rest, against theory and finite elements, by "
+      "steps and ways of holding; how the beam swings when it is let go (minutes)");
+  verb->add_flag("--json", *json, "Print one JSON document");
+  verb->callback([json, &exit_code] {
+    Progress progress(!*json);
+    progress.stage("beam");
+    std::vector<BeamResult> beams;
+    std::vector<SwingResult> swings;
+    const std::vector<BeamCase> cases = beamCases();
+    const std::vector<SwingCase> swing_cases = swingCases();
+    const auto show = [&] {
+      progress.fraction(double(beams.size() + swings.size()) / double(cases.size() + swing_cases.size()));
+    };
+    for (const BeamCase& one : cases) {
+      beams.push_back(measureBeam(one));
+      show();
+    }
+    for (const SwingCase& one : swing_cases) {
+      swings.push_back(measureSwing(one));
+      show();
+    }
+    progress.finish();
+    if (*json) {
+      std::cout << jsonText(beamJson(beams, swings));
+    } else {
+      std::cout << beamText(beams, swings);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
 }  // namespace
 
 void addStudyVerb(CLI::App& app, int& exit_code) {
@@ -319,6 +355,7 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   addLimits(*study, exit_code);
   addPins(*study, exit_code);
   addAssets(*study, exit_code);
+  addBeam(*study, exit_code);
 }
 
 }  // namespace sinew::tools

@@ -16,8 +16,8 @@ using Eigen::Vector3d;
 constexpr std::array<std::string_view, kHoldSceneCount> kNames = {"hang",  "lean",  "cantilever",
                                                                   "press", "twist", "pins"};
 constexpr double kEnd = 0.1, kRear = 0.25;
-constexpr double kPress = 0.2;                              // of the height
-constexpr double kTwist = 60 * std::numbers::pi / 180;      // radians
+constexpr double kPress = 0.2;                          // of the height
+constexpr double kTwist = 60 * std::numbers::pi / 180;  // radians
 constexpr float kHeldWhole = 0.999F;
 
 struct Extent {
@@ -46,14 +46,18 @@ HeldRegion endOf(const PackageSolid& solid, const Extent& extent, Eigen::Index a
   return region;
 }
 
+// What is held in part is free in the reference.
+bool heldWhole(const formats::PackageView& package, std::uint32_t vertex) {
+  return package.pinWeights().empty() || package.pinWeights()[vertex] >= kHeldWhole;
+}
+
 std::vector<HeldRegion> pinnedRegions(const formats::PackageView& package) {
   std::vector<HeldRegion> regions;
   std::vector<std::uint8_t> taken(package.physicalVertices().size(), 0);
   for (const formats::PinSet& set : package.pinSets()) {
     HeldRegion region;
     for (const std::uint32_t v : package.pinSetVertices().subspan(set.first, set.count)) {
-      if (!package.pinWeights().empty() && package.pinWeights()[v] < kHeldWhole) return {};
-      if (taken[v] == 0) region.vertices.push_back(v);
+      if (taken[v] == 0 && heldWhole(package, v)) region.vertices.push_back(v);
       taken[v] = 1;
     }
     if (!region.vertices.empty()) regions.push_back(std::move(region));
@@ -72,6 +76,7 @@ std::string noteOf(const AssetsRow& row, const AssetsOptions& options) {
   }
   if (row.left_out > 0) add(std::to_string(row.left_out) + " loose tetrahedra left out");
   if (row.pieces_idle > 0) add(std::to_string(row.pieces_idle) + " pieces not held");
+  if (row.held_in_part > 0) add(std::to_string(row.held_in_part) + " vertices held in part are free in the reference");
   if (!row.on_target) add("no gravity gives the displacement asked for");
   if (!row.stable && options.refinements == 0) add("reference unstable");
   if (row.residual > 1e-4) add("reference not converged");
@@ -106,6 +111,11 @@ AssetsRow measureOne(const NamedAsset& asset, const PackageSolid& solid, const s
   row.stable = reference.stable;
   row.on_target = reference.on_target;
   row.residual = reference.residual;
+  if (held.package_pins) {
+    for (const std::uint32_t v : asset.asset->package().pinSetVertices()) {
+      if (!heldWhole(asset.asset->package(), v)) ++row.held_in_part;
+    }
+  }
   for (const HeldRegion& region : held.regions) row.held += std::uint32_t(region.vertices.size());
   row.compared = std::uint32_t(reference.compared.size());
   PlayOptions play;
@@ -217,6 +227,7 @@ nlohmann::ordered_json assetsJson(const std::vector<AssetsRow>& rows, const Asse
                          {"stiffest", row.material.stiffest}};
       one["gravity"] = row.gravity;
       one["held_vertices"] = row.held;
+      one["held_in_part"] = row.held_in_part;
       one["compared_vertices"] = row.compared;
       one["pieces_not_held"] = row.pieces_idle;
       one["tetrahedra_left_out"] = row.left_out;
@@ -246,29 +257,32 @@ std::string assetsText(const std::vector<AssetsRow>& rows, const AssetsOptions& 
   const int width = int(widest);
   std::array<char, 512> line{};
   std::snprintf(line.data(), line.size(), "%-*s  %-10s  %9s  %8s  %-14s  %7s  %7s  %6s  %7s  %10s  %7s\n", width,
-                "package", "scene", "moved, %", "E, Pa", "g, m/s2", "error,%", "most, %", "way", "rest, s", "speed, 1/s",
-                "us/step");
+                "package", "scene", "moved, %", "E, Pa", "g, m/s2", "error,%", "most, %", "way", "rest, s",
+                "speed, 1/s", "us/step");
   std::string text = line.data();
   for (const AssetsRow& row : rows) {
     const std::string note = noteOf(row, options);
     if (!row.exists) {
-      std::snprintf(line.data(), line.size(), "%-*s  %-10s  %s\n", width, row.package.c_str(),
-                    nameOf(row.scene).data(), note.c_str());
+      std::snprintf(line.data(), line.size(), "%-*s  %-10s  %s\n", width, row.package.c_str(), nameOf(row.scene).data(),
+                    note.c_str());
       text += line.data();
       continue;
     }
     std::array<char, 32> gravity{}, rest{};
     std::snprintf(gravity.data(), gravity.size(), row.gravity > 0 ? "%.4g" : "-", row.gravity);
     std::snprintf(rest.data(), rest.size(), row.rest_seconds >= 0 ? "%.2f" : "never", row.rest_seconds);
-    std::snprintf(line.data(), line.size(), "%-*s  %-10s  %9.2f  %8.2g  %-14s  %7.1f  %7.1f  %6.3f  %7s  %10.1e  %7.0f%s%s\n",
-                  width, row.package.c_str(), nameOf(row.scene).data(), 100 * row.reference_rms,
-                  row.material.material.young, gravity.data(), 100 * row.score.rms, 100 * row.score.largest,
-                  row.score.way, rest.data(), row.speed, row.microseconds, note.empty() ? "" : "  ", note.c_str());
+    std::snprintf(line.data(), line.size(),
+                  "%-*s  %-10s  %9.2f  %8.2g  %-14s  %7.1f  %7.1f  %6.3f  %7s  %10.1e  %7.0f%s%s\n", width,
+                  row.package.c_str(), nameOf(row.scene).data(), 100 * row.reference_rms, row.material.material.young,
+                  gravity.data(), 100 * row.score.rms, 100 * row.score.largest, row.score.way, rest.data(), row.speed,
+                  row.microseconds, note.empty() ? "" : "  ", note.c_str());
     text += line.data();
   }
   return text +
-         "moved: rms displacement of the reference, of the diagonal. error: rms difference, of that (a body that does not "
-         "move: 100).\nmost: largest difference, of the largest displacement. way: how far it went along the reference's "
+         "moved: rms displacement of the reference, of the diagonal. error: rms difference, of that (a body that does "
+         "not "
+         "move: 100).\nmost: largest difference, of the largest displacement. way: how far it went along the "
+         "reference's "
          "way. speed: rms at the end, diagonals/s.\n";
 }
 

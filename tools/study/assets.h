@@ -33,7 +33,7 @@ std::string_view nameOf(HoldScene scene);
 std::optional<HoldScene> holdSceneOf(std::string_view name);
 
 /// What is done in a scene. Gravity has a strength of 1 m/s². No regions where the scene does not exist for the body:
-/// `pins` without pin sets, or with vertices that are held in part (PPIN).
+/// `pins` without pin sets.
 HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene);
 
 struct AssetsOptions {
@@ -54,15 +54,16 @@ struct AssetsOptions {
 struct AssetsRow {
   std::string package;
   HoldScene scene = HoldScene::hang;
-  double target = 0;       ///< of AssetsOptions::targets; 0: what is held moves
-  bool exists = true;      ///< false: nothing is held in this scene; the rest is empty
-  PieceMaterial material;  ///< of the first piece that is compared
-  double gravity = 0;      ///< m/s²
+  double target = 0;                                ///< of AssetsOptions::targets; 0: what is held moves
+  bool exists = true;                               ///< false: nothing is held in this scene; the rest is empty
+  PieceMaterial material;                           ///< of the first piece that is compared
+  double gravity = 0;                               ///< m/s²
   double reference_rms = 0, reference_largest = 0;  ///< displacement, diagonals
   std::uint32_t reference_tetrahedra = 0;
-  std::uint32_t left_out = 0;     ///< tetrahedra that are not joined by faces to the rest of their piece
-  std::uint32_t pieces_idle = 0;  ///< pieces that no region holds: not compared
+  std::uint32_t left_out = 0;            ///< tetrahedra that are not joined by faces to the rest of their piece
+  std::uint32_t pieces_idle = 0;         ///< pieces that no region holds: not compared
   std::uint32_t held = 0, compared = 0;  ///< vertices
+  std::uint32_t held_in_part = 0;        ///< by pin weights below 1 (PPIN), in `pins`: free in the reference
   bool stable = false, on_target = true;
   double residual = 0;
   HeldScore score;

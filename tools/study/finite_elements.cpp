@@ -223,9 +223,9 @@ class LoadedSolid {
       for (int k = 0; k < 3; ++k) {
         // The three ways of turning, |Q| = 1: about each axis of the stretch.
         const int i = (k + 1) % 3, j = (k + 2) % 3;
-        state.turns[std::size_t(k)] = (u.col(j) * eigen.eigenvectors().col(i).transpose() -
-                                       u.col(i) * eigen.eigenvectors().col(j).transpose()) /
-                                      std::numbers::sqrt2;
+        state.turns[std::size_t(k)] =
+            (u.col(j) * eigen.eigenvectors().col(i).transpose() - u.col(i) * eigen.eigenvectors().col(j).transpose()) /
+            std::numbers::sqrt2;
       }
       const Matrix3d stress =
           2 * mu_[t] * (f - state.rotation) + lambda_[t] * (state.stretch.sum() - 3) * state.rotation;
@@ -311,8 +311,7 @@ class LoadedSolid {
       for (int b = 0; b < 4; ++b) {
         const Vector3d gb = gradients_[t].col(b);
         Matrix3d& block = blocks[std::size_t(4 * a + b)];
-        block = 2 * mu_[t] * ga.dot(gb) * Matrix3d::Identity() +
-                lambda_[t] * ra * (state.rotation * gb).transpose();
+        block = 2 * mu_[t] * ga.dot(gb) * Matrix3d::Identity() + lambda_[t] * ra * (state.rotation * gb).transpose();
         for (std::size_t k = 0; k < 3; ++k) {
           block += more[k] * (state.turns[k] * ga) * (state.turns[k] * gb).transpose();
         }

@@ -220,8 +220,10 @@ std::vector<PieceMaterial> materialsOf(const formats::PackageView& package) {
   std::vector<PieceMaterial> materials(package.bodies().size());
   for (std::uint32_t piece = 0; piece < materials.size(); ++piece) {
     PieceMaterial found;
-    if (fieldMaterial(package, piece, found)) materials[piece] = found;
-    else if (found = {}; clusterMaterial(package, piece, found)) materials[piece] = found;
+    if (fieldMaterial(package, piece, found))
+      materials[piece] = found;
+    else if (found = {}; clusterMaterial(package, piece, found))
+      materials[piece] = found;
   }
   return materials;
 }

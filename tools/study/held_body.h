@@ -35,7 +35,8 @@ inline constexpr ElasticMaterial kPresumed = {1e5, 0.3};
 struct PieceMaterial {
   ElasticMaterial material = kPresumed;
   StiffnessSource source = StiffnessSource::none;
-  double softest = 0, stiffest = 0;  ///< Young's modulus over its samples or clusters, Pa: the reference has one for all
+  double softest = 0,
+         stiffest = 0;  ///< Young's modulus over its samples or clusters, Pa: the reference has one for all
 };
 
 /// One for each of the package's pieces (BODY), from the first of StiffnessSource that it has.
@@ -44,9 +45,9 @@ std::vector<PieceMaterial> materialsOf(const formats::PackageView& package);
 /// The tetrahedra of a package that finite elements can be asked about: of each piece the largest set that is joined by
 /// faces. Crumbs of a few tetrahedra that hang by an edge or a vertex are mechanisms: they have no equilibrium.
 struct PackageSolid {
-  std::vector<Eigen::Vector3d> rest;  ///< all physical vertices, metres
-  std::vector<double> masses;         ///< kg
-  std::vector<std::uint32_t> piece;   ///< of each vertex, into BODY
+  std::vector<Eigen::Vector3d> rest;                     ///< all physical vertices, metres
+  std::vector<double> masses;                            ///< kg
+  std::vector<std::uint32_t> piece;                      ///< of each vertex, into BODY
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;  ///< those that are kept
   std::vector<std::uint8_t> kept;                        ///< by vertex: 1 where a kept tetrahedron has it
   std::uint32_t pieces = 0;
@@ -95,8 +96,8 @@ struct ReferenceShape {
 /// Rest by finite elements, as equilibrium() finds it, coming from the shape at rest by steps. Empty `compared` where
 /// nothing is held.
 /// \param materials one a piece. \param refinements how often every tetrahedron is cut into eight, 0..2.
-/// \param target rms displacement in metres for which gravity is made stronger or weaker (found without refinements); 0:
-/// gravity stays as it is.
+/// \param target rms displacement in metres for which gravity is made stronger or weaker (found without refinements);
+/// 0: gravity stays as it is.
 ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<ElasticMaterial>& materials,
                               const HeldCase& held, std::uint32_t refinements, double target);
 
