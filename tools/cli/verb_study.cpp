@@ -7,6 +7,8 @@
 #include "tools/cli/verb.h"
 #include "tools/core/progress.h"
 #include "tools/render/headless.h"
+#include "tools/study/assets.h"
+#include "tools/study/beam.h"
 #include "tools/study/error.h"
 #include "tools/study/kinks.h"
 #include "tools/study/limits.h"
@@ -232,6 +234,115 @@ void addError(CLI::App& study, int& exit_code) {
   });
 }
 
+// "5", "5%", "0.05 %" ... as a share.
+double shareOf(const std::string& text) {
+  std::string number = text;
+  while (!number.empty() && (number.back() == '%' || number.back() == ' ')) number.pop_back();
+  double percent = 0;
+  if (!CLI::detail::lexical_cast(number, percent) || !(percent >= 1e-4 && percent <= 50)) {
+    throw ToolError(ExitCode::usage, "", "--target " + text + " is no share of the diagonal",
+                    "Give percents from 0.0001 to 50, several with commas: --target 5,1");
+  }
+  return percent / 100;
+}
+
+void addAssets(CLI::App& study, int& exit_code) {
+  struct Command {
+    AssetsOptions options;
+    std::vector<std::string> packages, scenes, targets;
+    double young = 0, poisson = -1;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand(
+      "assets",
+      "Packages as they are, held and brought to rest, against finite elements on their own tetrahedra: how wrong, in "
+      "percent of the way (not moving = 100), how soon at rest, at what cost");
+  AssetsOptions& options = command->options;
+  verb->add_option("packages", command->packages, "Packages to judge")->required();
+  verb->add_option("--scenes", command->scenes,
+                   "Several with commas. hang: top tenth held; lean: lowest tenth held, gravity sideways; cantilever: "
+                   "rear quarter held; press: top tenth moved down by 20 % of the height; twist: one end turned by 60 "
+                   "degrees; pins: the package's own pins hold it. Absent: all but pins")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"hang", "lean", "cantilever", "press", "twist", "pins"}));
+  verb->add_option("--target", command->targets,
+                   "Gravity is made as strong as moves the reference by this, rms, percent of the diagonal; several "
+                   "with commas. Absent: 5,1")
+      ->delimiter(',');
+  verb->add_option("--young", command->young, "Young's modulus of the reference, Pa, in place of the package's own")
+      ->check(CLI::Range(1e-3, 1e12))
+      ->check(finiteNumber());
+  verb->add_option("--poisson", command->poisson, "Poisson's ratio of the reference, in place of the package's own")
+      ->check(CLI::Range(0.0, 0.499))
+      ->check(finiteNumber());
+  verb->add_option("--refine", options.refinements, "How often the reference cuts every tetrahedron into eight (slow)")
+      ->check(CLI::Range(0, 2));
+  verb->add_option("--rate", options.rate_hz, "Steps a second")->check(CLI::Range(1.0, 10000.0))->check(finiteNumber());
+  verb->add_option("--seconds", options.seconds, "Simulated time at most")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->check(finiteNumber());
+  verb->add_flag("--json", command->json, "Print one JSON document (shares, not percents)");
+  verb->callback([command, &exit_code] {
+    AssetsOptions& chosen = command->options;
+    if (!command->scenes.empty()) chosen.scenes.clear();
+    for (const std::string& name : command->scenes) chosen.scenes.push_back(*holdSceneOf(name));
+    if (!command->targets.empty()) chosen.targets.clear();
+    for (const std::string& text : command->targets) chosen.targets.push_back(shareOf(text));
+    if (command->young > 0) chosen.young = command->young;
+    if (command->poisson >= 0) chosen.poisson = command->poisson;
+    std::vector<NamedAsset> assets;
+    for (const std::string& file : command->packages) {
+      assets.push_back({std::filesystem::path(file).stem().string(), loadPackage(file)});
+    }
+    Progress progress(!command->json);
+    progress.stage("assets");
+    const std::vector<AssetsRow> rows = measureAssets(assets, chosen, [&](double part) { progress.fraction(part); });
+    progress.finish();
+    if (command->json) {
+      std::cout << jsonText(assetsJson(rows, chosen));
+    } else {
+      std::cout << assetsText(rows, chosen);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addBeam(CLI::App& study, int& exit_code) {
+  auto json = std::make_shared<bool>(false);
+  CLI::App* verb = study.add_subcommand(
+      "beam",
+      "A beam on a wall, a hung box, a ball on a thin neck, baked and at rest, against theory and finite elements, by "
+      "steps and ways of holding; how the beam swings when it is let go (minutes)");
+  verb->add_flag("--json", *json, "Print one JSON document");
+  verb->callback([json, &exit_code] {
+    Progress progress(!*json);
+    progress.stage("beam");
+    std::vector<BeamResult> beams;
+    std::vector<SwingResult> swings;
+    const std::vector<BeamCase> cases = beamCases();
+    const std::vector<SwingCase> swing_cases = swingCases();
+    const auto show = [&] {
+      progress.fraction(double(beams.size() + swings.size()) / double(cases.size() + swing_cases.size()));
+    };
+    for (const BeamCase& one : cases) {
+      beams.push_back(measureBeam(one));
+      show();
+    }
+    for (const SwingCase& one : swing_cases) {
+      swings.push_back(measureSwing(one));
+      show();
+    }
+    progress.finish();
+    if (*json) {
+      std::cout << jsonText(beamJson(beams, swings));
+    } else {
+      std::cout << beamText(beams, swings);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
 }  // namespace
 
 void addStudyVerb(CLI::App& app, int& exit_code) {
@@ -243,6 +354,8 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   addError(*study, exit_code);
   addLimits(*study, exit_code);
   addPins(*study, exit_code);
+  addAssets(*study, exit_code);
+  addBeam(*study, exit_code);
 }
 
 }  // namespace sinew::tools

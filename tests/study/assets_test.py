@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`sinew study assets` on a package of its own baking: what it reports, and what it refuses."""
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
+BAR = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "l_bar"
+
+
+def run(*arguments):
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300 * SLOWNESS)
+
+
+class Assets(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.package = pathlib.Path(cls.folder.name) / "bar.sinew"
+        done = run("bake", BAR / "l_bar.obj", "-o", cls.package, "--set", "tetrahedra.vertices=400")
+        if done.returncode != 0:
+            raise AssertionError(done.stderr)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def test_every_scene_is_judged_by_a_reference_that_has_come_to_rest(self):
+        done = run("study", "assets", self.package, "--scenes", "lean,press,pins", "--target", "2,0.5%", "--seconds",
+                   "2", "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = json.loads(done.stdout)["results"]
+        self.assertEqual([row["scene"] for row in rows], ["lean", "lean", "press", "pins", "pins"])
+        self.assertEqual([row["exists"] for row in rows], [True, True, True, False, False])
+        for row in rows[:3]:
+            self.assertEqual(row["package"], "bar")
+            self.assertLess(row["reference"]["residual"], 1e-5)
+            self.assertTrue(row["finite"])
+            self.assertGreaterEqual(row["error_rms"], 0)
+            self.assertGreater(row["microseconds_per_step"], 0)
+        for row, target in zip(rows, (0.02, 0.005)):
+            self.assertAlmostEqual(row["reference"]["rms_displacement"], target, delta=0.005 * target)
+            self.assertTrue(row["reference"]["stable"])
+        self.assertEqual(rows[2]["gravity"], 0)
+
+    def test_the_table_has_a_line_a_row(self):
+        done = run("study", "assets", self.package, "--scenes", "hang", "--target", "1", "--seconds", "0.5")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        lines = done.stdout.splitlines()
+        self.assertTrue(lines[0].startswith("package"))
+        self.assertTrue(lines[1].startswith("bar"))
+
+    def test_a_target_that_is_none_is_a_mistake_of_usage(self):
+        for target in ("0", "80", "much", "-1"):
+            done = run("study", "assets", self.package, f"--target={target}")
+            self.assertEqual(done.returncode, 2, target)
+            self.assertIn("--target", done.stderr)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sinew", required=True)
+    options, rest = parser.parse_known_args()
+    SINEW = options.sinew
+    unittest.main(argv=[sys.argv[0], *rest])
