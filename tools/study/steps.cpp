@@ -34,8 +34,8 @@ constexpr double kSoftHz = 0.5, kStiffHz = 100;
 constexpr double kLeastHz = 0.1;  // a body without stiffness is waited for as one of that
 
 // How long a cell runs, s.
-constexpr double kRestSeconds = 5, kTumbleSeconds = 10, kReturnSeconds = 3, kSettleSeconds = 10, kWatchSeconds = 2;
-constexpr double kPeriods = 10;
+constexpr double kRestSeconds = 5, kTumbleSeconds = 10, kReturnSeconds = 3, kSettleSeconds = 20, kWatchSeconds = 2;
+constexpr double kPeriods = 10, kSettlePeriods = 20;
 constexpr double kMoveSeconds = 1, kHandledSeconds = 4, kAirSeconds = 3;
 constexpr float kAir = 5;  // 1/s
 
@@ -55,9 +55,7 @@ Vector3d wideOf(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2]
 Vec3 narrow(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
 Mat3 narrow(const Matrix3d& m) {
   Mat3 result;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) result[std::size_t(3 * row + column)] = float(m(row, column));
-  }
+  Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(result.data()) = m.cast<float>();
   return result;
 }
 
