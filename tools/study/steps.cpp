@@ -35,7 +35,7 @@ constexpr double kLeastHz = 0.1;  // a body without stiffness is waited for as o
 
 // How long a cell runs, s.
 constexpr double kRestSeconds = 5, kTumbleSeconds = 10, kReturnSeconds = 3, kSettleSeconds = 20, kWatchSeconds = 2;
-constexpr double kPeriods = 10, kSettlePeriods = 20;
+constexpr double kPeriods = 10;
 constexpr double kMoveSeconds = 1, kHandledSeconds = 4, kAirSeconds = 3;
 constexpr float kAir = 5;  // 1/s
 

@@ -104,7 +104,7 @@ std::vector<StepsCell> stepsCells(const StepsOptions& options, const std::vector
 /// Runs one cell. The same each time.
 ///
 /// hz = the package's lowest authored frequency of stretching, times the body's stiffness scale. Free bodies are
-/// followed for 5 s at rest, 10 s tumbling, 3 s + 10 / hz deformed; what is held or stands has 10 s + 10 / hz to come
+/// followed for 5 s at rest, 10 s tumbling, 3 s + 10 / hz deformed; what is held or stands has 20 s + 10 / hz to come
 /// to rest and 2 s to show it, and what was handled 4 s of that, 3 s of air (5/s) and 3 s + 10 / hz to return.
 StepsResult runStepsCell(const StepsCell& cell, const std::vector<StepsBody>& bodies);
 
