@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 
 #include "tools/cli/files.h"
@@ -15,6 +16,7 @@
 #include "tools/study/pins.h"
 #include "tools/study/sag.h"
 #include "tools/study/stability.h"
+#include "tools/study/steps.h"
 
 namespace sinew::tools {
 namespace {
@@ -59,6 +61,70 @@ void addStability(CLI::App& study, int& exit_code) {
     }
     bool passed = true;
     for (const StabilityResult& result : results) passed = passed && result.passed();
+    exit_code = int(passed ? ExitCode::done : ExitCode::findings);
+  });
+}
+
+void addSteps(CLI::App& study, int& exit_code) {
+  struct Command {
+    StepsOptions options;
+    std::vector<std::string> packages;
+    std::uint32_t minutes = 0;
+    bool quick = false, full = false, json = false, all = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand(
+      "steps", "Bodies under uneven steps, far away, folded, standing, hung, handled: judged by what a World reports");
+  verb->add_option("packages", command->packages, "Packages; without any, seven bodies made and baked here");
+  CLI::Option* full = verb->add_flag("--full", command->full, "All cells, in place of every triple of levels once");
+  CLI::Option* quick = verb->add_flag("--quick", command->quick, "Every pair of levels once")->excludes(full);
+  verb->add_option("--chance", command->options.chance, "So many cells of all that there are, by chance, instead")
+      ->check(CLI::Range(1, 1000000))
+      ->excludes(full)
+      ->excludes(quick);
+  verb->add_option("--seed", command->options.seed, "What --chance draws with");
+  verb->add_option("--only", command->options.only,
+                   "Only cells whose description has all these words, as \"scene=stand place=1km\"")
+      ->type_name("WORDS");
+  verb->add_option("--minutes", command->minutes, "Let bodies stand and hang for so long: speed and drift by minute")
+      ->check(CLI::Range(1, 10000));
+  verb->add_option("--threads", command->options.threads, "Threads; 0 = all")->check(CLI::Range(0, 1024));
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->add_flag("--all", command->all, "Every cell (--json), or every cell that fails");
+  verb->callback([command, &exit_code] {
+    StepsOptions& options = command->options;
+    if (command->quick) options.design = StepsDesign::pairs;
+    if (command->full) options.design = StepsDesign::full;
+    if (options.chance > 0) options.design = StepsDesign::chance;
+    Progress progress(!command->json);
+    progress.stage("bodies");
+    std::vector<StepsBody> bodies;
+    for (const std::string& file : command->packages) {
+      bodies.push_back({std::filesystem::path(file).stem().string(), loadPackage(file)});
+    }
+    if (bodies.empty()) bodies = builtInStepsBodies();
+    progress.stage("steps");
+    options.progress = [&](std::size_t done, std::size_t of) { progress.fraction(double(done) / double(of)); };
+    bool passed = true, any = true;
+    std::string text;
+    if (command->minutes > 0) {
+      const std::vector<LongRun> runs = runLong(command->minutes, options, bodies);
+      any = !runs.empty();
+      for (const LongRun& run : runs) passed = passed && run.finite;
+      text = command->json ? longJson(runs, bodies).dump(2) + "\n" : longText(runs, bodies);
+    } else {
+      const std::vector<StepsResult> results = runSteps(options, bodies);
+      any = !results.empty();
+      for (const StepsResult& result : results) passed = passed && result.passed();
+      text = command->json ? stepsJson(results, options, bodies, command->all).dump(2) + "\n"
+                           : stepsText(results, bodies, command->all);
+    }
+    progress.finish();
+    if (!any) {
+      throw ToolError(ExitCode::usage, "", "no cell has all of: " + options.only,
+                      "Words look like scene=stand, place=1km, body=box; without --full not all cells are there.");
+    }
+    std::cout << text;
     exit_code = int(passed ? ExitCode::done : ExitCode::findings);
   });
 }
@@ -349,6 +415,7 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   CLI::App* study = app.add_subcommand("study", "Measure the method itself");
   study->require_subcommand(1);
   addStability(*study, exit_code);
+  addSteps(*study, exit_code);
   addSag(*study, exit_code);
   addKinks(*study, exit_code);
   addError(*study, exit_code);

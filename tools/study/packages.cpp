@@ -377,4 +377,16 @@ std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOp
   return assetOf(std::move(draft), options);
 }
 
+std::shared_ptr<const Asset> tetrahedronPackage(const StudyPackageOptions& options) {
+  Draft draft;
+  draft.mesh.positions = {
+      {0, 0, 0}, {0, 0, 1}, {std::sqrt(0.75), 0, 0.5}, {std::sqrt(1.0 / 12), std::sqrt(2.0 / 3), 0.5}};
+  draft.mesh.tetrahedra = {{0, 1, 2, 3}};
+  const auto& x = draft.mesh.positions;
+  if (geometry::signedVolume6(x[0], x[1], x[2], x[3]) < 0)
+    std::swap(draft.mesh.tetrahedra[0][0], draft.mesh.tetrahedra[0][1]);
+  draft.clusters = gridOf(draft.mesh, {1, 1, 1});
+  return assetOf(std::move(draft), options);
+}
+
 }  // namespace sinew::tools

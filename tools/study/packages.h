@@ -62,6 +62,9 @@ struct BoxBody {
 };
 std::shared_ptr<const Asset> boxPackage(const BoxBody& box, const StudyPackageOptions& options);
 
+/// One regular tetrahedron with edges of 1 m, standing on y = 0: four vertices, one cluster.
+std::shared_ptr<const Asset> tetrahedronPackage(const StudyPackageOptions& options);
+
 /// A number in 0..1 that depends on its arguments alone: the studies' source of chance.
 double chance(std::uint64_t seed, std::uint64_t index);
 

@@ -1,0 +1,775 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/study/steps.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <mutex>
+#include <numeric>
+#include <sstream>
+
+#include "tools/study/covering.h"
+#include "tools/study/packages.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using nlohmann::ordered_json;
+
+constexpr std::array kMetresAway = {0.0, 1e3, 4e3, 1e4};
+constexpr std::array kMetresAwayNames = {"origin", "1km", "4km", "10km"};
+// A direction (unit) in which all three coordinates grow: each is rounded.
+const Vector3d kAway(0.48, 0.6, 0.64);
+
+constexpr double kSoftHz = 0.5, kStiffHz = 100;
+constexpr double kLeastHz = 0.1;  // a body without stiffness is waited for as one of that
+
+// How long a cell runs, s.
+constexpr double kRestSeconds = 5, kTumbleSeconds = 10, kReturnSeconds = 3, kSettleSeconds = 20, kWatchSeconds = 2;
+constexpr double kPeriods = 10;
+constexpr double kMoveSeconds = 1, kHandledSeconds = 4, kAirSeconds = 3;
+constexpr float kAir = 5;  // 1/s
+
+constexpr double kSpin = 3;  // rad/s
+const Vector3d kSpinAxis(1.0 / 3, 2.0 / 3, 2.0 / 3);
+constexpr double kScatter = 0.3;  // diagonals
+constexpr double kSlope = 0.3;    // tangent
+constexpr float kSlopeFriction = 0.5F;
+constexpr double kHeldPart = 0.1;                    // of the height
+constexpr double kMovedWay = 0.5, kMovedTurn = 0.5;  // diagonals, rad
+constexpr double kEventSeconds = 0.1;
+constexpr double kGrasp = 0.05;                  // of the vertices
+constexpr double kPullWay = 0.3, kPinWay = 0.1;  // diagonals
+constexpr std::size_t kShownFailures = 40;
+
+Vector3d wideOf(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+Vec3 narrow(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
+Mat3 narrow(const Matrix3d& m) {
+  Mat3 result;
+  Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(result.data()) = m.cast<float>();
+  return result;
+}
+
+// The lowest frequency that the package's clusters are authored with.
+double authoredHz(const formats::PackageView& package) {
+  double hz = std::numeric_limits<double>::infinity();
+  for (const formats::Cluster& cluster : package.clusters()) {
+    if (cluster.mode != formats::ClusterMode::rigid) hz = std::min(hz, double(cluster.stretch_hz));
+  }
+  return std::isfinite(hz) ? hz : kStiffHz;  // all rigid
+}
+
+bool isFree(StepsScene scene) { return scene < StepsScene::stand; }
+
+class CellRun {
+ public:
+  CellRun(const StepsCell& cell, const std::vector<StepsBody>& bodies)
+      : scene_(StepsScene(cell[4])),
+        sequence_(StepsSequence(cell[2])),
+        seed_(((std::uint64_t(cell[0]) * 256 + cell[1]) * 256 + cell[2]) * 65536 + std::uint64_t(cell[3]) * 256 +
+              cell[4]),
+        asset_(bodies[cell[0]].asset),
+        package_(asset_->package()),
+        diagonal_(double(package_.info().diagonal)),
+        lengths_(sequence_, seed_),
+        place_(kMetresAway[cell[3]] * kAway) {
+    const double authored = authoredHz(package_);
+    hz_ = std::max(kLeastHz, authored);
+    if (StepsMaterial(cell[1]) != StepsMaterial::usual) {
+      hz_ = StepsMaterial(cell[1]) == StepsMaterial::soft ? kSoftHz : kStiffHz;
+      body_settings_.stiffness_scale = authored > 0 ? float(hz_ / authored) : 1;
+    }
+    body_settings_.package_pins = false;
+    prepare();
+  }
+
+  std::vector<StepsFinding> run() {
+    switch (scene_) {
+      case StepsScene::stand:
+      case StepsScene::slope:
+      case StepsScene::hang:
+      case StepsScene::move:
+        settle();
+        break;
+      case StepsScene::handled:
+        handle();
+        break;
+      default:
+        followFree(scene_ == StepsScene::rest     ? kRestSeconds
+                   : scene_ == StepsScene::tumble ? kTumbleSeconds
+                                                  : returnSeconds());
+    }
+    if (lost_ > 0) return {{StepsCriterion::finite, double(lost_), 0}};
+    findings_.insert(findings_.begin(), {StepsCriterion::finite, 0, 0});
+    return findings_;
+  }
+
+  LongRun runLong(std::uint32_t minutes) {
+    LongRun result;
+    std::vector<Vec3> before(state().positions.begin(), state().positions.end());
+    for (std::uint32_t minute = 0; minute < minutes && lost_ == 0; ++minute) {
+      LongRun::Minute entry;
+      advance(
+          59, [](double) {}, [](double) {});
+      advance(
+          1, [](double) {},
+          [&](double) {
+            for (const PartMotion& part : motionOf(package_, state())) {
+              entry.speed = std::max(entry.speed, part.speed() / diagonal_);
+            }
+          });
+      if (lost_ > 0) break;
+      double mass = 0, sum = 0;
+      Vector3d way = Vector3d::Zero();
+      for (std::size_t v = 0; v < before.size(); ++v) {
+        const auto m = double(package_.physicalVertices()[v].mass);
+        const Vector3d moved = wideOf(state().positions[v]) - wideOf(before[v]);
+        mass += m;
+        way += m * moved;
+        sum += m * moved.squaredNorm();
+      }
+      entry.drift = way.norm() / mass / diagonal_;
+      entry.moved = std::sqrt(sum / mass) / diagonal_;
+      result.minutes.push_back(entry);
+      before.assign(state().positions.begin(), state().positions.end());
+    }
+    result.finite = lost_ == 0;
+    return result;
+  }
+
+ private:
+  BodyState state() const { return stateOf(world_, body_); }
+  double returnSeconds() const { return kReturnSeconds + kPeriods / hz_; }
+
+  void add(const Vector3d& position, const Matrix3d& rotation) {
+    body_settings_.position = narrow(position);
+    body_settings_.rotation = narrow(rotation);
+    const auto added = world_.addBody(asset_, body_settings_);
+    // Only a want of memory, or of kernels for this processor, can be the reason.
+    if (!added) throw std::runtime_error(added.reason());
+    body_ = *added;
+  }
+
+  std::vector<Vec3> drawn() const {
+    std::vector<Vec3> points(package_.visualPositions().size());
+    if (!points.empty()) {
+      world_.visualVertices(body_, {points[0].data(), sizeof(Vec3), std::uint32_t(points.size())}, {});
+    }
+    return points;
+  }
+
+  void prepare() {
+    WorldSettings& settings = world_.settings();
+    if (isFree(scene_) || scene_ == StepsScene::handled) {
+      settings.gravity = {0, 0, 0};
+      settings.damping = 0;
+    }
+    if (isFree(scene_) && scene_ != StepsScene::rest) {
+      // The state is made at the origin, and goes to its place as a whole: rounded there it would be another shape.
+      add(Vector3d::Zero(), Matrix3d::Identity());
+      setStart();
+      if (!place_.isZero()) world_.teleport(body_, narrow(Matrix3d(Matrix3d::Identity())), narrow(place_));
+      return;
+    }
+    Matrix3d rotation = Matrix3d::Identity();
+    if (scene_ == StepsScene::slope) rotation = Eigen::AngleAxisd(std::atan(kSlope), Vector3d::UnitZ());
+    if (scene_ == StepsScene::hang || scene_ == StepsScene::move) rotation = upright();
+    add(place_, rotation);
+    if (scene_ == StepsScene::stand || scene_ == StepsScene::slope) {
+      GroundPlane& ground = settings.ground;
+      ground.enabled = true;
+      if (scene_ == StepsScene::slope) {
+        ground.normal = narrow(Vector3d(rotation * Vector3d::UnitY()));
+        ground.friction = kSlopeFriction;
+      }
+      const double lowest =
+          std::min(lowestAlong(state().positions, ground.normal), lowestAlong(drawn(), ground.normal));
+      ground.offset = std::nextafter(float(lowest), -std::numeric_limits<float>::infinity());
+    }
+    if (scene_ == StepsScene::hang || scene_ == StepsScene::move) hold();
+  }
+
+  // Turns the longest axis to y.
+  Matrix3d upright() const {
+    Eigen::AlignedBox3d box;
+    for (const auto& vertex : package_.physicalVertices()) box.extend(wideOf(vertex.rest_position));
+    Matrix3d rotation = Matrix3d::Identity();
+    const Vector3d size = box.sizes();
+    if (size[0] > size[1] && size[0] >= size[2]) {
+      rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+    } else if (size[2] > size[1]) {
+      rotation << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+    }
+    return rotation;
+  }
+
+  // By the upper end of each part.
+  void hold() {
+    std::vector<std::uint32_t> held;
+    const auto x = state().positions;
+    held_at_.position = {0, 0, 0};
+    for (const formats::BodyRange& part : package_.bodies()) {
+      const auto own = x.subspan(part.first_vertex, part.vertex_count);
+      const auto lower = [](const Vec3& one, const Vec3& other) { return one[1] < other[1]; };
+      const auto [low, high] = std::minmax_element(own.begin(), own.end(), lower);
+      const double level = double((*high)[1]) - kHeldPart * (double((*high)[1]) - double((*low)[1]));
+      for (std::uint32_t v = part.first_vertex; v < part.first_vertex + part.vertex_count; ++v) {
+        if (double(x[v][1]) >= level) held.push_back(v);
+      }
+    }
+    Vector3d centre = Vector3d::Zero();
+    for (const std::uint32_t v : held) centre += wideOf(x[v]) / double(held.size());
+    held_at_.position = narrow(centre);
+    const auto set = world_.addPinSet(body_, held, held_at_);
+    if (!set) throw std::runtime_error(set.reason());
+    set_ = *set;
+  }
+
+  void setStart() {
+    std::vector<Vec3> x(state().positions.begin(), state().positions.end()), v(x.size(), Vec3{0, 0, 0});
+    for (const formats::BodyRange& part : package_.bodies()) {
+      // Each part by itself: parts do not act on one another.
+      Vector3d centre = Vector3d::Zero();
+      Eigen::AlignedBox3d box;
+      double mass = 0, extent = 0;
+      const std::uint32_t end = part.first_vertex + part.vertex_count;
+      for (std::uint32_t i = part.first_vertex; i < end; ++i) {
+        const auto m = double(package_.physicalVertices()[i].mass);
+        mass += m;
+        centre += m * wideOf(x[i]);
+        box.extend(wideOf(x[i]));
+      }
+      centre /= mass;
+      const double diagonal = box.sizes().norm();
+      for (std::uint32_t i = part.first_vertex; i < end; ++i) {
+        extent = std::max(extent, (wideOf(x[i]) - centre).norm());
+      }
+      for (std::uint32_t i = part.first_vertex; i < end; ++i) {
+        const Vector3d d = wideOf(x[i]) - centre;
+        v[i] = scene_ == StepsScene::tumble ? narrow(Vector3d(kSpin * kSpinAxis.cross(d))) : Vec3{0, 0, 0};
+        if (scene_ != StepsScene::tumble) x[i] = narrow(Vector3d(centre + startOf(d, extent, diagonal, i)));
+      }
+    }
+    world_.setState(body_, x, v);
+  }
+
+  Vector3d startOf(const Vector3d& d, double extent, double diagonal, std::uint32_t vertex) const {
+    switch (scene_) {
+      case StepsScene::scattered:
+        return d + kScatter * diagonal * direction(vertex);
+      case StepsScene::mirrored:
+        return {-d[0], d[1], d[2]};
+      case StepsScene::inside_out:
+        return d.norm() > 0 ? Vector3d(d.normalized() * (d.norm() - extent)) : d;
+      case StepsScene::flat:
+        return {d[0], 0, d[2]};
+      case StepsScene::line:
+        return {d[0], 0, 0};
+      case StepsScene::point:
+        return Vector3d::Zero();
+      default:
+        return d;
+    }
+  }
+
+  // Evenly over the sphere.
+  Vector3d direction(std::uint64_t index) const {
+    const double z = 2 * chance(seed_, 2 * index) - 1, turn = 2 * std::numbers::pi * chance(seed_, 2 * index + 1);
+    const double r = std::sqrt(1 - z * z);
+    return {r * std::cos(turn), r * std::sin(turn), z};
+  }
+
+  // Steps until so much time has passed. \param before is called with the time at the end of the step that comes, from
+  // the beginning of this call; \param after with the length of the step that was.
+  template <class Before, class After>
+  void advance(double seconds, const Before& before, const After& after) {
+    for (double time = 0; time < seconds;) {
+      const float h = lengths_.next();
+      before(time + double(h));
+      world_.step(h);
+      time += double(h);
+      lost_ = notFinite(state()) + world_.repairedVertices(body_);
+      if (lost_ > 0) return;
+      after(double(h));
+    }
+  }
+
+  void followFree(double seconds) {
+    BodyEnergy energy = energyOf(world_, body_);
+    if (scene_ == StepsScene::tumble) energy.elastic = energy.elastic.value_or(0);  // it is not deformed
+    FreeJudge judge(package_, state(), energy, scene_ != StepsScene::rest);
+    advance(
+        seconds, [](double) {}, [&](double h) { judge.observe(state(), h); });
+    if (lost_ > 0) return;
+    findings_ = judge.findings();
+    // What turns is stretched by its turning.
+    if (scene_ != StepsScene::tumble) findings_.push_back(shapeOf(package_, state().positions));
+  }
+
+  void settle() {
+    if (scene_ == StepsScene::move) {
+      advance(
+          kMoveSeconds, [&](double time) { move(time); }, [](double) {});
+      if (lost_ > 0) return;
+      move(kMoveSeconds);
+    }
+    advance(
+        kSettleSeconds + kPeriods / hz_, [](double) {}, [](double) {});
+    if (lost_ > 0) return;
+    std::optional<Vec3> slope;
+    if (scene_ == StepsScene::slope) slope = world_.settings().ground.normal;
+    RestJudge judge(package_, state(), sequence_ == StepsSequence::constant ? kSteadyRestSpeed : kRestSpeed, slope);
+    advance(
+        kWatchSeconds, [](double) {}, [&](double h) { judge.observe(state(), h); });
+    if (lost_ > 0) return;
+    findings_ = judge.findings();
+    if (world_.settings().ground.enabled) {
+      findings_.push_back(groundOf(package_, state().positions, drawn(), world_.settings().ground));
+    }
+  }
+
+  // Moves the pin set to where it is at a time: smoothly sideways and about the vertical.
+  void move(double time) {
+    const double t = std::clamp(time / kMoveSeconds, 0.0, 1.0), part = t * t * (3 - 2 * t);
+    RigidTransform to;
+    to.position = narrow(Vector3d(wideOf(held_at_.position) + part * kMovedWay * diagonal_ * Vector3d::UnitX()));
+    to.rotation = narrow(Eigen::AngleAxisd(part * kMovedTurn, Vector3d::UnitY()).toRotationMatrix());
+    world_.movePinSet(set_, to);
+  }
+
+  void handle() {
+    std::uint64_t events = 0;
+    double event_time = 0;
+    advance(
+        kHandledSeconds,
+        [&](double time) {
+          for (; event_time < time; event_time += 2 * kEventSeconds * chance(seed_ + 1, events)) happen(++events);
+        },
+        [](double) {});
+    if (lost_ > 0) return;
+    world_.unpinAll(body_);
+    for (const PickId pick : picks_) world_.releasePick(pick);
+    world_.settings().damping = kAir;
+    advance(
+        kAirSeconds, [](double) {}, [](double) {});
+    world_.settings().damping = 0;
+    if (lost_ > 0) return;
+    followFree(returnSeconds());
+  }
+
+  // Something by chance that a hand, a script or a level does to a body.
+  void happen(std::uint64_t event) {
+    const auto draw = [&](std::uint64_t index) { return chance(seed_ + 2, 16 * event + index); };
+    const auto upTo = [&](std::uint64_t index, std::size_t count) {
+      return std::min(std::size_t(draw(index) * double(count)), count - 1);
+    };
+    const auto x = state().positions;
+    const Vector3d way = diagonal_ * draw(1) * direction(1000 + event);
+    const auto vertex = std::uint32_t(upTo(2, x.size()));
+    switch (upTo(0, 6)) {
+      case 0: {
+        std::vector<std::uint32_t> near(x.size());
+        std::iota(near.begin(), near.end(), 0U);
+        const auto rest = package_.physicalVertices();
+        const auto away = [&](std::uint32_t v) {
+          return (wideOf(rest[v].rest_position) - wideOf(rest[vertex].rest_position)).squaredNorm();
+        };
+        std::sort(near.begin(), near.end(),
+                  [&](auto a, auto b) { return std::pair(away(a), a) < std::pair(away(b), b); });
+        near.resize(std::max<std::size_t>(1, std::size_t(kGrasp * double(near.size()))));
+        const RigidTransform at{.position = x[vertex]};
+        // Refused where it shares a vertex with another: then nothing happens.
+        const auto set = world_.addPinSet(body_, near, at, PinMethod(upTo(3, 4)));
+        if (set) sets_.emplace_back(*set, at);
+        break;
+      }
+      case 1: {
+        if (sets_.empty()) break;
+        auto& [set, at] = sets_[upTo(3, sets_.size())];
+        at.position = narrow(Vector3d(wideOf(at.position) + kPullWay * way));
+        at.rotation = narrow(Eigen::AngleAxisd(kMovedTurn * draw(4), direction(2000 + event)).toRotationMatrix());
+        world_.movePinSet(set, at);
+        break;
+      }
+      case 2: {
+        if (sets_.empty()) break;
+        const std::size_t which = upTo(3, sets_.size());
+        world_.removePinSet(sets_[which].first);
+        sets_.erase(sets_.begin() + std::ptrdiff_t(which));
+        break;
+      }
+      case 3: {
+        const std::vector<Vec3> points = drawn();
+        if (points.empty()) break;
+        const std::size_t v = upTo(2, points.size());
+        picks_.push_back(world_.pick(body_, std::uint32_t(v), narrow(Vector3d(wideOf(points[v]) + kPullWay * way))));
+        break;
+      }
+      case 4: {
+        if (picks_.empty()) break;
+        const std::size_t which = upTo(3, picks_.size());
+        world_.releasePick(picks_[which]);
+        picks_.erase(picks_.begin() + std::ptrdiff_t(which));
+        break;
+      }
+      default: {
+        if (pinned_.size() > 2) {
+          world_.unpin(body_, pinned_.front());
+          pinned_.erase(pinned_.begin());
+          break;
+        }
+        world_.pin(body_, vertex, narrow(Vector3d(wideOf(x[vertex]) + kPinWay * way)));
+        pinned_.push_back(vertex);
+      }
+    }
+  }
+
+  StepsScene scene_;
+  StepsSequence sequence_;
+  std::uint64_t seed_;
+  std::shared_ptr<const Asset> asset_;
+  const formats::PackageView& package_;
+  double diagonal_, hz_ = 1;
+  StepLengths lengths_;
+  Vector3d place_;
+  BodySettings body_settings_;
+  World world_;
+  BodyId body_;
+  PinSetId set_;
+  RigidTransform held_at_;
+  std::vector<std::pair<PinSetId, RigidTransform>> sets_;
+  std::vector<PickId> picks_;
+  std::vector<std::uint32_t> pinned_;
+  std::uint32_t lost_ = 0;
+  std::vector<StepsFinding> findings_;
+};
+
+bool selected(const std::string& text, const std::string& only) {
+  std::istringstream words(only);
+  std::string word;
+  while (words >> word) {
+    if ((text + " ").find(word + (word.find('=') == std::string::npos ? "" : " ")) == std::string::npos) return false;
+  }
+  return true;
+}
+
+template <class Work>
+void forEach(std::size_t count, const StepsOptions& options, const Work& work) {
+  std::mutex mutex;
+  std::size_t done = 0;
+  tbb::task_arena arena(options.threads == 0 ? tbb::task_arena::automatic : int(options.threads));
+  arena.execute([&] {
+    tbb::parallel_for(std::size_t(0), count, [&](std::size_t i) {
+      work(i);
+      const std::lock_guard lock(mutex);
+      if (options.progress) options.progress(++done, count);
+    });
+  });
+}
+
+// Failing cells, the worst over its limit first.
+std::vector<const StepsResult*> failures(const std::vector<StepsResult>& results) {
+  std::vector<const StepsResult*> failed;
+  for (const StepsResult& result : results) {
+    if (!result.passed()) failed.push_back(&result);
+  }
+  std::stable_sort(failed.begin(), failed.end(),
+                   [](const auto* a, const auto* b) { return a->worst().ratio() > b->worst().ratio(); });
+  return failed;
+}
+
+struct LevelTotal {
+  std::size_t cells = 0, failed = 0;
+  double worst = 0;
+  std::map<std::string, std::size_t> criteria;  // a cell counts with each one that it fails
+};
+
+LevelTotal totalOf(const std::vector<StepsResult>& results, std::size_t factor, std::size_t level) {
+  LevelTotal total;
+  for (const StepsResult& result : results) {
+    if (result.cell[factor] != level) continue;
+    ++total.cells;
+    total.worst = std::max(total.worst, result.worst().ratio());
+    if (result.passed()) continue;
+    ++total.failed;
+    for (const StepsFinding& finding : result.findings) {
+      if (finding.ratio() > 1) ++total.criteria[std::string(nameOf(finding.criterion))];
+    }
+  }
+  return total;
+}
+
+std::string nameOf(StepsDesign design) {
+  return std::array<const char*, 4>{"pairs", "triples", "full", "chance"}[std::size_t(design)];
+}
+
+ordered_json number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json("infinite"); }
+
+}  // namespace
+
+std::string_view nameOf(StepsFactor factor) {
+  return std::array<std::string_view, kStepsFactorCount>{"body", "material", "steps", "place",
+                                                         "scene"}[std::size_t(factor)];
+}
+
+std::vector<std::string> levelsOf(StepsFactor factor, const std::vector<StepsBody>& bodies) {
+  switch (factor) {
+    case StepsFactor::body: {
+      std::vector<std::string> names;
+      for (const StepsBody& body : bodies) names.push_back(body.name);
+      return names;
+    }
+    case StepsFactor::material:
+      return {"soft", "usual", "stiff"};
+    case StepsFactor::steps:
+      return {"1/60", "16.7,4.2ms", "50,1ms", "jitter", "hitch", "33ms", "random"};
+    case StepsFactor::place:
+      return {kMetresAwayNames.begin(), kMetresAwayNames.end()};
+    case StepsFactor::scene:
+      return {"rest",  "tumble", "scattered", "mirrored", "inside_out", "flat",   "line",
+              "point", "stand",  "slope",     "hang",     "move",       "handled"};
+  }
+  return {};
+}
+
+std::string textOf(const StepsCell& cell, const std::vector<StepsBody>& bodies) {
+  std::string text;
+  for (std::size_t f = 0; f < cell.size(); ++f) {
+    text += (f == 0 ? "" : " ") + std::string(nameOf(StepsFactor(f))) + "=" + levelsOf(StepsFactor(f), bodies)[cell[f]];
+  }
+  return text;
+}
+
+float StepLengths::next() {
+  const std::uint64_t n = count_++;
+  const auto between = [&](double low, double high) { return float(low * std::pow(high / low, chance(seed_, n))); };
+  switch (sequence_) {
+    case StepsSequence::constant:
+      return 1.0F / 60;
+    case StepsSequence::alternating:
+      return n % 2 == 0 ? 1.0F / 60 : 1.0F / 240;
+    case StepsSequence::alternating_far:
+      return n % 2 == 0 ? 0.05F : 0.001F;
+    case StepsSequence::jitter:
+      return between(0.005, 0.05);
+    case StepsSequence::hitch:
+      return n % 31 == 30 ? 0.5F : 1.0F / 60;
+    case StepsSequence::slow_frame:
+      return n % 59 == 58 ? 1.0F / 30 : 1.0F / 60;
+    case StepsSequence::random:
+      return between(1e-5, 1);
+  }
+  return 1.0F / 60;
+}
+
+const StepsFinding& StepsResult::worst() const {
+  return *std::max_element(findings.begin(), findings.end(),
+                           [](const auto& a, const auto& b) { return a.ratio() < b.ratio(); });
+}
+
+std::vector<StepsCell> stepsCells(const StepsOptions& options, const std::vector<StepsBody>& bodies) {
+  std::vector<std::uint8_t> levels;
+  for (std::size_t f = 0; f < kStepsFactorCount; ++f) {
+    levels.push_back(std::uint8_t(levelsOf(StepsFactor(f), bodies).size()));
+  }
+  std::vector<StepsCell> cells;
+  if (options.design == StepsDesign::pairs || options.design == StepsDesign::triples) {
+    for (const auto& chosen : coveringDesign(levels, options.design == StepsDesign::pairs ? 2 : 3)) {
+      StepsCell cell{};
+      std::copy(chosen.begin(), chosen.end(), cell.begin());
+      cells.push_back(cell);
+    }
+  } else if (options.design == StepsDesign::full) {
+    std::size_t count = 1;
+    for (const std::uint8_t level : levels) count *= level;
+    for (std::size_t i = 0; i < count; ++i) {
+      StepsCell cell{};
+      std::size_t rest = i;
+      for (std::size_t f = kStepsFactorCount; f-- > 0; rest /= levels[f]) cell[f] = std::uint8_t(rest % levels[f]);
+      cells.push_back(cell);
+    }
+  } else {
+    std::uint64_t drawn = 0;
+    for (std::uint32_t i = 0; i < options.chance; ++i) {
+      StepsCell cell{};
+      for (std::size_t f = 0; f < kStepsFactorCount; ++f) {
+        const auto level = std::size_t(chance(options.seed, drawn++) * double(levels[f]));
+        cell[f] = std::uint8_t(std::min<std::size_t>(level, levels[f] - 1U));
+      }
+      cells.push_back(cell);
+    }
+  }
+  std::erase_if(cells, [&](const StepsCell& cell) { return !selected(textOf(cell, bodies), options.only); });
+  return cells;
+}
+
+StepsResult runStepsCell(const StepsCell& cell, const std::vector<StepsBody>& bodies) {
+  const auto start = std::chrono::steady_clock::now();
+  StepsResult result;
+  result.cell = cell;
+  result.findings = CellRun(cell, bodies).run();
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+std::vector<StepsResult> runSteps(const StepsOptions& options, const std::vector<StepsBody>& bodies) {
+  const std::vector<StepsCell> cells = stepsCells(options, bodies);
+  std::vector<StepsResult> results(cells.size());
+  forEach(cells.size(), options, [&](std::size_t i) { results[i] = runStepsCell(cells[i], bodies); });
+  return results;
+}
+
+std::vector<LongRun> runLong(std::uint32_t minutes, const StepsOptions& options, const std::vector<StepsBody>& bodies) {
+  std::vector<StepsCell> cells;
+  for (std::size_t body = 0; body < bodies.size(); ++body) {
+    for (const StepsMaterial material : {StepsMaterial::soft, StepsMaterial::usual, StepsMaterial::stiff}) {
+      for (const StepsScene scene : {StepsScene::stand, StepsScene::hang}) {
+        const StepsCell cell = {std::uint8_t(body), std::uint8_t(material), std::uint8_t(StepsSequence::constant), 0,
+                                std::uint8_t(scene)};
+        if (selected(textOf(cell, bodies), options.only)) cells.push_back(cell);
+      }
+    }
+  }
+  std::vector<LongRun> runs(cells.size());
+  forEach(cells.size(), options, [&](std::size_t i) {
+    runs[i] = CellRun(cells[i], bodies).runLong(minutes);
+    runs[i].cell = cells[i];
+  });
+  return runs;
+}
+
+ordered_json stepsJson(const std::vector<StepsResult>& results, const StepsOptions& options,
+                       const std::vector<StepsBody>& bodies, bool all) {
+  const auto entry = [&](const StepsResult& result) {
+    ordered_json cell, findings = ordered_json::array();
+    for (std::size_t f = 0; f < result.cell.size(); ++f) {
+      cell[std::string(nameOf(StepsFactor(f)))] = levelsOf(StepsFactor(f), bodies)[result.cell[f]];
+    }
+    for (const StepsFinding& finding : result.findings) {
+      findings.push_back({{"criterion", nameOf(finding.criterion)},
+                          {"unit", unitOf(finding.criterion)},
+                          {"value", number(finding.value)},
+                          {"limit", finding.limit},
+                          {"over_limit", number(finding.ratio())}});
+    }
+    return ordered_json{{"cell", cell},
+                        {"passed", result.passed()},
+                        {"worst", nameOf(result.worst().criterion)},
+                        {"over_limit", number(result.worst().ratio())},
+                        {"findings", findings},
+                        {"seconds", result.seconds}};
+  };
+  ordered_json json;
+  json["study"] = "steps";
+  json["design"] = nameOf(options.design) +
+                   (options.design == StepsDesign::chance ? ", seed " + std::to_string(options.seed) : std::string());
+  json["cells"] = results.size();
+  const auto failed = failures(results);
+  json["failed"] = failed.size();
+  double seconds = 0;
+  for (const StepsResult& result : results) seconds += result.seconds;
+  json["seconds"] = seconds;
+  for (std::size_t f = 0; f < kStepsFactorCount; ++f) {
+    const std::vector<std::string> levels = levelsOf(StepsFactor(f), bodies);
+    for (std::size_t level = 0; level < levels.size(); ++level) {
+      const LevelTotal total = totalOf(results, f, level);
+      json["levels"][std::string(nameOf(StepsFactor(f)))][levels[level]] = {{"cells", total.cells},
+                                                                            {"failed", total.failed},
+                                                                            {"worst_over_limit", number(total.worst)},
+                                                                            {"failed_by_criterion", total.criteria}};
+    }
+  }
+  json["failures"] = ordered_json::array();
+  for (const StepsResult* result : failed) json["failures"].push_back(entry(*result));
+  if (all) {
+    json["results"] = ordered_json::array();
+    for (const StepsResult& result : results) json["results"].push_back(entry(result));
+  }
+  return json;
+}
+
+std::string stepsText(const std::vector<StepsResult>& results, const std::vector<StepsBody>& bodies, bool all) {
+  std::ostringstream text;
+  char line[256];
+  for (std::size_t f = 0; f < kStepsFactorCount; ++f) {
+    const std::vector<std::string> levels = levelsOf(StepsFactor(f), bodies);
+    std::snprintf(line, sizeof line, "%-16s %6s %6s  %8s  %s\n", std::string(nameOf(StepsFactor(f))).c_str(), "cells",
+                  "failed", "worst", "by criterion");
+    text << line;
+    for (std::size_t level = 0; level < levels.size(); ++level) {
+      const LevelTotal total = totalOf(results, f, level);
+      std::string criteria;
+      for (const auto& [criterion, count] : total.criteria) criteria += " " + criterion + " " + std::to_string(count);
+      std::snprintf(line, sizeof line, "  %-14.60s %6zu %6zu  %8.2g ", levels[level].c_str(), total.cells, total.failed,
+                    total.worst);
+      text << line << criteria << "\n";
+    }
+  }
+  const auto failed = failures(results);
+  if (!failed.empty()) text << "failing cells\n  over limit criterion      value      limit\n";
+  for (std::size_t i = 0; i < failed.size(); ++i) {
+    if (!all && i == kShownFailures) {
+      text << "  ... and " << failed.size() - i << " more (--all)\n";
+      break;
+    }
+    const StepsFinding& worst = failed[i]->worst();
+    std::snprintf(line, sizeof line, "  %10.3g %-9s %10.3g %10.3g %-8s ", worst.ratio(),
+                  std::string(nameOf(worst.criterion)).c_str(), worst.value, worst.limit,
+                  std::string(unitOf(worst.criterion)).c_str());
+    text << line << textOf(failed[i]->cell, bodies) << "\n";
+  }
+  double seconds = 0;
+  for (const StepsResult& result : results) seconds += result.seconds;
+  std::snprintf(line, sizeof line, "%zu cells, %zu failed, %.0f s\n", results.size(), failed.size(), seconds);
+  text << line;
+  return text.str();
+}
+
+ordered_json longJson(const std::vector<LongRun>& runs, const std::vector<StepsBody>& bodies) {
+  ordered_json json = {{"study", "steps, minutes"}, {"runs", ordered_json::array()}};
+  for (const LongRun& run : runs) {
+    ordered_json minutes = ordered_json::array();
+    for (const LongRun::Minute& minute : run.minutes) {
+      minutes.push_back({{"rms_speed_diagonals_per_s", minute.speed},
+                         {"drift_diagonals", minute.drift},
+                         {"moved_rms_diagonals", minute.moved}});
+    }
+    json["runs"].push_back({{"cell", textOf(run.cell, bodies)}, {"finite", run.finite}, {"minutes", minutes}});
+  }
+  return json;
+}
+
+std::string longText(const std::vector<LongRun>& runs, const std::vector<StepsBody>& bodies) {
+  std::ostringstream text;
+  char line[256];
+  text << "rms speed (diagonals/s) in the last second of a minute; drift of the centre, and rms way of vertices, in a "
+          "minute (diagonals)\n";
+  std::snprintf(line, sizeof line, "%-12s %-8s %-6s  %6s  %10s %10s %10s\n", "body", "material", "scene", "minute",
+                "speed", "drift", "moved");
+  text << line;
+  for (const LongRun& run : runs) {
+    const std::size_t count = run.minutes.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      // The first two, the middle and the last.
+      if (i > 1 && i != count / 2 && i + 1 != count) continue;
+      std::snprintf(line, sizeof line, "%-12.60s %-8s %-6s  %6zu  %10.2e %10.2e %10.2e\n",
+                    bodies[run.cell[0]].name.c_str(), levelsOf(StepsFactor::material, bodies)[run.cell[1]].c_str(),
+                    levelsOf(StepsFactor::scene, bodies)[run.cell[4]].c_str(), i + 1, run.minutes[i].speed,
+                    run.minutes[i].drift, run.minutes[i].moved);
+      text << line;
+    }
+    if (!run.finite) text << "  not finite in minute " << count + 1 << ": " << textOf(run.cell, bodies) << "\n";
+  }
+  return text.str();
+}
+
+}  // namespace sinew::tools
