@@ -65,6 +65,7 @@ inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {
     {section::field_values, sizeof(Lanes), kSectionRequired, false, kFeatureField},
     {section::field_points, sizeof(FieldPoint), kSectionRequired, false, kFeatureField},
     {section::field_point_values, sizeof(Lanes), kSectionRequired, false, kFeatureField},
+    {section::field_modes, sizeof(Lanes), kSectionRequired, false, kFeatureField},
 }};
 
 inline constexpr std::uint64_t kKnownFeatures = [] {

@@ -115,6 +115,8 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.field_points);
     case section::field_point_values:
       return payload(content.field_point_values);
+    case section::field_modes:
+      return payload(content.field_modes);
     default:
       return {};
   }

@@ -115,6 +115,34 @@ static void fieldValues(const FieldValuesArguments& a) {
   }
 }
 
+/// Through the modes of the rest shape and back.
+static void fieldModes(const FieldModesArguments& a) {
+  const std::uint32_t n = a.unknowns;
+  for (std::uint32_t first = 0; first < n; first += 8) {
+    const float* const block = a.modes + std::size_t(first) * (n + 1);
+    Float8 even = {}, odd = {};
+    std::uint32_t i = 0;
+    for (; i + 1 < n; i += 2) {
+      even += load8(block + 8 * (i + 1)) * a.vector[i];
+      odd += load8(block + 8 * (i + 2)) * a.vector[i + 1];
+    }
+    if (i < n) even += load8(block + 8 * (i + 1)) * a.vector[i];
+    Float8 part = even + odd;
+    if (a.solve == nullptr) part = part / (load8(block) * a.stiffness + splat<Float8>(a.inertia));
+    store8(a.parts + first, part);
+  }
+  if (a.solve != nullptr) a.solve(a.context, a.parts);
+  for (std::uint32_t i = 0; i < n; ++i) store8(a.lanes + 8 * i, Float8{});
+  for (std::uint32_t first = 0; first < n; first += 8) {
+    const float* const block = a.modes + std::size_t(first) * (n + 1);
+    const Float8 part = load8(a.parts + first);
+    for (std::uint32_t i = 0; i < n; ++i) {
+      store8(a.lanes + 8 * i, load8(a.lanes + 8 * i) + load8(block + 8 * (i + 1)) * part);
+    }
+  }
+  for (std::uint32_t i = 0; i < n; ++i) a.vector[i] = sumOfLanes(load8(a.lanes + 8 * i));
+}
+
 /// sum_j phi_j c_j at places.
 static void fieldHeights(const FieldHeightsArguments& a) {
   for (std::uint32_t b = 0; b < a.blocks; ++b) {

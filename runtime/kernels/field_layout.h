@@ -37,6 +37,19 @@ struct FieldValuesArguments {
   float* out;                 ///< by block: x of eight places, y, z
 };
 
+/// A solve with the rest stiffness: g becomes Q (inertia + stiffness values)^-1 Q^T g.
+struct FieldModesArguments {
+  std::uint32_t unknowns;  ///< 3 n
+  const float* modes;      ///< by eight modes: squared frequencies, then coefficients by unknown
+  float inertia;           ///< 1/h^2
+  float stiffness;         ///< factor on the squared frequencies
+  float* lanes;            ///< scratch, 3 n x 8
+  float* vector;           ///< 3 n, in and out
+  float* parts;            ///< scratch, 3 n rounded up to eight: the parts of the modes
+  void (*solve)(const void* context, float* parts);  ///< null, or in place of the division by inertia + stiffness values
+  const void* context;
+};
+
 /// The same of one number a function: heights along a direction.
 struct FieldHeightsArguments {
   std::uint32_t functions, blocks;

@@ -122,6 +122,7 @@ struct Kernels {
   void (*add_motion)(const AddMotionArguments& arguments);
   float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
   double (*field_energy)(const FieldEnergyArguments& arguments);  ///< \return joule
+  void (*field_modes)(const FieldModesArguments& arguments);
   void (*field_values)(const FieldValuesArguments& arguments);
   void (*field_heights)(const FieldHeightsArguments& arguments);
   const AttachKernels& attach;

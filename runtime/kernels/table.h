@@ -70,6 +70,7 @@ std::uint32_t predictOf(const PredictArguments& a) { return predict(a); }
 void applyOf(const ApplyArguments& a) { apply(a); }
 void settleOf(const SettleArguments& a) { settle(a); }
 double fieldEnergyOf(const FieldEnergyArguments& a) { return fieldEnergy(a); }
+void fieldModesOf(const FieldModesArguments& a) { fieldModes(a); }
 void fieldValuesOf(const FieldValuesArguments& a) { fieldValues(a); }
 void fieldHeightsOf(const FieldHeightsArguments& a) { fieldHeights(a); }
 
@@ -97,6 +98,7 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::addMotionOf,
           narrow::relaxRowsOf,
           fieldEnergyOf,
+          fieldModesOf,
           fieldValuesOf,
           fieldHeightsOf,
           narrow::kAttach};

@@ -17,6 +17,7 @@ Array<Field> makeFields(const formats::PackageView& package) {
     field.held = record.held != 0;
     field.k = record.function_count;
     field.driven = record.driven_count;
+    field.lowest_hz = double(record.lowest_hz);
     field.first_vertex = piece.first_vertex;
     field.vertex_count = piece.vertex_count;
     field.functions = package.fieldFunctions().subspan(record.first_function, record.function_count);
@@ -27,6 +28,7 @@ Array<Field> makeFields(const formats::PackageView& package) {
     field.gradients = package.fieldGradients().data()[record.first_gradient].data();
     field.values = package.fieldValues().data()[record.first_value].data();
     if (!field.points.empty()) field.point_values = package.fieldPointValues().data()[record.first_point_value].data();
+    field.modes = package.fieldModes().data()[record.first_mode].data();
     for (std::uint32_t v = 0; v < piece.vertex_count; ++v) {
       field.mass += double(package.physicalVertices()[piece.first_vertex + v].mass);
     }

@@ -28,11 +28,16 @@ struct Field {
   const float* gradients = nullptr;     ///< as FieldEnergyArguments wants them
   const float* values = nullptr;        ///< by eight vertices
   const float* point_values = nullptr;  ///< by eight points
+  const float* modes = nullptr;         ///< by eight modes: squared frequencies, then their 3 n coefficients
   std::uint32_t pack_count = 0;
 
   double mass = 0;         ///< kg
   double young = 0;        ///< mean Young's modulus, Pa
   double vertex_size = 0;  ///< cube root of the volume a vertex, m
+  double lowest_hz = 0;    ///< of the lowest elastic mode, Hz
+
+  /// Unknowns that are not prescribed: x, y and z of each function that no pin set drives.
+  std::uint32_t unknowns() const { return 3 * (k - driven); }
 
   /// phi_j at vertex i of the piece, or at contact point i.
   float valueAt(std::uint32_t i, std::uint32_t j) const { return values[8 * (i / 8 * k + j) + i % 8]; }

@@ -11,6 +11,10 @@ namespace {
 constexpr std::uint32_t kPairs = 5;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
+/// Rounding of shapes in floats, of their size.
+constexpr double kRounding = 3e-7;
+/// Squared frequencies of most elastic modes are below this times the lowest one's.
+constexpr double kRough = 30;
 /// Rounding of energies that are sums of floats, relative.
 constexpr double kEnergyNoise = 4e-6;
 
@@ -25,6 +29,26 @@ double dot(const float* a, const float* b, std::uint32_t n) {
   return total;
 }
 
+void solveFactored(const double* factor, std::uint32_t n, float* b, double* x) {
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const double* const row = factor + std::size_t(n) * i;
+    double even = 0, odd = 0;
+    std::uint32_t j = 0;
+    for (; j + 1 < i; j += 2) {
+      even += row[j] * x[j];
+      odd += row[j + 1] * x[j + 1];
+    }
+    if (j < i) even += row[j] * x[j];
+    x[i] = (double(b[i]) - (even + odd)) / row[i];
+  }
+  for (std::uint32_t i = n; i-- > 0;) {
+    const double* const row = factor + std::size_t(n) * i;
+    x[i] /= row[i];
+    for (std::uint32_t j = 0; j < i; ++j) x[j] -= row[j] * x[i];
+    b[i] = float(x[i]);
+  }
+}
+
 void add(float factor, const float* a, float* to, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; ++i) to[i] += factor * a[i];
 }
@@ -33,8 +57,8 @@ void add(float factor, const float* a, float* to, std::uint32_t n) {
 
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
     : base(memory), x(memory), d(memory), next(memory), gradient(memory), next_gradient(memory), direction(memory),
-      residual(memory), springs(memory), pairs(memory), lanes(memory), quaternions(memory), shape_inverse(memory),
-      inverted(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
+      residual(memory), springs(memory), pairs(memory), lanes(memory), parts(memory), quaternions(memory), shape_inverse(memory),
+      inverted(memory), whole_work(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
       work(memory), external(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
@@ -48,6 +72,8 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   grow(springs, k * k);
   grow(pairs, 8 * kPairs * k);
   grow(lanes, 24 * k);
+  grow(parts, 3 * k + 8);
+  grow(whole_work, 3 * k);
   grow(quaternions, 32 * std::size_t(field.pack_count));
   grow(inverted, 8 * std::size_t(field.pack_count));
   contacts.reserve(contact_count);
@@ -145,8 +171,35 @@ void Objective::press(const float* d) const {
 
 void Objective::precondition(float* g) const {
   const std::uint32_t k = field->k, driven = field->driven;
-  const double inertia = 1 / (h * h);
+  if (through_modes) {
+    // In the frame of the piece, where its stiffness is that of the rest shape.
+    const float* const r = rotation;
+    float* const local = scratch->x.data();
+    for (std::uint32_t j = driven; j < k; ++j) {
+      const float* const from = g + 4 * j;
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        local[3 * (j - driven) + c] = r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]);
+      }
+    }
+    FieldModesArguments arguments = {field->unknowns(), field->modes, float(1 / (h * h)), stiffness,
+                                     scratch->lanes.data(), local, scratch->parts.data(), nullptr, this};
+    if (whole != nullptr) {
+      arguments.solve = [](const void* objective, float* parts) {
+        const Objective& self = *static_cast<const Objective*>(objective);
+        solveFactored(self.whole, self.field->unknowns(), parts, self.scratch->whole_work.data());
+      };
+    }
+    kernels().field_modes(arguments);
+    for (std::uint32_t j = driven; j < k; ++j) {
+      const float* const from = local + 3 * (j - driven);
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        g[4 * j + c] = r[c] * from[0] + (r[3 + c] * from[1] + r[6 + c] * from[2]);
+      }
+    }
+    return;
+  }
   if (factor == nullptr) {
+    const double inertia = 1 / (h * h);
     for (std::uint32_t j = driven; j < k; ++j) {
       const float inverse = float(1 / (inertia + double(stiffness) * double(field->functions[j].stiffness)));
       for (std::uint32_t c = 0; c < 3; ++c) g[4 * j + c] *= inverse;
@@ -188,13 +241,21 @@ bool factorize(double* a, std::uint32_t n) {
   return true;
 }
 
-Objective::Value minimize(const Objective& objective, std::uint32_t iterations, Objective::Value value) {
+double Objective::roughStiffness() const {
+  const double omega = 2 * M_PI * double(field->lowest_hz);
+  return kRough * double(stiffness) * omega * omega;
+}
+
+Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value value) {
   MinimizeScratch& s = *objective.scratch;
   const std::uint32_t n = 4 * objective.field->k;
   std::array<double, kPairs> curvature = {}, alpha = {};
   std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
+  const double size2 = dot(s.base.data(), s.base.data(), n), rough = objective.roughStiffness();
+  const double moves = kRounding * std::min(1.0, objective.h * objective.h * rough), noise2 = moves * moves * size2;
+  const double energy_noise = kRounding * kRounding * rough * size2;
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(s.gradient.data(), n, s.direction.data());
     for (std::uint32_t i = 0; i < pairs; ++i) {
@@ -214,21 +275,25 @@ Objective::Value minimize(const Objective& objective, std::uint32_t iterations, 
       pairs = 0;
       continue;
     }
-    const double way2 = dot(s.d.data(), s.d.data(), n), size2 = dot(s.base.data(), s.base.data(), n);
-    if (dot(s.direction.data(), s.direction.data(), n) <= kSettled * kSettled * way2 + 1e-15 * size2) break;
+    const double way2 = dot(s.d.data(), s.d.data(), n);
+    if (dot(s.direction.data(), s.direction.data(), n) <= kSettled * kSettled * way2 + noise2) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;
     for (std::uint32_t tries = 0; tries < 6 && !taken; ++tries) {
       for (std::uint32_t i = 0; i < n; ++i) s.next[i] = s.d[i] - part * s.direction[i];
       next = objective.at(s.next.data(), s.next_gradient.data(), false);
-      const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic));
+      const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
       taken = next.total <= value.total - 1e-4 * double(part) * slope + noise;
-      if (!taken) part *= tries == 0 ? 0.5F : 0.25F;
+      if (taken) break;
+      part *= tries == 0 ? 0.5F : 0.25F;
+      // The rest shape's stiffness is no guide here: A, which is never too soft, is.
+      if (objective.through_modes) break;
     }
     ++iteration;
     if (!taken) {
-      if (pairs == 0) break;
+      if (pairs == 0 && !objective.through_modes) break;
+      objective.through_modes = false;
       pairs = 0;
       continue;
     }

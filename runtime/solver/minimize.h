@@ -32,8 +32,9 @@ struct MinimizeScratch {
 
   Array<float> base, x, d, next, gradient, next_gradient, direction, residual, springs;
   Array<float> pairs;  ///< five of s and y each
-  Array<float> lanes, quaternions, shape_inverse;
+  Array<float> lanes, parts, quaternions, shape_inverse;
   Array<std::int32_t> inverted;
+  Array<double> whole_work;
   Array<Contact> contacts;
   Array<float> rows;           ///< phi of the contacts
   Array<TouchingPoint> touched_before;
@@ -50,7 +51,9 @@ struct Objective {
   float friction = 0;                     ///< Coulomb coefficient
   Eigen::Vector3f normal = {0, 1, 0};     ///< of the plane
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
-  const double* factor = nullptr;         ///< Cholesky factor of the undriven block; null: diagonal
+  const double* factor = nullptr;   ///< Cholesky factor of A, n x n; null: A is diagonal
+  const double* whole = nullptr;    ///< Cholesky factor of the rest stiffness with springs, 3 n x 3 n, between its modes
+  bool through_modes = false;       ///< the preconditioner is that of the rest shape, turned along, not A
   MinimizeScratch* scratch = nullptr;
 
   struct Value {
@@ -64,13 +67,15 @@ struct Objective {
   double external(const float* d, float* gradient) const;
   /// Normal forces of the contacts at d become what friction sees.
   void press(const float* d) const;
-  /// A^-1 g in place.
+  /// A^-1 g in place, or the same of the rest shape.
   void precondition(float* g) const;
+  /// Squared angular frequency above most elastic modes: what floats round of a shape pulls as if it were this stiff.
+  double roughStiffness() const;
 };
 
 /// L-BFGS(5) about the constant matrix A, with an energy check, from the offset in scratch.d, whose value is known.
 /// \return the value at the offset that scratch.d then holds, whose gradient scratch.gradient holds.
-Objective::Value minimize(const Objective& objective, std::uint32_t iterations, Objective::Value start);
+Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value start);
 
 /// Cholesky factor of a symmetric positive matrix in place, lower triangle row by row; false where it is not positive.
 bool factorize(double* a, std::uint32_t n);

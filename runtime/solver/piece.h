@@ -33,6 +33,7 @@ struct PieceState {
   Array<Vector3d> z_before, v_before;  ///< one step earlier
   double h_before = 0;          ///< length of the last step, s; 0: z_before says nothing
   double elastic = 0;           ///< energy that the shape stores, J
+  bool elastic_known = false;
   Array<TouchingPoint> touching;
   bool steady = true;  ///< what touched in the last step had touched in the one before
   double budget = -1;  ///< what a free piece may have of energy about its centre, J; negative: what it has
@@ -41,7 +42,7 @@ struct PieceState {
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
 struct Piece {
   Piece(const Field* free_field, const Field* held_field, std::pmr::memory_resource* memory)
-      : free(free_field), fixed(held_field), state(memory), springs(memory), row(memory), factor(memory), factor_points(memory) {}
+      : free(free_field), fixed(held_field), state(memory), springs(memory), row(memory), whole(memory), factor(memory), factor_points(memory) {}
 
   const Field& field() const { return state.held ? *fixed : *free; }
   CoefficientMap z() { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
@@ -56,6 +57,10 @@ struct Piece {
   Array<double> springs;  ///< k x k: sum kappa phi phi^T of pins and picks
   bool springs_known = false;
   Array<double> row;  ///< scratch, k
+  // Cholesky factor of the rest stiffness with springs and contacts between its modes: 3 n x 3 n, for what stays.
+  Array<double> whole;
+  double whole_h = 0;
+  std::uint32_t same_steps = 0;  ///< for so many steps springs, contacts and their length have stayed
   // Cholesky factor of diag(1/h^2 + w) + springs + contacts, and what it was made for.
   Array<double> factor;
   Array<std::uint32_t> factor_points;

@@ -14,6 +14,8 @@ namespace {
 /// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
 /// energy (docs/method.md).
 constexpr double kLargeTurn = 0.1;
+/// After so many steps with the same springs and contacts a larger factor pays.
+constexpr std::uint32_t kStays = 3;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
 
@@ -281,6 +283,7 @@ class PieceStep {
   /// The factor of A: kept while the step's length, the springs and the contacts stay.
   void factorizeSystem() {
     const bool any = springs_ || !s_.contacts.empty();
+    objective_.through_modes = !any;
     if (!any) return;
     const std::uint32_t driven = field_.driven, n = k_ - driven;
     bool same = piece_.factor_h == effective_h_ && piece_.factor_points.size() == s_.contacts.size();
@@ -311,12 +314,62 @@ class PieceStep {
         piece_.factor_h = 0;
         return;
       }
+      piece_.whole_h = 0;
       piece_.factor_h = effective_h_;
       piece_.factor_contact = s_.contacts.empty() ? 0 : double(s_.contacts[0].kappa);
       piece_.factor_points.clear();
       for (const Contact& contact : s_.contacts) piece_.factor_points.push_back(contact.point);
     }
     objective_.factor = piece_.factor.data();
+    // What stays is worth a better one.
+    piece_.same_steps = same ? piece_.same_steps + 1 : 0;
+    if (piece_.same_steps >= kStays && (piece_.whole_h == effective_h_ || factorizeWhole())) {
+      objective_.whole = piece_.whole.data();
+      objective_.through_modes = true;
+    }
+  }
+
+  /// diag(1/h^2 + squared frequencies) + Q^T (springs and contacts) Q: springs pull alike in all directions, so this
+  /// turns with the piece. \return whether it is positive.
+  bool factorizeWhole() {
+    const std::uint32_t driven = field_.driven, n = k_ - driven, unknowns = field_.unknowns();
+    Array<double>& a = piece_.whole;
+    a.resize(std::size_t(unknowns) * unknowns);
+    const auto modeAt = [&](std::uint32_t mode, std::uint32_t i) {
+      return double(field_.modes[std::size_t(mode / 8) * 8 * (unknowns + 1) + 8 * i + mode % 8]);
+    };
+    // C = sum kappa phi phi^T, whole, where the scalar factor's matrix was.
+    Array<double>& springs = scratch_.springs;
+    springs.resize(std::size_t(n) * n);
+    for (std::uint32_t i = 0; i < n; ++i) {
+      for (std::uint32_t j = 0; j < n; ++j) {
+        double sum = springs_ ? piece_.springs[std::size_t(k_) * (driven + i) + driven + j] : 0;
+        for (const Contact& contact : s_.contacts) {
+          sum += double(contact.kappa) * double(contact.phi[driven + i]) * double(contact.phi[driven + j]);
+        }
+        springs[std::size_t(n) * i + j] = sum;
+      }
+    }
+    Array<double>& column = scratch_.column;  // C q of a mode
+    column.resize(unknowns);
+    for (std::uint32_t m = 0; m < unknowns; ++m) {
+      std::fill_n(column.begin(), unknowns, 0.0);
+      for (std::uint32_t j = 0; j < n; ++j) {
+        const double q[3] = {modeAt(m, 3 * j + 1), modeAt(m, 3 * j + 2), modeAt(m, 3 * j + 3)};
+        for (std::uint32_t i = 0; i < n; ++i) {
+          const double c = springs[std::size_t(n) * i + j];
+          for (std::uint32_t axis = 0; axis < 3; ++axis) column[3 * i + axis] += c * q[axis];
+        }
+      }
+      for (std::uint32_t other = 0; other <= m; ++other) {
+        double sum = 0;
+        for (std::uint32_t i = 0; i < unknowns; ++i) sum += modeAt(other, i + 1) * column[i];
+        if (other == m) sum += 1 / (effective_h_ * effective_h_) + double(stiffness_) * modeAt(m, 0);
+        a[std::size_t(unknowns) * m + other] = sum;
+      }
+    }
+    piece_.whole_h = factorize(a.data(), unknowns) ? effective_h_ : 0;
+    return piece_.whole_h > 0;
   }
 
   void solve() {
@@ -344,16 +397,18 @@ class PieceStep {
     }
     std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
     if (grounded_) objective_.press(s_.next.data());
-    const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
-    if (old.total < value.total) {
-      value = old;
-      std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
-      std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
-    } else if (grounded_ && !s_.contacts.empty()) {
-      objective_.press(s_.d.data());
-      value = objective_.at(s_.d.data(), s_.gradient.data(), false);
+    // The old shape's energy is known.
+    const double expected = piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr);
+    if (!piece_.state.elastic_known || expected < value.total) {
+      const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+      if (old.total < value.total) {
+        value = old;
+        std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
+        std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
+      }
     }
-    value_ = minimize(objective_, settings_.iterations, value);
+    if (grounded_) objective_.press(s_.d.data());
+    value_ = minimize(objective_, 2 * settings_.iterations, value);
   }
 
   void settle() {
@@ -384,6 +439,7 @@ class PieceStep {
     state.steady = steady;
     const bool free = field_.driven == 0 && !springs_ && state.touching.empty() && touched == 0;
     state.elastic = value_.elastic;
+    state.elastic_known = true;
     if (free) keepMomentum(z, v);
     keepEnergy(z, v, free);
     if (springs_ || field_.driven > 0) react();
@@ -513,7 +569,7 @@ void resizeState(Piece& piece) {
     array->resize(k);
   }
   piece.springs_known = false;
-  piece.factor_h = 0;
+  piece.factor_h = piece.whole_h = 0;
 }
 
 }  // namespace
@@ -557,6 +613,7 @@ void restPiece(const Body& body, Piece& piece) {
   }
   state.h_before = 0;
   state.elastic = 0;
+  state.elastic_known = true;
   state.budget = 0;
   state.steady = true;
   state.touching.clear();
@@ -653,6 +710,7 @@ void project(Body& body) {
       for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;
     }
     state.h_before = 0;
+    state.elastic_known = false;
     state.budget = -1;
     state.steady = true;
     state.touching.clear();

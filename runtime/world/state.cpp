@@ -162,7 +162,7 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
     const auto saved = reader.get<SavedPiece>();
     const internal::Field* field = saved.held != 0 ? piece.fixed : piece.free;
     if (field == nullptr || saved.functions != field->k || saved.touching > internal::kMostContacts ||
-        saved.held > 1 || saved.steady > 1 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
+        saved.held > 1 || saved.steady > 3 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
       return false;
     }
     const std::size_t size = pieceBytes(saved.functions, saved.touching);
@@ -171,9 +171,10 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
     internal::PieceState& state = piece.state;
     if (!only_check) {
       state.held = saved.held != 0;
-      state.steady = saved.steady != 0;
+      state.steady = (saved.steady & 1U) != 0;
       state.h_before = saved.h_before;
       state.elastic = saved.elastic;
+      state.elastic_known = (saved.steady & 2U) != 0;
       state.budget = saved.budget;
       state.touching.clear();
       piece.springs_known = false;
@@ -322,7 +323,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   for (const internal::Piece& piece : body->pieces) {
     const internal::PieceState& state = piece.state;
     const SavedPiece saved = {state.held ? 1U : 0U, std::uint32_t(state.z.size()), std::uint32_t(state.touching.size()),
-                              state.steady ? 1U : 0U, state.h_before, state.elastic, state.budget};
+                              (state.steady ? 1U : 0U) | (state.elastic_known ? 2U : 0U), state.h_before, state.elastic, state.budget};
     writer.put(&saved, 1);
     for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
       writer.put(reinterpret_cast<const std::array<double, 3>*>(array->data()), array->size());

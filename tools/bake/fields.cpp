@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/bake/fields.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -99,6 +100,31 @@ void appendBlocks(const Eigen::MatrixXd& rows, std::vector<formats::Lanes>& to) 
       to.push_back(lanes);
     }
   }
+}
+
+/// The modes of the sampled rest stiffness: eigenvalues, and eigenvectors as columns. Unknown 3 j + axis is function
+/// driven + j.
+Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modesOf(const FieldSpace& space) {
+  const Eigen::Index n = space.values.cols() - Eigen::Index(space.driven_count);
+  Eigen::MatrixXd stiffness = Eigen::MatrixXd::Zero(3 * n, 3 * n);
+  for (const FieldSample& sample : space.samples) {
+    const Eigen::MatrixX3d g = sample.gradients.bottomRows(n);
+    // Strain of a unit of each unknown: xx, yy, zz, and the shears times sqrt(2).
+    Eigen::MatrixXd strain = Eigen::MatrixXd::Zero(6, 3 * n);
+    const double half = std::sqrt(0.5);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      for (Eigen::Index axis = 0; axis < 3; ++axis) {
+        const Eigen::Index next = (axis + 1) % 3, column = 3 * j + axis;
+        strain(axis, column) = g(j, axis);
+        strain(3 + axis, column) += half * g(j, next);
+        strain(3 + axis, 3 * j + next) += half * g(j, axis);
+      }
+    }
+    const Eigen::RowVectorXd trace = strain.topRows<3>().colwise().sum();
+    stiffness.selfadjointView<Eigen::Lower>().rankUpdate(strain.transpose(), 2 * sample.volume * sample.mu);
+    stiffness.selfadjointView<Eigen::Lower>().rankUpdate(trace.transpose(), sample.volume * sample.lambda);
+  }
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(stiffness);
 }
 
 class PieceFields {
@@ -306,6 +332,20 @@ class PieceFields {
       content_.field_points.push_back({places_[i], float(area_)});
     }
     appendBlocks(at_points, content_.field_point_values);
+    field.first_mode = std::uint32_t(content_.field_modes.size());
+    const auto modes = modesOf(space);
+    const Eigen::Index unknowns = modes.eigenvalues().size();
+    for (Eigen::Index block = 0; 8 * block < unknowns; ++block) {
+      for (Eigen::Index i = -1; i < unknowns; ++i) {
+        formats::Lanes lanes = {};
+        for (Eigen::Index lane = 0; lane < 8 && 8 * block + lane < unknowns; ++lane) {
+          const Eigen::Index mode = 8 * block + lane;
+          lanes[std::size_t(lane)] =
+              float(i < 0 ? std::max(0.0, modes.eigenvalues()[mode]) : modes.eigenvectors()(i, mode));
+        }
+        content_.field_modes.push_back(lanes);
+      }
+    }
     content_.fields.push_back(field);
     return {{"functions", k},
             {"driven", space.driven_count},

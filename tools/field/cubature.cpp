@@ -9,7 +9,6 @@
 
 namespace sinew::tools::field {
 namespace {
-static double ENV(const char* n, double d) { const char* e = getenv(n); return e ? atof(e) : d; }
 
 // Candidates by wanted sample.
 constexpr std::size_t kCandidates = 3;
@@ -17,8 +16,12 @@ constexpr std::size_t kCandidates = 3;
 constexpr double kNoResistance = 1e-10;
 // What the sampled rest stiffness keeps of the full one, in every direction.
 constexpr double kLeast = 0.7;
+// Displacements as random forces make them, against all alike.
+constexpr double kForces = 5;
 // Uniform strains among the displacements that weights are fitted to, against all others together.
 constexpr double kUniformStrain = 0.3;
+// Pull of weights to 1, of the mean diagonal of the normal equations.
+constexpr double kRegular = 1e-5;
 // Least weight of a sample, of the volume that it stands for.
 constexpr double kLeastWeight = 0.02;
 // Weight of a direction that was too soft, of the mean one.
@@ -63,7 +66,7 @@ Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Ei
   if (moving > 0) {
     const VectorXd compliance = inner.eigenvalues().tail(moving).cwiseInverse();
     MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.eigenvectors().rightCols(moving);
-    y = (y * (compliance.cwiseProduct(compliance) * (ENV("FORCE", 5) / compliance.sum())).cwiseSqrt().asDiagonal()).eval();
+    y = (y * (compliance.cwiseProduct(compliance) * (kForces / compliance.sum())).cwiseSqrt().asDiagonal()).eval();
     result.metric += y * y.transpose();
   }
   for (int s = 0; s < 6; ++s) {
@@ -72,7 +75,7 @@ Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Ei
     if (s >= 3) strain(s - 3, (s - 2) % 3) = strain((s - 2) % 3, s - 3) = 1;
     const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> moved = rest * strain;
     const VectorXd y = result.from.transpose() * (stiffness * Eigen::Map<const VectorXd>(moved.data(), moved.size()));
-    result.metric += ENV("UNI", kUniformStrain) * y.normalized() * y.normalized().transpose();
+    result.metric += kUniformStrain * y.normalized() * y.normalized().transpose();
   }
   result.root = Eigen::LLT<MatrixXd>(result.metric).matrixU();
   return result;
@@ -207,7 +210,7 @@ class Fit {
     for (Index m = 0; m < most; ++m) {
       const VectorXd soft = directions_.col(m);
       add(strongest(soft));
-      const double weight = ENV("SOFT",kSoftWeight) * space_.metric.trace() / double(soft.size());
+      const double weight = kSoftWeight * space_.metric.trace() / double(soft.size());
       VectorXd energy(weight_.size());
       for (Index s = 0; s < energy.size(); ++s) energy[s] = (factor_.middleCols(6 * s, 6).transpose() * soft).squaredNorm();
       normal_ += weight * energy * energy.transpose();
@@ -259,7 +262,7 @@ class Fit {
     }
     target_.resize(n);
     for (Index s = 0; s < n; ++s) target_[s] = (space_.metric * factor_.middleCols(6 * s, 6)).squaredNorm();
-    regular_ = ENV("REG",1e-5) * normal_.diagonal().mean();
+    regular_ = kRegular * normal_.diagonal().mean();
     normal_.diagonal().array() += regular_;
     target_.array() += regular_;
   }

@@ -4,73 +4,14 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
+#include "tools/field/answers.h"
+
 namespace sinew::tools::field {
 namespace {
 
 constexpr Index kBlock = 8;
 
-// Order of elimination by approximate minimum degree on nodes, so that a node's three unknowns stay together.
-std::vector<Index> orderOf(const Elastic& elastic, const std::vector<bool>& fixed) {
-  std::vector<Index> free_nodes, place(fixed.size(), -1);
-  for (std::size_t i = 0; i < fixed.size(); ++i) {
-    if (fixed[i]) continue;
-    place[i] = Index(free_nodes.size());
-    free_nodes.push_back(Index(i));
-  }
-  std::vector<Eigen::Triplet<double>> entries;
-  for (const Index j : free_nodes) {
-    for (Sparse::InnerIterator it(elastic.scalar, j); it; ++it) {
-      if (!fixed[std::size_t(it.row())]) entries.emplace_back(int(place[std::size_t(it.row())]), int(place[std::size_t(j)]), 1.0);
-    }
-  }
-  Sparse graph(Index(free_nodes.size()), Index(free_nodes.size()));
-  graph.setFromTriplets(entries.begin(), entries.end());
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
-  Eigen::AMDOrdering<int>()(graph, order);
-  std::vector<Index> result;
-  for (Index i = 0; i < order.size(); ++i) result.push_back(free_nodes[std::size_t(order.indices()[i])]);
-  return result;
-}
-
 }  // namespace
-
-Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double shift)
-    : full_(3 * elastic.nodes()) {
-  std::vector<Index> place(std::size_t(full_), -1);
-  for (const Index node : orderOf(elastic, fixed)) {
-    for (Index a = 0; a < 3; ++a) {
-      place[std::size_t(3 * node + a)] = Index(row_.size());
-      row_.push_back(3 * node + a);
-    }
-  }
-  std::vector<Eigen::Triplet<double>> entries;
-  for (std::size_t c = 0; c < row_.size(); ++c) {
-    for (Sparse::InnerIterator it(elastic.stiffness, row_[c]); it; ++it) {
-      const Index r = place[std::size_t(it.row())];
-      if (r < Index(c)) continue;
-      const double diagonal = r == Index(c) ? shift * elastic.node_mass[row_[c] / 3] : 0;
-      entries.emplace_back(int(r), int(c), it.value() + diagonal);
-    }
-  }
-  Sparse lower(Index(row_.size()), Index(row_.size()));
-  lower.setFromTriplets(entries.begin(), entries.end());
-  factor_.compute(lower);
-}
-
-MatrixXd Solver::solve(const MatrixXd& forces) const {
-  MatrixXd permuted(Index(row_.size()), forces.cols());
-  for (Index r = 0; r < permuted.rows(); ++r) permuted.row(r) = forces.row(row_[std::size_t(r)]);
-  permuted = factor_.solve(permuted).eval();
-  MatrixXd result = MatrixXd::Zero(full_, forces.cols());
-  for (Index r = 0; r < permuted.rows(); ++r) result.row(row_[std::size_t(r)]) = permuted.row(r);
-  return result;
-}
-
-VectorXd byAxis(const VectorXd& on_nodes) {
-  VectorXd result(3 * on_nodes.size());
-  for (Index i = 0; i < on_nodes.size(); ++i) result.segment<3>(3 * i).setConstant(on_nodes[i]);
-  return result;
-}
 
 MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& have, Index count) {
   const VectorXd root = mass.cwiseSqrt();

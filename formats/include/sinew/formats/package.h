@@ -114,6 +114,7 @@ class PackageView {
   std::span<const Lanes> fieldGradients() const { return list<Lanes, section::field_gradients>(); }
   std::span<const Lanes> fieldValues() const { return list<Lanes, section::field_values>(); }
   std::span<const FieldPoint> fieldPoints() const { return list<FieldPoint, section::field_points>(); }
+  std::span<const Lanes> fieldModes() const { return list<Lanes, section::field_modes>(); }
   std::span<const Lanes> fieldPointValues() const { return list<Lanes, section::field_point_values>(); }
 
  private:

@@ -298,10 +298,10 @@ struct Field {
   std::uint32_t first_value;               ///< into FVAL: k for every eight vertices of the piece
   std::uint32_t first_point, point_count;  ///< into FPNT
   std::uint32_t first_point_value;         ///< into FPTV: k for every eight points
+  std::uint32_t first_mode;                ///< into FMOD: 3 n + 1 for every eight of its 3 n modes, n functions not driven
   float lowest_hz;         ///< frequency of the lowest elastic mode of the piece, free or held, Hz
   float static_error;      ///< largest rms error of the static answers that the bake tried, of their rms displacement
   float least_eigenvalue;  ///< of the sampled rest stiffness against that of all tetrahedra
-  std::uint32_t reserved0;
 };
 static_assert(sizeof(Field) == 64);
 
@@ -327,6 +327,10 @@ static_assert(sizeof(FieldPack) == 192);
 // FGRD: Lanes; pack by pack, function by function: d phi / dX, dY, dZ at the eight samples, 1/m.
 // FVAL: Lanes; for every eight vertices of the piece, function by function: phi at them. Lanes behind the last: 0.
 // FPTV: the same at the contact points.
+
+// FMOD: Lanes; for every eight elastic modes of the rest shape, rigid ones among them: their squared angular frequencies,
+// 1/s^2, then for each function that is not driven their x, y and z coefficients. Modes are orthonormal. Lanes behind the
+// last: 0. They speed up the solver and decide nothing.
 
 /// FPNT: a point of the surface that may touch.
 struct FieldPoint {
@@ -460,7 +464,7 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                mask_weights = fourcc("MSKV"), fields = fourcc("FELD"), field_functions = fourcc("FFUN"),
                                field_packs = fourcc("FPAK"), field_gradients = fourcc("FGRD"),
                                field_values = fourcc("FVAL"), field_points = fourcc("FPNT"),
-                               field_point_values = fourcc("FPTV");
+                               field_point_values = fourcc("FPTV"), field_modes = fourcc("FMOD");
 
 /// All of them, in the order in which the writer lays sections out.
 inline constexpr std::array kAll = {info,
@@ -506,7 +510,8 @@ inline constexpr std::array kAll = {info,
                                     field_gradients,
                                     field_values,
                                     field_points,
-                                    field_point_values};
+                                    field_point_values,
+                                    field_modes};
 
 /// Place of an id in kAll, or kAll.size() for an id this software does not know.
 constexpr std::size_t indexOf(std::uint32_t id) {

@@ -56,7 +56,7 @@ struct PackageContent {
   std::vector<FieldPack> field_packs;
   std::vector<Lanes> field_gradients, field_values;
   std::vector<FieldPoint> field_points;
-  std::vector<Lanes> field_point_values;
+  std::vector<Lanes> field_point_values, field_modes;
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/field/solver.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <limits>
+
+namespace sinew::tools::field {
+namespace {
+
+// Sets of so many nodes are not cut any more.
+constexpr std::size_t kLeaf = 24;
+
+MatrixXd gather(const MatrixXd& from, const std::vector<std::uint32_t>& nodes) {
+  MatrixXd result(3 * Index(nodes.size()), from.cols());
+  for (std::size_t i = 0; i < nodes.size(); ++i) result.middleRows<3>(3 * Index(i)) = from.middleRows<3>(3 * Index(nodes[i]));
+  return result;
+}
+
+void scatter(const MatrixXd& values, const std::vector<std::uint32_t>& nodes, MatrixXd& to) {
+  for (std::size_t i = 0; i < nodes.size(); ++i) to.middleRows<3>(3 * Index(nodes[i])) = values.middleRows<3>(3 * Index(i));
+}
+
+}  // namespace
+
+Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double shift) {
+  std::vector<std::uint32_t> nodes;
+  for (std::uint32_t i = 0; i < fixed.size(); ++i) {
+    if (!fixed[i]) nodes.push_back(i);
+  }
+  if (nodes.empty()) return;
+  dissect(elastic, std::move(nodes));
+  setLater(elastic, fixed);
+  factorize(elastic, shift);
+}
+
+// Cuts at the median of the longest axis; the nodes of one half that touch the other are the separator.
+std::size_t Solver::dissect(const Elastic& elastic, std::vector<std::uint32_t> nodes) {
+  Front front;
+  if (nodes.size() > kLeaf) {
+    const auto at = [&](std::uint32_t i) { return elastic.positions.row(elastic.vertex_of[i]); };
+    Eigen::RowVector3d low = at(nodes[0]), high = low;
+    for (const auto i : nodes) low = low.cwiseMin(at(i)), high = high.cwiseMax(at(i));
+    Index axis = 0;
+    (high - low).maxCoeff(&axis);
+    const auto middle = nodes.begin() + std::ptrdiff_t(nodes.size() / 2);
+    std::sort(nodes.begin(), nodes.end(), [&](auto a, auto b) {
+      return at(a)[axis] < at(b)[axis] || (at(a)[axis] == at(b)[axis] && a < b);
+    });
+    std::vector<std::vector<std::uint32_t>> half = {{nodes.begin(), middle}, {middle, nodes.end()}};
+    std::vector<char> side(std::size_t(elastic.nodes()), 0);
+    for (std::size_t h = 0; h < 2; ++h) {
+      for (const auto i : half[h]) side[i] = char(h + 1);
+    }
+    std::vector<std::vector<std::uint32_t>> touching(2), inside(2);
+    for (std::size_t h = 0; h < 2; ++h) {
+      for (const auto i : half[h]) {
+        bool touches = false;
+        for (Sparse::InnerIterator it(elastic.scalar, Index(i)); it; ++it) touches |= side[std::size_t(it.row())] == char(2 - h);
+        (touches ? touching : inside)[h].push_back(i);
+      }
+    }
+    const std::size_t cut = touching[0].size() <= touching[1].size() ? 0 : 1;
+    front.own = touching[cut];
+    half[cut] = inside[cut];
+    for (auto& part : half) {
+      if (!part.empty()) front.children.push_back(dissect(elastic, std::move(part)));
+    }
+  } else {
+    front.own = std::move(nodes);
+  }
+  fronts_.push_back(std::move(front));
+  return fronts_.size() - 1;
+}
+
+void Solver::setLater(const Elastic& elastic, const std::vector<bool>& fixed) {
+  place_.assign(fixed.size(), std::numeric_limits<std::size_t>::max());
+  std::size_t count = 0;
+  for (const Front& front : fronts_) {
+    for (const auto i : front.own) place_[i] = count++;
+  }
+  count = 0;
+  for (Front& front : fronts_) {
+    count += front.own.size();
+    std::vector<std::uint32_t> later;
+    for (const auto i : front.own) {
+      for (Sparse::InnerIterator it(elastic.scalar, Index(i)); it; ++it) later.push_back(std::uint32_t(it.row()));
+    }
+    for (const auto c : front.children) later.insert(later.end(), fronts_[c].later.begin(), fronts_[c].later.end());
+    std::erase_if(later, [&](auto i) { return fixed[i] || place_[i] < count; });
+    std::sort(later.begin(), later.end(), [&](auto a, auto b) { return place_[a] < place_[b]; });
+    later.erase(std::unique(later.begin(), later.end()), later.end());
+    front.later = std::move(later);
+  }
+}
+
+void Solver::factorize(const Elastic& elastic, double shift) {
+  std::vector<MatrixXd> complements(fronts_.size());  // lower triangles; what later nodes get from a front
+  std::vector<Index> local(place_.size(), -1);
+  for (std::size_t f = 0; f < fronts_.size(); ++f) {
+    Front& front = fronts_[f];
+    const Index own = 3 * Index(front.own.size()), later = 3 * Index(front.later.size());
+    for (std::size_t i = 0; i < front.own.size(); ++i) local[front.own[i]] = 3 * Index(i);
+    for (std::size_t i = 0; i < front.later.size(); ++i) local[front.later[i]] = own + 3 * Index(i);
+    MatrixXd dense = MatrixXd::Zero(own + later, own + later);
+    for (const auto j : front.own) {
+      for (Index b = 0; b < 3; ++b) {
+        for (Sparse::InnerIterator it(elastic.stiffness, 3 * Index(j) + b); it; ++it) {
+          const auto i = std::size_t(it.row() / 3);
+          if (place_[i] < place_[front.own[0]] || place_[i] == std::numeric_limits<std::size_t>::max()) continue;
+          dense(local[i] + it.row() % 3, local[j] + b) = it.value();
+        }
+        dense(local[j] + b, local[j] + b) += shift * elastic.node_mass[Index(j)];
+      }
+    }
+    for (const auto c : front.children) {
+      const auto& nodes = fronts_[c].later;
+      for (std::size_t j = 0; j < nodes.size(); ++j) {
+        for (std::size_t i = j; i < nodes.size(); ++i) {
+          dense.block<3, 3>(local[nodes[i]], local[nodes[j]]) += complements[c].block<3, 3>(3 * Index(i), 3 * Index(j));
+        }
+      }
+      complements[c].resize(0, 0);
+    }
+    complements[f] = dense.bottomRightCorner(later, later);
+    if (own == 0) continue;  // two halves that do not touch
+    front.diagonal = Eigen::LLT<MatrixXd>(dense.topLeftCorner(own, own)).matrixL();
+    front.below = dense.bottomLeftCorner(later, own);
+    front.diagonal.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(front.below);
+    complements[f].selfadjointView<Eigen::Lower>().rankUpdate(front.below, -1);
+    // The diagonal blocks are added whole.
+    for (Index i = 0; i < later; i += 3) {
+      for (Index a = 0; a < 3; ++a) {
+        for (Index b = 0; b < a; ++b) complements[f](i + b, i + a) = complements[f](i + a, i + b);
+      }
+    }
+  }
+}
+
+MatrixXd Solver::solve(const MatrixXd& forces) const {
+  MatrixXd x = forces;
+  for (std::size_t i = 0; i < place_.size(); ++i) {
+    if (place_[i] == std::numeric_limits<std::size_t>::max()) x.middleRows<3>(3 * Index(i)).setZero();
+  }
+  if (fronts_.empty()) return MatrixXd::Zero(forces.rows(), forces.cols());
+  for (const Front& front : fronts_) {
+    if (front.own.empty()) continue;
+    MatrixXd own = gather(x, front.own);
+    front.diagonal.triangularView<Eigen::Lower>().solveInPlace(own);
+    scatter(own, front.own, x);
+    scatter(gather(x, front.later) - front.below * own, front.later, x);
+  }
+  for (auto front = fronts_.rbegin(); front != fronts_.rend(); ++front) {
+    if (front->own.empty()) continue;
+    MatrixXd own = gather(x, front->own) - front->below.transpose() * gather(x, front->later);
+    front->diagonal.triangularView<Eigen::Lower>().transpose().solveInPlace(own);
+    scatter(own, front->own, x);
+  }
+  return x;
+}
+
+}  // namespace sinew::tools::field
