@@ -180,6 +180,7 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.stiffness_scale = s.stiffness_scale;
   result.keep_previous = s.keep_previous ? 1 : 0;
   result.package_pins = s.package_pins ? 1 : 0;
+  result.solver = std::uint32_t(s.solver);
   return result;
 }
 
@@ -190,6 +191,7 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.stiffness_scale = s.stiffness_scale;
   result.keep_previous = s.keep_previous != 0;
   result.package_pins = s.package_pins != 0;
+  result.solver = s.solver == 0 ? sinew::Solver::coupled : sinew::Solver::report;
   return result;
 }
 
@@ -724,6 +726,18 @@ sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_t body, fl
                   std::copy(matrix.begin(), matrix.end(), rotation);
                   std::copy(vector.begin(), vector.end(), translation);
                 });
+}
+
+sinew_status sinew_body_energy(const sinew_world* world, uint32_t body, double* kinetic, double* elastic) {
+  return onBody("sinew_body_energy", world, body, true, [&](const sinew::World& w, sinew::BodyId id) {
+    const sinew::BodyEnergy energy = w.energy(id);
+    if (kinetic != nullptr) *kinetic = energy.kinetic;
+    if (elastic != nullptr) *elastic = energy.elastic;
+  });
+}
+
+sinew_status sinew_world_shift_origin(sinew_world* world, const float* by) {
+  return onWorld("sinew_world_shift_origin", world, by != nullptr, [&](sinew::World& w) { w.shiftOrigin(vec3(by)); });
 }
 
 sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster, float center[3],

@@ -53,7 +53,8 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       answers(memory),
       history(memory) {
   std::uint32_t most_functions = 0, most_vertices = 0;
-  for (std::uint32_t p = 0; p < package().bodies().size() && !rest().fields.empty(); ++p) {
+  const bool has_pieces = !rest().fields.empty() && settings.solver == Solver::coupled;
+  for (std::uint32_t p = 0; has_pieces && p < package().bodies().size(); ++p) {
     const Field *const free = fieldOf(rest().fields, p, false), *const fixed = fieldOf(rest().fields, p, true);
     Piece& piece = pieces.emplace_back(free, fixed, memory);
     const std::size_t k = std::max(free->k, fixed != nullptr ? fixed->k : 0U);

@@ -565,6 +565,37 @@ std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
   return body->picks.size();
 }
 
+BodyEnergy World::energy(BodyId id) const {
+  Body* body = impl_->seen(id, "energy");
+  BodyEnergy result;
+  if (body == nullptr) return result;
+  if (!body->pieces.empty()) {
+    result.kinetic = internal::kineticEnergy(*body);
+    impl_->guarded("energy", false, [&] {
+      internal::PieceScratch scratch(impl_->memory);
+      result.elastic = internal::elasticEnergy(*body, scratch);
+      return true;
+    });
+    return result;
+  }
+  for (std::uint32_t i = 0; i < body->vertexCount(); ++i) {
+    result.kinetic += 0.5 * double(body->vertices()[i].mass) * double(asVector(body->v[i]).squaredNorm());
+  }
+  return result;
+}
+
+void World::shiftOrigin(Vec3 by) {
+  if (!usable(by)) {
+    impl_->tell(LogSeverity::error, "shiftOrigin: not finite, or beyond 1e15 m");
+    return;
+  }
+  for (const internal::BodyPointer& body : impl_->bodies) {
+    teleport({body->id}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {-by[0], -by[1], -by[2]});
+  }
+  GroundPlane& ground = impl_->settings.ground;
+  ground.offset -= asVector(ground.normal).dot(asVector(by));
+}
+
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   translation = {};

@@ -223,7 +223,7 @@ TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
   }
   // Not a number in each part behind positions and velocities.
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const std::size_t centers = 80, forces = centers + 80 + 24 * world.positions(body).size();
+  const std::size_t centers = 88, forces = centers + 80 + 24 * world.positions(body).size();
   for (const std::size_t place : {centers, forces, forces + 12 * world.positions(body).size(), bytes.size()}) {
     auto damaged = bytes;
     if (place == bytes.size()) {  // the vertex of the first pin

@@ -18,6 +18,8 @@ using nlohmann::ordered_json;
 
 /// Frequencies beyond these times the lowest of a piece stiffen nothing that can be seen.
 constexpr double kStiffest = 30, kSoftest = 1e-2;
+/// The limits of clusters that nobody has set: an elastic solid hardly gets there.
+constexpr float kUsualMin = 0.5F, kUsualMax = 1.5F;
 /// Poisson's ratio of what keeps its volume, where no modulus is given.
 constexpr double kVolumeKept = 0.4, kVolumeFree = 0.3;
 
@@ -55,6 +57,9 @@ std::string faultOf(const formats::PackageContent& content) {
   for (const formats::ClusterMechanics& mechanics : content.mechanics) {
     if (mechanics.stiffness == formats::StiffnessModel::per_step) return "clusters.stiffness is per_step";
     if (mechanics.plastic_creep > 0) return "clusters are plastic";
+    const bool usual = mechanics.limit == formats::LimitMethod::principal && mechanics.stretch_min == kUsualMin &&
+                       mechanics.stretch_max == kUsualMax;
+    if (mechanics.limit != formats::LimitMethod::none && !usual) return "clusters have limits of their own";
     if (mechanics.channel != formats::kNone) return "clusters are activated";
   }
   return {};

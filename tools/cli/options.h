@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "sinew/runtime/settings.h"
 #include "tools/author/recipe.h"
 #include "tools/core/error.h"
 
@@ -36,6 +37,17 @@ inline CLI::Validator finiteNumber() {
             return finite ? std::string() : "Value " + text + " is no finite number";
           },
           ""};
+}
+
+/// The solver of this name, one that addSolverOption() lets through.
+inline Solver solverNamed(const std::string& name) { return name == "report" ? Solver::report : Solver::coupled; }
+
+/// Adds --solver.
+inline void addSolverOption(CLI::App& verb, std::string& name) {
+  verb.add_option("--solver", name,
+                  "coupled: one energy for each piece (docs/fields.md); report: clusters matched and averaged")
+      ->check(CLI::IsMember({"coupled", "report"}))
+      ->capture_default_str();
 }
 
 /// One JSON document, as every verb prints it. What is not UTF-8 (a file's name, a text of a damaged package) gets

@@ -26,6 +26,7 @@ struct RenderCommand {
   std::string input;
   std::string output;
   std::vector<std::string> scenes;
+  std::string solver = "coupled";
   double seconds = 0;
   double step = 1.0 / 60;
   int frames = 0;
@@ -72,6 +73,7 @@ PictureOptions pictureOptions(const RenderCommand& command) {
   }
   options.seconds = command.seconds;
   options.step_seconds = command.step;
+  options.solver = solverNamed(command.solver);
   options.frames = command.frames;
   options.columns = command.columns;
   return options;
@@ -147,6 +149,7 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
       "--scene", command->scenes,
       "rest, drop, squash, stretch, hang, or a file (.json); again for more rows (default: rest, squash, drop, hang; "
       "video: drop)");
+  addSolverOption(*verb, command->solver);
   verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")
       ->check(CLI::Range(0.0, 600.0))
       ->check(finiteNumber());

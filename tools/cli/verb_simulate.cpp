@@ -26,7 +26,8 @@ struct SimulateCommand {
   std::string package;
   std::string scene = "drop";
   double seconds = 0;
-  double step = 1.0 / 60;
+  std::vector<double> steps = {1.0 / 60};
+  std::string solver = "coupled";
   double gravity = std::nan("");
   unsigned threads = 1;
   unsigned iterations = 0;
@@ -77,14 +78,18 @@ void runSimulate(const SimulateCommand& command) {
   const auto asset = loadPackage(command.package);
   SceneOptions options;
   options.scene = choice;
-  options.step_seconds = float(command.step);
+  options.step_seconds = float(command.steps.front());
+  if (command.steps.size() > 1) options.step_sequence.assign(command.steps.begin(), command.steps.end());
+  options.solver = solverNamed(command.solver);
   options.iterations = command.iterations;
   if (std::isfinite(command.gravity)) options.gravity = float(command.gravity);
   TbbJobs jobs(command.threads);
   Scene scene(asset, options, command.threads > 1 ? &jobs : nullptr);
 
   const double seconds = command.seconds > 0 ? command.seconds : choice.script ? choice.seconds() : kUsualSeconds;
-  const auto steps = std::uint64_t(std::llround(seconds / command.step));
+  double round_seconds = 0;
+  for (const double step : command.steps) round_seconds += step;
+  const auto steps = std::uint64_t(std::llround(seconds / round_seconds * double(command.steps.size())));
   std::vector<double> microseconds;
   microseconds.reserve(steps);
   double volume_min = 1;
@@ -109,7 +114,8 @@ void runSimulate(const SimulateCommand& command) {
         {"package", command.package},
         {"scene", command.scene},
         {"steps", steps},
-        {"step_seconds", command.step},
+        {"step_seconds", command.steps.size() > 1 ? ordered_json(command.steps) : ordered_json(command.steps.front())},
+        {"solver", command.solver},
         {"threads", command.threads},
         {"wall_seconds", wall},
         {"microseconds_per_step", {{"median", percentile(microseconds, 0.5)}, {"p99", percentile(microseconds, 0.99)}}},
@@ -125,7 +131,7 @@ void runSimulate(const SimulateCommand& command) {
     std::cout << jsonText(json);
   } else {
     std::printf("%s: scene %s, %llu steps of %.4g s\n", command.package.c_str(), command.scene.c_str(),
-                static_cast<unsigned long long>(steps), command.step);
+                static_cast<unsigned long long>(steps), command.steps.front());
     std::printf("  time       %.1f us a step (median), %.1f us (p99)\n", percentile(microseconds, 0.5),
                 percentile(microseconds, 0.99));
     std::printf("  rest error %.2e rms, %.2e max (of the diagonal)\n", measure.rest_error_rms, measure.rest_error_max);
@@ -164,15 +170,17 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")
       ->check(CLI::Range(0.0, 1e6))
       ->check(finiteNumber());
-  verb->add_option("--step", command->step, "Seconds per step")
+  verb->add_option("--step", command->steps, "Seconds per step; several, by commas, are taken in turn")
+      ->delimiter(',')
       ->check(CLI::Range(1e-5, 1.0))
       ->check(finiteNumber())
       ->capture_default_str();
+  addSolverOption(*verb, command->solver);
   verb->add_option("--gravity", command->gravity,
                    "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike")
       ->check(finiteNumber())
       ->check(gravityInRange());
-  verb->add_option("--iterations", command->iterations, "Matching passes per step; 0 = the scene's own")
+  verb->add_option("--iterations", command->iterations, "Work a step may take (WorldSettings::iterations); 0 = the scene's own")
       ->check(CLI::Range(0U, 16U));
   verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")
       ->check(CLI::Range(1U, 256U));

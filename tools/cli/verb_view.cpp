@@ -14,6 +14,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   struct ViewCommand {
     std::string package;
     std::string scene;
+    std::string solver = "coupled";
     ViewOptions options;
   };
   auto command = std::make_shared<ViewCommand>();
@@ -23,6 +24,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
       "--scene", command->scene,
       "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md. Without: rest where pins of the "
       "package hold it, else drop");
+  addSolverOption(*verb, command->solver);
   verb->add_option("--screenshot", command->options.screenshot,
                    "Write a picture of the window (.png) after --frames frames and end");
   verb->add_option("--frames", command->options.frames, "End after so many frames; 0 = when the window is closed")
@@ -32,6 +34,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   verb->callback([command, &exit_code] {
     if (!command->scene.empty()) command->options.scene = SceneChoice::byName(command->scene);
     command->options.file = command->package;
+    command->options.solver = solverNamed(command->solver);
     if (!command->options.screenshot.empty()) {
       requireOutput(Output::picture, command->options.screenshot, {command->package});
     }

@@ -44,7 +44,8 @@ std::vector<std::uint32_t> farPlaces(const Elastic& elastic) {
       const double d = (at - (places.empty() ? centre : elastic.positions.row(places.back()))).norm();
       distance[i] = places.size() <= 1 ? d : std::min(distance[i], d);
     }
-    places.push_back(elastic.surface[std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin())]);
+    places.push_back(
+        elastic.surface[std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin())]);
   }
   return places;
 }
@@ -144,7 +145,8 @@ MatrixXd nodeRows(const Elastic& elastic, const MatrixXd& values) {
 
 MatrixXd gravityLoads(const Elastic& elastic) {
   MatrixXd forces(3 * elastic.mass.size(), 3);
-  for (Index v = 0; v < elastic.mass.size(); ++v) forces.middleRows<3>(3 * v) = elastic.mass[v] * Eigen::Matrix3d::Identity();
+  for (Index v = 0; v < elastic.mass.size(); ++v)
+    forces.middleRows<3>(3 * v) = elastic.mass[v] * Eigen::Matrix3d::Identity();
   return forces;
 }
 

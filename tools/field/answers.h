@@ -9,8 +9,8 @@
 
 namespace sinew::tools::field {
 
-/// The piece with some nodes fixed: its lowest modes, and its answers to forces. A piece of which nothing is fixed answers
-/// to forces without their rigid part (inertia relief).
+/// The piece with some nodes fixed: its lowest modes, and its answers to forces. A piece of which nothing is fixed
+/// answers to forces without their rigid part (inertia relief).
 class Answers {
  public:
   /// @param fixed f

@@ -49,8 +49,8 @@ Index resisting(const VectorXd& lambda) {
   return count;
 }
 
-// The covariance W of displacements y: all alike, as random forces on the functions that move freely make them, and the six
-// uniform strains.
+// The covariance W of displacements y: all alike, as random forces on the functions that move freely make them, and the
+// six uniform strains.
 Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Eigen::MatrixX3d& rest, Index driven) {
   const MatrixXd axes = byAxes(orthonormal);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(MatrixXd(axes.transpose() * stiffness * axes));
@@ -61,8 +61,9 @@ Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Ei
   result.from = axes * modes.eigenvectors().rightCols(d) * lambda.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
   result.metric = MatrixXd::Identity(d, d) / double(d);
   const Index inside = stiffness.rows() - 3 * driven;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> inner(MatrixXd(stiffness.bottomRightCorner(inside, inside)));
-  const Index moving = resisting(inner.eigenvalues());
+  Eigen::SelfAdjointEigenSolver<MatrixXd> inner;
+  if (inside > 0) inner.compute(stiffness.bottomRightCorner(inside, inside));
+  const Index moving = inside > 0 ? resisting(inner.eigenvalues()) : 0;
   if (moving > 0) {
     const VectorXd compliance = inner.eigenvalues().tail(moving).cwiseInverse();
     MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.eigenvectors().rightCols(moving);
@@ -164,8 +165,8 @@ void split(const Elastic& elastic, const std::vector<double>& weight, std::vecto
   split(elastic, weight, second, parts - first_parts, result);
 }
 
-// Fits sum_s x_s A_s to 1, x >= 0: A_s = C_s C_s^T is the whitened Hessian of a patch with the volume it stands for. Least
-// is |W^(1/2) (sum_s x_s A_s - 1) W^(1/2)|: forces that displacements of covariance W meet, as displacements.
+// Fits sum_s x_s A_s to 1, x >= 0: A_s = C_s C_s^T is the whitened Hessian of a patch with the volume it stands for.
+// Least is |W^(1/2) (sum_s x_s A_s - 1) W^(1/2)|: forces that displacements of covariance W meet, as displacements.
 class Fit {
  public:
   Fit(const Elastic& elastic, const MatrixXd& gradients, const Candidates& candidates, const Whitened& space)
@@ -173,7 +174,8 @@ class Fit {
     const Index n = Index(patch_.size());
     weight_ = VectorXd::Ones(n);
     factor_.resize(space.from.cols(), 6 * n);
-    for (Index s = 0; s < n; ++s) factor_.middleCols(6 * s, 6) = factorOf(patch_[std::size_t(s)], volume_[std::size_t(s)]);
+    for (Index s = 0; s < n; ++s)
+      factor_.middleCols(6 * s, 6) = factorOf(patch_[std::size_t(s)], volume_[std::size_t(s)]);
     setNormal();
   }
 
@@ -204,7 +206,8 @@ class Fit {
     return eigen.eigenvalues()[0];
   }
 
-  // For each of the softest directions: one more patch, the one of all that resists it most, and more weight in the fit.
+  // For each of the softest directions: one more patch, the one of all that resists it most, and more weight in the
+  // fit.
   void grow() {
     const Index most = std::min(directions_.cols(), std::max<Index>(1, weight_.size() / 32));
     for (Index m = 0; m < most; ++m) {
@@ -212,7 +215,8 @@ class Fit {
       add(strongest(soft));
       const double weight = kSoftWeight * space_.metric.trace() / double(soft.size());
       VectorXd energy(weight_.size());
-      for (Index s = 0; s < energy.size(); ++s) energy[s] = (factor_.middleCols(6 * s, 6).transpose() * soft).squaredNorm();
+      for (Index s = 0; s < energy.size(); ++s)
+        energy[s] = (factor_.middleCols(6 * s, 6).transpose() * soft).squaredNorm();
       normal_ += weight * energy * energy.transpose();
       target_ += weight * energy;
     }
@@ -256,7 +260,8 @@ class Fit {
       const Eigen::MatrixXf a = c.middleCols(6 * first, 6 * rows).transpose() * c.rightCols(6 * columns);
       for (Index t = 0; t < columns; ++t) {
         for (Index s = 0; s < rows; ++s) {
-          normal_(first + s, first + t) = normal_(first + t, first + s) = double(a.block<6, 6>(6 * s, 6 * t).squaredNorm());
+          normal_(first + s, first + t) = normal_(first + t, first + s) =
+              double(a.block<6, 6>(6 * s, 6 * t).squaredNorm());
         }
       }
     }
@@ -288,8 +293,8 @@ class Fit {
   // Not one that is chosen already: its weight grows by itself.
   std::size_t strongest(const VectorXd& soft) const {
     const VectorXd z = space_.from * soft;
-    const MatrixXd strains =
-        gradients_ * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>(z.data(), z.size() / 3, 3);
+    const MatrixXd strains = gradients_ * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>(
+                                              z.data(), z.size() / 3, 3);
     std::size_t best = 0;
     double most = -1;
     for (std::size_t s = 0; s < elastic_.patches.size(); ++s) {

@@ -89,8 +89,8 @@ std::vector<std::vector<std::size_t>> groups(const FieldInput& input, const Tetr
   return result;
 }
 
-// The volume-weighted mean of the tetrahedra's gradients, on nodes; a tetrahedron gives each of its edges a sixth (Nguyen-
-// Thoi et al. 2009 have faces; edges: He et al. 2013, ES-FEM-T4).
+// The volume-weighted mean of the tetrahedra's gradients, on nodes. By edges a tetrahedron gives each of its six a
+// sixth of its volume (Liu et al. 2009; in space: Cazes and Meschke 2013).
 void addPatch(const FieldInput& input, const Tetrahedra& tetrahedra, const std::vector<std::size_t>& group,
               double share, Elastic& elastic) {
   Patch patch;
@@ -161,7 +161,8 @@ Sparse pattern(const std::vector<std::vector<std::uint32_t>>& neighbours, int si
   return result;
 }
 
-// Corotated energy at rest: K_ij = V (mu (g_i.g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T); K_s has V (2 mu + lambda) g_i.g_j.
+// Corotated energy at rest: K_ij = V (mu (g_i.g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T); K_s has V (2 mu + lambda)
+// g_i.g_j.
 void addStiffness(Elastic& elastic) {
   const auto near = neighbours(elastic);
   elastic.stiffness = pattern(near, 3);

@@ -25,16 +25,16 @@ struct Patch {
 
 /// The elastic piece on its nodes: the vertices that move by themselves. The others follow nodes (see follow.h).
 struct Elastic {
-  std::vector<std::uint32_t> vertex_of;            ///< vertex of each of the f nodes
+  std::vector<std::uint32_t> vertex_of;                 ///< vertex of each of the f nodes
   Eigen::SparseMatrix<double, Eigen::RowMajor> extend;  ///< n x f: values on vertices from values on nodes
-  VectorXd mass;                                   ///< n, kg, of the vertices
-  VectorXd node_mass;                              ///< f, kg: followers' masses joined to their hosts'
-  Eigen::MatrixX3d positions;                      ///< n x 3, metres
+  VectorXd mass;                                        ///< n, kg, of the vertices
+  VectorXd node_mass;                                   ///< f, kg: followers' masses joined to their hosts'
+  Eigen::MatrixX3d positions;                           ///< n x 3, metres
   std::vector<Patch> patches;
   std::vector<std::uint32_t> node;
-  std::vector<Vector3d> gradient;  ///< 1/m
-  Sparse stiffness;                ///< 3f x 3f, N/m: of all patches at rest
-  Sparse scalar;                   ///< f x f, N/m: K_s
+  std::vector<Vector3d> gradient;      ///< 1/m
+  Sparse stiffness;                    ///< 3f x 3f, N/m: of all patches at rest
+  Sparse scalar;                       ///< f x f, N/m: K_s
   std::vector<std::uint32_t> surface;  ///< vertices of faces that one tetrahedron has
 
   Index nodes() const { return Index(vertex_of.size()); }

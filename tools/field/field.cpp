@@ -61,6 +61,8 @@ MatrixXd affine(const Elastic& elastic) {
 
 // Turns M-orthonormal functions so that they diagonalize K_s; stiffness ascends, the largest value is positive.
 MatrixXd diagonalized(const Elastic& elastic, const MatrixXd& values, VectorXd& stiffness) {
+  stiffness.resize(0);
+  if (values.cols() == 0) return values;
   const MatrixXd nodes = nodeRows(elastic, values);
   const MatrixXd energy = nodes.transpose() * (elastic.scalar * nodes);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(MatrixXd(0.5 * (energy + energy.transpose())));
@@ -104,11 +106,11 @@ MatrixXd sampledStiffness(const FieldSpace& space) {
   return result;
 }
 
-// Coordinates of vector fields on nodes in the functions that are not driven: 3f x c -> 3k x c.
-MatrixXd coordinates(const Elastic& elastic, const MatrixXd& functions, const MatrixXd& fields) {
+// Products of vector fields with functions, by axis: 3f x c -> 3k x c.
+MatrixXd coordinates(const MatrixXd& functions, const MatrixXd& fields) {
   MatrixXd result(3 * functions.cols(), fields.cols());
-  for (Index a = 0; a < 3; ++a) result(Eigen::seqN(a, functions.cols(), 3), Eigen::all) = functions.transpose() * axisOf(fields, a);
-  (void)elastic;
+  for (Index a = 0; a < 3; ++a)
+    result(Eigen::seqN(a, functions.cols(), 3), Eigen::all) = functions.transpose() * axisOf(fields, a);
   return result;
 }
 
@@ -118,9 +120,9 @@ VectorXd staticErrors(const Elastic& elastic, const FieldSpace& space, const Ans
   const Index k = space.values.cols() - space.driven_count;
   const MatrixXd functions = space.values.rightCols(k), nodes = nodeRows(elastic, functions);
   const VectorXd mass = byAxis(elastic.node_mass);
-  MatrixXd stiffness = sampledStiffness(space), loads = coordinates(elastic, functions, forces);
+  MatrixXd stiffness = sampledStiffness(space), loads = coordinates(functions, forces);
   // Rigid motions do not count: a stiff spring holds what the space has of them.
-  const MatrixXd rigid = coordinates(elastic, nodes, mass.asDiagonal() * answers.rigid());
+  const MatrixXd rigid = coordinates(nodes, mass.asDiagonal() * answers.rigid());
   loads -= (rigid * (rigid.transpose() * loads)).eval();
   stiffness += stiffness.diagonal().mean() * rigid * rigid.transpose();
   const MatrixXd z = Eigen::LDLT<MatrixXd>(stiffness).solve(loads);
@@ -142,12 +144,13 @@ void addErrors(const Elastic& elastic, const Answers& answers, FieldSpace& space
   space.static_error = std::max(space.static_error, space.gravity_error);
 }
 
-// Decay by function, so that each mode of the space decays at its own frequency as well as such a table can: with s_ij the
-// share of function j in the energy of mode i, sum_j s_ij d_j = f_i in least squares of relative errors, d >= 0, near
-// c sqrt(w). The lowest mode is exact.
+// Decay by function, so that each mode of the space decays at its own frequency as well as such a table can: with s_ij
+// the share of function j in the energy of mode i, sum_j s_ij d_j = f_i in least squares of relative errors, d >= 0,
+// near c sqrt(w). The lowest mode is exact.
 void addDamping(FieldSpace& space) {
   space.damping_hz = VectorXd::Zero(space.values.cols());
   const Index k = space.values.cols() - space.driven_count;
+  if (k == 0 || space.samples.empty()) return;
   const VectorXd shape = space.stiffness.tail(k).cwiseSqrt();
   const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(sampledStiffness(space));
   Index first = 0;
@@ -157,7 +160,8 @@ void addDamping(FieldSpace& space) {
   MatrixXd rates(count - first, k);  // relative: of c sqrt(w)
   for (Index i = first; i < count; ++i) {
     for (Index j = 0; j < k; ++j) {
-      rates(i - first, j) = modes.eigenvectors().col(i).segment<3>(3 * j).squaredNorm() * shape[j] / hertz(modes.eigenvalues()[i]);
+      rates(i - first, j) =
+          modes.eigenvectors().col(i).segment<3>(3 * j).squaredNorm() * shape[j] / hertz(modes.eigenvalues()[i]);
     }
   }
   const VectorXd sum = rates.rowwise().sum();
@@ -186,7 +190,8 @@ FieldSpace freeSpace(const Elastic& elastic, const FieldInput& input, const Fiel
     space.lowest_hz = hertz(answers->lowestLambda());
     MatrixXd columns = MatrixXd::Identity(elastic.nodes(), elastic.nodes() > k ? 0 : elastic.nodes());
     if (elastic.nodes() > k) {
-      columns = joined(answers->weighedModes(), kPlaceWeight * answers->weighedAnswers(onNodes(elastic, placeLoads(elastic))));
+      columns = joined(answers->weighedModes(),
+                       kPlaceWeight * answers->weighedAnswers(onNodes(elastic, placeLoads(elastic))));
       columns = splitByAxis(joined(columns, answers->equalAnswers(onNodes(elastic, knownLoads(input)))));
     }
     const Index more = std::min(k, elastic.nodes()) - functions.cols();
@@ -277,9 +282,10 @@ MatrixXd drivenFunctions(const Elastic& elastic, const Holds& holds, const Matri
   return result;
 }
 
-// Motions with the pins fixed, as scalar columns on nodes: modes, answers to weight and other loads, and, where there are
-// several pin sets, what a rigid motion of one set leaves between the driven functions and the right answer.
-MatrixXd interiorColumns(const Elastic& elastic, const FieldInput& input, const Answers& answers, const MatrixXd& share) {
+// Motions with the pins fixed, as scalar columns on nodes: modes, answers to weight and other loads, and, where there
+// are several pin sets, what a rigid motion of one set leaves between the driven functions and the right answer.
+MatrixXd interiorColumns(const Elastic& elastic, const FieldInput& input, const Answers& answers,
+                         const MatrixXd& share) {
   MatrixXd columns = joined(answers.weighedModes(), answers.weighedAnswers(onNodes(elastic, placeLoads(elastic))));
   columns = joined(columns, answers.equalAnswers(onNodes(elastic, gravityLoads(elastic))));
   columns = joined(columns, answers.equalAnswers(onNodes(elastic, knownLoads(input))));
@@ -298,8 +304,11 @@ MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
   const MatrixXd gram = scale.asDiagonal() * (values.transpose() * mass.asDiagonal() * values) * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(gram);
   Index kept = 0;
-  while (kept < gram.cols() && eigen.eigenvalues()[gram.cols() - 1 - kept] > 1e-10 * eigen.eigenvalues()[gram.cols() - 1]) ++kept;
-  return scale.asDiagonal() * eigen.eigenvectors().rightCols(kept) * eigen.eigenvalues().tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
+  while (kept < gram.cols() &&
+         eigen.eigenvalues()[gram.cols() - 1 - kept] > 1e-10 * eigen.eigenvalues()[gram.cols() - 1])
+    ++kept;
+  return scale.asDiagonal() * eigen.eigenvectors().rightCols(kept) *
+         eigen.eigenvalues().tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
 }
 
 // Fixed interface (Craig and Bampton 1968): driven functions, and modes and answers with the pins fixed.
@@ -337,8 +346,7 @@ FieldSpace heldSpace(const Elastic& elastic, const FieldInput& input, const Fiel
   space.one.tail(inside) = weighted.colwise().sum().transpose();
   space.rest.bottomRows(inside) = weighted.transpose() * elastic.positions;
   addSamples(elastic, options, orthonormalCombinations(space.values, elastic.mass), space);
-  if (inside > 0) addDamping(space);
-  if (inside == 0) space.damping_hz = VectorXd::Zero(all);
+  addDamping(space);
   if (answers && inside > 0) addErrors(elastic, *answers, space);
   return space;
 }

@@ -18,44 +18,46 @@ enum class FieldElement {
 
 /// A piece of a soft body: one connected part of the physical mesh. Nothing is kept of it.
 struct FieldInput {
-  std::span<const Eigen::Vector3d> positions;                   ///< n rest positions, metres
-  std::span<const std::array<std::uint32_t, 4>> tetrahedra;     ///< t, of these vertices; either orientation
-  std::span<const double> masses;                               ///< n, kg, > 0
-  std::span<const double> young;                                ///< t, Pa (relative where lowest_hz is given), > 0
-  std::span<const double> poisson;                              ///< t, 0..0.499
-  std::span<const std::vector<std::uint32_t>> held;             ///< vertices of each pin set, disjoint; may be empty
-  std::span<const Eigen::VectorXd> loads;                       ///< forces, 3n (x y z by vertex), N; answers join
+  std::span<const Eigen::Vector3d> positions;                ///< n rest positions, metres
+  std::span<const std::array<std::uint32_t, 4>> tetrahedra;  ///< t, of these vertices; either orientation
+  std::span<const double> masses;                            ///< n, kg, > 0
+  std::span<const double> young;                             ///< t, Pa (relative where lowest_hz is given), > 0
+  std::span<const double> poisson;                           ///< t, 0..0.499
+  std::span<const std::vector<std::uint32_t>> held;          ///< vertices of each pin set, disjoint; may be empty
+  std::span<const Eigen::VectorXd> loads;                    ///< forces, 3n (x y z by vertex), N; answers join
 };
 
 struct FieldOptions {
-  std::uint32_t functions = 40;     ///< k of the free space, interior functions of the held one, 4..1000
-  double samples_per_function = 4;  ///< energy samples asked for, by function, 1..; fewer lose stiffness
-  double lowest_hz = 0;             ///< > 0: young is scaled until the free piece's lowest mode rings so, Hz
-  FieldElement element = FieldElement::edges;
+  std::uint32_t functions = 40;                ///< k of the free space, interior functions of the held one, 4..1000
+  double samples_per_function = 4;             ///< energy samples asked for, by function, 1..; fewer lose stiffness
+  double lowest_hz = 0;                        ///< > 0: young is scaled until the free piece's lowest mode rings so, Hz
+  FieldElement element = FieldElement::edges;  ///< above 10,000 vertices tetrahedra are taken
 };
 
 /// A point of the elastic energy sum V Psi(F), F = sum_j z_j grad phi_j^T.
 struct FieldSample {
-  Eigen::Vector3d at;         ///< rest position, metres
-  double volume = 0;          ///< weight, m^3, > 0
-  double mu = 0, lambda = 0;  ///< Lame's parameters, Pa
-  Eigen::MatrixX3d gradients; ///< k x 3: d phi_j / dX, 1/m
+  Eigen::Vector3d at;          ///< rest position, metres
+  double volume = 0;           ///< weight, m^3, > 0
+  double mu = 0, lambda = 0;   ///< Lame's parameters, Pa
+  Eigen::MatrixX3d gradients;  ///< k x 3: d phi_j / dX, 1/m
 };
 
 /// Scalar functions phi_j on the vertices of a piece: x(X) = sum_j phi_j(X) z_j.
 struct FieldSpace {
-  Eigen::MatrixXd values;        ///< n x k: phi_j at the vertices, 1/sqrt(kg); driven ones first
-  Eigen::VectorXd stiffness;     ///< k: w_j = phi_j^T K_s phi_j, 1/s^2; 0 for driven functions
-  Eigen::VectorXd damping_hz;    ///< k: how fast a function's motion decays, see FieldFunction
-  Eigen::VectorXd one;           ///< k: values * one = 1
-  Eigen::MatrixX3d rest;         ///< k x 3: values * rest = X
+  Eigen::MatrixXd values;      ///< n x k: phi_j at the vertices, 1/sqrt(kg); driven ones first
+  Eigen::VectorXd stiffness;   ///< k: w_j = phi_j^T K_s phi_j, 1/s^2; 0 for driven functions
+  Eigen::VectorXd damping_hz;  ///< k: how fast a function's motion decays, see FieldFunction
+  Eigen::VectorXd one;         ///< k: values * one = 1
+  Eigen::MatrixX3d rest;       ///< k x 3: values * rest = X
   std::uint32_t driven_count = 0;
   std::vector<std::uint32_t> pin_set;   ///< of each driven function: index into FieldInput::held
   std::vector<std::uint32_t> monomial;  ///< of each driven function: on its pin set it is 1, X, Y, Z; on others 0
   std::vector<FieldSample> samples;
-  double young_scale = 1;       ///< what young was multiplied with; mu, lambda and stiffness have it already
-  double lowest_hz = 0;         ///< of the lowest elastic mode of the piece (held: with its pins fixed); 0: none
-  double static_error = 0;      ///< of static answers, against all elements, as part of their rms displacement
+  double young_scale = 1;  ///< what young was multiplied with; mu, lambda and stiffness have it already
+  double lowest_hz = 0;    ///< of the lowest elastic mode of the piece (held: with its pins fixed); 0: none
+  /// Error of static answers to loads on 8 places against all elements, of their rms displacement; gravity_error where
+  /// that is larger.
+  double static_error = 0;
   double gravity_error = 0;     ///< the same of gravity, largest of three directions; 0 in a free space
   double least_eigenvalue = 1;  ///< of the sampled rest stiffness against the full one, rigid motions left out
 };
@@ -67,8 +69,8 @@ struct Fields {
 
 /// Makes the function spaces of a piece (docs/method.md): the free one from its lowest elastic modes and answers to
 /// loads all over its surface, split by axis; the held one from modes with the pin sets fixed.
-/// Deterministic; one thread. values^T M values = 1 and values^T K_s values = diag(stiffness) for functions that are not
-/// driven, K_s = sum V (2 mu + lambda) grad grad^T over all elements; driven ones are orthogonal to them under M.
+/// Deterministic; one thread. values^T M values = 1 and values^T K_s values = diag(stiffness) for functions that are
+/// not driven, K_s = sum V (2 mu + lambda) grad grad^T over all elements; driven ones are orthogonal to them under M.
 /// k may be less than asked for where the piece has fewer vertices or is flat. Flat tetrahedra are left out.
 Fields makeFields(const FieldInput& input, const FieldOptions& options);
 

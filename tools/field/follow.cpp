@@ -75,7 +75,10 @@ class Joiner {
  public:
   Joiner(std::span<const Vector3d> positions, std::span<const Tetrahedron> tetrahedra,
          const std::vector<double>& volumes)
-      : positions_(positions), tetrahedra_(tetrahedra), volumes_(volumes), followers_(positions.size()),
+      : positions_(positions),
+        tetrahedra_(tetrahedra),
+        volumes_(volumes),
+        followers_(positions.size()),
         placed_(positions.size(), false) {}
 
   std::vector<Follower> run() {

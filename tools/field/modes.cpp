@@ -14,6 +14,7 @@ constexpr Index kBlock = 8;
 }  // namespace
 
 MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& have, Index count) {
+  if (columns.cols() == 0 || count <= 0) return MatrixXd(columns.rows(), 0);
   const VectorXd root = mass.cwiseSqrt();
   const MatrixXd known = root.asDiagonal() * have;
   MatrixXd w = root.asDiagonal() * columns;

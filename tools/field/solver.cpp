@@ -13,12 +13,14 @@ constexpr std::size_t kLeaf = 24;
 
 MatrixXd gather(const MatrixXd& from, const std::vector<std::uint32_t>& nodes) {
   MatrixXd result(3 * Index(nodes.size()), from.cols());
-  for (std::size_t i = 0; i < nodes.size(); ++i) result.middleRows<3>(3 * Index(i)) = from.middleRows<3>(3 * Index(nodes[i]));
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    result.middleRows<3>(3 * Index(i)) = from.middleRows<3>(3 * Index(nodes[i]));
   return result;
 }
 
 void scatter(const MatrixXd& values, const std::vector<std::uint32_t>& nodes, MatrixXd& to) {
-  for (std::size_t i = 0; i < nodes.size(); ++i) to.middleRows<3>(3 * Index(nodes[i])) = values.middleRows<3>(3 * Index(i));
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    to.middleRows<3>(3 * Index(nodes[i])) = values.middleRows<3>(3 * Index(i));
 }
 
 }  // namespace
@@ -44,9 +46,8 @@ std::size_t Solver::dissect(const Elastic& elastic, std::vector<std::uint32_t> n
     Index axis = 0;
     (high - low).maxCoeff(&axis);
     const auto middle = nodes.begin() + std::ptrdiff_t(nodes.size() / 2);
-    std::sort(nodes.begin(), nodes.end(), [&](auto a, auto b) {
-      return at(a)[axis] < at(b)[axis] || (at(a)[axis] == at(b)[axis] && a < b);
-    });
+    std::sort(nodes.begin(), nodes.end(),
+              [&](auto a, auto b) { return at(a)[axis] < at(b)[axis] || (at(a)[axis] == at(b)[axis] && a < b); });
     std::vector<std::vector<std::uint32_t>> half = {{nodes.begin(), middle}, {middle, nodes.end()}};
     std::vector<char> side(std::size_t(elastic.nodes()), 0);
     for (std::size_t h = 0; h < 2; ++h) {
@@ -56,7 +57,8 @@ std::size_t Solver::dissect(const Elastic& elastic, std::vector<std::uint32_t> n
     for (std::size_t h = 0; h < 2; ++h) {
       for (const auto i : half[h]) {
         bool touches = false;
-        for (Sparse::InnerIterator it(elastic.scalar, Index(i)); it; ++it) touches |= side[std::size_t(it.row())] == char(2 - h);
+        for (Sparse::InnerIterator it(elastic.scalar, Index(i)); it; ++it)
+          touches |= side[std::size_t(it.row())] == char(2 - h);
         (touches ? touching : inside)[h].push_back(i);
       }
     }

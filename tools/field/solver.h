@@ -7,9 +7,9 @@
 
 namespace sinew::tools::field {
 
-/// Answers of the piece to forces, with some nodes fixed: (H + shift M)^-1 on the others. A multifrontal Cholesky factor
-/// (Duff and Reid 1983) in an order by nested dissection (George 1973): nodes are cut in halves by planes, and the nodes
-/// on a cut are eliminated after both halves, so that nearly all work is on dense blocks.
+/// Answers of the piece to forces, with some nodes fixed: (H + shift M)^-1 on the others. A multifrontal Cholesky
+/// factor (Duff and Reid 1983) in an order by nested dissection (George 1973): nodes are cut in halves by planes, and
+/// the nodes on a cut are eliminated after both halves, so that nearly all work is on dense blocks.
 class Solver {
  public:
   /// @param fixed f: nodes that do not move

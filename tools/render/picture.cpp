@@ -93,11 +93,12 @@ struct Take {
   DrawSettings settings;
 };
 
-Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, double step_seconds,
+Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, Solver solver, double step_seconds,
                 const std::vector<double>& times) {
   SceneOptions options;
   options.scene = choice;
   options.step_seconds = static_cast<float>(step_seconds);
+  options.solver = solver;
   Scene scene(asset, options);
   Take take;
   take.scene = choice;
@@ -244,7 +245,7 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
     const std::string name = scene.name();
     const bool at_rest = scene == SceneKind::rest;
     const double length = options.seconds > 0 ? options.seconds : scene.seconds();
-    Take take = recordTake(asset, scene, options.step_seconds, tileTimes(scene, length, frames));
+    Take take = recordTake(asset, scene, options.solver, options.step_seconds, tileTimes(scene, length, frames));
     applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
     take.settings.pinned = showsPinned(options, scene);
     scaleMarks(take.settings, height);
@@ -353,7 +354,8 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   SceneOptions scene_options;
   scene_options.scene = choice;
   scene_options.step_seconds = static_cast<float>(options.step_seconds);
-  Take take = recordTake(asset, choice, options.step_seconds, {0.0, (frames - 1) / kFramesPerSecond});
+  scene_options.solver = options.solver;
+  Take take = recordTake(asset, choice, options.solver, options.step_seconds, {0.0, (frames - 1) / kFramesPerSecond});
   applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
   take.settings.pinned = showsPinned(options, choice);
   const float aspect = static_cast<float>(width) / static_cast<float>(height);

@@ -130,6 +130,7 @@ void Scene::reset() {
 
   BodySettings placement;
   placement.stiffness_scale = options_.stiffness_scale;
+  placement.solver = options_.solver;
   placement.package_pins = options_.scene.kind == SceneKind::rest;
   if (options_.scene.kind == SceneKind::drop) {
     // Turned about z, then about x.
@@ -192,7 +193,7 @@ void Scene::driveChannels(double time) {
 }
 
 bool Scene::drive() {
-  const double end = time_ + double(options_.step_seconds);
+  const double end = time_ + double(stepSeconds());
   driveChannels(end);
   if (script_) {
     script_->moveTargets(world_, body_, end);
@@ -226,10 +227,16 @@ bool Scene::drive() {
   return true;
 }
 
+float Scene::stepSeconds() const {
+  const auto& sequence = options_.step_sequence;
+  return sequence.empty() ? options_.step_seconds : sequence[steps_ % sequence.size()];
+}
+
 void Scene::step() {
-  if (drive()) world_.step(options_.step_seconds);
+  const float seconds = stepSeconds();
+  if (drive()) world_.step(seconds);
   ++steps_;
-  time_ = double(steps_) * double(options_.step_seconds);
+  time_ = options_.step_sequence.empty() ? double(steps_) * double(seconds) : time_ + double(seconds);
 }
 
 }  // namespace sinew::tools

@@ -238,6 +238,7 @@ class View {
     const bool same = scene_.has_value() && scene_->options().scene == scene;
     SceneOptions options;
     options.scene = scene;
+    options.solver = options_.solver;
     options.step_seconds = static_cast<float>(kStepSeconds);
     options.stiffness_scale = stiffness_;
     std::vector<std::optional<float>> held;  // by hand: that outlives a scene

@@ -11,6 +11,7 @@ namespace sinew::tools {
 
 struct ViewOptions {
   SceneChoice scene = SceneKind::drop;
+  Solver solver = Solver::coupled;
   std::string file;          ///< the package as the user named it, for messages and the title
   std::string screenshot;    ///< PNG of the window after `frames` frames; empty = none
   std::uint32_t frames = 0;  ///< end after so many; 0 = when closed (with a screenshot: 60)

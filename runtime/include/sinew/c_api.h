@@ -172,6 +172,7 @@ typedef struct sinew_body_settings {
   float stiffness_scale;  /* multiplies all frequencies, 0..1e6; 1 */
   uint32_t keep_previous; /* 1: keeps the positions before each step, for motion vectors; 0 */
   uint32_t package_pins;  /* 1: the body starts held by the pin sets of its package; 1 */
+  uint32_t solver;        /* 0: coupled, the fields of its package; 1: clusters matched and averaged; 0 */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -286,6 +287,10 @@ SINEW_API sinew_status sinew_body_visual_bounds(const sinew_world* world, uint32
 /* Rigid motion that best maps the rest shape onto the current one: x ~ rotation X + translation. */
 SINEW_API sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_t body, float rotation[9],
                                                float translation[3]);
+/* Kinetic energy, and what the shape stores, J. Either may be null. */
+SINEW_API sinew_status sinew_body_energy(const sinew_world* world, uint32_t body, double* kinetic, double* elastic);
+/* Moves the origin: bodies, targets and the ground are `by` (m) nearer to it. */
+SINEW_API sinew_status sinew_world_shift_origin(sinew_world* world, const float by[3]);
 /* Goal transform of a cluster: its centre (m, world) and linear part. */
 SINEW_API sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster,
                                                 float center[3], float linear[9]);

@@ -61,9 +61,9 @@ class JobSystem {
 struct WorldSettings {
   Vec3 gravity = {0.0F, -9.81F, 0.0F};  ///< m/s^2
   GroundPlane ground;
-  /// Passes a step is divided into, 1..16: each predicts, matches and solves contacts over 1/iterations of the step.
-  /// More carry a push further through overlapping clusters and come closer to the authored frequencies; cost is
-  /// proportional.
+  /// How much work a step may take, 1..16. Bodies with fields: twice as many iterations of their solver at most, fewer
+  /// once they have settled; not a stiffness (docs/fields.md). Others: passes that the step is divided into, each of
+  /// which predicts, matches and solves contacts.
   std::uint32_t iterations = 4;
   /// Fraction of velocity lost per second to the air, as a rate: v *= exp(-damping h). 1/s, 0..1e4.
   float damping = 0.2F;
@@ -79,6 +79,12 @@ struct WorldSettings {
   bool measure_phases = false;
 };
 
+/// What moves a body.
+enum class Solver : std::uint32_t {
+  coupled = 0,  ///< its fields, one energy for each piece (docs/fields.md); clusters where the package has no fields
+  report = 1,   ///< its clusters, matched one by one and averaged (docs/method.md)
+};
+
 /// What a body may override of its package when it is added.
 struct BodySettings {
   Vec3 position = {0.0F, 0.0F,
@@ -88,6 +94,7 @@ struct BodySettings {
   bool keep_previous = false;  ///< keeps the positions before each step, for VisualOutput::previous_positions; costs
                                ///< 12 bytes a physical vertex and their copy
   bool package_pins = true;    ///< the body starts held by the pin sets of its package (World::pinSet)
+  Solver solver = Solver::coupled;
 };
 
 }  // namespace sinew

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "sinew/formats/writer.h"
+#include "tests/support/box_package.h"
+#include "tools/bake/fields.h"
+
+namespace sinew::test {
+
+struct FieldBarOptions {
+  bool pinned = false;  ///< the face at x = -0.5 is held by the pin set "held"
+  float hz = 20;        ///< of the free bar's lowest mode
+};
+
+/// A bar of 1 x 0.2 x 0.2 m about the origin, with fields.
+inline std::vector<std::byte> fieldBar(const FieldBarOptions& options) {
+  BoxOptions box;
+  box.cells = {10, 3, 3};
+  box.size = {1, 0.2, 0.2};
+  box.clusters = {2, 1, 1};
+  box.stretch_hz = options.hz;
+  formats::PackageContent content = boxContent(box);
+  if (options.pinned) {
+    for (std::uint32_t v = 0; v < content.physical_vertices.size(); ++v) {
+      if (content.physical_vertices[v].rest_position[0] < -0.499F) content.pin_set_vertices.push_back(v);
+    }
+    content.pin_sets.push_back({content.addText("held"), content.addText("world"), 3, 0,
+                                std::uint32_t(content.pin_set_vertices.size()), 0});
+  }
+  tools::PhysicalMesh mesh;
+  for (const formats::PhysicalVertex& vertex : content.physical_vertices) {
+    mesh.positions.emplace_back(double(vertex.rest_position[0]), double(vertex.rest_position[1]),
+                                double(vertex.rest_position[2]));
+  }
+  tools::addFields(mesh, {}, content);
+  return formats::writePackage(content);
+}
+
+}  // namespace sinew::test
