@@ -38,7 +38,7 @@ enum Feature : std::uint64_t {
   kFeatureActivation = 1U << 9,         ///< section CHAN
   kFeatureVertexStiffness = 1U << 10,   ///< section PSTF
   kFeaturePinWeights = 1U << 11,        ///< section PPIN
-  kFeatureField = 1U << 12,             ///< sections FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV
+  kFeatureField = 1U << 12,             ///< sections FELD, FFUN, FPAK, FGRD, FVAL (and FPNT, FPTV where there are contact points)
 };
 
 struct Header {
