@@ -54,7 +54,7 @@ class FieldRules {
   FieldFault find() {
     for (index_ = 0; index_ < view_.fields().size(); ++index_) {
       if (!checkRecord() || !checkRuns() || !checkFunctions() || !checkSamples() || !checkVertices() ||
-          !checkPoints()) {
+          !checkPoints() || !checkModes()) {
         return fault_;
       }
     }
@@ -80,7 +80,7 @@ class FieldRules {
 
   bool checkRecord() {
     const Field& f = field();
-    if (f.held > 1 || f.reserved0 != 0) return refuse("held is not 0 or 1, or a reserved field is not 0");
+    if (f.held > 1) return refuse("held is not 0 or 1");
     if (f.held == 0) {
       if (f.piece != pieces_ || f.piece >= view_.bodies().size()) return refuse("not the free field of the next body");
       ++pieces_;
@@ -104,22 +104,29 @@ class FieldRules {
     std::uint32_t id;
     const char* what;
   };
-  static constexpr std::array<Run, 6> kRuns = {{
+  static constexpr std::array<Run, 7> kRuns = {{
       {section::field_functions, "its run of FFUN does not start where the one before ends, or reaches too far"},
       {section::field_packs, "its run of FPAK does not start where the one before ends, or reaches too far"},
       {section::field_gradients, "its run of FGRD does not start where the one before ends, or reaches too far"},
       {section::field_values, "its run of FVAL does not start where the one before ends, or reaches too far"},
       {section::field_points, "its run of FPNT does not start where the one before ends, or reaches too far"},
       {section::field_point_values, "its run of FPTV does not start where the one before ends, or reaches too far"},
+      {section::field_modes, "its run of FMOD does not start where the one before ends, or reaches too far"},
   }};
 
   bool checkRuns() {
     const Field& f = field();
     const std::uint64_t k = f.function_count, vertices = view_.bodies()[f.piece].vertex_count, points = f.point_count;
-    const std::array<std::uint64_t, 6> firsts = {f.first_function, f.first_pack,  f.first_gradient,
-                                                 f.first_value,    f.first_point, f.first_point_value};
-    const std::array<std::uint64_t, 6> counts = {
-        k, f.pack_count, 3 * k * f.pack_count, k * ((vertices + 7) / 8), points, k * ((points + 7) / 8)};
+    const std::uint64_t unknowns = 3 * (k - f.driven_count);
+    const std::array<std::uint64_t, 7> firsts = {f.first_function, f.first_pack,        f.first_gradient, f.first_value,
+                                                 f.first_point,    f.first_point_value, f.first_mode};
+    const std::array<std::uint64_t, 7> counts = {k,
+                                                 f.pack_count,
+                                                 3 * k * f.pack_count,
+                                                 k * ((vertices + 7) / 8),
+                                                 points,
+                                                 k * ((points + 7) / 8),
+                                                 (unknowns + 1) * ((unknowns + 7) / 8)};
     for (std::size_t r = 0; r < kRuns.size(); ++r) {
       if (firsts[r] != ends_[r] || counts[r] > view_.sectionData(kRuns[r].id).count - ends_[r]) {
         return refuse(kRuns[r].what);
@@ -328,11 +335,39 @@ class FieldRules {
                        points.size());
   }
 
+  /// The modes, eight by eight: of norm 1 each, or the solver gets nowhere.
+  bool checkModes() {
+    const std::size_t unknowns = 3 * (functions_.size() - field().driven_count);
+    for (std::size_t done = 0; done < unknowns; done += 8) {
+      const std::size_t element = field().first_mode + (unknowns + 1) * (done / 8);
+      const Lanes* const lanes = view_.fieldModes().data() + element;
+      const std::size_t live = std::min<std::size_t>(8, unknowns - done);
+      Lanes norm = {}, largest = {};
+      for (std::size_t i = 1; i <= unknowns; ++i) {
+        takeLargest(largest, lanes[i]);
+        for (std::size_t l = 0; l < 8; ++l) norm[l] += lanes[i][l] * lanes[i][l];
+      }
+      unsigned bad = 0;
+      for (std::size_t l = 0; l < live; ++l) {
+        bad |= negativeOrBeyond(lanes[0][l]) | unsigned(!(std::fabs(norm[l] - 1) <= kTolerance));
+      }
+      for (std::size_t l = live; l < 8; ++l) {
+        bad |= unsigned(lanes[0][l] != 0) | unsigned(norm[l] != 0) | unsigned(largest[l] != 0);
+      }
+      if (bad != 0) {
+        return refuse(section::field_modes, element,
+                      "a mode of its eight is not of norm 1, its square of a frequency is negative, not finite or "
+                      "above 1e18, or a lane behind the last is not 0");
+      }
+    }
+    return true;
+  }
+
   const PackageView& view_;
   FieldFault fault_;
   std::size_t index_ = 0;     // of the field
   std::uint32_t pieces_ = 0;  // whose free fields were seen
-  std::array<std::uint64_t, 6> ends_ = {};
+  std::array<std::uint64_t, 7> ends_ = {};
   std::span<const FieldFunction> functions_;
   std::vector<Lanes> norms_;
 };

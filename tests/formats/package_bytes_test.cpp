@@ -111,6 +111,8 @@ double followFields(const PackageView& view) {
     for (const FieldPoint& point : view.fieldPoints().subspan(field.first_point, field.point_count)) {
       take(double(point.area) + double(point.at[1]));
     }
+    const std::size_t unknowns = 3 * (k - field.driven_count);
+    lanes(view.fieldModes(), field.first_mode, (unknowns + 1) * ((unknowns + 7) / 8));
     lanes(view.fieldPointValues(), field.first_point_value, k * ((std::size_t{field.point_count} + 7) / 8));
   }
   return sum;

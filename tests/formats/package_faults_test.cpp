@@ -394,7 +394,8 @@ void mixFunctions(PackageContent& c, std::size_t i, std::size_t j) {
 }
 
 // The free field has functions 0..3, pack 0, gradients 0..11, values 0..3, points 0..8 and point values 0..7; the held
-// one functions 4..8, pack 1, gradients 12..26, values 4..8, points 9..17, point values 8..17.
+// one functions 4..8, pack 1, gradients 12..26, values 4..8, points 9..17, point values 8..17, modes 26..29 (0..25: 12
+// modes and their frequencies in two blocks).
 const std::vector<ContentFault> kFieldFaults = {
     // Presence
     {"FELD: missing", [](auto& c) { c.fields.clear(); }},
@@ -402,6 +403,7 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FPAK: missing", [](auto& c) { c.field_packs.clear(); }},
     {"FGRD: missing", [](auto& c) { c.field_gradients.clear(); }},
     {"FVAL: missing", [](auto& c) { c.field_values.clear(); }},
+    {"FMOD: missing", [](auto& c) { c.field_modes.clear(); }},
     {"FPTV: needs section FPNT", [](auto& c) { c.field_points.clear(); }},
     {"FPNT: needs section FELD",
      [](auto& c) {
@@ -410,11 +412,11 @@ const std::vector<ContentFault> kFieldFaults = {
        c.field_packs.clear();
        c.field_gradients.clear();
        c.field_values.clear();
+       c.field_modes.clear();
      }},
     {"FELD, element 0: its run of FPTV", [](auto& c) { c.field_point_values.clear(); }},
     // FELD: order
     {"FELD, element 0: held is not", [](auto& c) { c.fields[0].held = 2; }},
-    {"FELD, element 1: held is not", [](auto& c) { c.fields[1].reserved0 = 1; }},
     {"FELD, element 0: not the free", [](auto& c) { c.fields[0].piece = 1; }},
     {"FELD, element 0: not the free", [](auto& c) { c.fields[0].piece = kNone; }},
     {"FELD, element 1: not the free", [](auto& c) { c.fields[1].held = 0; }},
@@ -464,12 +466,15 @@ const std::vector<ContentFault> kFieldFaults = {
      }},
     {"FELD, element 1: its run of FPTV", [](auto& c) { c.fields[1].first_point_value = 4; }},
     {"FELD, element 1: its run of FPTV", [](auto& c) { c.field_point_values.pop_back(); }},
+    {"FELD, element 1: its run of FMOD", [](auto& c) { c.fields[1].first_mode = 13; }},
+    {"FELD, element 1: its run of FMOD", [](auto& c) { c.field_modes.pop_back(); }},
     {"FFUN: has elements", [](auto& c) { c.field_functions.push_back(c.field_functions.back()); }},
     {"FPAK: has elements", [](auto& c) { c.field_packs.push_back(c.field_packs.back()); }},
     {"FGRD: has elements", [](auto& c) { c.field_gradients.emplace_back(); }},
     {"FVAL: has elements", [](auto& c) { c.field_values.emplace_back(); }},
     {"FPNT: has elements", [](auto& c) { c.field_points.push_back(c.field_points.back()); }},
     {"FPTV: has elements", [](auto& c) { c.field_point_values.emplace_back(); }},
+    {"FMOD: has elements", [](auto& c) { c.field_modes.emplace_back(); }},
     // FFUN
     {"FFUN, element 1: stiffness", [](auto& c) { c.field_functions[1].stiffness = -1; }},
     {"FFUN, element 1: stiffness", [](auto& c) { c.field_functions[1].stiffness = kNan; }},
@@ -555,6 +560,14 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FPTV, element 4: the functions", [](auto& c) { c.field_point_values[5][0] += 0.01F; }},
     {"FPTV, element 13: the functions", [](auto& c) { c.field_point_values[17][0] = kNan; }},
     {"FPTV, element 13: the functions", [](auto& c) { c.field_point_values[14][1] = 1; }},
+    // FMOD
+    {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[0][1] = -1; }},
+    {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[13][3] = kInfinity; }},
+    {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[13][4] = 1; }},
+    {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[1][0] = 1.01F; }},
+    {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[12][7] = kNan; }},
+    {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[25][7] = 1e-30F; }},
+    {"FMOD, element 26: a mode", [](auto& c) { c.field_modes[27][1] = 0.1F; }},
 };
 
 TEST(PackageFaults, EachBrokenRuleOfFieldsIsRefusedAndNamed) {
@@ -578,6 +591,7 @@ TEST(PackageFaults, EveryBodyHasItsFreeField) {
   dropLast(content.field_values, 9);
   dropLast(content.field_points, 18);
   dropLast(content.field_point_values, 18);
+  dropLast(content.field_modes, 30);
   EXPECT_EQ(test::reasonOf(writePackage(content)), "section FELD: a body without its free field");
   content = test::repeated(test::fieldPackage(), 2);
   std::swap(content.fields[1].piece, content.fields[3].piece);
@@ -599,6 +613,7 @@ TEST(PackageFaults, WhatTheFormatAllowsOfFieldsOpens) {
         c.field_values.resize(4);
         c.field_points.resize(9);
         c.field_point_values.resize(8);
+        c.field_modes.resize(26);
         c.pin_sets.clear();
         c.pin_set_vertices.clear();
       },

@@ -104,6 +104,7 @@ TEST(Package, FieldsReadAsWritten) {
   expectSameBytes(view.fieldValues(), content.field_values, "values");
   expectSameBytes(view.fieldPoints(), content.field_points, "points");
   expectSameBytes(view.fieldPointValues(), content.field_point_values, "point values");
+  expectSameBytes(view.fieldModes(), content.field_modes, "modes");
   EXPECT_EQ(view.fields()[1].driven_count, 4U);
   EXPECT_EQ(view.fieldFunctions()[view.fields()[1].first_function + 3].monomial, 3U);
   EXPECT_EQ(view.text(view.pinSets()[view.fieldFunctions()[4].pin_set].name), "base");

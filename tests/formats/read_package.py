@@ -188,13 +188,14 @@ SECTIONS = {
     "GRPV": ("<I", 0, False, None),
     "MASK": ("<4I", 0, False, None),
     "MSKV": ("<If", 0, False, None),
-    "FELD": ("<12I3fI", 1, False, 12),
+    "FELD": ("<13I3f", 1, False, 12),
     "FFUN": ("<2f4f2I", 1, False, 12),
     "FPAK": ("<48f", 1, False, 12),
     "FGRD": ("<8f", 1, False, 12),
     "FVAL": ("<8f", 1, False, 12),
     "FPNT": ("<4f", 1, False, None),
     "FPTV": ("<8f", 1, False, None),
+    "FMOD": ("<8f", 1, False, 12),
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights",
@@ -483,16 +484,18 @@ class Package:
         need(all(body < len(r["BODY"]) for body, _ in order), "section FELD: no such body")
         need([b for b, held in order if held == 0] == (list(range(len(r["BODY"]))) if fields else []),
              "section FELD: not one free field for each body")
+        need(all(f[3] <= f[2] for f in fields), "section FELD: driven_count above function_count")
         # first in FELD's record, and how many elements a field takes
         runs = {"FFUN": (4, lambda k, f: k), "FPAK": (5, lambda k, f: f[6]), "FGRD": (7, lambda k, f: 3 * k * f[6]),
                 "FVAL": (8, lambda k, f: k * ((r["BODY"][f[0]][1] + 7) // 8)), "FPNT": (9, lambda k, f: f[10]),
-                "FPTV": (11, lambda k, f: k * ((f[10] + 7) // 8))}
+                "FPTV": (11, lambda k, f: k * ((f[10] + 7) // 8)),
+                "FMOD": (12, lambda k, f: (3 * (k - f[3]) + 1) * ((3 * (k - f[3]) + 7) // 8))}
         for name, (at, count) in runs.items():
             tile(f"FELD ({name})", [(f[at], count(f[2], f)) for f in fields], len(r[name]))
         for i, f in enumerate(fields):
             where = f"section FELD, element {i}: "
-            body, held, k, driven, packs, hz, error, eigenvalue, reserved = *f[:4], f[6], *f[12:]
-            need(held <= 1 and reserved == 0, where + "held or reserved")
+            body, held, k, driven, packs, hz, error, eigenvalue = *f[:4], f[6], *f[13:]
+            need(held <= 1, where + "held")
             need(1 <= k <= 1024 and packs > 0, where + "function_count or pack_count")
             need(driven % 4 == 0 and driven <= k and (driven > 0) == (held == 1), where + "driven_count")
             need(0 <= hz <= MOST and 0 <= error <= MOST and abs(eigenvalue) <= MOST, where + "a number")
@@ -509,6 +512,7 @@ class Package:
             for n, p in enumerate(points, f[9]):
                 need(all(abs(x) <= MOST for x in p) and p[3] > 0, f"section FPNT, element {n}: at or area")
             self.check_places("FPTV", f[11], functions, points)
+            self.check_modes(f[12], 3 * (k - driven))
 
     def check_functions(self, first, k, driven):
         sets = []
@@ -566,6 +570,16 @@ class Package:
             norms = [norm + places[i][3] * value * value for norm, value in zip(norms, phi)]
         return norms
 
+    def check_modes(self, first, unknowns):
+        for mode in range((unknowns + 7) // 8 * 8):
+            block = first + (unknowns + 1) * (mode // 8)
+            here = f"section FMOD, element {block}, mode {mode}: "
+            square, *vector = [lanes[mode % 8] for lanes in self.records["FMOD"][block:block + unknowns + 1]]
+            if mode >= unknowns:
+                need(square == 0 and not any(vector), here + "behind the last, but not 0")
+                continue
+            need(0 <= square <= MOST and abs(sum(x * x for x in vector) - 1) <= 1e-3, here + "frequency or norm")
+
     def check_moments(self, where, functions, vertices):
         diagonal, mass, origin = self.records["INFO"][0][10], sum(v[3] for v in vertices), vertices[0][:3]
         carried = [(f[2], *(x - f[2] * o for x, o in zip(f[3:6], origin))) for f in functions]
@@ -601,8 +615,8 @@ class Package:
     def field_summary(self, f):
         samples = sum(volume > 0 for pack in self.records["FPAK"][f[5]:f[5] + f[6]] for volume in pack[:8])
         return {"body": self.text(*self.records["BODY"][f[0]][6:8]), "held": f[1] == 1, "functions": f[2], "driven": f[3],
-                "samples": samples, "contact_points": f[10], "lowest_hz": f[12], "static_error": f[13],
-                "least_eigenvalue": f[14]}
+                "samples": samples, "contact_points": f[10], "lowest_hz": f[13], "static_error": f[14],
+                "least_eigenvalue": f[15]}
 
 
 def main():

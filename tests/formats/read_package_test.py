@@ -171,8 +171,8 @@ class Reader(unittest.TestCase):
         negative, half = b"\0\0\x80\xbf", b"\0\0\0\x3f"
         faults = [(b"FELD", 0, one), (b"FELD", 4, one), (b"FELD", 8, bytes(4)), (b"FELD", 12, b"\4"), (b"FELD", 16, one),
                   (b"FELD", 20, one), (b"FELD", 24, bytes(4)), (b"FELD", 28, one), (b"FELD", 32, one),
-                  (b"FELD", 36, one), (b"FELD", 40, one), (b"FELD", 44, one), (b"FELD", 48, nan),
-                  (b"FELD", 52, negative), (b"FELD", 56, nan), (b"FELD", 60, one), (b"FELD", 64, one),
+                  (b"FELD", 36, one), (b"FELD", 40, one), (b"FELD", 44, one), (b"FELD", 48, one),
+                  (b"FELD", 52, negative), (b"FELD", 56, nan), (b"FELD", 60, nan), (b"FELD", 64, one),
                   (b"FELD", 64 + 4, b"\2"), (b"FELD", 64 + 12, bytes(4)), (b"FELD", 64 + 12, b"\3"),
                   (b"FFUN", 0, negative), (b"FFUN", 4, nan), (b"FFUN", 8, half), (b"FFUN", 12, half),
                   (b"FFUN", 24, one), (b"FFUN", 28, one), (b"FFUN", 4 * 32 + 24, b"\2"), (b"FFUN", 5 * 32 + 24, bytes(4)),
@@ -180,7 +180,8 @@ class Reader(unittest.TestCase):
                   (b"FPAK", 32, nan), (b"FPAK", 40, one), (b"FPAK", 64, negative), (b"FPAK", 96, nan),
                   (b"FPAK", 96 + 8, one), (b"FGRD", 0, half), (b"FGRD", 96, nan), (b"FGRD", 4 * 32 + 8, tiny),
                   (b"FVAL", 0, nan), (b"FVAL", 4, half), (b"FVAL", 32 + 20, tiny), (b"FPNT", 0, half),
-                  (b"FPNT", 12, bytes(4)), (b"FPTV", 4, half), (b"FPTV", 4 * 32 + 4, tiny)]
+                  (b"FPNT", 12, bytes(4)), (b"FPTV", 4, half), (b"FPTV", 4 * 32 + 4, tiny), (b"FMOD", 0, negative), (b"FMOD", 32, half),
+                  (b"FMOD", 36, nan), (b"FMOD", 13 * 32 + 16, tiny)]
         for name, offset, new in faults:
             data = bytearray(sound)
             at = start_of(data, name) + offset

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "tests/support/sample_package.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -194,6 +195,7 @@ class FieldMaker {
     field.first_point = count(content_.field_points);
     field.point_count = count(points);
     field.first_point_value = count(content_.field_point_values);
+    field.first_mode = count(content_.field_modes);
     field.lowest_hz = 2.5F;
     field.static_error = 0.125F;
     field.least_eigenvalue = 0.75F;
@@ -230,6 +232,9 @@ class FieldMaker {
     for (std::size_t i = 0; i < mass_.size(); ++i) vertices.push_back({i, i});
     addValues(functions, vertices, content_.field_values);
     addValues(functions, points, content_.field_point_values);
+    std::vector<double> modes;
+    for (std::size_t j = driven; j < functions.size(); ++j) modes.insert(modes.end(), 3, stiffness[j]);
+    addModes(modes);
     for (const auto& [a, b] : points) {
       formats::FieldPoint point{{}, 0.25F};
       for (std::size_t axis = 0; axis < 3; ++axis) point.at[axis] = float(0.5 * (at_[axis][a] + at_[axis][b]));
@@ -282,6 +287,19 @@ class FieldMaker {
           lanes[l] = float(0.5 * (function[places[first + l][0]] + function[places[first + l][1]]));
         }
         to.push_back(lanes);
+      }
+    }
+  }
+
+  // Each unknown counts as a mode: the true ones of a body this regular would hang on rounding.
+  void addModes(const std::vector<double>& eigenvalues) {
+    const std::size_t unknowns = eigenvalues.size();
+    for (std::size_t first = 0; first < unknowns; first += 8) {
+      const std::size_t block = content_.field_modes.size(), end = std::min(first + 8, unknowns);
+      content_.field_modes.resize(block + unknowns + 1);
+      for (std::size_t mode = first; mode < end; ++mode) {
+        content_.field_modes[block][mode - first] = float(std::fmax(0.0, eigenvalues[mode]));
+        content_.field_modes[block + 1 + mode][mode - first] = 1;
       }
     }
   }
@@ -483,6 +501,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
     f.first_function += k * n(once.field_functions), f.first_pack += k * n(once.field_packs);
     f.first_gradient += k * n(once.field_gradients), f.first_value += k * n(once.field_values);
     f.first_point += k * n(once.field_points), f.first_point_value += k * n(once.field_point_values);
+    f.first_mode += k * n(once.field_modes);
   });
   repeat(c.field_functions, copies, [&](auto& f, std::uint32_t k) {
     if (f.pin_set != kNone) f.pin_set += k * sets;
@@ -492,6 +511,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
   repeat(c.field_values, copies, same);
   repeat(c.field_points, copies, same);
   repeat(c.field_point_values, copies, same);
+  repeat(c.field_modes, copies, same);
   return c;
 }
 

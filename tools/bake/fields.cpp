@@ -396,6 +396,7 @@ void removeFields(formats::PackageContent& content) {
   content.field_values.clear();
   content.field_points.clear();
   content.field_point_values.clear();
+  content.field_modes.clear();
 }
 
 }  // namespace sinew::tools
