@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "checksum.h"
+#include "field_rules.h"
 #include "section_rules.h"
 #include "sinew/formats/version.h"
 
@@ -76,7 +77,7 @@ class PackageReader {
     return readHeader() && readTable() && checkPresence() && readInfo() && checkTexts() && checkInfo() &&
            checkBodies() && checkPhysicalVertices() && checkTetrahedra() && checkClusters() && checkMemberships() &&
            checkMechanics() && checkPinSets() && checkParts() && checkVisualMesh() && checkMaterials() &&
-           checkAttachments() && checkIdentity() && checkGroups() && checkMasks();
+           checkAttachments() && checkIdentity() && checkGroups() && checkMasks() && checkFields();
   }
 
   const char* reason() const { return reason_; }
@@ -225,7 +226,7 @@ class PackageReader {
       }
     }
     // What the first is about is in the second.
-    constexpr std::array<std::array<std::uint32_t, 2>, 18> kNeeds = {{
+    constexpr std::array<std::array<std::uint32_t, 2>, 20> kNeeds = {{
         {section::visual_normals, section::visual_positions},
         {section::visual_uv, section::visual_positions},
         {section::visual_colors, section::visual_positions},
@@ -244,6 +245,8 @@ class PackageReader {
         {section::pin_set_vertices, section::pin_sets},
         {section::part_vertices, section::parts},
         {section::barycentric, section::tetrahedra},
+        {section::field_points, section::fields},
+        {section::field_point_values, section::field_points},
     }};
     for (const auto& [id, needed] : kNeeds) {
       if (has(id) && !has(needed)) {
@@ -749,6 +752,13 @@ class PackageReader {
       end += mask.count;
     }
     return end == weights.size() || refuse(section::mask_weights, "has weights of no mask");
+  }
+
+  bool checkFields() {
+    const FieldFault fault = findFieldFault(view_);
+    if (fault.what == nullptr) return true;
+    return fault.element == FieldFault::kWhole ? refuse(fault.section, fault.what)
+                                               : refuse(fault.section, fault.element, fault.what);
   }
 
   std::span<const std::byte> bytes_;

@@ -63,8 +63,8 @@ inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {
     {section::field_packs, sizeof(FieldPack), kSectionRequired, false, kFeatureField},
     {section::field_gradients, sizeof(Lanes), kSectionRequired, false, kFeatureField},
     {section::field_values, sizeof(Lanes), kSectionRequired, false, kFeatureField},
-    {section::field_points, sizeof(FieldPoint), kSectionRequired, false, kFeatureField},
-    {section::field_point_values, sizeof(Lanes), kSectionRequired, false, kFeatureField},
+    {section::field_points, sizeof(FieldPoint), kSectionRequired, false, 0},
+    {section::field_point_values, sizeof(Lanes), kSectionRequired, false, 0},
     {section::field_modes, sizeof(Lanes), kSectionRequired, false, kFeatureField},
 }};
 

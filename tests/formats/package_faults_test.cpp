@@ -3,10 +3,12 @@
 // Each rule of docs/package-format.md, broken alone in a package whose checksums are right.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "sinew/formats/package.h"
@@ -356,6 +358,281 @@ TEST(PackageFaults, EachBrokenRuleOfMechanicsIsRefusedAndNamed) {
   }
 }
 
+// Function j of fieldPackage(), as it is everywhere, times a factor, and what it carries divided by that: places stay.
+void scaleFunction(PackageContent& c, std::size_t j, float factor) {
+  const Field& field = c.fields[j < 4 ? 0 : 1];
+  const std::size_t k = field.function_count, of = j - field.first_function;
+  const auto times = [factor](Lanes& lanes) {
+    for (float& value : lanes) value *= factor;
+  };
+  FieldFunction& function = c.field_functions[j];
+  function.one /= factor;
+  for (float& value : function.rest) value /= factor;
+  for (std::size_t axis = 0; axis < 3; ++axis) times(c.field_gradients[field.first_gradient + 3 * of + axis]);
+  times(c.field_values[field.first_value + of]);
+  for (std::size_t block = 0; block < 2; ++block) times(c.field_point_values[field.first_point_value + k * block + of]);
+}
+
+// Function j of the free field becomes (function i + function j) / sqrt(2), and what they carry changes so that places
+// stay.
+void mixFunctions(PackageContent& c, std::size_t i, std::size_t j) {
+  const float half = std::sqrt(0.5F);
+  const auto mix = [half](std::vector<Lanes>& lanes, std::size_t a, std::size_t b) {
+    for (std::size_t l = 0; l < 8; ++l) lanes[b][l] = half * (lanes[a][l] + lanes[b][l]);
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis) mix(c.field_gradients, 3 * i + axis, 3 * j + axis);
+  mix(c.field_values, i, j);
+  for (const std::size_t block : {0U, 4U}) mix(c.field_point_values, block + i, block + j);
+  // f_i c_i + f_j c_j = f_i (c_i - c_j) + (f_i + f_j) / sqrt(2) * sqrt(2) c_j
+  FieldFunction &a = c.field_functions[i], &b = c.field_functions[j];
+  a.one -= b.one;
+  b.one /= half;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    a.rest[axis] -= b.rest[axis];
+    b.rest[axis] /= half;
+  }
+}
+
+// The free field has functions 0..3, pack 0, gradients 0..11, values 0..3, points 0..8 and point values 0..7; the held
+// one functions 4..8, pack 1, gradients 12..26, values 4..8, points 9..17, point values 8..17, modes 26..29 (0..25: 12
+// modes and their frequencies in two blocks).
+const std::vector<ContentFault> kFieldFaults = {
+    // Presence
+    {"FELD: missing", [](auto& c) { c.fields.clear(); }},
+    {"FFUN: missing", [](auto& c) { c.field_functions.clear(); }},
+    {"FPAK: missing", [](auto& c) { c.field_packs.clear(); }},
+    {"FGRD: missing", [](auto& c) { c.field_gradients.clear(); }},
+    {"FVAL: missing", [](auto& c) { c.field_values.clear(); }},
+    {"FMOD: missing", [](auto& c) { c.field_modes.clear(); }},
+    {"FPTV: needs section FPNT", [](auto& c) { c.field_points.clear(); }},
+    {"FPNT: needs section FELD",
+     [](auto& c) {
+       c.fields.clear();
+       c.field_functions.clear();
+       c.field_packs.clear();
+       c.field_gradients.clear();
+       c.field_values.clear();
+       c.field_modes.clear();
+     }},
+    {"FELD, element 0: its run of FPTV", [](auto& c) { c.field_point_values.clear(); }},
+    // FELD: order
+    {"FELD, element 0: held is not", [](auto& c) { c.fields[0].held = 2; }},
+    {"FELD, element 0: not the free", [](auto& c) { c.fields[0].piece = 1; }},
+    {"FELD, element 0: not the free", [](auto& c) { c.fields[0].piece = kNone; }},
+    {"FELD, element 1: not the free", [](auto& c) { c.fields[1].held = 0; }},
+    {"FELD, element 1: not the free",
+     [](auto& c) {
+       c.fields[1].held = 0;
+       c.fields[1].piece = 1;
+     }},
+    {"FELD, element 0: held, but", [](auto& c) { c.fields[0].held = 1; }},
+    {"FELD, element 1: held, but", [](auto& c) { c.fields[1].piece = 1; }},
+    {"FELD, element 2: held, but", [](auto& c) { c.fields.push_back(c.fields[1]); }},
+    {"FELD, element 2: not the free", [](auto& c) { c.fields.push_back(c.fields[0]); }},
+    // FELD: counts and numbers
+    {"FELD, element 0: function_count", [](auto& c) { c.fields[0].function_count = 0; }},
+    {"FELD, element 0: function_count", [](auto& c) { c.fields[0].function_count = 1025; }},
+    {"FELD, element 0: driven_count", [](auto& c) { c.fields[0].driven_count = 4; }},
+    {"FELD, element 1: driven_count", [](auto& c) { c.fields[1].driven_count = 0; }},
+    {"FELD, element 1: driven_count", [](auto& c) { c.fields[1].driven_count = 3; }},
+    {"FELD, element 1: driven_count", [](auto& c) { c.fields[1].driven_count = 8; }},
+    {"FELD, element 1: has no samples", [](auto& c) { c.fields[1].pack_count = 0; }},
+    {"FELD, element 0: lowest_hz", [](auto& c) { c.fields[0].lowest_hz = -1; }},
+    {"FELD, element 0: lowest_hz", [](auto& c) { c.fields[0].lowest_hz = kInfinity; }},
+    {"FELD, element 0: lowest_hz", [](auto& c) { c.fields[0].static_error = kNan; }},
+    {"FELD, element 0: lowest_hz", [](auto& c) { c.fields[0].static_error = -0.5F; }},
+    {"FELD, element 1: lowest_hz", [](auto& c) { c.fields[1].least_eigenvalue = kNan; }},
+    {"FELD, element 1: lowest_hz", [](auto& c) { c.fields[1].least_eigenvalue = 2e18F; }},
+    // FELD: runs
+    {"FELD, element 0: its run of FFUN", [](auto& c) { c.fields[0].first_function = 1; }},
+    {"FELD, element 1: its run of FFUN", [](auto& c) { c.fields[1].first_function = 3; }},
+    {"FELD, element 1: its run of FFUN", [](auto& c) { c.fields[1].function_count = 1024; }},
+    {"FELD, element 1: its run of FPAK", [](auto& c) { c.fields[1].first_pack = 0; }},
+    {"FELD, element 1: its run of FPAK", [](auto& c) { c.fields[1].pack_count = 0xffffffff; }},
+    {"FELD, element 1: its run of FGRD", [](auto& c) { c.fields[1].first_gradient = 0; }},
+    {"FELD, element 1: its run of FGRD", [](auto& c) { c.field_gradients.pop_back(); }},
+    {"FELD, element 1: its run of FVAL", [](auto& c) { c.fields[1].first_value = 0xffffffff; }},
+    {"FELD, element 1: its run of FVAL", [](auto& c) { c.field_values.pop_back(); }},
+    {"FELD, element 1: its run of FPNT", [](auto& c) { c.fields[1].first_point = 8; }},
+    {"FELD, element 1: its run of FPNT", [](auto& c) { c.fields[1].point_count = 0xffffffff; }},
+    {"FELD, element 1: its run of FPNT",
+     [](auto& c) {
+       c.fields[0].point_count = 9 + 1;
+       c.field_points.insert(c.field_points.begin() + 9, {{0, 0, 0}, 1});
+       c.field_point_values[4][1] = c.field_point_values[0][0];  // all four functions at vertex 0
+       c.field_point_values[5][1] = c.field_point_values[1][0];
+       c.field_point_values[6][1] = c.field_point_values[2][0];
+       c.field_point_values[7][1] = c.field_point_values[3][0];
+     }},
+    {"FELD, element 1: its run of FPTV", [](auto& c) { c.fields[1].first_point_value = 4; }},
+    {"FELD, element 1: its run of FPTV", [](auto& c) { c.field_point_values.pop_back(); }},
+    {"FELD, element 1: its run of FMOD", [](auto& c) { c.fields[1].first_mode = 13; }},
+    {"FELD, element 1: its run of FMOD", [](auto& c) { c.field_modes.pop_back(); }},
+    {"FFUN: has elements", [](auto& c) { c.field_functions.push_back(c.field_functions.back()); }},
+    {"FPAK: has elements", [](auto& c) { c.field_packs.push_back(c.field_packs.back()); }},
+    {"FGRD: has elements", [](auto& c) { c.field_gradients.emplace_back(); }},
+    {"FVAL: has elements", [](auto& c) { c.field_values.emplace_back(); }},
+    {"FPNT: has elements", [](auto& c) { c.field_points.push_back(c.field_points.back()); }},
+    {"FPTV: has elements", [](auto& c) { c.field_point_values.emplace_back(); }},
+    {"FMOD: has elements", [](auto& c) { c.field_modes.emplace_back(); }},
+    // FFUN
+    {"FFUN, element 1: stiffness", [](auto& c) { c.field_functions[1].stiffness = -1; }},
+    {"FFUN, element 1: stiffness", [](auto& c) { c.field_functions[1].stiffness = kNan; }},
+    {"FFUN, element 2: stiffness", [](auto& c) { c.field_functions[2].damping_hz = kInfinity; }},
+    {"FFUN, element 2: stiffness", [](auto& c) { c.field_functions[2].damping_hz = -1; }},
+    {"FFUN, element 3: stiffness", [](auto& c) { c.field_functions[3].one = kNan; }},
+    {"FFUN, element 3: stiffness", [](auto& c) { c.field_functions[3].rest[2] = -2e18F; }},
+    {"FFUN, element 0: is not driven", [](auto& c) { c.field_functions[0].pin_set = 0; }},
+    {"FFUN, element 8: is not driven", [](auto& c) { c.field_functions[8].pin_set = 1; }},
+    {"FFUN, element 3: is not driven", [](auto& c) { c.field_functions[3].monomial = 1; }},
+    {"FFUN, element 5: the monomials", [](auto& c) { c.field_functions[5].monomial = 2; }},
+    {"FFUN, element 4: the monomials", [](auto& c) { c.field_functions[4].monomial = 4; }},
+    {"FFUN, element 4: driven by no", [](auto& c) { c.field_functions[4].pin_set = 2; }},
+    {"FFUN, element 4: driven by no", [](auto& c) { c.field_functions[4].pin_set = kNone; }},
+    {"FFUN, element 6: driven by no", [](auto& c) { c.field_functions[6].pin_set = 0; }},
+    {"FFUN, element 4: driven by no",
+     [](auto& c) {
+       c.pin_sets.clear();
+       c.pin_set_vertices.clear();
+     }},
+    {"FFUN, element 8: driven by no",  // a second four of the same pin set
+     [](auto& c) {
+       auto functions = c.field_functions;
+       c.field_functions.insert(c.field_functions.begin() + 8, functions.begin() + 4, functions.begin() + 8);
+       c.field_gradients.resize(c.field_gradients.size() + 12);
+       c.field_values.resize(c.field_values.size() + 4);
+       c.field_point_values.resize(c.field_point_values.size() + 8);
+       c.fields[1].function_count = 9;
+       c.fields[1].driven_count = 8;
+     }},
+    // FPAK
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].volume[1] = -1; }},
+    {"FPAK, element 1: a volume", [](auto& c) { c.field_packs[1].volume[0] = kInfinity; }},
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].mu[0] = kNan; }},
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].mu[7] = -1; }},
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].lambda[1] = -1; }},
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].lambda[1] = 1.5e18F; }},
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].at[2][0] = kNan; }},
+    {"FPAK, element 0: a number", [](auto& c) { c.field_packs[0].mu[2] = 1; }},
+    {"FPAK, element 1: a number", [](auto& c) { c.field_packs[1].lambda[7] = 1; }},
+    {"FPAK, element 1: a number", [](auto& c) { c.field_packs[1].at[0][5] = 1; }},
+    {"FELD, element 0: its samples have",
+     [](auto& c) {
+       c.field_packs[0] = {};
+       for (std::size_t i = 0; i < 12; ++i) c.field_gradients[i] = {};
+     }},
+    // FGRD
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_gradients[4][1] += 0.01F; }},
+    {"FGRD, element 12: the gradients", [](auto& c) { c.field_gradients[14][0] += 0.01F; }},
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_gradients[11][0] = kNan; }},
+    {"FGRD, element 12: the gradients", [](auto& c) { c.field_gradients[20][1] = kInfinity; }},
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_gradients[0][1] = 0.01F; }},
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_gradients[3][2] = 1e-30F; }},
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_gradients[3][2] = kNan; }},
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_packs[0].volume[2] = 1; }},
+    // FVAL
+    {"FVAL, element 0: the functions", [](auto& c) { c.field_values[0][4] += 0.01F; }},
+    {"FVAL, element 0: the functions", [](auto& c) { c.field_values[2][1] += 0.01F; }},
+    {"FVAL, element 0: the functions", [](auto& c) { c.field_values[3][0] = kNan; }},
+    {"FVAL, element 4: the functions", [](auto& c) { c.field_values[5][3] = -kInfinity; }},
+    {"FVAL, element 4: the functions", [](auto& c) { c.field_values[8][4] *= 1.01F; }},
+    {"FVAL, element 0: the functions", [](auto& c) { c.field_values[1][5] = 1e-30F; }},
+    {"FVAL, element 4: the functions", [](auto& c) { c.field_values[4][7] = kNan; }},
+    // What a function carries is first found out by the gradients, unless it is alike everywhere.
+    {"FVAL, element 0: the functions", [](auto& c) { c.field_functions[0].one *= 1.01F; }},
+    {"FVAL, element 0: the functions", [](auto& c) { c.field_functions[0].rest[1] += 0.01F; }},
+    {"FGRD, element 0: the gradients", [](auto& c) { c.field_functions[2].rest[1] += 0.01F; }},
+    {"FGRD, element 12: the gradients", [](auto& c) { c.field_functions[8].one = 0; }},
+    {"FFUN, element 1: the sum of mass",  // by another measure: they still give 1 and X
+     [](auto& c) { scaleFunction(c, 1, 2); }},
+    {"FFUN, element 8: the sum of mass", [](auto& c) { scaleFunction(c, 8, 0.5F); }},
+    // Still of norm 1 each, but not orthogonal.
+    {"FELD, element 0: mass, centre", [](auto& c) { mixFunctions(c, 0, 1); }},
+    {"FELD, element 0: mass, centre", [](auto& c) { mixFunctions(c, 1, 0); }},
+    {"FELD, element 0: mass, centre", [](auto& c) { mixFunctions(c, 2, 3); }},
+    // FPNT, FPTV
+    {"FPNT, element 0: area", [](auto& c) { c.field_points[0].area = 0; }},
+    {"FPNT, element 17: area", [](auto& c) { c.field_points[17].area = kNan; }},
+    {"FPNT, element 9: area", [](auto& c) { c.field_points[9].area = kInfinity; }},
+    {"FPNT, element 3: area", [](auto& c) { c.field_points[3].at[1] = kInfinity; }},
+    {"FPTV, element 0: the functions", [](auto& c) { c.field_points[3].at[1] += 0.01F; }},
+    {"FPTV, element 4: the functions", [](auto& c) { c.field_points[8].at[0] += 0.01F; }},
+    {"FPTV, element 4: the functions", [](auto& c) { c.field_point_values[5][0] += 0.01F; }},
+    {"FPTV, element 13: the functions", [](auto& c) { c.field_point_values[17][0] = kNan; }},
+    {"FPTV, element 13: the functions", [](auto& c) { c.field_point_values[14][1] = 1; }},
+    // FMOD
+    {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[0][1] = -1; }},
+    {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[13][3] = kInfinity; }},
+    {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[13][4] = 1; }},
+    {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[1][0] = 1.01F; }},
+    {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[12][7] = kNan; }},
+    {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[25][7] = 1e-30F; }},
+    {"FMOD, element 26: a mode", [](auto& c) { c.field_modes[27][1] = 0.1F; }},
+};
+
+TEST(PackageFaults, EachBrokenRuleOfFieldsIsRefusedAndNamed) {
+  EXPECT_EQ(test::reasonOf(writePackage(test::fieldPackage())), "");
+  for (std::size_t i = 0; i < kFieldFaults.size(); ++i) {
+    PackageContent content = test::fieldPackage();
+    kFieldFaults[i].spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_EQ(reason.find("section " + std::string(kFieldFaults[i].reason_has)), 0U)
+        << "fault " << i << " (" << kFieldFaults[i].reason_has << ") gave: " << reason;
+  }
+}
+
+TEST(PackageFaults, EveryBodyHasItsFreeField) {
+  const auto dropLast = [](auto& items, std::size_t count) { items.resize(items.size() - count); };
+  PackageContent content = test::repeated(test::fieldPackage(), 2);
+  dropLast(content.fields, 2);
+  dropLast(content.field_functions, 9);
+  dropLast(content.field_packs, 2);
+  dropLast(content.field_gradients, 27);
+  dropLast(content.field_values, 9);
+  dropLast(content.field_points, 18);
+  dropLast(content.field_point_values, 18);
+  dropLast(content.field_modes, 30);
+  EXPECT_EQ(test::reasonOf(writePackage(content)), "section FELD: a body without its free field");
+  content = test::repeated(test::fieldPackage(), 2);
+  std::swap(content.fields[1].piece, content.fields[3].piece);
+  EXPECT_NE(test::reasonOf(writePackage(content)).find("FELD, element 1: held, but"), std::string::npos);
+}
+
+TEST(PackageFaults, WhatTheFormatAllowsOfFieldsOpens) {
+  const std::vector<std::function<void(PackageContent&)>> allowed = {
+      [](auto& c) {  // no contact points
+        for (Field& f : c.fields) f.first_point = f.point_count = f.first_point_value = 0;
+        c.field_points.clear();
+        c.field_point_values.clear();
+      },
+      [](auto& c) {  // not held
+        c.fields.resize(1);
+        c.field_functions.resize(4);
+        c.field_packs.resize(1);
+        c.field_gradients.resize(12);
+        c.field_values.resize(4);
+        c.field_points.resize(9);
+        c.field_point_values.resize(8);
+        c.field_modes.resize(26);
+        c.pin_sets.clear();
+        c.pin_set_vertices.clear();
+      },
+      [](auto& c) { c.field_packs[1].mu = {}; },
+      [](auto& c) { c.fields[0].lowest_hz = c.fields[0].static_error = 0; },
+      [](auto& c) { c.field_functions[2].stiffness = 0; },
+      [](auto& c) {  // a sample less
+        c.field_packs[0].volume[1] = c.field_packs[0].mu[1] = c.field_packs[0].lambda[1] = 0;
+        for (Lanes& at : c.field_packs[0].at) at[1] = 0;
+        for (std::size_t i = 0; i < 12; ++i) c.field_gradients[i][1] = 0;
+      },
+  };
+  for (std::size_t i = 0; i < allowed.size(); ++i) {
+    PackageContent content = test::fieldPackage();
+    allowed[i](content);
+    EXPECT_EQ(test::reasonOf(writePackage(content)), "") << "variant " << i;
+  }
+}
+
 TEST(PackageFaults, WhatTheFormatAllowsOpens) {
   const std::vector<std::function<void(PackageContent&)>> allowed = {
       [](auto& c) { c.clusters[1].stretch_hz = kInfinity; },
@@ -407,8 +684,9 @@ TEST(PackageFaults, EachBrokenFrameIsRefusedAndNamed) {
       {"INFO: does not start", [](Header& h, SectionEntry&) { h.section_count -= 1; }},
       {"INFO: does not start", [](Header& h, SectionEntry&) { h.section_count = 1; }},
       {"the sections end", [](Header& h, SectionEntry&) { h.section_count = 0; }},
-      {"feature bit that", [](Header& h, SectionEntry&) { h.features |= 1U << 12; }},
+      {"feature bit that", [](Header& h, SectionEntry&) { h.features |= 1U << 13; }},
       {"feature bit that", [](Header& h, SectionEntry&) { h.features |= std::uint64_t{1} << 63; }},
+      {"FELD: missing, but", [](Header& h, SectionEntry&) { h.features |= 1U << 12; }},
       {"GRUP: present, but", [](Header& h, SectionEntry&) { h.features &= ~std::uint64_t{kFeatureGroups}; }},
       {"VCOL: does not start", [](Header&, SectionEntry& e) { e.offset += 64; }},
       {"VCOL: does not start", [](Header&, SectionEntry& e) { e.offset = ~std::uint64_t{63}; }},

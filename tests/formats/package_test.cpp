@@ -89,6 +89,62 @@ TEST(Package, MatchesGoldenBytes) { compareWithGolden(test::samplePackage(), "sa
 
 TEST(Package, WithMechanicsMatchesGoldenBytes) { compareWithGolden(test::mechanicsPackage(), "mechanics"); }
 
+TEST(Package, WithFieldsMatchesGoldenBytes) { compareWithGolden(test::fieldPackage(), "fields"); }
+
+TEST(Package, FieldsReadAsWritten) {
+  const PackageContent content = test::fieldPackage();
+  const test::AlignedBytes bytes(writePackage(content));
+  PackageView view;
+  ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+  EXPECT_EQ(view.features() >> 12, 1U);
+  expectSameBytes(view.fields(), content.fields, "fields");
+  expectSameBytes(view.fieldFunctions(), content.field_functions, "functions");
+  expectSameBytes(view.fieldPacks(), content.field_packs, "packs");
+  expectSameBytes(view.fieldGradients(), content.field_gradients, "gradients");
+  expectSameBytes(view.fieldValues(), content.field_values, "values");
+  expectSameBytes(view.fieldPoints(), content.field_points, "points");
+  expectSameBytes(view.fieldPointValues(), content.field_point_values, "point values");
+  expectSameBytes(view.fieldModes(), content.field_modes, "modes");
+  EXPECT_EQ(view.fields()[1].driven_count, 4U);
+  EXPECT_EQ(view.fieldFunctions()[view.fields()[1].first_function + 3].monomial, 3U);
+  EXPECT_EQ(view.text(view.pinSets()[view.fieldFunctions()[4].pin_set].name), "base");
+}
+
+// What a field is: x = sum phi z, here under a stretch, a turn and a shift, which z = A rest + b one makes.
+TEST(Package, FieldsMoveAsTheyAreTold) {
+  const PackageContent content = test::fieldPackage();
+  const auto moved = [](const Float3& x) { return Float3{2 * x[0] + 1, -3 * x[2], x[1] + x[0] - 4}; };
+  const auto check = [&](const Field& field, std::uint32_t first, const std::vector<Lanes>& values, std::size_t i,
+                         const Float3& at) {
+    Float3 sum = {};
+    for (std::uint32_t j = 0; j < field.function_count; ++j) {
+      const FieldFunction& f = content.field_functions[field.first_function + j];
+      const Float3 whole = moved(f.rest), zero = moved({0, 0, 0});
+      const float phi = values[first + i / 8 * field.function_count + j][i % 8];
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += phi * (whole[c] - zero[c] + f.one * zero[c]);
+    }
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(sum[c], moved(at)[c], 1e-5) << i;
+  };
+  for (const Field& field : content.fields) {
+    for (std::size_t i = 0; i < content.physical_vertices.size(); ++i) {
+      check(field, field.first_value, content.field_values, i, content.physical_vertices[i].rest_position);
+    }
+    for (std::size_t i = 0; i < field.point_count; ++i) {
+      check(field, field.first_point_value, content.field_point_values, i,
+            content.field_points[field.first_point + i].at);
+    }
+  }
+}
+
+TEST(Package, SeveralBodiesHaveFieldsEach) {
+  for (const std::size_t copies : {2U, 3U}) {
+    const test::AlignedBytes bytes(writePackage(test::repeated(test::fieldPackage(), copies)));
+    PackageView view;
+    ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+    EXPECT_EQ(view.fields().size(), 2 * copies);
+  }
+}
+
 TEST(Package, MechanicsReadAsWritten) {
   const test::AlignedBytes bytes(writePackage(test::mechanicsPackage()));
   PackageView view;

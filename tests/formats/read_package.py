@@ -14,6 +14,7 @@ import sys
 
 MASK = (1 << 64) - 1
 NONE = 0xFFFFFFFF
+MOST = struct.unpack("<f", struct.pack("<f", 1e18))[0]  # of a number in the sections of fields
 
 # ---- Checksum (section "Checksum" of the page) ----
 
@@ -187,12 +188,21 @@ SECTIONS = {
     "GRPV": ("<I", 0, False, None),
     "MASK": ("<4I", 0, False, None),
     "MSKV": ("<If", 0, False, None),
+    "FELD": ("<13I3f", 1, False, 12),
+    "FFUN": ("<2f4f2I", 1, False, 12),
+    "FPAK": ("<48f", 1, False, 12),
+    "FGRD": ("<8f", 1, False, 12),
+    "FVAL": ("<8f", 1, False, 12),
+    "FPNT": ("<4f", 1, False, None),
+    "FPTV": ("<8f", 1, False, None),
+    "FMOD": ("<8f", 1, False, 12),
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
-            "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights"]
+            "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights",
+            "fields"]
 NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("PRTV", "PART"), ("PART", "VPOS"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP"), ("MASK", "VPOS"),
-         ("MSKV", "MASK")]
+         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT")]
 
 
 def f32(value):
@@ -294,6 +304,7 @@ class Package:
         self.check_visual()
         self.check_attachments()
         self.check_identity()
+        self.check_fields()
 
     def text(self, offset, size):
         return self.strings[offset:offset + size].decode("utf-8", "replace")
@@ -465,6 +476,121 @@ class Package:
         for i, g in enumerate(r["GRUP"]):
             need(ascending(members[g[2]:g[2] + g[3]]), f"section GRUP, element {i}: vertices not ascending")
 
+    def check_fields(self):
+        r = self.records
+        fields = r["FELD"]
+        order = [(f[0], f[1]) for f in fields]
+        need(order == sorted(set(order)), "section FELD: not by body, the free field before the held one")
+        need(all(body < len(r["BODY"]) for body, _ in order), "section FELD: no such body")
+        need([b for b, held in order if held == 0] == (list(range(len(r["BODY"]))) if fields else []),
+             "section FELD: not one free field for each body")
+        need(all(f[3] <= f[2] for f in fields), "section FELD: driven_count above function_count")
+        # first in FELD's record, and how many elements a field takes
+        runs = {"FFUN": (4, lambda k, f: k), "FPAK": (5, lambda k, f: f[6]), "FGRD": (7, lambda k, f: 3 * k * f[6]),
+                "FVAL": (8, lambda k, f: k * ((r["BODY"][f[0]][1] + 7) // 8)), "FPNT": (9, lambda k, f: f[10]),
+                "FPTV": (11, lambda k, f: k * ((f[10] + 7) // 8)),
+                "FMOD": (12, lambda k, f: (3 * (k - f[3]) + 1) * ((3 * (k - f[3]) + 7) // 8))}
+        for name, (at, count) in runs.items():
+            tile(f"FELD ({name})", [(f[at], count(f[2], f)) for f in fields], len(r[name]))
+        for i, f in enumerate(fields):
+            where = f"section FELD, element {i}: "
+            body, held, k, driven, packs, hz, error, eigenvalue = *f[:4], f[6], *f[13:]
+            need(held <= 1, where + "held")
+            need(1 <= k <= 1024 and packs > 0, where + "function_count or pack_count")
+            need(driven % 4 == 0 and driven <= k and (driven > 0) == (held == 1), where + "driven_count")
+            need(0 <= hz <= MOST and 0 <= error <= MOST and abs(eigenvalue) <= MOST, where + "a number")
+            self.check_functions(f[4], k, driven)
+            functions = r["FFUN"][f[4]:f[4] + k]
+            self.check_samples(where, f, functions)
+            first = r["BODY"][body][0]
+            vertices = r["PVTX"][first:first + r["BODY"][body][1]]
+            norms = self.check_places("FVAL", f[8], functions, vertices)
+            need(all(abs(n - 1) <= 1e-3 for n in norms[driven:]), where + "a function's norm is not 1")
+            if held == 0:
+                self.check_moments(where, functions, vertices)
+            points = r["FPNT"][f[9]:f[9] + f[10]]
+            for n, p in enumerate(points, f[9]):
+                need(all(abs(x) <= MOST for x in p) and p[3] > 0, f"section FPNT, element {n}: at or area")
+            self.check_places("FPTV", f[11], functions, points)
+            self.check_modes(f[12], 3 * (k - driven))
+
+    def check_functions(self, first, k, driven):
+        sets = []
+        for j, (stiffness, damping, *carried, pin_set, monomial) in enumerate(self.records["FFUN"][first:first + k]):
+            where = f"section FFUN, element {first + j}: "
+            need(0 <= stiffness <= MOST and 0 <= damping <= MOST, where + "stiffness or damping_hz")
+            need(all(abs(c) <= MOST for c in carried), where + "one or rest")
+            if j >= driven:
+                need(pin_set == NONE and monomial == 0, where + "not driven, but names what drives it")
+                continue
+            need(monomial == j % 4 and pin_set < len(self.records["PSET"]), where + "monomial or pin_set")
+            if monomial == 0:
+                sets.append(pin_set)
+            need(pin_set == sets[-1], where + "not the pin set of its four")
+        need(ascending(sets), "section FFUN: the pin sets that drive a field are not ascending")
+
+    def check_samples(self, where, field, functions):
+        k, diagonal, total = len(functions), self.records["INFO"][0][10], 0.0
+        for p in range(field[6]):
+            pack = self.records["FPAK"][field[5] + p]
+            gradients = self.records["FGRD"][field[7] + 3 * k * p:field[7] + 3 * k * (p + 1)]
+            for lane in range(8):
+                volume, mu, lam, *at = pack[lane::8]
+                here = f"section FPAK, element {field[5] + p}, sample {lane}: "
+                need(all(0 <= x <= MOST for x in (volume, mu, lam)), here + "volume, mu or lambda")
+                need(all(abs(x) <= MOST for x in at), here + "at")
+                steps = [g[lane] for g in gradients]
+                need(all(abs(g) <= MOST for g in steps), here + "a gradient")
+                total += volume
+                if volume == 0:
+                    need(not any([mu, lam, *at, *steps]), here + "no volume, but other numbers")
+                    continue
+                for axis in range(3):
+                    for n in range(4):  # of 1, X, Y, Z
+                        slope = sum(g * f[2 + n] for g, f in zip(steps[axis::3], functions))
+                        wanted, unit = (0, 1 / diagonal) if n == 0 else (axis == n - 1, 1)
+                        need(abs(slope - wanted) <= 1e-3 * unit, here + "the gradients do not give 1 at rest")
+        need(total > 0, where + "the samples have no volume")
+
+    def check_places(self, name, first, functions, places):
+        """places: x y z weight. The sums of weight phi^2 by function."""
+        k, diagonal = len(functions), self.records["INFO"][0][10]
+        norms = [0.0] * k
+        for i in range((len(places) + 7) // 8 * 8):
+            block = first + k * (i // 8)
+            here = f"section {name}, element {block}, place {i % 8}: "
+            phi = [lanes[i % 8] for lanes in self.records[name][block:block + k]]
+            if i >= len(places):
+                need(not any(phi), here + "behind the last, but not 0")
+                continue
+            need(all(abs(value) <= MOST for value in phi), here + "not finite or too large")
+            for n, wanted in enumerate((1, *places[i][:3])):
+                found = sum(value * f[2 + n] for value, f in zip(phi, functions))
+                need(abs(found - wanted) <= 1e-3 * (diagonal if n else 1), here + "the functions do not give 1 and X")
+            norms = [norm + places[i][3] * value * value for norm, value in zip(norms, phi)]
+        return norms
+
+    def check_modes(self, first, unknowns):
+        for mode in range((unknowns + 7) // 8 * 8):
+            block = first + (unknowns + 1) * (mode // 8)
+            here = f"section FMOD, element {block}, mode {mode}: "
+            square, *vector = [lanes[mode % 8] for lanes in self.records["FMOD"][block:block + unknowns + 1]]
+            if mode >= unknowns:
+                need(square == 0 and not any(vector), here + "behind the last, but not 0")
+                continue
+            need(0 <= square <= MOST and abs(sum(x * x for x in vector) - 1) <= 1e-3, here + "frequency or norm")
+
+    def check_moments(self, where, functions, vertices):
+        diagonal, mass, origin = self.records["INFO"][0][10], sum(v[3] for v in vertices), vertices[0][:3]
+        carried = [(f[2], *(x - f[2] * o for x, o in zip(f[3:6], origin))) for f in functions]
+        wanted = [(1, *(x - o for x, o in zip(v[:3], origin))) for v in vertices]
+        for a in range(4):
+            for b in range(a + 1):
+                found = sum(c[a] * c[b] for c in carried)
+                right = sum(v[3] * w[a] * w[b] for v, w in zip(vertices, wanted))
+                unit = mass * (diagonal if a else 1) * (diagonal if b else 1)
+                need(abs(found - right) <= 1e-3 * unit, where + "mass, centre or moments")
+
     def summary(self):
         """The keys of `sinew inspect --json`."""
         r = self.records
@@ -478,12 +604,19 @@ class Package:
             "tetrahedra": len(r["TETS"]),
             "clusters": [{"name": self.text(c[0], c[1]), "members": c[5], "mode": ("rigid", "linear", "quadratic")[c[2]]}
                          for c in r["CLUS"]],
+            "fields": [self.field_summary(f) for f in r["FELD"]],
             "visual_vertices": len(r["VPOS"]),
             "visual_triangles": len(r["VTRI"]),
             "source_vertices": len(r["SVTX"]),
             "attachment": {"max_rest_error": info[15]},
             "tetrahedra_quality": {"min_dihedral_deg": info[16], "max_dihedral_deg": info[17], "inverted": info[18]},
         }
+
+    def field_summary(self, f):
+        samples = sum(volume > 0 for pack in self.records["FPAK"][f[5]:f[5] + f[6]] for volume in pack[:8])
+        return {"body": self.text(*self.records["BODY"][f[0]][6:8]), "held": f[1] == 1, "functions": f[2], "driven": f[3],
+                "samples": samples, "contact_points": f[10], "lowest_hz": f[13], "static_error": f[14],
+                "least_eigenvalue": f[15]}
 
 
 def main():

@@ -15,6 +15,7 @@ import read_package  # noqa: E402
 
 GOLDEN = os.path.join(HERE, "golden", "sample_v1.sinew")
 MECHANICS = os.path.join(HERE, "golden", "mechanics_v1.sinew")
+FIELDS = os.path.join(HERE, "golden", "fields_v1.sinew")
 EXPECTED = os.path.join(HERE, "golden", "sample_v1.json")
 
 
@@ -144,6 +145,47 @@ class Reader(unittest.TestCase):
         for name, offset, new in faults:
             data = bytearray(sound)
             at = start_of(data, name) + offset
+            data[at:at + len(new)] = new
+            reseal(data)
+            self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")
+
+    def test_fields(self):
+        with open(FIELDS, "rb") as file:
+            sound = file.read()
+        package = read_package.Package(sound)
+        summary = package.summary()
+        self.assertEqual(summary["features"][-1], "fields")
+        self.assertEqual([(f["held"], f["functions"], f["driven"], f["samples"]) for f in summary["fields"]],
+                         [(False, 4, 0, 2), (True, 5, 4, 2)])
+        # The formula of the page: the fourth vertex of the held field, its pin set moved by (0, 7, 0), turned about x
+        # by a quarter.
+        k, first = 5, package.records["FELD"][1][8]
+        rows = [(0, 7, 0), (1, 0, 0), (0, 0, 1), (0, -1, 0)]
+        inner = package.records["FFUN"][8]
+        rows.append([inner[2] * (0, 7, 0)[c] + sum(inner[3 + a] * rows[1 + a][c] for a in range(3)) for c in range(3)])
+        phi = [package.records["FVAL"][first + j][3] for j in range(k)]
+        place = [sum(p * z[c] for p, z in zip(phi, rows)) for c in range(3)]
+        for found, wanted in zip(place, (0, 6, 0)):  # of (0, 0, 1)
+            self.assertAlmostEqual(found, wanted, places=5)
+        nan, one, tiny = b"\0\0\xc0\x7f", b"\1\0\0\0", b"\0\0\0\x0d"
+        negative, half = b"\0\0\x80\xbf", b"\0\0\0\x3f"
+        faults = [(b"FELD", 0, one), (b"FELD", 4, one), (b"FELD", 8, bytes(4)), (b"FELD", 12, b"\4"), (b"FELD", 16, one),
+                  (b"FELD", 20, one), (b"FELD", 24, bytes(4)), (b"FELD", 28, one), (b"FELD", 32, one),
+                  (b"FELD", 36, one), (b"FELD", 40, one), (b"FELD", 44, one), (b"FELD", 48, one),
+                  (b"FELD", 52, negative), (b"FELD", 56, nan), (b"FELD", 60, nan), (b"FELD", 64, one),
+                  (b"FELD", 64 + 4, b"\2"), (b"FELD", 64 + 12, bytes(4)), (b"FELD", 64 + 12, b"\3"),
+                  (b"FFUN", 0, negative), (b"FFUN", 4, nan), (b"FFUN", 8, half), (b"FFUN", 12, half),
+                  (b"FFUN", 24, one), (b"FFUN", 28, one), (b"FFUN", 4 * 32 + 24, b"\2"), (b"FFUN", 5 * 32 + 24, bytes(4)),
+                  (b"FFUN", 5 * 32 + 28, b"\2"), (b"FFUN", 8 * 32 + 24, one), (b"FPAK", 0, negative), (b"FPAK", 8, one),
+                  (b"FPAK", 32, nan), (b"FPAK", 40, one), (b"FPAK", 64, negative), (b"FPAK", 96, nan),
+                  (b"FPAK", 96 + 8, one), (b"FGRD", 0, half), (b"FGRD", 96, nan), (b"FGRD", 4 * 32 + 8, tiny),
+                  (b"FVAL", 0, nan), (b"FVAL", 4, half), (b"FVAL", 32 + 20, tiny), (b"FPNT", 0, half),
+                  (b"FPNT", 12, bytes(4)), (b"FPTV", 4, half), (b"FPTV", 4 * 32 + 4, tiny), (b"FMOD", 0, negative), (b"FMOD", 32, half),
+                  (b"FMOD", 36, nan), (b"FMOD", 13 * 32 + 16, tiny)]
+        for name, offset, new in faults:
+            data = bytearray(sound)
+            at = start_of(data, name) + offset
+            self.assertNotEqual(data[at:at + len(new)], new, f"{name} byte {offset}")
             data[at:at + len(new)] = new
             reseal(data)
             self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "tests/support/sample_package.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -132,6 +133,195 @@ void addCluster(formats::PackageContent& content, std::string_view name, formats
   content.clusters.push_back(cluster);
 }
 
+using Vector = std::array<double, 3>;
+
+Vector minus(const Vector& a, const Vector& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+
+Vector cross(const Vector& a, const Vector& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+// A number at each vertex of the package's only body.
+using OnVertices = std::vector<double>;
+
+// The sections of fields for a package with one body, function by function.
+class FieldMaker {
+ public:
+  explicit FieldMaker(formats::PackageContent& content) : content_(content) {
+    for (const formats::PhysicalVertex& v : content.physical_vertices) {
+      mass_.push_back(double(v.mass));
+      for (std::size_t axis = 0; axis < 3; ++axis) at_[axis].push_back(double(v.rest_position[axis]));
+    }
+  }
+
+  const OnVertices& coordinate(std::size_t axis) const { return at_[axis]; }
+
+  double product(const OnVertices& a, const OnVertices& b) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += mass_[i] * a[i] * b[i];
+    return sum;
+  }
+
+  // Less what the others have of it; those are orthonormal.
+  OnVertices without(OnVertices a, const std::vector<OnVertices>& others) const {
+    for (const OnVertices& other : others) {
+      const double part = product(a, other);
+      for (std::size_t i = 0; i < a.size(); ++i) a[i] -= part * other[i];
+    }
+    return a;
+  }
+
+  OnVertices normalized(OnVertices a) const {
+    const double length = std::sqrt(product(a, a));
+    for (double& value : a) value /= length;
+    return a;
+  }
+
+  // Fours of `driven` functions are 1, X, Y, Z of `pin_set`; `points` are midpoints of two vertices each.
+  void add(const std::vector<OnVertices>& functions, std::size_t driven, std::uint32_t pin_set,
+           const std::vector<std::array<std::size_t, 2>>& points) {
+    const auto count = [](const auto& items) { return std::uint32_t(items.size()); };
+    formats::Field field{};
+    field.held = driven > 0 ? 1 : 0;
+    field.function_count = count(functions);
+    field.driven_count = std::uint32_t(driven);
+    field.first_function = count(content_.field_functions);
+    field.first_pack = count(content_.field_packs);
+    field.pack_count = 1;
+    field.first_gradient = count(content_.field_gradients);
+    field.first_value = count(content_.field_values);
+    field.first_point = count(content_.field_points);
+    field.point_count = count(points);
+    field.first_point_value = count(content_.field_point_values);
+    field.first_mode = count(content_.field_modes);
+    field.lowest_hz = 2.5F;
+    field.static_error = 0.125F;
+    field.least_eigenvalue = 0.75F;
+    content_.fields.push_back(field);
+
+    formats::FieldPack pack{};
+    std::vector<std::vector<Vector>> gradients;  // by tetrahedron and function
+    std::vector<double> stiffness(functions.size(), 0.0);
+    for (std::size_t t = 0; t < content_.tetrahedra.size(); ++t) {
+      const std::array<std::uint32_t, 4>& corner = content_.tetrahedra[t].vertex;
+      const double volume = dot(cross(edge(corner, 1), edge(corner, 2)), edge(corner, 3)) / 6;
+      pack.volume[t] = float(volume);
+      pack.mu[t] = 1000;
+      pack.lambda[t] = 1500;
+      for (const std::uint32_t v : corner) {
+        for (std::size_t axis = 0; axis < 3; ++axis) pack.at[axis][t] += 0.25F * float(at_[axis][v]);
+      }
+      gradients.emplace_back();
+      for (std::size_t j = 0; j < functions.size(); ++j) {
+        gradients.back().push_back(gradient(functions[j], corner));
+        stiffness[j] += volume * 3500 * dot(gradients.back()[j], gradients.back()[j]);
+      }
+    }
+    content_.field_packs.push_back(pack);
+    for (std::size_t j = 0; j < functions.size(); ++j) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        formats::Lanes lanes{};
+        for (std::size_t t = 0; t < gradients.size(); ++t) lanes[t] = float(gradients[t][j][axis]);
+        content_.field_gradients.push_back(lanes);
+      }
+      content_.field_functions.push_back(record(functions[j], j, driven, pin_set, stiffness[j]));
+    }
+    std::vector<std::array<std::size_t, 2>> vertices;
+    for (std::size_t i = 0; i < mass_.size(); ++i) vertices.push_back({i, i});
+    addValues(functions, vertices, content_.field_values);
+    addValues(functions, points, content_.field_point_values);
+    std::vector<double> modes;
+    for (std::size_t j = driven; j < functions.size(); ++j) modes.insert(modes.end(), 3, stiffness[j]);
+    addModes(modes);
+    for (const auto& [a, b] : points) {
+      formats::FieldPoint point{{}, 0.25F};
+      for (std::size_t axis = 0; axis < 3; ++axis) point.at[axis] = float(0.5 * (at_[axis][a] + at_[axis][b]));
+      content_.field_points.push_back(point);
+    }
+  }
+
+ private:
+  Vector place(std::uint32_t v) const { return {at_[0][v], at_[1][v], at_[2][v]}; }
+
+  Vector edge(const std::array<std::uint32_t, 4>& corner, std::size_t k) const {
+    return minus(place(corner[k]), place(corner[0]));
+  }
+
+  Vector gradient(const OnVertices& function, const std::array<std::uint32_t, 4>& corner) const {
+    const double six_volumes = dot(cross(edge(corner, 1), edge(corner, 2)), edge(corner, 3));
+    Vector sum{};
+    for (std::size_t k = 1; k < 4; ++k) {
+      const Vector area = cross(edge(corner, k % 3 + 1), edge(corner, (k + 1) % 3 + 1));
+      const double rise = (function[corner[k]] - function[corner[0]]) / six_volumes;
+      for (std::size_t axis = 0; axis < 3; ++axis) sum[axis] += rise * area[axis];
+    }
+    return sum;
+  }
+
+  formats::FieldFunction record(const OnVertices& function, std::size_t j, std::size_t driven, std::uint32_t pin_set,
+                                double stiffness) const {
+    formats::FieldFunction result{};
+    result.pin_set = kNone;
+    if (j < driven) {
+      result.pin_set = pin_set + std::uint32_t(j / 4);
+      result.monomial = std::uint32_t(j % 4);
+      if (result.monomial == 0) result.one = 1;
+      if (result.monomial > 0) result.rest[result.monomial - 1] = 1;
+      return result;
+    }
+    result.stiffness = float(std::fmax(0.0, stiffness));
+    result.damping_hz = float(0.125 * std::sqrt(std::fmax(0.0, stiffness)));
+    result.one = float(product(function, OnVertices(function.size(), 1.0)));
+    for (std::size_t axis = 0; axis < 3; ++axis) result.rest[axis] = float(product(function, at_[axis]));
+    return result;
+  }
+
+  static void addValues(const std::vector<OnVertices>& functions, const std::vector<std::array<std::size_t, 2>>& places,
+                        std::vector<formats::Lanes>& to) {
+    for (std::size_t first = 0; first < places.size(); first += 8) {
+      for (const OnVertices& function : functions) {
+        formats::Lanes lanes{};
+        for (std::size_t l = 0; l < 8 && first + l < places.size(); ++l) {
+          lanes[l] = float(0.5 * (function[places[first + l][0]] + function[places[first + l][1]]));
+        }
+        to.push_back(lanes);
+      }
+    }
+  }
+
+  // Each unknown counts as a mode: the true ones of a body this regular would hang on rounding.
+  void addModes(const std::vector<double>& eigenvalues) {
+    const std::size_t unknowns = eigenvalues.size();
+    for (std::size_t first = 0; first < unknowns; first += 8) {
+      const std::size_t block = content_.field_modes.size(), end = std::min(first + 8, unknowns);
+      content_.field_modes.resize(block + unknowns + 1);
+      for (std::size_t mode = first; mode < end; ++mode) {
+        content_.field_modes[block][mode - first] = float(std::fmax(0.0, eigenvalues[mode]));
+        content_.field_modes[block + 1 + mode][mode - first] = 1;
+      }
+    }
+  }
+
+  formats::PackageContent& content_;
+  OnVertices mass_;
+  std::array<OnVertices, 3> at_;
+};
+
+template <class T, class Shift>
+void repeat(std::vector<T>& items, std::size_t copies, Shift shift) {
+  const std::vector<T> once = items;
+  items.clear();
+  items.reserve(once.size() * copies);
+  for (std::uint32_t k = 0; k < copies; ++k) {
+    for (T item : once) {
+      shift(item, k);
+      items.push_back(item);
+    }
+  }
+}
+
 // A PNG of one orange pixel.
 constexpr std::array<std::uint8_t, 69> kPicture = {
     0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00, 0x00,
@@ -228,6 +418,101 @@ formats::PackageContent mechanicsPackage() {
   content.vertex_stiffness = {1, 0.5F, 0, 1, 0.25F};
   content.pin_weights = {0, 0, 1, 0.5F, 0};
   return content;
+}
+
+formats::PackageContent fieldPackage() {
+  formats::PackageContent content = samplePackage();
+  content.pin_sets = {{content.addText("nobody"), content.addText("world"), 0, 0, 0, 0},
+                      {content.addText("base"), content.addText("bone"), 0, 0, 3, 0}};
+  content.pin_set_vertices = {0, 1, 2};
+  FieldMaker maker(content);
+  const std::vector<std::array<std::size_t, 2>> points = {{0, 0}, {1, 1}, {2, 2}, {3, 3}, {4, 4},
+                                                          {0, 1}, {0, 2}, {0, 3}, {1, 4}};
+  // The body looks the same along x, y and z: these diagonalize its stiffness as they are.
+  const OnVertices &x = maker.coordinate(0), &y = maker.coordinate(1), &z = maker.coordinate(2), one(5, 1.0);
+  OnVertices sum(5), first(5), second(5);
+  for (std::size_t i = 0; i < 5; ++i) {
+    sum[i] = x[i] + y[i] + z[i];
+    first[i] = x[i] - y[i];
+    second[i] = x[i] + y[i] - 2 * z[i];
+  }
+  std::vector<OnVertices> free;
+  for (const OnVertices& function : {one, sum, first, second}) {
+    free.push_back(maker.normalized(maker.without(function, free)));
+  }
+  maker.add(free, 0, kNone, points);
+
+  const OnVertices inner = maker.normalized({0, 0, 0, 1, 1});
+  std::vector<OnVertices> held;
+  for (const OnVertices& monomial : {one, x, y, z}) held.push_back(maker.without(monomial, {inner}));
+  held.push_back(inner);
+  maker.add(held, 4, 1, points);
+  return content;
+}
+
+formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) {
+  const formats::PackageContent once = c;
+  const auto n = [](const auto& items) { return std::uint32_t(items.size()); };
+  const std::uint32_t vertices = n(c.physical_vertices), tets = n(c.tetrahedra), clusters = n(c.clusters);
+  const std::uint32_t members = n(c.memberships), moments = n(c.quadratic_moments), visuals = n(c.visual_positions);
+  const std::uint32_t triangles = n(c.visual_triangles), weights = n(c.cluster_attachments);
+  const std::uint32_t sources = n(c.source_identity), grouped = n(c.group_vertices);
+  const auto same = [](auto&, std::uint32_t) {};
+  repeat(c.bodies, copies, [&](auto& b, std::uint32_t k) {
+    b.first_vertex += k * vertices, b.first_tetrahedron += k * tets, b.first_cluster += k * clusters;
+  });
+  repeat(c.physical_vertices, copies, same);
+  repeat(c.tetrahedra, copies, [&](auto& t, std::uint32_t k) {
+    for (auto& v : t.vertex) v += k * vertices;
+  });
+  repeat(c.clusters, copies, [&](auto& cluster, std::uint32_t k) {
+    cluster.body = k;
+    cluster.first_member += k * members;
+    if (cluster.quadratic != kNone) cluster.quadratic += k * moments;
+  });
+  repeat(c.memberships, copies, [&](auto& m, std::uint32_t k) { m.vertex += k * vertices; });
+  repeat(c.quadratic_moments, copies, same);
+  repeat(c.visual_positions, copies, same);
+  repeat(c.visual_normals, copies, same);
+  repeat(c.visual_uvs, copies, same);
+  repeat(c.visual_colors, copies, same);
+  repeat(c.visual_triangles, copies, [&](auto& t, std::uint32_t k) {
+    for (auto& v : t) v += k * visuals;
+  });
+  repeat(c.sub_meshes, copies, [&](auto& s, std::uint32_t k) { s.first_triangle += k * triangles; });
+  repeat(c.barycentric, copies, [&](auto& a, std::uint32_t k) { a.tetrahedron += k * tets; });
+  repeat(c.cluster_attachment_ranges, copies, [&](auto& r, std::uint32_t k) { r.first += k * weights; });
+  repeat(c.cluster_attachments, copies, [&](auto& a, std::uint32_t k) { a.cluster += k * clusters; });
+  repeat(c.visual_identity, copies,
+         [&](auto& v, std::uint32_t k) { v.source_vertex += k * sources, v.welded += k * 5; });
+  repeat(c.source_identity, copies, [&](auto& s, std::uint32_t k) {
+    s.first_visual += k * visuals;
+    if (s.welded != kNone) s.welded += k * 5;
+  });
+  repeat(c.source_visual_list, copies, [&](auto& v, std::uint32_t k) { v += k * visuals; });
+  repeat(c.source_meshes, copies, [&](auto& m, std::uint32_t k) { m.first_source_vertex += k * sources; });
+  repeat(c.groups, copies, [&](auto& g, std::uint32_t k) { g.first += k * grouped; });
+  repeat(c.group_vertices, copies, [&](auto& v, std::uint32_t k) { v += k * visuals; });
+  const std::uint32_t bodies = n(once.bodies), sets = n(once.pin_sets), held = n(once.pin_set_vertices);
+  repeat(c.pin_sets, copies, [&](auto& s, std::uint32_t k) { s.first += k * held; });
+  repeat(c.pin_set_vertices, copies, [&](auto& v, std::uint32_t k) { v += k * vertices; });
+  repeat(c.fields, copies, [&](auto& f, std::uint32_t k) {
+    f.piece += k * bodies;
+    f.first_function += k * n(once.field_functions), f.first_pack += k * n(once.field_packs);
+    f.first_gradient += k * n(once.field_gradients), f.first_value += k * n(once.field_values);
+    f.first_point += k * n(once.field_points), f.first_point_value += k * n(once.field_point_values);
+    f.first_mode += k * n(once.field_modes);
+  });
+  repeat(c.field_functions, copies, [&](auto& f, std::uint32_t k) {
+    if (f.pin_set != kNone) f.pin_set += k * sets;
+  });
+  repeat(c.field_packs, copies, same);
+  repeat(c.field_gradients, copies, same);
+  repeat(c.field_values, copies, same);
+  repeat(c.field_points, copies, same);
+  repeat(c.field_point_values, copies, same);
+  repeat(c.field_modes, copies, same);
+  return c;
 }
 
 }  // namespace sinew::test

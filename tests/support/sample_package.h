@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cstddef>
+
 #include "sinew/formats/writer.h"
 
 namespace sinew::test {
@@ -14,5 +16,13 @@ namespace sinew::test {
 
 /// The same with CMEC, CURV, CHAN, PSTF and PPIN: a plastic, elastic cluster with a fibre, and one with a curve.
 [[nodiscard]] formats::PackageContent mechanicsPackage();
+
+/// samplePackage() with two pin sets, one of them empty, and both fields of its body: the free one of the four linear
+/// functions, the held one of the four that the second pin set drives and one more; two samples (the tetrahedra) and
+/// nine contact points (the vertices, and midpoints of edges).
+[[nodiscard]] formats::PackageContent fieldPackage();
+
+/// So many copies of a content's bodies in one package, in one place: of samplePackage() or fieldPackage().
+[[nodiscard]] formats::PackageContent repeated(formats::PackageContent content, std::size_t copies);
 
 }  // namespace sinew::test

@@ -9,6 +9,8 @@
 #include <map>
 #include <memory>
 #include <new>
+#include <span>
+#include <string>
 
 #include "runtime/geometry/rounded.h"
 #include "sinew/formats/package.h"
@@ -40,6 +42,17 @@ constexpr double kMinimumAttachmentWeight = 0.01;
 constexpr double kMaximumRestError = 1e-6;
 
 formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
+
+// Why a package is refused, empty if it is not: what passes here is what every user will load.
+std::string refusalOf(std::span<const std::byte> package) {
+  // The reader wants aligned bytes.
+  const std::unique_ptr<std::byte, void (*)(std::byte*)> aligned(
+      static_cast<std::byte*>(::operator new(package.size(), std::align_val_t(formats::kSectionAlignment))),
+      [](std::byte* p) { ::operator delete(p, std::align_val_t(formats::kSectionAlignment)); });
+  std::memcpy(aligned.get(), package.data(), package.size());
+  formats::PackageView view;
+  return formats::PackageView::open({aligned.get(), package.size()}, view).reason;
+}
 
 // Moves everything to the package's origin and onto the floats it will hold, so that what follows is computed from
 // exactly what the runtime will see.
@@ -418,7 +431,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   }
 
   progress.stage("fields");
-  const ordered_json fields_report = addFields(physical, settings, content);
+  ordered_json fields_report = addFields(physical, settings, content);
 
   progress.stage("package");
   formats::BodyInfo& info = content.info;
@@ -458,18 +471,17 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
 
   BakeResult result;
   result.package = formats::writePackage(content);
-  {
-    // The reader wants aligned bytes; what it accepts here is what every user will load.
-    const std::unique_ptr<std::byte, void (*)(std::byte*)> aligned(
-        static_cast<std::byte*>(::operator new(result.package.size(), std::align_val_t(formats::kSectionAlignment))),
-        [](std::byte* p) { ::operator delete(p, std::align_val_t(formats::kSectionAlignment)); });
-    std::memcpy(aligned.get(), result.package.data(), result.package.size());
-    formats::PackageView view;
-    const formats::PackageError error = formats::PackageView::open({aligned.get(), result.package.size()}, view);
-    if (!error.reason.empty()) {
-      throw ToolError(ExitCode::system, mesh.file, "the baked package does not pass its own check: " + error.reason,
-                      "This is a fault of sinew: please report it with the file.");
-    }
+  std::string refusal = refusalOf(result.package);
+  if (!refusal.empty() && !content.fields.empty()) {
+    // Sizes at which numbers of fields leave their bounds, and pieces thinner than rounding: clusters move those.
+    removeFields(content);
+    fields_report = {{"left_out", refusal}};
+    result.package = formats::writePackage(content);
+    refusal = refusalOf(result.package);
+  }
+  if (!refusal.empty()) {
+    throw ToolError(ExitCode::system, mesh.file, "the baked package does not pass its own check: " + refusal,
+                    "This is a fault of sinew: please report it with the file.");
   }
 
   ordered_json& report = result.report;

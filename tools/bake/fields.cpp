@@ -393,4 +393,15 @@ ordered_json addFields(const PhysicalMesh& physical, const Settings& settings, f
   return pieces;
 }
 
+void removeFields(formats::PackageContent& content) {
+  content.fields.clear();
+  content.field_functions.clear();
+  content.field_packs.clear();
+  content.field_gradients.clear();
+  content.field_values.clear();
+  content.field_points.clear();
+  content.field_point_values.clear();
+  content.field_modes.clear();
+}
+
 }  // namespace sinew::tools

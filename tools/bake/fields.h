@@ -17,4 +17,7 @@ namespace sinew::tools {
 nlohmann::ordered_json addFields(const PhysicalMesh& physical, const Settings& settings,
                                  formats::PackageContent& content);
 
+/// Takes all sections of fields out again.
+void removeFields(formats::PackageContent& content);
+
 }  // namespace sinew::tools

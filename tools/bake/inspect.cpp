@@ -73,6 +73,22 @@ ordered_json mechanicsJson(const formats::PackageView& package, const formats::C
   return json;
 }
 
+ordered_json fieldJson(const formats::PackageView& package, const formats::Field& field) {
+  std::size_t samples = 0;
+  for (const auto& pack : package.fieldPacks().subspan(field.first_pack, field.pack_count)) {
+    for (const float volume : pack.volume) samples += volume > 0 ? 1 : 0;
+  }
+  return {{"body", package.text(package.bodies()[field.piece].name)},
+          {"held", field.held != 0},
+          {"functions", field.function_count},
+          {"driven", field.driven_count},
+          {"samples", samples},
+          {"contact_points", field.point_count},
+          {"lowest_hz", field.lowest_hz},
+          {"static_error", field.static_error},
+          {"least_eigenvalue", field.least_eigenvalue}};
+}
+
 }  // namespace
 
 ordered_json inspectPackage(const formats::PackageView& package) {
@@ -83,7 +99,7 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   json["sections"] = ordered_json::array();
   for (const auto& section : package.sections())
     json["sections"].push_back({{"name", sectionName(section.id)}, {"bytes", section.bytes}});
-  constexpr std::array<std::pair<formats::Feature, const char*>, 12> kFeatures = {{
+  constexpr std::array<std::pair<formats::Feature, const char*>, 13> kFeatures = {{
       {formats::kFeatureTetrahedra, "tetrahedra"},
       {formats::kFeatureQuadratic, "quadratic"},
       {formats::kFeatureVisual, "visual"},
@@ -96,6 +112,7 @@ ordered_json inspectPackage(const formats::PackageView& package) {
       {formats::kFeatureActivation, "activation"},
       {formats::kFeatureVertexStiffness, "vertex_stiffness"},
       {formats::kFeaturePinWeights, "pin_weights"},
+      {formats::kFeatureField, "fields"},
   }};
   json["features"] = ordered_json::array();
   for (const auto& [bit, name] : kFeatures) {
@@ -130,6 +147,8 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   for (const auto& m : package.mechanics()) json["mechanics"].push_back(mechanicsJson(package, m));
   json["channels"] = ordered_json::array();
   for (const auto& channel : package.channels()) json["channels"].push_back(package.text(channel.name));
+  json["fields"] = ordered_json::array();
+  for (const auto& field : package.fields()) json["fields"].push_back(fieldJson(package, field));
   for (const auto& set : package.pinSets()) {
     json["pin_sets"].push_back(
         {{"name", package.text(set.name)}, {"target", package.text(set.target)}, {"vertices", set.count}});

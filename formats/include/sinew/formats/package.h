@@ -48,7 +48,7 @@ class PackageView {
   /// Checks the whole package: size, magic, version, checksums (all bytes), table, counts, indices, values.
   /// \param bytes the whole file, 64-byte aligned (a memory map or an aligned allocation); must outlive the view.
   /// \param[out] view set only on success.
-  /// \return empty reason on success. Never throws but for lack of memory. Cost: one pass, about 1 ms per 10 MB.
+  /// \return empty reason on success. Never throws but for lack of memory. Cost: one pass, 1 ms per 10 MB, 2 of fields.
   [[nodiscard]] static PackageError open(std::span<const std::byte> bytes, PackageView& view);
 
   std::uint64_t features() const { return features_; }

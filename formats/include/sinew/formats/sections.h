@@ -38,7 +38,7 @@ enum Feature : std::uint64_t {
   kFeatureActivation = 1U << 9,         ///< section CHAN
   kFeatureVertexStiffness = 1U << 10,   ///< section PSTF
   kFeaturePinWeights = 1U << 11,        ///< section PPIN
-  kFeatureField = 1U << 12,             ///< sections FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV
+  kFeatureField = 1U << 12,             ///< FELD, FFUN, FPAK, FGRD, FVAL (and FPNT, FPTV if points may touch)
 };
 
 struct Header {
@@ -283,25 +283,25 @@ static_assert(sizeof(AttachedPart) == 24);
 /// Eight numbers that are computed with side by side: of eight samples, eight vertices or eight contact points.
 using Lanes = std::array<float, 8>;
 
-/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/method.md). A
-/// piece has at most one free field, and one more where pin sets hold it; the free ones come first, by piece. The
-/// functions are orthonormal under the masses of the piece and diagonalize sum V (2 mu + lambda) grad phi grad phi^T,
-/// but for those that pin sets drive, which are orthogonal to the others.
+/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/method.md). In
+/// the order of pieces; each has one free field, and behind it one more where pin sets hold it. The functions are
+/// orthonormal under the masses of the piece and diagonalize sum V (2 mu + lambda) grad phi grad phi^T, but for those
+/// that pin sets drive, which are orthogonal to the others.
 struct Field {
-  std::uint32_t piece;           ///< into BODY
-  std::uint32_t held;            ///< 0: of the free piece; 1: pin sets prescribe the driven functions
-  std::uint32_t function_count;  ///< k
-  std::uint32_t driven_count;    ///< the first so many are prescribed by pin sets: four each; 0 in a free field
-  std::uint32_t first_function;  ///< into FFUN
-  std::uint32_t first_pack, pack_count;    ///< into FPAK
-  std::uint32_t first_gradient;            ///< into FGRD: 3 k a pack
-  std::uint32_t first_value;               ///< into FVAL: k for every eight vertices of the piece
+  std::uint32_t piece;                   ///< into BODY
+  std::uint32_t held;                    ///< 0: of the free piece; 1: pin sets prescribe the driven functions
+  std::uint32_t function_count;          ///< k, 1..1024
+  std::uint32_t driven_count;            ///< the first so many are prescribed by pin sets: four each; 0 in a free field
+  std::uint32_t first_function;          ///< into FFUN
+  std::uint32_t first_pack, pack_count;  ///< into FPAK, 1..
+  std::uint32_t first_gradient;          ///< into FGRD: 3 k a pack
+  std::uint32_t first_value;             ///< into FVAL: k for every eight vertices of the piece
   std::uint32_t first_point, point_count;  ///< into FPNT
   std::uint32_t first_point_value;         ///< into FPTV: k for every eight points
-  std::uint32_t first_mode;                ///< into FMOD: 3 n + 1 for every eight of its 3 n modes, n functions not driven
-  float lowest_hz;         ///< frequency of the lowest elastic mode of the piece, free or held, Hz
-  float static_error;      ///< largest rms error of the static answers that the bake tried, of their rms displacement
-  float least_eigenvalue;  ///< of the sampled rest stiffness against that of all tetrahedra
+  std::uint32_t first_mode;  ///< into FMOD: 3 n + 1 for every eight of its 3 n modes, n = k - driven_count
+  float lowest_hz;           ///< frequency of the lowest elastic mode of the piece, free or held, Hz
+  float static_error;        ///< largest rms error of the static answers that the bake tried, of their rms displacement
+  float least_eigenvalue;    ///< of the sampled rest stiffness against that of all tetrahedra
 };
 static_assert(sizeof(Field) == 64);
 
@@ -316,7 +316,7 @@ struct FieldFunction {
 };
 static_assert(sizeof(FieldFunction) == 32);
 
-/// FPAK: eight samples of the elastic energy. Lanes behind the last sample have volume 0.
+/// FPAK: eight samples of the elastic energy. Lanes behind the last sample have volume 0, and 0 in all else.
 struct FieldPack {
   Lanes volume;             ///< the sample's weight, m^3, 0..
   Lanes mu, lambda;         ///< Lame's parameters, Pa, 0..
@@ -328,9 +328,9 @@ static_assert(sizeof(FieldPack) == 192);
 // FVAL: Lanes; for every eight vertices of the piece, function by function: phi at them. Lanes behind the last: 0.
 // FPTV: the same at the contact points.
 
-// FMOD: Lanes; for every eight elastic modes of the rest shape, rigid ones among them: their squared angular frequencies,
-// 1/s^2, then for each function that is not driven their x, y and z coefficients. Modes are orthonormal. Lanes behind the
-// last: 0. They speed up the solver and decide nothing.
+// FMOD: Lanes; for every eight elastic modes of the rest shape, rigid ones among them: their squared angular
+// frequencies, 1/s^2, then for each function that is not driven their x, y and z coefficients. Modes are orthonormal.
+// Lanes behind the last: 0. They speed up the solver and decide nothing.
 
 /// FPNT: a point of the surface that may touch.
 struct FieldPoint {

@@ -1,0 +1,379 @@
+// SPDX-License-Identifier: MIT
+#include "field_rules.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <span>
+#include <vector>
+
+namespace sinew::formats {
+namespace {
+
+constexpr std::uint32_t kMostFunctions = 1024;
+// A square of it is a float, and so is a sum of thousands of such.
+constexpr float kMost = 1e18F;
+// Of 1, of the diagonal, of the mass: what sums of rounded numbers may be off.
+constexpr float kTolerance = 1e-3F;
+
+// Tests on values are branch-free (| instead of ||) so that loops over them vectorize.
+unsigned beyond(float value) { return unsigned(!(std::fabs(value) <= kMost)); }
+unsigned negativeOrBeyond(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= kMost)); }
+
+unsigned beyond(const std::array<float, 3>& values) {
+  return beyond(values[0]) | beyond(values[1]) | beyond(values[2]);
+}
+
+/// to += factor * from.
+void add(Lanes& to, float factor, const Lanes& from) {
+  for (std::size_t l = 0; l < 8; ++l) to[l] += factor * from[l];
+}
+
+/// Largest magnitude so far. A NaN does not show here, but in every sum.
+void takeLargest(Lanes& largest, const Lanes& values) {
+  for (std::size_t l = 0; l < 8; ++l) {
+    const float size = std::fabs(values[l]);
+    largest[l] = largest[l] < size ? size : largest[l];
+  }
+}
+
+/// A place that a field is evaluated at: PVTX (weight: mass) and FPNT (weight: area).
+struct Place {
+  std::array<float, 3> at;
+  float weight;
+};
+static_assert(sizeof(Place) == sizeof(PhysicalVertex) && sizeof(Place) == sizeof(FieldPoint));
+static_assert(offsetof(Place, weight) == offsetof(PhysicalVertex, mass) &&
+              offsetof(Place, weight) == offsetof(FieldPoint, area));
+
+class FieldRules {
+ public:
+  explicit FieldRules(const PackageView& view) : view_(view) {}
+
+  FieldFault find() {
+    for (index_ = 0; index_ < view_.fields().size(); ++index_) {
+      if (!checkRecord() || !checkRuns() || !checkFunctions() || !checkSamples() || !checkVertices() ||
+          !checkPoints() || !checkModes()) {
+        return fault_;
+      }
+    }
+    if (!view_.fields().empty() && pieces_ != view_.bodies().size()) {
+      return {section::fields, FieldFault::kWhole, "a body without its free field"};
+    }
+    for (std::size_t r = 0; r < ends_.size(); ++r) {
+      if (ends_[r] != view_.sectionData(kRuns[r].id).count) {
+        return {kRuns[r].id, FieldFault::kWhole, "has elements of no field"};
+      }
+    }
+    return {};
+  }
+
+ private:
+  const Field& field() const { return view_.fields()[index_]; }
+
+  bool refuse(std::uint32_t section, std::size_t element, const char* what) {
+    fault_ = {section, element, what};
+    return false;
+  }
+  bool refuse(const char* what) { return refuse(section::fields, index_, what); }
+
+  bool checkRecord() {
+    const Field& f = field();
+    if (f.held > 1) return refuse("held is not 0 or 1");
+    if (f.held == 0) {
+      if (f.piece != pieces_ || f.piece >= view_.bodies().size()) return refuse("not the free field of the next body");
+      ++pieces_;
+    } else if (index_ == 0 || view_.fields()[index_ - 1].held != 0 || view_.fields()[index_ - 1].piece != f.piece) {
+      return refuse("held, but not behind the free field of its body");
+    }
+    if (f.function_count == 0 || f.function_count > kMostFunctions)
+      return refuse("function_count is outside 1 to 1024");
+    if (f.held == 0 ? f.driven_count != 0
+                    : f.driven_count == 0 || f.driven_count % 4 != 0 || f.driven_count > f.function_count) {
+      return refuse("driven_count is not a multiple of 4 within its functions: above 0 if it is held, else 0");
+    }
+    if (f.pack_count == 0) return refuse("has no samples");
+    if ((negativeOrBeyond(f.lowest_hz) | negativeOrBeyond(f.static_error) | beyond(f.least_eigenvalue)) != 0) {
+      return refuse("lowest_hz, static_error or least_eigenvalue is negative, not finite or above 1e18");
+    }
+    return true;
+  }
+
+  struct Run {
+    std::uint32_t id;
+    const char* what;
+  };
+  static constexpr std::array<Run, 7> kRuns = {{
+      {section::field_functions, "its run of FFUN does not start where the one before ends, or reaches too far"},
+      {section::field_packs, "its run of FPAK does not start where the one before ends, or reaches too far"},
+      {section::field_gradients, "its run of FGRD does not start where the one before ends, or reaches too far"},
+      {section::field_values, "its run of FVAL does not start where the one before ends, or reaches too far"},
+      {section::field_points, "its run of FPNT does not start where the one before ends, or reaches too far"},
+      {section::field_point_values, "its run of FPTV does not start where the one before ends, or reaches too far"},
+      {section::field_modes, "its run of FMOD does not start where the one before ends, or reaches too far"},
+  }};
+
+  bool checkRuns() {
+    const Field& f = field();
+    const std::uint64_t k = f.function_count, vertices = view_.bodies()[f.piece].vertex_count, points = f.point_count;
+    const std::uint64_t unknowns = 3 * (k - f.driven_count);
+    const std::array<std::uint64_t, 7> firsts = {f.first_function, f.first_pack,        f.first_gradient, f.first_value,
+                                                 f.first_point,    f.first_point_value, f.first_mode};
+    const std::array<std::uint64_t, 7> counts = {k,
+                                                 f.pack_count,
+                                                 3 * k * f.pack_count,
+                                                 k * ((vertices + 7) / 8),
+                                                 points,
+                                                 k * ((points + 7) / 8),
+                                                 (unknowns + 1) * ((unknowns + 7) / 8)};
+    for (std::size_t r = 0; r < kRuns.size(); ++r) {
+      if (firsts[r] != ends_[r] || counts[r] > view_.sectionData(kRuns[r].id).count - ends_[r]) {
+        return refuse(kRuns[r].what);
+      }
+      ends_[r] += counts[r];
+    }
+    functions_ = view_.fieldFunctions().subspan(f.first_function, f.function_count);
+    return true;
+  }
+
+  bool checkFunctions() {
+    std::uint32_t set = 0;
+    for (std::uint32_t j = 0; j < functions_.size(); ++j) {
+      const FieldFunction& function = functions_[j];
+      const auto bad = [&](const char* what) {
+        return refuse(section::field_functions, field().first_function + j, what);
+      };
+      if ((negativeOrBeyond(function.stiffness) | negativeOrBeyond(function.damping_hz) | beyond(function.one) |
+           beyond(function.rest)) != 0) {
+        return bad("stiffness or damping_hz is negative, or a number is not finite or above 1e18");
+      }
+      if (j >= field().driven_count) {
+        if (function.pin_set != kNone || function.monomial != 0) return bad("is not driven, but names what drives it");
+        continue;
+      }
+      if (function.monomial != j % 4) return bad("the monomials of driven functions are not 0, 1, 2, 3 in turn");
+      if (j % 4 == 0 ? function.pin_set >= view_.pinSets().size() || function.pin_set < set : function.pin_set != set) {
+        return bad("driven by no pin set of section PSET, or these are not ascending, four functions each");
+      }
+      set = function.pin_set + unsigned(j % 4 == 3);
+    }
+    return true;
+  }
+
+  /// The samples: in each, the gradients must make 1 of the rest places, or there is stress at rest.
+  bool checkSamples() {
+    const Field& f = field();
+    const std::size_t k = functions_.size();
+    bool any = false;
+    for (std::uint32_t p = f.first_pack; p < f.first_pack + f.pack_count; ++p) {
+      const FieldPack& pack = view_.fieldPacks()[p];
+      unsigned bad = 0;
+      for (std::size_t l = 0; l < 8; ++l) {
+        bad |= negativeOrBeyond(pack.volume[l]) | negativeOrBeyond(pack.mu[l]) | negativeOrBeyond(pack.lambda[l]) |
+               beyond(pack.at[0][l]) | beyond(pack.at[1][l]) | beyond(pack.at[2][l]);
+      }
+      if (bad != 0) {
+        return refuse(section::field_packs, p,
+                      "a volume, mu or lambda is negative, or a number is not finite or above 1e18");
+      }
+      for (const float volume : pack.volume) any = any || volume > 0;
+      const std::size_t first = f.first_gradient + 3 * k * (p - f.first_pack);
+      const Lanes* const gradients = view_.fieldGradients().data() + first;
+      Lanes largest = {};
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        Lanes one = {}, x = {}, y = {}, z = {};
+        for (std::size_t j = 0; j < k; ++j) {
+          const Lanes& g = gradients[3 * j + axis];
+          const FieldFunction& function = functions_[j];
+          add(one, function.one, g);
+          add(x, function.rest[0], g);
+          add(y, function.rest[1], g);
+          add(z, function.rest[2], g);
+          takeLargest(largest, g);
+        }
+        const float diagonal = view_.info().diagonal;
+        std::array<Lanes, 3> deformation = {x, y, z};
+        for (std::size_t l = 0; l < 8; ++l) {
+          deformation[axis][l] -= pack.volume[l] > 0 ? 1.0F : 0.0F;
+          bad |= unsigned(!(std::fabs(one[l]) * diagonal <= kTolerance));
+          for (std::size_t row = 0; row < 3; ++row) {
+            bad |= unsigned(!(std::fabs(deformation[row][l]) <= kTolerance));
+          }
+        }
+      }
+      for (std::size_t l = 0; l < 8; ++l) {
+        bad |= unsigned(!(largest[l] <= (pack.volume[l] > 0 ? kMost : 0.0F)));
+      }
+      if (bad != 0) {
+        return refuse(section::field_gradients, first,
+                      "the gradients of its eight samples do not give 1 at rest, or are above 1e18, or not 0 where a "
+                      "sample has no volume");
+      }
+      for (std::size_t l = 0; l < 8; ++l) {
+        if (pack.volume[l] > 0) continue;
+        if (pack.mu[l] != 0 || pack.lambda[l] != 0 || pack.at[0][l] != 0 || pack.at[1][l] != 0 || pack.at[2][l] != 0) {
+          return refuse(section::field_packs, p, "a number that is not 0 in a sample without volume");
+        }
+      }
+    }
+    return any || refuse("its samples have no volume");
+  }
+
+  /// The functions at places, eight by eight: they must give 1 and the rest places. norms_: the sums of weight phi^2.
+  bool checkPlaces(std::uint32_t id, std::size_t first, std::span<const Lanes> all, const void* places,
+                   std::size_t count) {
+    const std::size_t k = functions_.size();
+    norms_.assign(k, Lanes{});
+    const float near = kTolerance * view_.info().diagonal;
+    for (std::size_t done = 0; done < count; done += 8) {
+      Lanes weight = {}, wanted_one = {}, largest = {}, one = {}, x = {}, y = {}, z = {};
+      std::array<Lanes, 3> wanted = {};
+      const std::size_t live = std::min<std::size_t>(8, count - done);
+      for (std::size_t l = 0; l < live; ++l) {
+        Place place;
+        std::memcpy(&place, static_cast<const std::byte*>(places) + sizeof place * (done + l), sizeof place);
+        for (std::size_t axis = 0; axis < 3; ++axis) wanted[axis][l] = place.at[axis];
+        weight[l] = place.weight;
+        wanted_one[l] = 1;
+      }
+      const std::size_t element = first + k * (done / 8);
+      const Lanes* const values = all.data() + element;
+      for (std::size_t j = 0; j < k; ++j) {
+        const Lanes& phi = values[j];
+        const FieldFunction& function = functions_[j];
+        add(one, function.one, phi);
+        add(x, function.rest[0], phi);
+        add(y, function.rest[1], phi);
+        add(z, function.rest[2], phi);
+        takeLargest(largest, phi);
+        Lanes& norm = norms_[j];
+        for (std::size_t l = 0; l < 8; ++l) norm[l] += weight[l] * phi[l] * phi[l];
+      }
+      unsigned bad = 0;
+      const std::array<Lanes, 3> sum = {x, y, z};
+      for (std::size_t l = 0; l < 8; ++l) {
+        bad |= unsigned(!(std::fabs(one[l] - wanted_one[l]) <= kTolerance)) |
+               unsigned(!(largest[l] <= wanted_one[l] * kMost));
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          bad |= unsigned(!(std::fabs(sum[axis][l] - wanted[axis][l]) <= near));
+        }
+      }
+      if (bad != 0) {
+        return refuse(id, element,
+                      "the functions at its eight places do not give 1 and the rest places, or are above 1e18, or not "
+                      "0 behind the last");
+      }
+    }
+    return true;
+  }
+
+  bool checkVertices() {
+    const Field& f = field();
+    const BodyRange& body = view_.bodies()[f.piece];
+    const auto vertices = view_.physicalVertices().subspan(body.first_vertex, body.vertex_count);
+    if (!checkPlaces(section::field_values, f.first_value, view_.fieldValues(), vertices.data(), vertices.size())) {
+      return false;
+    }
+    for (std::size_t j = f.driven_count; j < functions_.size(); ++j) {
+      double norm = 0;
+      for (const float part : norms_[j]) norm += double(part);
+      if (!(std::abs(norm - 1) <= double(kTolerance))) {
+        return refuse(section::field_functions, f.first_function + j,
+                      "the sum of mass phi^2 over the vertices of its piece is not 1");
+      }
+    }
+    return f.held != 0 || carriesMass(vertices) ||
+           refuse("mass, centre or moments of its piece are not those that its functions carry");
+  }
+
+  // Sums over the functions of the free field that are sums over the vertices where the functions are orthonormal: its
+  // momentum and its spin. About the first vertex: far from the origin the squares would drown in rounding.
+  bool carriesMass(std::span<const PhysicalVertex> vertices) const {
+    const std::array<float, 3>& origin = vertices.front().rest_position;
+    using Moments = std::array<double, 10>;  // of 1 X Y Z: 11 1X XX 1Y XY YY ...
+    const auto take = [](Moments& sums, double weight, const std::array<double, 4>& of) {
+      std::size_t at = 0;
+      for (std::size_t a = 0; a < 4; ++a) {
+        for (std::size_t b = 0; b <= a; ++b) sums[at++] += weight * of[a] * of[b];
+      }
+    };
+    Moments carried = {}, wanted = {};
+    for (const FieldFunction& function : functions_) {
+      std::array<double, 4> of = {double(function.one), 0, 0, 0};
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        of[axis + 1] = double(function.rest[axis]) - of[0] * double(origin[axis]);
+      take(carried, 1, of);
+    }
+    for (const PhysicalVertex& v : vertices) {
+      std::array<double, 4> of = {1, 0, 0, 0};
+      for (std::size_t axis = 0; axis < 3; ++axis) of[axis + 1] = double(v.rest_position[axis]) - double(origin[axis]);
+      take(wanted, double(v.mass), of);
+    }
+    const double diagonal = double(view_.info().diagonal), near = double(kTolerance) * wanted[0];
+    bool good = true;
+    std::size_t at = 0;
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = 0; b <= a; ++b, ++at) {
+        const double unit = (a > 0 ? diagonal : 1) * (b > 0 ? diagonal : 1);
+        good = good && std::abs(carried[at] - wanted[at]) <= near * unit;
+      }
+    }
+    return good;
+  }
+
+  bool checkPoints() {
+    const Field& f = field();
+    const auto points = view_.fieldPoints().subspan(f.first_point, f.point_count);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (beyond(points[i].at) != 0 || !(points[i].area > 0) || !(points[i].area <= kMost)) {
+        return refuse(section::field_points, f.first_point + i,
+                      "area is not above 0, or a number is not finite or above 1e18");
+      }
+    }
+    return checkPlaces(section::field_point_values, f.first_point_value, view_.fieldPointValues(), points.data(),
+                       points.size());
+  }
+
+  /// The modes, eight by eight: of norm 1 each, or the solver gets nowhere.
+  bool checkModes() {
+    const std::size_t unknowns = 3 * (functions_.size() - field().driven_count);
+    for (std::size_t done = 0; done < unknowns; done += 8) {
+      const std::size_t element = field().first_mode + (unknowns + 1) * (done / 8);
+      const Lanes* const lanes = view_.fieldModes().data() + element;
+      const std::size_t live = std::min<std::size_t>(8, unknowns - done);
+      Lanes norm = {}, largest = {};
+      for (std::size_t i = 1; i <= unknowns; ++i) {
+        takeLargest(largest, lanes[i]);
+        for (std::size_t l = 0; l < 8; ++l) norm[l] += lanes[i][l] * lanes[i][l];
+      }
+      unsigned bad = 0;
+      for (std::size_t l = 0; l < live; ++l) {
+        bad |= negativeOrBeyond(lanes[0][l]) | unsigned(!(std::fabs(norm[l] - 1) <= kTolerance));
+      }
+      for (std::size_t l = live; l < 8; ++l) {
+        bad |= unsigned(lanes[0][l] != 0) | unsigned(norm[l] != 0) | unsigned(largest[l] != 0);
+      }
+      if (bad != 0) {
+        return refuse(section::field_modes, element,
+                      "a mode of its eight is not of norm 1, its square of a frequency is negative, not finite or "
+                      "above 1e18, or a lane behind the last is not 0");
+      }
+    }
+    return true;
+  }
+
+  const PackageView& view_;
+  FieldFault fault_;
+  std::size_t index_ = 0;     // of the field
+  std::uint32_t pieces_ = 0;  // whose free fields were seen
+  std::array<std::uint64_t, 7> ends_ = {};
+  std::span<const FieldFunction> functions_;
+  std::vector<Lanes> norms_;
+};
+
+}  // namespace
+
+FieldFault findFieldFault(const PackageView& view) { return FieldRules(view).find(); }
+
+}  // namespace sinew::formats

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "sinew/formats/package.h"
+
+namespace sinew::formats {
+
+/// A rule that the sections of fields break.
+struct FieldFault {
+  static constexpr std::size_t kWhole = ~std::size_t{0};
+  std::uint32_t section = 0;
+  std::size_t element = kWhole;  ///< of the section; kWhole: none in particular
+  const char* what = nullptr;    ///< null: no fault
+};
+
+/// The first fault of FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV and FMOD (docs/package-format.md); one pass over each.
+/// \param view whose other sections, and presence, have been checked.
+[[nodiscard]] FieldFault findFieldFault(const PackageView& view);
+
+}  // namespace sinew::formats
