@@ -7,7 +7,11 @@ namespace sinew::internal {
 
 static_assert(sizeof(SamplePack) == sizeof(formats::FieldPack));
 
-Array<Field> makeFields(const formats::PackageView& package) {
+Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses) {
+  std::size_t driven = 0;
+  for (const formats::Field& record : package.fields()) driven += record.driven_count;
+  driven_masses.resize(driven);
+  double* next_mass = driven_masses.data();
   Array<Field> fields(package.fields().size());
   for (std::size_t i = 0; i < fields.size(); ++i) {
     const formats::Field& record = package.fields()[i];
@@ -29,8 +33,15 @@ Array<Field> makeFields(const formats::PackageView& package) {
     field.values = package.fieldValues().data()[record.first_value].data();
     if (!field.points.empty()) field.point_values = package.fieldPointValues().data()[record.first_point_value].data();
     field.modes = package.fieldModes().data()[record.first_mode].data();
+    double* const driven_mass = next_mass;
+    next_mass += field.driven;
+    field.driven_mass = driven_mass;
     for (std::uint32_t v = 0; v < piece.vertex_count; ++v) {
-      field.mass += double(package.physicalVertices()[piece.first_vertex + v].mass);
+      const double mass = double(package.physicalVertices()[piece.first_vertex + v].mass);
+      field.mass += mass;
+      for (std::uint32_t j = 0; j < field.driven; ++j) {
+        driven_mass[j] += mass * double(field.valueAt(v, j));
+      }
     }
     double volume = 0, stiffness = 0;
     for (const formats::FieldPack& pack : packs) {

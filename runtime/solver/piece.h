@@ -32,6 +32,8 @@ struct PieceState {
   Array<Vector3d> z, v;         ///< coefficients of position (metres, world) and velocity
   Array<Vector3d> z_before, v_before;  ///< one step earlier
   double h_before = 0;          ///< length of the last step, s; 0: z_before says nothing
+  Vector3d turn = Vector3d::Zero();   ///< that the frame made in the last step, rad
+  Vector3d omega = Vector3d::Zero();  ///< angular velocity when it began, rad/s
   double elastic = 0;           ///< energy that the shape stores, J
   bool elastic_known = false;
   Array<TouchingPoint> touching;

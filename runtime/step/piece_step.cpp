@@ -145,7 +145,7 @@ class PieceStep {
       }
       rigid_.center /= sets;
       rigid_.velocity /= sets;
-      rigid_.omega = spin / sets;
+      rigid_.omega = turning_ = spin / sets;
       return;
     }
     rigid_.center = meanOf(field_, z);
@@ -156,6 +156,15 @@ class PieceStep {
     if (h_ * rigid_.omega.norm() > kLargeTurn) {
       const double along = momentum.dot(inertia * momentum);
       if (along > 0) rigid_.omega = momentum * (momentum.squaredNorm() / along);
+      turning_ = rigid_.omega;
+      return;
+    }
+    // The turn of a rigid body by the implicit midpoint, in three rounds: about I^-1 L of the start alone, a long body
+    // would slowly turn from the axis of its largest inertia to that of its smallest.
+    turning_ = rigid_.omega;
+    for (int round = 0; round < 3; ++round) {
+      const Matrix3d half = turnBy(0.5 * h_ * turning_);
+      turning_ = half * solved(inertia, half.transpose() * momentum);
     }
   }
 
@@ -194,7 +203,8 @@ class PieceStep {
     const bool supported = springs_ || !piece_.state.touching.empty();
     const double turning = air * (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
     const Vector3d omega = rigid_.omega;
-    const Matrix3d turn = turnBy(h_ * omega), turn_before = two_step_ ? turnBy(h_before * omega) : Matrix3d::Identity();
+    const Matrix3d turn = turnBy(h_ * turning_), turn_before = turnBy(piece_.state.turn);
+    const Vector3d omega_before = piece_.state.omega;
     rigid_omega_ = turning * omega;
     const double damping = 4 * M_PI * double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
     ConstCoefficientMap z_before(nullptr, 0, 3), v_before(nullptr, 0, 3);
@@ -233,7 +243,7 @@ class PieceStep {
       Vector3d speed = now * Vector3d(v.row(j).transpose() - one * rigid_.velocity - omega.cross(arm));
       if (two_step_) {
         const Vector3d old = z_before.row(j).transpose() - one * mean_before;
-        const Vector3d old_speed = v_before.row(j).transpose() - one * velocity_before - omega.cross(old);
+        const Vector3d old_speed = v_before.row(j).transpose() - one * velocity_before - omega_before.cross(old);
         shape -= before * (turn_before * old);
         speed -= before * std::exp(-rate * h_before) * (turn_before * old_speed);
       }
@@ -387,7 +397,7 @@ class PieceStep {
     Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
     // The other place to start from: the old shape, moved along where nothing holds the piece.
     const bool stays = springs_ || field_.driven > 0 || !s_.contacts.empty();
-    const Matrix3d turn = turnBy(h_ * rigid_.omega);
+    const Matrix3d turn = turnBy(h_ * turning_);
     for (std::uint32_t j = field_.driven; j < k_; ++j) {
       const Vector3d z = piece_.state.z[j];
       const Vector3d moved =
@@ -423,6 +433,8 @@ class PieceStep {
       state.v[j] = s_.predicted_velocity[j] + moved / effective_h_;
     }
     state.h_before = h_;
+    state.turn = h_ * turning_;
+    state.omega = rigid_.omega;
     const std::size_t touched = state.touching.size();
     bool steady = true;
     if (grounded_) {
@@ -500,7 +512,7 @@ class PieceStep {
   void react() {
     std::uint32_t rows = 0;
     if (field_.driven > 0) {
-      // Elasticity pulls at the driven functions; of the mass, what the others do not carry hangs on them as well.
+      // Elasticity pulls at the driven functions, and their own weight hangs on them.
       std::fill_n(s_.next.begin(), 4 * k_, 0.0F);
       FieldEnergyArguments arguments = {};
       arguments.functions = k_;
@@ -517,16 +529,10 @@ class PieceStep {
       arguments.lanes = s_.lanes.data();
       arguments.gradient = s_.next_gradient.data();
       kernels().field_energy(arguments);
-      double rest = field_.mass, sets = 0;
-      for (std::uint32_t j = 0; j < k_; ++j) {
-        if (j >= field_.driven) rest -= oneOf(field_, j) * oneOf(field_, j);
-        if (j < field_.driven && field_.functions[j].monomial == 0) ++sets;
-      }
       rows = field_.driven;
       for (std::uint32_t j = 0; j < rows; ++j) {
         const float* const g = s_.next_gradient.data() + 4 * j;
-        s_.external[j] = Vector3d(double(g[0]), double(g[1]), double(g[2]));
-        if (field_.functions[j].monomial == 0) s_.external[j] -= std::max(0.0, rest) / sets * gravity_;
+        s_.external[j] = Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
       }
     }
     addReactions(body_, piece_, springStep(), {s_.external.data(), rows});
@@ -544,6 +550,7 @@ class PieceStep {
   const Vector3d gravity_;
   bool springs_ = false, grounded_ = false, two_step_ = false;
   Rigid rigid_;
+  Vector3d turning_ = Vector3d::Zero();  ///< rate of the turn that the prediction takes, rad/s
   double effective_h_ = 0;
   Vector3d center_ = Vector3d::Zero();  ///< that floats are relative to
   Vector3d rigid_velocity_ = Vector3d::Zero(), rigid_omega_ = Vector3d::Zero();
@@ -561,6 +568,31 @@ bool isUsable(const PieceState& state) {
     }
   }
   return finite && largest < 1e20;
+}
+
+/// The four vertices that carry a rigid part: as their rest shape, turned and moved to where they are.
+void stiffen(Body& body, const formats::Cluster& cluster) {
+  std::array<std::uint32_t, 4> corner = {};
+  std::size_t found = 0;
+  for (const formats::Membership& member :
+       body.package().memberships().subspan(cluster.first_member, cluster.member_count)) {
+    if (member.share > 0 && found < 4) corner[found++] = member.vertex;
+  }
+  if (found < 4) return;
+  Vector3 rest_middle = Vector3::Zero(), middle = Vector3::Zero();
+  for (const std::uint32_t v : corner) {
+    rest_middle += 0.25F * asVector(body.vertices()[v].rest_position);
+    middle += 0.25F * asVector(body.x[v]);
+  }
+  Matrix3 moment = Matrix3::Zero();
+  for (const std::uint32_t v : corner) {
+    moment += Vector3(asVector(body.x[v]) - middle) *
+              Vector3(asVector(body.vertices()[v].rest_position) - rest_middle).transpose();
+  }
+  const Matrix3 rotation = geometry::nearestRotation(moment);
+  for (const std::uint32_t v : corner) {
+    body.x[v] = asArray(middle + rotation * (asVector(body.vertices()[v].rest_position) - rest_middle));
+  }
 }
 
 void resizeState(Piece& piece) {
@@ -644,6 +676,10 @@ void refresh(Body& body) {
         }
       }
     }
+  }
+  // What rides along rigidly keeps its shape.
+  for (const formats::AttachedPart& part : body.package().parts()) {
+    if (part.cluster != formats::kNone) stiffen(body, body.package().clusters()[part.cluster]);
   }
   // What is held is drawn where it is held: springs leave the local give to the vertex itself.
   for (const Pin& pin : body.pins) body.x[pin.vertex] = pin.target;

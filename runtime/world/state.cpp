@@ -59,6 +59,7 @@ struct SavedCenter {
 struct SavedPiece {
   std::uint32_t held, functions, touching, steady;
   double h_before, elastic, budget;
+  std::array<double, 3> turn, omega;
 };
 
 constexpr std::size_t kShapeFloats = 18, kDampingFloats = 27;
@@ -176,6 +177,8 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
       state.elastic = saved.elastic;
       state.elastic_known = (saved.steady & 2U) != 0;
       state.budget = saved.budget;
+      state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
+      state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
       state.touching.clear();
       piece.springs_known = false;
       piece.factor_h = 0;
@@ -323,7 +326,9 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   for (const internal::Piece& piece : body->pieces) {
     const internal::PieceState& state = piece.state;
     const SavedPiece saved = {state.held ? 1U : 0U, std::uint32_t(state.z.size()), std::uint32_t(state.touching.size()),
-                              (state.steady ? 1U : 0U) | (state.elastic_known ? 2U : 0U), state.h_before, state.elastic, state.budget};
+                              (state.steady ? 1U : 0U) | (state.elastic_known ? 2U : 0U), state.h_before, state.elastic, state.budget,
+                              {state.turn[0], state.turn[1], state.turn[2]},
+                              {state.omega[0], state.omega[1], state.omega[2]}};
     writer.put(&saved, 1);
     for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
       writer.put(reinterpret_cast<const std::array<double, 3>*>(array->data()), array->size());
@@ -497,6 +502,8 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
       for (auto* array : {&state.z, &state.z_before}) (*array)[j] = r * (*array)[j] + one * t;
       for (auto* array : {&state.v, &state.v_before}) (*array)[j] = r * (*array)[j];
     }
+    state.turn = r * state.turn;
+    state.omega = r * state.omega;
     for (internal::TouchingPoint& point : state.touching) {
       Eigen::Map<Eigen::Vector3d> anchor(point.anchor.data());
       anchor = r * anchor + t;

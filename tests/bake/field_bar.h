@@ -27,12 +27,7 @@ inline std::vector<std::byte> fieldBar(const FieldBarOptions& options) {
     content.pin_sets.push_back({content.addText("held"), content.addText("world"), 3, 0,
                                 std::uint32_t(content.pin_set_vertices.size()), 0});
   }
-  tools::PhysicalMesh mesh;
-  for (const formats::PhysicalVertex& vertex : content.physical_vertices) {
-    mesh.positions.emplace_back(double(vertex.rest_position[0]), double(vertex.rest_position[1]),
-                                double(vertex.rest_position[2]));
-  }
-  tools::addFields(mesh, {}, content);
+  tools::addFields({}, content);
   return formats::writePackage(content);
 }
 

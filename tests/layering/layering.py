@@ -30,7 +30,6 @@ stdlib.h string.h time.h
 THIRD_PARTIES = {
     "xxhash": ("xxhash.h",),
     "eigen": ("Eigen/",),
-    "spectra": ("Spectra/",),
     "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/", "elf.h", "link.h", "malloc.h"),
     "simd": ("cpuid.h", "immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
     "json": ("nlohmann/",),
@@ -69,7 +68,6 @@ TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
     "import": ("assimp", "cgal"),
     "tetrahedralize": ("cgal",),
-    "field": ("spectra",),
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),

@@ -431,7 +431,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   }
 
   progress.stage("fields");
-  ordered_json fields_report = addFields(physical, settings, content);
+  ordered_json fields_report = addFields(settings, content);
 
   progress.stage("package");
   formats::BodyInfo& info = content.info;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "runtime/geometry/pseudo_inverse.h"
 #include "tools/field/field.h"
 
 namespace sinew::tools {
@@ -134,17 +135,19 @@ Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modesOf(const FieldSpace& space) 
 
 class PieceFields {
  public:
-  PieceFields(const PhysicalMesh& physical, const Settings& settings, std::uint32_t piece,
-              formats::PackageContent& content)
+  PieceFields(const Settings& settings, std::uint32_t piece, formats::PackageContent& content)
       : content_(content), piece_(piece), body_(content.bodies[piece]) {
+    findRiders();
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
-      positions_.push_back(physical.positions[body_.first_vertex + v]);
+      if (host_[v] == formats::kNone) continue;
+      host_[v] = std::uint32_t(positions_.size());
+      positions_.push_back(restOf(body_.first_vertex + v));
       masses_.push_back(double(content.physical_vertices[body_.first_vertex + v].mass));
     }
     for (std::uint32_t t = 0; t < body_.tetrahedron_count; ++t) {
       std::array<std::uint32_t, 4> corners = content.tetrahedra[body_.first_tetrahedron + t].vertex;
-      for (std::uint32_t& v : corners) v -= body_.first_vertex;
-      tetrahedra_.push_back(corners);
+      for (std::uint32_t& v : corners) v = host_[v - body_.first_vertex];
+      if (std::find(corners.begin(), corners.end(), formats::kNone) == corners.end()) tetrahedra_.push_back(corners);
     }
     findMaterial();
     findHeld();
@@ -166,6 +169,63 @@ class PieceFields {
   }
 
  private:
+  Vector3d restOf(std::uint32_t vertex) const {
+    const auto& x = content_.physical_vertices[vertex].rest_position;
+    return {double(x[0]), double(x[1]), double(x[2])};
+  }
+
+  /// The vertices that carry rigid accessories follow the host: they are no unknowns of its elasticity.
+  void findRiders() {
+    host_.assign(body_.vertex_count, 0);
+    for (const formats::AttachedPart& part : content_.parts) {
+      if (part.cluster == formats::kNone) continue;
+      const formats::Cluster& cluster = content_.clusters[part.cluster];
+      if (cluster.body != piece_) continue;
+      riders_.push_back(part.cluster);
+      for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
+        const formats::Membership& member = content_.memberships[m];
+        if (member.share > 0) host_[member.vertex - body_.first_vertex] = formats::kNone;
+      }
+    }
+  }
+
+  /// Values at all vertices of the piece. A rider's are those of the affine motion that comes nearest to the cluster's
+  /// members on the host.
+  Eigen::MatrixXd valuesAtAll(const Eigen::MatrixXd& of_host) const {
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(body_.vertex_count, of_host.cols());
+    for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+      if (host_[v] != formats::kNone) all.row(v) = of_host.row(host_[v]);
+    }
+    for (const std::uint32_t rider : riders_) {
+      const formats::Cluster& cluster = content_.clusters[rider];
+      const auto members = std::span(content_.memberships).subspan(cluster.first_member, cluster.member_count);
+      Vector3d center = Vector3d::Zero();
+      double weight = 0;
+      for (const formats::Membership& member : members) {
+        center += double(member.mu) * restOf(member.vertex);
+        weight += double(member.mu);
+      }
+      center /= weight;
+      Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+      for (const formats::Membership& member : members) {
+        const Vector3d arm = restOf(member.vertex) - center;
+        moment += double(member.mu) * arm * arm.transpose();
+      }
+      const Eigen::Matrix3d inverse = geometry::pseudoInverse<3>(moment);
+      for (const formats::Membership& to : members) {
+        if (!(to.share > 0)) continue;
+        const Vector3d lever = inverse * (restOf(to.vertex) - center);
+        for (const formats::Membership& member : members) {
+          if (!(member.mu > 0)) continue;
+          const double part =
+              double(member.mu) * (1 / weight + lever.dot(restOf(member.vertex) - center));
+          all.row(to.vertex - body_.first_vertex) += part * of_host.row(host_[member.vertex - body_.first_vertex]);
+        }
+      }
+    }
+    return all;
+  }
+
   double meanYoung() const {
     double sum = 0;
     for (const double e : young_) sum += e;
@@ -176,12 +236,14 @@ class PieceFields {
     std::vector<Material> materials;
     bool absolute = false;
     double lowest = std::numeric_limits<double>::infinity();
+    const auto rides = [&](std::uint32_t c) { return std::find(riders_.begin(), riders_.end(), c) != riders_.end(); };
     for (std::uint32_t c = 0; c < body_.cluster_count; ++c) {
       materials.push_back(materialOf(content_, body_.first_cluster + c));
+      if (rides(body_.first_cluster + c)) continue;
       absolute = absolute || materials.back().hz == 0;
       if (materials.back().hz > 0) lowest = std::min(lowest, materials.back().hz);
     }
-    std::vector<double> young(body_.vertex_count, 0), poisson(body_.vertex_count, 0);
+    std::vector<double> young(masses_.size(), 0), poisson(masses_.size(), 0);
     for (std::uint32_t c = 0; c < body_.cluster_count; ++c) {
       const formats::Cluster& cluster = content_.clusters[body_.first_cluster + c];
       const Material& material = materials[c];
@@ -192,7 +254,8 @@ class PieceFields {
         e = absolute ? 1000 * 4 * material.hz * material.hz : ratio * ratio;
       }
       for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
-        const std::uint32_t v = content_.memberships[m].vertex - body_.first_vertex;
+        const std::uint32_t v = host_[content_.memberships[m].vertex - body_.first_vertex];
+        if (v == formats::kNone) continue;
         young[v] += double(content_.memberships[m].share) * e;
         poisson[v] += double(content_.memberships[m].share) * material.poisson;
       }
@@ -223,8 +286,9 @@ class PieceFields {
         const std::uint32_t v = content_.pin_set_vertices[i];
         if (v < body_.first_vertex || v >= body_.first_vertex + body_.vertex_count || taken[v] != 0) continue;
         if (!content_.pin_weights.empty() && content_.pin_weights[v] < 1) continue;
+        if (host_[v - body_.first_vertex] == formats::kNone) continue;
         taken[v] = 1;
-        vertices.push_back(v - body_.first_vertex);
+        vertices.push_back(host_[v - body_.first_vertex]);
       }
       if (vertices.empty()) continue;
       held_.push_back(std::move(vertices));
@@ -328,11 +392,12 @@ class PieceFields {
         }
       }
     }
-    appendBlocks(space.values, content_.field_values);
+    const Eigen::MatrixXd values = valuesAtAll(space.values);
+    appendBlocks(values, content_.field_values);
     Eigen::MatrixXd at_points = Eigen::MatrixXd::Zero(Eigen::Index(points_.size()), k);
     for (std::size_t i = 0; i < points_.size(); ++i) {
       for (std::size_t c = 0; c < 4; ++c) {
-        at_points.row(Eigen::Index(i)) += points_[i].weight[c] * space.values.row(points_[i].corner[c]);
+        at_points.row(Eigen::Index(i)) += points_[i].weight[c] * values.row(points_[i].corner[c]);
       }
       content_.field_points.push_back({places_[i], float(area_)});
     }
@@ -370,6 +435,8 @@ class PieceFields {
   formats::PackageContent& content_;
   const std::uint32_t piece_;
   const formats::BodyRange body_;
+  std::vector<std::uint32_t> host_;    // of each vertex of the piece: its number among the host's; kNone: it rides along
+  std::vector<std::uint32_t> riders_;  // clusters of rigid accessories
   std::vector<Vector3d> positions_;
   std::vector<double> masses_, young_, poisson_;
   std::vector<std::array<std::uint32_t, 4>> tetrahedra_;
@@ -383,12 +450,12 @@ class PieceFields {
 
 }  // namespace
 
-ordered_json addFields(const PhysicalMesh& physical, const Settings& settings, formats::PackageContent& content) {
+ordered_json addFields(const Settings& settings, formats::PackageContent& content) {
   if (settings.field.functions == 0) return {{"left_out", "field.functions is 0"}};
   if (const std::string fault = faultOf(content); !fault.empty()) return {{"left_out", fault}};
   ordered_json pieces = ordered_json::array();
   for (std::uint32_t piece = 0; piece < content.bodies.size(); ++piece) {
-    pieces.push_back(PieceFields(physical, settings, piece, content).add());
+    pieces.push_back(PieceFields(settings, piece, content).add());
   }
   return pieces;
 }

@@ -5,17 +5,14 @@
 
 #include "sinew/formats/writer.h"
 #include "tools/author/settings.h"
-#include "tools/core/progress.h"
-#include "tools/tetrahedralize/tetrahedralize.h"
 
 namespace sinew::tools {
 
 /// The function space of each piece (sections FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV), made from its tetrahedra and the
 /// material of its clusters. To be called when all else of the content stands.
-/// \param physical the mesh that the content's physical vertices are. \return for the report: by piece what was made.
+/// \return for the report: by piece what was made.
 /// Nothing is added, and the report says why, where a cluster asks for what only the report's own scheme does.
-nlohmann::ordered_json addFields(const PhysicalMesh& physical, const Settings& settings,
-                                 formats::PackageContent& content);
+nlohmann::ordered_json addFields(const Settings& settings, formats::PackageContent& content);
 
 /// Takes all sections of fields out again.
 void removeFields(formats::PackageContent& content);

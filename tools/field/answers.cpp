@@ -80,10 +80,12 @@ double Answers::lowestLambda() const { return first() < modes_.lambda.size() ? m
 // Two refinements take the shift out.
 MatrixXd Answers::to(const MatrixXd& forces) const {
   MatrixXd f = movable_.asDiagonal() * forces;
-  f -= (mass_.asDiagonal() * (rigid_ * (rigid_.transpose() * f))).eval();
+  if (f.cols() == 0) return f;
+  const bool free = rigid_.cols() > 0;
+  if (free) f -= (mass_.asDiagonal() * (rigid_ * (rigid_.transpose() * f))).eval();
   MatrixXd u = solver_->solve(f);
   for (int i = 0; i < 2; ++i) u += solver_->solve(f - elastic_.stiffness * u);
-  u -= (rigid_ * (rigid_.transpose() * (mass_.asDiagonal() * u))).eval();
+  if (free) u -= (rigid_ * (rigid_.transpose() * (mass_.asDiagonal() * u))).eval();
   return u;
 }
 

@@ -122,9 +122,11 @@ VectorXd staticErrors(const Elastic& elastic, const FieldSpace& space, const Ans
   const VectorXd mass = byAxis(elastic.node_mass);
   MatrixXd stiffness = sampledStiffness(space), loads = coordinates(functions, forces);
   // Rigid motions do not count: a stiff spring holds what the space has of them.
-  const MatrixXd rigid = coordinates(nodes, mass.asDiagonal() * answers.rigid());
-  loads -= (rigid * (rigid.transpose() * loads)).eval();
-  stiffness += stiffness.diagonal().mean() * rigid * rigid.transpose();
+  if (answers.rigid().cols() > 0) {
+    const MatrixXd rigid = coordinates(nodes, mass.asDiagonal() * answers.rigid());
+    loads -= (rigid * (rigid.transpose() * loads)).eval();
+    stiffness += stiffness.diagonal().mean() * rigid * rigid.transpose();
+  }
   const MatrixXd z = Eigen::LDLT<MatrixXd>(stiffness).solve(loads);
   const MatrixXd right = answers.to(onNodes(elastic, forces));
   VectorXd off = VectorXd::Zero(forces.cols()), size = off;
@@ -311,43 +313,58 @@ MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
          eigen.eigenvalues().tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
 }
 
+// Functions on nodes as such on vertices that are 0 on all pin sets.
+MatrixXd vanishing(const Elastic& elastic, const Holds& holds, const MatrixXd& on_nodes) {
+  MatrixXd result = elastic.extend * on_nodes;
+  for (Index v = 0; v < result.rows(); ++v) {
+    if (holds.of_vertex[std::size_t(v)] >= 0) result.row(v).setZero();
+  }
+  return result;
+}
+
+// Takes the interior functions' part out of the driven ones, which changes nothing on pin sets, and joins them.
+void join(const Elastic& elastic, const MatrixXd& driven, const MatrixXd& interior, const VectorXd& stiffness,
+          FieldSpace& space) {
+  const Index outside = driven.cols(), inside = interior.cols(), all = outside + inside;
+  space.values = driven;
+  space.stiffness = VectorXd::Zero(all);
+  space.one = VectorXd::Zero(all);
+  space.rest = MatrixX3d::Zero(all, 3);
+  for (Index p = 0; p < outside; p += 4) {
+    space.one[p] = 1;
+    space.rest.middleRows<3>(p + 1).setIdentity();
+  }
+  if (inside == 0) return;
+  const MatrixXd weighted = elastic.mass.asDiagonal() * interior;
+  space.values = joined(driven - interior * (weighted.transpose() * driven), interior);
+  space.stiffness.tail(inside) = stiffness;
+  space.one.tail(inside) = weighted.colwise().sum().transpose();
+  space.rest.bottomRows(inside) = weighted.transpose() * elastic.positions;
+}
+
 // Fixed interface (Craig and Bampton 1968): driven functions, and modes and answers with the pins fixed.
 FieldSpace heldSpace(const Elastic& elastic, const FieldInput& input, const FieldOptions& options) {
   const Holds holds(elastic, input);
   const MatrixXd share = partition(elastic, holds);
   FieldSpace space;
   const MatrixXd driven = drivenFunctions(elastic, holds, share, space);
-  MatrixXd interior(elastic.mass.size(), 0);
+  const auto unheld = Index(std::count(holds.fixed.begin(), holds.fixed.end(), false));
   std::optional<Answers> answers;
-  const Index unheld = Index(std::count(holds.fixed.begin(), holds.fixed.end(), false)), k = Index(options.functions);
-  if (unheld > 0 && !elastic.patches.empty()) {
-    answers.emplace(elastic, holds.fixed, modeCount(options));
-    space.lowest_hz = hertz(answers->lowestLambda());
-    MatrixXd columns = elastic.extend * (unheld > k ? interiorColumns(elastic, input, *answers, share)
-                                                    : MatrixXd(MatrixXd::Identity(elastic.nodes(), elastic.nodes())));
-    for (Index v = 0; v < columns.rows(); ++v) {
-      if (holds.of_vertex[std::size_t(v)] >= 0) columns.row(v).setZero();
-    }
-    interior = leading(columns, elastic.mass, interior, std::min(k, unheld));
-  }
+  if (unheld > 0 && !elastic.patches.empty()) answers.emplace(elastic, holds.fixed, modeCount(options));
+  MatrixXd interior(elastic.mass.size(), 0);
   VectorXd stiffness;
-  interior = diagonalized(elastic, interior, stiffness);
-  const Index inside = interior.cols(), all = driven.cols() + inside;
-  const MatrixXd weighted = elastic.mass.asDiagonal() * interior;
-  space.values = joined(driven - interior * (weighted.transpose() * driven), interior);
-  space.stiffness = VectorXd::Zero(all);
-  space.stiffness.tail(inside) = stiffness;
-  space.one = VectorXd::Zero(all);
-  space.rest = MatrixX3d::Zero(all, 3);
-  for (Index p = 0; p < share.cols(); ++p) {
-    space.one[4 * p] = 1;
-    space.rest.middleRows<3>(4 * p + 1).setIdentity();
+  if (answers) {
+    space.lowest_hz = hertz(answers->lowestLambda());
+    MatrixXd columns = MatrixXd::Identity(elastic.nodes(), elastic.nodes());
+    if (unheld > Index(options.functions)) columns = interiorColumns(elastic, input, *answers, share);
+    interior =
+        leading(vanishing(elastic, holds, columns), elastic.mass, interior, std::min(Index(options.functions), unheld));
+    interior = diagonalized(elastic, interior, stiffness);
   }
-  space.one.tail(inside) = weighted.colwise().sum().transpose();
-  space.rest.bottomRows(inside) = weighted.transpose() * elastic.positions;
+  join(elastic, driven, interior, stiffness, space);
   addSamples(elastic, options, orthonormalCombinations(space.values, elastic.mass), space);
   addDamping(space);
-  if (answers && inside > 0) addErrors(elastic, *answers, space);
+  if (answers && interior.cols() > 0) addErrors(elastic, *answers, space);
   return space;
 }
 

@@ -18,7 +18,11 @@ MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& 
   const VectorXd root = mass.cwiseSqrt();
   const MatrixXd known = root.asDiagonal() * have;
   MatrixXd w = root.asDiagonal() * columns;
-  for (int pass = 0; pass < 2; ++pass) w -= (known * (known.transpose() * w)).eval();
+  // Eigen reads nothing from a product with an empty matrix, but sanitizers mind its null pointer.
+  const auto takeOut = [&](MatrixXd& columns_left) {
+    if (known.cols() > 0) columns_left -= (known * (known.transpose() * columns_left)).eval();
+  };
+  for (int pass = 0; pass < 2; ++pass) takeOut(w);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(MatrixXd(w.transpose() * w));
   const VectorXd& energy = gram.eigenvalues();
   Index kept = 0;
@@ -28,7 +32,7 @@ MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& 
   MatrixXd u = w * gram.eigenvectors().rightCols(kept).rowwise().reverse();
   // Twice is enough (Giraud et al. 2005): the first Gram matrix loses half of the digits.
   for (int pass = 0; pass < 2; ++pass) {
-    u -= (known * (known.transpose() * u)).eval();
+    takeOut(u);
     u.colwise().normalize();
     const Eigen::LLT<MatrixXd> again(MatrixXd(u.transpose() * u));
     again.matrixU().solveInPlace<Eigen::OnTheRight>(u);

@@ -127,6 +127,7 @@ void Solver::factorize(const Elastic& elastic, double shift) {
     complements[f] = dense.bottomRightCorner(later, later);
     if (own == 0) continue;  // two halves that do not touch
     front.diagonal = Eigen::LLT<MatrixXd>(dense.topLeftCorner(own, own)).matrixL();
+    if (later == 0) continue;
     front.below = dense.bottomLeftCorner(later, own);
     front.diagonal.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(front.below);
     complements[f].selfadjointView<Eigen::Lower>().rankUpdate(front.below, -1);
@@ -140,21 +141,22 @@ void Solver::factorize(const Elastic& elastic, double shift) {
 }
 
 MatrixXd Solver::solve(const MatrixXd& forces) const {
+  if (fronts_.empty() || forces.cols() == 0) return MatrixXd::Zero(forces.rows(), forces.cols());
   MatrixXd x = forces;
   for (std::size_t i = 0; i < place_.size(); ++i) {
     if (place_[i] == std::numeric_limits<std::size_t>::max()) x.middleRows<3>(3 * Index(i)).setZero();
   }
-  if (fronts_.empty()) return MatrixXd::Zero(forces.rows(), forces.cols());
   for (const Front& front : fronts_) {
     if (front.own.empty()) continue;
     MatrixXd own = gather(x, front.own);
     front.diagonal.triangularView<Eigen::Lower>().solveInPlace(own);
     scatter(own, front.own, x);
-    scatter(gather(x, front.later) - front.below * own, front.later, x);
+    if (!front.later.empty()) scatter(gather(x, front.later) - front.below * own, front.later, x);
   }
   for (auto front = fronts_.rbegin(); front != fronts_.rend(); ++front) {
     if (front->own.empty()) continue;
-    MatrixXd own = gather(x, front->own) - front->below.transpose() * gather(x, front->later);
+    MatrixXd own = gather(x, front->own);
+    if (!front->later.empty()) own -= front->below.transpose() * gather(x, front->later);
     front->diagonal.triangularView<Eigen::Lower>().transpose().solveInPlace(own);
     scatter(own, front->own, x);
   }
