@@ -127,11 +127,8 @@ static void fieldModes(const FieldModesArguments& a) {
       odd += load8(block + 8 * (i + 2)) * a.vector[i + 1];
     }
     if (i < n) even += load8(block + 8 * (i + 1)) * a.vector[i];
-    Float8 part = even + odd;
-    if (a.solve == nullptr) part = part / (load8(block) * a.stiffness + splat<Float8>(a.inertia));
-    store8(a.parts + first, part);
+    store8(a.parts + first, (even + odd) / (load8(block) * a.stiffness + splat<Float8>(a.inertia)));
   }
-  if (a.solve != nullptr) a.solve(a.context, a.parts);
   for (std::uint32_t i = 0; i < n; ++i) store8(a.lanes + 8 * i, Float8{});
   for (std::uint32_t first = 0; first < n; first += 8) {
     const float* const block = a.modes + std::size_t(first) * (n + 1);
@@ -141,6 +138,52 @@ static void fieldModes(const FieldModesArguments& a) {
     }
   }
   for (std::uint32_t i = 0; i < n; ++i) a.vector[i] = sumOfLanes(load8(a.lanes + 8 * i));
+}
+
+/// Cholesky factor in place, column by column. \return whether the matrix was positive.
+static bool factorize(const FactorArguments& a) {
+  float* const column = a.vector;
+  for (std::uint32_t i = 0; i < a.stride; ++i) column[i] = 0;
+  for (std::uint32_t k = 0; k < a.size; ++k) {
+    float* const pivot = a.matrix + std::size_t(a.stride) * k + k;
+    if (!(*pivot > 0)) return false;
+    *pivot = squareRoot(*pivot);
+    const float inverse = 1 / *pivot;
+    column[k] = 0;
+    for (std::uint32_t i = k + 1; i < a.size; ++i) {
+      float* const entry = a.matrix + std::size_t(a.stride) * i + k;
+      *entry *= inverse;
+      column[i] = *entry;
+    }
+    for (std::uint32_t i = k + 1; i < a.size; ++i) {
+      float* const row = a.matrix + std::size_t(a.stride) * i;
+      const float scale = column[i];
+      for (std::uint32_t j = (k + 1) / 8 * 8; j <= i; j += 8) store8(row + j, load8(row + j) - load8(column + j) * scale);
+    }
+  }
+  return true;
+}
+
+/// Solves with the factor, in place.
+static void solve(const FactorArguments& a) {
+  float* const x = a.vector;
+  for (std::uint32_t i = 0; i < a.size; ++i) {
+    const float* const row = a.matrix + std::size_t(a.stride) * i;
+    Float8 sum = {};
+    std::uint32_t j = 0;
+    for (; j + 8 <= i; j += 8) sum += load8(row + j) * load8(x + j);
+    float rest = 0;
+    for (; j < i; ++j) rest += row[j] * x[j];
+    x[i] = (x[i] - (sumOfLanes(sum) + rest)) / row[i];
+  }
+  for (std::uint32_t i = a.size; i-- > 0;) {
+    const float* const row = a.matrix + std::size_t(a.stride) * i;
+    x[i] /= row[i];
+    const float solved = x[i];
+    std::uint32_t j = 0;
+    for (; j + 8 <= i; j += 8) store8(x + j, load8(x + j) - load8(row + j) * solved);
+    for (; j < i; ++j) x[j] -= row[j] * solved;
+  }
 }
 
 /// sum_j phi_j c_j at places.

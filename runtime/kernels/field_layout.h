@@ -46,8 +46,15 @@ struct FieldModesArguments {
   float* lanes;            ///< scratch, 3 n x 8
   float* vector;           ///< 3 n, in and out
   float* parts;            ///< scratch, 3 n rounded up to eight: the parts of the modes
-  void (*solve)(const void* context, float* parts);  ///< null, or in place of the division by inertia + stiffness values
-  const void* context;
+};
+
+/// A symmetric positive matrix, or its Cholesky factor: the lower triangle row by row. What lies right of the diagonal is
+/// scratch.
+struct FactorArguments {
+  std::uint32_t size;
+  std::uint32_t stride;  ///< floats a row: size rounded up to eight
+  float* matrix;
+  float* vector;  ///< `stride` floats: scratch of factorize, the right side and solution of solve; zero behind `size`
 };
 
 /// The same of one number a function: heights along a direction.

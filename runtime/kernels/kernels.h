@@ -123,6 +123,8 @@ struct Kernels {
   float (*relax_rows)(SolverRow* rows, std::uint32_t count, const RowTerm* terms, ClusterAnswer* answers, float most);
   double (*field_energy)(const FieldEnergyArguments& arguments);  ///< \return joule
   void (*field_modes)(const FieldModesArguments& arguments);
+  bool (*factorize)(const FactorArguments& arguments);  ///< \return whether the matrix was positive
+  void (*solve)(const FactorArguments& arguments);
   void (*field_values)(const FieldValuesArguments& arguments);
   void (*field_heights)(const FieldHeightsArguments& arguments);
   const AttachKernels& attach;

@@ -71,6 +71,8 @@ void applyOf(const ApplyArguments& a) { apply(a); }
 void settleOf(const SettleArguments& a) { settle(a); }
 double fieldEnergyOf(const FieldEnergyArguments& a) { return fieldEnergy(a); }
 void fieldModesOf(const FieldModesArguments& a) { fieldModes(a); }
+bool factorizeOf(const FactorArguments& a) { return factorize(a); }
+void solveOf(const FactorArguments& a) { solve(a); }
 void fieldValuesOf(const FieldValuesArguments& a) { fieldValues(a); }
 void fieldHeightsOf(const FieldHeightsArguments& a) { fieldHeights(a); }
 
@@ -99,6 +101,8 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::relaxRowsOf,
           fieldEnergyOf,
           fieldModesOf,
+          factorizeOf,
+          solveOf,
           fieldValuesOf,
           fieldHeightsOf,
           narrow::kAttach};

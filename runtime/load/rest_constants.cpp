@@ -182,7 +182,7 @@ void makeBlocks(const formats::PackageView& package, RestConstants& result) {
 
 RestConstants makeRestConstants(const formats::PackageView& package) {
   RestConstants result;
-  result.fields = makeFields(package, result.driven_masses);
+  result.fields = makeFields(package, result.driven_masses, result.field_stiffness);
   const auto clusters = package.clusters();
   const auto members = package.memberships();
   result.clusters.resize(clusters.size());

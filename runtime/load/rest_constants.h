@@ -42,6 +42,7 @@ struct RestConstants {
   Array<std::array<std::uint32_t, 2>> overlaps;
 
   Array<double> driven_masses;  ///< Field::driven_mass
+  Array<float> field_stiffness;  ///< Field::stiffness
   Array<Field> fields;  ///< in which pieces move; empty: clusters are matched
 
   MechanicsConstants mechanics;

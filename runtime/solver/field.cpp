@@ -1,15 +1,47 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/field.h"
 
+#include <array>
 #include <cmath>
 
 namespace sinew::internal {
 
 static_assert(sizeof(SamplePack) == sizeof(formats::FieldPack));
 
-Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses) {
-  std::size_t driven = 0;
-  for (const formats::Field& record : package.fields()) driven += record.driven_count;
+namespace {
+
+std::uint32_t strideOf(std::uint32_t unknowns) { return (unknowns + 7) / 8 * 8; }
+
+/// Q diag(values) Q^T from the modes.
+void fillStiffness(const Field& field, float* to) {
+  const std::uint32_t n = field.unknowns();
+  for (std::uint32_t first = 0; first < n; first += 8) {
+    const float* const block = field.modes + std::size_t(first) * (n + 1);
+    for (std::uint32_t i = 0; i < n; ++i) {
+      std::array<float, 8> scaled;
+      for (std::size_t lane = 0; lane < 8; ++lane) scaled[lane] = block[lane] * block[8 * (i + 1) + lane];
+      float* const row = to + std::size_t(field.stride) * i;
+      for (std::uint32_t j = 0; j < n; ++j) {
+        const float* const other = block + 8 * (j + 1);
+        float sum = 0;
+        for (std::size_t lane = 0; lane < 8; ++lane) sum += scaled[lane] * other[lane];
+        row[j] += sum;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness) {
+  std::size_t driven = 0, entries = 0;
+  for (const formats::Field& record : package.fields()) {
+    driven += record.driven_count;
+    const std::uint32_t unknowns = 3 * (record.function_count - record.driven_count);
+    entries += std::size_t(unknowns) * strideOf(unknowns);
+  }
+  stiffness.resize(entries);
+  float* next_stiffness = stiffness.data();
   driven_masses.resize(driven);
   double* next_mass = driven_masses.data();
   Array<Field> fields(package.fields().size());
@@ -33,6 +65,10 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     field.values = package.fieldValues().data()[record.first_value].data();
     if (!field.points.empty()) field.point_values = package.fieldPointValues().data()[record.first_point_value].data();
     field.modes = package.fieldModes().data()[record.first_mode].data();
+    field.stride = strideOf(field.unknowns());
+    fillStiffness(field, next_stiffness);
+    field.stiffness = next_stiffness;
+    next_stiffness += std::size_t(field.unknowns()) * field.stride;
     double* const driven_mass = next_mass;
     next_mass += field.driven;
     field.driven_mass = driven_mass;
@@ -43,15 +79,15 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
         driven_mass[j] += mass * double(field.valueAt(v, j));
       }
     }
-    double volume = 0, stiffness = 0;
+    double volume = 0, weighed = 0;
     for (const formats::FieldPack& pack : packs) {
       for (std::size_t lane = 0; lane < 8; ++lane) {
         const double v = double(pack.volume[lane]), mu = double(pack.mu[lane]), lambda = double(pack.lambda[lane]);
         volume += v;
-        if (mu > 0) stiffness += v * mu * (3 * lambda + 2 * mu) / (lambda + mu);
+          if (mu > 0) weighed += v * mu * (3 * lambda + 2 * mu) / (lambda + mu);
       }
     }
-    field.young = volume > 0 ? stiffness / volume : 0;
+    field.young = volume > 0 ? weighed / volume : 0;
     field.vertex_size = std::cbrt(volume / double(piece.vertex_count));
   }
   return fields;

@@ -31,6 +31,8 @@ struct Field {
   const float* modes = nullptr;         ///< by eight modes: squared frequencies, then their 3 n coefficients
   std::uint32_t pack_count = 0;
 
+  const float* stiffness = nullptr;     ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole
+  std::uint32_t stride = 0;             ///< 3 n rounded up to eight
   const double* driven_mass = nullptr;  ///< of the driven functions: sum m phi, kg
   double mass = 0;         ///< kg
   double young = 0;        ///< mean Young's modulus, Pa
@@ -45,8 +47,8 @@ struct Field {
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
 
-/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses what they point to.
-Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses);
+/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness what they point to.
+Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness);
 
 /// The field of a piece; null where there is none. \param held the one for its pin sets.
 const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held);

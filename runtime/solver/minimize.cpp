@@ -29,26 +29,6 @@ double dot(const float* a, const float* b, std::uint32_t n) {
   return total;
 }
 
-void solveFactored(const double* factor, std::uint32_t n, float* b, double* x) {
-  for (std::uint32_t i = 0; i < n; ++i) {
-    const double* const row = factor + std::size_t(n) * i;
-    double even = 0, odd = 0;
-    std::uint32_t j = 0;
-    for (; j + 1 < i; j += 2) {
-      even += row[j] * x[j];
-      odd += row[j + 1] * x[j + 1];
-    }
-    if (j < i) even += row[j] * x[j];
-    x[i] = (double(b[i]) - (even + odd)) / row[i];
-  }
-  for (std::uint32_t i = n; i-- > 0;) {
-    const double* const row = factor + std::size_t(n) * i;
-    x[i] /= row[i];
-    for (std::uint32_t j = 0; j < i; ++j) x[j] -= row[j] * x[i];
-    b[i] = float(x[i]);
-  }
-}
-
 void add(float factor, const float* a, float* to, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; ++i) to[i] += factor * a[i];
 }
@@ -58,7 +38,7 @@ void add(float factor, const float* a, float* to, std::uint32_t n) {
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
     : base(memory), x(memory), d(memory), next(memory), gradient(memory), next_gradient(memory), direction(memory),
       residual(memory), springs(memory), pairs(memory), lanes(memory), parts(memory), quaternions(memory), shape_inverse(memory),
-      inverted(memory), whole_work(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
+      inverted(memory), factor(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
       work(memory), external(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
@@ -66,14 +46,15 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
     if (array.size() < count) array.resize(count);
   };
   const std::size_t k = field.k;
-  for (Array<float>* array : {&base, &x, &d, &next, &gradient, &next_gradient, &direction, &residual}) {
+  grow(x, 4 * k + 8);
+  for (Array<float>* array : {&base, &d, &next, &gradient, &next_gradient, &direction, &residual}) {
     grow(*array, 4 * k);
   }
   grow(springs, k * k);
   grow(pairs, 8 * kPairs * k);
   grow(lanes, 24 * k);
   grow(parts, 3 * k + 8);
-  grow(whole_work, 3 * k);
+  grow(factor, k * k);
   grow(quaternions, 32 * std::size_t(field.pack_count));
   grow(inverted, 8 * std::size_t(field.pack_count));
   contacts.reserve(contact_count);
@@ -181,15 +162,13 @@ void Objective::precondition(float* g) const {
         local[3 * (j - driven) + c] = r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]);
       }
     }
-    FieldModesArguments arguments = {field->unknowns(), field->modes, float(1 / (h * h)), stiffness,
-                                     scratch->lanes.data(), local, scratch->parts.data(), nullptr, this};
     if (whole != nullptr) {
-      arguments.solve = [](const void* objective, float* parts) {
-        const Objective& self = *static_cast<const Objective*>(objective);
-        solveFactored(self.whole, self.field->unknowns(), parts, self.scratch->whole_work.data());
-      };
+      std::fill(local + field->unknowns(), local + field->stride, 0.0F);
+      kernels().solve({field->unknowns(), field->stride, const_cast<float*>(whole), local});
+    } else {
+      kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local,
+                             scratch->parts.data()});
     }
-    kernels().field_modes(arguments);
     for (std::uint32_t j = driven; j < k; ++j) {
       const float* const from = local + 3 * (j - driven);
       for (std::uint32_t c = 0; c < 3; ++c) {
@@ -293,6 +272,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
     ++iteration;
     if (!taken) {
       if (pairs == 0 && !objective.through_modes) break;
+      if (objective.through_modes && objective.make_factor != nullptr) objective.make_factor(objective, objective.context);
       objective.through_modes = false;
       pairs = 0;
       continue;

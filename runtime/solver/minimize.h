@@ -34,7 +34,7 @@ struct MinimizeScratch {
   Array<float> pairs;  ///< five of s and y each
   Array<float> lanes, parts, quaternions, shape_inverse;
   Array<std::int32_t> inverted;
-  Array<double> whole_work;
+  Array<double> factor;        ///< of A
   Array<Contact> contacts;
   Array<float> rows;           ///< phi of the contacts
   Array<TouchingPoint> touched_before;
@@ -52,7 +52,10 @@ struct Objective {
   Eigen::Vector3f normal = {0, 1, 0};     ///< of the plane
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
   const double* factor = nullptr;   ///< Cholesky factor of A, n x n; null: A is diagonal
-  const double* whole = nullptr;    ///< Cholesky factor of the rest stiffness with springs, 3 n x 3 n, between its modes
+  const float* whole = nullptr;     ///< that of the rest shape with springs and contacts, in its frame; null: none act
+  /// Makes `factor`, where springs or contacts act; null where none do.
+  void (*make_factor)(Objective& objective, const void* context) = nullptr;
+  const void* context = nullptr;
   bool through_modes = false;       ///< the preconditioner is that of the rest shape, turned along, not A
   MinimizeScratch* scratch = nullptr;
 

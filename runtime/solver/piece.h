@@ -44,7 +44,7 @@ struct PieceState {
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
 struct Piece {
   Piece(const Field* free_field, const Field* held_field, std::pmr::memory_resource* memory)
-      : free(free_field), fixed(held_field), state(memory), springs(memory), row(memory), whole(memory), factor(memory), factor_points(memory) {}
+      : free(free_field), fixed(held_field), state(memory), springs(memory), row(memory), whole(memory), whole_points(memory) {}
 
   const Field& field() const { return state.held ? *fixed : *free; }
   CoefficientMap z() { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
@@ -59,14 +59,11 @@ struct Piece {
   Array<double> springs;  ///< k x k: sum kappa phi phi^T of pins and picks
   bool springs_known = false;
   Array<double> row;  ///< scratch, k
-  // Cholesky factor of the rest stiffness with springs and contacts between its modes: 3 n x 3 n, for what stays.
-  Array<double> whole;
-  double whole_h = 0;
-  std::uint32_t same_steps = 0;  ///< for so many steps springs, contacts and their length have stayed
-  // Cholesky factor of diag(1/h^2 + w) + springs + contacts, and what it was made for.
-  Array<double> factor;
-  Array<std::uint32_t> factor_points;
-  double factor_h = 0, factor_contact = 0;
+  // Cholesky factor of 1/h^2 + the rest stiffness + springs + contacts in the frame of the piece, 3 n rows, and what it
+  // was made for.
+  Array<float> whole;
+  Array<std::uint32_t> whole_points;
+  double whole_h = 0, whole_contact = 0;
 };
 
 }  // namespace sinew::internal

@@ -145,7 +145,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   if (!made) {
     piece.springs.resize(std::size_t(k) * k);
     std::fill(piece.springs.begin(), piece.springs.end(), 0.0);
-    piece.factor_h = 0;
+    piece.whole_h = 0;
   }
   std::fill_n(scratch.external.begin(), k, Vector3d::Zero());
   Array<double>& row = piece.row;

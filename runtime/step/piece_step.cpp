@@ -14,8 +14,6 @@ namespace {
 /// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
 /// energy (docs/method.md).
 constexpr double kLargeTurn = 0.1;
-/// After so many steps with the same springs and contacts a larger factor pays.
-constexpr std::uint32_t kStays = 3;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
 
@@ -290,100 +288,71 @@ class PieceStep {
     return known != touching.size();
   }
 
-  /// The factor of A: kept while the step's length, the springs and the contacts stay.
+  /// The factor of what the rest shape, turned along, makes of the system: kept while the step's length, the springs and
+  /// the contacts stay. Springs and contacts pull alike in all directions, so it turns with the piece.
   void factorizeSystem() {
-    const bool any = springs_ || !s_.contacts.empty();
-    objective_.through_modes = !any;
-    if (!any) return;
-    const std::uint32_t driven = field_.driven, n = k_ - driven;
-    bool same = piece_.factor_h == effective_h_ && piece_.factor_points.size() == s_.contacts.size();
-    for (std::size_t i = 0; same && i < s_.contacts.size(); ++i) {
-      same = piece_.factor_points[i] == s_.contacts[i].point;
-    }
-    same = same && (s_.contacts.empty() || piece_.factor_contact == double(s_.contacts[0].kappa));
+    objective_.through_modes = true;
+    if (!springs_ && s_.contacts.empty()) return;
+    objective_.context = this;
+    objective_.make_factor = [](Objective& objective, const void* step) {
+      static_cast<const PieceStep*>(step)->factorizeScalar(objective);
+    };
+    const double contact = s_.contacts.empty() ? 0 : double(s_.contacts[0].kappa);
+    bool same = piece_.whole_h == effective_h_ && piece_.whole_contact == contact &&
+                piece_.whole_points.size() == s_.contacts.size();
+    for (std::size_t i = 0; same && i < s_.contacts.size(); ++i) same = piece_.whole_points[i] == s_.contacts[i].point;
     if (!same) {
-      piece_.factor.resize(std::size_t(n) * n);
-      double* const a = piece_.factor.data();
+      const std::uint32_t driven = field_.driven, n = k_ - driven, size = field_.unknowns(), stride = field_.stride;
+      Array<float>& a = piece_.whole;
+      a.resize(std::size_t(size) * stride);
+      for (std::size_t i = 0; i < a.size(); ++i) a[i] = stiffness_ * field_.stiffness[i];
+      // Rounding must not make it negative.
+      const float inertia = float(1 / (effective_h_ * effective_h_));
+      for (std::uint32_t i = 0; i < size; ++i) {
+        float& diagonal = a[std::size_t(stride) * i + i];
+        diagonal += inertia + 1e-5F * diagonal;
+      }
       for (std::uint32_t i = 0; i < n; ++i) {
         for (std::uint32_t j = 0; j <= i; ++j) {
-          double sum = springs_ ? piece_.springs[std::size_t(k_) * (driven + i) + driven + j] : 0;
-          if (i == j) {
-            sum += 1 / (effective_h_ * effective_h_) +
-                   double(stiffness_) * double(field_.functions[driven + i].stiffness);
-          }
-          a[std::size_t(n) * i + j] = sum;
+          float sum = springs_ ? float(piece_.springs[std::size_t(k_) * (driven + i) + driven + j]) : 0;
+          for (const Contact& c : s_.contacts) sum += c.kappa * c.phi[driven + i] * c.phi[driven + j];
+          for (std::uint32_t axis = 0; axis < 3; ++axis) a[std::size_t(stride) * (3 * i + axis) + 3 * j + axis] += sum;
         }
       }
-      for (const Contact& contact : s_.contacts) {
-        for (std::uint32_t i = 0; i < n; ++i) {
-          const double scaled = double(contact.kappa) * double(contact.phi[driven + i]);
-          for (std::uint32_t j = 0; j <= i; ++j) a[std::size_t(n) * i + j] += scaled * double(contact.phi[driven + j]);
-        }
-      }
-      if (!factorize(a, n)) {
-        piece_.factor_h = 0;
+      if (!kernels().factorize({size, stride, a.data(), s_.parts.data()})) {
+        piece_.whole_h = 0;
+        factorizeScalar(objective_);
+        objective_.through_modes = false;
         return;
       }
-      piece_.whole_h = 0;
-      piece_.factor_h = effective_h_;
-      piece_.factor_contact = s_.contacts.empty() ? 0 : double(s_.contacts[0].kappa);
-      piece_.factor_points.clear();
-      for (const Contact& contact : s_.contacts) piece_.factor_points.push_back(contact.point);
+      piece_.whole_h = effective_h_;
+      piece_.whole_contact = contact;
+      piece_.whole_points.clear();
+      for (const Contact& c : s_.contacts) piece_.whole_points.push_back(c.point);
     }
-    objective_.factor = piece_.factor.data();
-    // What stays is worth a better one.
-    piece_.same_steps = same ? piece_.same_steps + 1 : 0;
-    if (piece_.same_steps >= kStays && (piece_.whole_h == effective_h_ || factorizeWhole())) {
-      objective_.whole = piece_.whole.data();
-      objective_.through_modes = true;
-    }
+    objective_.whole = piece_.whole.data();
   }
 
-  /// diag(1/h^2 + squared frequencies) + Q^T (springs and contacts) Q: springs pull alike in all directions, so this
-  /// turns with the piece. \return whether it is positive.
-  bool factorizeWhole() {
-    const std::uint32_t driven = field_.driven, n = k_ - driven, unknowns = field_.unknowns();
-    Array<double>& a = piece_.whole;
-    a.resize(std::size_t(unknowns) * unknowns);
-    const auto modeAt = [&](std::uint32_t mode, std::uint32_t i) {
-      return double(field_.modes[std::size_t(mode / 8) * 8 * (unknowns + 1) + 8 * i + mode % 8]);
-    };
-    // C = sum kappa phi phi^T, whole, where the scalar factor's matrix was.
-    Array<double>& springs = scratch_.springs;
-    springs.resize(std::size_t(n) * n);
+  /// The factor of A = diag(1/h^2 + w) + springs + contacts.
+  void factorizeScalar(Objective& objective) const {
+    const std::uint32_t driven = field_.driven, n = k_ - driven;
+    double* const a = s_.factor.data();
     for (std::uint32_t i = 0; i < n; ++i) {
-      for (std::uint32_t j = 0; j < n; ++j) {
+      for (std::uint32_t j = 0; j <= i; ++j) {
         double sum = springs_ ? piece_.springs[std::size_t(k_) * (driven + i) + driven + j] : 0;
-        for (const Contact& contact : s_.contacts) {
-          sum += double(contact.kappa) * double(contact.phi[driven + i]) * double(contact.phi[driven + j]);
+        for (const Contact& c : s_.contacts) {
+          sum += double(c.kappa) * double(c.phi[driven + i]) * double(c.phi[driven + j]);
         }
-        springs[std::size_t(n) * i + j] = sum;
+        if (i == j) {
+          sum += 1 / (effective_h_ * effective_h_) + double(stiffness_) * double(field_.functions[driven + i].stiffness);
+        }
+        a[std::size_t(n) * i + j] = sum;
       }
     }
-    Array<double>& column = scratch_.column;  // C q of a mode
-    column.resize(unknowns);
-    for (std::uint32_t m = 0; m < unknowns; ++m) {
-      std::fill_n(column.begin(), unknowns, 0.0);
-      for (std::uint32_t j = 0; j < n; ++j) {
-        const double q[3] = {modeAt(m, 3 * j + 1), modeAt(m, 3 * j + 2), modeAt(m, 3 * j + 3)};
-        for (std::uint32_t i = 0; i < n; ++i) {
-          const double c = springs[std::size_t(n) * i + j];
-          for (std::uint32_t axis = 0; axis < 3; ++axis) column[3 * i + axis] += c * q[axis];
-        }
-      }
-      for (std::uint32_t other = 0; other <= m; ++other) {
-        double sum = 0;
-        for (std::uint32_t i = 0; i < unknowns; ++i) sum += modeAt(other, i + 1) * column[i];
-        if (other == m) sum += 1 / (effective_h_ * effective_h_) + double(stiffness_) * modeAt(m, 0);
-        a[std::size_t(unknowns) * m + other] = sum;
-      }
-    }
-    piece_.whole_h = factorize(a.data(), unknowns) ? effective_h_ : 0;
-    return piece_.whole_h > 0;
+    objective.factor = factorize(a, n) ? a : nullptr;
   }
 
   void solve() {
-    // Contacts out of reach do not enter A.
     factorizeSystem();
     const Matrix3 rotation = rotationOf(field_, std::as_const(piece_).z(), meanOf(field_, std::as_const(piece_).z()));
     std::copy_n(rotation.data(), 9, objective_.rotation);
@@ -601,7 +570,7 @@ void resizeState(Piece& piece) {
     array->resize(k);
   }
   piece.springs_known = false;
-  piece.factor_h = piece.whole_h = 0;
+  piece.whole_h = 0;
 }
 
 }  // namespace
@@ -766,7 +735,7 @@ bool chooseFields(Body& body) {
       }
     }
     piece.springs_known = false;
-    piece.factor_h = 0;
+    piece.whole_h = 0;
     if (held == piece.state.held) continue;
     piece.state.held = held;
     changed = true;

@@ -11,12 +11,11 @@ namespace sinew::internal {
 
 /// Memory that stepping one piece takes, lent to it.
 struct PieceScratch {
-  explicit PieceScratch(std::pmr::memory_resource* memory) : minimize(memory), heights(memory), springs(memory), column(memory) {}
+  explicit PieceScratch(std::pmr::memory_resource* memory) : minimize(memory), heights(memory) {}
   void reserve(const Piece& piece);
 
   MinimizeScratch minimize;
   Array<float> heights;
-  Array<double> springs, column;
 };
 
 /// Advances all pieces of a body by one step; its pin sets arrive at their targets.

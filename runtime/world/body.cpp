@@ -62,9 +62,8 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       array->reserve(k);
     }
     piece.state.touching.reserve(kMostContacts);
-    piece.factor_points.reserve(kMostContacts);
-    piece.factor.reserve(k * k);
-    piece.whole.reserve(9 * k * k);
+    piece.whole_points.reserve(kMostContacts);
+    piece.whole.reserve(3 * k * (3 * k + 7));
     piece.springs.reserve(k * k);
     piece.row.reserve(k);
     most_functions = std::max(most_functions, std::uint32_t(k));

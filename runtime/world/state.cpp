@@ -181,7 +181,7 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
       state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
       state.touching.clear();
       piece.springs_known = false;
-      piece.factor_h = 0;
+      piece.whole_h = 0;
     }
     for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
       if (!only_check) array->resize(saved.functions);
