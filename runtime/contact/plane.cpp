@@ -13,6 +13,10 @@ constexpr double kMargin = 2e-3;
 constexpr double kRecoverySpeed = 1;
 /// How far a piece's weight presses its points in at most where it is too soft to carry it, diagonals.
 constexpr double kSinking = 2e-3;
+/// And at least, where it is stiff: a hundred times what floats resolve of a place. Diagonals.
+constexpr double kResolved = 2e-5;
+/// What counts as weight at least, diagonals per second squared.
+constexpr double kLeastGravity = 1;
 
 Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z) {
   Vector3d x = Vector3d::Zero();
@@ -71,8 +75,9 @@ void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoeffici
     for (std::uint32_t j = 0; j < field.k; ++j) row[j] = field.valueAtPoint(contact.point, j);
     contact.phi = row;
     const double local = double(step.stiffness) * field.young * std::sqrt(double(field.points[contact.point].area));
-    const double carries = step.weight / (kSinking * step.diagonal * double(kept));
-    contact.kappa = float(std::max(local * double(near) / double(kept), carries));
+    const double weight = std::max(step.weight, field.mass * kLeastGravity * step.diagonal) / double(kept);
+    contact.kappa = float(std::clamp(local * double(near) / double(kept), weight / (kSinking * step.diagonal),
+                                     weight / (kResolved * step.diagonal)));
   }
 }
 

@@ -48,37 +48,55 @@ SINEW_INLINE void addStress(std::uint32_t functions, const float* gradients, con
   }
 }
 
+/// R - 1, to the digits of small turns.
+SINEW_INLINE Mat3Of<Float8> turnOf(const QuaternionOf<Float8>& q) {
+  Mat3Of<Float8> r;
+  r(0, 0) = -2.0F * (q.y * q.y + q.z * q.z);
+  r(0, 1) = 2.0F * (q.x * q.y - q.w * q.z);
+  r(0, 2) = 2.0F * (q.x * q.z + q.w * q.y);
+  r(1, 0) = 2.0F * (q.x * q.y + q.w * q.z);
+  r(1, 1) = -2.0F * (q.x * q.x + q.z * q.z);
+  r(1, 2) = 2.0F * (q.y * q.z - q.w * q.x);
+  r(2, 0) = 2.0F * (q.x * q.z - q.w * q.y);
+  r(2, 1) = 2.0F * (q.y * q.z + q.w * q.x);
+  r(2, 2) = -2.0F * (q.x * q.x + q.y * q.y);
+  return r;
+}
+
 /// Psi = mu |F - R|^2 + lambda / 2 tr^2(R^T F - 1), summed with the samples' volumes. \return the energy, J.
+/// F and R are 1 and a rest each, so that what is rounded is relative to the deformation.
 [[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
   const std::uint32_t k = a.functions;
   for (std::uint32_t i = 0; i < 3 * k; ++i) store8(a.lanes + 8 * i, Float8{});
-  Mat3Of<Float8> of_piece;
-  for (int i = 0; i < 9; ++i) of_piece.m[i] = splat<Float8>(a.rotation[i]);
+  const Mat3Of<Float8> one = identity<Float8>();
   double energy = 0;
   for (std::uint32_t s = 0; s < a.pack_count; ++s) {
     const SamplePack& pack = a.packs[s];
     const float* const gradients = a.gradients + std::size_t(24) * k * s;
-    Mat3Of<Float8> f = deformationGradient(k, gradients, a.coefficients), inverse = {};
+    Mat3Of<Float8> change = deformationGradient(k, gradients, a.coefficients), inverse = {}, f;
+    for (int i = 0; i < 9; ++i) f.m[i] = change.m[i] + one.m[i];
     if (a.shape_inverse != nullptr) {
       for (int i = 0; i < 9; ++i) inverse.m[i] = load8(a.shape_inverse + 72 * s + 8 * std::uint32_t(i));
       f = f * inverse;
+      for (int i = 0; i < 9; ++i) change.m[i] = f.m[i] - one.m[i];
     }
     std::int32_t* const inverted = a.inverted + 8 * s;
     if (a.mark) store(inverted, determinant(f) < kInverted);
     const Int8 astray = load<Int8>(inverted);
     float* const q = a.quaternions + 32 * s;
     QuaternionOf<Float8> rotation = {load8(q), load8(q + 8), load8(q + 16), load8(q + 24)};
-    nearestRotation(select(astray, of_piece, f), rotation);
+    nearestRotation(select(astray, one, f), rotation);
     store8(q, rotation.w);
     store8(q + 8, rotation.x);
     store8(q + 16, rotation.y);
     store8(q + 24, rotation.z);
-    const Mat3Of<Float8> r = rotationMatrix(rotation);
-    Mat3Of<Float8> strain;
-    Float8 trace = splat<Float8>(-3.0F);
+    const Mat3Of<Float8> turn = turnOf(rotation);
+    Mat3Of<Float8> strain, r;
+    Float8 trace = {};
     for (int i = 0; i < 9; ++i) {
-      strain.m[i] = f.m[i] - r.m[i];
-      trace += r.m[i] * f.m[i];
+      strain.m[i] = change.m[i] - turn.m[i];
+      r.m[i] = turn.m[i] + one.m[i];
+      trace += r.m[i] * strain.m[i];
     }
     const Float8 volume = load8(pack.volume) * a.stiffness;
     const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * trace;

@@ -20,13 +20,12 @@ struct FieldEnergyArguments {
   const float* gradients;      ///< by pack and function: d phi / dX, dY, dZ of eight samples
   const float* shape_inverse;  ///< null, or by pack: the inverse of what is the rest shape now, 9 x 8, column-major
   float stiffness;             ///< factor on mu and lambda
-  const float* coefficients;   ///< k x 4: x y z 0, relative to any place
-  float rotation[9];           ///< of the piece as a whole, column-major: taken by samples that are inverted
-  bool mark;                   ///< decide here which samples are inverted; they stay so until the next mark
+  const float* coefficients;   ///< k x 4: x y z 0, in the frame of the piece, less those of the rest shape
+  bool mark;                   ///< decide here which samples are inverted: until the next mark they take the frame
   float* quaternions;          ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
   std::int32_t* inverted;      ///< by pack 8, in and out: -1 or 0
   float* lanes;                ///< scratch, k x 3 x 8
-  float* gradient;             ///< out, k x 4
+  float* gradient;             ///< out, k x 4, in the frame of the piece
 };
 
 /// Values of a field at blocks of eight places.

@@ -36,7 +36,7 @@ void add(float factor, const float* a, float* to, std::uint32_t n) {
 }  // namespace
 
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
-    : base(memory), x(memory), d(memory), next(memory), gradient(memory), next_gradient(memory), direction(memory),
+    : base(memory), offset(memory), shape(memory), x(memory), d(memory), old(memory), next(memory), gradient(memory), next_gradient(memory), direction(memory),
       residual(memory), springs(memory), pairs(memory), lanes(memory), parts(memory), quaternions(memory), shape_inverse(memory),
       inverted(memory), factor(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
       work(memory), external(memory) {}
@@ -47,7 +47,7 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   };
   const std::size_t k = field.k;
   grow(x, 4 * k + 8);
-  for (Array<float>* array : {&base, &d, &next, &gradient, &next_gradient, &direction, &residual}) {
+  for (Array<float>* array : {&base, &offset, &shape, &d, &old, &next, &gradient, &next_gradient, &direction, &residual}) {
     grow(*array, 4 * k);
   }
   grow(springs, k * k);
@@ -111,14 +111,40 @@ double Objective::besideElastic(const float* d, float* gradient) const {
   const float inertia = float(1 / (h * h));
   double squared = 0;
   for (std::uint32_t i = 4 * field->driven; i < 4 * field->k; ++i) {
-    squared += double(d[i]) * double(d[i]);
-    if (gradient != nullptr) gradient[i] += inertia * d[i];
+    const float way = has_offset ? d[i] + scratch->offset[i] : d[i];
+    squared += double(way) * double(way);
+    if (gradient != nullptr) gradient[i] += inertia * way;
   }
   return 0.5 / (h * h) * squared + external(d, gradient);
 }
 
-Objective::Value Objective::at(const float* d, float* gradient, bool mark) const {
-  for (std::uint32_t i = 0; i < 4 * field->k; ++i) scratch->x[i] = scratch->base[i] + d[i];
+void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, const Vector3d& rest_center,
+                         const Matrix3d& turned) {
+  for (int i = 0; i < 9; ++i) rotation[i] = float(turned.data()[i]);
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    const formats::FieldFunction& function = field->functions[j];
+    const double one = double(function.one);
+    const Vector3d rest = {double(function.rest[0]), double(function.rest[1]), double(function.rest[2])};
+    const Vector3d local = turned.transpose() * Vector3d(x[j] - one * center) - (rest - one * rest_center);
+    for (std::uint32_t c = 0; c < 3; ++c) scratch->shape[4 * j + c] = float(local[int(c)]);
+    scratch->shape[4 * j + 3] = 0;
+  }
+  for (std::uint32_t p = 0; p < field->pack_count; ++p) {
+    std::fill_n(scratch->quaternions.data() + 32 * p, 8, 1.0F);
+    std::fill_n(scratch->quaternions.data() + 32 * p + 8, 24, 0.0F);
+  }
+}
+
+double Objective::elastic(const float* d, float* gradient, bool mark) const {
+  const float* const r = rotation;
+  float* const local = scratch->x.data();
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    const float* const from = d + 4 * j;
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      local[4 * j + c] = scratch->shape[4 * j + c] + (r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]));
+    }
+    local[4 * j + 3] = 0;
+  }
   FieldEnergyArguments arguments = {};
   arguments.functions = field->k;
   arguments.pack_count = field->pack_count;
@@ -126,15 +152,24 @@ Objective::Value Objective::at(const float* d, float* gradient, bool mark) const
   arguments.gradients = field->gradients;
   arguments.shape_inverse = has_shapes ? scratch->shape_inverse.data() : nullptr;
   arguments.stiffness = stiffness;
-  arguments.coefficients = scratch->x.data();
-  std::copy(std::begin(rotation), std::end(rotation), arguments.rotation);
+  arguments.coefficients = local;
   arguments.mark = mark;
   arguments.quaternions = scratch->quaternions.data();
   arguments.inverted = scratch->inverted.data();
   arguments.lanes = scratch->lanes.data();
   arguments.gradient = gradient;
+  const double energy = kernels().field_energy(arguments);
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    float* const row = gradient + 4 * j;
+    const float pull[3] = {row[0], row[1], row[2]};
+    for (std::uint32_t c = 0; c < 3; ++c) row[c] = r[c] * pull[0] + (r[3 + c] * pull[1] + r[6 + c] * pull[2]);
+  }
+  return energy;
+}
+
+Objective::Value Objective::at(const float* d, float* gradient, bool mark) const {
   Value value;
-  value.elastic = kernels().field_energy(arguments);
+  value.elastic = elastic(d, gradient, mark);
   std::fill_n(gradient, 4 * field->driven, 0.0F);
   value.total = value.elastic + besideElastic(d, gradient);
   return value;

@@ -30,7 +30,10 @@ struct MinimizeScratch {
   /// Grows to what a field needs with so many contacts.
   void reserve(const Field& field, std::size_t contacts);
 
-  Array<float> base, x, d, next, gradient, next_gradient, direction, residual, springs;
+  Array<float> base;   ///< the prediction, relative to its centre
+  Array<float> offset;  ///< from there to the base
+  Array<float> shape;  ///< the same in the frame of the piece, less the rest shape
+  Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
   Array<float> pairs;  ///< five of s and y each
   Array<float> lanes, parts, quaternions, shape_inverse;
   Array<std::int32_t> inverted;
@@ -47,6 +50,7 @@ struct Objective {
   double h = 0;                           ///< of the inertia: the step, or 2/3 of it, s
   float stiffness = 1;                    ///< factor on the moduli
   bool has_springs = false;               ///< scratch.springs and scratch.residual count
+  bool has_offset = false;                ///< scratch.offset counts: the base is not where inertia alone would lead
   bool has_shapes = false;                ///< scratch.shape_inverse counts
   float friction = 0;                     ///< Coulomb coefficient
   Eigen::Vector3f normal = {0, 1, 0};     ///< of the plane
@@ -64,6 +68,12 @@ struct Objective {
   };
   /// \param d offset from the prediction, k x 4. \param mark decides which samples are inverted.
   Value at(const float* d, float* gradient, bool mark) const;
+  /// The elastic energy and its gradient, at the driven functions as well.
+  double elastic(const float* d, float* gradient, bool mark) const;
+  /// Makes scratch.shape and the start of the search for rotations. \param x coefficients. \param center,
+  /// rest_center of them and of the rest shape. \param turned the frame: a rotation to the digits of doubles.
+  void setFrame(std::span<const Vector3d> x, const Vector3d& center, const Vector3d& rest_center,
+                const Matrix3d& turned);
   /// All of it but the elastic energy; adds to the gradient where that is not null.
   double besideElastic(const float* d, float* gradient) const;
   /// What springs and contacts add of it, alone.

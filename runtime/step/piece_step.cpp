@@ -72,24 +72,30 @@ Vector3d solved(const Matrix3d& a, const Vector3d& b) {
   return x.allFinite() ? x : Vector3d::Zero();
 }
 
-/// The rotation that the piece has as a whole.
-Matrix3 rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
-  Matrix3d sum = Matrix3d::Zero();
-  const ConstCoefficientMap& at = z;
-  Vector3d rest_center = Vector3d::Zero();
+Vector3d restCenterOf(const Field& field) {
+  Vector3d center = Vector3d::Zero();
   double mass = 0;
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    rest_center += oneOf(field, j) * restOf(field, j);
+    center += oneOf(field, j) * restOf(field, j);
     mass += oneOf(field, j) * oneOf(field, j);
   }
-  rest_center /= mass;
+  return center / mass;
+}
+
+/// The rotation that the piece has as a whole, to the digits of doubles.
+Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
+  Matrix3d sum = Matrix3d::Zero();
+  const ConstCoefficientMap& at = z;
+  const Vector3d rest_center = restCenterOf(field);
   for (std::uint32_t j = 0; j < field.k; ++j) {
     sum += Vector3d(at.row(j).transpose() - oneOf(field, j) * center) *
            (restOf(field, j) - oneOf(field, j) * rest_center).transpose();
   }
   const double scale = sum.cwiseAbs().maxCoeff();
-  if (!(scale > 0) || !std::isfinite(scale)) return Matrix3::Identity();
-  return geometry::nearestRotation(Matrix3((sum / scale).cast<float>()));
+  if (!(scale > 0) || !std::isfinite(scale)) return Matrix3d::Identity();
+  geometry::Quaternion q = geometry::kIdentityQuaternion;
+  geometry::nearestRotation(Matrix3((sum / scale).cast<float>()), q);
+  return Eigen::Quaterniond(double(q[0]), double(q[1]), double(q[2]), double(q[3])).normalized().toRotationMatrix();
 }
 
 class PieceStep {
@@ -112,6 +118,7 @@ class PieceStep {
       predict();
       findExternal();
     }
+    if (springs_ && s_.contacts.empty()) rebase();
     solve();
     settle();
   }
@@ -251,6 +258,10 @@ class PieceStep {
       s_.predicted_velocity[j] = one * rigid_velocity_ + rigid_omega_.cross(Vector3d(turn * arm)) + turn * speed;
       if (field_.driven > 0) s_.prediction[j] += one * effective_h_ * effective_h_ * gravity_;
     }
+    setBase();
+  }
+
+  void setBase() {
     for (std::uint32_t j = 0; j < k_; ++j) {
       const double one = oneOf(field_, j);
       for (std::uint32_t c = 0; c < 3; ++c) {
@@ -274,6 +285,20 @@ class PieceStep {
     }
     objective_.has_springs = springs_;
     if (springs_) prepareSprings(body_, piece_, springStep(), y(), s_);
+  }
+
+  /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
+  /// where it is from where it should be, which floats hold only where both are near.
+  void rebase() {
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const Vector3d offset = j < field_.driven ? Vector3d::Zero() : Vector3d(piece_.state.z[j] - s_.prediction[j]);
+      for (std::uint32_t c = 0; c < 4; ++c) s_.offset[4 * j + c] = c < 3 ? float(offset[int(c)]) : 0;
+      s_.prediction[j] += offset;
+      s_.predicted_velocity[j] += offset / effective_h_;
+    }
+    setBase();
+    prepareSprings(body_, piece_, springStep(), y(), s_);
+    objective_.has_offset = true;
   }
 
   /// Whether what would touch is not what touched.
@@ -310,7 +335,7 @@ class PieceStep {
       const float inertia = float(1 / (effective_h_ * effective_h_));
       for (std::uint32_t i = 0; i < size; ++i) {
         float& diagonal = a[std::size_t(stride) * i + i];
-        diagonal += inertia + 1e-5F * diagonal;
+        diagonal += inertia + 3e-7F * diagonal;
       }
       for (std::uint32_t i = 0; i < n; ++i) {
         for (std::uint32_t j = 0; j <= i; ++j) {
@@ -354,16 +379,16 @@ class PieceStep {
 
   void solve() {
     factorizeSystem();
-    const Matrix3 rotation = rotationOf(field_, std::as_const(piece_).z(), meanOf(field_, std::as_const(piece_).z()));
-    std::copy_n(rotation.data(), 9, objective_.rotation);
-    geometry::Quaternion start = geometry::kIdentityQuaternion;
-    geometry::nearestRotation(rotation, start);
-    for (std::uint32_t p = 0; p < field_.pack_count; ++p) {
-      for (std::uint32_t c = 0; c < 4; ++c) std::fill_n(s_.quaternions.data() + 32 * p + 8 * c, 8, start[c]);
-    }
+    const ConstCoefficientMap now = std::as_const(piece_).z();
+    objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_),
+                        rotationOf(field_, now, meanOf(field_, now)));
     std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
     if (grounded_) objective_.press(s_.d.data());
     Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
+    if (objective_.has_offset) {
+      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      return;
+    }
     // The other place to start from: the old shape, moved along where nothing holds the piece.
     const bool stays = springs_ || field_.driven > 0 || !s_.contacts.empty();
     const Matrix3d turn = turnBy(h_ * turning_);
@@ -375,18 +400,34 @@ class PieceStep {
       s_.next[4 * j + 3] = 0;
     }
     std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
-    if (grounded_) objective_.press(s_.next.data());
+    const auto takeOld = [&](const Objective::Value& old) {
+      value = old;
+      std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
+      std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
+    };
+    if (!s_.contacts.empty()) {
+      // What touches starts at y, where contacts push and A knows them: at the old place they may not push yet. The old
+      // place counts behind.
+      std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
+      objective_.press(s_.old.data());
+      const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
+      objective_.press(s_.d.data());
+      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      if (!piece_.state.elastic_known || !(value_.total > expected)) return;
+      std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
+      objective_.press(s_.next.data());
+      takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
+      objective_.through_modes = false;
+      factorizeScalar(objective_);
+      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      return;
+    }
     // The old shape's energy is known.
     const double expected = piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr);
     if (!piece_.state.elastic_known || expected < value.total) {
       const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
-      if (old.total < value.total) {
-        value = old;
-        std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
-        std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
-      }
+      if (old.total < value.total) takeOld(old);
     }
-    if (grounded_) objective_.press(s_.d.data());
     value_ = minimize(objective_, 2 * settings_.iterations, value);
   }
 
@@ -418,7 +459,8 @@ class PieceStep {
       steady = touched == 0;
     }
     state.steady = steady;
-    const bool free = field_.driven == 0 && !springs_ && state.touching.empty() && touched == 0;
+    // A contact may have stopped the piece and not touch any more.
+    const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && touched == 0;
     state.elastic = value_.elastic;
     state.elastic_known = true;
     if (free) keepMomentum(z, v);
@@ -482,22 +524,7 @@ class PieceStep {
     std::uint32_t rows = 0;
     if (field_.driven > 0) {
       // Elasticity pulls at the driven functions, and their own weight hangs on them.
-      std::fill_n(s_.next.begin(), 4 * k_, 0.0F);
-      FieldEnergyArguments arguments = {};
-      arguments.functions = k_;
-      arguments.pack_count = field_.pack_count;
-      arguments.packs = field_.packs;
-      arguments.gradients = field_.gradients;
-      arguments.shape_inverse = objective_.has_shapes ? s_.shape_inverse.data() : nullptr;
-      arguments.stiffness = stiffness_;
-      for (std::uint32_t i = 0; i < 4 * k_; ++i) s_.x[i] = s_.base[i] + s_.d[i];
-      arguments.coefficients = s_.x.data();
-      std::copy(std::begin(objective_.rotation), std::end(objective_.rotation), arguments.rotation);
-      arguments.quaternions = s_.quaternions.data();
-      arguments.inverted = s_.inverted.data();
-      arguments.lanes = s_.lanes.data();
-      arguments.gradient = s_.next_gradient.data();
-      kernels().field_energy(arguments);
+      objective_.elastic(s_.d.data(), s_.next_gradient.data(), false);
       rows = field_.driven;
       for (std::uint32_t j = 0; j < rows; ++j) {
         const float* const g = s_.next_gradient.data() + 4 * j;
@@ -764,21 +791,10 @@ double elasticEnergy(Body& body, PieceScratch& scratch) {
     objective.stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
     objective.scratch = &s;
     s.contacts.clear();
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      const Vector3d row = piece.state.z[j] - oneOf(field, j) * center;
-      for (std::uint32_t c = 0; c < 4; ++c) {
-        s.base[4 * j + c] = c < 3 ? float(row[int(c)]) : 0;
-        s.d[4 * j + c] = 0;
-      }
-    }
-    const Matrix3 rotation = rotationOf(field, std::as_const(piece).z(), center);
-    std::copy_n(rotation.data(), 9, objective.rotation);
-    geometry::Quaternion start = geometry::kIdentityQuaternion;
-    geometry::nearestRotation(rotation, start);
-    for (std::uint32_t p = 0; p < field.pack_count; ++p) {
-      for (std::uint32_t c = 0; c < 4; ++c) std::fill_n(s.quaternions.data() + 32 * p + 8 * c, 8, start[c]);
-    }
-    energy += objective.at(s.d.data(), s.next_gradient.data(), true).elastic;
+    std::fill_n(s.d.begin(), 4 * field.k, 0.0F);
+    objective.setFrame({piece.state.z.data(), field.k}, center, restCenterOf(field),
+                       rotationOf(field, std::as_const(piece).z(), center));
+    energy += objective.elastic(s.d.data(), s.next_gradient.data(), true);
   }
   return energy;
 }
