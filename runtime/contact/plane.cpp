@@ -18,9 +18,12 @@ constexpr double kResolved = 2e-5;
 /// What counts as weight at least, diagonals per second squared.
 constexpr double kLeastGravity = 1;
 
-Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z) {
-  Vector3d x = Vector3d::Zero();
-  for (std::uint32_t j = 0; j < field.k; ++j) x += double(field.valueAtPoint(point, j)) * z.row(j).transpose();
+/// About a place near the piece: functions add up to 1 to the digits of floats only.
+Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z, const Vector3d& center) {
+  Vector3d x = center;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    x += double(field.valueAtPoint(point, j)) * (z.row(j).transpose() - double(field.functions[j].one) * center);
+  }
   return x;
 }
 
@@ -50,7 +53,7 @@ void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoeffici
     if (!(heights[p] < margin) && !touched) continue;
     ++near;
     if (scratch.contacts.size() == kMostContacts) continue;
-    const Vector3d at = positionOf(field, p, y), before = positionOf(field, p, piece.z());
+    const Vector3d at = positionOf(field, p, y, center), before = positionOf(field, p, piece.z(), center);
     const double gap = normal.dot(at) - double(step.plane->offset);
     const double gap_before = normal.dot(before) - double(step.plane->offset);
     Contact contact = {};
@@ -81,7 +84,8 @@ void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoeffici
   }
 }
 
-void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const MinimizeScratch& scratch) {
+void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                      const MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const Eigen::Vector3f normal(step.plane->normal[0], step.plane->normal[1], step.plane->normal[2]);
   piece.state.touching.clear();
@@ -92,7 +96,7 @@ void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficien
     }
     const float rise = normal.dot(moved), gap = contact.gap + rise;
     if (!(gap < 0)) continue;
-    const Vector3d at = positionOf(field, contact.point, y) + moved.cast<double>();
+    const Vector3d at = positionOf(field, contact.point, y, center) + moved.cast<double>();
     Vector3d slide = (contact.slide + (moved - rise * normal)).cast<double>();
     // Friction holds at most its bound: beyond it the point it holds at comes along.
     const double length = slide.norm(), most = double(step.plane->friction) * -double(gap);

@@ -28,6 +28,7 @@ void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoeffici
                   Array<float>& heights, MinimizeScratch& scratch);
 
 /// What touches at offset scratch.d becomes PieceState::touching.
-void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const MinimizeScratch& scratch);
+void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                      const MinimizeScratch& scratch);
 
 }  // namespace sinew::internal

@@ -72,9 +72,11 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     double* const driven_mass = next_mass;
     next_mass += field.driven;
     field.driven_mass = driven_mass;
+    double squared_masses = 0;
     for (std::uint32_t v = 0; v < piece.vertex_count; ++v) {
       const double mass = double(package.physicalVertices()[piece.first_vertex + v].mass);
       field.mass += mass;
+      squared_masses += mass * mass;
       for (std::uint32_t j = 0; j < field.driven; ++j) {
         driven_mass[j] += mass * double(field.valueAt(v, j));
       }
@@ -88,7 +90,8 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       }
     }
     field.young = volume > 0 ? weighed / volume : 0;
-    field.vertex_size = std::cbrt(volume / double(piece.vertex_count));
+    // Vertices count by their masses: those that only carry accessories have next to none.
+    field.vertex_size = std::cbrt(volume * squared_masses) / std::cbrt(field.mass * field.mass);
   }
   return fields;
 }

@@ -111,10 +111,10 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     // The mass that a pull of this frequency moves; critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
     const double omega = 2 * M_PI * double(pick.frequency_hz);
     double answer = 0;
-    Vector3d old = Vector3d::Zero();
+    Vector3d old = step.center;
     for (std::uint32_t j = 0; j < field.k; ++j) {
       const double phi = row.at(field, j);
-      old += phi * piece.state.z[j];
+      old += phi * (piece.state.z[j] - double(field.functions[j].one) * step.center);
       if (j >= field.driven) {
         answer += phi * phi / (1 + double(step.stiffness) * double(field.functions[j].stiffness) / (omega * omega));
       }
@@ -151,10 +151,10 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   Array<double>& row = piece.row;
   row.resize(k);
   forEachSpring(body, piece, step, held, [&](const auto& phi, double kappa, const Vector3d& target, const PinSet*) {
-    Vector3d pull = -target;
+    Vector3d pull = step.center - target;
     for (std::uint32_t j = 0; j < k; ++j) {
       row[j] = phi(j);
-      pull += row[j] * y.row(j).transpose();
+      pull += row[j] * (y.row(j).transpose() - double(field.functions[j].one) * step.center);
     }
     pull *= kappa;
     for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += row[j] * pull;
@@ -182,8 +182,10 @@ void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::s
   if (held > 0) {
     const auto react = [&](const auto& phi, double kappa, const Vector3d& target, const PinSet* set) {
       if (set == nullptr) return;
-      Vector3d at = Vector3d::Zero();
-      for (std::uint32_t j = 0; j < field.k; ++j) at += phi(j) * piece.state.z[j];
+      Vector3d at = step.center;
+      for (std::uint32_t j = 0; j < field.k; ++j) {
+        at += phi(j) * (piece.state.z[j] - double(field.functions[j].one) * step.center);
+      }
       add(*set, kappa * (at - target), target);
     };
     forEachSpring(body, piece, step, held, react);

@@ -15,6 +15,7 @@ struct SpringStep {
   double h;         ///< s
   double weight;    ///< of the piece: its mass times gravity, N
   float stiffness;  ///< factor on the moduli
+  Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
 
 /// Whether a spring acts on the piece.

@@ -128,7 +128,7 @@ class PieceStep {
   PlaneStep planeStep() const {
     return {&settings_.ground, h_, double(body_.package().info().diagonal), field_.mass * gravity_.norm(), stiffness_};
   }
-  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_}; }
+  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, center_}; }
 
   /// What moves as one: of a piece that the field holds, its pin sets; of another its mass.
   void findMotion() {
@@ -449,7 +449,7 @@ class PieceStep {
     bool steady = true;
     if (grounded_) {
       s_.touched_before.assign(state.touching);
-      rememberContacts(piece_, planeStep(), y(), s_);
+      rememberContacts(piece_, planeStep(), y(), center_, s_);
       steady = state.touching.size() == touched;
       for (std::size_t i = 0; steady && i < touched; ++i) {
         steady = state.touching[i].point == s_.touched_before[i].point;

@@ -44,6 +44,22 @@ void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput&
   });
 }
 
+void World::Impl::liftFromGround(const Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const {
+  const GroundPlane& ground = settings.ground;
+  bool touches = false;
+  for (const internal::Piece& piece : body.pieces) touches = touches || !piece.state.touching.empty();
+  if (!touches || !ground.enabled || out.data == nullptr) return;
+  const Vec3& n = ground.normal;
+  for (const VertexRun& run : runs) {
+    for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
+      float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
+      const float height = n[0] * x[0] + (n[1] * x[1] + n[2] * x[2]) - ground.offset;
+      if (!(height < 0)) continue;
+      for (std::size_t c = 0; c < 3; ++c) x[c] -= height * n[c];
+    }
+  }
+}
+
 void World::Impl::writeVisual(const char* call, const Body& body, std::span<const VertexRun> runs,
                               const VisualOutput& output) const {
   if (body.package().visualPositions().empty()) return;
@@ -56,6 +72,7 @@ void World::Impl::writeVisual(const char* call, const Body& body, std::span<cons
   if (copies) wanted.previous_positions.data = nullptr;
   const bool written = guarded(call, false, [&] {
     visual.write(body, runs, wanted, jobs);
+    liftFromGround(body, runs, wanted.positions);
     if (copies) {
       VisualOutput again;
       again.positions = output.previous_positions;

@@ -68,6 +68,8 @@ struct SINEW_HIDDEN World::Impl {
     return otherwise;
   }
 
+  /// What touches the ground is drawn on it: contacts give way by the compliance that a field of few functions lacks.
+  void liftFromGround(const internal::Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const;
   void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
                    const VisualOutput& output) const;
 

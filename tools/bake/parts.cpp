@@ -21,6 +21,8 @@ constexpr double kMostOfPart = 0.5;
 constexpr double kStray = 0.02;
 // Physical vertices that carry a part less than this do not count.
 constexpr double kLeastCarrier = 0.02;
+// Mass of a vertex that carries a rigid part, of the host's lightest one: the host's motion is its own.
+constexpr float kRiderMass = 1e-3F;
 // Fewer make a part nod with every tetrahedron: the ring around them carries it too.
 constexpr std::size_t kFewCarriers = 12;
 // More say no more of a rigid motion, and each costs as much as any membership.
@@ -242,7 +244,7 @@ class PartWriter {
     float lightest = std::numeric_limits<float>::infinity();
     for (const std::uint32_t v : carriers.host.vertices) lightest = std::min(lightest, c.physical_vertices[v].mass);
     const auto corners = tetrahedronAround(part, c);
-    for (std::uint32_t k = 0; k < 4; ++k) c.physical_vertices[cursor.vertex + k] = {corners[k], lightest};
+    for (std::uint32_t k = 0; k < 4; ++k) c.physical_vertices[cursor.vertex + k] = {corners[k], kRiderMass * lightest};
 
     ClusterOptions firm;
     firm.mode = formats::ClusterMode::rigid;

@@ -9,6 +9,7 @@
 #include "runtime/geometry/grid_tetrahedra.h"
 #include "runtime/geometry/pseudo_inverse.h"
 #include "runtime/geometry/stuffing.h"
+#include "tools/bake/fields.h"
 #include "tools/author/clusters.h"
 #include "tools/bake/moments.h"
 #include "tools/core/error.h"
@@ -335,6 +336,7 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
   info.source_volume = -1;
   info.name = info.tool_version = info.source_file = info.unit_source = name;
   info.settings_json = content.addText("{}");
+  if (options.fields) addFields(Settings{}, content);
   auto asset = Asset::fromMemory(formats::writePackage(content));
   if (!asset) {
     throw ToolError(ExitCode::system, "", "a package of the study is refused: " + asset.reason(),
@@ -386,7 +388,9 @@ std::shared_ptr<const Asset> tetrahedronPackage(const StudyPackageOptions& optio
   if (geometry::signedVolume6(x[0], x[1], x[2], x[3]) < 0)
     std::swap(draft.mesh.tetrahedra[0][0], draft.mesh.tetrahedra[0][1]);
   draft.clusters = gridOf(draft.mesh, {1, 1, 1});
-  return assetOf(std::move(draft), options);
+  StudyPackageOptions with_fields = options;
+  with_fields.fields = true;
+  return assetOf(std::move(draft), with_fields);
 }
 
 }  // namespace sinew::tools

@@ -47,6 +47,7 @@ struct StudyPackageOptions {
   double elastic_hz = 0;  ///< of StiffnessModel::elastic, > 0: a modulus with which a slice as long as the body's
                           ///< radius of gyration rings so, in place of `young`
   std::vector<formats::CurvePoint> curve = {};  ///< of LimitMethod::curve
+  bool fields = false;                          ///< made as the bake makes them
   bool surface = false;                         ///< the tetrahedra's boundary as visual mesh, for picks
 };
 

@@ -307,9 +307,22 @@ double lowestAlong(std::span<const Vec3> points, const Vec3& normal) {
   return lowest;
 }
 
+std::vector<Vec3> hungPlaces(const formats::PackageView& package, std::span<const Vec3> positions) {
+  std::vector<Vec3> places;
+  for (const formats::BarycentricAttachment& at : package.barycentric()) {
+    const auto& corner = package.tetrahedra()[at.tetrahedron].vertex;
+    Vec3 place = positions[corner[3]];
+    for (std::size_t k = 0; k < 3; ++k) {
+      for (std::size_t c = 0; c < 3; ++c) place[c] += at.weight[k] * (positions[corner[k]][c] - positions[corner[3]][c]);
+    }
+    places.push_back(place);
+  }
+  return places;
+}
+
 StepsFinding groundOf(const formats::PackageView& package, std::span<const Vec3> positions, std::span<const Vec3> drawn,
                       const GroundPlane& ground) {
-  const double lowest = std::min(lowestAlong(positions, ground.normal), lowestAlong(drawn, ground.normal));
+  const double lowest = lowestAlong(drawn.empty() ? positions : drawn, ground.normal);
   return {StepsCriterion::ground, std::max(0.0, double(ground.offset) - lowest),
           kBelowGround * double(package.info().diagonal) + kRoot3 * coordinateRounding(positions)};
 }

@@ -157,6 +157,9 @@ class RestJudge {
 /// part that is worst over its limit, 1e-3 of its own diagonal + √3 ε.
 StepsFinding shapeOf(const formats::PackageView& package, std::span<const Vec3> positions);
 
+/// Where the visual vertices hang on the physical ones, whatever is drawn of it; empty where they hang on clusters.
+std::vector<Vec3> hungPlaces(const formats::PackageView& package, std::span<const Vec3> positions);
+
 /// How far the lowest of all points is below the plane; limit 0.01 diagonals + √3 ε. \param drawn may be empty.
 StepsFinding groundOf(const formats::PackageView& package, std::span<const Vec3> positions, std::span<const Vec3> drawn,
                       const GroundPlane& ground);
