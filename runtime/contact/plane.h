@@ -16,10 +16,10 @@ inline constexpr std::uint32_t kMostContacts = 48;
 /// What a step asks of a plane.
 struct PlaneStep {
   const GroundPlane* plane;
-  double h;          ///< s
-  double diagonal;   ///< of the package, m
-  double weight;     ///< of the piece: its mass times gravity, N
-  float stiffness;   ///< factor on the moduli
+  double h;         ///< s
+  double diagonal;  ///< of the package, m
+  double weight;    ///< of the piece: its mass times gravity, N
+  float stiffness;  ///< factor on the moduli
 };
 
 /// Fills scratch.contacts and scratch.rows. \param y predicted coefficients. \param center what scratch.base is

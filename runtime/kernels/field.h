@@ -24,7 +24,8 @@ SINEW_INLINE Mat3Of<Float8> deformationGradient(std::uint32_t functions, const f
                                                 const float* coefficients) {
   Mat3Of<Float8> f = {};
   for (std::uint32_t j = 0; j < functions; ++j) {
-    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8), gz = load8(gradients + 24 * j + 16);
+    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8),
+                 gz = load8(gradients + 24 * j + 16);
     SINEW_UNROLL
     for (int row = 0; row < 3; ++row) {
       const float z = coefficients[4 * j + std::uint32_t(row)];
@@ -39,7 +40,8 @@ SINEW_INLINE Mat3Of<Float8> deformationGradient(std::uint32_t functions, const f
 /// lanes_j += P grad phi_j.
 SINEW_INLINE void addStress(std::uint32_t functions, const float* gradients, const Mat3Of<Float8>& p, float* lanes) {
   for (std::uint32_t j = 0; j < functions; ++j) {
-    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8), gz = load8(gradients + 24 * j + 16);
+    const Float8 gx = load8(gradients + 24 * j), gy = load8(gradients + 24 * j + 8),
+                 gz = load8(gradients + 24 * j + 16);
     SINEW_UNROLL
     for (int row = 0; row < 3; ++row) {
       float* const to = lanes + 24 * j + 8 * std::uint32_t(row);
@@ -176,7 +178,8 @@ static bool factorize(const FactorArguments& a) {
     for (std::uint32_t i = k + 1; i < a.size; ++i) {
       float* const row = a.matrix + std::size_t(a.stride) * i;
       const float scale = column[i];
-      for (std::uint32_t j = (k + 1) / 8 * 8; j <= i; j += 8) store8(row + j, load8(row + j) - load8(column + j) * scale);
+      for (std::uint32_t j = (k + 1) / 8 * 8; j <= i; j += 8)
+        store8(row + j, load8(row + j) - load8(column + j) * scale);
     }
   }
   return true;

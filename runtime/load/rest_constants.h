@@ -41,9 +41,9 @@ struct RestConstants {
   /// Clusters that share a vertex, each with the next one that the vertex has: lower index first, ascending.
   Array<std::array<std::uint32_t, 2>> overlaps;
 
-  Array<double> driven_masses;  ///< Field::driven_mass
+  Array<double> driven_masses;   ///< Field::driven_mass
   Array<float> field_stiffness;  ///< Field::stiffness
-  Array<Field> fields;  ///< in which pieces move; empty: clusters are matched
+  Array<Field> fields;           ///< in which pieces move; empty: clusters are matched
 
   MechanicsConstants mechanics;
   // The same for kernels.

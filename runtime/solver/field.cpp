@@ -86,7 +86,7 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       for (std::size_t lane = 0; lane < 8; ++lane) {
         const double v = double(pack.volume[lane]), mu = double(pack.mu[lane]), lambda = double(pack.lambda[lane]);
         volume += v;
-          if (mu > 0) weighed += v * mu * (3 * lambda + 2 * mu) / (lambda + mu);
+        if (mu > 0) weighed += v * mu * (3 * lambda + 2 * mu) / (lambda + mu);
       }
     }
     field.young = volume > 0 ? weighed / volume : 0;

@@ -34,10 +34,10 @@ struct Field {
   const float* stiffness = nullptr;     ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole
   std::uint32_t stride = 0;             ///< 3 n rounded up to eight
   const double* driven_mass = nullptr;  ///< of the driven functions: sum m phi, kg
-  double mass = 0;         ///< kg
-  double young = 0;        ///< mean Young's modulus, Pa
-  double vertex_size = 0;  ///< cube root of the volume a vertex, m
-  double lowest_hz = 0;    ///< of the lowest elastic mode, Hz
+  double mass = 0;                      ///< kg
+  double young = 0;                     ///< mean Young's modulus, Pa
+  double vertex_size = 0;               ///< cube root of the volume a vertex, m
+  double lowest_hz = 0;                 ///< of the lowest elastic mode, Hz
 
   /// Unknowns that are not prescribed: x, y and z of each function that no pin set drives.
   std::uint32_t unknowns() const { return 3 * (k - driven); }
@@ -47,7 +47,8 @@ struct Field {
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
 
-/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness what they point to.
+/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness what they point
+/// to.
 Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness);
 
 /// The field of a piece; null where there is none. \param held the one for its pin sets.

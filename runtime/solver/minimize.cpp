@@ -36,10 +36,32 @@ void add(float factor, const float* a, float* to, std::uint32_t n) {
 }  // namespace
 
 MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
-    : base(memory), offset(memory), shape(memory), x(memory), d(memory), old(memory), next(memory), gradient(memory), next_gradient(memory), direction(memory),
-      residual(memory), springs(memory), pairs(memory), lanes(memory), parts(memory), quaternions(memory), shape_inverse(memory),
-      inverted(memory), factor(memory), contacts(memory), rows(memory), touched_before(memory), prediction(memory), predicted_velocity(memory),
-      work(memory), external(memory) {}
+    : base(memory),
+      offset(memory),
+      shape(memory),
+      x(memory),
+      d(memory),
+      old(memory),
+      next(memory),
+      gradient(memory),
+      next_gradient(memory),
+      direction(memory),
+      residual(memory),
+      springs(memory),
+      pairs(memory),
+      lanes(memory),
+      parts(memory),
+      quaternions(memory),
+      shape_inverse(memory),
+      inverted(memory),
+      factor(memory),
+      contacts(memory),
+      rows(memory),
+      touched_before(memory),
+      prediction(memory),
+      predicted_velocity(memory),
+      work(memory),
+      external(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   const auto grow = [](auto& array, std::size_t count) {
@@ -47,7 +69,8 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   };
   const std::size_t k = field.k;
   grow(x, 4 * k + 8);
-  for (Array<float>* array : {&base, &offset, &shape, &d, &old, &next, &gradient, &next_gradient, &direction, &residual}) {
+  for (Array<float>* array :
+       {&base, &offset, &shape, &d, &old, &next, &gradient, &next_gradient, &direction, &residual}) {
     grow(*array, 4 * k);
   }
   grow(springs, k * k);
@@ -141,7 +164,8 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   for (std::uint32_t j = 0; j < field->k; ++j) {
     const float* const from = d + 4 * j;
     for (std::uint32_t c = 0; c < 3; ++c) {
-      local[4 * j + c] = scratch->shape[4 * j + c] + (r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]));
+      local[4 * j + c] =
+          scratch->shape[4 * j + c] + (r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]));
     }
     local[4 * j + 3] = 0;
   }
@@ -201,8 +225,8 @@ void Objective::precondition(float* g) const {
       std::fill(local + field->unknowns(), local + field->stride, 0.0F);
       kernels().solve({field->unknowns(), field->stride, const_cast<float*>(whole), local});
     } else {
-      kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local,
-                             scratch->parts.data()});
+      kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(),
+                             local, scratch->parts.data()});
     }
     for (std::uint32_t j = driven; j < k; ++j) {
       const float* const from = local + 3 * (j - driven);
@@ -307,7 +331,8 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
     ++iteration;
     if (!taken) {
       if (pairs == 0 && !objective.through_modes) break;
-      if (objective.through_modes && objective.make_factor != nullptr) objective.make_factor(objective, objective.context);
+      if (objective.through_modes && objective.make_factor != nullptr)
+        objective.make_factor(objective, objective.context);
       objective.through_modes = false;
       pairs = 0;
       continue;

@@ -16,12 +16,12 @@ namespace sinew::internal {
 
 /// A point that a plane may push. Its compliance is the local one that a field of few functions lacks: 1 / (E a).
 struct Contact {
-  std::uint32_t point;     ///< of the field
-  float gap;               ///< height above the plane at the prediction, m
-  Eigen::Vector3f slide;   ///< way along the plane from where friction holds it, at the prediction, m
-  float kappa;             ///< N/m
-  float pressed;           ///< N, that friction sees
-  const float* phi;        ///< its row, k
+  std::uint32_t point;    ///< of the field
+  float gap;              ///< height above the plane at the prediction, m
+  Eigen::Vector3f slide;  ///< way along the plane from where friction holds it, at the prediction, m
+  float kappa;            ///< N/m
+  float pressed;          ///< N, that friction sees
+  const float* phi;       ///< its row, k
 };
 
 /// Memory of a minimization, for one piece after the other. Arrays of coefficients are k x 4 floats.
@@ -30,16 +30,16 @@ struct MinimizeScratch {
   /// Grows to what a field needs with so many contacts.
   void reserve(const Field& field, std::size_t contacts);
 
-  Array<float> base;   ///< the prediction, relative to its centre
+  Array<float> base;    ///< the prediction, relative to its centre
   Array<float> offset;  ///< from there to the base
-  Array<float> shape;  ///< the same in the frame of the piece, less the rest shape
+  Array<float> shape;   ///< the same in the frame of the piece, less the rest shape
   Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
   Array<float> pairs;  ///< five of s and y each
   Array<float> lanes, parts, quaternions, shape_inverse;
   Array<std::int32_t> inverted;
-  Array<double> factor;        ///< of A
+  Array<double> factor;  ///< of A
   Array<Contact> contacts;
-  Array<float> rows;           ///< phi of the contacts
+  Array<float> rows;  ///< phi of the contacts
   Array<TouchingPoint> touched_before;
   Array<Vector3d> prediction, predicted_velocity, work, external;
 };
@@ -47,20 +47,20 @@ struct MinimizeScratch {
 /// The step's objective, relative to its value at the prediction but for the elastic energy.
 struct Objective {
   const Field* field = nullptr;
-  double h = 0;                           ///< of the inertia: the step, or 2/3 of it, s
-  float stiffness = 1;                    ///< factor on the moduli
-  bool has_springs = false;               ///< scratch.springs and scratch.residual count
-  bool has_offset = false;                ///< scratch.offset counts: the base is not where inertia alone would lead
-  bool has_shapes = false;                ///< scratch.shape_inverse counts
-  float friction = 0;                     ///< Coulomb coefficient
-  Eigen::Vector3f normal = {0, 1, 0};     ///< of the plane
+  double h = 0;                        ///< of the inertia: the step, or 2/3 of it, s
+  float stiffness = 1;                 ///< factor on the moduli
+  bool has_springs = false;            ///< scratch.springs and scratch.residual count
+  bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
+  bool has_shapes = false;             ///< scratch.shape_inverse counts
+  float friction = 0;                  ///< Coulomb coefficient
+  Eigen::Vector3f normal = {0, 1, 0};  ///< of the plane
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
-  const double* factor = nullptr;   ///< Cholesky factor of A, n x n; null: A is diagonal
-  const float* whole = nullptr;     ///< that of the rest shape with springs and contacts, in its frame; null: none act
+  const double* factor = nullptr;                   ///< Cholesky factor of A, n x n; null: A is diagonal
+  const float* whole = nullptr;  ///< that of the rest shape with springs and contacts, in its frame; null: none act
   /// Makes `factor`, where springs or contacts act; null where none do.
   void (*make_factor)(Objective& objective, const void* context) = nullptr;
   const void* context = nullptr;
-  bool through_modes = false;       ///< the preconditioner is that of the rest shape, turned along, not A
+  bool through_modes = false;  ///< the preconditioner is that of the rest shape, turned along, not A
   MinimizeScratch* scratch = nullptr;
 
   struct Value {

@@ -19,7 +19,7 @@ using ConstCoefficientMap = Eigen::Map<const Coefficients>;
 
 /// A contact point that was touching when the last step ended.
 struct TouchingPoint {
-  std::uint32_t point;            ///< of the field
+  std::uint32_t point;           ///< of the field
   std::array<double, 3> anchor;  ///< where friction holds it, metres, world
 };
 
@@ -28,13 +28,13 @@ struct PieceState {
   explicit PieceState(std::pmr::memory_resource* memory)
       : z(memory), v(memory), z_before(memory), v_before(memory), touching(memory) {}
 
-  bool held = false;            ///< which of the piece's fields it moves in
-  Array<Vector3d> z, v;         ///< coefficients of position (metres, world) and velocity
+  bool held = false;                   ///< which of the piece's fields it moves in
+  Array<Vector3d> z, v;                ///< coefficients of position (metres, world) and velocity
   Array<Vector3d> z_before, v_before;  ///< one step earlier
-  double h_before = 0;          ///< length of the last step, s; 0: z_before says nothing
-  Vector3d turn = Vector3d::Zero();   ///< that the frame made in the last step, rad
-  Vector3d omega = Vector3d::Zero();  ///< angular velocity when it began, rad/s
-  double elastic = 0;           ///< energy that the shape stores, J
+  double h_before = 0;                 ///< length of the last step, s; 0: z_before says nothing
+  Vector3d turn = Vector3d::Zero();    ///< that the frame made in the last step, rad
+  Vector3d omega = Vector3d::Zero();   ///< angular velocity when it began, rad/s
+  double elastic = 0;                  ///< energy that the shape stores, J
   bool elastic_known = false;
   Array<TouchingPoint> touching;
   bool steady = true;  ///< what touched in the last step had touched in the one before
@@ -44,7 +44,13 @@ struct PieceState {
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
 struct Piece {
   Piece(const Field* free_field, const Field* held_field, std::pmr::memory_resource* memory)
-      : free(free_field), fixed(held_field), state(memory), springs(memory), row(memory), whole(memory), whole_points(memory) {}
+      : free(free_field),
+        fixed(held_field),
+        state(memory),
+        springs(memory),
+        row(memory),
+        whole(memory),
+        whole_points(memory) {}
 
   const Field& field() const { return state.held ? *fixed : *free; }
   CoefficientMap z() { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }

@@ -22,7 +22,8 @@ struct SpringStep {
 bool hasSprings(const Body& body, const Piece& piece);
 
 /// Makes piece.springs where pins or picks have changed, and scratch.springs and scratch.residual for this step: the
-/// pull at the predicted coefficients. \param y predicted. \param velocity at the step's start, for the damping of picks.
+/// pull at the predicted coefficients. \param y predicted. \param velocity at the step's start, for the damping of
+/// picks.
 void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
                     MinimizeScratch& scratch);
 

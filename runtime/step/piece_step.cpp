@@ -101,8 +101,15 @@ Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vect
 class PieceStep {
  public:
   PieceStep(Body& body, Piece& piece, const WorldSettings& settings, double seconds, PieceScratch& scratch)
-      : body_(body), piece_(piece), field_(piece.field()), settings_(settings), h_(seconds), scratch_(scratch),
-        s_(scratch.minimize), k_(field_.k), stiffness_(body.settings.stiffness_scale * body.settings.stiffness_scale),
+      : body_(body),
+        piece_(piece),
+        field_(piece.field()),
+        settings_(settings),
+        h_(seconds),
+        scratch_(scratch),
+        s_(scratch.minimize),
+        k_(field_.k),
+        stiffness_(body.settings.stiffness_scale * body.settings.stiffness_scale),
         gravity_(asVector(settings.gravity).cast<double>()) {}
 
   void run() {
@@ -110,7 +117,7 @@ class PieceStep {
     springs_ = hasSprings(body_, piece_);
     grounded_ = settings_.ground.enabled && !field_.points.empty();
     findMotion();
-    two_step_ = mayContinue();
+    two_step_ = mayContinue() && piece_.state.touching.empty();
     predict();
     findExternal();
     if (two_step_ && contactsChange()) {
@@ -313,8 +320,8 @@ class PieceStep {
     return known != touching.size();
   }
 
-  /// The factor of what the rest shape, turned along, makes of the system: kept while the step's length, the springs and
-  /// the contacts stay. Springs and contacts pull alike in all directions, so it turns with the piece.
+  /// The factor of what the rest shape, turned along, makes of the system: kept while the step's length, the springs
+  /// and the contacts stay. Springs and contacts pull alike in all directions, so it turns with the piece.
   void factorizeSystem() {
     objective_.through_modes = true;
     if (!springs_ && s_.contacts.empty()) return;
@@ -369,7 +376,8 @@ class PieceStep {
           sum += double(c.kappa) * double(c.phi[driven + i]) * double(c.phi[driven + j]);
         }
         if (i == j) {
-          sum += 1 / (effective_h_ * effective_h_) + double(stiffness_) * double(field_.functions[driven + i].stiffness);
+          sum +=
+              1 / (effective_h_ * effective_h_) + double(stiffness_) * double(field_.functions[driven + i].stiffness);
         }
         a[std::size_t(n) * i + j] = sum;
       }
@@ -495,8 +503,7 @@ class PieceStep {
     if (field_.driven > 0) return;
     const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
     const Vector3d center = meanOf(field_, at), velocity = meanOf(field_, moving);
-    const Vector3d omega =
-        solved(inertiaOf(field_, at, center), angularMomentum(field_, at, moving, center, velocity));
+    const Vector3d omega = solved(inertiaOf(field_, at, center), angularMomentum(field_, at, moving, center, velocity));
     double whole = 0, deforming = 0;
     for (std::uint32_t j = 0; j < k_; ++j) {
       const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;

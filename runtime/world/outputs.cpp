@@ -17,6 +17,9 @@ bool streamIsSound(const Stream& stream, std::uint32_t least_stride) {
   return stream.data == nullptr || (stream.stride >= least_stride && stream.stride % 4 == 0);
 }
 
+// What lies deeper below the ground has not been pressed there. Diagonals.
+constexpr float kPressedIn = 0.02F;
+
 bool isSound(const VisualOutput& output) {
   return streamIsSound(output.positions, 12) && streamIsSound(output.normals, 12) &&
          streamIsSound(output.tangents, 16) && streamIsSound(output.previous_positions, 12);
@@ -50,11 +53,12 @@ void World::Impl::liftFromGround(const Body& body, std::span<const VertexRun> ru
   for (const internal::Piece& piece : body.pieces) touches = touches || !piece.state.touching.empty();
   if (!touches || !ground.enabled || out.data == nullptr) return;
   const Vec3& n = ground.normal;
+  const float deepest = kPressedIn * body.package().info().diagonal;
   for (const VertexRun& run : runs) {
     for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
       float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
       const float height = n[0] * x[0] + (n[1] * x[1] + n[2] * x[2]) - ground.offset;
-      if (!(height < 0)) continue;
+      if (!(height < 0 && height > -deepest)) continue;
       for (std::size_t c = 0; c < 3; ++c) x[c] -= height * n[c];
     }
   }

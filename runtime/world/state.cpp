@@ -34,7 +34,7 @@ struct StateHeader {
   std::uint32_t shapes, dampings, channels;  ///< of MechanicsState
   std::uint32_t pin_sets, pinned_vertices;
   std::uint32_t centers_known;
-  float pass_seconds;  ///< Body::pass_seconds
+  float pass_seconds;         ///< Body::pass_seconds
   std::uint64_t piece_bytes;  ///< of the pieces, behind all else
 };
 static_assert(sizeof(StateHeader) == 88);
@@ -74,7 +74,8 @@ std::size_t bytesOf(std::size_t count) {
 }
 
 std::size_t pieceBytes(std::size_t functions, std::size_t touching) {
-  return sizeof(SavedPiece) + bytesOf<std::array<double, 3>>(4 * functions) + bytesOf<internal::TouchingPoint>(touching);
+  return sizeof(SavedPiece) + bytesOf<std::array<double, 3>>(4 * functions) +
+         bytesOf<internal::TouchingPoint>(touching);
 }
 
 StateHeader headerOf(const Body& body) {
@@ -162,8 +163,8 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
     if (left < sizeof(SavedPiece)) return false;
     const auto saved = reader.get<SavedPiece>();
     const internal::Field* field = saved.held != 0 ? piece.fixed : piece.free;
-    if (field == nullptr || saved.functions != field->k || saved.touching > internal::kMostContacts ||
-        saved.held > 1 || saved.steady > 3 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
+    if (field == nullptr || saved.functions != field->k || saved.touching > internal::kMostContacts || saved.held > 1 ||
+        saved.steady > 3 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
       return false;
     }
     const std::size_t size = pieceBytes(saved.functions, saved.touching);
@@ -223,7 +224,8 @@ const char* faultOf(std::span<const std::byte> bytes, Body& body) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
-  if (!readPieces(body, bytes.subspan(h.bytes - h.piece_bytes, h.piece_bytes), true)) return "the saved state is damaged";
+  if (!readPieces(body, bytes.subspan(h.bytes - h.piece_bytes, h.piece_bytes), true))
+    return "the saved state is damaged";
 
   Reader reader(bytes.data() + sizeof h);
   bool sound = true;
@@ -325,8 +327,13 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   for (const internal::PinSet& set : body->pin_sets) writer.put(set.vertices.data(), set.vertices.size());
   for (const internal::Piece& piece : body->pieces) {
     const internal::PieceState& state = piece.state;
-    const SavedPiece saved = {state.held ? 1U : 0U, std::uint32_t(state.z.size()), std::uint32_t(state.touching.size()),
-                              (state.steady ? 1U : 0U) | (state.elastic_known ? 2U : 0U), state.h_before, state.elastic, state.budget,
+    const SavedPiece saved = {state.held ? 1U : 0U,
+                              std::uint32_t(state.z.size()),
+                              std::uint32_t(state.touching.size()),
+                              (state.steady ? 1U : 0U) | (state.elastic_known ? 2U : 0U),
+                              state.h_before,
+                              state.elastic,
+                              state.budget,
                               {state.turn[0], state.turn[1], state.turn[2]},
                               {state.omega[0], state.omega[1], state.omega[2]}};
     writer.put(&saved, 1);
@@ -351,8 +358,8 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     body->pins.reserve(header.pins);
     body->picks.reserve(header.picks);
     if (body->settings.keep_previous) keepHistory(*body);
-    Reader tail(bytes.data() + header.bytes - header.piece_bytes - bytesOf<internal::PinnedVertex>(header.pinned_vertices) -
-                bytesOf<SavedPinSet>(header.pin_sets));
+    Reader tail(bytes.data() + header.bytes - header.piece_bytes -
+                bytesOf<internal::PinnedVertex>(header.pinned_vertices) - bytesOf<SavedPinSet>(header.pin_sets));
     for (std::uint32_t i = 0; i < header.pin_sets; ++i) {
       const auto saved = tail.get<SavedPinSet>();
       internal::PinSet& set = sets.emplace_back(impl_->memory);

@@ -218,7 +218,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(report["package_bytes"], package.stat().st_size)
         self.assertLessEqual(sum(s["bytes"] for s in inspect["sections"]), inspect["bytes"])
         stages = [s["name"] for s in report["stages"]]
-        self.assertEqual(stages, ["import", "topology", "tetrahedra", "clusters", "attachment", "package", "write"])
+        self.assertEqual(stages, ["import", "topology", "tetrahedra", "clusters", "attachment", "fields", "package", "write"])
         for stage in report["stages"]:
             self.assertGreaterEqual(stage["seconds"], 0)
             self.assertGreater(stage["peak_megabytes"], 1)

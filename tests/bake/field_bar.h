@@ -24,8 +24,8 @@ inline std::vector<std::byte> fieldBar(const FieldBarOptions& options) {
     for (std::uint32_t v = 0; v < content.physical_vertices.size(); ++v) {
       if (content.physical_vertices[v].rest_position[0] < -0.499F) content.pin_set_vertices.push_back(v);
     }
-    content.pin_sets.push_back({content.addText("held"), content.addText("world"), 3, 0,
-                                std::uint32_t(content.pin_set_vertices.size()), 0});
+    content.pin_sets.push_back(
+        {content.addText("held"), content.addText("world"), 3, 0, std::uint32_t(content.pin_set_vertices.size()), 0});
   }
   tools::addFields({}, content);
   return formats::writePackage(content);

@@ -258,8 +258,8 @@ TEST(Pieces, ScatteredAndFoldedBodiesComeHome) {
     for (Vec3& each : x) {
       for (std::size_t k = 0; k < 3; ++k) {
         if (start == 0) each[k] += 0.3F * (float(random() >> 8) / 8388608.0F - 1);
-        if (start == 1) each[k] *= k == 1 ? 0.0F : 1.0F;  // flat
-        if (start == 2) each[k] = 0;                      // a point
+        if (start == 1) each[k] *= k == 1 ? 0.0F : 1.0F;   // flat
+        if (start == 2) each[k] = 0;                       // a point
         if (start == 3) each[k] *= k == 0 ? -1.0F : 1.0F;  // mirrored
         if (start == 4) each[k] *= -1;                     // inside out
       }

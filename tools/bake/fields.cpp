@@ -217,8 +217,7 @@ class PieceFields {
         const Vector3d lever = inverse * (restOf(to.vertex) - center);
         for (const formats::Membership& member : members) {
           if (!(member.mu > 0)) continue;
-          const double part =
-              double(member.mu) * (1 / weight + lever.dot(restOf(member.vertex) - center));
+          const double part = double(member.mu) * (1 / weight + lever.dot(restOf(member.vertex) - center));
           all.row(to.vertex - body_.first_vertex) += part * of_host.row(host_[member.vertex - body_.first_vertex]);
         }
       }
@@ -435,7 +434,7 @@ class PieceFields {
   formats::PackageContent& content_;
   const std::uint32_t piece_;
   const formats::BodyRange body_;
-  std::vector<std::uint32_t> host_;    // of each vertex of the piece: its number among the host's; kNone: it rides along
+  std::vector<std::uint32_t> host_;  // of each vertex of the piece: its number among the host's; kNone: it rides along
   std::vector<std::uint32_t> riders_;  // clusters of rigid accessories
   std::vector<Vector3d> positions_;
   std::vector<double> masses_, young_, poisson_;

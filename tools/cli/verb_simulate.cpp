@@ -180,7 +180,8 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
                    "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike")
       ->check(finiteNumber())
       ->check(gravityInRange());
-  verb->add_option("--iterations", command->iterations, "Work a step may take (WorldSettings::iterations); 0 = the scene's own")
+  verb->add_option("--iterations", command->iterations,
+                   "Work a step may take (WorldSettings::iterations); 0 = the scene's own")
       ->check(CLI::Range(0U, 16U));
   verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")
       ->check(CLI::Range(1U, 256U));

@@ -93,8 +93,8 @@ struct Take {
   DrawSettings settings;
 };
 
-Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, Solver solver, double step_seconds,
-                const std::vector<double>& times) {
+Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, Solver solver,
+                double step_seconds, const std::vector<double>& times) {
   SceneOptions options;
   options.scene = choice;
   options.step_seconds = static_cast<float>(step_seconds);

@@ -260,7 +260,9 @@ void simulate(ErrorRow& row, const Load& load, double seconds) {
   settings.gravity = {0, 0, 0};
   settings.iterations = row.passes;
   World world(settings);
-  const auto added = world.addBody(row.asset);
+  BodySettings averaged;  // what clusters do is compared
+  averaged.solver = Solver::report;
+  const auto added = world.addBody(row.asset, averaged);
   if (!added) throw ToolError(ExitCode::system, "", added.reason(), "Free some memory.");
   const BodyId body = *added;
   const std::vector<Vec3> rest(world.positions(body).begin(), world.positions(body).end());

@@ -310,7 +310,7 @@ class LoadedSolid {
       const Vector3d ga = gradients_[t].col(a), ra = state.rotation * ga;
       for (int b = 0; b < 4; ++b) {
         const Vector3d gb = gradients_[t].col(b);
-        Matrix3d& block = blocks[std::size_t(4 * a + b)];
+        Matrix3d& block = blocks[4 * std::size_t(a) + std::size_t(b)];
         block = 2 * mu_[t] * ga.dot(gb) * Matrix3d::Identity() + lambda_[t] * ra * (state.rotation * gb).transpose();
         for (std::size_t k = 0; k < 3; ++k) {
           block += more[k] * (state.turns[k] * ga) * (state.turns[k] * gb).transpose();
@@ -470,10 +470,10 @@ Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Vector3d> start, 
   return result;
 }
 
-Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, std::vector<Vector3d> start,
+Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, const std::vector<Vector3d>& start,
                         double tolerance) {
   Equilibrium result;
-  result.positions = start.empty() ? solid.rest : std::move(start);
+  result.positions = start.empty() ? solid.rest : start;
   Vectors& x = result.positions;
   LoadedSolid loaded(solid, load);
   NewtonSolver solver(loaded);

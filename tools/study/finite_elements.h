@@ -61,7 +61,7 @@ struct ElasticLoad {
 /// \param start positions to begin with; empty: at rest. Of several rests the one downhill of it is found. What is
 /// prescribed moves in one go: large motions want steps, each started from the one before.
 /// \param tolerance of the residual. Some vertices must be prescribed such that nothing can move without strain.
-Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, std::vector<Eigen::Vector3d> start,
+Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, const std::vector<Eigen::Vector3d>& start,
                         double tolerance);
 
 /// Frequency of the lowest mode of a solid that is held at rest where it is prescribed, Hz, by inverse iteration.

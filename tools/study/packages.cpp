@@ -9,8 +9,8 @@
 #include "runtime/geometry/grid_tetrahedra.h"
 #include "runtime/geometry/pseudo_inverse.h"
 #include "runtime/geometry/stuffing.h"
-#include "tools/bake/fields.h"
 #include "tools/author/clusters.h"
+#include "tools/bake/fields.h"
 #include "tools/bake/moments.h"
 #include "tools/core/error.h"
 

@@ -333,8 +333,8 @@ class CellRun {
     if (lost_ > 0) return;
     findings_ = judge.findings();
     if (world_.settings().ground.enabled) {
-      findings_.push_back(groundOf(package_, state().positions,
-                                   hungPlaces(package_, state().positions), world_.settings().ground));
+      findings_.push_back(
+          groundOf(package_, state().positions, hungPlaces(package_, state().positions), world_.settings().ground));
     }
   }
 

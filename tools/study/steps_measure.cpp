@@ -313,7 +313,8 @@ std::vector<Vec3> hungPlaces(const formats::PackageView& package, std::span<cons
     const auto& corner = package.tetrahedra()[at.tetrahedron].vertex;
     Vec3 place = positions[corner[3]];
     for (std::size_t k = 0; k < 3; ++k) {
-      for (std::size_t c = 0; c < 3; ++c) place[c] += at.weight[k] * (positions[corner[k]][c] - positions[corner[3]][c]);
+      for (std::size_t c = 0; c < 3; ++c)
+        place[c] += at.weight[k] * (positions[corner[k]][c] - positions[corner[3]][c]);
     }
     places.push_back(place);
   }

@@ -115,8 +115,8 @@ class SINEW_API World {
   /// were put where their clusters had last wanted them, at rest; the rest of the body is not affected. A body that is
   /// nowhere itself (beyond 1e15 m, as what falls for hours without a ground) comes back at rest to where it was added.
   std::uint32_t repairedVertices(BodyId body) const;
-  /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero). A body with fields takes the
-  /// nearest shape and motion that its fields can have (docs/fields.md): positions() tell which.
+  /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero). A body with fields takes
+  /// the nearest shape and motion that its fields can have (docs/fields.md): positions() tell which.
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
 
   /// Holds a physical vertex at a place until unpinned (PinMethod::hold); call again to move it. Ignored for a vertex
@@ -177,8 +177,8 @@ class SINEW_API World {
   Bounds physicalBounds(BodyId body) const;
   Bounds visualBounds(BodyId body) const;
 
-  /// What a body has of kinetic energy, and what its shape stores: the energy that its steps minimize. Of a body without
-  /// fields only the kinetic.
+  /// What a body has of kinetic energy, and what its shape stores: the energy that its steps minimize. Of a body
+  /// without fields only the kinetic.
   BodyEnergy energy(BodyId body) const;
 
   /// Moves the origin: all bodies, targets and the ground are `by` nearer to it. Bodies with fields keep every digit.
