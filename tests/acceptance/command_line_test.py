@@ -223,8 +223,8 @@ class CommandLine(unittest.TestCase):
             self.assertGreaterEqual(stage["seconds"], 0)
             self.assertGreater(stage["peak_megabytes"], 1)
 
-    def test_what_is_drawn_below_the_ground_is_said(self):
-        # A pole of 3 m with four cloths, which have no tetrahedra and so meet no ground, however it falls.
+    def test_what_is_drawn_meets_the_ground(self):
+        # A pole of 3 m with four cloths, which have no tetrahedra: what touches is what is drawn.
         corners = [(x, y, z) for x in (0, 0.1) for y in (0, 3) for z in (0, 0.1)]
         cloth = []
         for dx, dz in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -237,8 +237,11 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("[large-sheets]", result.stdout)
         measures = json.loads(run("simulate", package, "--scene", "drop", "--json").stdout)
-        self.assertGreaterEqual(measures["lowest"], -1e-6)
-        self.assertLess(measures["lowest_visual"], -0.05)
+        self.assertGreaterEqual(measures["lowest_visual"], -1e-6)
+        # Clusters meet it with their physical vertices alone, and simulate says how far down the rest reaches.
+        averaged = json.loads(run("simulate", package, "--scene", "drop", "--solver", "report", "--json").stdout)
+        self.assertGreaterEqual(averaged["lowest"], -1e-6)
+        self.assertLess(averaged["lowest_visual"], -0.05)
 
     def test_bodies_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]

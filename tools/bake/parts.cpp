@@ -22,7 +22,7 @@ constexpr double kStray = 0.02;
 // Physical vertices that carry a part less than this do not count.
 constexpr double kLeastCarrier = 0.02;
 // Mass of a vertex that carries a rigid part, of the host's lightest one: the host's motion is its own.
-constexpr float kRiderMass = 1e-3F;
+constexpr float kRiderMass = 0.2F;
 // Fewer make a part nod with every tetrahedron: the ring around them carries it too.
 constexpr std::size_t kFewCarriers = 12;
 // More say no more of a rigid motion, and each costs as much as any membership.
@@ -254,7 +254,7 @@ class PartWriter {
     ClusterConstants constants = clusterConstants({&carriers.host, 1}, c.physical_vertices, firm, none);
     formats::Cluster cluster = constants.clusters.front();
     cluster.name = c.addText(part.name);
-    cluster.mass = 4 * lightest;
+    cluster.mass = 4 * kRiderMass * lightest;
     c.clusters[cursor.cluster] = cluster;
     // Matched to the host, whose vertices it does not move; it moves the four, which do not count in the match.
     std::vector<formats::Membership>& members = members_[cursor.cluster];

@@ -146,9 +146,9 @@ Equilibrium solveForTarget(Problem& problem, double target, double scale, double
     double gravity, rms;
     Vectors shape;
   };
-  const auto solve = [&](double g, Vectors start) {
+  const auto solve = [&](double g, const Vectors& start) {
     problem.pull(g);
-    return equilibrium(problem.solid, problem.load, std::move(start), kTolerance);
+    return equilibrium(problem.solid, problem.load, start, kTolerance);
   };
   // So weak that the answer is linear.
   gravity = 1e-6 * scale;
@@ -199,7 +199,8 @@ RigidTransform transformOf(const HeldRegion& region, double part, const Vector3d
   for (int row = 0; row < 3; ++row) {
     result.position[std::size_t(row)] = float(origin[row]);
     for (int column = 0; column < 3; ++column) {
-      result.rotation[std::size_t(3 * row + column)] = float((placed.at(Vector3d::Unit(column), part) - origin)[row]);
+      result.rotation[3 * std::size_t(row) + std::size_t(column)] =
+          float((placed.at(Vector3d::Unit(column), part) - origin)[row]);
     }
   }
   return result;
@@ -219,11 +220,10 @@ std::string_view nameOf(StiffnessSource source) {
 std::vector<PieceMaterial> materialsOf(const formats::PackageView& package) {
   std::vector<PieceMaterial> materials(package.bodies().size());
   for (std::uint32_t piece = 0; piece < materials.size(); ++piece) {
-    PieceMaterial found;
-    if (fieldMaterial(package, piece, found))
-      materials[piece] = found;
-    else if (found = {}; clusterMaterial(package, piece, found))
-      materials[piece] = found;
+    PieceMaterial field, clusters;
+    if (fieldMaterial(package, piece, field) || clusterMaterial(package, piece, clusters)) {
+      materials[piece] = field.source != StiffnessSource::none ? field : clusters;
+    }
   }
   return materials;
 }
@@ -332,13 +332,13 @@ ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<Elast
       const double part = double(i) / kMotionParts;
       problem.place(moves ? part : 1);
       problem.pull(part * gravity);
-      found = equilibrium(problem.solid, problem.load, std::move(found.positions), kTolerance);
+      found = equilibrium(problem.solid, problem.load, found.positions, kTolerance);
     }
   }
   for (std::uint32_t level = 0; level < refinements; ++level) {
     problem.refine(found.positions);
     problem.pull(gravity);
-    found = equilibrium(problem.solid, problem.load, std::move(found.positions), kTolerance);
+    found = equilibrium(problem.solid, problem.load, found.positions, kTolerance);
   }
   reference.gravity = gravity * problem.down;
   reference.tetrahedra = std::uint32_t(problem.solid.tetrahedra.size());
