@@ -9,6 +9,8 @@ namespace {
 
 /// How far a piece's weight draws its pins from their targets at most where it is too soft to carry it, diagonals.
 constexpr double kSagging = 2e-3;
+/// Of E a: the local compliance that fields of about 32 functions lack where something holds them (docs/fields.md).
+constexpr double kLocal = 0.4;
 
 bool isIn(const Field& field, std::uint32_t vertex) {
   return vertex >= field.first_vertex && vertex - field.first_vertex < field.vertex_count;
@@ -70,7 +72,7 @@ PickRow rowOf(const Body& body, std::uint32_t visual_vertex) {
 /// kappa of a vertex that is held firmly: the local compliance that the field lacks, 1 / (E a), and no softer than what
 /// carries the weight.
 double firmness(const Body& body, const Field& field, const SpringStep& step, std::size_t count) {
-  const double local = double(step.stiffness) * field.young * field.vertex_size;
+  const double local = kLocal * double(step.stiffness) * field.young * field.vertex_size;
   const double carries = step.weight / (kSagging * double(body.package().info().diagonal) * double(count));
   return std::max(local, carries);
 }

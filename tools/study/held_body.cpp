@@ -167,7 +167,7 @@ Equilibrium solveForTarget(Problem& problem, double target, double scale, double
         start[v] += (next / low.gravity - 1) * (start[v] - problem.solid.rest[v]);
       }
     }
-    found = solve(next, std::move(start));
+    found = solve(next, start);
     gravity = next;
     const double rms = problem.rms(found.positions);
     on_target = std::abs(rms / target - 1) < kTargetTolerance;
