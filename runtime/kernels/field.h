@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Kernels of fields: the corotated energy at samples and the values at places (docs/method.md). For kernel files only,
+// Kernels of fields: the corotated energy at samples and the values at places (docs/fields.md). For kernel files only,
 // see lanes.h.
 #pragma once
 

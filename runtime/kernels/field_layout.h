@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What the kernels of fields are called with (docs/method.md). Plain structs: kernel files include nothing else.
+// What the kernels of fields are called with (docs/fields.md). Plain structs: kernel files include nothing else.
 #pragma once
 
 #include <cstdint>

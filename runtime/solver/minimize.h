@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// One implicit step of a piece as a minimization (docs/method.md): the inertia about a prediction, the elastic energy
+// One implicit step of a piece as a minimization (docs/fields.md): the inertia about a prediction, the elastic energy
 // at samples, springs of pins and picks, and contacts with a plane, all functions of the same coefficients.
 #pragma once
 

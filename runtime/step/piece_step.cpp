@@ -12,7 +12,7 @@ namespace sinew::internal {
 namespace {
 
 /// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
-/// energy (docs/method.md).
+/// energy (docs/fields.md).
 constexpr double kLargeTurn = 0.1;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// One step of a piece: predict, solve, settle (docs/method.md).
+// One step of a piece: predict, solve, settle (docs/fields.md).
 #pragma once
 
 #include "runtime/contact/plane.h"

@@ -10,7 +10,7 @@
 
 namespace sinew::tools {
 
-/// What is averaged to a strain (docs/method.md).
+/// What is averaged to a strain (docs/fields.md).
 enum class FieldElement {
   tetrahedra,  ///< linear tetrahedra: too stiff in bending and near a Poisson's ratio of 0.5
   edges,       ///< the deformation gradient is averaged over the tetrahedra around each edge
@@ -67,7 +67,7 @@ struct Fields {
   std::optional<FieldSpace> held;  ///< where a pin set has vertices
 };
 
-/// Makes the function spaces of a piece (docs/method.md): the free one from its lowest elastic modes and answers to
+/// Makes the function spaces of a piece (docs/fields.md): the free one from its lowest elastic modes and answers to
 /// loads all over its surface, split by axis; the held one from modes with the pin sets fixed.
 /// Deterministic; one thread. values^T M values = 1 and values^T K_s values = diag(stiffness) for functions that are
 /// not driven, K_s = sum V (2 mu + lambda) grad grad^T over all elements; driven ones are orthogonal to them under M.

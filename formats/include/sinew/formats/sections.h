@@ -283,7 +283,7 @@ static_assert(sizeof(AttachedPart) == 24);
 /// Eight numbers that are computed with side by side: of eight samples, eight vertices or eight contact points.
 using Lanes = std::array<float, 8>;
 
-/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/method.md). In
+/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/fields.md). In
 /// the order of pieces; each has one free field, and behind it one more where pin sets hold it. The functions are
 /// orthonormal under the masses of the piece and diagonalize sum V (2 mu + lambda) grad phi grad phi^T, but for those
 /// that pin sets drive, which are orthogonal to the others.
