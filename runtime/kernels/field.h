@@ -75,13 +75,9 @@ SINEW_INLINE Mat3Of<Float8> turnOf(const QuaternionOf<Float8>& q) {
   for (std::uint32_t s = 0; s < a.pack_count; ++s) {
     const SamplePack& pack = a.packs[s];
     const float* const gradients = a.gradients + std::size_t(24) * k * s;
-    Mat3Of<Float8> change = deformationGradient(k, gradients, a.coefficients), inverse = {}, f;
+    const Mat3Of<Float8> change = deformationGradient(k, gradients, a.coefficients);
+    Mat3Of<Float8> f;
     for (int i = 0; i < 9; ++i) f.m[i] = change.m[i] + one.m[i];
-    if (a.shape_inverse != nullptr) {
-      for (int i = 0; i < 9; ++i) inverse.m[i] = load8(a.shape_inverse + 72 * s + 8 * std::uint32_t(i));
-      f = f * inverse;
-      for (int i = 0; i < 9; ++i) change.m[i] = f.m[i] - one.m[i];
-    }
     std::int32_t* const inverted = a.inverted + 8 * s;
     if (a.mark) store(inverted, determinant(f) < kInverted);
     const Int8 astray = load<Int8>(inverted);
@@ -106,7 +102,6 @@ SINEW_INLINE Mat3Of<Float8> turnOf(const QuaternionOf<Float8>& q) {
     const Float8 twice = mu + mu;
     Mat3Of<Float8> p;
     for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + pressure * r.m[i];
-    if (a.shape_inverse != nullptr) p = p * transposed(inverse);
     addStress(k, gradients, p, a.lanes);
   }
   for (std::uint32_t j = 0; j < k; ++j) {

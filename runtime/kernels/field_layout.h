@@ -17,15 +17,14 @@ struct FieldEnergyArguments {
   std::uint32_t functions;   ///< k
   std::uint32_t pack_count;  ///< of eight samples
   const SamplePack* packs;
-  const float* gradients;      ///< by pack and function: d phi / dX, dY, dZ of eight samples
-  const float* shape_inverse;  ///< null, or by pack: the inverse of what is the rest shape now, 9 x 8, column-major
-  float stiffness;             ///< factor on mu and lambda
-  const float* coefficients;   ///< k x 4: x y z 0, in the frame of the piece, less those of the rest shape
-  bool mark;                   ///< decide here which samples are inverted: until the next mark they take the frame
-  float* quaternions;          ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
-  std::int32_t* inverted;      ///< by pack 8, in and out: -1 or 0
-  float* lanes;                ///< scratch, k x 3 x 8
-  float* gradient;             ///< out, k x 4, in the frame of the piece
+  const float* gradients;     ///< by pack and function: d phi / dX, dY, dZ of eight samples
+  float stiffness;            ///< factor on mu and lambda
+  const float* coefficients;  ///< k x 4: x y z 0, in the frame of the piece, less those of the rest shape
+  bool mark;                  ///< decide here which samples are inverted: until the next mark they take the frame
+  float* quaternions;         ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
+  std::int32_t* inverted;     ///< by pack 8, in and out: -1 or 0
+  float* lanes;               ///< scratch, k x 3 x 8
+  float* gradient;            ///< out, k x 4, in the frame of the piece
 };
 
 /// Values of a field at blocks of eight places.

@@ -52,12 +52,10 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       lanes(memory),
       parts(memory),
       quaternions(memory),
-      shape_inverse(memory),
       inverted(memory),
       factor(memory),
       contacts(memory),
       rows(memory),
-      touched_before(memory),
       prediction(memory),
       predicted_velocity(memory),
       work(memory),
@@ -82,7 +80,6 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   grow(inverted, 8 * std::size_t(field.pack_count));
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
-  touched_before.reserve(contact_count);
   for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &work, &external}) grow(*array, k);
 }
 
@@ -174,7 +171,6 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   arguments.pack_count = field->pack_count;
   arguments.packs = field->packs;
   arguments.gradients = field->gradients;
-  arguments.shape_inverse = has_shapes ? scratch->shape_inverse.data() : nullptr;
   arguments.stiffness = stiffness;
   arguments.coefficients = local;
   arguments.mark = mark;

@@ -35,12 +35,11 @@ struct MinimizeScratch {
   Array<float> shape;   ///< the same in the frame of the piece, less the rest shape
   Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
   Array<float> pairs;  ///< five of s and y each
-  Array<float> lanes, parts, quaternions, shape_inverse;
+  Array<float> lanes, parts, quaternions;
   Array<std::int32_t> inverted;
   Array<double> factor;  ///< of A
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
-  Array<TouchingPoint> touched_before;
   Array<Vector3d> prediction, predicted_velocity, work, external;
 };
 
@@ -51,7 +50,6 @@ struct Objective {
   float stiffness = 1;                 ///< factor on the moduli
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
-  bool has_shapes = false;             ///< scratch.shape_inverse counts
   float friction = 0;                  ///< Coulomb coefficient
   Eigen::Vector3f normal = {0, 1, 0};  ///< of the plane
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major

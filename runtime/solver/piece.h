@@ -31,13 +31,11 @@ struct PieceState {
   bool held = false;                   ///< which of the piece's fields it moves in
   Array<Vector3d> z, v;                ///< coefficients of position (metres, world) and velocity
   Array<Vector3d> z_before, v_before;  ///< one step earlier
-  double h_before = 0;                 ///< length of the last step, s; 0: z_before says nothing
+  double h_before = 0;                 ///< length of the last step, s; 0: z_before says nothing, as where it touched
   Vector3d turn = Vector3d::Zero();    ///< that the frame made in the last step, rad
   Vector3d omega = Vector3d::Zero();   ///< angular velocity when it began, rad/s
-  double elastic = 0;                  ///< energy that the shape stores, J
-  bool elastic_known = false;
+  double elastic = -1;                 ///< energy that the shape stores, J; negative: not known
   Array<TouchingPoint> touching;
-  bool steady = true;  ///< what touched in the last step had touched in the one before
   double budget = -1;  ///< what a free piece may have of energy about its centre, J; negative: what it has
 };
 
@@ -62,9 +60,9 @@ struct Piece {
   const Field* fixed;  ///< null where the package has none
   PieceState state;
 
-  Array<double> springs;  ///< k x k: sum kappa phi phi^T of pins and picks
-  bool springs_known = false;
-  Array<double> row;  ///< scratch, k
+  Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
+  double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew
+  Array<double> row;         ///< scratch, k
   // Cholesky factor of 1/h^2 + the rest stiffness + springs + contacts in the frame of the piece, 3 n rows, and what it
   // was made for.
   Array<float> whole;

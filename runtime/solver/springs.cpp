@@ -89,7 +89,7 @@ std::size_t heldCount(const Body& body, const Piece& piece) {
   return count;
 }
 
-/// Calls visit(phi, kappa, target, set) for each spring; phi(j) gives the row, set is null but for pin sets.
+/// Calls visit(phi, kappa, target, set) for each spring; phi(j) gives the row, set is the pin set's number or kNone.
 template <class Visit>
 void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, std::size_t held, const Visit& visit) {
   const Field& field = piece.field();
@@ -99,12 +99,13 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   };
   for (const Pin& pin : body.pins) {
     if (!isIn(field, pin.vertex)) continue;
-    visit(vertexRow(pin.vertex), firm, Vector3d(asVector(pin.target).cast<double>()), nullptr);
+    visit(vertexRow(pin.vertex), firm, Vector3d(asVector(pin.target).cast<double>()), formats::kNone);
   }
-  for (const PinSet& set : body.pin_sets) {
+  for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
+    const PinSet& set = body.pin_sets[s];
     for (const PinnedVertex& vertex : set.vertices) {
       if (!isIn(field, vertex.vertex) || (isDriven(piece, set) && vertex.weight >= 1)) continue;
-      visit(vertexRow(vertex.vertex), firm * double(vertex.weight), placeOf(set.at, vertex.local), &set);
+      visit(vertexRow(vertex.vertex), firm * double(vertex.weight), placeOf(set.at, vertex.local), s);
     }
   }
   for (const Pick& pick : body.picks) {
@@ -124,7 +125,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     if (!(answer > 0)) continue;
     const double kappa = omega * omega / answer, damper = 2 * omega / answer / step.h;
     const Vector3d target = (kappa * asVector(pick.target).cast<double>() + damper * old) / (kappa + damper);
-    visit([&](std::uint32_t j) { return row.at(field, j); }, kappa + damper, target, nullptr);
+    visit([&](std::uint32_t j) { return row.at(field, j); }, kappa + damper, target, formats::kNone);
   }
 }
 
@@ -143,7 +144,8 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   const Field& field = piece.field();
   const std::uint32_t k = field.k;
   const std::size_t held = heldCount(body, piece);
-  const bool made = piece.springs_known && body.picks.empty();
+  const double firm = held > 0 ? firmness(body, field, step, held) : 0;
+  const bool made = piece.springs_firm == firm && body.picks.empty();
   if (!made) {
     piece.springs.resize(std::size_t(k) * k);
     std::fill(piece.springs.begin(), piece.springs.end(), 0.0);
@@ -152,7 +154,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   std::fill_n(scratch.external.begin(), k, Vector3d::Zero());
   Array<double>& row = piece.row;
   row.resize(k);
-  forEachSpring(body, piece, step, held, [&](const auto& phi, double kappa, const Vector3d& target, const PinSet*) {
+  forEachSpring(body, piece, step, held, [&](const auto& phi, double kappa, const Vector3d& target, std::uint32_t) {
     Vector3d pull = step.center - target;
     for (std::uint32_t j = 0; j < k; ++j) {
       row[j] = phi(j);
@@ -165,7 +167,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
       for (std::uint32_t j = 0; j < k; ++j) piece.springs[std::size_t(k) * i + j] += kappa * row[i] * row[j];
     }
   });
-  piece.springs_known = true;
+  piece.springs_firm = firm;
   for (std::uint32_t j = 0; j < k; ++j) {
     for (std::uint32_t c = 0; c < 3; ++c) scratch.residual[4 * j + c] = float(scratch.external[j][c]);
     scratch.residual[4 * j + 3] = 0;
@@ -175,25 +177,24 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
 
 void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::span<const Vector3d> pull) {
   const Field& field = piece.field();
-  const auto add = [](const PinSet& set, const Vector3d& force, const Vector3d& place) {
-    PinSet& to = const_cast<PinSet&>(set);  // an element of body.pin_sets
-    to.force_sum += force;
-    to.torque_sum += (place - asVector(to.at.position).cast<double>()).cross(force);
+  const auto add = [](PinSet& set, const Vector3d& force, const Vector3d& place) {
+    set.force_sum += force;
+    set.torque_sum += (place - asVector(set.at.position).cast<double>()).cross(force);
   };
   const std::size_t held = heldCount(body, piece);
   if (held > 0) {
-    const auto react = [&](const auto& phi, double kappa, const Vector3d& target, const PinSet* set) {
-      if (set == nullptr) return;
+    const auto react = [&](const auto& phi, double kappa, const Vector3d& target, std::uint32_t set) {
+      if (set == formats::kNone) return;
       Vector3d at = step.center;
       for (std::uint32_t j = 0; j < field.k; ++j) {
         at += phi(j) * (piece.state.z[j] - double(field.functions[j].one) * step.center);
       }
-      add(*set, kappa * (at - target), target);
+      add(body.pin_sets[set], kappa * (at - target), target);
     };
     forEachSpring(body, piece, step, held, react);
   }
   if (pull.empty()) return;
-  for (const PinSet& set : body.pin_sets) {
+  for (PinSet& set : body.pin_sets) {
     if (!isDriven(piece, set)) continue;
     const Vector3d origin = asVector(set.at.position).cast<double>();
     Matrix3d rotation;
@@ -205,7 +206,7 @@ void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::s
       if (monomial == 0) {
         add(set, -pull[j], origin);
       } else {
-        const_cast<PinSet&>(set).torque_sum -= rotation.col(int(monomial) - 1).cross(pull[j]);
+        set.torque_sum -= rotation.col(int(monomial) - 1).cross(pull[j]);
       }
     }
   }

@@ -85,10 +85,9 @@ Vector3d restCenterOf(const Field& field) {
 /// The rotation that the piece has as a whole, to the digits of doubles.
 Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
   Matrix3d sum = Matrix3d::Zero();
-  const ConstCoefficientMap& at = z;
   const Vector3d rest_center = restCenterOf(field);
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    sum += Vector3d(at.row(j).transpose() - oneOf(field, j) * center) *
+    sum += Vector3d(z.row(j).transpose() - oneOf(field, j) * center) *
            (restOf(field, j) - oneOf(field, j) * rest_center).transpose();
   }
   const double scale = sum.cwiseAbs().maxCoeff();
@@ -117,10 +116,10 @@ class PieceStep {
     springs_ = hasSprings(body_, piece_);
     grounded_ = settings_.ground.enabled && !field_.points.empty();
     findMotion();
-    two_step_ = mayContinue() && piece_.state.touching.empty();
+    two_step_ = mayContinue();
     predict();
     findExternal();
-    if (two_step_ && contactsChange()) {
+    if (two_step_ && touches()) {
       two_step_ = false;
       predict();
       findExternal();
@@ -183,7 +182,7 @@ class PieceStep {
   bool mayContinue() const {
     const double before = piece_.state.h_before;
     if (!(before > 0) || h_ > kUnlike * before || before > kUnlike * h_) return false;
-    return h_ * rigid_.omega.norm() <= kLargeTurn && piece_.state.steady;
+    return h_ * rigid_.omega.norm() <= kLargeTurn;
   }
 
   Vector3d targetOf(std::uint32_t j) const {
@@ -212,6 +211,7 @@ class PieceStep {
       effective_h_ = h_ * (1 + ratio) / (1 + 2 * ratio);
     }
     const double air = std::exp(-double(settings_.damping) * h_);
+    const double air_before = std::exp(-double(settings_.damping) * h_before);
     const bool supported = springs_ || !piece_.state.touching.empty();
     const double turning = air * (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
     const Vector3d omega = rigid_.omega;
@@ -237,7 +237,6 @@ class PieceStep {
       center_ = rigid_.center + h_ * rigid_.velocity;
       rigid_velocity_ = rigid_.velocity + fall;
     } else {
-      const double air_before = std::exp(-double(settings_.damping) * h_before);
       rigid_velocity_ = air * (now * rigid_.velocity - before * air_before * velocity_before) + fall;
       center_ = now * rigid_.center - before * mean_before + effective_h_ * rigid_velocity_;
     }
@@ -257,7 +256,7 @@ class PieceStep {
         const Vector3d old = z_before.row(j).transpose() - one * mean_before;
         const Vector3d old_speed = v_before.row(j).transpose() - one * velocity_before - omega_before.cross(old);
         shape -= before * (turn_before * old);
-        speed -= before * std::exp(-rate * h_before) * (turn_before * old_speed);
+        speed -= before * air_before * std::exp(-rate * h_before) * (turn_before * old_speed);
       }
       speed *= kept;
       const Vector3d turned = turn * (shape + effective_h_ * speed);
@@ -308,16 +307,8 @@ class PieceStep {
     objective_.has_offset = true;
   }
 
-  /// Whether what would touch is not what touched.
-  bool contactsChange() const {
-    std::size_t known = 0;
-    const auto& touching = piece_.state.touching;
-    for (const Contact& contact : s_.contacts) {
-      const bool touched = known < touching.size() && touching[known].point == contact.point;
-      if (touched) ++known;
-      if (contact.gap < 0 && !touched) return true;
-    }
-    return known != touching.size();
+  bool touches() const {
+    return std::any_of(s_.contacts.begin(), s_.contacts.end(), [](const Contact& contact) { return contact.gap < 0; });
   }
 
   /// The factor of what the rest shape, turned along, makes of the system: kept while the step's length, the springs
@@ -421,7 +412,7 @@ class PieceStep {
       const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
       objective_.press(s_.d.data());
       value_ = minimize(objective_, 2 * settings_.iterations, value);
-      if (!piece_.state.elastic_known || !(value_.total > expected)) return;
+      if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
       std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
       objective_.press(s_.next.data());
       takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
@@ -432,7 +423,7 @@ class PieceStep {
     }
     // The old shape's energy is known.
     const double expected = piece_.state.elastic + objective_.besideElastic(s_.next.data(), nullptr);
-    if (!piece_.state.elastic_known || expected < value.total) {
+    if (piece_.state.elastic < 0 || expected < value.total) {
       const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (old.total < value.total) takeOld(old);
     }
@@ -450,27 +441,16 @@ class PieceStep {
       state.z[j] = s_.prediction[j] + moved;
       state.v[j] = s_.predicted_velocity[j] + moved / effective_h_;
     }
-    state.h_before = h_;
     state.turn = h_ * turning_;
     state.omega = rigid_.omega;
-    const std::size_t touched = state.touching.size();
-    bool steady = true;
-    if (grounded_) {
-      s_.touched_before.assign(state.touching);
-      rememberContacts(piece_, planeStep(), y(), center_, s_);
-      steady = state.touching.size() == touched;
-      for (std::size_t i = 0; steady && i < touched; ++i) {
-        steady = state.touching[i].point == s_.touched_before[i].point;
-      }
-    } else {
-      state.touching.clear();
-      steady = touched == 0;
-    }
-    state.steady = steady;
+    const bool touched = !state.touching.empty();
+    state.touching.clear();
+    if (grounded_) rememberContacts(piece_, planeStep(), y(), center_, s_);
+    // A two-step formula does not reach across contacts: it would gain energy where they come and go.
+    state.h_before = touched || !state.touching.empty() ? 0 : h_;
     // A contact may have stopped the piece and not touch any more.
-    const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && touched == 0;
+    const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && !touched;
     state.elastic = value_.elastic;
-    state.elastic_known = true;
     if (free) keepMomentum(z, v);
     keepEnergy(z, v, free);
     if (springs_ || field_.driven > 0) react();
@@ -603,7 +583,7 @@ void resizeState(Piece& piece) {
   for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
     array->resize(k);
   }
-  piece.springs_known = false;
+  piece.springs_firm = -1;
   piece.whole_h = 0;
 }
 
@@ -648,9 +628,7 @@ void restPiece(const Body& body, Piece& piece) {
   }
   state.h_before = 0;
   state.elastic = 0;
-  state.elastic_known = true;
   state.budget = 0;
-  state.steady = true;
   state.touching.clear();
 }
 
@@ -749,9 +727,8 @@ void project(Body& body) {
       for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;
     }
     state.h_before = 0;
-    state.elastic_known = false;
+    state.elastic = -1;
     state.budget = -1;
-    state.steady = true;
     state.touching.clear();
   }
   body.outdated = true;
@@ -768,7 +745,7 @@ bool chooseFields(Body& body) {
                                    [source](const PinSet& set) { return set.source == source; });
       }
     }
-    piece.springs_known = false;
+    piece.springs_firm = -1;
     piece.whole_h = 0;
     if (held == piece.state.held) continue;
     piece.state.held = held;

@@ -57,7 +57,7 @@ struct SavedCenter {
 
 /// A PieceState without its arrays, which follow: z, v, those of one step earlier, what touches.
 struct SavedPiece {
-  std::uint32_t held, functions, touching, steady;
+  std::uint32_t held, functions, touching, reserved;
   double h_before, elastic, budget;
   std::array<double, 3> turn, omega;
 };
@@ -164,7 +164,7 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
     const auto saved = reader.get<SavedPiece>();
     const internal::Field* field = saved.held != 0 ? piece.fixed : piece.free;
     if (field == nullptr || saved.functions != field->k || saved.touching > internal::kMostContacts || saved.held > 1 ||
-        saved.steady > 3 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
+        saved.reserved != 0 || !(saved.h_before >= 0 && std::isfinite(saved.h_before))) {
       return false;
     }
     const std::size_t size = pieceBytes(saved.functions, saved.touching);
@@ -173,15 +173,13 @@ bool readPieces(Body& body, std::span<const std::byte> bytes, bool only_check) {
     internal::PieceState& state = piece.state;
     if (!only_check) {
       state.held = saved.held != 0;
-      state.steady = (saved.steady & 1U) != 0;
       state.h_before = saved.h_before;
       state.elastic = saved.elastic;
-      state.elastic_known = (saved.steady & 2U) != 0;
       state.budget = saved.budget;
       state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
       state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
       state.touching.clear();
-      piece.springs_known = false;
+      piece.springs_firm = -1;
       piece.whole_h = 0;
     }
     for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
@@ -330,7 +328,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
     const SavedPiece saved = {state.held ? 1U : 0U,
                               std::uint32_t(state.z.size()),
                               std::uint32_t(state.touching.size()),
-                              (state.steady ? 1U : 0U) | (state.elastic_known ? 2U : 0U),
+                              0,
                               state.h_before,
                               state.elastic,
                               state.budget,
