@@ -282,7 +282,7 @@ TEST(StepsMeasure, ShapeIsWhatARigidMotionDoesNotExplain) {
   EXPECT_GT(shapeOf(body.package, mirrored).ratio(), 100);
 }
 
-TEST(StepsMeasure, BelowTheGroundIsSeenOfPhysicalAndDrawnVertices) {
+TEST(StepsMeasure, BelowTheGroundIsSeenOfWhatHangsElseOfPhysicalVertices) {
   const Hand body;
   GroundPlane ground;
   ground.offset = float(lowestAlong(body.positions, ground.normal));

@@ -68,6 +68,7 @@ void addStability(CLI::App& study, int& exit_code) {
 void addSteps(CLI::App& study, int& exit_code) {
   struct Command {
     StepsOptions options;
+    std::string solver = "coupled";
     std::vector<std::string> packages;
     std::uint32_t minutes = 0;
     bool quick = false, full = false, json = false, all = false;
@@ -86,6 +87,7 @@ void addSteps(CLI::App& study, int& exit_code) {
   verb->add_option("--only", command->options.only,
                    "Only cells whose description has all these words, as \"scene=stand place=1km\"")
       ->type_name("WORDS");
+  addSolverOption(*verb, command->solver);
   verb->add_option("--minutes", command->minutes, "Let bodies stand and hang for so long: speed and drift by minute")
       ->check(CLI::Range(1, 10000));
   verb->add_option("--threads", command->options.threads, "Threads; 0 = all")->check(CLI::Range(0, 1024));
@@ -103,6 +105,7 @@ void addSteps(CLI::App& study, int& exit_code) {
       bodies.push_back({std::filesystem::path(file).stem().string(), loadPackage(file)});
     }
     if (bodies.empty()) bodies = builtInStepsBodies();
+    for (StepsBody& body : bodies) body.solver = solverNamed(command->solver);
     progress.stage("steps");
     options.progress = [&](std::size_t done, std::size_t of) { progress.fraction(double(done) / double(of)); };
     bool passed = true, any = true;
@@ -315,6 +318,7 @@ double shareOf(const std::string& text) {
 void addAssets(CLI::App& study, int& exit_code) {
   struct Command {
     AssetsOptions options;
+    std::string solver = "coupled";
     std::vector<std::string> packages, scenes, targets;
     double young = 0, poisson = -1;
     bool json = false;
@@ -326,6 +330,7 @@ void addAssets(CLI::App& study, int& exit_code) {
       "percent of the way (not moving = 100), how soon at rest, at what cost");
   AssetsOptions& options = command->options;
   verb->add_option("packages", command->packages, "Packages to judge")->required();
+  addSolverOption(*verb, command->solver);
   verb->add_option("--scenes", command->scenes,
                    "Several with commas. hang: top tenth held; lean: lowest tenth held, gravity sideways; cantilever: "
                    "rear quarter held; press: top tenth moved down by 20 % of the height; twist: one end turned by 60 "
@@ -351,6 +356,7 @@ void addAssets(CLI::App& study, int& exit_code) {
   verb->add_flag("--json", command->json, "Print one JSON document (shares, not percents)");
   verb->callback([command, &exit_code] {
     AssetsOptions& chosen = command->options;
+    chosen.solver = solverNamed(command->solver);
     if (!command->scenes.empty()) chosen.scenes.clear();
     for (const std::string& name : command->scenes) chosen.scenes.push_back(*holdSceneOf(name));
     if (!command->targets.empty()) chosen.targets.clear();

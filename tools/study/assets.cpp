@@ -121,6 +121,7 @@ AssetsRow measureOne(const NamedAsset& asset, const PackageSolid& solid, const s
   PlayOptions play;
   play.rate_hz = options.rate_hz;
   play.seconds = options.seconds;
+  play.solver = options.solver;
   play.rest_speed = options.rest_speed * solid.diagonal;
   const PlayedShape played = playHeld(asset.asset, solid, held, reference, play);
   row.score = scoreOf(reference.compared, played.displacement, reference.displacement);

@@ -45,9 +45,10 @@ struct AssetsOptions {
   std::optional<double> young;    ///< Pa: in place of the package's own
   std::optional<double> poisson;  ///< in place of the package's own, 0..0.499
   std::uint32_t refinements = 0;  ///< how often the reference cuts every tetrahedron into eight, 0..2
-  double rate_hz = 60;            ///< steps a second
-  double seconds = 20;            ///< simulated at most
-  double rest_speed = 1e-5;       ///< rms speed of a body at rest, diagonals/s
+  Solver solver = Solver::coupled;
+  double rate_hz = 60;       ///< steps a second
+  double seconds = 20;       ///< simulated at most
+  double rest_speed = 1e-5;  ///< rms speed of a body at rest, diagonals/s
 };
 
 /// One package in one scene.

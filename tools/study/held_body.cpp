@@ -361,6 +361,7 @@ PlayedShape playHeld(const std::shared_ptr<const Asset>& asset, const PackageSol
   World world(settings);
   BodySettings body_settings;
   body_settings.package_pins = held.package_pins;
+  body_settings.solver = options.solver;
   const auto added = world.addBody(asset, body_settings);
   if (!added) refuse(added.reason());
   const BodyId body = *added;

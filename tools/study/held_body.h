@@ -106,7 +106,8 @@ struct PlayOptions {
   WorldSettings settings;  ///< gravity is the case's
   double rate_hz = 60;     ///< steps a second
   double seconds = 20;     ///< at most
-  double rest_speed = 0;   ///< m/s, root mean square over the compared vertices: slower for a tenth of a second is rest
+  Solver solver = Solver::coupled;
+  double rest_speed = 0;  ///< m/s, root mean square over the compared vertices: slower for a tenth of a second is rest
 };
 
 /// What the runtime did.

@@ -89,6 +89,7 @@ class CellRun {
       body_settings_.stiffness_scale = authored > 0 ? float(hz_ / authored) : 1;
     }
     body_settings_.package_pins = false;
+    body_settings_.solver = bodies[cell[0]].solver;
     prepare();
   }
 
