@@ -38,6 +38,10 @@ void takeLargest(Lanes& largest, const Lanes& values) {
   }
 }
 
+bool hasCluster(const BodyRange& body, std::uint32_t cluster) {
+  return cluster >= body.first_cluster && cluster - body.first_cluster < body.cluster_count;
+}
+
 /// A place that a field is evaluated at: PVTX (weight: mass) and FPNT (weight: area).
 struct Place {
   std::array<float, 3> at;
@@ -66,7 +70,8 @@ class FieldRules {
         return {kRuns[r].id, FieldFault::kWhole, "has elements of no field"};
       }
     }
-    return {};
+    if (checkFibres()) checkTethers();
+    return fault_;
   }
 
  private:
@@ -144,9 +149,9 @@ class FieldRules {
       const auto bad = [&](const char* what) {
         return refuse(section::field_functions, field().first_function + j, what);
       };
-      if ((negativeOrBeyond(function.stiffness) | negativeOrBeyond(function.damping_hz) | beyond(function.one) |
-           beyond(function.rest)) != 0) {
-        return bad("stiffness or damping_hz is negative, or a number is not finite or above 1e18");
+      if ((negativeOrBeyond(function.stiffness) | negativeOrBeyond(function.damping_hz) |
+           negativeOrBeyond(function.decay) | beyond(function.one) | beyond(function.rest)) != 0) {
+        return bad("stiffness, damping_hz or decay is negative, or a number is not finite or above 1e18");
       }
       if (j >= field().driven_count) {
         if (function.pin_set != kNone || function.monomial != 0) return bad("is not driven, but names what drives it");
@@ -178,6 +183,12 @@ class FieldRules {
                       "a volume, mu or lambda is negative, or a number is not finite or above 1e18");
       }
       for (const float volume : pack.volume) any = any || volume > 0;
+      const BodyRange& body = view_.bodies()[f.piece];
+      for (const std::uint32_t cluster : pack.cluster) {
+        if (cluster != kNone && (view_.mechanics().empty() || !hasCluster(body, cluster))) {
+          return refuse(section::field_packs, p, "names a cluster of another body, or one without mechanics");
+        }
+      }
       const std::size_t first = f.first_gradient + 3 * k * (p - f.first_pack);
       const Lanes* const gradients = view_.fieldGradients().data() + first;
       Lanes largest = {};
@@ -212,8 +223,9 @@ class FieldRules {
       }
       for (std::size_t l = 0; l < 8; ++l) {
         if (pack.volume[l] > 0) continue;
-        if (pack.mu[l] != 0 || pack.lambda[l] != 0 || pack.at[0][l] != 0 || pack.at[1][l] != 0 || pack.at[2][l] != 0) {
-          return refuse(section::field_packs, p, "a number that is not 0 in a sample without volume");
+        if (pack.mu[l] != 0 || pack.lambda[l] != 0 || pack.at[0][l] != 0 || pack.at[1][l] != 0 || pack.at[2][l] != 0 ||
+            pack.cluster[l] != kNone) {
+          return refuse(section::field_packs, p, "a number that is not 0, or a cluster, in a sample without volume");
         }
       }
     }
@@ -363,6 +375,98 @@ class FieldRules {
     return true;
   }
 
+  /// Fibres in the order of their fields and clusters. At rest a fibre is neither stretched nor turned: its values give
+  /// its direction.
+  bool checkFibres() {
+    std::size_t values = 0;
+    for (std::size_t i = 0; i < view_.fieldFibres().size(); ++i) {
+      const FieldFibre& fibre = view_.fieldFibres()[i];
+      const auto bad = [&](const char* what) { return refuse(section::field_fibres, i, what); };
+      if (fibre.field >= view_.fields().size()) return bad("names a field that is not there");
+      const Field& f = view_.fields()[fibre.field];
+      const BodyRange& body = view_.bodies()[f.piece];
+      if (view_.mechanics().empty() || !hasCluster(body, fibre.cluster) ||
+          view_.mechanics()[fibre.cluster].channel == kNone ||
+          view_.mechanics()[fibre.cluster].fibre == std::array<float, 3>{}) {
+        return bad("names a cluster of another body, or one without a fibre that something activates");
+      }
+      if (i > 0) {
+        const FieldFibre& last = view_.fieldFibres()[i - 1];
+        if (fibre.field < last.field || (fibre.field == last.field && fibre.cluster < last.cluster)) {
+          return bad("fibres are not ascending by field and cluster");
+        }
+      }
+      if (negativeOrBeyond(fibre.tension) != 0) return bad("tension is negative, not finite or above 1e18");
+      if (fibre.first_value != values || f.function_count > view_.fieldFibreValues().size() - values) {
+        return bad("its run of FFBV does not start where the one before ends, or reaches too far");
+      }
+      std::array<float, 4> sum = {};
+      for (std::size_t j = 0; j < f.function_count; ++j) {
+        const float value = view_.fieldFibreValues()[values + j];
+        const FieldFunction& function = view_.fieldFunctions()[f.first_function + j];
+        if (beyond(value) != 0) return bad("a value is not finite or above 1e18");
+        sum[3] += value * function.one * view_.info().diagonal;
+        for (std::size_t axis = 0; axis < 3; ++axis) sum[axis] += value * function.rest[axis];
+      }
+      const std::array<float, 3>& fibre_at_rest = view_.mechanics()[fibre.cluster].fibre;
+      unsigned off = unsigned(!(std::fabs(sum[3]) <= kTolerance));
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        off |= unsigned(!(std::fabs(sum[axis] - fibre_at_rest[axis]) <= kTolerance));
+      }
+      if (off != 0) return bad("its values do not give the cluster's fibre at rest");
+      values += f.function_count;
+    }
+    return values == view_.fieldFibreValues().size() ||
+           refuse(section::field_fibre_values, FieldFault::kWhole, "has elements of no fibre");
+  }
+
+  /// Tethers pull at nothing at rest, nor where all is moved or stretched alike. T = sum kappa r r^T: where its terms
+  /// cancel, as in a body that is symmetric, a value is rounding alone, so what a pull is measured by is the diagonal.
+  bool checkTethers() {
+    std::size_t values = 0;
+    for (std::size_t i = 0; i < view_.fieldTethers().size(); ++i) {
+      const FieldTethers& tethers = view_.fieldTethers()[i];
+      const auto bad = [&](const char* what) { return refuse(section::field_tethers, i, what); };
+      if (tethers.field >= view_.fields().size() || view_.fields()[tethers.field].held == 0 ||
+          (i > 0 && tethers.field <= view_.fieldTethers()[i - 1].field)) {
+        return bad("names a field that is not there, or not held, or fields are not ascending");
+      }
+      const Field& f = view_.fields()[tethers.field];
+      const std::size_t k = f.function_count;
+      if (tethers.first_value != values || k * k > view_.fieldTetherValues().size() - values) {
+        return bad("its run of FTHV does not start where the one before ends, or reaches too far");
+      }
+      const float* const t = view_.fieldTetherValues().data() + values;
+      const auto functions = view_.fieldFunctions().subspan(f.first_function, k);
+      roots_.resize(k);
+      for (std::size_t a = 0; a < k; ++a) {
+        for (std::size_t b = 0; b < k; ++b) {
+          if (beyond(t[k * a + b]) != 0 || t[k * a + b] != t[k * b + a])
+            return bad("a value is not finite, above 1e18 or not symmetric");
+        }
+        if (t[k * a + a] < 0) return bad("a value on the diagonal is negative");
+        roots_[a] = std::sqrt(double(t[k * a + a]));
+      }
+      for (std::size_t a = 0; a < k; ++a) {
+        std::array<double, 4> sum = {}, size = {};
+        for (std::size_t b = 0; b < k; ++b) {
+          const double value = double(t[k * a + b]), most = std::max(std::abs(value), roots_[a] * roots_[b]);
+          for (std::size_t n = 0; n < 4; ++n) {
+            const double of = double(n == 3 ? functions[b].one : functions[b].rest[n]);
+            sum[n] += value * of;
+            size[n] += most * std::abs(of);
+          }
+        }
+        for (std::size_t n = 0; n < 4; ++n) {
+          if (!(std::abs(sum[n]) <= double(kTolerance) * size[n])) return bad("its values pull at the rest shape");
+        }
+      }
+      values += k * k;
+    }
+    return values == view_.fieldTetherValues().size() ||
+           refuse(section::field_tether_values, FieldFault::kWhole, "has elements of no field");
+  }
+
   const PackageView& view_;
   FieldFault fault_;
   std::size_t index_ = 0;     // of the field
@@ -370,6 +474,7 @@ class FieldRules {
   std::array<std::uint64_t, 7> ends_ = {};
   std::span<const FieldFunction> functions_;
   std::vector<Lanes> norms_;
+  std::vector<double> roots_;  // of the diagonal of tethers
 };
 
 }  // namespace

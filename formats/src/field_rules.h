@@ -16,7 +16,7 @@ struct FieldFault {
   const char* what = nullptr;    ///< null: no fault
 };
 
-/// The first fault of FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV and FMOD (docs/package-format.md); one pass over each.
+/// The first fault of the sections of fields, FELD to FFBV (docs/package-format.md); one pass over each.
 /// \param view whose other sections, and presence, have been checked.
 [[nodiscard]] FieldFault findFieldFault(const PackageView& view);
 

@@ -226,7 +226,7 @@ class PackageReader {
       }
     }
     // What the first is about is in the second.
-    constexpr std::array<std::array<std::uint32_t, 2>, 20> kNeeds = {{
+    constexpr std::array<std::array<std::uint32_t, 2>, 24> kNeeds = {{
         {section::visual_normals, section::visual_positions},
         {section::visual_uv, section::visual_positions},
         {section::visual_colors, section::visual_positions},
@@ -247,6 +247,10 @@ class PackageReader {
         {section::barycentric, section::tetrahedra},
         {section::field_points, section::fields},
         {section::field_point_values, section::field_points},
+        {section::field_fibres, section::fields},
+        {section::field_fibre_values, section::field_fibres},
+        {section::field_tethers, section::fields},
+        {section::field_tether_values, section::field_tethers},
     }};
     for (const auto& [id, needed] : kNeeds) {
       if (has(id) && !has(needed)) {

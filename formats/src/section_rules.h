@@ -66,6 +66,10 @@ inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {
     {section::field_points, sizeof(FieldPoint), kSectionRequired, false, 0},
     {section::field_point_values, sizeof(Lanes), kSectionRequired, false, 0},
     {section::field_modes, sizeof(Lanes), kSectionRequired, false, kFeatureField},
+    {section::field_fibres, sizeof(FieldFibre), kSectionRequired, false, 0},
+    {section::field_fibre_values, sizeof(float), kSectionRequired, false, 0},
+    {section::field_tethers, sizeof(FieldTethers), kSectionRequired, false, 0},
+    {section::field_tether_values, sizeof(float), kSectionRequired, false, 0},
 }};
 
 inline constexpr std::uint64_t kKnownFeatures = [] {

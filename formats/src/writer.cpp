@@ -117,6 +117,14 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.field_point_values);
     case section::field_modes:
       return payload(content.field_modes);
+    case section::field_fibres:
+      return payload(content.field_fibres);
+    case section::field_fibre_values:
+      return payload(content.field_fibre_values);
+    case section::field_tethers:
+      return payload(content.field_tethers);
+    case section::field_tether_values:
+      return payload(content.field_tether_values);
     default:
       return {};
   }

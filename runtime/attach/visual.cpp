@@ -5,15 +5,15 @@
 #include <cmath>
 #include <limits>
 
+#include "runtime/attach/cluster_frames.h"
 #include "runtime/attach/visual_constants.h"
-#include "runtime/clusters/goal.h"
 #include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
 namespace {
 
 // Elements a job is worth: about ten microseconds each.
-constexpr std::uint32_t kVisualGrain = 4096, kPhysicalGrain = 1024;
+constexpr std::uint32_t kVisualGrain = 4096, kPhysicalGrain = 1024, kClusterGrain = 4;
 
 // The records of a package as kernels know them: same bytes, other names.
 static_assert(sizeof(BlendTerm) == sizeof(ClusterUse) && sizeof(BlendTerm) == sizeof(formats::ClusterAttachment));
@@ -34,35 +34,11 @@ OutputStream asOutput(const Stream& stream) {
   return {reinterpret_cast<std::byte*>(stream.data), stream.stride};
 }
 
-bool usable(const Vec3& x) { return stateIsUsable(x, {}); }
-
-// A slot some corner of which is lost: that corner counts as being where its clusters wanted it.
-SlotFrame mendedFrame(const Body& body, std::span<const Vec3> positions, const SlotCorners& corners) {
-  std::array<Vector3, 4> p;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const std::uint32_t vertex = corners.vertex[k];
-    p[k] = usable(positions[vertex]) ? Vector3(asVector(positions[vertex])) : body.blendedGoal(vertex);
-  }
-  SlotFrame frame = {};
-  for (std::size_t k = 0; k < 4; ++k) {
-    const Vector3 column = k < 3 ? Vector3(p[k] - p[3]) : p[3];
-    std::copy(column.data(), column.data() + 3, frame.column[k]);
-  }
-  return frame;
-}
-
 void fillFrames(const Body& body, std::span<const Vec3> positions, Array<SlotFrame>& frames, JobSystem* jobs) {
   const VisualConstants& visual = body.asset->visualConstants();
   frames.resize(visual.corners.size());
   parallel(jobs, std::uint32_t(frames.size()), kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {
-    if (kernels().attach.slot_frames(positions.data()->data(), visual.corners.data(), frames.data(), begin, end))
-      return;
-    for (std::uint32_t i = begin; i < end; ++i) {
-      const auto& corners = visual.corners[i].vertex;
-      if (!std::all_of(std::begin(corners), std::end(corners), [&](std::uint32_t v) { return usable(positions[v]); })) {
-        frames[i] = mendedFrame(body, positions, visual.corners[i]);
-      }
-    }
+    kernels().attach.slot_frames(positions.data()->data(), visual.corners.data(), frames.data(), begin, end);
   });
 }
 
@@ -81,28 +57,9 @@ const BlendRun* runsOf(const formats::PackageView& package) {
 
 }  // namespace
 
-Vector3 attachedPosition(const Body& body, std::uint32_t vertex, std::span<const Vec3> positions) {
-  const formats::PackageView& package = body.package();
-  if (!package.barycentric().empty()) {
-    const formats::BarycentricAttachment& attachment = package.barycentric()[vertex];
-    const auto& corners = package.tetrahedra()[attachment.tetrahedron].vertex;
-    const Vector3 last = asVector(positions[corners[3]]);
-    Vector3 offset = Vector3::Zero();
-    for (std::size_t k = 0; k < 3; ++k) offset += attachment.weight[k] * (asVector(positions[corners[k]]) - last);
-    return last + offset;
-  }
-  const formats::ClusterAttachmentRange range = package.clusterAttachmentRanges()[vertex];
-  Vector3 sum = Vector3::Zero();
-  for (const formats::ClusterAttachment& use : package.clusterAttachments().subspan(range.first, range.count)) {
-    addGoal(package.clusters()[use.cluster], body.rest().clusters[use.cluster], loadFrame(body.blocks, use.cluster),
-            package.visualPositions()[vertex], use.weight, sum);
-  }
-  return sum;
-}
-
 ClusterColumns clusterColumns(const Body& body, std::uint32_t index) {
   const formats::Cluster& cluster = body.package().clusters()[index];
-  const ClusterFrame frame = loadFrame(body.blocks, index);
+  const ClusterFrame frame = fitCluster(body.package(), body.rest(), body.positions(), index);
   ClusterColumns result = {};
   const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
   const int columns = quadratic ? 9 : 3;
@@ -121,9 +78,7 @@ void keepHistory(Body& body) {
   if (!body.settings.keep_previous) return;
   History& history = body.history;
   history.positions.resize(body.vertices().size());
-  for (std::uint32_t i = 0; i < history.positions.size(); ++i) {
-    history.positions[i] = usable(body.x[i]) ? body.x[i] : asArray(body.blendedGoal(i));
-  }
+  std::copy_n(body.x.begin(), history.positions.size(), history.positions.begin());
   if (body.package().visualPositions().empty() || hangsOnTetrahedra(body)) return;
   history.columns.resize(body.package().clusters().size());
   for (std::uint32_t c = 0; c < history.columns.size(); ++c) history.columns[c] = clusterColumns(body, c);
@@ -153,9 +108,8 @@ void VisualScratch::prepare(const Body& body, bool positions, bool previous, boo
   const formats::PackageView& package = body.package();
   const std::uint32_t vertex_count = std::uint32_t(package.physicalVertices().size());
   const bool tetrahedra = hangsOnTetrahedra(body), directions = normals || tangents;
-  const std::span<const Vec3> x(body.x.data(), vertex_count);
   if (tetrahedra && positions && !has_frames_) {
-    fillFrames(body, x, frames_, jobs);
+    fillFrames(body, body.positions(), frames_, jobs);
     has_frames_ = true;
   }
   if (tetrahedra && previous && !has_previous_) {
@@ -164,7 +118,9 @@ void VisualScratch::prepare(const Body& body, bool positions, bool previous, boo
   }
   if ((directions || !tetrahedra) && !has_columns_) {
     columns_.resize(package.clusters().size());
-    for (std::uint32_t c = 0; c < columns_.size(); ++c) columns_[c] = clusterColumns(body, c);
+    parallel(jobs, std::uint32_t(columns_.size()), kClusterGrain, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t c = begin; c < end; ++c) columns_[c] = clusterColumns(body, c);
+    });
     has_columns_ = true;
   }
   if (!tetrahedra) return;

@@ -13,9 +13,6 @@
 
 namespace sinew::internal {
 
-/// Position of a visual vertex, metres, world. \param positions of the physical vertices.
-Vector3 attachedPosition(const Body& body, std::uint32_t visual_vertex, std::span<const Vec3> positions);
-
 /// What outputs compute of one body before they write: one for a world, kept until a body moves or another is asked
 /// for.
 class VisualScratch {
@@ -48,7 +45,7 @@ void keepHistory(Body& body);
 /// A cluster's goal transform as the kernels want it.
 ClusterColumns clusterColumns(const Body& body, std::uint32_t cluster);
 
-/// Least and largest coordinates of the usable positions; false where there are none.
+/// Least and largest coordinates of the positions; false where there are none.
 bool boundsOf(std::span<const Vec3> positions, Bounds& result);
 
 }  // namespace sinew::internal

@@ -155,7 +155,6 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.damping = s.damping;
   result.deformation_damping_ratio = s.deformation_damping_ratio;
   result.support_damping = s.support_damping;
-  result.measure_phases = s.measure_phases ? 1 : 0;
   return result;
 }
 
@@ -169,7 +168,6 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.damping = s.damping;
   result.deformation_damping_ratio = s.deformation_damping_ratio;
   result.support_damping = s.support_damping;
-  result.measure_phases = s.measure_phases != 0;
 }
 
 sinew_body_settings fromCpp(const sinew::BodySettings& s) {
@@ -180,7 +178,7 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.stiffness_scale = s.stiffness_scale;
   result.keep_previous = s.keep_previous ? 1 : 0;
   result.package_pins = s.package_pins ? 1 : 0;
-  result.solver = std::uint32_t(s.solver);
+  result.solver = reinterpret_cast<const sinew_solver*>(s.solver);
   return result;
 }
 
@@ -191,7 +189,7 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.stiffness_scale = s.stiffness_scale;
   result.keep_previous = s.keep_previous != 0;
   result.package_pins = s.package_pins != 0;
-  result.solver = s.solver == 0 ? sinew::Solver::coupled : sinew::Solver::report;
+  result.solver = reinterpret_cast<const sinew::SolverFactory*>(s.solver);
   return result;
 }
 
@@ -472,15 +470,6 @@ sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_sett
 
 sinew_status sinew_world_step(sinew_world* world, float seconds) {
   return onWorld("sinew_world_step", world, true, [&](sinew::World& w) { w.step(seconds); });
-}
-
-sinew_status sinew_world_phase(const sinew_world* world, uint32_t index, const char** name, double* milliseconds) {
-  if (world == nullptr || name == nullptr || milliseconds == nullptr) return failNull("sinew_world_phase");
-  const auto phases = world->world->lastStepPhases();
-  if (index >= phases.size()) return fail(SINEW_ERROR_ARGUMENT, "sinew_world_phase: no such phase");
-  *name = phases[index].name;
-  *milliseconds = phases[index].milliseconds;
-  return SINEW_OK;
 }
 
 void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size) {

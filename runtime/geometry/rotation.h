@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// The proper rotation nearest to a 3x3 matrix, for every input (docs/method.md §3).
+// The proper rotation nearest to a 3x3 matrix, for every input (docs/report.md §3).
 #pragma once
 
 #include <Eigen/Core>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Deformed visual vertices (docs/method.md §7): positions, normals and tangents from barycentric attachments or from
+// Deformed visual vertices (docs/report.md §6): positions, normals and tangents from barycentric attachments or from
 // blended cluster transforms. Vectors are held as xyz and one unused lane, because that is how they are read and
 // written; only lengths are taken for four vertices at once.
 #pragma once
@@ -154,24 +154,18 @@ SINEW_INLINE void orthonormalizeQuad(Float4 (&t)[4], const Float4 (&n)[4]) {
   for (int k = 0; k < 4; ++k) t[k] = carefulTangent(t[k], n[k]);
 }
 
-/// Fills frames [begin, end) from positions (3 floats each). \return false where a position was not usable (not finite,
-/// or beyond 1e15 m).
-inline bool fillSlotFrames(const float* positions, const SlotCorners* corners, SlotFrame* frames, std::uint32_t begin,
+/// Fills frames [begin, end) from positions (3 floats each).
+inline void fillSlotFrames(const float* positions, const SlotCorners* corners, SlotFrame* frames, std::uint32_t begin,
                            std::uint32_t end) {
-  Int4 bad{};
-  const Float4 limit = splat4(1e15F);
   for (std::uint32_t i = begin; i < end; ++i) {
     const std::uint32_t* c = corners[i].vertex;
     const Float4 last = load3(positions + 3 * std::size_t(c[3]));
-    bad |= ~(absolute(last) <= limit);
     for (int k = 0; k < 3; ++k) {
       const Float4 p = load3(positions + 3 * std::size_t(c[k]));
-      bad |= ~(absolute(p) <= limit);
       store4(frames[i].column[k], p - last);
     }
     store4(frames[i].column[3], last);
   }
-  return !any(bad);
 }
 
 SINEW_INLINE Float4 attachedPoint(const AttachmentRecord& record, const SlotFrame* frames) {
@@ -217,7 +211,7 @@ struct Columns3 {
   Float4 x, y, z;
 };
 
-// d g / d X (eq. 13).
+// d g / d X (eq. 17).
 SINEW_INLINE Columns3 clusterSlope(const ClusterColumns& cluster, Float4 rest) {
   Columns3 g = {load4(cluster.column[1]), load4(cluster.column[2]), load4(cluster.column[3])};
   if (cluster.quadratic != 0) {

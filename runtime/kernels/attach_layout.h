@@ -26,7 +26,7 @@ struct alignas(64) SlotFrame {
 };
 
 /// The goal transform of a cluster as attachments use it: g = column[0] + Σ_k column[k] m_k(q) with q = (X - center) *
-/// inverse_radius and m the monomials of docs/method.md §1; columns 4.. count for quadratic clusters only.
+/// inverse_radius and m the monomials of docs/report.md §1; columns 4.. count for quadratic clusters only.
 struct ClusterColumns {
   float column[10][4];
   float center[3];
@@ -60,7 +60,7 @@ struct OutputStream {
 
 /// The attachment kernels of one instruction set; runtime/kernels/attach.h says what each does.
 struct AttachKernels {
-  bool (*slot_frames)(const float* positions, const SlotCorners* corners, SlotFrame* frames, std::uint32_t begin,
+  void (*slot_frames)(const float* positions, const SlotCorners* corners, SlotFrame* frames, std::uint32_t begin,
                       std::uint32_t end);
   void (*gradients)(const float* rest, const std::uint32_t* first_use, const BlendTerm* terms,
                     const ClusterColumns* clusters, PaddedMatrix* gradients, PaddedMatrix* cofactors,

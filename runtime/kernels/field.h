@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: MIT
 //
-// Kernels of fields: the corotated energy at samples and the values at places (docs/fields.md). For kernel files only,
+// Kernels of fields: the corotated energy at samples and the values at places (docs/method.md). For kernel files only,
 // see lanes.h.
 #pragma once
 
 #include "runtime/kernels/field_layout.h"
 #include "runtime/kernels/lanes.h"
 #include "runtime/kernels/rotation.h"
+#include "runtime/kernels/svd.h"
 
 namespace sinew::internal::SINEW_KERNELS {
 
 /// Below this determinant a sample counts as inverted when a step starts.
 inline constexpr float kInverted = 0.02F;
+/// Stiffness beyond a limit, of 2 mu + lambda.
+inline constexpr float kLimitStiffness = 10;
 
 /// Sum of eight lanes, in one order for all instruction sets.
 SINEW_INLINE float sumOfLanes(Float8 a) {
@@ -65,8 +68,60 @@ SINEW_INLINE Mat3Of<Float8> turnOf(const QuaternionOf<Float8>& q) {
   return r;
 }
 
+/// k |F - limited F|^2 of principal stretches, lengths and norms, with k = kLimitStiffness (2 mu + lambda).
+[[gnu::noinline]] static double addLimits(const SampleLimits& limits, const SamplePack& pack, float stiffness, Int8 on,
+                                          const Mat3Of<Float8>& f, Mat3Of<Float8>& p) {
+  const Float8 modulus = load8(pack.mu) + load8(pack.mu) + load8(pack.lambda);
+  const Float8 stiff = select(on, (2 * kLimitStiffness * stiffness) * load8(pack.volume) * modulus, Float8{});
+  const SvdOf<Float8> svd = rotationSvd(f);
+  const Float8 least = load8(limits.least), most = load8(limits.most);
+  const Vec3Of<Float8> beyond = {svd.sigma.x - clamped(svd.sigma.x, least, most),
+                                 svd.sigma.y - clamped(svd.sigma.y, least, most),
+                                 svd.sigma.z - clamped(svd.sigma.z, least, most)};
+  const Mat3Of<Float8> pull = compose(svd, stiff * beyond);
+  for (int i = 0; i < 9; ++i) p.m[i] += pull.m[i];
+  double energy = double(sumOfLanes(0.5F * stiff * dot(beyond, beyond)));
+  for (std::uint32_t l = 0; l < 8; ++l) {
+    if (!isSet(on, l)) continue;
+    float at[9], pulled[9] = {};
+    for (int i = 0; i < 9; ++i) at[i] = lane(f.m[i], l);
+    energy += double(addLengthLimits(limits, l, lane(stiff, l), at, pulled));
+    for (int i = 0; i < 9; ++i) setLane(p.m[i], l, lane(p.m[i], l) + pulled[i]);
+  }
+  return energy;
+}
+
+SINEW_INLINE Mat3Of<Float8> loadMatrix(const float* lanes) {
+  Mat3Of<Float8> m;
+  for (int i = 0; i < 9; ++i) m.m[i] = load8(lanes + 8 * i);
+  return m;
+}
+
+/// F S^-1 - 1 from F - 1 and S^-1 - 1.
+SINEW_INLINE Mat3Of<Float8> fromRestShape(const Mat3Of<Float8>& change, const Mat3Of<Float8>& rest_change) {
+  Mat3Of<Float8> result = change * rest_change;
+  for (int i = 0; i < 9; ++i) result.m[i] += change.m[i] + rest_change.m[i];
+  return result;
+}
+
+SINEW_INLINE void addTo(Mat3Of<Float8>& to, const Mat3Of<Float8>& m) {
+  for (int i = 0; i < 9; ++i) to.m[i] += m.m[i];
+}
+
+/// a b^T.
+SINEW_INLINE Mat3Of<Float8> timesTransposed(const Mat3Of<Float8>& a, const Mat3Of<Float8>& b) {
+  Mat3Of<Float8> result;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      result(row, column) = a(row, 0) * b(column, 0) + (a(row, 1) * b(column, 1) + a(row, 2) * b(column, 2));
+    }
+  }
+  return result;
+}
+
 /// Psi = mu |F - R|^2 + lambda / 2 tr^2(R^T F - 1), summed with the samples' volumes. \return the energy, J.
-/// F and R are 1 and a rest each, so that what is rounded is relative to the deformation.
+/// Where something is permanent F stands for F S^-1. F and R are 1 and a rest each, so that what is rounded is relative
+/// to the deformation.
 [[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
   const std::uint32_t k = a.functions;
   for (std::uint32_t i = 0; i < 3 * k; ++i) store8(a.lanes + 8 * i, Float8{});
@@ -75,7 +130,9 @@ SINEW_INLINE Mat3Of<Float8> turnOf(const QuaternionOf<Float8>& q) {
   for (std::uint32_t s = 0; s < a.pack_count; ++s) {
     const SamplePack& pack = a.packs[s];
     const float* const gradients = a.gradients + std::size_t(24) * k * s;
-    const Mat3Of<Float8> change = deformationGradient(k, gradients, a.coefficients);
+    Mat3Of<Float8> change = deformationGradient(k, gradients, a.coefficients);
+    const float* const rest_change = a.rest_change != nullptr ? a.rest_change + std::size_t(72) * s : nullptr;
+    if (rest_change != nullptr) change = fromRestShape(change, loadMatrix(rest_change));
     Mat3Of<Float8> f;
     for (int i = 0; i < 9; ++i) f.m[i] = change.m[i] + one.m[i];
     std::int32_t* const inverted = a.inverted + 8 * s;
@@ -98,10 +155,16 @@ SINEW_INLINE Mat3Of<Float8> turnOf(const QuaternionOf<Float8>& q) {
     }
     const Float8 volume = load8(pack.volume) * a.stiffness;
     const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * trace;
-    energy += double(sumOfLanes(mu * squaredNorm(strain) + 0.5F * (pressure * trace)));
+    const Float8 size2 = squaredNorm(strain);
+    energy += double(sumOfLanes(mu * size2 + 0.5F * (pressure * trace)));
     const Float8 twice = mu + mu;
     Mat3Of<Float8> p;
     for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + pressure * r.m[i];
+    if (a.limits != nullptr) {
+      const Int8 on = (size2 > load8(a.limits[s].reach)) & ~astray;
+      if (any(on)) energy += addLimits(a.limits[s], pack, a.stiffness, on, f, p);
+    }
+    if (rest_change != nullptr) addTo(p, timesTransposed(p, loadMatrix(rest_change)));
     addStress(k, gradients, p, a.lanes);
   }
   for (std::uint32_t j = 0; j < k; ++j) {

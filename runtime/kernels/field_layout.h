@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What the kernels of fields are called with (docs/fields.md). Plain structs: kernel files include nothing else.
+// What the kernels of fields are called with (docs/method.md). Plain structs: kernel files include nothing else.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,17 @@ namespace sinew::internal {
 /// Eight samples of the elastic energy: a FPAK record as kernels know it.
 struct SamplePack {
   float volume[8], mu[8], lambda[8], at[3][8];
+  std::uint32_t cluster[8];
+};
+
+/// What keeps eight samples from stretching too far (docs/method.md): bounds of principal stretches, of the lengths of
+/// the rest axes, and of the squared norm of F, which beyond `norm` is to be norm_limit - norm / |F|^2 (norm_limit -
+/// norm), or what a curve says. What a sample does not have is out of reach.
+struct SampleLimits {
+  float least[8], most[8], row[8], norm[8], norm_limit[8];
+  float reach[8];                 ///< of |F - R|^2: below, all is within the limits
+  const float* curve[8];          ///< pairs of squared norm and response, ascending; null without one
+  std::uint32_t curve_points[8];  ///< 2..
 };
 
 /// A sum over samples: the elastic energy of a piece at given coefficients, and its gradient.
@@ -17,14 +28,16 @@ struct FieldEnergyArguments {
   std::uint32_t functions;   ///< k
   std::uint32_t pack_count;  ///< of eight samples
   const SamplePack* packs;
-  const float* gradients;     ///< by pack and function: d phi / dX, dY, dZ of eight samples
-  float stiffness;            ///< factor on mu and lambda
-  const float* coefficients;  ///< k x 4: x y z 0, in the frame of the piece, less those of the rest shape
-  bool mark;                  ///< decide here which samples are inverted: until the next mark they take the frame
-  float* quaternions;         ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
-  std::int32_t* inverted;     ///< by pack 8, in and out: -1 or 0
-  float* lanes;               ///< scratch, k x 3 x 8
-  float* gradient;            ///< out, k x 4, in the frame of the piece
+  const float* gradients;      ///< by pack and function: d phi / dX, dY, dZ of eight samples
+  float stiffness;             ///< factor on mu and lambda
+  const float* coefficients;   ///< k x 4: x y z 0, in the frame of the piece, less those of the rest shape
+  bool mark;                   ///< decide here which samples are inverted: until the next mark they take the frame
+  float* quaternions;          ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
+  std::int32_t* inverted;      ///< by pack 8, in and out: -1 or 0
+  const float* rest_change;    ///< by pack 9 x 8: S^-1 - 1 of what is permanent, column by column; null: nothing is
+  const SampleLimits* limits;  ///< by pack; null: there are none
+  float* lanes;                ///< scratch, k x 3 x 8
+  float* gradient;             ///< out, k x 4, in the frame of the piece
 };
 
 /// Values of a field at blocks of eight places.

@@ -28,9 +28,9 @@ SINEW_INLINE F scaleOf(const Mat3Of<F>& a) {
   return scale;
 }
 
-// Turns columns p and q of b (and of v) until they are orthogonal (Hestenes 1958).
+// Turns columns p and q of b (and of v) until they are orthogonal (Hestenes 1958). A call, for the bytes of three.
 template <class F>
-SINEW_INLINE void orthogonalize(Mat3Of<F>& b, Mat3Of<F>& v, int p, int q) {
+[[gnu::noinline]] static void orthogonalize(Mat3Of<F>& b, Mat3Of<F>& v, int p, int q) {
   const F zero{}, one = splat<F>(1.0F), two = splat<F>(2.0F), least = splat<F>(1e-37F);
   F alpha = b(0, p) * b(0, p), beta = b(0, q) * b(0, q), gamma = b(0, p) * b(0, q);
   for (int i = 1; i < 3; ++i) {
@@ -57,7 +57,7 @@ SINEW_INLINE void orthogonalize(Mat3Of<F>& b, Mat3Of<F>& v, int p, int q) {
 
 // Swaps columns p and q where the second is longer; one of them changes sign, so that v stays a rotation.
 template <class F>
-SINEW_INLINE void sortColumns(Mat3Of<F>& b, Mat3Of<F>& v, F& length_p, F& length_q, int p, int q) {
+[[gnu::noinline]] static void sortColumns(Mat3Of<F>& b, Mat3Of<F>& v, F& length_p, F& length_q, int p, int q) {
   const F zero{};
   const auto swap = length_p < length_q;
   for (int i = 0; i < 3; ++i) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/field.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -31,9 +32,78 @@ void fillStiffness(const Field& field, float* to) {
   }
 }
 
+constexpr float kOutOfReach = 1e18F;
+
+/// What a cluster's CMEC record asks of a sample. |F - R| is the root of the sum of (stretch - 1)^2, so it tells how
+/// far all limits are at least.
+void setLimits(const formats::PackageView& package, const formats::ClusterMechanics& m, std::size_t lane,
+               SampleLimits& limits) {
+  float reach = std::sqrt(kOutOfReach);
+  switch (m.limit) {
+    case formats::LimitMethod::none:
+      return;
+    case formats::LimitMethod::principal:
+      limits.least[lane] = m.stretch_min;
+      limits.most[lane] = m.stretch_max;
+      reach = std::min(1 - m.stretch_min, m.stretch_max - 1);
+      break;
+    case formats::LimitMethod::rows:
+      limits.row[lane] = m.stretch_max;
+      reach = m.stretch_max - 1;
+      break;
+    case formats::LimitMethod::frobenius:
+    case formats::LimitMethod::frobenius_cheap:
+    case formats::LimitMethod::soft:
+      limits.norm[lane] = m.norm_max;
+      limits.norm_limit[lane] = m.limit == formats::LimitMethod::soft ? m.norm_limit : m.norm_max;
+      reach = std::sqrt(m.norm_max) - std::sqrt(3.0F);
+      break;
+    case formats::LimitMethod::curve: {
+      const auto curve = package.curvePoints().subspan(m.first_curve_point, m.curve_point_count);
+      limits.curve[lane] = &curve[0].norm;
+      limits.curve_points[lane] = m.curve_point_count;
+      reach = std::sqrt(curve[0].norm) - std::sqrt(3.0F);
+      break;
+    }
+  }
+  reach = std::max(0.0F, reach);
+  limits.reach[lane] = 0.999F * reach * reach;
+}
+
+/// \return whether some sample has limits.
+bool setLimits(const formats::PackageView& package, std::span<const formats::FieldPack> packs,
+               std::span<SampleLimits> limits) {
+  bool some = false;
+  for (std::size_t p = 0; p < packs.size(); ++p) {
+    limits[p] = {};
+    std::fill_n(limits[p].least, 8, -kOutOfReach);
+    for (float* const bound : {limits[p].most, limits[p].row, limits[p].norm, limits[p].norm_limit, limits[p].reach}) {
+      std::fill_n(bound, 8, kOutOfReach);
+    }
+    for (std::size_t lane = 0; lane < 8; ++lane) {
+      const std::uint32_t cluster = packs[p].cluster[lane];
+      if (cluster == formats::kNone || package.mechanics().empty()) continue;
+      setLimits(package, package.mechanics()[cluster], lane, limits[p]);
+      some = some || package.mechanics()[cluster].limit != formats::LimitMethod::none;
+    }
+  }
+  return some;
+}
+
+bool isPlastic(const formats::PackageView& package, std::span<const formats::FieldPack> packs) {
+  if (package.mechanics().empty()) return false;
+  for (const formats::FieldPack& pack : packs) {
+    for (const std::uint32_t cluster : pack.cluster) {
+      if (cluster != formats::kNone && package.mechanics()[cluster].plastic_creep > 0) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
-Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness) {
+Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,
+                        Array<SampleLimits>& limits) {
   std::size_t driven = 0, entries = 0;
   for (const formats::Field& record : package.fields()) {
     driven += record.driven_count;
@@ -44,6 +114,8 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
   float* next_stiffness = stiffness.data();
   driven_masses.resize(driven);
   double* next_mass = driven_masses.data();
+  limits.resize(package.fieldPacks().size());
+  bool limited = false;
   Array<Field> fields(package.fields().size());
   for (std::size_t i = 0; i < fields.size(); ++i) {
     const formats::Field& record = package.fields()[i];
@@ -61,6 +133,21 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     const auto packs = package.fieldPacks().subspan(record.first_pack, record.pack_count);
     field.packs = reinterpret_cast<const SamplePack*>(packs.data());
     field.pack_count = record.pack_count;
+    const auto own_limits = std::span(limits.data(), limits.size()).subspan(record.first_pack, record.pack_count);
+    if (setLimits(package, packs, own_limits)) field.limits = own_limits.data();
+    limited = limited || field.limits != nullptr;
+    field.plastic = isPlastic(package, packs);
+    for (const formats::FieldTethers& tethers : package.fieldTethers()) {
+      if (tethers.field == i) field.tethers = package.fieldTetherValues().data() + tethers.first_value;
+    }
+    const auto before = [](const formats::FieldFibre& fibre, std::size_t of) { return fibre.field < of; };
+    const auto fibres = package.fieldFibres();
+    const auto first = std::lower_bound(fibres.begin(), fibres.end(), i, before);
+    field.fibres = {first, std::lower_bound(first, fibres.end(), i + 1, before)};
+    if (!field.fibres.empty()) {
+      field.fibre_values =
+          package.fieldFibreValues().subspan(field.fibres[0].first_value, field.fibres.size() * field.k);
+    }
     field.gradients = package.fieldGradients().data()[record.first_gradient].data();
     field.values = package.fieldValues().data()[record.first_value].data();
     if (!field.points.empty()) field.point_values = package.fieldPointValues().data()[record.first_point_value].data();
@@ -93,6 +180,7 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     // Vertices count by their masses: those that only carry accessories have next to none.
     field.vertex_size = std::cbrt(volume * squared_masses) / std::cbrt(field.mass * field.mass);
   }
+  if (!limited) limits.clear();
   return fields;
 }
 

@@ -25,10 +25,15 @@ struct Field {
   std::span<const formats::FieldFunction> functions;
   std::span<const formats::FieldPoint> points;
   const SamplePack* packs = nullptr;
-  const float* gradients = nullptr;     ///< as FieldEnergyArguments wants them
-  const float* values = nullptr;        ///< by eight vertices
-  const float* point_values = nullptr;  ///< by eight points
-  const float* modes = nullptr;         ///< by eight modes: squared frequencies, then their 3 n coefficients
+  const float* gradients = nullptr;      ///< as FieldEnergyArguments wants them
+  const float* values = nullptr;         ///< by eight vertices
+  const float* point_values = nullptr;   ///< by eight points
+  const float* modes = nullptr;          ///< by eight modes: squared frequencies, then their 3 n coefficients
+  const SampleLimits* limits = nullptr;  ///< by pack; null where no sample has any
+  bool plastic = false;                  ///< some sample may change its rest shape
+  std::span<const formats::FieldFibre> fibres;
+  const float* tethers = nullptr;       ///< k x k, N/m: 1/2 sum T_ij z_i . z_j; null without
+  std::span<const float> fibre_values;  ///< k a fibre: its direction is their sum with the coefficients
   std::uint32_t pack_count = 0;
 
   const float* stiffness = nullptr;     ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole
@@ -47,9 +52,10 @@ struct Field {
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
 
-/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness what they point
-/// to.
-Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness);
+/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness, limits what
+/// they point to.
+Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,
+                        Array<SampleLimits>& limits);
 
 /// The field of a piece; null where there is none. \param held the one for its pin sets.
 const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held);

@@ -88,15 +88,24 @@ double Objective::external(const float* d, float* gradient) const {
   double total = 0;
   if (has_springs) {
     const float *const springs = scratch->springs.data(), *const residual = scratch->residual.data();
-    for (std::uint32_t j = field->driven; j < k; ++j) {
-      std::array<float, 4> pull = {};
+    // Four rows at once: a row alone waits for its own sums.
+    constexpr std::uint32_t kRows = 4;
+    for (std::uint32_t first = field->driven; first < k; first += kRows) {
+      const std::uint32_t count = std::min(kRows, k - first);
+      std::array<std::array<float, 4>, kRows> pull = {};
+      const float* row[kRows];
+      for (std::uint32_t r = 0; r < kRows; ++r) row[r] = springs + std::size_t(k) * (first + std::min(r, count - 1));
       for (std::uint32_t i = 0; i < k; ++i) {
-        const float s = springs[std::size_t(k) * j + i];
-        for (std::uint32_t c = 0; c < 4; ++c) pull[c] += s * d[4 * i + c];
+        for (std::uint32_t r = 0; r < kRows; ++r) {
+          for (std::uint32_t c = 0; c < 4; ++c) pull[r][c] += row[r][i] * d[4 * i + c];
+        }
       }
-      for (std::uint32_t c = 0; c < 3; ++c) {
-        total += double(d[4 * j + c]) * double(residual[4 * j + c] + 0.5F * pull[c]);
-        if (gradient != nullptr) gradient[4 * j + c] += residual[4 * j + c] + pull[c];
+      for (std::uint32_t r = 0; r < count; ++r) {
+        const std::uint32_t j = first + r;
+        for (std::uint32_t c = 0; c < 3; ++c) {
+          total += double(d[4 * j + c]) * double(residual[4 * j + c] + 0.5F * pull[r][c]);
+          if (gradient != nullptr) gradient[4 * j + c] += residual[4 * j + c] + pull[r][c];
+        }
       }
     }
   }
@@ -155,7 +164,7 @@ void Objective::setFrame(std::span<const Vector3d> x, const Vector3d& center, co
   }
 }
 
-double Objective::elastic(const float* d, float* gradient, bool mark) const {
+void Objective::toFrame(const float* d) const {
   const float* const r = rotation;
   float* const local = scratch->x.data();
   for (std::uint32_t j = 0; j < field->k; ++j) {
@@ -166,19 +175,48 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
     }
     local[4 * j + 3] = 0;
   }
+}
+
+// A constant tension T along a fibre: T |F d|, F the mean deformation gradient of its cluster.
+double Objective::fibres(const float* local, float* gradient) const {
+  double energy = 0;
+  for (std::size_t i = 0; i < tensions.size(); ++i) {
+    if (!(tensions[i] > 0)) continue;
+    const float* const values = field->fibre_values.data() + i * field->k;
+    std::array<float, 4> along = {};
+    for (std::uint32_t j = 0; j < field->k; ++j) {
+      const std::array<float, 3>& rest = field->functions[j].rest;
+      for (std::uint32_t c = 0; c < 3; ++c) along[c] += values[j] * (local[4 * j + c] + rest[c]);
+    }
+    const float length = std::sqrt(along[0] * along[0] + (along[1] * along[1] + along[2] * along[2]));
+    energy += double(tensions[i]) * double(length);
+    if (!(length > 0)) continue;
+    for (std::uint32_t j = 0; j < field->k; ++j) {
+      const float pull = tensions[i] * values[j] / length;
+      for (std::uint32_t c = 0; c < 3; ++c) gradient[4 * j + c] += pull * along[c];
+    }
+  }
+  return energy;
+}
+
+double Objective::elastic(const float* d, float* gradient, bool mark) const {
+  const float* const r = rotation;
+  toFrame(d);
   FieldEnergyArguments arguments = {};
   arguments.functions = field->k;
   arguments.pack_count = field->pack_count;
   arguments.packs = field->packs;
   arguments.gradients = field->gradients;
   arguments.stiffness = stiffness;
-  arguments.coefficients = local;
+  arguments.coefficients = scratch->x.data();
   arguments.mark = mark;
   arguments.quaternions = scratch->quaternions.data();
   arguments.inverted = scratch->inverted.data();
   arguments.lanes = scratch->lanes.data();
   arguments.gradient = gradient;
-  const double energy = kernels().field_energy(arguments);
+  arguments.rest_change = rest_change;
+  arguments.limits = field->limits;
+  const double energy = kernels().field_energy(arguments) + fibres(scratch->x.data(), gradient);
   for (std::uint32_t j = 0; j < field->k; ++j) {
     float* const row = gradient + 4 * j;
     const float pull[3] = {row[0], row[1], row[2]};

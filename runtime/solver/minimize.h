@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// One implicit step of a piece as a minimization (docs/fields.md): the inertia about a prediction, the elastic energy
+// One implicit step of a piece as a minimization (docs/method.md): the inertia about a prediction, the elastic energy
 // at samples, springs of pins and picks, and contacts with a plane, all functions of the same coefficients.
 #pragma once
 
@@ -48,6 +48,8 @@ struct Objective {
   const Field* field = nullptr;
   double h = 0;                        ///< of the inertia: the step, or 2/3 of it, s
   float stiffness = 1;                 ///< factor on the moduli
+  const float* rest_change = nullptr;  ///< Piece::rest_change, or null
+  std::span<const float> tensions;     ///< Piece::tensions
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
   float friction = 0;                  ///< Coulomb coefficient
@@ -66,7 +68,9 @@ struct Objective {
   };
   /// \param d offset from the prediction, k x 4. \param mark decides which samples are inverted.
   Value at(const float* d, float* gradient, bool mark) const;
-  /// The elastic energy and its gradient, at the driven functions as well.
+  /// Coefficients in the frame of the piece, less those of the rest shape, into scratch.x.
+  void toFrame(const float* d) const;
+  /// The elastic energy, that of fibres among it, and its gradient, at the driven functions as well.
   double elastic(const float* d, float* gradient, bool mark) const;
   /// Makes scratch.shape and the start of the search for rotations. \param x coefficients. \param center,
   /// rest_center of them and of the rest shape. \param turned the frame: a rotation to the digits of doubles.
@@ -76,6 +80,8 @@ struct Objective {
   double besideElastic(const float* d, float* gradient) const;
   /// What springs and contacts add of it, alone.
   double external(const float* d, float* gradient) const;
+  /// What active fibres add of the elastic energy. \param local coefficients as toFrame() makes them.
+  double fibres(const float* local, float* gradient) const;
   /// Normal forces of the contacts at d become what friction sees.
   void press(const float* d) const;
   /// A^-1 g in place, or the same of the rest shape.

@@ -26,7 +26,7 @@ struct TouchingPoint {
 /// All that the further motion of a piece depends on: this is saved.
 struct PieceState {
   explicit PieceState(std::pmr::memory_resource* memory)
-      : z(memory), v(memory), z_before(memory), v_before(memory), touching(memory) {}
+      : z(memory), v(memory), z_before(memory), v_before(memory), touching(memory), plastic(memory) {}
 
   bool held = false;                   ///< which of the piece's fields it moves in
   Array<Vector3d> z, v;                ///< coefficients of position (metres, world) and velocity
@@ -36,7 +36,8 @@ struct PieceState {
   Vector3d omega = Vector3d::Zero();   ///< angular velocity when it began, rad/s
   double elastic = -1;                 ///< energy that the shape stores, J; negative: not known
   Array<TouchingPoint> touching;
-  double budget = -1;  ///< what a free piece may have of energy about its centre, J; negative: what it has
+  Array<float> plastic;  ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
+  double budget = -1;    ///< what a free piece may have of energy about its centre, J; negative: what it has
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
@@ -45,6 +46,8 @@ struct Piece {
       : free(free_field),
         fixed(held_field),
         state(memory),
+        rest_change(memory),
+        tensions(memory),
         springs(memory),
         row(memory),
         whole(memory),
@@ -59,6 +62,9 @@ struct Piece {
   const Field* free;
   const Field* fixed;  ///< null where the package has none
   PieceState state;
+
+  Array<float> rest_change;  ///< of state.plastic, as the energy wants it
+  Array<float> tensions;     ///< of the field's fibres, J; empty: none is active
 
   Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
   double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew

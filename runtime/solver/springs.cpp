@@ -9,15 +9,22 @@ namespace {
 
 /// How far a piece's weight draws its pins from their targets at most where it is too soft to carry it, diagonals.
 constexpr double kSagging = 2e-3;
-/// Of E a: the local compliance that fields of about 32 functions lack where something holds them (docs/fields.md).
+/// Of E a: the local compliance that fields of about 32 functions lack where something holds them (docs/method.md).
 constexpr double kLocal = 0.4;
 
 bool isIn(const Field& field, std::uint32_t vertex) {
   return vertex >= field.first_vertex && vertex - field.first_vertex < field.vertex_count;
 }
 
-/// Whether the field itself holds the vertices of a set that weigh 1.
-bool isDriven(const Piece& piece, const PinSet& set) { return piece.state.held && set.source != formats::kNone; }
+/// Whether the field itself holds a set: its functions and tethers do.
+bool isDriven(const Piece& piece, const PinSet& set) {
+  if (!piece.state.held || set.source == formats::kNone) return false;
+  const Field& field = piece.field();
+  for (std::uint32_t j = 0; j < field.driven; j += 4) {
+    if (field.functions[j].pin_set == set.source) return true;
+  }
+  return false;
+}
 
 Vector3d placeOf(const RigidTransform& at, const Vec3& local) {
   Vector3d place;
@@ -83,7 +90,7 @@ std::size_t heldCount(const Body& body, const Piece& piece) {
   for (const Pin& pin : body.pins) count += isIn(field, pin.vertex) ? 1U : 0U;
   for (const PinSet& set : body.pin_sets) {
     for (const PinnedVertex& vertex : set.vertices) {
-      if (isIn(field, vertex.vertex) && !(isDriven(piece, set) && vertex.weight >= 1)) ++count;
+      if (isIn(field, vertex.vertex) && !isDriven(piece, set)) ++count;
     }
   }
   return count;
@@ -104,7 +111,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
     const PinSet& set = body.pin_sets[s];
     for (const PinnedVertex& vertex : set.vertices) {
-      if (!isIn(field, vertex.vertex) || (isDriven(piece, set) && vertex.weight >= 1)) continue;
+      if (!isIn(field, vertex.vertex) || isDriven(piece, set)) continue;
       visit(vertexRow(vertex.vertex), firm * double(vertex.weight), placeOf(set.at, vertex.local), s);
     }
   }
@@ -131,7 +138,19 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
 
 }  // namespace
 
+void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull) {
+  std::fill(pull.begin(), pull.end(), Vector3d::Zero());
+  if (field.tethers == nullptr) return;
+  // The matrix is symmetric: its row i is what coefficient i pulls.
+  for (std::uint32_t i = 0; i < field.k; ++i) {
+    const float* const row = field.tethers + std::size_t(field.k) * i;
+    const Vector3d arm = double(step.stiffness) * (z.row(i).transpose() - double(field.functions[i].one) * step.center);
+    for (std::size_t j = 0; j < pull.size(); ++j) pull[j] += double(row[j]) * arm;
+  }
+}
+
 bool hasSprings(const Body& body, const Piece& piece) {
+  if (piece.field().tethers != nullptr) return true;
   if (heldCount(body, piece) > 0) return true;
   for (const Pick& pick : body.picks) {
     if (isIn(piece.field(), rowOf(body, pick.visual_vertex).vertex[0])) return true;
@@ -149,9 +168,11 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   if (!made) {
     piece.springs.resize(std::size_t(k) * k);
     std::fill(piece.springs.begin(), piece.springs.end(), 0.0);
+    const std::size_t entries = field.tethers != nullptr ? std::size_t(k) * k : 0;
+    for (std::size_t i = 0; i < entries; ++i) piece.springs[i] = double(step.stiffness) * double(field.tethers[i]);
     piece.whole_h = 0;
   }
-  std::fill_n(scratch.external.begin(), k, Vector3d::Zero());
+  tetherPull(field, step, y, {scratch.external.data(), k});
   Array<double>& row = piece.row;
   row.resize(k);
   forEachSpring(body, piece, step, held, [&](const auto& phi, double kappa, const Vector3d& target, std::uint32_t) {

@@ -21,6 +21,9 @@ struct SpringStep {
 /// Whether a spring acts on the piece.
 bool hasSprings(const Body& body, const Piece& piece);
 
+/// What a field's tethers pull at its first functions, N: one for each of `pull`, at most k.
+void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull);
+
 /// Makes piece.springs where pins or picks have changed, and scratch.springs and scratch.residual for this step: the
 /// pull at the predicted coefficients. \param y predicted. \param velocity at the step's start, for the damping of
 /// picks.

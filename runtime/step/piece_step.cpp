@@ -6,13 +6,14 @@
 #include <cmath>
 
 #include "runtime/geometry/rotation.h"
+#include "runtime/solver/plasticity.h"
 #include "runtime/solver/springs.h"
 
 namespace sinew::internal {
 namespace {
 
 /// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
-/// energy (docs/fields.md).
+/// energy (docs/method.md).
 constexpr double kLargeTurn = 0.1;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
@@ -22,7 +23,7 @@ struct Rigid {
   Vector3d center = Vector3d::Zero(), velocity = Vector3d::Zero(), omega = Vector3d::Zero();
 };
 
-Matrix3d turnBy(const Vector3d& angle) {
+[[gnu::noinline]] Matrix3d turnBy(const Vector3d& angle) {
   const double length = angle.norm();
   return length > 0 ? Eigen::AngleAxisd(length, angle / length).toRotationMatrix() : Matrix3d::Identity();
 }
@@ -35,7 +36,7 @@ Vector3d restOf(const Field& field, std::uint32_t j) {
 }
 
 /// sum m x over the mass: exact where the field is orthonormal, the free one.
-Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
+[[gnu::noinline]] Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
   Vector3d sum = Vector3d::Zero();
   double mass = 0;
   for (std::uint32_t j = 0; j < field.k; ++j) {
@@ -45,8 +46,9 @@ Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
   return sum / mass;
 }
 
-Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const ConstCoefficientMap& v,
-                         const Vector3d& center, const Vector3d& velocity) {
+[[gnu::noinline]] Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z,
+                                           const ConstCoefficientMap& v, const Vector3d& center,
+                                           const Vector3d& velocity) {
   Vector3d sum = Vector3d::Zero();
   for (std::uint32_t j = 0; j < field.k; ++j) {
     const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
@@ -66,13 +68,13 @@ Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vecto
   return (trace * (1 + 1e-9)) * Matrix3d::Identity() - moment;
 }
 
-Vector3d solved(const Matrix3d& a, const Vector3d& b) {
+[[gnu::noinline]] Vector3d solved(const Matrix3d& a, const Vector3d& b) {
   const Matrix3d inverse = a.inverse();
   const Vector3d x = inverse * b;
   return x.allFinite() ? x : Vector3d::Zero();
 }
 
-Vector3d restCenterOf(const Field& field) {
+[[gnu::noinline]] Vector3d restCenterOf(const Field& field) {
   Vector3d center = Vector3d::Zero();
   double mass = 0;
   for (std::uint32_t j = 0; j < field.k; ++j) {
@@ -95,6 +97,11 @@ Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vect
   geometry::Quaternion q = geometry::kIdentityQuaternion;
   geometry::nearestRotation(Matrix3((sum / scale).cast<float>()), q);
   return Eigen::Quaterniond(double(q[0]), double(q[1]), double(q[2]), double(q[3])).normalized().toRotationMatrix();
+}
+
+void setMaterial(const Piece& piece, Objective& objective) {
+  if (!piece.rest_change.empty()) objective.rest_change = piece.rest_change.data();
+  objective.tensions = {piece.tensions.data(), piece.tensions.size()};
 }
 
 class PieceStep {
@@ -247,7 +254,8 @@ class PieceStep {
         s_.predicted_velocity[j] = (target - z.row(j).transpose()) / h_;
         continue;
       }
-      const double one = oneOf(field_, j), rate = damping * double(field_.functions[j].damping_hz);
+      const double one = oneOf(field_, j);
+      const double rate = damping * double(field_.functions[j].damping_hz) + double(field_.functions[j].decay);
       const double kept = air * std::exp(-rate * h_);
       const Vector3d arm = z.row(j).transpose() - one * rigid_.center;
       Vector3d shape = now * arm;
@@ -267,7 +275,7 @@ class PieceStep {
     setBase();
   }
 
-  void setBase() {
+  [[gnu::noinline]] void setBase() {
     for (std::uint32_t j = 0; j < k_; ++j) {
       const double one = oneOf(field_, j);
       for (std::uint32_t c = 0; c < 3; ++c) {
@@ -277,12 +285,13 @@ class PieceStep {
     }
   }
 
-  void findExternal() {
+  [[gnu::noinline]] void findExternal() {
     objective_ = {};
     objective_.field = &field_;
     objective_.h = effective_h_;
     objective_.stiffness = stiffness_;
     objective_.scratch = &s_;
+    setMaterial(piece_, objective_);
     s_.contacts.clear();
     if (grounded_) {
       objective_.friction = settings_.ground.friction;
@@ -290,7 +299,7 @@ class PieceStep {
       findContacts(piece_, planeStep(), y(), center_, scratch_.heights, s_);
     }
     objective_.has_springs = springs_;
-    if (springs_) prepareSprings(body_, piece_, springStep(), y(), s_);
+    if (springs_ && !s_.contacts.empty()) prepareSprings(body_, piece_, springStep(), y(), s_);  // else rebase() does
   }
 
   /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
@@ -309,6 +318,16 @@ class PieceStep {
 
   bool touches() const {
     return std::any_of(s_.contacts.begin(), s_.contacts.end(), [](const Contact& contact) { return contact.gap < 0; });
+  }
+
+  /// Whether all that push at the prediction touched at the end of the last step.
+  bool touchesAsBefore() const {
+    auto known = piece_.state.touching.begin();
+    const auto end = piece_.state.touching.end();
+    return std::all_of(s_.contacts.begin(), s_.contacts.end(), [&](const Contact& contact) {
+      while (known != end && known->point < contact.point) ++known;
+      return !(contact.gap < 0) || (known != end && known->point == contact.point);
+    });
   }
 
   /// The factor of what the rest shape, turned along, makes of the system: kept while the step's length, the springs
@@ -357,7 +376,7 @@ class PieceStep {
   }
 
   /// The factor of A = diag(1/h^2 + w) + springs + contacts.
-  void factorizeScalar(Objective& objective) const {
+  [[gnu::noinline]] void factorizeScalar(Objective& objective) const {
     const std::uint32_t driven = field_.driven, n = k_ - driven;
     double* const a = s_.factor.data();
     for (std::uint32_t i = 0; i < n; ++i) {
@@ -405,19 +424,22 @@ class PieceStep {
       std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
     };
     if (!s_.contacts.empty()) {
-      // What touches starts at y, where contacts push and A knows them: at the old place they may not push yet. The old
-      // place counts behind.
+      // What touches starts at y, where contacts push and A knows them: at the old place they may not push yet. Where
+      // all that push have touched before, as of what rests, the old place is as good a start, and most often the end.
       std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
       objective_.press(s_.old.data());
       const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
-      objective_.press(s_.d.data());
-      value_ = minimize(objective_, 2 * settings_.iterations, value);
-      if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
-      std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
-      objective_.press(s_.next.data());
+      const bool rests = piece_.state.elastic >= 0 && expected < value.total && touchesAsBefore();
+      if (!rests) {
+        objective_.press(s_.d.data());
+        value_ = minimize(objective_, 2 * settings_.iterations, value);
+        if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
+        std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
+        objective_.press(s_.next.data());
+        objective_.through_modes = false;
+        factorizeScalar(objective_);
+      }
       takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
-      objective_.through_modes = false;
-      factorizeScalar(objective_);
       value_ = minimize(objective_, 2 * settings_.iterations, value);
       return;
     }
@@ -454,6 +476,15 @@ class PieceStep {
     if (free) keepMomentum(z, v);
     keepEnergy(z, v, free);
     if (springs_ || field_.driven > 0) react();
+    if (field_.plastic) becomePermanent();
+  }
+
+  /// What is deformed beyond its yield stays so: the shape stores less then.
+  void becomePermanent() {
+    objective_.toFrame(s_.d.data());
+    if (!flow(body_.package(), field_, s_.x.data(), h_, piece_.state.plastic)) return;
+    invertPlasticity(piece_.state.plastic, piece_.rest_change);
+    piece_.state.elastic = -1;
   }
 
   /// The rigid motion that minimizing has lost is put back.
@@ -513,9 +544,10 @@ class PieceStep {
       // Elasticity pulls at the driven functions, and their own weight hangs on them.
       objective_.elastic(s_.d.data(), s_.next_gradient.data(), false);
       rows = field_.driven;
+      tetherPull(field_, springStep(), std::as_const(piece_).z(), {s_.external.data(), rows});
       for (std::uint32_t j = 0; j < rows; ++j) {
         const float* const g = s_.next_gradient.data() + 4 * j;
-        s_.external[j] = Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
+        s_.external[j] += Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
       }
     }
     addReactions(body_, piece_, springStep(), {s_.external.data(), rows});
@@ -541,7 +573,8 @@ class PieceStep {
   Objective::Value value_;
 };
 
-bool isUsable(const PieceState& state) {
+bool isUsable(const Piece& piece) {
+  const PieceState& state = piece.state;
   double largest = 0;
   bool finite = true;
   for (const Array<Vector3d>* array : {&state.z, &state.v}) {
@@ -550,7 +583,8 @@ bool isUsable(const PieceState& state) {
       largest = std::max(largest, row.cwiseAbs().maxCoeff());
     }
   }
-  return finite && largest < 1e20;
+  // Of one vertex of the piece's mass at 1e15 m.
+  return finite && largest < 1e15 * std::sqrt(piece.field().mass);
 }
 
 /// The four vertices that carry a rigid part: as their rest shape, turned and moved to where they are.
@@ -608,11 +642,11 @@ void stepPieces(Body& body, const WorldSettings& settings, double seconds, Piece
   body.repaired = 0;
   for (Piece& piece : body.pieces) {
     PieceStep(body, piece, settings, seconds, scratch).run();
-    if (isUsable(piece.state)) continue;
+    if (isUsable(piece)) continue;
     restPiece(body, piece);
     body.repaired += piece.field().vertex_count;
   }
-  body.outdated = body.frames_outdated = true;
+  body.outdated = true;
 }
 
 void restPiece(const Body& body, Piece& piece) {
@@ -627,9 +661,27 @@ void restPiece(const Body& body, Piece& piece) {
     state.v[j].setZero();
   }
   state.h_before = 0;
-  state.elastic = 0;
-  state.budget = 0;
+  state.elastic = state.budget = piece.tensions.empty() ? 0 : -1;
   state.touching.clear();
+  resetPlasticity(field, state.plastic);
+  invertPlasticity(state.plastic, piece.rest_change);
+}
+
+void updateFibres(Body& body, bool changed) {
+  const auto& activation = body.activation;
+  const float stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
+  const bool active = std::any_of(activation.begin(), activation.end(), [](float value) { return value > 0; });
+  for (Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    piece.tensions.resize(active ? field.fibres.size() : 0);
+    for (std::size_t i = 0; i < piece.tensions.size(); ++i) {
+      const formats::FieldFibre& fibre = field.fibres[i];
+      const std::uint32_t channel = body.package().mechanics()[fibre.cluster].channel;
+      piece.tensions[i] = stiffness * activation[channel] * fibre.tension;
+    }
+    if (field.fibres.empty() || !changed) continue;
+    piece.state.elastic = piece.state.budget = -1;
+  }
 }
 
 void refresh(Body& body) {
@@ -748,9 +800,13 @@ bool chooseFields(Body& body) {
     piece.springs_firm = -1;
     piece.whole_h = 0;
     if (held == piece.state.held) continue;
+    const Field& before = piece.field();
     piece.state.held = held;
+    movePlasticity(before, piece.field(), piece.state.plastic);
+    invertPlasticity(piece.state.plastic, piece.rest_change);
     changed = true;
   }
+  if (changed) updateFibres(body);
   return changed;
 }
 
@@ -774,6 +830,7 @@ double elasticEnergy(Body& body, PieceScratch& scratch) {
     objective.h = 1;
     objective.stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
     objective.scratch = &s;
+    setMaterial(piece, objective);
     s.contacts.clear();
     std::fill_n(s.d.begin(), 4 * field.k, 0.0F);
     objective.setFrame({piece.state.z.data(), field.k}, center, restCenterOf(field),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// One step of a piece: predict, solve, settle (docs/fields.md).
+// One step of a piece: predict, solve, settle (docs/method.md).
 #pragma once
 
 #include "runtime/contact/plane.h"
@@ -29,6 +29,9 @@ void refresh(Body& body);
 
 /// Coefficients that come nearest to the positions and velocities in Body::x and v.
 void project(Body& body);
+
+/// The tensions of fibres as the body's channels are activated. \param changed the shapes' energies are others now.
+void updateFibres(Body& body, bool changed = true);
 
 /// Chooses the field of each piece: the held one where all of the package's pin sets on it hold. \return whether one
 /// changed.

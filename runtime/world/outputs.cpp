@@ -28,14 +28,14 @@ bool isSound(const VisualOutput& output) {
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
-  const Body* body = impl_->drawn(id, "visualVertices");
+  const Body* body = impl_->seen(id, "visualVertices");
   if (body == nullptr) return;
   const VertexRun all = {0, std::uint32_t(body->package().visualPositions().size())};
   impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
 }
 
 void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
-  const Body* body = impl_->drawn(id, "visualSubMesh");
+  const Body* body = impl_->seen(id, "visualSubMesh");
   if (body == nullptr) return;
   if (sub_mesh >= body->package().subMeshes().size()) {
     impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
@@ -49,9 +49,7 @@ void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput&
 
 void World::Impl::liftFromGround(const Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const {
   const GroundPlane& ground = settings.ground;
-  bool touches = false;
-  for (const internal::Piece& piece : body.pieces) touches = touches || !piece.state.touching.empty();
-  if (!touches || !ground.enabled || out.data == nullptr) return;
+  if (!ground.enabled || out.data == nullptr || !body.solver->touchesGround()) return;
   const Vec3& n = ground.normal;
   const float deepest = kPressedIn * body.package().info().diagonal;
   for (const VertexRun& run : runs) {
@@ -95,7 +93,7 @@ Bounds World::physicalBounds(BodyId id) const {
 }
 
 Bounds World::visualBounds(BodyId id) const {
-  const Body* body = impl_->drawn(id, "visualBounds");
+  const Body* body = impl_->seen(id, "visualBounds");
   Bounds bounds;
   if (body == nullptr) return bounds;
   if (body->package().visualPositions().empty()) return physicalBounds(id);

@@ -8,9 +8,9 @@
 #include <cstdio>
 #include <vector>
 
-#include "runtime/clusters/pins.h"
+#include "runtime/attach/cluster_frames.h"
+#include "runtime/interact/pin_sets.h"
 #include "runtime/kernels/kernels.h"
-#include "runtime/step/piece_step.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -18,7 +18,6 @@ namespace sinew {
 using internal::asArray;
 using internal::asVector;
 using internal::Body;
-using internal::operator*;
 
 World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& resources)
     : settings(world_settings),
@@ -28,14 +27,6 @@ World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& res
       bodies(memory),
       step_scratch(memory),
       visual(memory) {}
-
-std::shared_ptr<internal::StiffnessSet> World::Impl::stiffnessOf(const Asset& asset, float scale) const {
-  for (const internal::BodyPointer& body : bodies) {
-    if (body->asset.get() == &asset && body->stiffness->scale == scale) return body->stiffness;
-  }
-  return std::allocate_shared<internal::StiffnessSet>(std::pmr::polymorphic_allocator<>(memory), asset.package(), scale,
-                                                      memory);
-}
 
 std::pair<Body*, std::size_t> World::Impl::locate(BodyId id) const {
   const auto comes_before = [](const internal::BodyPointer& body, std::uint32_t value) { return body->id < value; };
@@ -52,22 +43,13 @@ Body* World::Impl::find(BodyId id, const char* call) const {
 
 Body* World::Impl::seen(BodyId id, const char* call) const {
   Body* body = find(id, call);
-  if (body != nullptr) internal::refresh(*body);
-  return body;
-}
-
-Body* World::Impl::drawn(BodyId id, const char* call) {
-  Body* body = seen(id, call);
-  if (body == nullptr || !body->frames_outdated) return body;
-  body->frames_outdated = false;
-  body->matchPositions(step_scratch.passOf(*body));
+  if (body != nullptr) body->solver->refresh();
   return body;
 }
 
 void World::Impl::holdsChanged(Body& body) {
-  if (body.pieces.empty()) return;
-  internal::refresh(body);
-  if (internal::chooseFields(body)) internal::project(body);
+  body.solver->refresh();
+  body.solver->holdsChanged();
 }
 
 std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
@@ -219,25 +201,28 @@ const char* faultOf(const Asset* asset, const BodySettings& settings) {
   return nullptr;
 }
 
+const SolverFactory& solverOf(const BodySettings& settings) {
+  return settings.solver != nullptr ? *settings.solver : internal::coupledSolver();
+}
+
 }  // namespace
 
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
   if (const char* fault = faultOf(asset.get(), settings)) return Error{fault};
+  if (const char* fault = solverOf(settings).faultOf(*asset)) return Error{fault};
   return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
     // All that can fail comes before the body is in its place.
     std::pmr::memory_resource* memory = impl_->memory;
-    auto stiffness = impl_->stiffnessOf(*asset, settings.stiffness_scale);
     void* place = memory->allocate(sizeof(Body), alignof(Body));
     internal::BodyPointer body;
     try {
-      body = {new (place) Body(std::move(asset), settings, std::move(stiffness), memory),
-              internal::BodyRelease{memory}};
+      body = {new (place) Body(std::move(asset), settings, solverOf(settings), memory), internal::BodyRelease{memory}};
     } catch (...) {
       memory->deallocate(place, sizeof(Body), alignof(Body));
       throw;
     }
     internal::setPackagePins(*body, impl_->next_pin_set);
-    body->reset(impl_->step_scratch.passOf(*body));
+    body->reset();
     keepHistory(*body);
     body->id = impl_->next_body;
     impl_->bodies.push_back(std::move(body));
@@ -260,7 +245,7 @@ void World::resetBody(BodyId id) {
   // All that can fail comes first.
   impl_->guarded("resetBody", false, [&] {
     internal::setPackagePins(*body, impl_->next_pin_set);
-    body->reset(impl_->step_scratch.passOf(*body));
+    body->reset();
     keepHistory(*body);
     impl_->changed(*body);
     return true;
@@ -283,14 +268,10 @@ void World::step(float seconds) {
   impl_->visual.invalidate();
   impl_->guarded("step", false, [&] {
     for (const internal::BodyPointer& body : impl_->bodies) {
-      if (body->settings.keep_previous) impl_->drawn({body->id}, "step");
+      if (body->settings.keep_previous) body->solver->refresh();
       keepHistory(*body);
     }
-    internal::StepTimes times = {};
-    const bool measured = settings.settings.measure_phases;
-    internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds,
-                        measured ? &times : nullptr);
-    for (std::size_t k = 0; k < times.size(); ++k) impl_->phases[k].milliseconds = measured ? times[k] : 0;
+    internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds);
     return true;
   });
   for (const internal::BodyPointer& body : impl_->bodies) {
@@ -331,14 +312,11 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
   } else {
     std::copy(velocities.begin(), velocities.end(), body->v.begin());
   }
-  std::fill(body->force.begin(), body->force.end(), Vec3{});
-  for (internal::Pick& pick : body->picks) pick.force = {};
-  if (!body->pieces.empty()) {
-    internal::project(*body);
-    internal::refresh(*body);
-    body->frames_outdated = false;
+  if (const std::uint32_t lost = internal::replaceUnusable(*body); lost > 0) {
+    impl_->tell(LogSeverity::warning, "setState: body %u: the state of %u vert%s is not finite, or beyond 1e15 m",
+                id.value, lost, lost == 1 ? "ex" : "ices");
   }
-  body->matchPositions(impl_->step_scratch.passOf(*body));
+  body->solver->takeState();
   keepHistory(*body);
   impl_->changed(*body);
 }
@@ -365,9 +343,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
   impl_->guarded("pin", false, [&] {
     body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target});
     body->pinned[vertex] = 1;
-    body->force[vertex] = {};
     impl_->holdsChanged(*body);
-    impl_->growScratch();
     return true;
   });
 }
@@ -379,22 +355,16 @@ void World::unpin(BodyId id, std::uint32_t vertex) {
                                  [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   if (held == body->pins.end()) return;
   body->pins.erase(std::size_t(held - body->pins.begin()));
-  body->centers_known = false;  // while held they were those of the pins as well
   body->pinned[vertex] = 0;
-  body->force[vertex] = {};
   impl_->holdsChanged(*body);
 }
 
 void World::unpinAll(BodyId id) {
   Body* body = impl_->find(id, "unpinAll");
   if (body == nullptr) return;
-  for (const internal::Pin& pin : body->pins) {
-    body->pinned[pin.vertex] = 0;
-    body->force[pin.vertex] = {};
-  }
+  for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 0;
   body->pins.clear();
-  body->centers_known = false;
-  internal::refresh(*body);
+  body->solver->refresh();
   internal::removePinSets(*body);
   impl_->holdsChanged(*body);
 }
@@ -430,7 +400,6 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
     if (set.vertices.empty()) return impl_->refuse("addPinSet: no vertex with a pin weight above 0");
     internal::addPinSet(*body, std::move(set));
     impl_->holdsChanged(*body);
-    impl_->growScratch();
     return PinSetId{impl_->next_pin_set++};
   });
 }
@@ -451,12 +420,9 @@ void World::removePinSet(PinSetId id) {
     impl_->tell(LogSeverity::error, "removePinSet: there is no such pin set");
     return;
   }
-  impl_->guarded("removePinSet", false, [this, found = body, at = index] {
-    internal::refresh(*found);
-    internal::removePinSet(*found, at);
-    impl_->holdsChanged(*found);
-    return true;
-  });
+  body->solver->refresh();
+  internal::removePinSet(*body, index);
+  impl_->holdsChanged(*body);
 }
 
 PinSetId World::pinSet(BodyId id, std::string_view name) const {
@@ -502,9 +468,14 @@ PinReaction World::pinReaction(PinSetId id) const {
 
 bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
   Body* body = impl_->find(id);
-  if (body == nullptr || channel >= body->mechanics.activation.size()) return false;
-  body->mechanics.activate(body->package(), channel, value > 0 ? std::min(value, 1.0F) : 0.0F);
-  return true;
+  if (body == nullptr || channel >= body->activation.size()) return false;
+  const float wanted = value > 0 ? std::min(value, 1.0F) : 0.0F;
+  if (body->activation[channel] == wanted) return true;
+  return impl_->guarded("setActivation", false, [&] {
+    body->activation[channel] = wanted;
+    body->solver->activationChanged();
+    return true;
+  });
 }
 
 bool World::setActivation(BodyId id, std::string_view channel, float value) {
@@ -530,10 +501,9 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
   }
   return impl_->guarded("pick", PickId{}, [&] {
     const PickId pick{impl_->next_pick};
-    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), {}});
+    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F)});
     ++impl_->next_pick;
     impl_->holdsChanged(*body);
-    impl_->growScratch();
     return pick;
   });
 }
@@ -567,21 +537,12 @@ std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
 
 BodyEnergy World::energy(BodyId id) const {
   Body* body = impl_->seen(id, "energy");
-  BodyEnergy result;
-  if (body == nullptr) return result;
-  if (!body->pieces.empty()) {
-    result.kinetic = internal::kineticEnergy(*body);
-    impl_->guarded("energy", false, [&] {
-      internal::PieceScratch scratch(impl_->memory);
-      result.elastic = internal::elasticEnergy(*body, scratch);
-      return true;
-    });
-    return result;
-  }
-  for (std::uint32_t i = 0; i < body->vertexCount(); ++i) {
-    result.kinetic += 0.5 * double(body->vertices()[i].mass) * double(asVector(body->v[i]).squaredNorm());
-  }
-  return result;
+  if (body == nullptr) return {};
+  return impl_->guarded("energy", BodyEnergy{}, [&] {
+    internal::SolverScratch scratch(impl_->memory);
+    body->solver->reserve(scratch);
+    return body->solver->energy(scratch);
+  });
 }
 
 void World::shiftOrigin(Vec3 by) {
@@ -601,55 +562,19 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   translation = {};
   const Body* body = impl_->seen(id, "rigidMotion");
   if (body == nullptr) return;
-  double mass = 0, center[3] = {}, rest_center[3] = {};
-  const std::span<const formats::PhysicalVertex> vertices = body->vertices();
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    const double m = double(vertices[i].mass);
-    mass += m;
-    for (std::size_t k = 0; k < 3; ++k) {
-      center[k] += m * double(body->x[i][k]);
-      rest_center[k] += m * double(vertices[i].rest_position[k]);
-    }
-  }
-  for (int k = 0; k < 3; ++k) {
-    center[k] /= mass;
-    rest_center[k] /= mass;
-  }
-  double a_pq[3][3] = {}, scale = 0;
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    for (std::size_t row = 0; row < 3; ++row) {
-      const double p = double(vertices[i].mass) * (double(body->x[i][row]) - center[row]);
-      for (std::size_t column = 0; column < 3; ++column) {
-        a_pq[row][column] += p * (double(vertices[i].rest_position[column]) - rest_center[column]);
-      }
-    }
-  }
-  for (const auto& row : a_pq) {
-    for (const double entry : row) scale = std::max(scale, std::abs(entry));
-  }
-  if (scale > 0) {
-    internal::Matrix3 scaled;
-    for (int k = 0; k < 9; ++k) scaled(k / 3, k % 3) = float(a_pq[k / 3][k % 3] / scale);
-    const internal::Matrix3 r = geometry::nearestRotation(scaled);
-    for (int k = 0; k < 9; ++k) rotation[std::size_t(k)] = r(k / 3, k % 3);
-  }
-  for (std::size_t row = 0; row < 3; ++row) {
-    double turned = 0;
-    for (std::size_t column = 0; column < 3; ++column) {
-      turned += double(rotation[3 * row + column]) * rest_center[column];
-    }
-    translation[row] = float(center[row] - turned);
-  }
+  const RigidTransform motion = internal::rigidMotionOf(*body);
+  rotation = motion.rotation;
+  translation = motion.position;
 }
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
-  const Body* body = impl_->drawn(id, "clusterFrame");
+  const Body* body = impl_->seen(id, "clusterFrame");
   if (body == nullptr) return;
   if (cluster >= body->clusterCount()) {
     impl_->tell(LogSeverity::error, "clusterFrame: body %u has no cluster %u", id.value, cluster);
     return;
   }
-  const internal::ClusterFrame frame = internal::loadFrame(body->blocks, cluster);
+  const internal::ClusterFrame frame = internal::fitCluster(body->package(), body->rest(), body->positions(), cluster);
   center = asArray(frame.center);
   for (int k = 0; k < 9; ++k) linear[std::size_t(k)] = frame.f(k / 3, k % 3);
 }
@@ -660,12 +585,10 @@ Mat3 World::clusterRestShape(BodyId id, std::uint32_t cluster) const {
   if (body == nullptr) return result;
   if (cluster >= body->clusterCount()) {
     impl_->tell(LogSeverity::error, "clusterRestShape: body %u has no cluster %u", id.value, cluster);
-  } else if (!body->mechanics.shapes.empty()) {
-    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(result.data()) = body->mechanics.shapes[cluster].shape;
+  } else {
+    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(result.data()) = body->solver->restShape(cluster);
   }
   return result;
 }
-
-std::span<const World::Phase> World::lastStepPhases() const { return impl_->phases; }
 
 }  // namespace sinew

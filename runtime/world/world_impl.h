@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include <array>
 #include <memory>
 #include <memory_resource>
 #include <new>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "runtime/attach/visual.h"
+#include "runtime/solver/cluster_solver.h"
 #include "runtime/step/world_step.h"
 #include "runtime/world/body.h"
 #include "sinew/runtime/world.h"
@@ -34,19 +34,14 @@ struct SINEW_HIDDEN World::Impl {
 
   /// The same, with its positions and velocities up to date.
   internal::Body* seen(BodyId id, const char* call) const;
-  /// The same, with its clusters' frames as well.
-  internal::Body* drawn(BodyId id, const char* call);
   /// What holds or pulls a body has changed.
-  void holdsChanged(internal::Body& body);
+  static void holdsChanged(internal::Body& body);
 
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
 
   /// The same of a pin set.
   std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id) const;
-
-  /// The stiffness that bodies of an asset with the same scale share.
-  std::shared_ptr<internal::StiffnessSet> stiffnessOf(const Asset& asset, float scale) const;
 
   /// One line to the log sink, printf-style; no allocation.
   [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;
@@ -73,15 +68,6 @@ struct SINEW_HIDDEN World::Impl {
   void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
                    const VisualOutput& output) const;
 
-  /// After something was held or pulled: so that the next step finds its memory ready. Where there is none, that step
-  /// asks again, and tells.
-  void growScratch() noexcept {
-    try {
-      internal::growScratch(bodies, step_scratch, settings, jobs);
-    } catch (...) {
-    }
-  }
-
   /// To be called whenever a body changes.
   void changed(internal::Body&) { visual.invalidate(); }
 
@@ -92,8 +78,6 @@ struct SINEW_HIDDEN World::Impl {
   internal::BodyList bodies;
   std::uint32_t next_body = 0;  ///< ids are never used again
   internal::StepScratch step_scratch;
-  std::array<Phase, internal::kStepPhaseCount> phases = {
-      {{"predict", 0}, {"moments", 0}, {"rows", 0}, {"match", 0}, {"solve", 0}, {"goals", 0}, {"settle", 0}}};
   std::uint32_t next_pick = 0;
   std::uint32_t next_pin_set = 0;
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range

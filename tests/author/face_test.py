@@ -75,7 +75,9 @@ class Face(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.package = pathlib.Path(cls.folder.name) / "face.sinew"
-        run("bake", FACE / "recipe.json", "-o", cls.package)
+        report = pathlib.Path(cls.folder.name) / "report.json"
+        run("bake", FACE / "recipe.json", "-o", cls.package, "--report", report)
+        cls.report = json.loads(report.read_text())
         cls.about = json.loads(run("inspect", cls.package, "--json"))
         cls.origin = cls.about["origin"]
         cls.rest = cls.pose("rest", 0.05)
@@ -151,8 +153,12 @@ class Face(unittest.TestCase):
         self.assertEqual([f for f in findings if f["severity"] != "info"], [])
 
     def test_costs_little(self):
-        """A frame is one pass over the memberships: 0.3 ms of one core for these (README.md)."""
-        self.assertLess(self.about["memberships"], 30000)
+        """A frame costs what functions times samples cost: 0.2 ms of one core for these (README.md)."""
+        fields = self.report["fields"]
+        self.assertEqual(len(fields), 1)
+        self.assertLessEqual(fields[0]["held"]["functions"], 80)
+        self.assertLessEqual(fields[0]["held"]["samples"], 400)
+        self.assertLessEqual(fields[0]["free"]["functions"], 32)
         for scene in self.moved:
             self.assertEqual(json.loads((FACE / f"{scene}.json").read_text())["iterations"], 1)
 

@@ -7,7 +7,6 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "tests/benchmarks/eigen_reference.h"
 #include "tools/bench/bounds.h"
 #include "tools/bench/lattice.h"
 #include "tools/bench/timing.h"
@@ -15,17 +14,20 @@
 namespace sinew::tools {
 namespace {
 
-TEST(Lattice, HasTheSizesAskedFor) {
+TEST(Lattice, HasTheSizesAskedForAndFields) {
   LatticeOptions options;
-  options.points = {20, 25, 10};
-  options.boxes = {4, 8, 2};
+  options.points = {8, 9, 5};
+  options.boxes = {2, 3, 1};
+  options.memberships = 2;
   options.visual_vertices = 1000;
   const LatticeBody body = makeLattice(options);
-  EXPECT_EQ(body.vertices, 5000U);
-  EXPECT_EQ(body.clusters, 64U);
-  EXPECT_NEAR(body.membershipsPerVertex(), 2.5, 0.1);
+  EXPECT_EQ(body.vertices, 360U);
+  EXPECT_EQ(body.clusters, 6U);
+  EXPECT_NEAR(body.membershipsPerVertex(), 2, 0.3);
   EXPECT_EQ(body.asset->package().visualPositions().size(), 1000U);
-  EXPECT_EQ(body.asset->package().tetrahedra().size(), 19U * 24U * 9U * 5U);
+  EXPECT_EQ(body.asset->package().tetrahedra().size(), 7U * 8U * 4U * 5U);
+  ASSERT_EQ(body.asset->package().fields().size(), 1U);
+  EXPECT_EQ(body.asset->package().fields()[0].function_count, 32U);
 }
 
 TEST(Lattice, VisualVerticesLieWithinTheirTetrahedra) {
@@ -57,62 +59,6 @@ TEST(Lattice, ClustersWithoutOverlapHaveWholeBoxes) {
   const LatticeBody body = makeLattice(options);
   EXPECT_EQ(body.memberships, body.vertices);
   for (const formats::Cluster& cluster : body.asset->package().clusters()) EXPECT_EQ(cluster.member_count, 32U);
-}
-
-// The reference on a body that is only turned and moved: whatever the stiffness, each goal is the turned vertex.
-template <int N>
-void expectRigidMotionIsKept(formats::ClusterMode mode) {
-  LatticeOptions options;
-  options.points = {9, 8, 7};
-  options.boxes = {2, 2, 2};
-  options.mode = mode;
-  const LatticeBody body = makeLattice(options);
-  const Eigen::Matrix3f turn = Eigen::AngleAxisf(2.5F, Eigen::Vector3f(1, -2, 0.5F).normalized()).toRotationMatrix();
-  std::vector<Vec3> y, goals(body.vertices);
-  for (const formats::PhysicalVertex& vertex : body.asset->package().physicalVertices()) {
-    const Eigen::Vector3f x =
-        turn * Eigen::Map<const Eigen::Vector3f>(vertex.rest_position.data()) + Eigen::Vector3f(1, 2, 3);
-    y.push_back({x[0], x[1], x[2]});
-  }
-  for (const auto method : {benchmarks::RotationMethod::polar, benchmarks::RotationMethod::svd}) {
-    for (const float kept : {0.0F, 0.5F, 1.0F}) {
-      benchmarks::EigenReference<N> reference(body.asset->package(), kept);
-      reference.match(y, goals, method);
-      for (std::size_t v = 0; v < y.size(); ++v) {
-        for (std::size_t k = 0; k < 3; ++k) ASSERT_NEAR(goals[v][k], y[v][k], 1e-5F);
-      }
-    }
-  }
-}
-TEST(EigenReference, LinearKeepsRigidMotion) { expectRigidMotionIsKept<3>(formats::ClusterMode::linear); }
-TEST(EigenReference, QuadraticKeepsRigidMotion) { expectRigidMotionIsKept<9>(formats::ClusterMode::quadratic); }
-
-// A linear map of the whole body is what linear clusters that keep all of a deformation give back, whatever the
-// overlaps; a rigid one is not.
-TEST(EigenReference, LinearKeepsAffineMaps) {
-  LatticeOptions options;
-  options.points = {9, 8, 7};
-  options.boxes = {2, 2, 2};
-  options.mode = formats::ClusterMode::linear;
-  const LatticeBody body = makeLattice(options);
-  Eigen::Matrix3f map;
-  map << 1.2F, 0.1F, 0, -0.1F, 0.9F, 0.2F, 0.05F, 0, 1.1F;
-  std::vector<Vec3> y, goals(body.vertices);
-  for (const formats::PhysicalVertex& vertex : body.asset->package().physicalVertices()) {
-    const Eigen::Vector3f x = map * Eigen::Map<const Eigen::Vector3f>(vertex.rest_position.data());
-    y.push_back({x[0], x[1], x[2]});
-  }
-  const auto farthest = [&](float kept) {
-    benchmarks::EigenReference<3> reference(body.asset->package(), kept);
-    reference.match(y, goals);
-    float distance = 0;
-    for (std::size_t v = 0; v < y.size(); ++v) {
-      for (std::size_t k = 0; k < 3; ++k) distance = std::max(distance, std::abs(goals[v][k] - y[v][k]));
-    }
-    return distance;
-  };
-  EXPECT_LT(farthest(1), 1e-5F);
-  EXPECT_GT(farthest(0), 1e-2F);
 }
 
 TEST(Bounds, TheSlowerOfArithmeticAndTrafficDecides) {

@@ -1,23 +1,30 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs `sinew bench --quick --json` and checks all of it that does not depend on time: that every line is there, that the
-runtime's kernels agree with the Eigen reference, that threads and instruction sets do not change the state, that bounds
-and ratios are what they are said to be. Whether a figure meets its limit is for a quiet machine, never for a test."""
+"""Runs `sinew bench --quick --json` and checks all of it that does not depend on time: that every line is there, that
+threads and instruction sets do not change the state, that bounds and ratios are what they are said to be. Whether a figure meets its limit is for a quiet machine, never for a test."""
 import argparse
 import json
 import math
+import pathlib
 import subprocess
 import unittest
 
 SINEW = None
+MODELS = str(pathlib.Path(__file__).resolve().parents[1] / "assets" / "models")
 
-GROUPS = ("matching", "step", "output", "linearity", "threads", "determinism", "memory", "library", "open")
+GROUPS = ("step", "output", "linearity", "threads", "determinism", "memory", "library", "open")
+PLACES = ("in the air", "resting on the ground", "held by its pins, swinging")
 LINES = (
-    [("matching", f"{mode} n={n}") for mode in ("linear", "quadratic") for n in (8, 32, 64, 216)]
+    [("step", f"{mesh}, {place}") for mesh in ("spot", "head") for place in PLACES]
+    + [("step", f"{mesh}, {place}") for mesh in ("spot", "head")
+       for place in ("held by its pins, at rest", "falling onto the ground", "in the air, by the report's solver")]
+    + [("step", f"spot of 900 vertices, {place}") for place in PLACES]
+    + [("step", f"spot in {count} boxes, in the air") for count in (8, 27, 64)]
+    + [("step", "face, smiling")]
     + [("output", "positions"), ("output", "positions and normals")]
-    + [("linearity", f"exponent over {what}, {passes}") for what in ("vertices of a body", "bodies of 125 vertices")
-       for passes in ("4 iterations", "1 iteration")]
-    + [("linearity", "exponent over vertices of a body, of its bound")]
+    + [("linearity", f"exponent over bodies of 125 vertices, {passes}") for passes in ("4 iterations", "1 iteration")]
+    + [("threads", "10 bodies of 1000 vertices"), ("threads", "100 bodies of 1000 vertices"),
+       ("threads", "1000 bodies of 8 linear clusters, in the air")]
     + [("determinism", name) for name in ("1 thread", "2 threads", "3 threads", "8 threads", "instruction set sse42",
                                           "instruction set avx2", "instruction set avx512")]
     + [("memory", "an instance"), ("memory", "an instance, normals written"), ("memory", "scratch of a thread")]
@@ -27,7 +34,7 @@ LINES = (
 
 
 def run(*arguments):
-    return subprocess.run([SINEW, "bench", *arguments], capture_output=True, text=True, timeout=800)
+    return subprocess.run([SINEW, "bench", "--models", MODELS, *arguments], capture_output=True, text=True, timeout=800)
 
 
 class Bench(unittest.TestCase):
@@ -82,15 +89,6 @@ class Bench(unittest.TestCase):
                 if "bound" in line:
                     self.assertAlmostEqual(line["ratio_to_bound"], line["value"] / line["bound"], delta=1e-6 * line["ratio_to_bound"])
 
-    def test_kernels_agree_with_the_reference(self):
-        agreements = [line for (_, name), line in self.lines.items() if name.endswith("distance from the reference")]
-        # A world's step and at least one table of kernels, for each of eight shapes.
-        self.assertGreaterEqual(len(agreements), 16)
-        for line in agreements:
-            with self.subTest(name=line["name"]):
-                self.assertLess(line["value"], 2e-5)
-                self.assertTrue(line["passed"])
-
     def test_state_is_the_same_for_threads_and_instruction_sets(self):
         states = set()
         for (group, name), line in self.lines.items():
@@ -113,12 +111,26 @@ class Usage(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual({line["group"] for line in json.loads(result.stdout)["results"]}, {"open"})
 
+    def test_tables(self):
+        result = run("--quick", "--markdown", "--filter", "open")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        rows = [line.split("|") for line in result.stdout.splitlines()]
+        self.assertEqual([row[1].strip() for row in rows], ["open", "---", "open and check a package", "add an instance"])
+        self.assertEqual({len(row) for row in rows}, {7})
+
+    def test_without_meshes(self):
+        result = subprocess.run([SINEW, "bench", "--quick", "--json", "--filter", "step"], capture_output=True, text=True,
+                                timeout=800, cwd="/")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        for line in json.loads(result.stdout)["results"]:
+            self.assertIsNone(line["value"])
+
     def test_unknown_group_is_one_clear_line(self):
         result = run("--filter", "nothing")
         self.assertEqual(result.returncode, 2)
         self.assertEqual(result.stdout, "")
         self.assertEqual(len(result.stderr.strip().splitlines()), 1)
-        self.assertIn("matching", result.stderr)
+        self.assertIn("determinism", result.stderr)
 
     def test_a_library_that_is_not_there(self):
         result = run("--quick", "--json", "--filter", "library", "--library", "no_such_file.so")

@@ -7,50 +7,11 @@
 #include <BulletSoftBody/btSoftRigidDynamicsWorld.h>
 #include <btBulletDynamicsCommon.h>
 
-#include <array>
+#include <algorithm>
 #include <cmath>
-#include <map>
 #include <vector>
 
 namespace sinew::benchmarks {
-namespace {
-
-constexpr btScalar kSize = 10;  // of the block, Bullet's units; its demonstrations use such sizes
-constexpr btScalar kMatching = 0.05F;
-
-// The surface of a block, each point once.
-void blockSurface(std::uint32_t points, std::vector<btScalar>& vertices, std::vector<int>& triangles) {
-  const int last = int(points) - 1;
-  std::map<std::array<int, 3>, int> numbers;
-  const auto number = [&](const std::array<int, 3>& at) {
-    const auto [place, added] = numbers.try_emplace(at, int(vertices.size() / 3));
-    if (added) {
-      for (const int k : at) vertices.push_back(kSize * (btScalar(k) / btScalar(last) - btScalar(0.5)));
-    }
-    return place->second;
-  };
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    for (const int side : {0, last}) {
-      for (int j = 0; j < last; ++j) {
-        for (int i = 0; i < last; ++i) {
-          const auto corner = [&](int di, int dj) {
-            std::array<int, 3> at{};
-            at[axis] = side;
-            at[(axis + 1) % 3] = i + di;
-            at[(axis + 2) % 3] = j + dj;
-            return number(at);
-          };
-          const std::array<int, 4> c = {corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)};
-          const std::array<int, 6> faces = side == 0 ? std::array<int, 6>{c[0], c[2], c[1], c[0], c[3], c[2]}
-                                                     : std::array<int, 6>{c[0], c[1], c[2], c[0], c[2], c[3]};
-          triangles.insert(triangles.end(), faces.begin(), faces.end());
-        }
-      }
-    }
-  }
-}
-
-}  // namespace
 
 struct BulletSoftBody::Impl {
   btSoftBodyRigidBodyCollisionConfiguration configuration;
@@ -58,51 +19,59 @@ struct BulletSoftBody::Impl {
   btDbvtBroadphase broadphase;
   btSequentialImpulseConstraintSolver solver;
   btSoftRigidDynamicsWorld world{&dispatcher, &broadphase, &solver, &configuration};
+  std::unique_ptr<btStaticPlaneShape> plane;
+  std::unique_ptr<btRigidBody> ground;
   btSoftBody* body = nullptr;  // owned by the world until the destructor
   std::vector<btVector3> start;
-  bool moving = true;
+  btScalar size = 0;
+  bool moving = false;
 };
 
-BulletSoftBody::BulletSoftBody(std::uint32_t points, std::uint32_t clusters, bool moving)
+BulletSoftBody::BulletSoftBody(std::span<const float> vertices, std::span<const int> triangles, const Scene& scene)
     : impl_(std::make_unique<Impl>()) {
-  impl_->moving = moving;
-  std::vector<btScalar> vertices;
-  std::vector<int> triangles;
-  blockSurface(points, vertices, triangles);
+  impl_->moving = scene.moving;
+  const std::vector<btScalar> points(vertices.begin(), vertices.end());
   btSoftRigidDynamicsWorld& world = impl_->world;
-  world.setGravity(btVector3(0, moving ? -10 : 0, 0));
+  world.setGravity(btVector3(0, btScalar(-9.81), 0));
   world.getWorldInfo().m_gravity = world.getGravity();
   world.getWorldInfo().m_sparsesdf.Initialize();
-  btSoftBody* body = btSoftBodyHelpers::CreateFromTriMesh(world.getWorldInfo(), vertices.data(), triangles.data(),
-                                                          int(triangles.size() / 3), false);
-  body->m_cfg.piterations = 1;
-  body->m_cfg.collisions = btSoftBody::fCollision::CL_SS + btSoftBody::fCollision::CL_RS;
-  body->setTotalMass(btScalar(vertices.size() / 3));
-  body->generateClusters(int(clusters));
-  for (int c = 0; c < body->m_clusters.size(); ++c) {
-    // The master cluster is the one that collides with nothing.
-    body->m_clusters[c]->m_matching = body->m_clusters[c]->m_collide ? kMatching : 0;
+  btSoftBody* body = btSoftBodyHelpers::CreateFromTriMesh(world.getWorldInfo(), points.data(), triangles.data(),
+                                                          int(triangles.size() / 3));
+  body->setTotalMass(btScalar(scene.total_mass));
+  for (std::size_t i = 0; i < scene.held.size(); ++i) {
+    if (scene.held[i] != 0) body->setMass(int(i), 0);
   }
-  body->getCollisionShape()->setMargin(btScalar(0.01));
   body->setActivationState(DISABLE_DEACTIVATION);
   world.addSoftBody(body);
-  for (int i = 0; i < body->m_nodes.size(); ++i) impl_->start.push_back(body->m_nodes[i].m_x);
+  btVector3 low(1e30F, 1e30F, 1e30F), high = -low;
+  for (int i = 0; i < body->m_nodes.size(); ++i) {
+    impl_->start.push_back(body->m_nodes[i].m_x);
+    low.setMin(body->m_nodes[i].m_x);
+    high.setMax(body->m_nodes[i].m_x);
+  }
+  impl_->size = (high - low).length();
+  if (scene.ground) {
+    const btScalar level = low.y() - body->getCollisionShape()->getMargin();
+    impl_->plane = std::make_unique<btStaticPlaneShape>(btVector3(0, 1, 0), level);
+    impl_->ground =
+        std::make_unique<btRigidBody>(btRigidBody::btRigidBodyConstructionInfo(0, nullptr, impl_->plane.get()));
+    world.addRigidBody(impl_->ground.get());
+  }
   impl_->body = body;
   restart();
 }
 
 BulletSoftBody::~BulletSoftBody() {
   impl_->world.removeSoftBody(impl_->body);
+  if (impl_->ground) impl_->world.removeRigidBody(impl_->ground.get());
   delete impl_->body;
 }
 
 void BulletSoftBody::restart() {
   const btVector3 spin = impl_->moving ? btVector3(1, -2, 3) : btVector3(0, 0, 0);
-  const btScalar bend = impl_->moving ? btScalar(0.01) : btScalar(0);
   for (int i = 0; i < impl_->body->m_nodes.size(); ++i) {
     btSoftBody::Node& node = impl_->body->m_nodes[i];
-    const btVector3& rest = impl_->start[std::size_t(i)];
-    node.m_x = node.m_q = rest + btVector3(0, bend * rest.x() * rest.x(), 0);
+    node.m_x = node.m_q = impl_->start[std::size_t(i)];
     node.m_v = spin.cross(node.m_x);
   }
 }
@@ -115,18 +84,14 @@ bool BulletSoftBody::isSound() const {
   for (int i = 0; i < count; ++i) middle += impl_->body->m_nodes[i].m_x / btScalar(count);
   for (int i = 0; i < count; ++i) {
     const btScalar away = (impl_->body->m_nodes[i].m_x - middle).length();
-    if (!(std::isfinite(away) && away < 4 * kSize)) return false;
+    if (!(std::isfinite(away) && away < 10 * impl_->size)) return false;
   }
   return true;
 }
 
 std::uint32_t BulletSoftBody::vertices() const { return std::uint32_t(impl_->body->m_nodes.size()); }
 
-std::uint32_t BulletSoftBody::memberships() const {
-  int sum = 0;
-  for (int c = 0; c < impl_->body->m_clusters.size(); ++c) sum += impl_->body->m_clusters[c]->m_nodes.size();
-  return std::uint32_t(sum);
-}
+std::uint32_t BulletSoftBody::links() const { return std::uint32_t(impl_->body->m_links.size()); }
 
 std::string BulletSoftBody::version() {
   return std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100);

@@ -3,19 +3,23 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 
 namespace sinew::benchmarks {
 
-/// A cluster soft body of the Bullet physics library: the closed surface of a block, without contacts. Made as Bullet's
-/// own demonstrations make theirs: links along the edges, generateClusters(), one solver iteration; but every cluster
-/// matches, as ours do, and the master cluster, which holds the whole body, does not: Bullet's polar decomposition
-/// fails on the moments of large ones.
+/// A soft body of the Bullet physics library on a triangle mesh, as Bullet ships it: CreateFromTriMesh, a link along
+/// every edge, its default configuration. Only sleeping is off, so that there is something to time.
 class BulletSoftBody {
  public:
-  /// \param points along each edge of the block, >= 2: 6 (points - 1)^2 + 2 vertices. \param clusters asked for.
-  /// \param moving it falls, turns and swings; else it floats at rest, which spares Bullet the care of its trees.
-  BulletSoftBody(std::uint32_t points, std::uint32_t clusters, bool moving);
+  struct Scene {
+    bool ground = false;                 ///< a static plane right below the body
+    std::span<const std::uint8_t> held;  ///< one a vertex, not 0: its mass is infinite; empty: none
+    bool moving = false;                 ///< it starts turning
+    float total_mass = 1;                ///< kg
+  };
+  /// \param vertices x, y, z each. \param triangles three indices each.
+  BulletSoftBody(std::span<const float> vertices, std::span<const int> triangles, const Scene& scene);
   ~BulletSoftBody();
   BulletSoftBody(const BulletSoftBody&) = delete;
   BulletSoftBody& operator=(const BulletSoftBody&) = delete;
@@ -24,11 +28,11 @@ class BulletSoftBody {
   void restart();
   /// Advances by 1/60 s.
   void step();
-  /// Whether every position is finite and within four times the block's size of the body's middle.
+  /// Whether every position is finite and within ten times the body's size of its middle.
   bool isSound() const;
 
   std::uint32_t vertices() const;
-  std::uint32_t memberships() const;  ///< of all clusters, the master's included
+  std::uint32_t links() const;
   static std::string version();
 
  private:

@@ -185,8 +185,6 @@ static void testMotion(const sinew_asset* asset) {
   const float identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, up[3] = {0, 3, 0}, target[3] = {1, 2, 0};
   size_t size = 0, written = 0, floats;
   unsigned char* saved;
-  const char* name;
-  double milliseconds;
 
   info.struct_size = sizeof info;
   CHECK_OK(sinew_asset_get_info(asset, &info));
@@ -249,9 +247,14 @@ static void testMotion(const sinew_asset* asset) {
   }
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_step(world, -1));
   CHECK(log.errors > 0);
-  CHECK_OK(sinew_world_phase(world, 0, &name, &milliseconds));
-  CHECK(strlen(name) > 0 && milliseconds >= 0);
-  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_phase(world, 100, &name, &milliseconds));
+
+  /* The report's scheme, which this program links. */
+  sinew_body_settings_init(&placement, sizeof placement);
+  CHECK(placement.solver == NULL);
+  placement.solver = sinew_report_solver();
+  CHECK_OK(sinew_body_add(world, asset, &placement, &other));
+  CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  CHECK_OK(sinew_body_remove(world, other));
 
   /* Saved, gone on, restored, gone on: the same bits. */
   floats = 3 * (size_t)info.physical_vertices;
@@ -326,13 +329,19 @@ static void testMotion(const sinew_asset* asset) {
   CHECK_OK(sinew_body_set_state(world, body, state, state, info.physical_vertices));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_set_state(world, body, state, NULL, info.physical_vertices - 1));
   CHECK_OK(sinew_body_velocities(world, body, &v, &count));
-  CHECK(memcmp(v, state, floats * sizeof(float)) == 0);
-  state[0] = nanf("");
+  CHECK(count == info.physical_vertices);
+  for (i = 0; i < floats && v[i] == 0; ++i) continue;
+  CHECK(i < floats); /* the nearest motion that its field can have */
   CHECK_OK(sinew_body_set_state(world, body, state, NULL, info.physical_vertices));
+  CHECK_OK(sinew_body_velocities(world, body, &v, &count));
+  for (i = 0; i < floats; ++i) CHECK(v[i] == 0);
+  state[0] = nanf("");
   log.warnings = 0;
+  CHECK_OK(sinew_body_set_state(world, body, state, NULL, info.physical_vertices));
+  CHECK(log.warnings == 1);
   CHECK_OK(sinew_world_step(world, 1.0f / 60));
   CHECK_OK(sinew_body_repaired(world, body, &count));
-  CHECK(count == 1 && log.warnings == 1);
+  CHECK(count == 0);
 
   /* Outputs: an interleaved vertex of position, normal, tangent and two floats of the caller's. */
   visual = malloc(sizeof(float) * 12 * info.visual_vertices);
@@ -369,7 +378,8 @@ static void testMotion(const sinew_asset* asset) {
   CHECK(fabsf(rotation[0] * rotation[0] + rotation[3] * rotation[3] + rotation[6] * rotation[6] - 1) < 1e-3f);
   CHECK_OK(sinew_body_cluster_frame(world, body, 0, vector, matrix));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_cluster_frame(world, body, 1000, vector, matrix));
-  CHECK_OK(sinew_body_cluster_rest_shape(world, body, 0, matrix));
+  /* The first one is plastic, and was thrown about. */
+  CHECK_OK(sinew_body_cluster_rest_shape(world, body, 1, matrix));
   CHECK(matrix[0] == 1 && matrix[1] == 0 && matrix[4] == 1 && matrix[8] == 1);
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_cluster_rest_shape(world, body, 1000, matrix));
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_positions(world, 1000, &x, &count));

@@ -20,7 +20,7 @@ class WorldSettings(Structure):
     _fields_ = [("struct_size", c_uint32), ("gravity", c_float * 3), ("ground_enabled", c_uint32),
                 ("ground_normal", c_float * 3), ("ground_offset", c_float), ("ground_friction", c_float),
                 ("iterations", c_uint32), ("damping", c_float), ("deformation_damping_ratio", c_float),
-                ("support_damping", c_float), ("measure_phases", c_uint32)]
+                ("support_damping", c_float)]
 
 
 LOG = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, ctypes.c_char_p)
@@ -55,7 +55,7 @@ def main():
     def ok(status, what):
         check(status == 0, what)
 
-    check(sinew.sinew_c_api_version() == 1, "version of the C interface")
+    check(sinew.sinew_c_api_version() == 2, "version of the C interface")
     asset, world, body = c_void_p(), c_void_p(), c_uint32()
     check(sinew.sinew_asset_load(b"missing.sinew", byref(asset)) == 2, "a missing file is a package error")
     check(b"missing.sinew" in sinew.sinew_last_error(), "the reason names the file")

@@ -10,7 +10,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 import read_package  # noqa: E402
 
-GOLDEN = [os.path.join(HERE, "golden", name + "_v1.sinew") for name in ("sample", "mechanics", "fields")]
+GOLDEN = [os.path.join(HERE, "golden", name + "_v2.sinew") for name in ("sample", "mechanics", "fields")]
 
 
 def main():

@@ -100,11 +100,17 @@ double followFields(const PackageView& view) {
     const BodyRange& body = view.bodies()[field.piece];
     const std::size_t k = field.function_count;
     for (const FieldFunction& f : view.fieldFunctions().subspan(field.first_function, k)) {
-      take(double(f.stiffness) + double(f.damping_hz) + double(f.one) + double(f.rest[2]));
+      take(double(f.stiffness) + double(f.damping_hz) + double(f.decay) + double(f.one) + double(f.rest[2]));
       if (f.pin_set != kNone) sum += double(view.text(view.pinSets()[f.pin_set].name).size());
     }
     for (const FieldPack& pack : view.fieldPacks().subspan(field.first_pack, field.pack_count)) {
-      for (std::size_t l = 0; l < 8; ++l) take(double(pack.volume[l] * pack.mu[l] + pack.lambda[l] + pack.at[2][l]));
+      for (std::size_t l = 0; l < 8; ++l) {
+        take(double(pack.volume[l] * pack.mu[l] + pack.lambda[l] + pack.at[2][l]));
+        if (pack.cluster[l] == kNone) continue;
+        const ClusterMechanics& laws = view.mechanics()[pack.cluster[l]];
+        take(double(laws.stretch_max) + double(laws.plastic_yield));
+        EXPECT_EQ(view.clusters()[pack.cluster[l]].body, field.piece);
+      }
     }
     lanes(view.fieldGradients(), field.first_gradient, 3 * k * field.pack_count);
     lanes(view.fieldValues(), field.first_value, k * ((std::size_t{body.vertex_count} + 7) / 8));
@@ -114,6 +120,31 @@ double followFields(const PackageView& view) {
     const std::size_t unknowns = 3 * (k - field.driven_count);
     lanes(view.fieldModes(), field.first_mode, (unknowns + 1) * ((unknowns + 7) / 8));
     lanes(view.fieldPointValues(), field.first_point_value, k * ((std::size_t{field.point_count} + 7) / 8));
+  }
+  for (const FieldFibre& fibre : view.fieldFibres()) {
+    const Field& field = view.fields()[fibre.field];
+    const ClusterMechanics& mechanics = view.mechanics()[fibre.cluster];
+    sum += double(view.text(view.channels()[mechanics.channel].name).size());
+    Float3 stretch = {};
+    for (std::uint32_t j = 0; j < field.function_count; ++j) {
+      const float value = view.fieldFibreValues()[fibre.first_value + j];
+      const FieldFunction& function = view.fieldFunctions()[field.first_function + j];
+      for (std::size_t axis = 0; axis < 3; ++axis) stretch[axis] += value * function.rest[axis];
+    }
+    // Its direction at rest, which is divided by.
+    take(double(fibre.tension) / std::hypot(double(stretch[0]), double(stretch[1]), double(stretch[2])));
+  }
+  for (const FieldTethers& tethers : view.fieldTethers()) {
+    const Field& field = view.fields()[tethers.field];
+    const std::size_t k = field.function_count;
+    const auto functions = view.fieldFunctions().subspan(field.first_function, k);
+    for (std::size_t i = 0; i < k; ++i) {
+      for (std::size_t j = 0; j < k; ++j) {
+        const float value = view.fieldTetherValues()[tethers.first_value + k * i + j];
+        EXPECT_EQ(value, view.fieldTetherValues()[tethers.first_value + k * j + i]);
+        take(double(value * value) + double(value) * double(functions[j].rest[0]));
+      }
+    }
   }
   return sum;
 }

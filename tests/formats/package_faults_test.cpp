@@ -3,7 +3,10 @@
 // Each rule of docs/package-format.md, broken alone in a package whose checksums are right.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -393,9 +396,52 @@ void mixFunctions(PackageContent& c, std::size_t i, std::size_t j) {
   }
 }
 
+// Both values of tethers that are of functions i and j.
+void setTether(PackageContent& c, std::size_t i, std::size_t j, float value) {
+  c.field_tether_values[5 * i + j] = c.field_tether_values[5 * j + i] = value;
+}
+
+// The held field is driven by the empty pin set too, by functions that are 0 everywhere. Its tethers, 9 x 9, tie three
+// places to that set, whose X sum to 0: by rounding alone, X of one set pulls at 1 of the other.
+void tieToBothSets(PackageContent& c) {
+  const auto insertZeros = [](auto& items, std::size_t before, std::size_t count) {
+    items.insert(items.begin() + std::ptrdiff_t(before), count, {});
+  };
+  const std::vector<FieldFunction> driven(c.field_functions.begin() + 4, c.field_functions.begin() + 8);
+  c.field_functions.insert(c.field_functions.begin() + 4, driven.begin(), driven.end());
+  for (std::size_t j = 4; j < 8; ++j) c.field_functions[j].pin_set = 0;
+  c.fields[1].function_count = 9;
+  c.fields[1].driven_count = 8;
+  insertZeros(c.field_gradients, 12, 12);
+  insertZeros(c.field_values, 4, 4);
+  insertZeros(c.field_point_values, 8, 4);
+  insertZeros(c.field_point_values, 17, 4);
+  insertZeros(c.field_fibre_values, 8, 4);
+  const FieldFunction& inner = c.field_functions[12];
+  std::vector<double> sums(81, 0.0);
+  for (const double x : {0.1, 0.2, -0.3}) {
+    constexpr double kInner = 0.7;
+    const std::array<double, 4> monomials = {1, x, 0.4, 0.9};
+    const std::array<double, 4> carried = {double(inner.one), double(inner.rest[0]), double(inner.rest[1]),
+                                           double(inner.rest[2])};
+    std::array<double, 9> off = {};
+    for (std::size_t n = 0; n < 4; ++n) {
+      off[n] = -monomials[n];
+      off[4 + n] = monomials[n] - kInner * carried[n];
+    }
+    off[8] = kInner;
+    for (std::size_t i = 0; i < 9; ++i) {
+      for (std::size_t j = 0; j < 9; ++j) sums[9 * i + j] += 70 * (off[i] * off[j]);
+    }
+  }
+  c.field_tether_values.assign(sums.begin(), sums.end());
+}
+
 // The free field has functions 0..3, pack 0, gradients 0..11, values 0..3, points 0..8 and point values 0..7; the held
 // one functions 4..8, pack 1, gradients 12..26, values 4..8, points 9..17, point values 8..17, modes 26..29 (0..25: 12
-// modes and their frequencies in two blocks).
+// modes and their frequencies in two blocks). Fibres 0 and 1 (of the clusters 0 and 1) are of the free field and have
+// fibre values 0..3 and 4..7; fibre 2 (of cluster 0) is of the held one and has 8..12. Tether values 0..24 are of the
+// held one: 5 i + j.
 const std::vector<ContentFault> kFieldFaults = {
     // Presence
     {"FELD: missing", [](auto& c) { c.fields.clear(); }},
@@ -415,6 +461,34 @@ const std::vector<ContentFault> kFieldFaults = {
        c.field_modes.clear();
      }},
     {"FELD, element 0: its run of FPTV", [](auto& c) { c.field_point_values.clear(); }},
+    {"FFIB: needs section FELD",
+     [](auto& c) {
+       c.fields.clear();
+       c.field_functions.clear();
+       c.field_packs.clear();
+       c.field_gradients.clear();
+       c.field_values.clear();
+       c.field_points.clear();
+       c.field_point_values.clear();
+       c.field_modes.clear();
+     }},
+    {"FTHR: needs section FELD",
+     [](auto& c) {
+       c.fields.clear();
+       c.field_functions.clear();
+       c.field_packs.clear();
+       c.field_gradients.clear();
+       c.field_values.clear();
+       c.field_points.clear();
+       c.field_point_values.clear();
+       c.field_modes.clear();
+       c.field_fibres.clear();
+       c.field_fibre_values.clear();
+     }},
+    {"FFBV: needs section FFIB", [](auto& c) { c.field_fibres.clear(); }},
+    {"FTHV: needs section FTHR", [](auto& c) { c.field_tethers.clear(); }},
+    {"FTHR, element 0: its run of FTHV", [](auto& c) { c.field_tether_values.clear(); }},
+    {"FFIB, element 0: its run of FFBV", [](auto& c) { c.field_fibre_values.clear(); }},
     // FELD: order
     {"FELD, element 0: held is not", [](auto& c) { c.fields[0].held = 2; }},
     {"FELD, element 0: not the free", [](auto& c) { c.fields[0].piece = 1; }},
@@ -480,6 +554,9 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FFUN, element 1: stiffness", [](auto& c) { c.field_functions[1].stiffness = kNan; }},
     {"FFUN, element 2: stiffness", [](auto& c) { c.field_functions[2].damping_hz = kInfinity; }},
     {"FFUN, element 2: stiffness", [](auto& c) { c.field_functions[2].damping_hz = -1; }},
+    {"FFUN, element 1: stiffness", [](auto& c) { c.field_functions[1].decay = -0.5F; }},
+    {"FFUN, element 4: stiffness", [](auto& c) { c.field_functions[4].decay = kNan; }},
+    {"FFUN, element 8: stiffness", [](auto& c) { c.field_functions[8].decay = 1.5e18F; }},
     {"FFUN, element 3: stiffness", [](auto& c) { c.field_functions[3].one = kNan; }},
     {"FFUN, element 3: stiffness", [](auto& c) { c.field_functions[3].rest[2] = -2e18F; }},
     {"FFUN, element 0: is not driven", [](auto& c) { c.field_functions[0].pin_set = 0; }},
@@ -516,9 +593,16 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FPAK, element 0: a number", [](auto& c) { c.field_packs[0].mu[2] = 1; }},
     {"FPAK, element 1: a number", [](auto& c) { c.field_packs[1].lambda[7] = 1; }},
     {"FPAK, element 1: a number", [](auto& c) { c.field_packs[1].at[0][5] = 1; }},
+    {"FPAK, element 0: a number", [](auto& c) { c.field_packs[0].cluster[2] = 0; }},
+    {"FPAK, element 1: a number", [](auto& c) { c.field_packs[1].cluster[7] = 1; }},
+    {"FPAK, element 0: names a cluster", [](auto& c) { c.field_packs[0].cluster[1] = 2; }},
+    {"FPAK, element 1: names a cluster", [](auto& c) { c.field_packs[1].cluster[0] = kNone - 1; }},
+    {"FPAK, element 1: names a cluster", [](auto& c) { c.field_packs[1].cluster[7] = 2; }},
+    {"FPAK, element 0: names a cluster", [](auto& c) { c.mechanics.clear(); }},
     {"FELD, element 0: its samples have",
      [](auto& c) {
        c.field_packs[0] = {};
+       c.field_packs[0].cluster.fill(kNone);
        for (std::size_t i = 0; i < 12; ++i) c.field_gradients[i] = {};
      }},
     // FGRD
@@ -568,6 +652,88 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FMOD, element 0: a mode", [](auto& c) { c.field_modes[12][7] = kNan; }},
     {"FMOD, element 13: a mode", [](auto& c) { c.field_modes[25][7] = 1e-30F; }},
     {"FMOD, element 26: a mode", [](auto& c) { c.field_modes[27][1] = 0.1F; }},
+    // FFIB, FFBV
+    {"FFIB, element 0: names a field", [](auto& c) { c.field_fibres[0].field = 2; }},
+    {"FFIB, element 2: names a field", [](auto& c) { c.field_fibres[2].field = kNone; }},
+    {"FFIB, element 0: names a cluster", [](auto& c) { c.field_fibres[0].cluster = 2; }},
+    {"FFIB, element 1: names a cluster", [](auto& c) { c.field_fibres[1].cluster = kNone; }},
+    {"FFIB, element 0: names a cluster", [](auto& c) { c.mechanics[0].channel = kNone; }},
+    {"FFIB, element 1: names a cluster", [](auto& c) { c.mechanics[1].channel = kNone; }},
+    {"FFIB, element 1: names a cluster",  // whose values give its fibre, which is none
+     [](auto& c) {
+       c.mechanics[1].fibre = {};
+       for (std::size_t i = 4; i < 8; ++i) c.field_fibre_values[i] = 0;
+     }},
+    {"FFIB, element 0: names a cluster",
+     [](auto& c) {
+       c.mechanics.clear();
+       for (FieldPack& pack : c.field_packs) pack.cluster.fill(kNone);
+     }},
+    {"FFIB, element 1: its values", [](auto& c) { c.field_fibres[1].cluster = 0; }},  // may be a part of that fibre
+    {"FFIB, element 2: fibres are not", [](auto& c) { c.field_fibres[2].field = 0; }},
+    {"FFIB, element 1: fibres are not",  // the held field first
+     [](auto& c) {
+       std::rotate(c.field_fibres.begin(), c.field_fibres.begin() + 2, c.field_fibres.end());
+       std::rotate(c.field_fibre_values.begin(), c.field_fibre_values.begin() + 8, c.field_fibre_values.end());
+       c.field_fibres[0].first_value = 0;
+       c.field_fibres[1].first_value = 5;
+       c.field_fibres[2].first_value = 9;
+     }},
+    {"FFIB, element 0: tension", [](auto& c) { c.field_fibres[0].tension = -1; }},
+    {"FFIB, element 1: tension", [](auto& c) { c.field_fibres[1].tension = kNan; }},
+    {"FFIB, element 2: tension", [](auto& c) { c.field_fibres[2].tension = 1.5e18F; }},
+    {"FFIB, element 0: its run of FFBV", [](auto& c) { c.field_fibres[0].first_value = 1; }},
+    {"FFIB, element 1: its run of FFBV", [](auto& c) { c.field_fibres[1].first_value = 0; }},
+    {"FFIB, element 2: its run of FFBV", [](auto& c) { c.field_fibres[2].first_value = kNone; }},
+    {"FFIB, element 2: its run of FFBV", [](auto& c) { c.field_fibre_values.pop_back(); }},
+    {"FFBV: has elements of no fibre", [](auto& c) { c.field_fibre_values.push_back(0); }},
+    {"FFBV: has elements of no fibre", [](auto& c) { c.field_fibres.pop_back(); }},
+    {"FFIB, element 0: a value", [](auto& c) { c.field_fibre_values[3] = kNan; }},
+    {"FFIB, element 1: a value", [](auto& c) { c.field_fibre_values[4] = -kInfinity; }},
+    {"FFIB, element 2: a value", [](auto& c) { c.field_fibre_values[12] = 1.5e18F; }},
+    {"FFIB, element 0: its values", [](auto& c) { c.field_fibre_values[0] += 0.01F; }},
+    {"FFIB, element 0: its values", [](auto& c) { c.field_fibre_values[2] += 0.01F; }},
+    {"FFIB, element 1: its values", [](auto& c) { c.field_fibre_values[5] *= 1.01F; }},
+    {"FFIB, element 2: its values", [](auto& c) { c.field_fibre_values[8] += 0.01F; }},   // carries 1 alone
+    {"FFIB, element 2: its values", [](auto& c) { c.field_fibre_values[9] += 0.01F; }},   // X alone
+    {"FFIB, element 2: its values", [](auto& c) { c.field_fibre_values[11] -= 0.01F; }},  // Z alone
+    {"FFIB, element 0: its values", [](auto& c) { c.mechanics[0].fibre = {0, 0.8F, 0.6F}; }},
+    {"FFIB, element 1: its values", [](auto& c) { c.mechanics[1].fibre = {-1, 0, 0}; }},
+    // FTHR, FTHV
+    {"FTHR, element 0: names a field", [](auto& c) { c.field_tethers[0].field = 2; }},
+    {"FTHR, element 0: names a field", [](auto& c) { c.field_tethers[0].field = kNone; }},
+    {"FTHR, element 0: names a field", [](auto& c) { c.field_tethers[0].field = 0; }},  // not held
+    {"FTHR, element 0: its run of FTHV", [](auto& c) { c.field_tethers[0].first_value = 1; }},
+    {"FTHR, element 0: its run of FTHV", [](auto& c) { c.field_tethers[0].first_value = kNone; }},
+    {"FTHR, element 0: its run of FTHV", [](auto& c) { c.field_tether_values.pop_back(); }},
+    {"FTHR, element 0: its run of FTHV", [](auto& c) { c.field_tether_values.resize(5); }},   // k
+    {"FTHR, element 0: its run of FTHV", [](auto& c) { c.field_tether_values.resize(15); }},  // a triangle of it
+    {"FTHV: has elements of no field", [](auto& c) { c.field_tether_values.push_back(0); }},
+    {"FTHR, element 0: a value is", [](auto& c) { setTether(c, 0, 3, kNan); }},
+    {"FTHR, element 0: a value is", [](auto& c) { setTether(c, 4, 2, -kInfinity); }},
+    {"FTHR, element 0: a value is", [](auto& c) { setTether(c, 1, 0, 1.5e18F); }},
+    {"FTHR, element 0: a value is", [](auto& c) { c.field_tether_values[5 * 0 + 4] *= 1.00001F; }},
+    {"FTHR, element 0: a value is", [](auto& c) { c.field_tether_values[5 * 4 + 3] *= 1.00001F; }},
+    {"FTHR, element 0: a value is", [](auto& c) { c.field_tether_values[5 * 2 + 1] = kNan; }},
+    {"FTHR, element 0: a value on the diagonal", [](auto& c) { c.field_tether_values[0] = -1e-30F; }},
+    {"FTHR, element 0: a value on the diagonal",  // else sound
+     [](auto& c) {
+       for (float& value : c.field_tether_values) value = -value;
+     }},
+    {"FTHR, element 0: a value is", [](auto& c) { c.field_tether_values[24] = kNan; }},
+    {"FTHR, element 0: a value is", [](auto& c) { c.field_tether_values[12] = 1.5e18F; }},
+    {"FTHR, element 0: its values pull", [](auto& c) { c.field_tether_values[0] *= 1.01F; }},
+    {"FTHR, element 0: its values pull", [](auto& c) { c.field_tether_values[6] *= 1.01F; }},
+    {"FTHR, element 0: its values pull", [](auto& c) { c.field_tether_values[18] *= 1.01F; }},
+    {"FTHR, element 0: its values pull", [](auto& c) { c.field_tether_values[24] *= 0.99F; }},
+    {"FTHR, element 0: its values pull",
+     [](auto& c) { setTether(c, 2, 4, 1.01F * c.field_tether_values[5 * 2 + 4]); }},
+    {"FTHR, element 0: its values pull", [](auto& c) { setTether(c, 0, 1, 0); }},
+    {"FTHR, element 0: its values pull",  // at what is on no diagonal
+     [](auto& c) {
+       std::fill(c.field_tether_values.begin(), c.field_tether_values.end(), 0.0F);
+       setTether(c, 3, 1, 1e-6F);
+     }},
 };
 
 TEST(PackageFaults, EachBrokenRuleOfFieldsIsRefusedAndNamed) {
@@ -598,6 +764,45 @@ TEST(PackageFaults, EveryBodyHasItsFreeField) {
   EXPECT_NE(test::reasonOf(writePackage(content)).find("FELD, element 1: held, but"), std::string::npos);
 }
 
+TEST(PackageFaults, FieldsNameClustersOfTheirOwnBody) {
+  const ContentFault faults[] = {
+      {"FPAK, element 0: names a cluster", [](auto& c) { c.field_packs[0].cluster[0] = 2; }},
+      {"FPAK, element 3: names a cluster", [](auto& c) { c.field_packs[3].cluster[1] = 1; }},
+      {"FFIB, element 1: names a cluster", [](auto& c) { c.field_fibres[1].cluster = 3; }},
+      {"FFIB, element 3: names a cluster", [](auto& c) { c.field_fibres[3].cluster = 0; }},
+  };
+  for (const ContentFault& fault : faults) {
+    PackageContent content = test::repeated(test::fieldPackage(), 2);
+    fault.spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_EQ(reason.find("section " + std::string(fault.reason_has)), 0U) << fault.reason_has << " gave: " << reason;
+  }
+}
+
+TEST(PackageFaults, TethersAreInTheOrderOfHeldFields) {
+  const ContentFault faults[] = {
+      {"FTHR, element 1: names a field", [](auto& c) { c.field_tethers[1].field = 2; }},  // not held
+      {"FTHR, element 1: names a field", [](auto& c) { c.field_tethers[1].field = 1; }},
+      {"FTHR, element 1: names a field",
+       [](auto& c) { std::swap(c.field_tethers[0].field, c.field_tethers[1].field); }},
+      {"FTHR, element 1: its run of FTHV", [](auto& c) { c.field_tethers[1].first_value = 0; }},
+      {"FTHR, element 1: its run of FTHV", [](auto& c) { c.field_tethers[1].first_value = 5; }},  // k
+      {"FTHR, element 1: its run of FTHV", [](auto& c) { c.field_tether_values.resize(49); }},
+      {"FTHR, element 1: a value is", [](auto& c) { c.field_tether_values[26] = 0; }},
+      {"FTHV: has elements of no field", [](auto& c) { c.field_tethers.pop_back(); }},
+  };
+  for (const ContentFault& fault : faults) {
+    PackageContent content = test::repeated(test::fieldPackage(), 2);
+    fault.spoil(content);
+    const std::string reason = test::reasonOf(writePackage(content));
+    EXPECT_EQ(reason.find("section " + std::string(fault.reason_has)), 0U) << fault.reason_has << " gave: " << reason;
+  }
+  PackageContent content = test::repeated(test::fieldPackage(), 2);  // only the second body has tethers
+  content.field_tethers = {{3, 0}};
+  content.field_tether_values.resize(25);
+  EXPECT_EQ(test::reasonOf(writePackage(content)), "");
+}
+
 TEST(PackageFaults, WhatTheFormatAllowsOfFieldsOpens) {
   const std::vector<std::function<void(PackageContent&)>> allowed = {
       [](auto& c) {  // no contact points
@@ -614,15 +819,54 @@ TEST(PackageFaults, WhatTheFormatAllowsOfFieldsOpens) {
         c.field_points.resize(9);
         c.field_point_values.resize(8);
         c.field_modes.resize(26);
+        c.field_fibres.resize(2);
+        c.field_fibre_values.resize(8);
+        c.field_tethers.clear();
+        c.field_tether_values.clear();
         c.pin_sets.clear();
         c.pin_set_vertices.clear();
       },
       [](auto& c) { c.field_packs[1].mu = {}; },
       [](auto& c) { c.fields[0].lowest_hz = c.fields[0].static_error = 0; },
       [](auto& c) { c.field_functions[2].stiffness = 0; },
+      [](auto& c) { c.field_functions[2].decay = 0; },
+      [](auto& c) { c.field_functions[2].decay = 1e18F; },
+      [](auto& c) {
+        c.field_packs[0].cluster = c.field_packs[1].cluster = {1, 1, kNone, kNone, kNone, kNone, kNone, kNone};
+      },
+      [](auto& c) { c.field_packs[0].cluster.fill(kNone); },
+      [](auto& c) { c.field_fibres[1].tension = 0; },
+      [](auto& c) {  // a fibre less
+        c.field_fibres.pop_back();
+        c.field_fibre_values.resize(8);
+      },
+      [](auto& c) {  // a fibre in two parts
+        c.field_fibres[1].cluster = 0;
+        std::copy_n(c.field_fibre_values.begin(), 4, c.field_fibre_values.begin() + 4);
+      },
+      [](auto& c) {  // no tethers
+        c.field_tethers.clear();
+        c.field_tether_values.clear();
+      },
+      [](auto& c) {  // that do not pull
+        std::fill(c.field_tether_values.begin(), c.field_tether_values.end(), 0.0F);
+      },
+      [](auto& c) {  // as hard as may be
+        const float most = *std::max_element(c.field_tether_values.begin(), c.field_tether_values.end());
+        for (float& value : c.field_tether_values) value *= 0.99e18F / most;
+      },
+      tieToBothSets,
+      [](auto& c) {  // neither mechanics nor what hangs on them
+        c.mechanics.clear();
+        c.channels.clear();
+        for (FieldPack& pack : c.field_packs) pack.cluster.fill(kNone);
+        c.field_fibres.clear();
+        c.field_fibre_values.clear();
+      },
       [](auto& c) {  // a sample less
         c.field_packs[0].volume[1] = c.field_packs[0].mu[1] = c.field_packs[0].lambda[1] = 0;
         for (Lanes& at : c.field_packs[0].at) at[1] = 0;
+        c.field_packs[0].cluster[1] = kNone;
         for (std::size_t i = 0; i < 12; ++i) c.field_gradients[i][1] = 0;
       },
   };

@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "sinew/formats/version.h"
@@ -70,7 +73,7 @@ TEST(Package, RoundTripKeepsEverySection) {
 
 TEST(Package, EqualContentGivesEqualBytes) { EXPECT_EQ(writePackage(samplePackage()), writePackage(samplePackage())); }
 
-// The golden file is what version 1 of the format looks like: a difference means that packages already out there no
+// The golden file is what this version of the format looks like: a difference means that packages already out there no
 // longer read the same. SINEW_UPDATE_GOLDEN=1 writes it anew, for a new format version only.
 void compareWithGolden(const PackageContent& content, const std::string& name) {
   const std::string path = std::string(SINEW_GOLDEN) + "/" + name + "_v" + std::to_string(kFormatVersion) + ".sinew";
@@ -105,9 +108,28 @@ TEST(Package, FieldsReadAsWritten) {
   expectSameBytes(view.fieldPoints(), content.field_points, "points");
   expectSameBytes(view.fieldPointValues(), content.field_point_values, "point values");
   expectSameBytes(view.fieldModes(), content.field_modes, "modes");
+  expectSameBytes(view.fieldFibres(), content.field_fibres, "fibres");
+  expectSameBytes(view.fieldFibreValues(), content.field_fibre_values, "fibre values");
+  expectSameBytes(view.fieldTethers(), content.field_tethers, "tethers");
+  expectSameBytes(view.fieldTetherValues(), content.field_tether_values, "tether values");
   EXPECT_EQ(view.fields()[1].driven_count, 4U);
   EXPECT_EQ(view.fieldFunctions()[view.fields()[1].first_function + 3].monomial, 3U);
   EXPECT_EQ(view.text(view.pinSets()[view.fieldFunctions()[4].pin_set].name), "base");
+  EXPECT_EQ(view.fieldFunctions()[4].decay, 0);
+  EXPECT_GT(view.fieldFunctions()[8].decay, 0);
+  EXPECT_EQ(view.fieldPacks()[1].cluster,
+            (std::array<std::uint32_t, 8>{0, kNone, kNone, kNone, kNone, kNone, kNone, kNone}));
+  ASSERT_EQ(view.fieldFibres().size(), 3U);
+  EXPECT_EQ(view.fieldFibres()[2].field, 1U);
+  EXPECT_EQ(view.fieldFibres()[1].cluster, 1U);
+  const std::uint32_t channel = view.mechanics()[view.fieldFibres()[1].cluster].channel;
+  EXPECT_EQ(view.text(view.channels()[channel].name), "frown");
+  EXPECT_EQ(view.fieldFibres()[2].first_value, 8U);
+  EXPECT_NEAR(view.fieldFibres()[0].tension, 0.375 * 2600 * (1.0 / 9 + 1.0 / 6), 1e-3);
+  ASSERT_EQ(view.fieldTethers().size(), 1U);
+  EXPECT_EQ(view.fieldTethers()[0].field, 1U);
+  ASSERT_EQ(view.fieldTetherValues().size(), 25U);
+  EXPECT_NEAR(view.fieldTetherValues()[24], (40 + 90) / 2.5, 1e-4);  // the inner function is 1 / sqrt(2.5 kg) there
 }
 
 // What a field is: x = sum phi z, here under a stretch, a turn and a shift, which z = A rest + b one makes.
@@ -134,6 +156,46 @@ TEST(Package, FieldsMoveAsTheyAreTold) {
             content.field_points[field.first_point + i].at);
     }
   }
+  for (const FieldFibre& fibre : content.field_fibres) {
+    const Field& field = content.fields[fibre.field];
+    Float3 sum = {};
+    for (std::uint32_t j = 0; j < field.function_count; ++j) {
+      const FieldFunction& f = content.field_functions[field.first_function + j];
+      const Float3 whole = moved(f.rest), zero = moved({0, 0, 0});
+      const float b = content.field_fibre_values[fibre.first_value + j];
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += b * (whole[c] - zero[c] + f.one * zero[c]);
+    }
+    const Float3 end = moved(content.mechanics[fibre.cluster].fibre), start = moved({0, 0, 0});
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(sum[c], end[c] - start[c], 1e-5) << fibre.cluster;
+  }
+}
+
+// 1/2 sum T_ij z_i . z_j is that of springs from two vertices to where their pin set would have them.
+TEST(Package, TethersTieVerticesToTheirPinSet) {
+  const PackageContent content = test::fieldPackage();
+  const Field& field = content.fields[1];
+  ASSERT_EQ(field.function_count, 5U);
+  const std::vector<Float3> z = {{3, -1, 2}, {0, 2, 0.5F}, {-1, 0, 0}, {0.25F, 0, 4}, {7, -5, 1}};
+  double wanted = 0, found = 0;
+  for (const auto& [vertex, kappa] : {std::pair{3U, 40.0}, std::pair{4U, 90.0}}) {
+    const Float3& at = content.physical_vertices[vertex].rest_position;
+    for (std::size_t c = 0; c < 3; ++c) {
+      double off = -double(z[0][c]);
+      for (std::size_t axis = 0; axis < 3; ++axis) off -= double(at[axis]) * double(z[1 + axis][c]);
+      for (std::size_t j = 0; j < 5; ++j) {
+        off += double(content.field_values[field.first_value + j][vertex]) * double(z[j][c]);
+      }
+      wanted += 0.5 * kappa * off * off;
+    }
+  }
+  for (std::size_t i = 0; i < 5; ++i) {
+    for (std::size_t j = 0; j < 5; ++j) {
+      const double t = double(content.field_tether_values[content.field_tethers[0].first_value + 5 * i + j]);
+      for (std::size_t c = 0; c < 3; ++c) found += 0.5 * t * double(z[i][c]) * double(z[j][c]);
+    }
+  }
+  EXPECT_GT(wanted, 100);
+  EXPECT_NEAR(found, wanted, 1e-5 * wanted);
 }
 
 TEST(Package, SeveralBodiesHaveFieldsEach) {
@@ -142,6 +204,12 @@ TEST(Package, SeveralBodiesHaveFieldsEach) {
     PackageView view;
     ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
     EXPECT_EQ(view.fields().size(), 2 * copies);
+    EXPECT_EQ(view.fieldFibres().size(), 3 * copies);
+    EXPECT_EQ(view.fieldFibres().back().cluster, 2 * (copies - 1));
+    ASSERT_EQ(view.fieldTethers().size(), copies);
+    EXPECT_EQ(view.fieldTethers().back().field, 2 * copies - 1);
+    EXPECT_EQ(view.fieldTethers().back().first_value, 25 * (copies - 1));
+    EXPECT_EQ(view.fieldPacks().back().cluster[0], 2 * (copies - 1));
   }
 }
 
@@ -217,14 +285,26 @@ TEST(Package, UnalignedBytesAreRefused) {
 }
 
 TEST(Package, OtherVersionsAreNamed) {
-  for (const std::uint32_t version : {0U, kFormatVersion + 1, 0xffffffffU}) {
+  for (const std::uint32_t version : {0U, kFormatVersion - 1, kFormatVersion + 1, 0xffffffffU}) {
     std::vector<std::byte> bytes = writePackage(samplePackage());
     std::memcpy(bytes.data() + offsetof(Header, format_version), &version, sizeof version);
     test::reseal(bytes);
     const std::string reason = reasonOf(bytes);
     EXPECT_NE(reason.find("format version " + std::to_string(version)), std::string::npos) << reason;
     EXPECT_NE(reason.find("reads version " + std::to_string(kFormatVersion)), std::string::npos) << reason;
+    const char* const cure = version < kFormatVersion ? ": bake the package again" : ": use a newer version";
+    EXPECT_NE(reason.find(cure), std::string::npos) << reason;
   }
+}
+
+// The bytes that version 1 of the format gave samplePackage().
+TEST(Package, OfVersionOneIsToBeBakedAgain) {
+  std::ifstream file(std::string(SINEW_GOLDEN) + "/sample_v1.sinew", std::ios::binary);
+  const std::vector<char> old{std::istreambuf_iterator<char>(file), {}};
+  ASSERT_EQ(old.size(), 4480U);
+  const std::string reason = reasonOf(std::as_bytes(std::span{old}));
+  EXPECT_NE(reason.find("format version 1,"), std::string::npos) << reason;
+  EXPECT_NE(reason.find(": bake the package again"), std::string::npos) << reason;
 }
 
 TEST(Package, UnknownOptionalSectionIsSkipped) {

@@ -146,7 +146,7 @@ class Refused(Exception):
 HEADER = struct.Struct("<8sIIQQIIQ2Q")
 ENTRY = struct.Struct("<IIQQQIIQ2Q")
 MAGIC = b"SINEW\r\n\x1a"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 REQUIRED = 1
 
 # id: (layout of a record, required flag, always present, feature bit or None)
@@ -189,20 +189,24 @@ SECTIONS = {
     "MASK": ("<4I", 0, False, None),
     "MSKV": ("<If", 0, False, None),
     "FELD": ("<13I3f", 1, False, 12),
-    "FFUN": ("<2f4f2I", 1, False, 12),
-    "FPAK": ("<48f", 1, False, 12),
+    "FFUN": ("<2f4f2If", 1, False, 12),
+    "FPAK": ("<48f8I", 1, False, 12),
     "FGRD": ("<8f", 1, False, 12),
     "FVAL": ("<8f", 1, False, 12),
     "FPNT": ("<4f", 1, False, None),
     "FPTV": ("<8f", 1, False, None),
     "FMOD": ("<8f", 1, False, 12),
+    "FFIB": ("<3If", 1, False, None),
+    "FFBV": ("<f", 1, False, None),
+    "FTHR": ("<2I", 1, False, None),
+    "FTHV": ("<f", 1, False, None),
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights",
             "fields"]
 NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("PRTV", "PART"), ("PART", "VPOS"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP"), ("MASK", "VPOS"),
-         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT")]
+         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT"), ("FFIB", "FELD"), ("FFBV", "FFIB"), ("FTHR", "FELD"), ("FTHV", "FTHR")]
 
 
 def f32(value):
@@ -224,7 +228,8 @@ def read_frame(data):
     need(len(data) >= 64, "cut short: the header has 64 bytes")
     magic, version, header_bytes, features, total, count, reserved0, checksum, r1, r2 = HEADER.unpack_from(data)
     need(magic == MAGIC, "not a Sinew package")
-    need(version == FORMAT_VERSION, f"format version {version}, this reader reads version {FORMAT_VERSION}")
+    cure = "use a newer version" if version > FORMAT_VERSION else "bake the package again"
+    need(version == FORMAT_VERSION, f"format version {version}, this reader reads version {FORMAT_VERSION}: {cure}")
     need(header_bytes == 64, "header: header_bytes is not 64")
     need(total == len(data), "header: total_bytes is not the size of the file")
     need(reserved0 == r1 == r2 == 0, "header: a reserved field is not 0")
@@ -513,12 +518,14 @@ class Package:
                 need(all(abs(x) <= MOST for x in p) and p[3] > 0, f"section FPNT, element {n}: at or area")
             self.check_places("FPTV", f[11], functions, points)
             self.check_modes(f[12], 3 * (k - driven))
+        self.check_fibres()
+        self.check_tethers()
 
     def check_functions(self, first, k, driven):
         sets = []
-        for j, (stiffness, damping, *carried, pin_set, monomial) in enumerate(self.records["FFUN"][first:first + k]):
+        for j, (stiffness, damping, *carried, pin_set, monomial, decay) in enumerate(self.records["FFUN"][first:first + k]):
             where = f"section FFUN, element {first + j}: "
-            need(0 <= stiffness <= MOST and 0 <= damping <= MOST, where + "stiffness or damping_hz")
+            need(all(0 <= x <= MOST for x in (stiffness, damping, decay)), where + "stiffness, damping_hz or decay")
             need(all(abs(c) <= MOST for c in carried), where + "one or rest")
             if j >= driven:
                 need(pin_set == NONE and monomial == 0, where + "not driven, but names what drives it")
@@ -535,15 +542,17 @@ class Package:
             pack = self.records["FPAK"][field[5] + p]
             gradients = self.records["FGRD"][field[7] + 3 * k * p:field[7] + 3 * k * (p + 1)]
             for lane in range(8):
-                volume, mu, lam, *at = pack[lane::8]
+                volume, mu, lam, *at, cluster = pack[lane::8]
                 here = f"section FPAK, element {field[5] + p}, sample {lane}: "
                 need(all(0 <= x <= MOST for x in (volume, mu, lam)), here + "volume, mu or lambda")
                 need(all(abs(x) <= MOST for x in at), here + "at")
                 steps = [g[lane] for g in gradients]
                 need(all(abs(g) <= MOST for g in steps), here + "a gradient")
                 total += volume
+                body = self.records["BODY"][field[0]]
+                need(cluster == NONE or (0 <= cluster - body[4] < body[5] and self.records["CMEC"]), here + "cluster")
                 if volume == 0:
-                    need(not any([mu, lam, *at, *steps]), here + "no volume, but other numbers")
+                    need(cluster == NONE and not any([mu, lam, *at, *steps]), here + "no volume, but other numbers")
                     continue
                 for axis in range(3):
                     for n in range(4):  # of 1, X, Y, Z
@@ -579,6 +588,46 @@ class Package:
                 need(square == 0 and not any(vector), here + "behind the last, but not 0")
                 continue
             need(0 <= square <= MOST and abs(sum(x * x for x in vector) - 1) <= 1e-3, here + "frequency or norm")
+
+    def check_fibres(self):
+        r = self.records
+        order = [(f[0], f[1]) for f in r["FFIB"]]
+        need(order == sorted(order), "section FFIB: not by field and cluster")
+        need(all(f < len(r["FELD"]) for f, _ in order), "section FFIB: no such field")
+        tile("FFIB", [(f[2], r["FELD"][f[0]][2]) for f in r["FFIB"]], len(r["FFBV"]))
+        for i, (field, cluster, first, tension) in enumerate(r["FFIB"]):
+            where = f"section FFIB, element {i}: "
+            body = r["BODY"][r["FELD"][field][0]]
+            need(0 <= cluster - body[4] < body[5] and r["CMEC"], where + "cluster")
+            need(r["CMEC"][cluster][21] != NONE and any(r["CMEC"][cluster][18:21]), where + "nothing activates a fibre")
+            need(0 <= tension <= MOST, where + "tension")
+            functions = r["FFUN"][r["FELD"][field][4]:][:r["FELD"][field][2]]
+            values = [v for v, in r["FFBV"][first:first + len(functions)]]
+            need(all(abs(v) <= MOST for v in values), where + "a value")
+            wanted = (0, *r["CMEC"][cluster][18:21])
+            for n in range(4):
+                found = sum(v * f[2 + n] for v, f in zip(values, functions)) * (1 if n else r["INFO"][0][10])
+                need(abs(found - wanted[n]) <= 1e-3, where + "its values do not give the fibre at rest")
+
+    def check_tethers(self):
+        r = self.records
+        order = [f for f, _ in r["FTHR"]]
+        need(order == sorted(set(order)) and all(f < len(r["FELD"]) and r["FELD"][f][1] == 1 for f in order), "section FTHR: fields")
+        tile("FTHR", [(first, r["FELD"][f][2] ** 2) for f, first in r["FTHR"]], len(r["FTHV"]))
+        for i, (field, first) in enumerate(r["FTHR"]):
+            where = f"section FTHR, element {i}: "
+            k = r["FELD"][field][2]
+            functions = r["FFUN"][r["FELD"][field][4]:][:k]
+            t = [[v for v, in r["FTHV"][first + k * a:first + k * a + k]] for a in range(k)]
+            for a in range(k):
+                need(t[a][a] >= 0 and all(abs(t[a][b]) <= MOST and t[a][b] == t[b][a] for b in range(k)), where + "a value")
+            roots = [math.sqrt(t[a][a]) for a in range(k)]
+            for a in range(k):
+                sizes = [max(abs(t[a][b]), roots[a] * roots[b]) for b in range(k)]  # of terms that may have cancelled
+                for n in range(4):
+                    pull = sum(v * f[2 + n] for v, f in zip(t[a], functions))
+                    unit = sum(s * abs(f[2 + n]) for s, f in zip(sizes, functions))
+                    need(abs(pull) <= 1e-3 * unit, where + "pulls at the rest shape")
 
     def check_moments(self, where, functions, vertices):
         diagonal, mass, origin = self.records["INFO"][0][10], sum(v[3] for v in vertices), vertices[0][:3]

@@ -13,10 +13,11 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 import read_package  # noqa: E402
 
-GOLDEN = os.path.join(HERE, "golden", "sample_v1.sinew")
-MECHANICS = os.path.join(HERE, "golden", "mechanics_v1.sinew")
-FIELDS = os.path.join(HERE, "golden", "fields_v1.sinew")
-EXPECTED = os.path.join(HERE, "golden", "sample_v1.json")
+GOLDEN = os.path.join(HERE, "golden", "sample_v2.sinew")
+MECHANICS = os.path.join(HERE, "golden", "mechanics_v2.sinew")
+FIELDS = os.path.join(HERE, "golden", "fields_v2.sinew")
+OLD = os.path.join(HERE, "golden", "sample_v1.sinew")  # as version 1 of the format had it
+EXPECTED = os.path.join(HERE, "golden", "sample_v2.json")
 
 
 def golden():
@@ -44,6 +45,26 @@ def entry_of(data, name):
 
 def start_of(data, name):
     return struct.unpack_from("<Q", data, entry_of(data, name) + 8)[0]
+
+
+def without(data, names):
+    """The package less some sections; the feature bits that go with them are cleared."""
+    parts, features = [], struct.unpack_from("<Q", data, 16)[0]
+    for at in entries(data):
+        offset, size = struct.unpack_from("<QQ", data, at + 8)
+        if data[at:at + 4] not in names:
+            parts.append((bytearray(data[at:at + 64]), data[offset:offset + (size + 63) // 64 * 64]))
+        elif (bit := read_package.SECTIONS[data[at:at + 4].decode()][3]) is not None:
+            features &= ~(1 << bit)
+    end = 64 + 64 * len(parts)
+    for entry, part in parts:
+        struct.pack_into("<Q", entry, 8, end)
+        end += len(part)
+    header = bytearray(data[:64])
+    struct.pack_into("<QQI", header, 16, features, end, len(parts))
+    result = header + b"".join(entry for entry, _ in parts) + b"".join(part for _, part in parts)
+    reseal(result)
+    return result
 
 
 def reason_of(data):
@@ -83,12 +104,18 @@ class Reader(unittest.TestCase):
     def test_program_refuses_with_exit_3_and_one_line(self):
         cut, flipped, appended, version = golden()[:-1], golden(), golden() + b"\0", golden()
         flipped[2000] ^= 1
-        version[8] = 2
+        version[8] = 3
         for data in (b"", cut, flipped, appended, version):
             result = self.run_reader(data)
             self.assertEqual(result.returncode, 3)
             self.assertEqual(result.stdout, "")
             self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
+
+    def test_refuses_version_1(self):
+        with open(OLD, "rb") as file:
+            old = file.read()
+        self.assertEqual(struct.unpack_from("<I", old, 8)[0], 1)
+        self.assertEqual(reason_of(old), "format version 1, this reader reads version 2: bake the package again")
 
     def test_refuses_every_cut(self):
         data = golden()
@@ -167,7 +194,29 @@ class Reader(unittest.TestCase):
         place = [sum(p * z[c] for p, z in zip(phi, rows)) for c in range(3)]
         for found, wanted in zip(place, (0, 6, 0)):  # of (0, 0, 1)
             self.assertAlmostEqual(found, wanted, places=5)
-        nan, one, tiny = b"\0\0\xc0\x7f", b"\1\0\0\0", b"\0\0\0\x0d"
+        # The fibre of "lower" in that field, turned along: of (0, 0.6, 0.8).
+        _, cluster, first, tension = package.records["FFIB"][2]
+        stretch = [sum(package.records["FFBV"][first + j][0] * z[c] for j, z in enumerate(rows)) for c in range(3)]
+        for found, wanted in zip(stretch, (0, -0.8, 0.6)):
+            self.assertAlmostEqual(found, wanted, places=5)
+        self.assertEqual([package.records["FPAK"][p][48:51] for p in (0, 1)], [(0, read_package.NONE, read_package.NONE)] * 2)
+        self.assertEqual(cluster, 0)
+        self.assertAlmostEqual(tension, 0.375 * 2600 * (1 / 9 + 1 / 6), places=3)
+        # The tethers of that field tie vertices 3 and 4 to the set, by 40 and 90 N/m: nothing as it is turned, and what two
+        # springs have when the inner function moves alone.
+        field, first = package.records["FTHR"][0]
+        self.assertEqual((field, first, len(package.records["FTHV"])), (1, 0, k * k))
+        t = [[v for v, in package.records["FTHV"][k * a:k * a + k]] for a in range(k)]
+        for row in t:
+            for c in range(3):
+                self.assertAlmostEqual(sum(v * z[c] for v, z in zip(row, rows)), 0, places=3)
+        held = package.records["FELD"][1][8]
+        springs = sum(kappa * package.records["FVAL"][held + 4][v] ** 2 for v, kappa in ((3, 40), (4, 90)))
+        self.assertAlmostEqual(t[4][4], springs, places=4)
+        decays = [f[8] for f in package.records["FFUN"]]
+        self.assertEqual(decays[4:8], [0] * 4)
+        self.assertTrue(all(d > 0 for d in decays[:4] + decays[8:]))
+        nan, one, tiny, none = b"\0\0\xc0\x7f", b"\1\0\0\0", b"\0\0\0\x0d", b"\xff\xff\xff\xff"
         negative, half = b"\0\0\x80\xbf", b"\0\0\0\x3f"
         faults = [(b"FELD", 0, one), (b"FELD", 4, one), (b"FELD", 8, bytes(4)), (b"FELD", 12, b"\4"), (b"FELD", 16, one),
                   (b"FELD", 20, one), (b"FELD", 24, bytes(4)), (b"FELD", 28, one), (b"FELD", 32, one),
@@ -175,13 +224,25 @@ class Reader(unittest.TestCase):
                   (b"FELD", 52, negative), (b"FELD", 56, nan), (b"FELD", 60, nan), (b"FELD", 64, one),
                   (b"FELD", 64 + 4, b"\2"), (b"FELD", 64 + 12, bytes(4)), (b"FELD", 64 + 12, b"\3"),
                   (b"FFUN", 0, negative), (b"FFUN", 4, nan), (b"FFUN", 8, half), (b"FFUN", 12, half),
-                  (b"FFUN", 24, one), (b"FFUN", 28, one), (b"FFUN", 4 * 32 + 24, b"\2"), (b"FFUN", 5 * 32 + 24, bytes(4)),
-                  (b"FFUN", 5 * 32 + 28, b"\2"), (b"FFUN", 8 * 32 + 24, one), (b"FPAK", 0, negative), (b"FPAK", 8, one),
+                  (b"FFUN", 24, one), (b"FFUN", 28, one), (b"FFUN", 4 * 36 + 24, b"\2"), (b"FFUN", 5 * 36 + 24, bytes(4)),
+                  (b"FFUN", 5 * 36 + 28, b"\2"), (b"FFUN", 8 * 36 + 24, one), (b"FPAK", 0, negative), (b"FPAK", 8, one),
                   (b"FPAK", 32, nan), (b"FPAK", 40, one), (b"FPAK", 64, negative), (b"FPAK", 96, nan),
                   (b"FPAK", 96 + 8, one), (b"FGRD", 0, half), (b"FGRD", 96, nan), (b"FGRD", 4 * 32 + 8, tiny),
                   (b"FVAL", 0, nan), (b"FVAL", 4, half), (b"FVAL", 32 + 20, tiny), (b"FPNT", 0, half),
                   (b"FPNT", 12, bytes(4)), (b"FPTV", 4, half), (b"FPTV", 4 * 32 + 4, tiny), (b"FMOD", 0, negative), (b"FMOD", 32, half),
-                  (b"FMOD", 36, nan), (b"FMOD", 13 * 32 + 16, tiny)]
+                  (b"FMOD", 36, nan), (b"FMOD", 13 * 32 + 16, tiny),
+                  (b"FFUN", 32, negative), (b"FFUN", 4 * 36 + 32, nan), (b"FPAK", 192, b"\2"), (b"FPAK", 192 + 8, bytes(4)),
+                  (b"FPAK", 224 + 192 + 4, b"\xfe"), (b"FPAK", 224 + 192 + 28, one),
+                  (b"FFIB", 0, b"\2"), (b"FFIB", 0, none), (b"FFIB", 0, one), (b"FFIB", 4, b"\2"), (b"FFIB", 4, none),
+                  (b"FFIB", 8, one), (b"FFIB", 12, negative), (b"FFIB", 12, nan), (b"FFIB", 16 + 4, bytes(4)),
+                  (b"FFIB", 16 + 8, bytes(4)), (b"FFIB", 2 * 16, bytes(4)), (b"FFIB", 2 * 16 + 4, one),
+                  (b"FFBV", 0, nan), (b"FFBV", 0, half), (b"FFBV", 5 * 4, half), (b"FFBV", 8 * 4, half),
+                  (b"FFBV", 12 * 4, nan), (b"CMEC", 72, bytes(12)), (b"CMEC", 76, b"\0\0\x80\x3f" + bytes(4)),
+                  (b"CMEC", 84, none), (b"CMEC", 96 + 84, none),
+                  (b"FTHR", 0, bytes(4)), (b"FTHR", 0, b"\2"), (b"FTHR", 0, none), (b"FTHR", 4, one),
+                  (b"FTHV", 0, nan), (b"FTHV", 0, negative), (b"FTHV", 24 * 4, negative), (b"FTHV", 24 * 4, half),
+                  (b"FTHV", 6 * 4, b"\0\0\x80\x7f"), (b"FTHV", 4, half), (b"FTHV", 23 * 4, nan),
+                  (b"FTHV", 9 * 4, negative), (b"FTHV", 18 * 4, b"\0\0\xc0\x5f")]
         for name, offset, new in faults:
             data = bytearray(sound)
             at = start_of(data, name) + offset
@@ -189,6 +250,56 @@ class Reader(unittest.TestCase):
             data[at:at + len(new)] = new
             reseal(data)
             self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")
+
+    def test_fields_without_what_they_name(self):
+        with open(FIELDS, "rb") as file:
+            sound = file.read()
+        read_package.Package(sound)
+        for names, reason in (((b"CMEC",), "section FPAK"), ((b"FFIB",), "section FFBV: needs section FFIB"),
+                              ((b"FFBV",), "section FFIB"), ((b"FTHR",), "section FTHV: needs section FTHR"),
+                              ((b"FTHV",), "section FTHR")):
+            data = without(sound, names)
+            self.assertIn(reason, reason_of(data))
+        self.assertEqual(reason_of(without(sound, (b"FFIB", b"FFBV"))), "")
+        self.assertEqual(reason_of(without(sound, (b"FTHR", b"FTHV"))), "")
+
+    def test_tethers_that_pull_at_the_rest_shape(self):
+        with open(FIELDS, "rb") as file:
+            sound = file.read()
+        at = start_of(sound, b"FTHV")
+
+        def changed(change):
+            data = bytearray(sound)
+            values = list(struct.unpack_from("<25f", data, at))
+            change(values)
+            struct.pack_into("<25f", data, at, *values)
+            reseal(data)
+            return reason_of(data)
+
+        def scale(values, where, factor):
+            for i in where:
+                values[i] *= factor
+
+        self.assertEqual(changed(lambda v: None), "")
+        self.assertEqual(changed(lambda v: scale(v, range(25), 3)), "")
+        self.assertEqual(changed(lambda v: scale(v, range(25), 0)), "")
+        for where in ((0,), (6,), (12,), (18,), (24,), (1, 5), (14, 22), (19, 23)):  # alike on both sides
+            self.assertIn("pulls at the rest shape", changed(lambda v, w=where: scale(v, w, 1.01)), where)
+        for where in ((4,), (5,), (23,)):  # on one side, less than what would pull
+            self.assertIn("a value", changed(lambda v, w=where: scale(v, w, 1.00001)), where)
+        self.assertIn("a value", changed(lambda v: scale(v, range(25), -1)))
+
+    def test_fibre_in_two_parts(self):
+        with open(FIELDS, "rb") as file:
+            data = bytearray(file.read())
+        fibres, values = start_of(data, b"FFIB"), start_of(data, b"FFBV")
+        struct.pack_into("<I", data, fibres + 16 + 4, 0)
+        data[values + 16:values + 32] = data[values:values + 16]
+        reseal(data)
+        self.assertEqual(reason_of(data), "")
+        struct.pack_into("<I", data, fibres + 4, 1)  # descending
+        reseal(data)
+        self.assertIn("section FFIB: not by field and cluster", reason_of(data))
 
     def test_unknown_sections(self):
         data = golden()

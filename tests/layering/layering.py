@@ -78,8 +78,8 @@ TOOL_THIRD = {
 }
 # What a part may include beyond the parts below it.
 TOOL_OWN = {
-    # The references that its figures are compared with, and the kernels that it times alone.
-    "bench": ("tests/benchmarks/", "runtime/kernels/", "runtime/load/", "runtime/world/"),
+    # The references that its figures are compared with.
+    "bench": ("tests/benchmarks/",),
 }
 # Each of these sits behind the named files of its part.
 BEHIND = {
@@ -103,7 +103,7 @@ ZONES = [
     Zone("tests/", own=PUBLIC + ("formats/", "runtime/", "tests/"), third=("gtest", "eigen", "xxhash", "posix")),
 ] + [
     Zone(f"tools/{part}/",
-         own=PUBLIC + ("runtime/geometry/", "runtime/clusters/", f"tools/{part}/")
+         own=PUBLIC + ("runtime/geometry/", f"tools/{part}/")
          + TOOL_OWN.get(part, ())
          + tuple(f"tools/{other}/" for other, below in TOOL_RANKS.items() if below < rank),
          third=TOOL_COMMON + TOOL_THIRD.get(part, ()))

@@ -13,6 +13,7 @@
 #include "sinew/c_api.h"
 #include "sinew/formats/writer.h"
 #include "tests/support/box_package.h"
+#include "tests/support/field_content.h"
 
 namespace sinew::test {
 namespace {
@@ -61,7 +62,9 @@ TEST(CApi, WorldsAssetsAndErrorsOfSeveralThreads) {
   BoxOptions box;
   box.cells = {8, 8, 8};
   box.clusters = {2, 2, 2};
-  const std::vector<std::byte> package = formats::writePackage(boxContent(box));
+  formats::PackageContent content = boxContent(box);
+  addFields(content);
+  const std::vector<std::byte> package = formats::writePackage(content);
   sinew_asset* shared = nullptr;
   ASSERT_EQ(sinew_asset_from_memory(package.data(), package.size(), &shared), SINEW_OK);
   const std::vector<float> expected = play(shared, nullptr, 100000);

@@ -287,11 +287,6 @@ TEST(Outputs, BoundsHoldAllVerticesAndNoMore) {
   };
   expect_box(world.physicalBounds(body), world.positions(body));
   expect_box(world.visualBounds(body), outputsOf(world, body).positions);
-  // A vertex that is not finite is left out.
-  std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
-  x[0][1] = std::numeric_limits<float>::quiet_NaN();
-  world.setState(body, x, {});
-  expect_box(world.physicalBounds(body), std::span<const Vec3>(x).subspan(1));
 }
 
 TEST(Outputs, SameBitsForAnyJobSystem) {
@@ -347,8 +342,8 @@ TEST(Outputs, SameBitsForEveryInstructionSet) {
     r.normals.resize(count);
     r.tangents.resize(count);
     const auto bytes = [](auto& v) { return reinterpret_cast<std::byte*>(v.data()); };
-    EXPECT_TRUE(kernel.slot_frames(world.positions(id).data()->data(), visual.corners.data(), r.frames.data(), 0,
-                                   std::uint32_t(slots)));
+    kernel.slot_frames(world.positions(id).data()->data(), visual.corners.data(), r.frames.data(), 0,
+                       std::uint32_t(slots));
     std::vector<BlendTerm> terms;
     for (const ClusterUse& use : asset->constants().uses) terms.push_back({use.cluster, use.share});
     kernel.gradients(asset->package().physicalVertices().data()->rest_position.data(),

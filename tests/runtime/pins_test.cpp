@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Pin sets on the wall beam of Henriques 2006, figures 4 to 6: 1 x 0.2 x 0.2 m, held at one end. The tables that
-// docs/method.md has of it are tested in tests/study.
+// Pin sets on the wall beam of Henriques 2006, figures 4 to 6: 1 x 0.2 x 0.2 m, held at one end.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -102,7 +101,7 @@ struct HeldBeam {
   std::vector<std::uint32_t> wall, end;
 };
 
-TEST(ConstrainedFit, TheWallStaysExactlyAndCarriesTheWeight) {
+TEST(PinSets, TheWallStaysExactlyAndCarriesTheWeight) {
   for (const ClusterMechanics& mechanics : {formats::kPlainMechanics, elastic(1e6F, 0.3F)}) {
     for (const std::uint32_t clusters : {1U, 3U}) {
       Beam beam;
@@ -118,46 +117,6 @@ TEST(ConstrainedFit, TheWallStaysExactlyAndCarriesTheWeight) {
       EXPECT_NEAR(double(reaction.force[0]), 0, 0.01 * kMass * 9.81);
       EXPECT_NEAR(double(reaction.torque[2]), -kMass * 9.81 * motion.center[0], 0.02 * kMass * 9.81 * 0.5);
       EXPECT_NEAR(double(reaction.torque[0]), 0, 0.01 * kMass * 9.81);
-    }
-  }
-}
-
-// A cantilever of one cluster whose free modes all have the frequency f: the sag of uniform gravity is g / (2 pi f)²
-// times the projection of 1 on the functions of the cluster that vanish at the wall; of x and x², 4 x - 10/3 x² in the
-// continuum, 2/3 at the end. Vertices are lumped, so the reference solves the same least squares with them.
-TEST(ConstrainedFit, SagIsWhatTheFrequencySays) {
-  Beam beam;
-  HeldBeam held(beam);
-  run(held.world, 6);
-  Eigen::Matrix2d moment = Eigen::Matrix2d::Zero();
-  Eigen::Vector2d load = Eigen::Vector2d::Zero();
-  for (const auto& vertex : held.asset->package().physicalVertices()) {
-    const double x = double(vertex.rest_position[0]);
-    const Eigen::Vector2d b(x, x * x);
-    moment += double(vertex.mass) * b * b.transpose();
-    load += double(vertex.mass) * b;
-  }
-  const double omega = 2 * std::numbers::pi * 3;
-  const double expected = 9.81 / (omega * omega) * moment.inverse().operator*(load).sum();
-  EXPECT_NEAR(held.sag(), expected, 0.01 * expected);
-  EXPECT_NEAR(expected, 2.0 / 3 * 9.81 / (omega * omega), 0.05 * expected);
-}
-
-TEST(ConstrainedFit, KeepsStillWithVolumeAndLimitsAtAnyStep) {
-  // Clamping stretches against pins once fed this beam energy until it burst, at small steps.
-  for (const float rate : {60.0F, 240.0F}) {
-    for (const auto volume : {formats::VolumeMethod::cube_root, formats::VolumeMethod::principal}) {
-      for (const float young : {1e5F, 1e6F}) {
-        Beam beam;
-        beam.mechanics = elastic(young, 0.3F);
-        beam.mechanics.limit = formats::LimitMethod::principal;
-        beam.mechanics.volume = volume;
-        HeldBeam held(beam);
-        run(held.world, 6, 1 / rate);
-        EXPECT_LT(rmsSpeed(held.world, held.body), 1e-2) << rate << " Hz, " << young << " Pa";
-        EXPECT_NEAR(held.volume(), 0.04, 0.02 * 0.04) << rate << " Hz, " << young << " Pa";
-        EXPECT_GT(held.sag(), 0.05);
-      }
     }
   }
 }
@@ -197,7 +156,7 @@ TEST(PinSets, ABodyFollowsItsTransformRigidly) {
     held.world.movePinSet(held.pins, at);
     held.world.step(h);
   }
-  run(held.world, 2);
+  run(held.world, 4);
   const Matrix3d r = Eigen::AngleAxisd(turn, Vector3d(0.3, 1, 0.2).normalized()).toRotationMatrix();
   const auto vertices = held.asset->package().physicalVertices();
   for (std::size_t i = 0; i < vertices.size(); ++i) {
@@ -208,28 +167,6 @@ TEST(PinSets, ABodyFollowsItsTransformRigidly) {
     const Vector3d expected = r * wide(vertices[i].rest_position) + Vector3d(1, 2, 0);
     EXPECT_LT((wide(held.world.positions(held.body)[i]) - expected).norm(), 2e-6);
   }
-}
-
-TEST(ConstrainedFit, ElasticClustersMayBeAsStiffAsTheirRangesAllow) {
-  for (const float step : {1e-3F, 1.0F / 60, 1.0F}) {
-    Beam beam;
-    beam.mechanics = elastic(1e12F, 0.499F);
-    HeldBeam held(beam);
-    BodySettings stiffest;
-    stiffest.stiffness_scale = 1e6F;
-    const BodyId body = *held.world.addBody(held.asset, stiffest);
-    ASSERT_TRUE(held.world.addPinSet(body, held.wall, {}, PinMethod::constrained_fit));
-    for (int i = 0; i < 60; ++i) held.world.step(step);
-    for (const BodyId each : {held.body, body}) {
-      ASSERT_TRUE(allFinite(held.world, each)) << step;
-      // A pass of a quarter of a second falls 0.3 m before R is looked for once.
-      EXPECT_LT(restError(held.world, each).max, step < 1 ? 1e-6 : 5e-3) << step;
-    }
-  }
-  BodySettings beyond;
-  beyond.stiffness_scale = 2e6F;
-  HeldBeam held({});
-  EXPECT_FALSE(held.world.addBody(held.asset, beyond));
 }
 
 TEST(PinSets, AHangingBodyPullsWithItsWeightWhateverTheMethod) {

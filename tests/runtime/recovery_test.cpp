@@ -88,43 +88,6 @@ INSTANTIATE_TEST_SUITE_P(
                     Recovery{"linear2", ClusterMode::linear, 2}, Recovery{"quadratic2", ClusterMode::quadratic, 2}),
     [](const auto& tested) { return tested.param.name; });
 
-// A rope bent to three quarters of a circle is further from its rest shape than a flattened cube, and nothing is wrong
-// with it: it straightens at the speed of its clusters, not at once. Taken for astray, ropes on a heap never came to
-// rest.
-class BentRope : public testing::Test {
- protected:
-  static constexpr float kRadius = 3.4F;
-
-  // \return root mean square move of the first step, diagonals.
-  double firstMove(bool held, bool on_ground) {
-    WorldSettings settings = weightless();
-    settings.ground.enabled = on_ground;
-    World world(settings);
-    BoxOptions box;
-    box.cells = {64, 2, 2};
-    box.size = {16, 0.5F, 0.5F};
-    box.clusters = {16, 1, 1};
-    const BodyId body = *world.addBody(boxAsset(box));
-    std::vector<Vec3> bent;
-    for (const Vec3& p : world.positions(body)) {
-      const float angle = p[0] / kRadius, r = kRadius + p[1];
-      bent.push_back({r * std::sin(angle), kRadius + 0.25F - r * std::cos(angle), p[2]});
-    }
-    world.setState(body, bent, {});
-    for (std::uint32_t i = 0; held && i < bent.size(); ++i) {
-      if (world.asset(body).package().physicalVertices()[i].rest_position[0] < -7.9F) world.pin(body, i, bent[i]);
-    }
-    world.step(1.0F / 60);
-    double sum = 0;
-    for (std::size_t i = 0; i < bent.size(); ++i) sum += (wide(world.positions(body)[i]) - wide(bent[i])).squaredNorm();
-    return std::sqrt(sum / double(bent.size())) / double(world.asset(body).package().info().diagonal);
-  }
-};
-
-TEST_F(BentRope, StraightensGraduallyWhereFree) { EXPECT_LT(firstMove(false, false), 0.05); }
-TEST_F(BentRope, StraightensGraduallyWhereHeld) { EXPECT_LT(firstMove(true, false), 0.05); }
-TEST_F(BentRope, StraightensGraduallyOnTheGround) { EXPECT_LT(firstMove(false, true), 0.05); }
-
 TEST(Extremes, RigidClustersMoveOnWithoutDamping) {
   WorldSettings settings = weightless();
   settings.damping = settings.deformation_damping_ratio = 0;
@@ -169,38 +132,7 @@ TEST(Extremes, EverythingStaysFinite) {
   }
 }
 
-// Thousands of turns a pass: the momentum stays, in the velocities that a game reads too, and no energy is made of it.
-// A bar turns about an axis that is none of its own: turned about any axis but that of its momentum it would need more.
-TEST(Extremes, AFastSpinKeepsItsMomentumAndGainsNoEnergy) {
-  BoxOptions box;
-  box.size = {4, 0.4, 0.4};
-  box.cells = {10, 2, 2};
-  for (const std::array<std::uint32_t, 3>& clusters : {std::array{1U, 1U, 1U}, std::array{4U, 1U, 1U}}) {
-    box.clusters = clusters;
-    for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
-      box.mode = mode;
-      WorldSettings settings = weightless();
-      settings.damping = 0;
-      World world(settings);
-      const BodyId body = *world.addBody(boxAsset(box));
-      std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end()), v;
-      for (const Vec3& p : x) {
-        const Eigen::Vector3f speed = Eigen::Vector3f(3e5F, 5e5F, 0).cross(Eigen::Vector3f(p[0], p[1], p[2]));
-        v.push_back({speed[0], speed[1], speed[2]});
-      }
-      world.setState(body, x, v);
-      const Motion before = motionOf(world, body);
-      for (int i = 0; i < 120; ++i) world.step(1.0F / 60);
-      const Motion after = motionOf(world, body);
-      EXPECT_LT((after.angular - after.center.cross(after.momentum) - before.angular).norm(),
-                1e-4 * before.angular.norm())
-          << int(mode);
-      EXPECT_LT(after.kinetic, 1.05 * before.kinetic) << int(mode);
-    }
-  }
-}
-
-// A rod that twists by more than a pass can follow, with little angular momentum, and tumbles slowly, with most of it:
+// A rod that twists by more than a step can follow, with little angular momentum, and tumbles slowly, with most of it:
 // turned about the axis of the whole as fast as it twists it would have many times its energy.
 TEST(Extremes, AThinPartThatTwistsFastGainsNoEnergy) {
   for (const ClusterMode mode : {ClusterMode::rigid, ClusterMode::linear, ClusterMode::quadratic}) {
@@ -208,6 +140,7 @@ TEST(Extremes, AThinPartThatTwistsFastGainsNoEnergy) {
     box.cells = {12, 1, 1};
     box.size = {1, 0.02F, 0.02F};
     box.mode = mode;
+    box.stretch_hz = 100;  // what bursts at this speed is no rod
     WorldSettings settings = weightless();
     settings.damping = 0;
     World world(settings);
@@ -229,38 +162,24 @@ TEST(Extremes, AThinPartThatTwistsFastGainsNoEnergy) {
   }
 }
 
-// Stretched to more than the guard allows along every axis, a soft body goes back as its frequency says: the guard,
-// which stops motion, must not act again and again.
-TEST(Extremes, ASoftBodyReturnsFromFarBeyondTheGuard) {
-  BoxOptions box;
-  box.clusters = {2, 2, 2};
-  box.stretch_hz = box.bend_hz = box.twist_hz = 0.25F;
-  World world(weightless());
-  const BodyId body = *world.addBody(boxAsset(box));
-  std::vector<Vec3> x;
-  for (const Vec3& p : world.positions(body)) x.push_back({3.5F * p[0], 3.5F * p[1], 3.5F * p[2]});
-  world.setState(body, x, {});
-  for (int i = 0; i < 5 * 4 * 60; ++i) world.step(1.0F / 60);
-  EXPECT_LT(restError(world, body).max, 1e-3);
-}
-
-TEST(Extremes, ALostVertexIsReportedContainedAndBroughtBack) {
+TEST(Extremes, ALostVertexIsPutWhereTheOthersHaveIt) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
   for (const Vec3& bad : {Vec3{nan, 0, 0}, Vec3{0, inf, 0}, Vec3{1e30F, 0, 0}}) {
     for (const bool in_velocity : {false, true}) {
       BoxOptions box;
       box.clusters = {2, 2, 2};
       World world(weightless());
-      const BodyId body = *world.addBody(boxAsset(box));
+      BodySettings place;
+      place.position = {100, 50, -20};
+      const BodyId body = *world.addBody(boxAsset(box), place);
       std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end()), v(x.size());
       (in_velocity ? v : x)[7] = bad;
       world.setState(body, x, v);
-      world.step(1.0F / 60);
-      EXPECT_EQ(world.repairedVertices(body), 1U);
       EXPECT_TRUE(allFinite(world, body));
       EXPECT_LT(restError(world, body).max, 1e-4);
       world.step(1.0F / 60);
       EXPECT_EQ(world.repairedVertices(body), 0U);
+      EXPECT_LT(rmsSpeed(world, body), 1e-3);
     }
   }
 }
@@ -303,55 +222,6 @@ TEST(Extremes, ABodyThatIsLostAltogetherComesBackWhereItWasAdded) {
     EXPECT_LT(restError(world, body).max, 1e-3) << name;
     EXPECT_LT((motionOf(world, body).center - Eigen::Vector3d(3, 4, 5)).norm(), 1e-3) << name;
   }
-}
-
-TEST(DegenerateClusters, KeepTheDirectionsTheyLack) {
-  // Clusters of 1, 2, 3 vertices, of a line and of a sheet: none may collapse.
-  formats::PackageContent content = boxContent({});
-  content.clusters.clear();
-  content.memberships.clear();
-  std::vector<double> weights;
-  const auto add = [&](ClusterMode mode, const std::vector<std::uint32_t>& members) {
-    formats::Cluster cluster{};
-    cluster.name = content.info.name;
-    cluster.mode = mode;
-    cluster.first_member = std::uint32_t(content.memberships.size());
-    cluster.member_count = std::uint32_t(members.size());
-    cluster.alpha = 1;
-    cluster.stretch_hz = cluster.bend_hz = cluster.twist_hz = 5;
-    content.clusters.push_back(cluster);
-    for (const std::uint32_t v : members) {
-      content.memberships.push_back({v, 0, 0});
-      weights.push_back(1);
-    }
-  };
-  std::vector<std::uint32_t> line, sheet, all;
-  for (std::uint32_t i = 0; i < content.physical_vertices.size(); ++i) {
-    const auto& x = content.physical_vertices[i].rest_position;
-    if (x[1] < -0.49F && x[2] < -0.49F) line.push_back(i);
-    if (x[1] < -0.49F) sheet.push_back(i);
-    all.push_back(i);
-  }
-  for (const ClusterMode mode : {ClusterMode::linear, ClusterMode::quadratic}) {
-    add(mode, {4});
-    add(mode, {4, 9});
-    add(mode, {4, 9, 20});
-    add(mode, line);
-    add(mode, sheet);
-    add(mode, all);
-  }
-  computeClusterConstants(content, weights);
-  content.bodies[0].cluster_count = std::uint32_t(content.clusters.size());
-  WorldSettings settings = weightless();
-  World world(settings);
-  const BodyId body = *world.addBody(makeAsset(content));
-  run(world, 2);
-  EXPECT_LT(restError(world, body).max, 1e-4);
-  std::vector<Vec3> x;
-  for (const Vec3& p : world.positions(body)) x.push_back({p[0] * 1.3F, p[1] * 0.6F, p[2] + 0.3F * p[0]});
-  world.setState(body, x, {});
-  run(world, 6);
-  EXPECT_LT(restError(world, body).max, 1e-3);
 }
 
 }  // namespace

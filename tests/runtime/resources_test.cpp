@@ -152,7 +152,7 @@ TEST(Resources, AnInstanceIsSmall) {
   RecordProperty("bytes_per_vertex", std::to_string(each / double(vertices)));
   RecordProperty("memberships_per_vertex", std::to_string(double(memberships) / double(vertices)));
   EXPECT_LE(each, 100.0 * double(vertices) + 40.0 * double(memberships));
-  EXPECT_GT(each, 36.0 * double(vertices));  // it does count: three vectors a vertex are the least
+  EXPECT_GT(each, 24.0 * double(vertices));  // it does count: two vectors a vertex are the least
 }
 
 TEST(Resources, RunningOutOfMemoryIsToldAndTheWorldGoesOn) {
@@ -221,13 +221,10 @@ TEST(Resources, APinSetThatFindsNoMemoryChangesNothing) {
     ASSERT_TRUE(allFinite(world, body));
     ASSERT_EQ(world.positions(body)[1], place) << dry_after;
   }
-  EXPECT_GT(dry_after, 8U);  // sets, points, values and offsets of each fit
+  EXPECT_GT(dry_after, 4U);
   memory.dry_after = 0;
-  world.removePinSet(held);
+  world.removePinSet(held);  // takes none
   memory.dry_after = std::numeric_limits<std::size_t>::max();
-  world.step(1.0F / 60);
-  EXPECT_EQ(world.positions(body)[1], place);  // still held
-  world.removePinSet(held);
   for (int i = 0; i < 10; ++i) world.step(1.0F / 60);
   EXPECT_NE(world.positions(body)[1], place);
 }
@@ -377,7 +374,6 @@ TEST(Resources, TheLogTellsWhatWasRefusedOrPutRight) {
   std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
   x[2] = {std::numeric_limits<float>::infinity(), 0, 0};
   world.setState(body, x, {});
-  world.step(1.0F / 60);
   ASSERT_EQ(log.count(LogSeverity::warning), 1U);
   EXPECT_NE(log.lines[0].second.find("1 vert"), std::string::npos) << log.lines[0].second;
 

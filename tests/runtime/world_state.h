@@ -85,6 +85,15 @@ inline double lowestPoint(const World& world, BodyId body) {
   return low;
 }
 
+/// The same of the vertices that are drawn: contacts give way a little, and what touches is drawn on the ground.
+inline double lowestDrawn(const World& world, BodyId body) {
+  std::vector<Vec3> x(world.asset(body).package().visualPositions().size());
+  world.visualVertices(body, {x[0].data(), 12, std::uint32_t(x.size())}, {});
+  double low = 1e300;
+  for (const Vec3& p : x) low = std::min(low, double(p[1]));
+  return low;
+}
+
 inline bool allFinite(const World& world, BodyId body) {
   for (const Vec3& x : world.positions(body)) {
     if (!wide(x).allFinite()) return false;

@@ -14,6 +14,7 @@
 #include "sinew/runtime/thread_pool.h"
 #include "tests/runtime/world_state.h"
 #include "tests/support/box_package.h"
+#include "tests/support/field_content.h"
 
 namespace sinew::test {
 namespace {
@@ -26,6 +27,12 @@ BoxOptions softBox(std::uint32_t clusters = 2) {
   box.cells = {8, 8, 8};
   box.clusters = {clusters, clusters, clusters};
   return box;
+}
+
+std::vector<std::byte> packageBytes() {
+  formats::PackageContent content = boxContent({});
+  addFields(content);
+  return formats::writePackage(content);
 }
 
 // Everything at once: two bodies fall, one is pinned and picked.
@@ -135,7 +142,7 @@ TEST(World, ResetGoesBackToTheBeginningExactly) {
   }
   EXPECT_TRUE(runs[0] == runs[1]);
   run(world, 1);  // nothing is held any more
-  EXPECT_GE(lowestPoint(world, body), -1e-6);
+  EXPECT_GE(lowestDrawn(world, body), -1e-6);
   EXPECT_LT(lowestPoint(world, body), 0.01);
 }
 
@@ -144,7 +151,6 @@ TEST(World, PartsOfAPackageFallIndependently) {
   small.center = {0, 2, 0};
   large.center = {3, 0, 0};
   formats::PackageContent content = boxContent(small);
-  const std::size_t first_part = content.physical_vertices.size();
   appendBody(content, boxContent(large));
   WorldSettings settings;
   settings.ground.enabled = true;
@@ -158,10 +164,7 @@ TEST(World, PartsOfAPackageFallIndependently) {
                         double(world.asset(body).package().physicalVertices()[0].rest_position[1]) - 2;
   // With air drag of rate k: g t / k - g (1 - e^-kt) / k².
   EXPECT_NEAR(fallen, 9.81 * 0.5 / 0.2 - 9.81 * (1 - std::exp(-0.1)) / 0.04, 0.015);
-  double low = 1e9;
-  for (std::size_t i = first_part; i < world.positions(body).size(); ++i)
-    low = std::min(low, double(world.positions(body)[i][1]));
-  EXPECT_NEAR(low, 0, 1e-6);
+  EXPECT_NEAR(lowestDrawn(world, body), 0, 1e-6);
 }
 
 TEST(World, RigidMotionAndClusterFramesAreThoseOfThePlacement) {
@@ -177,6 +180,13 @@ TEST(World, RigidMotionAndClusterFramesAreThoseOfThePlacement) {
   for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(translation[k], place.position[k], 1e-6F);
   world.clusterFrame(body, 0, center, linear);
   for (std::size_t k = 0; k < 9; ++k) EXPECT_NEAR(linear[k], place.rotation[k], 1e-5F);
+}
+
+TEST(World, APackageWithoutFieldsIsRefusedWithACure) {
+  World world;
+  const auto added = world.addBody(makePlainAsset(boxContent(softBox(1))));
+  ASSERT_FALSE(added);
+  EXPECT_NE(added.reason().find("bake it again"), std::string::npos) << added.reason();
 }
 
 TEST(World, RefusesWhatItCannotUse) {
@@ -200,7 +210,7 @@ TEST(World, RefusesWhatItCannotUse) {
 
 TEST(Asset, LoadsFromAFileAndSaysWhyNot) {
   const std::string path = testing::TempDir() + "runtime_world_test.sinew";
-  const std::vector<std::byte> bytes = formats::writePackage(boxContent({}));
+  const std::vector<std::byte> bytes = packageBytes();
   {
     std::ofstream file(path, std::ios::binary);
     file.write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
@@ -243,7 +253,7 @@ class BytesAt {
 };
 
 TEST(Asset, FromMemoryCopiesWhateverTheAddress) {
-  const std::vector<std::byte> bytes = formats::writePackage(boxContent({}));
+  const std::vector<std::byte> bytes = packageBytes();
   for (const std::size_t shift : {0U, 1U, 32U, 63U}) {
     BytesAt at(bytes, shift);
     const auto asset = Asset::fromMemory(at.span());
@@ -257,7 +267,7 @@ TEST(Asset, FromMemoryCopiesWhateverTheAddress) {
 }
 
 TEST(Asset, InPlaceUsesAndKeepsTheBytes) {
-  const std::vector<std::byte> bytes = formats::writePackage(boxContent({}));
+  const std::vector<std::byte> bytes = packageBytes();
   BytesAt at(bytes, 0);
   {
     World world, other;

@@ -20,7 +20,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-std::shared_ptr<const Asset> bar(double young) {
+// \param fields so that the runtime can play it.
+std::shared_ptr<const Asset> bar(double young, bool fields = false) {
   BoxBody box;
   box.cells = {12, 3, 3};
   box.size = {2, 0.5, 0.5};
@@ -30,6 +31,7 @@ std::shared_ptr<const Asset> bar(double young) {
   options.mechanics->stiffness = formats::StiffnessModel::elastic;
   options.mechanics->young = float(young);
   options.mechanics->poisson = 0.25F;
+  options.fields = fields;
   return boxPackage(box, options);
 }
 
@@ -101,7 +103,7 @@ TEST(HeldBody, ARefinedReferenceIsSofter) {
 }
 
 TEST(HeldBody, PressAndTwistTakeWhatTheyHoldWhereTheySay) {
-  const auto asset = bar(1e5);
+  const auto asset = bar(1e5, true);
   const PackageSolid solid = packageSolid(asset->package());
   const HeldCase twist = heldCase(solid, asset->package(), HoldScene::twist);
   ASSERT_EQ(twist.regions.size(), 2U);
@@ -122,7 +124,7 @@ TEST(HeldBody, PressAndTwistTakeWhatTheyHoldWhereTheySay) {
 }
 
 TEST(HeldBody, ABodyThatNothingPullsRestsWhereItWas) {
-  const auto asset = bar(1e5);
+  const auto asset = bar(1e5, true);
   const PackageSolid solid = packageSolid(asset->package());
   HeldCase held = heldCase(solid, asset->package(), HoldScene::hang);
   held.gravity.setZero();

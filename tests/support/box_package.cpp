@@ -11,6 +11,7 @@
 #include <map>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "tests/support/field_content.h"
 
 namespace sinew::test {
 namespace {
@@ -316,7 +317,12 @@ void appendBody(formats::PackageContent& content, const formats::PackageContent&
   content.info.total_mass += other.info.total_mass;
 }
 
-std::shared_ptr<const Asset> makeAsset(const formats::PackageContent& content) {
+std::shared_ptr<const Asset> makeAsset(formats::PackageContent content) {
+  if (content.fields.empty()) addFields(content);
+  return makePlainAsset(content);
+}
+
+std::shared_ptr<const Asset> makePlainAsset(const formats::PackageContent& content) {
   const std::vector<std::byte> bytes = formats::writePackage(content);
   auto asset = Asset::fromMemory(bytes);
   if (!asset) {

@@ -40,8 +40,10 @@ void appendBody(formats::PackageContent& content, const formats::PackageContent&
 /// one per membership: how tests make odd clusters.
 void computeClusterConstants(formats::PackageContent& content, const std::vector<double>& weights);
 
-/// An asset of the content; fails the test where the package is refused.
-std::shared_ptr<const Asset> makeAsset(const formats::PackageContent& content);
+/// An asset of the content, with fields (addFields()) where it has none; fails the test where the package is refused.
+std::shared_ptr<const Asset> makeAsset(formats::PackageContent content);
+/// The same of the content as it is.
+std::shared_ptr<const Asset> makePlainAsset(const formats::PackageContent& content);
 std::shared_ptr<const Asset> boxAsset(const BoxOptions& options = {});
 
 }  // namespace sinew::test

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "sinew/formats/version.h"
@@ -179,9 +180,10 @@ class FieldMaker {
     return a;
   }
 
-  // Fours of `driven` functions are 1, X, Y, Z of `pin_set`; `points` are midpoints of two vertices each.
+  // Fours of `driven` functions are 1, X, Y, Z of `pin_set`; `points` are midpoints of two vertices each; the first
+  // tetrahedron is under the laws of the first cluster, and the first `fibres` clusters have fibres.
   void add(const std::vector<OnVertices>& functions, std::size_t driven, std::uint32_t pin_set,
-           const std::vector<std::array<std::size_t, 2>>& points) {
+           const std::vector<std::array<std::size_t, 2>>& points, std::uint32_t fibres) {
     const auto count = [](const auto& items) { return std::uint32_t(items.size()); };
     formats::Field field{};
     field.held = driven > 0 ? 1 : 0;
@@ -202,6 +204,8 @@ class FieldMaker {
     content_.fields.push_back(field);
 
     formats::FieldPack pack{};
+    pack.cluster.fill(kNone);
+    pack.cluster[0] = 0;
     std::vector<std::vector<Vector>> gradients;  // by tetrahedron and function
     std::vector<double> stiffness(functions.size(), 0.0);
     for (std::size_t t = 0; t < content_.tetrahedra.size(); ++t) {
@@ -235,11 +239,32 @@ class FieldMaker {
     std::vector<double> modes;
     for (std::size_t j = driven; j < functions.size(); ++j) modes.insert(modes.end(), 3, stiffness[j]);
     addModes(modes);
+    for (std::uint32_t c = 0; c < fibres; ++c) addFibre(c, gradients);
     for (const auto& [a, b] : points) {
       formats::FieldPoint point{{}, 0.25F};
       for (std::size_t axis = 0; axis < 3; ++axis) point.at[axis] = float(0.5 * (at_[axis][a] + at_[axis][b]));
       content_.field_points.push_back(point);
     }
+  }
+
+  // Of the last field: ties vertices to its first pin set, each by so many N/m. sum kappa r r^T, r how far a vertex is
+  // from where the set would have it, by function. The product of two functions comes first: symmetric to the last bit.
+  void addTethers(const std::vector<OnVertices>& functions,
+                  const std::vector<std::pair<std::size_t, double>>& tethers) {
+    const std::size_t k = functions.size();
+    std::vector<double> sums(k * k, 0.0);
+    for (const auto& [vertex, kappa] : tethers) {
+      std::vector<double> off;
+      for (const OnVertices& function : functions) off.push_back(function[vertex]);
+      off[0] -= 1;
+      for (std::size_t axis = 0; axis < 3; ++axis) off[1 + axis] -= at_[axis][vertex];
+      for (std::size_t a = 0; a < k; ++a) {
+        for (std::size_t b = 0; b < k; ++b) sums[k * a + b] += kappa * (off[a] * off[b]);
+      }
+    }
+    content_.field_tethers.push_back(
+        {std::uint32_t(content_.fields.size() - 1), std::uint32_t(content_.field_tether_values.size())});
+    for (const double sum : sums) content_.field_tether_values.push_back(float(sum));
   }
 
  private:
@@ -272,10 +297,47 @@ class FieldMaker {
       return result;
     }
     result.stiffness = float(std::fmax(0.0, stiffness));
+    for (std::size_t c = 0; c < content_.clusters.size(); ++c) {
+      const OnVertices shares = sharesOf(c);
+      for (std::size_t i = 0; i < shares.size(); ++i) {
+        result.decay += float(mass_[i] * function[i] * function[i] * shares[i] * double(content_.mechanics[c].damping));
+      }
+    }
     result.damping_hz = float(0.125 * std::sqrt(std::fmax(0.0, stiffness)));
     result.one = float(product(function, OnVertices(function.size(), 1.0)));
     for (std::size_t axis = 0; axis < 3; ++axis) result.rest[axis] = float(product(function, at_[axis]));
     return result;
+  }
+
+  OnVertices sharesOf(std::size_t cluster) const {
+    OnVertices shares(mass_.size(), 0.0);
+    const formats::Cluster& c = content_.clusters[cluster];
+    for (std::size_t m = c.first_member; m < c.first_member + c.member_count; ++m) {
+      shares[content_.memberships[m].vertex] = double(content_.memberships[m].share);
+    }
+    return shares;
+  }
+
+  // Of the last field. \param gradients by tetrahedron and function.
+  void addFibre(std::uint32_t cluster, const std::vector<std::vector<Vector>>& gradients) {
+    constexpr double kYoung = 2600;  // that of the samples' mu and lambda, Pa
+    const formats::ClusterMechanics& mechanics = content_.mechanics[cluster];
+    const Vector along = {double(mechanics.fibre[0]), double(mechanics.fibre[1]), double(mechanics.fibre[2])};
+    const OnVertices shares = sharesOf(cluster);
+    std::vector<double> values(gradients.front().size(), 0.0);
+    double volume = 0;
+    for (std::size_t t = 0; t < gradients.size(); ++t) {
+      const std::array<std::uint32_t, 4>& corner = content_.tetrahedra[t].vertex;
+      double share = 0;
+      for (const std::uint32_t v : corner) share += shares[v] / 4;
+      const double part = share * dot(cross(edge(corner, 1), edge(corner, 2)), edge(corner, 3)) / 6;
+      for (std::size_t j = 0; j < values.size(); ++j) values[j] += part * dot(gradients[t][j], along);
+      volume += part;
+    }
+    content_.field_fibres.push_back({std::uint32_t(content_.fields.size() - 1), cluster,
+                                     std::uint32_t(content_.field_fibre_values.size()),
+                                     float(double(mechanics.contraction) * kYoung * volume)});
+    for (const double value : values) content_.field_fibre_values.push_back(float(value / volume));
   }
 
   static void addValues(const std::vector<OnVertices>& functions, const std::vector<std::array<std::size_t, 2>>& places,
@@ -320,6 +382,23 @@ void repeat(std::vector<T>& items, std::size_t copies, Shift shift) {
       items.push_back(item);
     }
   }
+}
+
+// Plastic, elastic, with limits and a fibre.
+formats::ClusterMechanics mechanicsOfLower() {
+  formats::ClusterMechanics lower = formats::kPlainMechanics;
+  lower.stiffness = formats::StiffnessModel::elastic;
+  lower.young = 2e5F;
+  lower.poisson = 0.45F;
+  lower.damping = 3;
+  lower.limit = formats::LimitMethod::principal;
+  lower.volume = formats::VolumeMethod::principal;
+  lower.plastic_yield = 0.25F;
+  lower.plastic_creep = 2;
+  lower.fibre = {0, 0.6F, 0.8F};
+  lower.channel = 1;
+  lower.contraction = 0.375F;
+  return lower;
 }
 
 // A PNG of one orange pixel.
@@ -394,25 +473,13 @@ formats::PackageContent samplePackage() {
 
 formats::PackageContent mechanicsPackage() {
   formats::PackageContent content = samplePackage();
-  formats::ClusterMechanics lower = formats::kPlainMechanics;
-  lower.stiffness = formats::StiffnessModel::elastic;
-  lower.young = 2e5F;
-  lower.poisson = 0.45F;
-  lower.damping = 3;
-  lower.limit = formats::LimitMethod::principal;
-  lower.volume = formats::VolumeMethod::principal;
-  lower.plastic_yield = 0.25F;
-  lower.plastic_creep = 2;
-  lower.fibre = {0, 0.6F, 0.8F};
-  lower.channel = 1;
-  lower.contraction = 0.375F;
   formats::ClusterMechanics whole = formats::kPlainMechanics;
   whole.stiffness = formats::StiffnessModel::per_step;
   whole.per_step_beta = {0, 0.5F, 1};
   whole.limit = formats::LimitMethod::curve;
   whole.first_curve_point = 1;
   whole.curve_point_count = 3;
-  content.mechanics = {lower, whole};
+  content.mechanics = {mechanicsOfLower(), whole};
   content.curve_points = {{3, 3}, {4, 4}, {8, 5}, {32, 5}};
   content.channels = {{content.addText("frown")}, {content.addText("smile")}};
   content.vertex_stiffness = {1, 0.5F, 0, 1, 0.25F};
@@ -425,6 +492,13 @@ formats::PackageContent fieldPackage() {
   content.pin_sets = {{content.addText("nobody"), content.addText("world"), 0, 0, 0, 0},
                       {content.addText("base"), content.addText("bone"), 0, 0, 3, 0}};
   content.pin_set_vertices = {0, 1, 2};
+  formats::ClusterMechanics whole = formats::kPlainMechanics;
+  whole.damping = 0.5F;
+  whole.fibre = {1, 0, 0};
+  whole.channel = 0;
+  whole.contraction = 0.25F;
+  content.mechanics = {mechanicsOfLower(), whole};
+  content.channels = {{content.addText("frown")}, {content.addText("smile")}};
   FieldMaker maker(content);
   const std::vector<std::array<std::size_t, 2>> points = {{0, 0}, {1, 1}, {2, 2}, {3, 3}, {4, 4},
                                                           {0, 1}, {0, 2}, {0, 3}, {1, 4}};
@@ -440,13 +514,14 @@ formats::PackageContent fieldPackage() {
   for (const OnVertices& function : {one, sum, first, second}) {
     free.push_back(maker.normalized(maker.without(function, free)));
   }
-  maker.add(free, 0, kNone, points);
+  maker.add(free, 0, kNone, points, 2);
 
   const OnVertices inner = maker.normalized({0, 0, 0, 1, 1});
   std::vector<OnVertices> held;
   for (const OnVertices& monomial : {one, x, y, z}) held.push_back(maker.without(monomial, {inner}));
   held.push_back(inner);
-  maker.add(held, 4, 1, points);
+  maker.add(held, 4, 1, points, 1);
+  maker.addTethers(held, {{3, 40}, {4, 90}});
   return content;
 }
 
@@ -472,6 +547,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
   });
   repeat(c.memberships, copies, [&](auto& m, std::uint32_t k) { m.vertex += k * vertices; });
   repeat(c.quadratic_moments, copies, same);
+  repeat(c.mechanics, copies, same);
   repeat(c.visual_positions, copies, same);
   repeat(c.visual_normals, copies, same);
   repeat(c.visual_uvs, copies, same);
@@ -506,12 +582,24 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
   repeat(c.field_functions, copies, [&](auto& f, std::uint32_t k) {
     if (f.pin_set != kNone) f.pin_set += k * sets;
   });
-  repeat(c.field_packs, copies, same);
+  repeat(c.field_packs, copies, [&](auto& pack, std::uint32_t k) {
+    for (auto& cluster : pack.cluster) {
+      if (cluster != kNone) cluster += k * clusters;
+    }
+  });
   repeat(c.field_gradients, copies, same);
   repeat(c.field_values, copies, same);
   repeat(c.field_points, copies, same);
   repeat(c.field_point_values, copies, same);
   repeat(c.field_modes, copies, same);
+  repeat(c.field_fibres, copies, [&](auto& f, std::uint32_t k) {
+    f.field += k * n(once.fields), f.cluster += k * clusters, f.first_value += k * n(once.field_fibre_values);
+  });
+  repeat(c.field_fibre_values, copies, same);
+  repeat(c.field_tethers, copies, [&](auto& t, std::uint32_t k) {
+    t.field += k * n(once.fields), t.first_value += k * n(once.field_tether_values);
+  });
+  repeat(c.field_tether_values, copies, same);
   return c;
 }
 

@@ -18,8 +18,10 @@ namespace sinew::test {
 [[nodiscard]] formats::PackageContent mechanicsPackage();
 
 /// samplePackage() with two pin sets, one of them empty, and both fields of its body: the free one of the four linear
-/// functions, the held one of the four that the second pin set drives and one more; two samples (the tetrahedra) and
-/// nine contact points (the vertices, and midpoints of edges).
+/// functions, the held one of the four that the second pin set drives and one more; two samples (the tetrahedra, the
+/// first one under the laws of "lower") and nine contact points (the vertices, and midpoints of edges). Both clusters
+/// have an activated fibre; that of "whole" has a record in the free field only. Tethers tie the last two vertices of
+/// the held field to its pin set, by 40 and 90 N/m.
 [[nodiscard]] formats::PackageContent fieldPackage();
 
 /// So many copies of a content's bodies in one package, in one place: of samplePackage() or fieldPackage().

@@ -10,6 +10,7 @@
 #include <new>
 #include <set>
 
+#include "tests/support/field_content.h"
 #include "tests/support/sample_package.h"
 #include "tools/bake/check_source.h"
 
@@ -23,7 +24,7 @@ const Finding* find(const std::vector<Finding>& findings, const std::string& id)
   return at == findings.end() ? nullptr : &*at;
 }
 
-std::vector<Finding> check(const PackageContent& content) {
+std::vector<Finding> checkAsItIs(const PackageContent& content) {
   const std::vector<std::byte> bytes = formats::writePackage(content);
   struct Aligned {
     std::align_val_t alignment{formats::kSectionAlignment};
@@ -48,6 +49,17 @@ std::set<std::string> faults(const std::vector<Finding>& findings) {
   }
   ids.erase("small-clusters");  // the sample's quadratic cluster has 5 vertices
   return ids;
+}
+
+std::vector<Finding> check(PackageContent content) {
+  test::addFields(content);
+  return checkAsItIs(content);
+}
+
+TEST(CheckPackage, OneWithoutFieldsSaysSo) {
+  const auto findings = checkAsItIs(test::samplePackage());
+  ASSERT_NE(find(findings, "no-fields"), nullptr);
+  EXPECT_EQ(find(check(test::samplePackage()), "no-fields"), nullptr);
 }
 
 TEST(CheckPackage, ASoundOneHasFactsOnly) {

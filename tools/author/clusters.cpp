@@ -19,8 +19,8 @@ constexpr double kMinimumWeight = 0.02;
 // Physical vertices per box that the automatic resolution aims at, and the most boxes it makes of one body.
 constexpr std::uint32_t kVerticesPerBox = 100;
 constexpr std::uint32_t kMaximumBoxes = 48;
-// And the most along one axis. A push passes from box to box once a pass, so a long chain is far softer than its
-// frequency says: a bar of 39:1 in 17 boxes was still 2e-3 off its rest shape 5 s after a stretch, in 8 boxes 1e-6.
+// And the most along one axis. Where the report's solver moves them a push passes from box to box once a step, so a
+// long chain is far softer than its frequency says.
 constexpr std::uint32_t kMaximumBoxesAlongAxis = 8;
 
 struct Box {

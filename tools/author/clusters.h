@@ -26,13 +26,13 @@ struct ClusterOptions {
   double overlap_metres = 0;                ///< m, of authored clusters and kmeans; 0 = 1.5 edges of the tetrahedra
   double soften_metres = 0;                 ///< m, over which authored clusters blend into each other; 0 = as authored
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
-  double alpha = 1.0;        ///< part of the way to the goal in 1/60 s
+  double alpha = 1.0;        ///< the report's solver: part of the way to the goal in a step
   double stretch_hz = 10.0;  ///< frequency of stretch and shear
   double bend_hz = 10.0;     ///< of bending
   double twist_hz = 10.0;    ///< of twisting
-  // Mechanics: docs/method.md §9; ranges as formats::ClusterMechanics.
+  // Mechanics: docs/method.md; ranges as formats::ClusterMechanics.
   formats::StiffnessModel stiffness = formats::StiffnessModel::frequency;
-  double per_step_beta = 0.5;  ///< of per_step: what each pass keeps of a deformation
+  double per_step_beta = 0.5;  ///< of per_step: what a step of 1/60 s keeps of a deformation
   double young = 1e5;          ///< Pa, of elastic
   double poisson = 0.3;        ///< of elastic
   double damping = 0;          ///< 1/s, of a cluster's motion that is not rigid
@@ -48,7 +48,7 @@ struct ClusterOptions {
   double plastic_limit = 0.5;                   ///< most that stays
 };
 
-/// A named, weighted set of physical vertices that is matched as one (method.md §1).
+/// A named, weighted set of physical vertices: a region with a material of its own.
 struct ClusterSource {
   std::string name;
   std::uint32_t body = 0;

@@ -20,7 +20,7 @@ struct SelectionText {
   std::string pointer;          ///< JSON pointer
 };
 
-/// A named region that is matched as one.
+/// A named region with a material of its own.
 struct RecipeCluster {
   std::string name;
   std::string pointer;
@@ -71,7 +71,7 @@ struct Recipe {
   std::vector<std::pair<std::string, SelectionText>> masks;
   std::vector<RecipeCluster> clusters;
   std::vector<RecipePins> pins;
-  std::vector<RecipeFactor> stiffness;  ///< of the matching, 0..1
+  std::vector<RecipeFactor> stiffness;  ///< of the report's solver, 0..1
   std::vector<RecipeFactor> thickness;  ///< of shells, 0.01..100
   std::vector<RecipeColor> colors;      ///< later ones over earlier ones
   std::vector<RecipePart> parts;

@@ -201,7 +201,7 @@ std::vector<RecipeObject> declareObjects() {
         {"masks", kRecipeMasks, "Selections with names, to be used in other selections.", "{}"},
         {"clusters",
          0,
-         "What moves as one. Where there is none, clusters are made automatically.",
+         "Regions with a material of their own. Where there is none, clusters are made automatically.",
          "[]",
          "",
          0,
@@ -209,7 +209,7 @@ std::vector<RecipeObject> declareObjects() {
          {},
          "cluster"},
         {"pins", 0, "What is held.", "[]", "", 0, 0, {}, "pin"},
-        {"stiffness", 0, "What is softer than the rest.", "[]", "", 0, 0, {}, "stiffness"},
+        {"stiffness", 0, "What is softer than the rest (--solver report).", "[]", "", 0, 0, {}, "stiffness"},
         {"thickness", 0, "Where a shell is thicker or thinner.", "[]", "", 0, 0, {}, "thickness"},
         {"colors", 0, "Colours of a source that has none.", "[]", "", 0, 0, {}, "color"},
         {"parts",
@@ -223,7 +223,8 @@ std::vector<RecipeObject> declareObjects() {
          "part"}},
        R"({"sinew_recipe": 2, "source": "head.obj", "clusters": [{"name": "nose", "from": {"group": "nose"}}]})"},
       {"cluster",
-       "A named region that is matched as one. Regions may overlap; where they leave gaps, the nearest one along the "
+       "A named region with a material of its own. Regions may overlap; where they leave gaps, the nearest one along "
+       "the "
        "surface takes over, and the bake says how many vertices that were.",
        {{"name", kRecipeText, "Its name in the package.", ""},
         note(),
@@ -256,7 +257,7 @@ std::vector<RecipeObject> declareObjects() {
         {"from", kRecipeSelection, "What is held, and how firmly (weight 0..1).", ""},
         {"method",
          kRecipeChoice,
-         "How it holds: docs/method.md.",
+         "Only --solver report: how it holds (docs/report.md).",
          "\"constrained_fit\"",
          "",
          0,
@@ -266,7 +267,8 @@ std::vector<RecipeObject> declareObjects() {
          "\"world\""}},
        R"({"name": "skull", "from": {"half_space": [0, 1.6, 0], "normal": [0, 0, -1]}, "target": "Head"})"},
       {"stiffness",
-       "Multiplies `clusters.alpha` of vertices; where entries overlap, their values are multiplied.",
+       "Only --solver report: multiplies `clusters.alpha` of vertices; where entries overlap, their values are "
+       "multiplied.",
        {note(),
         {"from", kRecipeSelection, "Which vertices.", ""},
         {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", ""}},

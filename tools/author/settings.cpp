@@ -176,7 +176,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.tetrahedra.join_distance, 0, 1}},
       {"clusters.grid", "", "Boxes along x, y and z that each body is cut into; auto chooses by size and shape.",
        Grid{&s.clusters.grid, 64}},
-      {"clusters.overlap", "boxes", "How far a box reaches into its neighbours; more is smoother and stiffer.",
+      {"clusters.overlap", "boxes", "How far a box reaches into its neighbours: over so much their materials blend.",
        Number{&s.clusters.overlap, 0, 1}},
       {"clusters.method", "",
        "How clusters are made where the recipe has none: boxes along the axes, or k-means (regions of equal size that "
@@ -194,39 +194,46 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        "vertices, along the body; 0: weights stay as they are.",
        Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
-       "What a cluster can do: rigid turns only, linear stretches and shears, quadratic bends and twists too.",
+       "rigid: a bone, which holds what belongs to it alone as firm as a body needs. linear and quadratic differ in "
+       "which "
+       "frequencies count (quadratic: the lowest of the three), in what attachment.method=clusters follows, and in "
+       "--solver report, where quadratic clusters bend and twist by themselves.",
        Choice{{"rigid", "linear", "quadratic"},
               [](const Settings& x) { return int(x.clusters.mode); },
               [](Settings& x, int v) { x.clusters.mode = ClusterMode(v); }}},
       {"clusters.alpha", "",
-       "Part of the way to its goal that a vertex goes in 1/60 s; below 1 adds a soft, step-dependent lag.",
+       "Only --solver report: part of the way to its goal that a vertex goes in a step, with stiffness per_step.",
        Number{&s.clusters.alpha, 0, 1}},
-      {"clusters.stretch_hz", "Hz", "Frequency of stretch and shear: higher is stiffer, 0 never returns.",
+      {"clusters.stretch_hz", "Hz",
+       "Frequency of stretch and shear: higher is stiffer. The lowest mode of a piece rings at its lowest frequency; "
+       "clusters stand to each other as theirs squared.",
        Number{&s.clusters.stretch_hz, 0, 1e5}},
       {"clusters.bend_hz", "Hz",
-       "Frequency of bending within a quadratic cluster; one thinner than a seventh of its length takes stretch_hz.",
+       "Of quadratic clusters: frequency of bending; one thinner than a seventh of its length takes stretch_hz.",
        Number{&s.clusters.bend_hz, 0, 1e5}},
       {"clusters.twist_hz", "Hz",
-       "Frequency of twisting within a quadratic cluster; one thinner than a seventh of its length takes stretch_hz.",
+       "Of quadratic clusters: frequency of twisting; one thinner than a seventh of its length takes stretch_hz.",
        Number{&s.clusters.twist_hz, 0, 1e5}},
       {"clusters.stiffness", "",
-       "What sets the stiffness: the three frequencies, a part kept per pass (as the sources; stiffer at smaller "
-       "steps), "
-       "or the modulus of an elastic solid.",
+       "What sets the stiffness: the three frequencies, the part that a step of 1/60 s keeps of a deformation, taken "
+       "as "
+       "the frequency that does so (--solver report: that part at every step, as the sources), or the modulus of an "
+       "elastic solid.",
        Choice{{"frequency", "per_step", "elastic"},
               [](const Settings& x) { return int(x.clusters.stiffness); },
               [](Settings& x, int v) { x.clusters.stiffness = formats::StiffnessModel(v); }}},
-      {"clusters.per_step_beta", "", "Of per_step: part of a deformation that each pass keeps; 0 is rigid.",
+      {"clusters.per_step_beta", "", "Of per_step: part of a deformation that a step of 1/60 s keeps; 0 is rigid.",
        Number{&s.clusters.per_step_beta, 0, 1}},
       {"clusters.young", "Pa", "Of elastic: Young's modulus; fat 1e4, muscle 1e5, rubber 1e6.",
        Number{&s.clusters.young, 0, 1e12}},
       {"clusters.poisson", "", "Of elastic: Poisson's ratio; towards 0.5 a body thins as it is stretched.",
        Number{&s.clusters.poisson, 0, 0.499}},
-      {"clusters.damping", "1/s", "Decay of a cluster's motion that is not rigid: higher rings less.",
+      {"clusters.damping", "1/s", "Decay of motion that is not rigid, besides that of the world: higher rings less.",
        Number{&s.clusters.damping, 0, 1e5}},
       {"clusters.limit", "",
-       "What keeps a cluster from stretching too far: each principal stretch, rows of its matrix, the matrix's squared "
-       "norm (exact, cheap, soft), or a curve.",
+       "What keeps a cluster from stretching too far, wherever in it: bounds of each principal stretch, of the lengths "
+       "of the rest axes (rows), or of the squared norm of the deformation (frobenius, the same as frobenius_cheap; "
+       "soft; a curve). Beyond them it is much stiffer.",
        Choice{{"none", "rows", "frobenius", "frobenius_cheap", "soft", "principal", "curve"},
               [](const Settings& x) { return int(x.clusters.limit); },
               [](Settings& x, int v) { x.clusters.limit = formats::LimitMethod(v); }}},
@@ -240,9 +247,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.limit_curve", "", "Of curve: points of squared norm and response, ascending, the first on phi:phi.",
        Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty"}},
       {"clusters.volume", "",
-       "What keeps a cluster's volume: nothing, a pressure that a limit may then cut (cube_root), or a pressure and, "
-       "behind the limit, the stretches that are still free (principal). auto takes principal for solids and none for "
-       "sheets, which enclose nothing.",
+       "Whether a cluster without a modulus of its own keeps its volume: cube_root and principal make Poisson's ratio "
+       "0.4, none 0.3. auto takes principal for solids and none for sheets, which enclose nothing. With --solver "
+       "report "
+       "the match is scaled to its volume at rest.",
        Choice{{"auto", "none", "cube_root", "principal"},
               [](const Settings& x) { return x.clusters.volume ? int(*x.clusters.volume) + 1 : 0; },
               [](Settings& x, int v) {
@@ -258,8 +266,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"material.density", "kg/m^3", "Density that masses are made with; water is 1000.",
        Number{&s.material.density, 1e-3, 1e5}},
       {"field.functions", "",
-       "Functions that a piece moves in: more bend finer and cost more. 0 leaves them out: clusters are matched and "
-       "averaged instead.",
+       "Functions that a piece moves in: more bend finer and cost more. 0 leaves them out: only --solver report moves "
+       "such a package.",
        Count{&s.field.functions, 0, 256}},
       {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
       {"field.points", "", "Points of each piece's surface that may touch something, spread over it.",

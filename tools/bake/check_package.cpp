@@ -91,6 +91,7 @@ class PackageCheck {
     clusterPieces();
     clusterTwins();
     masses();
+    fields();
     volume();
     bodies();
     textures();
@@ -413,7 +414,7 @@ class PackageCheck {
     if (split.empty()) return;
     add("disconnected-clusters", Severity::warning,
         counted(split.size(), "cluster consists", "clusters consist") +
-            " of pieces that no tetrahedron connects; they are matched as one",
+            " of pieces that no tetrahedron connects; their normals follow one frame",
         split.size(), "Split the cluster where its pieces should move on their own.")
         .place = clusterNames(split);
   }
@@ -445,10 +446,32 @@ class PackageCheck {
         .place = clusterNames(twins);
   }
 
+  void fields() {
+    if (!package_.fields().empty()) return;
+    add("no-fields", Severity::warning, "the bodies have no fields: only the report's solver can move them", 1,
+        "Bake it again without field.functions=0, or use --solver report.");
+  }
+
+  /// What carries a rigid part weighs next to nothing, and is moved by its host.
+  std::vector<char> carriers() const {
+    std::vector<char> carries(package_.physicalVertices().size(), 0);
+    for (const formats::AttachedPart& part : package_.parts()) {
+      if (part.cluster == formats::kNone) continue;
+      const formats::Cluster& cluster = package_.clusters()[part.cluster];
+      for (const formats::Membership& member :
+           package_.memberships().subspan(cluster.first_member, cluster.member_count)) {
+        if (member.share > 0) carries[member.vertex] = 1;
+      }
+    }
+    return carries;
+  }
+
   void masses() {
     double least = INFINITY, largest = 0, total = 0;
     std::uint32_t lightest = 0;
+    const std::vector<char> carries = carriers();
     for (std::uint32_t v = 0; v < package_.physicalVertices().size(); ++v) {
+      if (carries[v] != 0) continue;
       const double mass = double(package_.physicalVertices()[v].mass);
       if (mass < least) least = mass, lightest = v;
       largest = std::max(largest, mass);

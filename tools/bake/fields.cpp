@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -17,10 +18,23 @@ namespace {
 using Eigen::Vector3d;
 using nlohmann::ordered_json;
 
-/// Frequencies beyond these times the lowest of a piece stiffen nothing that can be seen.
-constexpr double kStiffest = 30, kSoftest = 1e-2;
-/// The limits of clusters that nobody has set: an elastic solid hardly gets there.
-constexpr float kUsualMin = 0.5F, kUsualMax = 1.5F;
+/// Frequencies beyond these times the lowest of a piece stiffen nothing that can be seen; what is rigid stiffens more.
+constexpr double kStiffest = 30, kSoftest = 1e-2, kRigid = 90;
+/// Shares below this are none.
+constexpr double kNoShare = 0.004;
+/// Frequency of a vertex on a pin of weight one half, Hz.
+constexpr double kPinHz = 60;
+/// Parts that a fibre is cut into at most.
+constexpr double kMostSegments = 8;
+/// Volumes below so much of the cube of a tetrahedron's longest edge are none.
+constexpr double kFlat = 1e-9;
+/// Weight of the whole host in the motion of what rides along, against the cluster's members.
+constexpr double kWhole = 1e-3;
+/// Radius squared over the mean square of one coordinate in a ball: what a tether of stiffness E V / radius^2 lacks to
+/// the energy of a stretch.
+constexpr double kTether = 5;
+/// Tension of a fibre that what surrounds it holds, against what shortens it alone.
+constexpr double kStrongest = 20;
 /// Poisson's ratio of what keeps its volume, where no modulus is given.
 constexpr double kVolumeKept = 0.4, kVolumeFree = 0.3;
 
@@ -29,7 +43,6 @@ struct Material {
   double hz = 0;     ///< the lowest that its settings name; 0 where young counts
   double young = 0;  ///< Pa
   double poisson = 0.3;
-  double mass = 0;  ///< kg
 };
 
 Material materialOf(const formats::PackageContent& content, std::size_t c) {
@@ -37,33 +50,30 @@ Material materialOf(const formats::PackageContent& content, std::size_t c) {
   const formats::ClusterMechanics& mechanics =
       content.mechanics.empty() ? formats::kPlainMechanics : content.mechanics[c];
   Material material;
-  material.mass = double(cluster.mass);
+  material.poisson = mechanics.volume == formats::VolumeMethod::none ? kVolumeFree : kVolumeKept;
   if (mechanics.stiffness == formats::StiffnessModel::elastic) {
     material.young = std::max(1e-3, double(mechanics.young));
     material.poisson = double(mechanics.poisson);
     return material;
   }
-  const bool quadratic = cluster.mode == formats::ClusterMode::quadratic;
-  double hz = double(cluster.stretch_hz);
-  if (quadratic) hz = std::min({hz, double(cluster.bend_hz), double(cluster.twist_hz)});
+  std::array<double, 3> class_hz = {double(cluster.stretch_hz), double(cluster.bend_hz), double(cluster.twist_hz)};
+  if (mechanics.stiffness == formats::StiffnessModel::per_step) {
+    // What a step of 1/60 s keeps of a deformation, beta = 1 / (1 + (2 pi f h)^2), as a frequency.
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double beta = std::max(1e-9, double(mechanics.per_step_beta[i]));
+      class_hz[i] = std::sqrt((1 - beta) / beta) * 60 / (2 * std::numbers::pi);
+    }
+  }
+  double hz = class_hz[0];
+  if (cluster.mode == formats::ClusterMode::quadratic) hz = std::min({hz, class_hz[1], class_hz[2]});
   if (cluster.mode == formats::ClusterMode::rigid) hz = std::numeric_limits<double>::infinity();
   material.hz = std::clamp(hz, 1e-3, 1e5);
-  material.poisson = mechanics.volume == formats::VolumeMethod::none ? kVolumeFree : kVolumeKept;
   return material;
 }
 
-/// Why fields cannot stand for what the clusters ask for; empty if they can.
-std::string faultOf(const formats::PackageContent& content) {
-  if (content.tetrahedra.empty()) return "there are no tetrahedra";
-  for (const formats::ClusterMechanics& mechanics : content.mechanics) {
-    if (mechanics.stiffness == formats::StiffnessModel::per_step) return "clusters.stiffness is per_step";
-    if (mechanics.plastic_creep > 0) return "clusters are plastic";
-    const bool usual = mechanics.limit == formats::LimitMethod::principal && mechanics.stretch_min == kUsualMin &&
-                       mechanics.stretch_max == kUsualMax;
-    if (mechanics.limit != formats::LimitMethod::none && !usual) return "clusters have limits of their own";
-    if (mechanics.channel != formats::kNone) return "clusters are activated";
-  }
-  return {};
+/// Whether samples in a cluster have limits or plasticity.
+bool hasLaws(const formats::ClusterMechanics& mechanics) {
+  return mechanics.limit != formats::LimitMethod::none || mechanics.plastic_creep > 0;
 }
 
 /// Contact points: visual vertices of a piece, each as far as can be from those before it.
@@ -150,7 +160,9 @@ class PieceFields {
       if (std::find(corners.begin(), corners.end(), formats::kNone) == corners.end()) tetrahedra_.push_back(corners);
     }
     findMaterial();
+    findLaws();
     findHeld();
+    findFibres();
     options_.functions = settings.field.functions;
     options_.samples_per_function = settings.field.samples;
     options_.lowest_hz = lowest_hz_;
@@ -158,13 +170,15 @@ class PieceFields {
   }
 
   ordered_json add() {
-    const FieldInput input = {positions_, tetrahedra_, masses_, young_, poisson_, held_, {}};
+    const FieldInput input = {positions_, tetrahedra_, masses_, young_, poisson_, held_, tethers_, loads_};
     const Fields fields = makeFields(input, options_);
     ordered_json report;
     report["piece"] = piece_;
     report["young_pa"] = fields.free.young_scale * meanYoung();
     report["free"] = append(fields.free, false);
     if (fields.held) report["held"] = append(*fields.held, true);
+    if (!fibres_.empty()) report["fibres"] = fibres_.size();
+    if (!tethers_.empty()) report["tethers"] = tethers_.size();
     return report;
   }
 
@@ -190,7 +204,7 @@ class PieceFields {
   }
 
   /// Values at all vertices of the piece. A rider's are those of the affine motion that comes nearest to the cluster's
-  /// members on the host.
+  /// members on the host, and a little to all of the host: thin members do not tell how it tilts.
   Eigen::MatrixXd valuesAtAll(const Eigen::MatrixXd& of_host) const {
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero(body_.vertex_count, of_host.cols());
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
@@ -199,26 +213,36 @@ class PieceFields {
     for (const std::uint32_t rider : riders_) {
       const formats::Cluster& cluster = content_.clusters[rider];
       const auto members = std::span(content_.memberships).subspan(cluster.first_member, cluster.member_count);
+      std::vector<double> weights(body_.vertex_count, 0);
+      double all_mu = 0, all_mass = 0;
+      for (const formats::Membership& member : members) all_mu += double(member.mu);
+      for (const double mass : masses_) all_mass += mass;
+      for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+        if (host_[v] != formats::kNone) weights[v] = kWhole * masses_[host_[v]] / all_mass;
+      }
+      for (const formats::Membership& member : members) {
+        weights[member.vertex - body_.first_vertex] += double(member.mu) / all_mu;
+      }
       Vector3d center = Vector3d::Zero();
       double weight = 0;
-      for (const formats::Membership& member : members) {
-        center += double(member.mu) * restOf(member.vertex);
-        weight += double(member.mu);
+      for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+        center += weights[v] * restOf(body_.first_vertex + v);
+        weight += weights[v];
       }
       center /= weight;
       Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
-      for (const formats::Membership& member : members) {
-        const Vector3d arm = restOf(member.vertex) - center;
-        moment += double(member.mu) * arm * arm.transpose();
+      for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+        const Vector3d arm = restOf(body_.first_vertex + v) - center;
+        moment += weights[v] * arm * arm.transpose();
       }
       const Eigen::Matrix3d inverse = geometry::pseudoInverse<3>(moment);
       for (const formats::Membership& to : members) {
         if (!(to.share > 0)) continue;
         const Vector3d lever = inverse * (restOf(to.vertex) - center);
-        for (const formats::Membership& member : members) {
-          if (!(member.mu > 0)) continue;
-          const double part = double(member.mu) * (1 / weight + lever.dot(restOf(member.vertex) - center));
-          all.row(to.vertex - body_.first_vertex) += part * of_host.row(host_[member.vertex - body_.first_vertex]);
+        for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
+          if (!(weights[v] > 0)) continue;
+          const double part = weights[v] * (1 / weight + lever.dot(restOf(body_.first_vertex + v) - center));
+          all.row(to.vertex - body_.first_vertex) += part * of_host.row(host_[v]);
         }
       }
     }
@@ -242,25 +266,37 @@ class PieceFields {
       absolute = absolute || materials.back().hz == 0;
       if (materials.back().hz > 0) lowest = std::min(lowest, materials.back().hz);
     }
-    std::vector<double> young(masses_.size(), 0), poisson(masses_.size(), 0);
-    for (std::uint32_t c = 0; c < body_.cluster_count; ++c) {
-      const formats::Cluster& cluster = content_.clusters[body_.first_cluster + c];
-      const Material& material = materials[c];
-      double e = material.young;
-      if (material.hz > 0) {
-        const double ratio = std::clamp(material.hz / lowest, kSoftest, kStiffest);
-        // Beside moduli in pascals a frequency counts for a metre of water.
-        e = absolute ? 1000 * 4 * material.hz * material.hz : ratio * ratio;
-      }
-      for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
-        const std::uint32_t v = host_[content_.memberships[m].vertex - body_.first_vertex];
-        if (v == formats::kNone) continue;
-        young[v] += double(content_.memberships[m].share) * e;
-        poisson[v] += double(content_.memberships[m].share) * material.poisson;
+    // What a vertex has of rigid clusters makes it stiff only where it belongs to nothing else.
+    std::vector<double> young(masses_.size(), 0), poisson = young, soft = young;
+    for (const bool rigid : {false, true}) {
+      for (std::uint32_t c = 0; c < body_.cluster_count; ++c) {
+        if ((content_.clusters[body_.first_cluster + c].mode == formats::ClusterMode::rigid) != rigid) continue;
+        const Material& material = materials[c];
+        double e = material.young;
+        if (material.hz > 0) {
+          const double ratio = std::clamp(material.hz / lowest, kSoftest, rigid ? kRigid : kStiffest);
+          // Beside moduli in pascals a frequency counts for a metre of water.
+          e = absolute ? 1000 * 4 * material.hz * material.hz : ratio * ratio;
+        }
+        const std::vector<double> shares = sharesOf(body_.first_cluster + c);
+        for (std::size_t v = 0; v < shares.size(); ++v) {
+          if (rigid && soft[v] > kNoShare) continue;
+          // What several bones share is skin between them.
+          young[v] += shares[v] * (!rigid || shares[v] > 1 - kNoShare ? e : 1.0);
+          poisson[v] += shares[v] * material.poisson;
+          if (!rigid) soft[v] += shares[v];
+        }
       }
     }
+    const bool all_rigid = std::all_of(soft.begin(), soft.end(), [](double share) { return share <= kNoShare; });
     double weighed = 0, weight = 0;
     for (std::size_t v = 0; v < masses_.size(); ++v) {
+      if (soft[v] > kNoShare) {
+        young[v] /= soft[v];
+        poisson[v] /= soft[v];
+      } else if (!all_rigid) {
+        continue;
+      }
       weighed += masses_[v] * young[v];
       weight += masses_[v];
     }
@@ -276,23 +312,261 @@ class PieceFields {
     lowest_hz_ = absolute ? 0 : lowest * std::sqrt(weighed / weight);
   }
 
+  /// Shares of a cluster at the host's vertices.
+  std::vector<double> sharesOf(std::uint32_t c) const {
+    std::vector<double> shares(positions_.size(), 0);
+    const formats::Cluster& cluster = content_.clusters[c];
+    for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
+      const formats::Membership& member = content_.memberships[m];
+      const std::uint32_t v = host_[member.vertex - body_.first_vertex];
+      if (v != formats::kNone) shares[v] += double(member.share);
+    }
+    return shares;
+  }
+
+  /// The cluster that has the largest share of each vertex, where clusters have limits or plasticity; and the decay of
+  /// its clusters' own damping.
+  void findLaws() {
+    if (content_.mechanics.empty()) return;
+    std::vector<double> largest(positions_.size(), 0);
+    law_.assign(positions_.size(), formats::kNone);
+    decay_.assign(positions_.size(), 0);
+    for (std::uint32_t c = body_.first_cluster; c < body_.first_cluster + body_.cluster_count; ++c) {
+      const std::vector<double> shares = sharesOf(c);
+      for (std::size_t v = 0; v < shares.size(); ++v) {
+        decay_[v] += shares[v] * double(content_.mechanics[c].damping);
+        if (!(shares[v] > largest[v])) continue;
+        largest[v] = shares[v];
+        law_[v] = hasLaws(content_.mechanics[c]) ? c : formats::kNone;
+      }
+    }
+  }
+
+  std::uint32_t lawAt(const Vector3d& place) const {
+    if (law_.empty()) return formats::kNone;
+    std::size_t nearest = 0;
+    for (std::size_t v = 1; v < positions_.size(); ++v) {
+      if ((positions_[v] - place).squaredNorm() < (positions_[nearest] - place).squaredNorm()) nearest = v;
+    }
+    return law_[nearest];
+  }
+
+  /// Fibres of activated clusters: what each tetrahedron adds to the mean stretch, and the force of a unit of tension.
+  void findFibres() {
+    for (std::uint32_t c = body_.first_cluster; c < body_.first_cluster + body_.cluster_count; ++c) {
+      if (content_.mechanics.empty() || content_.mechanics[c].channel == formats::kNone) continue;
+      const formats::ClusterMechanics& mechanics = content_.mechanics[c];
+      const Vector3d along(double(mechanics.fibre[0]), double(mechanics.fibre[1]), double(mechanics.fibre[2]));
+      const std::vector<Bit> bits = bitsOf(c, along);
+      if (bits.empty()) continue;
+      Eigen::VectorXd load = Eigen::VectorXd::Zero(3 * Eigen::Index(positions_.size()));
+      double volume = 0;
+      for (const Bit& bit : bits) volume += bit.volume;
+      const std::size_t segments = tethers_.empty() ? segmentsOf(bits, along) : 1;
+      double low = bits[0].at.dot(along), high = low;
+      for (const Bit& bit : bits) low = std::min(low, bit.at.dot(along)), high = std::max(high, bit.at.dot(along));
+      std::vector<Fibre> fibres(segments);
+      for (const Bit& bit : bits) {
+        const double place = high > low ? (bit.at.dot(along) - low) / (high - low) : 0;
+        Fibre& fibre = fibres[std::min(segments - 1, std::size_t(place * double(segments)))];
+        if (fibre.stretch.size() == 0) fibre.stretch = Eigen::VectorXd::Zero(Eigen::Index(positions_.size()));
+        const auto& corners = tetrahedra_[bit.tetrahedron];
+        const auto add = [&](std::uint32_t v, double slope) {
+          fibre.stretch[v] += slope;
+          load.segment<3>(3 * Eigen::Index(v)) += slope / volume * along;
+        };
+        for (int k = 0; k < 3; ++k) add(corners[std::size_t(k) + 1], bit.slope[k]);
+        add(corners[0], -bit.slope.sum());
+        fibre.volume += bit.volume;
+        fibre.tension += double(mechanics.contraction) * young_[bit.tetrahedron] * bit.volume;
+      }
+      for (Fibre& fibre : fibres) {
+        if (!(fibre.volume > 0)) continue;
+        fibre.cluster = c;
+        fibre.load = loads_.size();
+        fibre.share = fibre.volume / volume;
+        fibre.contraction = double(mechanics.contraction);
+        fibre.stretch /= fibre.volume;
+        fibres_.push_back(std::move(fibre));
+      }
+      loads_.push_back(std::move(load));
+    }
+  }
+
+  /// What a tetrahedron is of a cluster.
+  struct Bit {
+    std::size_t tetrahedron = 0;
+    double volume = 0;                  // times the cluster's share
+    Vector3d at = Vector3d::Zero();     // its centre
+    Vector3d slope = Vector3d::Zero();  // of its coordinates 1, 2, 3 along the fibre, times that volume
+  };
+
+  std::vector<Bit> bitsOf(std::uint32_t cluster, const Vector3d& along) const {
+    const std::vector<double> shares = sharesOf(cluster);
+    std::vector<Bit> bits;
+    for (std::size_t t = 0; t < tetrahedra_.size(); ++t) {
+      const auto& corners = tetrahedra_[t];
+      Eigen::Matrix3d edges;
+      Bit bit;
+      double share = 0;
+      for (const std::uint32_t v : corners) {
+        share += shares[v] / 4;
+        bit.at += positions_[v] / 4;
+      }
+      for (int k = 0; k < 3; ++k) edges.col(k) = positions_[corners[std::size_t(k) + 1]] - positions_[corners[0]];
+      const double six = std::abs(edges.determinant()), longest = edges.colwise().norm().maxCoeff();
+      if (share == 0 || !(six > 6 * kFlat * longest * longest * longest)) continue;
+      bit.tetrahedron = t;
+      bit.volume = share * six / 6;
+      bit.slope = edges.inverse() * along * bit.volume;
+      bits.push_back(bit);
+    }
+    return bits;
+  }
+
+  /// A fibre's tension acts on the mean stretch of what it runs through, so something long would buckle under it: it is
+  /// cut into parts about as long as wide. (What tethers hold does not buckle.)
+  static std::size_t segmentsOf(const std::vector<Bit>& bits, const Vector3d& along) {
+    Vector3d center = Vector3d::Zero();
+    double volume = 0;
+    for (const Bit& bit : bits) {
+      center += bit.volume * bit.at;
+      volume += bit.volume;
+    }
+    center /= volume;
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const Bit& bit : bits) spread += bit.volume / volume * (bit.at - center) * (bit.at - center).transpose();
+    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - along * along.transpose();
+    const double length = std::sqrt(along.dot(spread * along));
+    const double width = std::sqrt(
+        std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(across * spread * across).eigenvalues()[2]));
+    if (!(width * kMostSegments > length)) return std::size_t(kMostSegments);
+    return std::size_t(std::max(1.0, std::round(length / width)));
+  }
+
+  void appendFibres(const FieldSpace& space, std::uint32_t field) {
+    for (const Fibre& fibre : fibres_) {
+      const Eigen::VectorXd values = space.values.transpose() * fibre.stretch;
+      // What shortens the fibre by so much where it lies: what surrounds it stretches along.
+      const double alone = space.young_scale * fibre.tension;
+      const double answer = space.compliance.size() > 0 ? space.compliance[Eigen::Index(fibre.load)] : 0;
+      const double tension =
+          answer > 0 ? std::min(fibre.share * fibre.contraction / answer, kStrongest * alone) : alone;
+      content_.field_fibres.push_back(
+          {field, fibre.cluster, std::uint32_t(content_.field_fibre_values.size()), float(tension)});
+      for (const double value : values) content_.field_fibre_values.push_back(float(value));
+    }
+  }
+
+  /// What the pin sets hold: vertices, and by tethers what they hold in part.
   void findHeld() {
-    std::vector<char> taken(content_.physical_vertices.size(), 0);
+    taken_.assign(positions_.size(), 0);
+    std::vector<std::uint32_t> held_by(positions_.size(), formats::kNone);
+    std::vector<double> weight(positions_.size(), 0);
     for (std::uint32_t s = 0; s < content_.pin_sets.size(); ++s) {
       const formats::PinSet& set = content_.pin_sets[s];
-      std::vector<std::uint32_t> vertices;
+      bool any = false;
       for (std::uint32_t i = set.first; i < set.first + set.count; ++i) {
         const std::uint32_t v = content_.pin_set_vertices[i];
-        if (v < body_.first_vertex || v >= body_.first_vertex + body_.vertex_count || taken[v] != 0) continue;
-        if (!content_.pin_weights.empty() && content_.pin_weights[v] < 1) continue;
-        if (host_[v - body_.first_vertex] == formats::kNone) continue;
-        taken[v] = 1;
-        vertices.push_back(host_[v - body_.first_vertex]);
+        if (v < body_.first_vertex || v >= body_.first_vertex + body_.vertex_count) continue;
+        const std::uint32_t host = host_[v - body_.first_vertex];
+        if (host == formats::kNone || held_by[host] != formats::kNone) continue;
+        weight[host] = content_.pin_weights.empty() ? 1 : double(content_.pin_weights[v]);
+        if (!(weight[host] > 0)) continue;
+        held_by[host] = std::uint32_t(held_.size());
+        any = true;
       }
-      if (vertices.empty()) continue;
-      held_.push_back(std::move(vertices));
+      if (!any) continue;
+      held_.emplace_back();
       pin_sets_.push_back(s);
     }
+    for (std::uint32_t v = 0; v < held_by.size(); ++v) {
+      if (held_by[v] != formats::kNone && weight[v] >= 1) hold(v, held_by[v]);
+    }
+    holdRigid(held_by);
+    for (std::uint32_t v = 0; v < held_by.size(); ++v) {
+      if (held_by[v] == formats::kNone || taken_[v] != 0) continue;
+      const double omega = 2 * std::numbers::pi * kPinHz * weight[v] / (1 - weight[v]);
+      tethers_.push_back({v, held_by[v], 0, masses_[v] * omega * omega});
+    }
+    dropEmptySets();
+    std::erase_if(tethers_, [&](const FieldTether& tether) { return taken_[tether.vertex] != 0; });
+    for (std::vector<std::uint32_t>& vertices : held_) std::sort(vertices.begin(), vertices.end());
+  }
+
+  void hold(std::uint32_t vertex, std::uint32_t set) {
+    if (taken_[vertex] != 0) return;
+    taken_[vertex] = 1;
+    held_[set].push_back(vertex);
+  }
+
+  /// Sets that hold nothing wholly drive no functions: their vertices stay the step's own springs.
+  void dropEmptySets() {
+    std::vector<std::uint32_t> number(held_.size(), formats::kNone);
+    std::uint32_t kept = 0;
+    for (std::uint32_t p = 0; p < held_.size(); ++p) {
+      if (held_[p].empty()) continue;
+      number[p] = kept;
+      held_[kept] = held_[p];
+      pin_sets_[kept++] = pin_sets_[p];
+    }
+    held_.resize(kept);
+    pin_sets_.resize(kept);
+    std::erase_if(tethers_, [&](const FieldTether& tether) { return number[tether.held] == formats::kNone; });
+    for (FieldTether& tether : tethers_) tether.held = number[tether.held];
+  }
+
+  /// What belongs to a rigid cluster that one pin set holds moves with that set: its own vertices as if they were in
+  /// the set, those that it shares with others by tethers. A share of s beside r of the clusters that deform makes the
+  /// tether s / r times as stiff as a stretch of these clusters' size is.
+  void holdRigid(const std::vector<std::uint32_t>& held_by) {
+    std::vector<double> young(positions_.size(), 0), around = young, soft = young, radius = young;
+    double volume = 0, mass = 0;
+    for (std::size_t t = 0; t < tetrahedra_.size(); ++t) {
+      volume += tetrahedronVolume(t);
+      for (const std::uint32_t v : tetrahedra_[t]) young[v] += young_[t], around[v] += 1;
+    }
+    for (const double m : masses_) mass += m;
+    for (std::uint32_t c = body_.first_cluster; c < body_.first_cluster + body_.cluster_count; ++c) {
+      if (content_.clusters[c].mode == formats::ClusterMode::rigid) continue;
+      const std::vector<double> shares = sharesOf(c);
+      for (std::size_t v = 0; v < shares.size(); ++v) {
+        soft[v] += shares[v];
+        radius[v] += shares[v] * double(content_.clusters[c].radius);
+      }
+    }
+    for (std::uint32_t c = body_.first_cluster; c < body_.first_cluster + body_.cluster_count; ++c) {
+      if (content_.clusters[c].mode != formats::ClusterMode::rigid) continue;
+      if (std::find(riders_.begin(), riders_.end(), c) != riders_.end()) continue;
+      const std::vector<double> shares = sharesOf(c);
+      std::uint32_t set = formats::kNone;
+      bool one = true;
+      for (std::size_t v = 0; v < shares.size(); ++v) {
+        if (held_by[v] == formats::kNone || !(shares[v] > 1 - kNoShare)) continue;
+        one = one && (set == formats::kNone || set == held_by[v]);
+        set = held_by[v];
+      }
+      if (set == formats::kNone || !one) continue;
+      for (std::uint32_t v = 0; v < shares.size(); ++v) {
+        if (!(shares[v] > kNoShare)) continue;
+        if (shares[v] > 1 - kNoShare) {
+          hold(v, set);
+          continue;
+        }
+        const double rest = std::max(soft[v], kNoShare),
+                     size = soft[v] > kNoShare ? radius[v] / soft[v] : double(content_.clusters[c].radius);
+        if (!(around[v] > 0)) continue;
+        const double stretch = kTether * young[v] / around[v] * masses_[v] * volume / (mass * size * size);
+        tethers_.push_back({v, set, shares[v] / rest * stretch, 0});
+      }
+    }
+  }
+
+  double tetrahedronVolume(std::size_t t) const {
+    Eigen::Matrix3d edges;
+    for (int k = 0; k < 3; ++k)
+      edges.col(k) = positions_[tetrahedra_[t][std::size_t(k) + 1]] - positions_[tetrahedra_[t][0]];
+    return std::abs(edges.determinant()) / 6;
   }
 
   void findPoints(std::uint32_t count) {
@@ -370,16 +644,22 @@ class PieceFields {
       function.rest = {float(space.rest(j, 0)), float(space.rest(j, 1)), float(space.rest(j, 2))};
       function.pin_set = j < space.driven_count ? pin_sets_[space.pin_set[j]] : formats::kNone;
       function.monomial = j < space.driven_count ? space.monomial[j] : 0;
+      for (std::size_t v = 0; v < decay_.size() && j >= space.driven_count; ++v) {
+        const double phi = space.values(Eigen::Index(v), j);
+        function.decay += float(masses_[v] * phi * phi * decay_[v]);
+      }
       content_.field_functions.push_back(function);
     }
     for (std::uint32_t p = 0; p < field.pack_count; ++p) {
       formats::FieldPack pack = {};
+      pack.cluster.fill(formats::kNone);
       const std::size_t first = 8 * std::size_t(p), last = std::min(first + 8, space.samples.size());
       for (std::size_t s = first; s < last; ++s) {
         const FieldSample& sample = space.samples[s];
         pack.volume[s - first] = float(sample.volume);
         pack.mu[s - first] = float(sample.mu);
         pack.lambda[s - first] = float(sample.lambda);
+        pack.cluster[s - first] = lawAt(sample.at);
         for (int axis = 0; axis < 3; ++axis) pack.at[std::size_t(axis)][s - first] = float(sample.at[axis]);
       }
       content_.field_packs.push_back(pack);
@@ -415,6 +695,12 @@ class PieceFields {
         content_.field_modes.push_back(lanes);
       }
     }
+    appendFibres(space, std::uint32_t(content_.fields.size()));
+    if (space.tethers.size() > 0) {
+      content_.field_tethers.push_back(
+          {std::uint32_t(content_.fields.size()), std::uint32_t(content_.field_tether_values.size())});
+      for (const double value : space.tethers.reshaped()) content_.field_tether_values.push_back(float(value));
+    }
     content_.fields.push_back(field);
     return {{"functions", k},
             {"driven", space.driven_count},
@@ -426,6 +712,14 @@ class PieceFields {
             {"least_eigenvalue", space.least_eigenvalue}};
   }
 
+  struct Fibre {
+    std::uint32_t cluster = 0;
+    std::size_t load = 0;          // its cluster's
+    Eigen::VectorXd stretch;       // sum over vertices of stretch x: the mean deformation gradient along the fibre
+    double volume = 0, share = 0;  // m^3 of the cluster, and of all that it has
+    double contraction = 0;        // of the cluster at full activation
+    double tension = 0;            // J, that shortens it by so much alone
+  };
   struct Point {
     std::array<std::uint32_t, 4> corner = {};
     std::array<double, 4> weight = {};
@@ -437,9 +731,14 @@ class PieceFields {
   std::vector<std::uint32_t> host_;  // of each vertex of the piece: its number among the host's; kNone: it rides along
   std::vector<std::uint32_t> riders_;  // clusters of rigid accessories
   std::vector<Vector3d> positions_;
-  std::vector<double> masses_, young_, poisson_;
+  std::vector<double> masses_, young_, poisson_, decay_;
+  std::vector<std::uint32_t> law_;
+  std::vector<Fibre> fibres_;
+  std::vector<Eigen::VectorXd> loads_;
   std::vector<std::array<std::uint32_t, 4>> tetrahedra_;
   std::vector<std::vector<std::uint32_t>> held_;
+  std::vector<char> taken_;  // the host's vertices that pin sets hold
+  std::vector<FieldTether> tethers_;
   std::vector<std::uint32_t> pin_sets_;  // of held_, into PSET
   std::vector<Point> points_;
   std::vector<formats::Float3> places_;
@@ -451,7 +750,6 @@ class PieceFields {
 
 ordered_json addFields(const Settings& settings, formats::PackageContent& content) {
   if (settings.field.functions == 0) return {{"left_out", "field.functions is 0"}};
-  if (const std::string fault = faultOf(content); !fault.empty()) return {{"left_out", fault}};
   ordered_json pieces = ordered_json::array();
   for (std::uint32_t piece = 0; piece < content.bodies.size(); ++piece) {
     pieces.push_back(PieceFields(settings, piece, content).add());
@@ -468,6 +766,10 @@ void removeFields(formats::PackageContent& content) {
   content.field_points.clear();
   content.field_point_values.clear();
   content.field_modes.clear();
+  content.field_fibres.clear();
+  content.field_fibre_values.clear();
+  content.field_tethers.clear();
+  content.field_tether_values.clear();
 }
 
 }  // namespace sinew::tools

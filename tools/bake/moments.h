@@ -17,7 +17,7 @@ struct ClusterConstants {
   std::vector<formats::QuadraticMoment> quadratic_moments;
 };
 
-/// Rest-shape moments and their pseudo-inverses (method.md §1), in double from the package's own float positions.
+/// Rest-shape moments and their pseudo-inverses (docs/report.md §1), in double from the package's own float positions.
 /// A cluster whose vertices lie in a plane or on a line is made rigid, one that cannot carry any quadratic term linear;
 /// findings say which.
 /// \param options of clusters that have none of their own.

@@ -22,7 +22,7 @@ constexpr double kStray = 0.02;
 // Physical vertices that carry a part less than this do not count.
 constexpr double kLeastCarrier = 0.02;
 // Mass of a vertex that carries a rigid part, of the host's lightest one: the host's motion is its own.
-constexpr float kRiderMass = 0.2F;
+constexpr float kRiderMass = 1e-3F;
 // Fewer make a part nod with every tetrahedron: the ring around them carries it too.
 constexpr std::size_t kFewCarriers = 12;
 // More say no more of a rigid motion, and each costs as much as any membership.

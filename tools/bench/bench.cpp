@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "tools/core/error.h"
 
@@ -17,9 +19,14 @@ struct Group {
   void (*run)(const BenchContext&);
 };
 constexpr std::array kGroups = {
-    Group{"matching", benchMatching},   Group{"step", benchStep},       Group{"output", benchOutput},
-    Group{"linearity", benchLinearity}, Group{"threads", benchThreads}, Group{"determinism", benchDeterminism},
-    Group{"memory", benchMemory},       Group{"library", benchLibrary}, Group{"open", benchOpen},
+    Group{"step", benchStep},
+    Group{"output", benchOutput},
+    Group{"linearity", benchLinearity},
+    Group{"threads", benchThreads},
+    Group{"determinism", benchDeterminism},
+    Group{"memory", benchMemory},
+    Group{"library", benchLibrary},
+    Group{"open", benchOpen},
 };
 
 }  // namespace
@@ -132,6 +139,35 @@ nlohmann::ordered_json benchJson(const BenchReport& report) {
             {"copy_gigabytes_per_second", copies}}},
           {"results", results},
           {"passed", report.passed()}};
+}
+
+std::string benchMarkdown(const BenchReport& report) {
+  const auto number = [](double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3g", value);
+    const double rounded = std::strtod(text, nullptr);
+    if (std::abs(rounded) >= 1000) std::snprintf(text, sizeof text, "%.0f", rounded);
+    return std::string(std::isfinite(value) ? text : "");
+  };
+  std::string text, group;
+  for (const BenchLine& line : report.lines) {
+    if (line.group != group) {
+      group = line.group;
+      text += (text.empty() ? "" : "\n") + std::string("| ") + group +
+              " | figure | beside | limit | |\n|---|---|---|---|---|\n";
+    }
+    std::string beside;
+    if (!line.reference_name.empty()) {
+      beside = line.reference_name + ": " + number(line.reference) + ", " + number(line.ratio) + " x";
+    } else if (line.bound > 0) {
+      beside = "bound: " + number(line.bound) + ", " + number(line.value / line.bound) + " x";
+    }
+    const auto passed = line.passed();
+    const char* const verdict = line.limit.empty() ? "" : !passed ? "not measured" : *passed ? "met" : "**missed**";
+    text += "| " + line.name + " | " + number(line.value) + " " + line.unit + " | " + beside + " | " + line.limit +
+            " | " + verdict + " |\n";
+  }
+  return text;
 }
 
 }  // namespace sinew::tools

@@ -19,6 +19,8 @@ struct BenchOptions {
   bool quick = false;             ///< few samples, small sizes: to see that it runs, not to quote
   std::filesystem::path program;  ///< this program's file, started again to run other instruction sets; may be empty
   std::filesystem::path library;  ///< libsinew_runtime.so to weigh; empty: beside the program, in ../lib
+  std::filesystem::path models;   ///< tests/assets/models; empty: rows of real meshes are not measured
+  std::filesystem::path face;     ///< the baked samples/gallery/face; empty: its rows are not measured
 };
 
 /// One measured figure, with what it is compared with.
@@ -65,12 +67,15 @@ BenchReport runBench(const BenchOptions& options, const std::function<void(const
 /// a result of its own, named "peer/group/name, library".
 nlohmann::ordered_json benchJson(const BenchReport& report);
 
+/// The lines as tables of Markdown, one a group.
+std::string benchMarkdown(const BenchReport& report);
+
 /// Hash (XXH3-64 is not needed: FNV-1a, 64 bits) of the state after the determinism scene, with so many threads (0: no
 /// job system).
 std::uint64_t determinismHash(unsigned threads, unsigned steps);
 
-/// Nanoseconds of one step of the determinism scene, a vertex, one thread.
-double determinismStepNanoseconds(bool quick);
+/// Microseconds of a step of one of its bodies in the air, one thread.
+double determinismStepMicroseconds(bool quick);
 
 // What the groups share.
 struct BenchContext {
@@ -84,7 +89,6 @@ struct BenchContext {
   void emitBest(const std::function<BenchLine()>& make) const;
 };
 
-void benchMatching(const BenchContext& context);
 void benchStep(const BenchContext& context);
 void benchOutput(const BenchContext& context);
 void benchLinearity(const BenchContext& context);

@@ -1,114 +1,274 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// A whole step of the body that the limits name, a vertex: against its bound and Bullet's cluster soft body.
+// A whole step of one body, as a bake makes it of a real mesh: in the air, on the ground, held; by size and by
+// clusters; the face with its muscles; beside Bullet's soft body of the same surface.
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
+#include "sinew/runtime/report.h"
 #include "sinew/runtime/world.h"
 #if SINEW_WITH_BULLET
 #include "tests/benchmarks/bullet_soft_body.h"
 #endif
 #include "tools/bench/bench.h"
-#include "tools/bench/bounds.h"
 #include "tools/bench/lattice.h"
+#include "tools/bench/meshes.h"
+#include "tools/core/error.h"
 
 namespace sinew::tools {
 namespace {
 
 constexpr float kStep = 1.0F / 60;
-constexpr unsigned kSteps = 20;  // in a sample
-constexpr double kTimesCheaper = 10;
+constexpr unsigned kSteps = 60;         // in a sample
+constexpr unsigned kStepsToRest = 900;  // what is dropped rests behind so many
+constexpr double kAirMicroseconds = 30, kGroundTimes = 2, kHeldTimes = 1.2, kSizeTimes = 1.1;
+constexpr double kFaceMicroseconds = 200, kTimesCheaper = 10;
 
-// 5,000 vertices, 64 clusters, about 2.5 memberships a vertex.
-LatticeOptions stepLattice() {
-  LatticeOptions lattice;
-  lattice.points = {20, 25, 10};
-  lattice.boxes = {4, 8, 2};
-  lattice.limits = true;
-  return lattice;
+enum class Place { air, falling_on_the_ground, resting, held, hanging };
+
+const char* nameOf(Place place) {
+  switch (place) {
+    case Place::air:
+      return "in the air";
+    case Place::falling_on_the_ground:
+      return "falling onto the ground";
+    case Place::resting:
+      return "resting on the ground";
+    case Place::held:
+      return "held by its pins, swinging";
+    case Place::hanging:
+      return "held by its pins, at rest";
+  }
+  return "";
 }
 
-BenchLine stepLine(const BenchContext& context, const LatticeBody& body, const Timing& timing) {
-  BenchLine line;
-  line.unit = "ns/vertex";
-  line.value = 1e9 * timing.seconds / body.vertices;
+bool isHeld(Place place) { return place == Place::held || place == Place::hanging; }
+bool isOnGround(Place place) { return place == Place::falling_on_the_ground || place == Place::resting; }
+
+/// A body of a package that has pins, which are let go where the place is another.
+class Scene {
+ public:
+  Scene(const std::shared_ptr<const Asset>& asset, Place place, bool report = false) : place_(place) {
+    const formats::BodyInfo& info = asset->package().info();
+    WorldSettings settings;
+    settings.ground.enabled = isOnGround(place);
+    const float above = place == Place::falling_on_the_ground ? 0.1F : 1e-3F;
+    settings.ground.offset = info.bounds_min[1] - above * info.diagonal;
+    world_ = std::make_unique<World>(settings);
+    BodySettings body;
+    if (report) body.solver = &reportSolver();
+    id_ = *world_->addBody(asset, body);
+    if (!isHeld(place)) {
+      const PinSetId pins = world_->pinSet(id_, kBenchPins);
+      if (pins != PinSetId{}) world_->removePinSet(pins);
+    }
+    state_ = movingState(*asset);
+    if (place == Place::resting || place == Place::hanging) {
+      for (unsigned i = 0; i < kStepsToRest; ++i) world_->step(kStep);
+    }
+  }
+  TimedCall timed() {
+    TimedCall call{[this] { world_->step(kStep); }, [] {}, kSteps};
+    if (place_ == Place::air) call.prepare = [this] { world_->setState(id_, state_.positions, state_.velocities); };
+    if (place_ == Place::held || place_ == Place::falling_on_the_ground) {
+      call.prepare = [this] { world_->resetBody(id_); };
+    }
+    return call;
+  }
+
+ private:
+  Place place_;
+  std::unique_ptr<World> world_;
+  BodyId id_;
+  MovingState state_;
+};
+
+BenchLine stepLine(std::string name, const Asset& asset, const Timing& timing) {
+  BenchLine line = lineOf(std::move(name), "us/step");
+  line.value = 1e6 * timing.seconds;
   line.spread = timing.spread;
-  const double memberships = body.membershipsPerVertex();
-  const Work work = memberships * matchingWork(formats::ClusterMode::quadratic,
-                                               double(body.memberships) / body.clusters, memberships) +
-                    kSteppedVertexWork;
-  line.bound = 1e9 * boundSeconds(work, context.machine, std::size_t(body.vertices) * 60 + body.memberships * 36ULL);
-  line.note = std::to_string(body.vertices) + " vertices, " + std::to_string(body.clusters) + " clusters, " +
-              std::to_string(body.memberships) + " memberships";
+  line.note = sizesOf(asset);
   return line;
+}
+
+void compareTo(BenchLine& line, const std::string& name, const TimingPair& pair) {
+  line.reference_name = name;
+  line.reference = 1e6 * pair.second.seconds;
+  line.ratio = pair.ratio;
+  line.ratio_spread = pair.spread;
+}
+
+/// Held to a multiple of another scene's time.
+void emitAgainst(const BenchContext& context, const std::string& name, const std::shared_ptr<const Asset>& asset,
+                 Scene& scene, const std::string& other_name, Scene& other, double most, const char* limit) {
+  context.emitBest([&] {
+    const TimingPair pair = measurePair(scene.timed(), other.timed(), context.timing());
+    BenchLine line = stepLine(name, *asset, pair.first);
+    compareTo(line, other_name, pair);
+    line.limit = limit;
+    line.margin = most * pair.ratio;
+    return line;
+  });
+}
+
+void emitPlaces(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& asset) {
+  Scene air(asset, Place::air), falling(asset, Place::falling_on_the_ground), resting(asset, Place::resting),
+      held(asset, Place::held), hanging(asset, Place::hanging);
+  const auto name = [&](Place place) { return mesh + ", " + nameOf(place); };
+  context.emitBest([&] {
+    BenchLine line = stepLine(name(Place::air), *asset, measure(air.timed(), context.timing()));
+    line.limit = "<= 30 us";
+    line.margin = kAirMicroseconds / line.value;
+    return line;
+  });
+  emitAgainst(context, name(Place::resting), asset, resting, "in the air", air, kGroundTimes, "<= 2 x in the air");
+  emitAgainst(context, name(Place::held), asset, held, "in the air", air, kHeldTimes, "<= 1.2 x in the air");
+  context.emit(stepLine(name(Place::hanging), *asset, measure(hanging.timed(), context.timing())));
+  context.emit(stepLine(name(Place::falling_on_the_ground), *asset, measure(falling.timed(), context.timing())));
+  Scene report(asset, Place::air, true);
+  context.emit(
+      stepLine(name(Place::air) + ", by the report's solver", *asset, measure(report.timed(), context.timing())));
+}
+
+void emitSizes(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& small,
+               const std::shared_ptr<const Asset>& large, const std::string& vertices) {
+  for (const Place place : {Place::air, Place::resting, Place::held}) {
+    Scene of_large(large, place), of_small(small, place);
+    emitAgainst(context, mesh + " of " + vertices + " vertices, " + nameOf(place), large, of_large, "the smaller",
+                of_small, kSizeTimes, "<= 1.1 x the smaller");
+  }
+}
+
+void emitClusters(const BenchContext& context, std::uint32_t vertices) {
+  const auto baked = [&](std::uint32_t side) {
+    return bakeMesh(context.options.models, kSpot, {.vertices = vertices, .grid = side});
+  };
+  const auto one = baked(1);
+  Scene of_one(one, Place::air);
+  context.emit(stepLine("spot in 1 box, in the air", *one, measure(of_one.timed(), context.timing())));
+  for (const std::uint32_t side : {2U, 3U, 4U}) {
+    const auto asset = baked(side);
+    Scene scene(asset, Place::air);
+    emitAgainst(context, "spot in " + std::to_string(side * side * side) + " boxes, in the air", asset, scene,
+                "one cluster", of_one, kSizeTimes, "<= 1.1 x one cluster");
+  }
+}
+
+void emitPeers([[maybe_unused]] const BenchContext& context, [[maybe_unused]] const BenchMesh& mesh,
+               [[maybe_unused]] const std::shared_ptr<const Asset>& asset) {
+#if SINEW_WITH_BULLET
+  const ClosedSurface surface = surfaceOf(*asset);
+  const formats::BodyInfo& info = asset->package().info();
+  std::vector<std::uint8_t> pinned(surface.vertices.size() / 3);
+  for (std::size_t i = 0; i < pinned.size(); ++i) {
+    double beyond = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double at = double(surface.vertices[3 * i + c]) + info.origin[c];
+      beyond += (at - mesh.pin_from[c]) * mesh.pin_normal[c];
+    }
+    pinned[i] = beyond >= 0 ? 1 : 0;
+  }
+  for (const Place place : {Place::air, Place::resting, Place::held}) {
+    benchmarks::BulletSoftBody::Scene other;
+    other.ground = isOnGround(place);
+    other.moving = place == Place::air;
+    other.total_mass = info.total_mass;
+    if (isHeld(place)) other.held = pinned;
+    benchmarks::BulletSoftBody bullet(surface.vertices, surface.triangles, other);
+    if (place == Place::resting) {
+      for (unsigned i = 0; i < kStepsToRest; ++i) bullet.step();
+    }
+    TimedCall bullet_call{[&] { bullet.step(); }, [] {}, kSteps};
+    if (place != Place::resting) bullet_call.prepare = [&] { bullet.restart(); };
+    Scene scene(asset, place);
+    context.emitBest([&] {
+      const TimingPair pair = measurePair(scene.timed(), bullet_call, context.timing());
+      BenchLine line = stepLine(std::string(mesh.name) + ", " + nameOf(place) + ", beside Bullet", *asset, pair.first);
+      compareTo(line, "Bullet " + benchmarks::BulletSoftBody::version(), pair);
+      line.reference_is_peer = true;
+      line.limit = ">= 10 x cheaper than Bullet";
+      line.margin = line.ratio / kTimesCheaper;
+      line.note +=
+          "; Bullet: " + std::to_string(bullet.vertices()) + " vertices, " + std::to_string(bullet.links()) + " links";
+      if (!bullet.isSound()) line.note += "; Bullet's body did not stay whole";
+      return line;
+    });
+  }
+#endif
+}
+
+void emitFace(const BenchContext& context) {
+  auto opened = Asset::load(context.options.face.string());
+  if (!opened) {
+    throw ToolError(ExitCode::bad_input, context.options.face.string(), "the package does not open: " + opened.reason(),
+                    "Bake samples/gallery/face/recipe.json anew.");
+  }
+  const std::shared_ptr<const Asset> asset = *opened;
+  for (const std::uint32_t passes : {WorldSettings{}.iterations, 1U}) {
+    WorldSettings settings;
+    settings.iterations = passes;
+    World world(settings);
+    const BodyId id = *world.addBody(asset);
+    unsigned frame = 0;
+    // As samples/gallery/face/smile.json, again and again.
+    const TimedCall call{[&] {
+                           const float part = float(0.5 - 0.5 * std::cos(0.1 * frame++));
+                           const auto channels = asset->package().channels();
+                           for (std::uint32_t c = 0; c < channels.size(); ++c) {
+                             const std::string_view name = asset->package().text(channels[c].name);
+                             const bool full = name.starts_with("zygomaticus_major") || name.starts_with("risorius");
+                             const bool some =
+                                 name.starts_with("zygomaticus_minor") || name.starts_with("levator_anguli_oris");
+                             if (full || some) world.setActivation(id, c, full ? part : 0.2F * part);
+                           }
+                           world.step(kStep);
+                         },
+                         [] {}, kSteps};
+    context.emitBest([&] {
+      BenchLine line = stepLine(passes == 1 ? "face, smiling, 1 iteration" : "face, smiling", *asset,
+                                measure(call, context.timing()));
+      if (passes > 1) {
+        line.limit = "<= 200 us";
+        line.margin = kFaceMicroseconds / line.value;
+      }
+      return line;
+    });
+  }
+}
+
+void emitMissing(const BenchContext& context, const char* name, const char* limit, const char* why) {
+  BenchLine line = lineOf(name, "us/step");
+  line.value = std::nan("");
+  line.limit = limit;
+  line.note = why;
+  context.emit(line);
 }
 
 }  // namespace
 
 void benchStep(const BenchContext& context) {
-  const LatticeBody body = makeLattice(stepLattice());
-  const MovingState state = movingState(*body.asset);
-  struct Scene {
-    WorldSettings settings;
-    std::unique_ptr<World> world;
-    BodyId id;
-  };
-  const auto make_scene = [&](std::uint32_t iterations, bool ground) {
-    Scene scene;
-    scene.settings.iterations = iterations;
-    scene.settings.ground.enabled = ground;
-    scene.settings.ground.offset = ground ? -0.5F : 0.0F;
-    scene.world = std::make_unique<World>(scene.settings);
-    scene.id = *scene.world->addBody(body.asset);
-    return scene;
-  };
-  const auto timed = [&](Scene& scene) {
-    return TimedCall{[&scene] { scene.world->step(kStep); },
-                     [&] { scene.world->setState(scene.id, state.positions, state.velocities); }, kSteps};
-  };
-  Scene single = make_scene(1, false);
-#if SINEW_WITH_BULLET
-  const auto compare = [&](bool moving) {
-    benchmarks::BulletSoftBody bullet(30, 64, moving);
-    const TimedCall other{[&] { bullet.step(); }, [&] { bullet.restart(); }, kSteps};
-    context.emitBest([&] {
-      const TimingPair pair = measurePair(timed(single), other, context.timing());
-      BenchLine line = stepLine(context, body, pair.first);
-      line.name = std::string("quadratic, 1 iteration, Bullet ") + (moving ? "falling and turning" : "at rest");
-      line.ratio_spread = pair.spread;
-      line.reference_is_peer = true;
-      line.reference_name = "Bullet " + benchmarks::BulletSoftBody::version();
-      line.reference = 1e9 * pair.second.seconds / bullet.vertices();
-      line.ratio = pair.ratio * body.vertices / bullet.vertices();
-      line.limit = ">= 10 x cheaper than Bullet";
-      line.margin = line.ratio / kTimesCheaper;
-      line.note += "; Bullet: " + std::to_string(bullet.vertices()) + " vertices, " +
-                   std::to_string(bullet.memberships()) + " memberships";
-      if (!bullet.isSound()) {
-        line.note += "; Bullet's body flew apart, so this compares nothing";
-        line.margin = 0;
-      }
-      return line;
-    });
-  };
-  compare(false);
-  compare(true);
-#else
-  BenchLine line = stepLine(context, body, measure(timed(single), context.timing()));
-  line.name = "quadratic, 1 iteration";
-  line.limit = ">= 10 x cheaper than Bullet";
-  line.note += "; built without Bullet (libbullet-dev), so nothing is compared";
-  context.emit(line);
-#endif
-  for (const std::uint32_t iterations : {1U, 4U}) {
-    for (const bool ground : {false, true}) {
-      Scene scene = make_scene(iterations, ground);
-      BenchLine plain = stepLine(context, body, measure(timed(scene), context.timing()));
-      plain.name = std::string(ground ? "on the ground" : "free") + ", " + std::to_string(iterations) +
-                   (iterations == 1 ? " iteration" : " iterations");
-      plain.bound = ground ? 0 : plain.bound * iterations;
-      context.emit(plain);
+  const bool quick = context.options.quick;
+  const std::filesystem::path& models = context.options.models;
+  if (models.empty()) {
+    emitMissing(context, "spot, in the air", "<= 30 us", "no meshes: name tests/assets/models with --models");
+  } else {
+    const std::uint32_t small = quick ? 300 : 1500, large = quick ? 900 : 8000;
+    for (const BenchMesh& mesh : {kSpot, kHead}) {
+      const auto baked = [&](std::uint32_t vertices) {
+        return bakeMesh(models, mesh, {.vertices = vertices, .pinned = true});
+      };
+      const auto asset = baked(small);
+      emitPlaces(context, mesh.name, asset);
+      emitPeers(context, mesh, asset);
+      if (!quick || mesh.name == kSpot.name) emitSizes(context, mesh.name, asset, baked(large), std::to_string(large));
     }
+    emitClusters(context, small);
+  }
+  if (context.options.face.empty()) {
+    emitMissing(context, "face, smiling", "<= 200 us", "no package: bake samples/gallery/face and name it with --face");
+  } else {
+    emitFace(context);
   }
 }
 

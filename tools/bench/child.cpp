@@ -80,21 +80,21 @@ ChildResult runBenchChild(const BenchOptions& options, const char* instruction_s
   if (options.quick) arguments.push_back("--quick");
   const std::string output = outputOf(arguments, std::string("SINEW_INSTRUCTION_SET=") + instruction_set);
   unsigned long long hash = 0;
-  double nanoseconds = 0;
-  if (std::sscanf(output.c_str(), "%llx %lf", &hash, &nanoseconds) != 2) {
+  double microseconds = 0;
+  if (std::sscanf(output.c_str(), "%llx %lf", &hash, &microseconds) != 2) {
     result.reason = "the program could not be started again";
     return result;
   }
   result.ran = true;
   result.hash = hash;
-  result.step_nanoseconds = nanoseconds;
+  result.step_microseconds = microseconds;
   return result;
 }
 
 std::string benchChildLine(unsigned steps, bool quick) {
   char line[64];
   std::snprintf(line, sizeof line, "%016llx %.6g\n", static_cast<unsigned long long>(determinismHash(0, steps)),
-                determinismStepNanoseconds(quick));
+                determinismStepMicroseconds(quick));
   return line;
 }
 

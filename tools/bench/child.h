@@ -11,9 +11,9 @@ namespace sinew::tools {
 /// What this program, started again with one instruction set forced, found.
 struct ChildResult {
   bool ran = false;
-  std::string reason;           ///< why not, one clause
-  std::uint64_t hash = 0;       ///< determinismHash()
-  double step_nanoseconds = 0;  ///< determinismStepNanoseconds()
+  std::string reason;            ///< why not, one clause
+  std::uint64_t hash = 0;        ///< determinismHash()
+  double step_microseconds = 0;  ///< determinismStepMicroseconds()
 };
 
 /// Starts `BenchOptions::program` with SINEW_INSTRUCTION_SET set, which the runtime reads once. \param instruction_set

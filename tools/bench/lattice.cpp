@@ -4,10 +4,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 
 #include "runtime/geometry/grid_tetrahedra.h"
 #include "sinew/formats/writer.h"
+#include "tools/bake/fields.h"
 #include "tools/bake/moments.h"
 #include "tools/core/error.h"
 
@@ -131,8 +133,8 @@ Vector3d positionOf(const formats::PackageContent& content, std::uint32_t vertex
 }
 
 // Tetrahedra of all cells, and visual vertices on an ellipsoid, ring by ring as a modeller would number them.
-void addVisual(const LatticeOptions& o, const Vector3d& low, double spacing, const std::vector<std::uint32_t>& numbers,
-               formats::PackageContent& content) {
+void addTetrahedra(const LatticeOptions& o, const Vector3d& low, double spacing,
+                   const std::vector<std::uint32_t>& numbers, formats::PackageContent& content) {
   geometry::CellGrid grid;
   grid.origin = low;
   grid.spacing = Vector3d::Constant(spacing);
@@ -150,6 +152,7 @@ void addVisual(const LatticeOptions& o, const Vector3d& low, double spacing, con
     content.tetrahedra.push_back(tetrahedron);
   }
 
+  if (o.visual_vertices == 0) return;
   const std::uint32_t around = std::max(3U, std::uint32_t(std::lround(std::sqrt(1.6 * o.visual_vertices))));
   const Vector3d half = -0.97 * low;
   for (std::uint32_t i = 0; i < o.visual_vertices; ++i) {
@@ -192,6 +195,15 @@ void addVisual(const LatticeOptions& o, const Vector3d& low, double spacing, con
 
 }  // namespace
 
+const LatticeBody& blockBody(std::uint32_t visual_vertices) {
+  static std::map<std::uint32_t, LatticeBody> bodies;
+  const auto found = bodies.find(visual_vertices);
+  if (found != bodies.end()) return found->second;
+  LatticeOptions options;
+  options.visual_vertices = visual_vertices;
+  return bodies.emplace(visual_vertices, makeLattice(options)).first->second;
+}
+
 LatticeBody makeLattice(const LatticeOptions& o) {
   formats::PackageContent content;
   const double spacing = 1.0 / (*std::max_element(o.points.begin(), o.points.end()) - 1);
@@ -222,19 +234,7 @@ LatticeBody makeLattice(const LatticeOptions& o) {
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
-  if (o.visual_vertices > 0) addVisual(o, low, spacing, numbers, content);
-  if (o.limits) {
-    formats::ClusterMechanics mechanics = formats::kPlainMechanics;
-    mechanics.limit = formats::LimitMethod::principal;
-    mechanics.volume = formats::VolumeMethod::principal;
-    content.mechanics.assign(content.clusters.size(), mechanics);
-  }
-  if (o.per_step_beta >= 0) {
-    formats::ClusterMechanics mechanics = formats::kPlainMechanics;
-    mechanics.stiffness = formats::StiffnessModel::per_step;
-    mechanics.per_step_beta.fill(o.per_step_beta);
-    content.mechanics.assign(content.clusters.size(), mechanics);
-  }
+  addTetrahedra(o, low, spacing, numbers, content);
   const formats::StringRef name = content.addText("lattice");
   for (formats::Cluster& cluster : content.clusters) cluster.name = name;
   content.bodies.push_back({0, std::uint32_t(content.physical_vertices.size()), 0,
@@ -249,6 +249,7 @@ LatticeBody makeLattice(const LatticeOptions& o) {
   info.physical_volume = info.source_volume = float(size.prod());
   info.name = info.tool_version = info.source_file = info.unit_source = name;
   info.settings_json = content.addText("{}");
+  addFields(Settings{}, content);
 
   LatticeBody body;
   body.package = formats::writePackage(content);
@@ -267,18 +268,20 @@ LatticeBody makeLattice(const LatticeOptions& o) {
 
 MovingState movingState(const Asset& asset) {
   MovingState state;
+  const formats::BodyInfo& info = asset.package().info();
+  const Vector3d low = toDouble(info.bounds_min), high = toDouble(info.bounds_max), middle = 0.5 * (low + high);
+  const double size = (high - low).maxCoeff();
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Vector3d(1, 2, -1).normalized()).toRotationMatrix();
   const Vector3d spin(1, -2, 3);  // rad/s
   for (const formats::PhysicalVertex& vertex : asset.package().physicalVertices()) {
-    const auto& r = vertex.rest_position;
-    const Vector3d rest = toDouble(r);
+    const Vector3d rest = (toDouble(vertex.rest_position) - middle) / size;
     const double twist = 0.2 * rest[1];
     const Vector3d bent(rest[0] * std::cos(twist) - rest[2] * std::sin(twist), rest[1] + 0.1 * rest[0] * rest[0],
                         rest[0] * std::sin(twist) + 1.05 * rest[2] * std::cos(twist));
     const Vector3d x = turn * bent;
     const Vector3d v = spin.cross(x) + 0.3 * Vector3d(std::sin(4 * rest[1]), std::cos(5 * rest[2]), rest[0]);
-    state.positions.push_back(toFloat(x));
-    state.velocities.push_back(toFloat(v));
+    state.positions.push_back(toFloat(middle + size * x));
+    state.velocities.push_back(toFloat(size * v));
   }
   return state;
 }

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "sinew/runtime/report.h"
 #include "sinew/runtime/settings.h"
 #include "tools/author/recipe.h"
 #include "tools/core/error.h"
@@ -40,12 +41,14 @@ inline CLI::Validator finiteNumber() {
 }
 
 /// The solver of this name, one that addSolverOption() lets through.
-inline Solver solverNamed(const std::string& name) { return name == "report" ? Solver::report : Solver::coupled; }
+inline const SolverFactory* solverNamed(const std::string& name) {
+  return name == "report" ? &reportSolver() : nullptr;
+}
 
 /// Adds --solver.
 inline void addSolverOption(CLI::App& verb, std::string& name) {
   verb.add_option("--solver", name,
-                  "coupled: one energy for each piece (docs/fields.md); report: clusters matched and averaged")
+                  "coupled: one energy for each piece (docs/method.md); report: clusters matched and averaged")
       ->check(CLI::IsMember({"coupled", "report"}))
       ->capture_default_str();
 }

@@ -14,7 +14,7 @@ namespace {
 
 struct BenchCommand {
   BenchOptions options;
-  bool json = false;
+  bool json = false, markdown = false;
   unsigned child_steps = 0;
 };
 
@@ -58,9 +58,13 @@ void runBenchVerb(const BenchCommand& command, int& exit_code) {
   BenchOptions options = command.options;
   std::error_code ignored;
   options.program = std::filesystem::read_symlink("/proc/self/exe", ignored);
-  const BenchReport report = runBench(options, command.json ? nullptr : printLine);
+  const std::filesystem::path models = "tests/assets/models";
+  if (options.models.empty() && std::filesystem::is_directory(models, ignored)) options.models = models;
+  const BenchReport report = runBench(options, command.json || command.markdown ? nullptr : printLine);
   if (command.json) {
     std::cout << benchJson(report).dump(2) << "\n";
+  } else if (command.markdown) {
+    std::cout << benchMarkdown(report);
   } else {
     printMachine(report.machine);
   }
@@ -77,6 +81,10 @@ void addBenchVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--filter", command->options.filter, "Only groups with this in their name: " + names);
   verb->add_flag("--quick", command->options.quick, "Small sizes and few samples: to see that it runs, not to quote");
   verb->add_flag("--json", command->json, "Print the figures as JSON");
+  verb->add_flag("--markdown", command->markdown, "Print the figures as tables, as docs/performance.md has them");
+  verb->add_option("--models", command->options.models,
+                   "Where tests/assets/models is; else it is looked for under the working folder");
+  verb->add_option("--face", command->options.face, "The baked samples/gallery/face, to be measured too");
   verb->add_option("--library", command->options.library, "The shared runtime library to weigh");
   verb->add_option("--child", command->child_steps)->group("");
   verb->callback([command, &exit_code] {

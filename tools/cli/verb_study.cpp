@@ -12,58 +12,10 @@
 #include "tools/study/beam.h"
 #include "tools/study/error.h"
 #include "tools/study/kinks.h"
-#include "tools/study/limits.h"
-#include "tools/study/pins.h"
-#include "tools/study/sag.h"
-#include "tools/study/stability.h"
 #include "tools/study/steps.h"
 
 namespace sinew::tools {
 namespace {
-
-void addStability(CLI::App& study, int& exit_code) {
-  struct Command {
-    StabilityOptions options;
-    std::string picture;
-    bool json = false, all = false;
-  };
-  auto command = std::make_shared<Command>();
-  CLI::App* verb = study.add_subcommand(
-      "stability",
-      "Bodies from states no game should reach: finite, no energy gained, back in shape (docs/stability.md)");
-  verb->add_flag("--quick", command->options.quick, "Every pair of levels once; else every triple and more (minutes)");
-  verb->add_option("--chance", command->options.chance, "So many cells by chance instead, of all 2e9 that there are")
-      ->check(CLI::Range(1, 1000000));
-  verb->add_option("--seed", command->options.seed, "What --chance draws with");
-  verb->add_option("--only", command->options.only,
-                   "Only cells whose description has all these words, as \"start=point step=1\"")
-      ->type_name("WORDS");
-  verb->add_option("--picture", command->picture, "Write the matrix as a picture")->type_name("FILE.png");
-  verb->add_option("--threads", command->options.threads, "Threads; 0 = all")->check(CLI::Range(0, 1024));
-  verb->add_flag("--json", command->json, "Print one JSON document");
-  verb->add_flag("--all", command->all, "With --json: every cell, not only the worst");
-  verb->callback([command, &exit_code] {
-    if (!command->picture.empty()) requireOutput(Output::picture, command->picture);
-    Progress progress(!command->json);
-    progress.stage("stability");
-    command->options.progress = [&](std::size_t done, std::size_t of) { progress.fraction(double(done) / double(of)); };
-    const std::vector<StabilityResult> results = runStability(command->options);
-    progress.finish();
-    if (results.empty()) {
-      throw ToolError(ExitCode::usage, "", "no cell of the matrix has all of: " + command->options.only,
-                      "Words look like start=point, step=1/60, body=ring.");
-    }
-    if (!command->picture.empty()) writePng(stabilityPicture(results), command->picture);
-    if (command->json) {
-      std::cout << stabilityJson(results, command->options, command->all).dump(2) << "\n";
-    } else {
-      std::cout << stabilityText(results);
-    }
-    bool passed = true;
-    for (const StabilityResult& result : results) passed = passed && result.passed();
-    exit_code = int(passed ? ExitCode::done : ExitCode::findings);
-  });
-}
 
 void addSteps(CLI::App& study, int& exit_code) {
   struct Command {
@@ -132,75 +84,20 @@ void addSteps(CLI::App& study, int& exit_code) {
   });
 }
 
-// A study of a list of cases, each measured by itself.
-template <class Case, class Measure, class Json, class Text>
-void runCases(const std::string& name, const std::vector<Case>& cases, bool json, const Measure& measure,
-              const Json& to_json, const Text& to_text) {
-  Progress progress(!json);
-  progress.stage(name);
-  std::vector<decltype(measure(cases.front()))> results;
-  for (const Case& one : cases) {
-    results.push_back(measure(one));
-    progress.fraction(double(results.size()) / double(cases.size()));
-  }
-  progress.finish();
-  if (json) {
-    std::cout << to_json(results).dump(2) << "\n";
-  } else {
-    std::cout << to_text(results);
-  }
-}
-
-void addSag(CLI::App& study, int& exit_code) {
-  struct Command {
-    double seconds = 8;
-    bool json = false;
-  };
-  auto command = std::make_shared<Command>();
-  CLI::App* verb = study.add_subcommand("sag", "A beam held by a wall: its sag by step, passes, vertices and clusters");
-  verb->add_option("--seconds", command->seconds, "Simulated time of each beam")
-      ->check(CLI::Range(2.0, 60.0))
-      ->check(finiteNumber());
-  verb->add_flag("--json", command->json, "Print one JSON document");
-  verb->callback([command, &exit_code] {
-    const auto measure = [&](const SagCase& beam) { return measureSag(beam, command->seconds); };
-    runCases("sag", sagCases(), command->json, measure, sagJson, sagText);
-    exit_code = int(ExitCode::done);
-  });
-}
-
-void addLimits(CLI::App& study, int& exit_code) {
-  auto json = std::make_shared<bool>(false);
-  CLI::App* verb = study.add_subcommand(
-      "limits", "A cube pushed into a wall: how far it spreads under each limit and volume method");
-  verb->add_flag("--json", *json, "Print one JSON document");
-  verb->callback([json, &exit_code] {
-    runCases("limits", limitsCases(), *json, measureLimits, limitsJson, limitsText);
-    exit_code = int(ExitCode::done);
-  });
-}
-
-void addPins(CLI::App& study, int& exit_code) {
-  auto json = std::make_shared<bool>(false);
-  CLI::App* verb = study.add_subcommand(
-      "pins", "A beam on a wall under each method of pin sets: sag, wall, section, volume, a pulled corner");
-  verb->add_flag("--json", *json, "Print one JSON document");
-  verb->callback([json, &exit_code] {
-    runCases("pins", pinsCases(), *json, measurePins, pinsJson, pinsText);
-    exit_code = int(ExitCode::done);
-  });
-}
-
 void addKinks(CLI::App& study, int& exit_code) {
   struct Command {
     std::vector<std::string> packages, arms;
-    std::string scene = "stretch", mask, picture;
+    std::string scene = "stretch", solver = "coupled", mask, picture;
+    std::uint32_t iterations = 0;
     bool json = false;
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = study.add_subcommand("kinks", "The sharpest edge of a surface after a scene, against that at rest");
   verb->add_option("packages", command->packages, "Packages to compare")->required();
   verb->add_option("--scene", command->scene, "A built-in scene, or a file (.json)");
+  addSolverOption(*verb, command->solver);
+  verb->add_option("--iterations", command->iterations, "Of a step (coupled); 0 = the scene's own")
+      ->check(CLI::Range(0, 16));
   verb->add_option("--mask", command->mask, "Only where this mask of the recipe weighs more than one half");
   verb->add_option("--arms", command->arms, "Two masks of straight limbs: measure the angle between them")->expected(2);
   verb->add_option("--picture", command->picture, "Draw the first one at rest, and all after the scene")
@@ -210,6 +107,8 @@ void addKinks(CLI::App& study, int& exit_code) {
     if (!command->picture.empty()) requireOutput(Output::picture, command->picture);
     KinkOptions options;
     options.scene = SceneChoice::byName(command->scene);
+    options.solver = solverNamed(command->solver);
+    options.iterations = command->iterations;
     options.mask = command->mask;
     if (!command->arms.empty()) options.arms = {command->arms[0], command->arms[1]};
     Progress progress(!command->json);
@@ -238,14 +137,15 @@ std::array<double, 3> vectorOf(const std::vector<double>& three) { return {three
 void addError(CLI::App& study, int& exit_code) {
   struct Command {
     ErrorOptions options;
-    std::string input, picture;
+    std::string solver = "coupled", input, picture;
     std::vector<std::string> assignments;
     std::vector<double> pick, pull;
     bool json = false;
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = study.add_subcommand(
-      "error", "A held body pulled at a point: error against finite elements, and run time, by clusters and passes");
+      "error",
+      "A held body pulled at a point: error against finite elements, and run time, by functions, clusters, iterations");
   ErrorOptions& options = command->options;
   verb->add_option("input", command->input, "A source or a recipe; its pins hold it, else its under side")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
@@ -257,9 +157,13 @@ void addError(CLI::App& study, int& exit_code) {
   verb->add_option("--modes", options.modes, "Of clusters, several with commas")
       ->delimiter(',')
       ->check(CLI::IsMember({"rigid", "linear", "quadratic"}));
-  verb->add_option("--passes", options.passes, "Of a step, several with commas")
+  verb->add_option("--functions", options.functions, "field.functions, several with commas; absent: the recipe's")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 256));
+  verb->add_option("--iterations", options.iterations, "Of a step, several with commas (coupled)")
       ->delimiter(',')
       ->check(CLI::Range(1, 16));
+  addSolverOption(*verb, command->solver);
   verb->add_option("--refinements", options.refinements, "How often the reference cuts each tetrahedron into eight")
       ->check(CLI::Range(1, 4));
   verb->add_option("--pick", command->pick, "Where it is pulled: x,y,z in metres")
@@ -278,6 +182,7 @@ void addError(CLI::App& study, int& exit_code) {
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
     if (!command->picture.empty()) requireOutput(Output::picture, command->picture);
+    command->options.solver = solverNamed(command->solver);
     if (!command->pick.empty()) command->options.pick = vectorOf(command->pick);
     if (!command->pull.empty()) command->options.pull = vectorOf(command->pull);
     if (command->input.ends_with(".sinew")) {
@@ -420,13 +325,9 @@ void addBeam(CLI::App& study, int& exit_code) {
 void addStudyVerb(CLI::App& app, int& exit_code) {
   CLI::App* study = app.add_subcommand("study", "Measure the method itself");
   study->require_subcommand(1);
-  addStability(*study, exit_code);
   addSteps(*study, exit_code);
-  addSag(*study, exit_code);
   addKinks(*study, exit_code);
   addError(*study, exit_code);
-  addLimits(*study, exit_code);
-  addPins(*study, exit_code);
   addAssets(*study, exit_code);
   addBeam(*study, exit_code);
 }

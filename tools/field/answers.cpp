@@ -11,7 +11,7 @@ namespace {
 // Of the highest of the lowest modes: below are motions without resistance.
 constexpr double kNoResistance = 1e-6;
 // Shift of the first factor, of the mean stiffness over mass; of a later one, of the lowest mode.
-constexpr double kFirstShift = 1e-6, kShift = 0.01;
+constexpr double kFirstShift = 1e-10, kShift = 0.01;
 // A shift above so much of the lowest mode is too large.
 constexpr double kLargeShift = 0.2;
 constexpr int kPlaces = 12;
@@ -106,8 +106,8 @@ MatrixXd Answers::weighedAnswers(const MatrixXd& forces) const {
   return to(forces) * weight.asDiagonal();
 }
 
-MatrixXd Answers::equalAnswers(const MatrixXd& forces) const {
-  MatrixXd u = to(forces);
+MatrixXd Answers::equal(const MatrixXd& answers) const {
+  MatrixXd u = answers;
   for (Index j = 0; j < u.cols(); ++j) {
     const double size = u.col(j).cwiseProduct(mass_.cwiseSqrt()).norm();
     u.col(j) *= size > 0 ? 1 / size : 0;

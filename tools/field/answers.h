@@ -28,8 +28,8 @@ class Answers {
   MatrixXd weighedModes() const;
   /// Answers to loads scaled to that size, |f| = 1 under the inverse masses; times lambda_1.
   MatrixXd weighedAnswers(const MatrixXd& forces) const;
-  /// Answers scaled so that each weighs as the lowest mode.
-  MatrixXd equalAnswers(const MatrixXd& forces) const;
+  /// Answers scaled so that each weighs as the lowest mode. @param answers 3f x c
+  MatrixXd equal(const MatrixXd& answers) const;
 
  private:
   Index first() const;  // mode with resistance

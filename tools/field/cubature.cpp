@@ -18,6 +18,8 @@ constexpr double kNoResistance = 1e-10;
 constexpr double kLeast = 0.7;
 // Displacements as random forces make them, against all alike.
 constexpr double kForces = 5;
+// Those that known loads and pin sets' motions make, together, against the same.
+constexpr double kKnown = 20;
 // Uniform strains among the displacements that weights are fitted to, against all others together.
 constexpr double kUniformStrain = 0.3;
 // Pull of weights to 1, of the mean diagonal of the normal equations.
@@ -49,9 +51,24 @@ Index resisting(const VectorXd& lambda) {
   return count;
 }
 
-// The covariance W of displacements y: all alike, as random forces on the functions that move freely make them, and the
-// six uniform strains.
-Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Eigen::MatrixX3d& rest, Index driven) {
+// Displacements y of known loads, and of each driven function moved alone where there are several pin sets.
+MatrixXd knownMotions(const MatrixXd& held_by, const Acting& acting, Index driven) {
+  const Index inside = held_by.rows() - 3 * driven, moved = driven > 4 ? 3 * driven : 0;
+  MatrixXd result = MatrixXd::Zero(held_by.rows(), acting.loads.cols() + moved);
+  if (inside == 0 || result.cols() == 0) return result;
+  MatrixXd forces(inside, result.cols());
+  forces << acting.loads, -held_by.bottomLeftCorner(inside, moved);
+  MatrixXd matrix = held_by.bottomRightCorner(inside, inside);
+  matrix.diagonal().array() += 1e-9 * matrix.diagonal().mean();
+  result.bottomRows(inside) = Eigen::LLT<MatrixXd>(matrix).solve(forces);
+  result.topRightCorner(moved, moved).setIdentity();
+  return result;
+}
+
+// The covariance W of displacements y: all alike, as random forces on the functions that move freely make them, the six
+// uniform strains, and what surely happens.
+Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Eigen::MatrixX3d& rest, Index driven,
+                const Acting& acting) {
   const MatrixXd axes = byAxes(orthonormal);
   const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(MatrixXd(axes.transpose() * stiffness * axes));
   const VectorXd& lambda = modes.eigenvalues();
@@ -60,24 +77,33 @@ Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Ei
   Whitened result;
   result.from = axes * modes.eigenvectors().rightCols(d) * lambda.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
   result.metric = MatrixXd::Identity(d, d) / double(d);
+  MatrixXd held_by = stiffness;
+  if (acting.tethers.size() > 0) held_by += byAxes(acting.tethers);
   const Index inside = stiffness.rows() - 3 * driven;
   Eigen::SelfAdjointEigenSolver<MatrixXd> inner;
-  if (inside > 0) inner.compute(stiffness.bottomRightCorner(inside, inside));
+  if (inside > 0) inner.compute(held_by.bottomRightCorner(inside, inside));
   const Index moving = inside > 0 ? resisting(inner.eigenvalues()) : 0;
+  const auto add = [&](const MatrixXd& y) { result.metric.selfadjointView<Eigen::Lower>().rankUpdate(y); };
   if (moving > 0) {
     const VectorXd compliance = inner.eigenvalues().tail(moving).cwiseInverse();
-    MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.eigenvectors().rightCols(moving);
-    y = (y * (compliance.cwiseProduct(compliance) * (kForces / compliance.sum())).cwiseSqrt().asDiagonal()).eval();
-    result.metric += y * y.transpose();
+    const MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.eigenvectors().rightCols(moving);
+    add(y * (compliance.cwiseProduct(compliance) * (kForces / compliance.sum())).cwiseSqrt().asDiagonal());
   }
+  MatrixXd strained(stiffness.rows(), 6);
   for (int s = 0; s < 6; ++s) {
     Eigen::Matrix3d strain = Eigen::Matrix3d::Zero();
     if (s < 3) strain(s, s) = 1;
     if (s >= 3) strain(s - 3, (s - 2) % 3) = strain((s - 2) % 3, s - 3) = 1;
     const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> moved = rest * strain;
-    const VectorXd y = result.from.transpose() * (stiffness * Eigen::Map<const VectorXd>(moved.data(), moved.size()));
-    result.metric += kUniformStrain * y.normalized() * y.normalized().transpose();
+    strained.col(s) = Eigen::Map<const VectorXd>(moved.data(), moved.size());
   }
+  const auto asEnergy = [&](const MatrixXd& motions) {
+    return MatrixXd(result.from.transpose() * (stiffness * motions)).colwise().normalized().eval();
+  };
+  add(std::sqrt(kUniformStrain) * asEnergy(strained));
+  const MatrixXd known = knownMotions(held_by, acting, driven);
+  if (known.cols() > 0) add(std::sqrt(kKnown / double(known.cols())) * asEnergy(known));
+  result.metric = MatrixXd(result.metric.selfadjointView<Eigen::Lower>());
   result.root = Eigen::LLT<MatrixXd>(result.metric).matrixU();
   return result;
 }
@@ -358,9 +384,9 @@ MatrixXd reducedStiffness(const Elastic& elastic, const MatrixXd& functions) {
 }
 
 Cubature chooseSamples(const Elastic& elastic, const MatrixXd& functions, const MatrixXd& orthonormal,
-                       const Eigen::MatrixX3d& rest, Index driven, std::size_t wanted) {
+                       const Eigen::MatrixX3d& rest, Index driven, const Acting& acting, std::size_t wanted) {
   if (elastic.patches.size() <= wanted) return allPatches(elastic);
-  const Whitened space = whiten(reducedStiffness(elastic, functions), orthonormal, rest, driven);
+  const Whitened space = whiten(reducedStiffness(elastic, functions), orthonormal, rest, driven, acting);
   if (space.from.cols() == 0) return allPatches(elastic);
   const MatrixXd gradients = gradientsOf(elastic, functions, 0, elastic.patches.size());
   const auto weight = importance(elastic, gradients);

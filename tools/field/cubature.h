@@ -9,6 +9,12 @@ namespace sinew::tools::field {
 /// @param functions f x k, on nodes
 MatrixXd reducedStiffness(const Elastic& elastic, const MatrixXd& functions);
 
+/// What acts on a space besides its elasticity.
+struct Acting {
+  MatrixXd tethers;  ///< k x k, N/m; empty without
+  MatrixXd loads;    ///< 3(k - driven) x c, forces that surely act: their displacements are to be right
+};
+
 struct Cubature {
   std::vector<std::size_t> patch;  ///< ascending
   std::vector<double> volume;      ///< m^3, > 0
@@ -22,6 +28,6 @@ struct Cubature {
 /// @param driven the first so many functions are prescribed
 /// @param wanted so many, more where the least eigenvalue asks for it
 Cubature chooseSamples(const Elastic& elastic, const MatrixXd& functions, const MatrixXd& orthonormal,
-                       const Eigen::MatrixX3d& rest, Index driven, std::size_t wanted);
+                       const Eigen::MatrixX3d& rest, Index driven, const Acting& acting, std::size_t wanted);
 
 }  // namespace sinew::tools::field

@@ -161,8 +161,27 @@ Sparse pattern(const std::vector<std::vector<std::uint32_t>>& neighbours, int si
   return result;
 }
 
-// Corotated energy at rest: K_ij = V (mu (g_i.g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T); K_s has V (2 mu + lambda)
-// g_i.g_j.
+std::vector<std::uint32_t> surfaceOf(const FieldInput& input) {
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  for (const auto& tet : input.tetrahedra) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      faces.push_back({tet[(k + 1) % 4], tet[(k + 2) % 4], tet[(k + 3) % 4]});
+      std::sort(faces.back().begin(), faces.back().end());
+    }
+  }
+  std::sort(faces.begin(), faces.end());
+  std::vector<std::uint32_t> result;
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    const bool twice = (i > 0 && faces[i] == faces[i - 1]) || (i + 1 < faces.size() && faces[i] == faces[i + 1]);
+    if (!twice) result.insert(result.end(), faces[i].begin(), faces[i].end());
+  }
+  std::sort(result.begin(), result.end());
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
+}  // namespace
+
 void addStiffness(Elastic& elastic) {
   const auto near = neighbours(elastic);
   elastic.stiffness = pattern(near, 3);
@@ -188,27 +207,6 @@ void addStiffness(Elastic& elastic) {
     }
   }
 }
-
-std::vector<std::uint32_t> surfaceOf(const FieldInput& input) {
-  std::vector<std::array<std::uint32_t, 3>> faces;
-  for (const auto& tet : input.tetrahedra) {
-    for (std::size_t k = 0; k < 4; ++k) {
-      faces.push_back({tet[(k + 1) % 4], tet[(k + 2) % 4], tet[(k + 3) % 4]});
-      std::sort(faces.back().begin(), faces.back().end());
-    }
-  }
-  std::sort(faces.begin(), faces.end());
-  std::vector<std::uint32_t> result;
-  for (std::size_t i = 0; i < faces.size(); ++i) {
-    const bool twice = (i > 0 && faces[i] == faces[i - 1]) || (i + 1 < faces.size() && faces[i] == faces[i + 1]);
-    if (!twice) result.insert(result.end(), faces[i].begin(), faces[i].end());
-  }
-  std::sort(result.begin(), result.end());
-  result.erase(std::unique(result.begin(), result.end()), result.end());
-  return result;
-}
-
-}  // namespace
 
 Elastic assemble(const FieldInput& input, FieldElement element) {
   Elastic elastic;

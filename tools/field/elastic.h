@@ -42,6 +42,10 @@ struct Elastic {
 
 Elastic assemble(const FieldInput& input, FieldElement element);
 
+/// Makes the stiffness of the patches anew. Corotated energy at rest: K_ij = V (mu (g_i.g_j) 1 + mu g_j g_i^T +
+/// lambda g_i g_j^T); K_s has V (2 mu + lambda) g_i.g_j.
+void addStiffness(Elastic& elastic);
+
 /// Gradients of functions at a run of patches: 3 rows a patch.
 /// @param on_nodes f x k
 MatrixXd gradientsOf(const Elastic& elastic, const MatrixXd& on_nodes, std::size_t first, std::size_t count);

@@ -24,6 +24,11 @@ constexpr double kModesByFunction = 0.4;
 constexpr double kPlaceWeight = 5;
 // Edges' patches touch twice as many vertices as tetrahedra: from so many on, the factor takes too long.
 constexpr std::size_t kMostForEdges = 10000;
+// Weight of answers to known loads and of what pin sets' motions leave, against modes: these are surely asked for.
+constexpr double kKnownWeight = 10;
+// Of the work that each known load does on the piece the space may lack so much, until it has so many functions.
+constexpr double kKnownLack = 0.05;
+constexpr Index kMostFunctions = 64;
 // How near to the spectrum's own shape damping stays, against the modes' frequencies.
 constexpr double kDampingTie = 0.003;
 
@@ -43,6 +48,42 @@ MatrixXd knownLoads(const FieldInput& input) {
   MatrixXd forces(3 * Index(input.positions.size()), Index(input.loads.size()));
   for (std::size_t l = 0; l < input.loads.size(); ++l) forces.col(Index(l)) = input.loads[l];
   return forces;
+}
+
+// Products of vector fields with functions, by axis: 3f x c -> 3k x c.
+MatrixXd coordinates(const MatrixXd& functions, const MatrixXd& fields) {
+  MatrixXd result(3 * functions.cols(), fields.cols());
+  for (Index a = 0; a < 3; ++a)
+    result(Eigen::seqN(a, functions.cols(), 3), Eigen::all) = functions.transpose() * axisOf(fields, a);
+  return result;
+}
+
+// Loads that surely act, and the piece's answers: 3f x c on nodes.
+struct Known {
+  MatrixXd forces, answers;
+
+  VectorXd work() const { return forces.cwiseProduct(answers).colwise().sum().transpose(); }
+};
+
+// The first columns of `functions`: at least `count`, and as many as known loads take to do their work on the space.
+// The Cholesky factor of the whole has those of all its leading parts.
+// @param have other functions of the space; all n x ..
+MatrixXd enough(const Elastic& elastic, const MatrixXd& have, const MatrixXd& functions, const Known& known,
+                Index count) {
+  if (known.forces.cols() == 0 || functions.cols() <= count) {
+    return functions.leftCols(std::min(count, functions.cols()));
+  }
+  const MatrixXd nodes = nodeRows(elastic, joined(have, functions));
+  MatrixXd stiffness = reducedStiffness(elastic, nodes);
+  stiffness.diagonal().array() += 1e-9 * stiffness.diagonal().mean();
+  const MatrixXd met = Eigen::LLT<MatrixXd>(stiffness).matrixL().solve(coordinates(nodes, known.forces));
+  VectorXd lacks = known.work();
+  const VectorXd least = kKnownLack * lacks;
+  for (Index j = 0; j < nodes.cols(); ++j) {
+    if (j >= have.cols() + count && (lacks.array() <= least.array()).all()) return functions.leftCols(j - have.cols());
+    lacks -= met.middleRows<3>(3 * j).colwise().squaredNorm().transpose();
+  }
+  return functions;
 }
 
 // 1, X, Y, Z on vertices, M-orthonormal; less than four columns where the piece is flat.
@@ -77,10 +118,13 @@ MatrixXd diagonalized(const Elastic& elastic, const MatrixXd& values, VectorXd& 
 }
 
 // Adds the samples, the energy of which stands for that of all patches.
-void addSamples(const Elastic& elastic, const FieldOptions& options, const MatrixXd& orthonormal, FieldSpace& space) {
+// @param known 3f x c on nodes
+void addSamples(const Elastic& elastic, const FieldOptions& options, const MatrixXd& orthonormal, const MatrixXd& known,
+                FieldSpace& space) {
   const MatrixXd nodes = nodeRows(elastic, space.values);
+  const Acting acting = {space.tethers, coordinates(nodes.rightCols(nodes.cols() - space.driven_count), known)};
   const auto wanted = std::size_t(std::ceil(options.samples_per_function * double(space.values.cols())));
-  const Cubature cubature = chooseSamples(elastic, nodes, orthonormal, space.rest, space.driven_count, wanted);
+  const Cubature cubature = chooseSamples(elastic, nodes, orthonormal, space.rest, space.driven_count, acting, wanted);
   space.least_eigenvalue = cubature.least_eigenvalue;
   for (std::size_t s = 0; s < cubature.patch.size(); ++s) {
     const Patch& patch = elastic.patches[cubature.patch[s]];
@@ -89,7 +133,7 @@ void addSamples(const Elastic& elastic, const FieldOptions& options, const Matri
   }
 }
 
-// The rest Hessian of the samples, without driven functions.
+// The rest Hessian of the samples and tethers, without driven functions.
 MatrixXd sampledStiffness(const FieldSpace& space) {
   const Index k = space.values.cols() - space.driven_count;
   MatrixXd result = MatrixXd::Zero(3 * k, 3 * k);
@@ -103,14 +147,10 @@ MatrixXd sampledStiffness(const FieldSpace& space) {
       }
     }
   }
-  return result;
-}
-
-// Products of vector fields with functions, by axis: 3f x c -> 3k x c.
-MatrixXd coordinates(const MatrixXd& functions, const MatrixXd& fields) {
-  MatrixXd result(3 * functions.cols(), fields.cols());
-  for (Index a = 0; a < 3; ++a)
-    result(Eigen::seqN(a, functions.cols(), 3), Eigen::all) = functions.transpose() * axisOf(fields, a);
+  if (space.tethers.size() > 0) {
+    for (Index a = 0; a < 3; ++a)
+      result(Eigen::seqN(a, k, 3), Eigen::seqN(a, k, 3)) += space.tethers.bottomRightCorner(k, k);
+  }
   return result;
 }
 
@@ -186,23 +226,30 @@ FieldSpace freeSpace(const Elastic& elastic, const FieldInput& input, const Fiel
   const Index k = Index(options.functions);
   FieldSpace space;
   MatrixXd functions = affine(elastic);
+  Known known = {MatrixXd(3 * elastic.nodes(), 0), {}};
   std::optional<Answers> answers;
   if (!elastic.patches.empty()) {
     answers.emplace(elastic, none, modeCount(options));
     space.lowest_hz = hertz(answers->lowestLambda());
+    // Where pin sets hold the piece its loads are for the held field.
+    const bool held = std::any_of(input.held.begin(), input.held.end(), [](const auto& set) { return !set.empty(); });
+    known.forces = onNodes(elastic, held ? MatrixXd(3 * elastic.mass.size(), 0) : knownLoads(input));
+    known.answers = answers->to(known.forces);
+    space.compliance = known.work();
     MatrixXd columns = MatrixXd::Identity(elastic.nodes(), elastic.nodes() > k ? 0 : elastic.nodes());
     if (elastic.nodes() > k) {
       columns = joined(answers->weighedModes(),
                        kPlaceWeight * answers->weighedAnswers(onNodes(elastic, placeLoads(elastic))));
-      columns = splitByAxis(joined(columns, answers->equalAnswers(onNodes(elastic, knownLoads(input)))));
+      columns = splitByAxis(joined(columns, kKnownWeight * answers->equal(known.answers)));
     }
-    const Index more = std::min(k, elastic.nodes()) - functions.cols();
-    functions = joined(functions, leading(elastic.extend * columns, elastic.mass, functions, more));
+    const Index most = std::min(known.forces.cols() == 0 ? k : std::max(k, kMostFunctions), elastic.nodes());
+    const MatrixXd all = leading(elastic.extend * columns, elastic.mass, functions, most - functions.cols());
+    functions = joined(functions, enough(elastic, functions, all, known, k - functions.cols()));
   }
   space.values = diagonalized(elastic, functions, space.stiffness);
   space.one = space.values.transpose() * elastic.mass;
   space.rest = space.values.transpose() * elastic.mass.asDiagonal() * elastic.positions;
-  addSamples(elastic, options, MatrixXd::Identity(space.values.cols(), space.values.cols()), space);
+  addSamples(elastic, options, MatrixXd::Identity(space.values.cols(), space.values.cols()), known.forces, space);
   addDamping(space);
   if (answers) addErrors(elastic, *answers, space);
   return space;
@@ -226,10 +273,15 @@ struct Holds {
       fixed.push_back(of_node.back() >= 0);
     }
   }
+
+  // Of FieldInput::held, among those that hold something.
+  Index placeOf(std::uint32_t set) const { return std::lower_bound(sets.begin(), sets.end(), set) - sets.begin(); }
 };
 
+double strengthOf(const FieldTether& tether, double scale) { return tether.strength + tether.absolute / scale; }
+
 // 1 on one pin set, 0 on the others, harmonic under K_s between: f x sets, a partition of unity.
-MatrixXd partition(const Elastic& elastic, const Holds& holds) {
+MatrixXd partition(const Elastic& elastic, const FieldInput& input, const Holds& holds, double scale) {
   MatrixXd result = MatrixXd::Zero(elastic.nodes(), Index(holds.sets.size()));
   if (result.cols() == 1) return MatrixXd::Ones(elastic.nodes(), 1);
   std::vector<int> place(holds.fixed.size(), -1);
@@ -255,7 +307,12 @@ MatrixXd partition(const Elastic& elastic, const Holds& holds) {
     }
     Sparse matrix(Index(inner.size()), Index(inner.size()));
     matrix.setFromTriplets(entries.begin(), entries.end());
-    const MatrixXd pull = -(elastic.scalar * result);
+    MatrixXd pull = -(elastic.scalar * result);
+    for (const FieldTether& tether : input.tethers) {
+      for (decltype(elastic.extend)::InnerIterator it(elastic.extend, Index(tether.vertex)); it; ++it) {
+        pull(it.col(), holds.placeOf(tether.held)) += it.value() * strengthOf(tether, scale);
+      }
+    }
     const Eigen::SimplicialLDLT<Sparse> factor(matrix);
     const MatrixXd inside = factor.solve(MatrixXd(pull(inner, Eigen::all)));
     result(inner, Eigen::all) = inside;
@@ -284,19 +341,54 @@ MatrixXd drivenFunctions(const Elastic& elastic, const Holds& holds, const Matri
   return result;
 }
 
-// Motions with the pins fixed, as scalar columns on nodes: modes, answers to weight and other loads, and, where there
-// are several pin sets, what a rigid motion of one set leaves between the driven functions and the right answer.
-MatrixXd interiorColumns(const Elastic& elastic, const FieldInput& input, const Answers& answers,
-                         const MatrixXd& share) {
-  MatrixXd columns = joined(answers.weighedModes(), answers.weighedAnswers(onNodes(elastic, placeLoads(elastic))));
-  columns = joined(columns, answers.equalAnswers(onNodes(elastic, gravityLoads(elastic))));
-  columns = joined(columns, answers.equalAnswers(onNodes(elastic, knownLoads(input))));
-  const MatrixXd rigid = rigidMotions(elastic);
+// Answers to what is known to act on a held piece: its loads, its weight and, where there are several pin sets, what an
+// affine motion of one set leaves between the driven functions and the right answer.
+Known knownAnswers(const Elastic& elastic, const FieldInput& input, const Holds& holds, const Answers& answers,
+                   const MatrixXd& share, double scale) {
+  MatrixXd forces = joined(onNodes(elastic, knownLoads(input)), onNodes(elastic, gravityLoads(elastic)));
   for (Index p = 1; p < share.cols(); ++p) {
-    const MatrixXd pulled = byAxis(share.col(p)).asDiagonal() * rigid;
-    columns = joined(columns, answers.equalAnswers(-(elastic.stiffness * pulled)));
+    MatrixXd pulled = MatrixXd::Zero(3 * elastic.nodes(), 12);
+    for (Index i = 0; i < elastic.nodes(); ++i) {
+      const auto x = elastic.positions.row(elastic.vertex_of[std::size_t(i)]);
+      for (Index a = 0; a < 3; ++a) {
+        pulled(3 * i + a, 4 * a) = share(i, p);
+        pulled.row(3 * i + a).segment<3>(4 * a + 1) = share(i, p) * x;
+      }
+    }
+    pulled = (-(elastic.stiffness * pulled)).eval();
+    for (const FieldTether& tether : input.tethers) {
+      if (holds.placeOf(tether.held) != p) continue;
+      const Eigen::RowVector4d monomials(1, elastic.positions(tether.vertex, 0), elastic.positions(tether.vertex, 1),
+                                         elastic.positions(tether.vertex, 2));
+      for (decltype(elastic.extend)::InnerIterator it(elastic.extend, Index(tether.vertex)); it; ++it) {
+        const double strength = it.value() * strengthOf(tether, scale);
+        for (Index a = 0; a < 3; ++a) pulled.row(3 * it.col() + a).segment<4>(4 * a) += strength * monomials;
+      }
+    }
+    forces = joined(forces, pulled);
   }
-  return splitByAxis(columns);
+  return {forces, answers.to(forces)};
+}
+
+// Motions with the pins fixed, as scalar columns on nodes: modes, and answers to loads; known ones of the same energy.
+MatrixXd interiorColumns(const Elastic& elastic, const Answers& answers, const Known& known) {
+  const VectorXd work = known.work();
+  const VectorXd scale = (work.array() > 0).select(kKnownWeight * work.array().rsqrt(), 0.0);
+  MatrixXd columns = joined(answers.weighedModes(), answers.weighedAnswers(onNodes(elastic, placeLoads(elastic))));
+  const double lowest = answers.lowestLambda();
+  if (lowest > 0) columns *= 1 / std::sqrt(lowest);
+  return splitByAxis(joined(columns, known.answers * scale.asDiagonal()));
+}
+
+// Combinations of columns on nodes, those of most energy K_s first: in mass, what is left of a thin shell's answers
+// would stretch it.
+MatrixXd byEnergy(const Elastic& elastic, const MatrixXd& columns, Index count) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(MatrixXd(columns.transpose() * (elastic.scalar * columns)));
+  const VectorXd& energy = gram.eigenvalues();
+  Index kept = 0;
+  while (kept < std::min(count, energy.size()) && energy[energy.size() - 1 - kept] > 1e-11 * energy[energy.size() - 1])
+    ++kept;
+  return columns * gram.eigenvectors().rightCols(kept).rowwise().reverse();
 }
 
 // Combinations of functions that are M-orthonormal; functions that others make up give none.
@@ -342,10 +434,53 @@ void join(const Elastic& elastic, const MatrixXd& driven, const MatrixXd& interi
   space.rest.bottomRows(inside) = weighted.transpose() * elastic.positions;
 }
 
+// The piece without the patches that one pin set holds whole: they never strain. All of it where nothing else is left.
+Elastic straining(const Elastic& elastic, const Holds& holds) {
+  Elastic result = elastic;
+  std::erase_if(result.patches, [&](const Patch& p) {
+    const Index set = holds.of_node[elastic.node[p.first]];
+    for (std::uint32_t i = p.first; i < p.first + p.count; ++i) {
+      if (set < 0 || holds.of_node[elastic.node[i]] != set) return false;
+    }
+    return true;
+  });
+  if (result.patches.empty()) return elastic;
+  if (result.patches.size() < elastic.patches.size()) addStiffness(result);
+  return result;
+}
+
+// The piece with its tethers, their far ends fixed.
+Elastic tethered(Elastic elastic, const FieldInput& input, double scale) {
+  for (const FieldTether& tether : input.tethers) {
+    for (decltype(elastic.extend)::InnerIterator it(elastic.extend, Index(tether.vertex)); it; ++it) {
+      const double strength = it.value() * strengthOf(tether, scale);
+      elastic.scalar.coeffRef(it.col(), it.col()) += strength;
+      for (Index a = 0; a < 3; ++a) elastic.stiffness.coeffRef(3 * it.col() + a, 3 * it.col() + a) += strength;
+    }
+  }
+  return elastic;
+}
+
+// Of each tether: how far its vertex is from where its set would hold it, phi_j - w_p {1, X, Y, Z}.
+MatrixXd tetherEnergy(const Elastic& elastic, const FieldInput& input, const Holds& holds, const MatrixXd& values,
+                      double scale) {
+  MatrixXd result = MatrixXd::Zero(values.cols(), values.cols());
+  for (const FieldTether& tether : input.tethers) {
+    VectorXd row = values.row(tether.vertex);
+    const Index first = 4 * holds.placeOf(tether.held);
+    row[first] -= 1;
+    row.segment<3>(first + 1) -= elastic.positions.row(tether.vertex).transpose();
+    result.selfadjointView<Eigen::Lower>().rankUpdate(row, strengthOf(tether, scale));
+  }
+  return result.selfadjointView<Eigen::Lower>();
+}
+
 // Fixed interface (Craig and Bampton 1968): driven functions, and modes and answers with the pins fixed.
-FieldSpace heldSpace(const Elastic& elastic, const FieldInput& input, const FieldOptions& options) {
-  const Holds holds(elastic, input);
-  const MatrixXd share = partition(elastic, holds);
+// @param scale what Young's moduli will be multiplied with
+FieldSpace heldSpace(const Elastic& whole, const FieldInput& input, const FieldOptions& options, double scale) {
+  const Holds holds(whole, input);
+  const Elastic untethered = straining(whole, holds), elastic = tethered(untethered, input, scale);
+  const MatrixXd share = partition(elastic, input, holds, scale);
   FieldSpace space;
   const MatrixXd driven = drivenFunctions(elastic, holds, share, space);
   const auto unheld = Index(std::count(holds.fixed.begin(), holds.fixed.end(), false));
@@ -353,16 +488,26 @@ FieldSpace heldSpace(const Elastic& elastic, const FieldInput& input, const Fiel
   if (unheld > 0 && !elastic.patches.empty()) answers.emplace(elastic, holds.fixed, modeCount(options));
   MatrixXd interior(elastic.mass.size(), 0);
   VectorXd stiffness;
+  Known known = {MatrixXd(3 * elastic.nodes(), 0), {}};
   if (answers) {
     space.lowest_hz = hertz(answers->lowestLambda());
-    MatrixXd columns = MatrixXd::Identity(elastic.nodes(), elastic.nodes());
-    if (unheld > Index(options.functions)) columns = interiorColumns(elastic, input, *answers, share);
-    interior =
-        leading(vanishing(elastic, holds, columns), elastic.mass, interior, std::min(Index(options.functions), unheld));
+    known = knownAnswers(elastic, input, holds, *answers, share, scale);
+    space.compliance = known.work().head(Index(input.loads.size()));
+    const Index k = Index(options.functions), most = input.loads.empty() ? k : std::max(k, kMostFunctions);
+    if (unheld > k) {
+      const MatrixXd columns = byEnergy(elastic, interiorColumns(elastic, *answers, known), std::min(most, unheld));
+      const MatrixXd all = inOrder(vanishing(elastic, holds, columns), elastic.mass);
+      interior = enough(elastic, interior, all, known, k);
+    } else {
+      const MatrixXd every = vanishing(elastic, holds, MatrixXd::Identity(elastic.nodes(), elastic.nodes()));
+      interior = leading(every, elastic.mass, interior, unheld);
+    }
     interior = diagonalized(elastic, interior, stiffness);
   }
   join(elastic, driven, interior, stiffness, space);
-  addSamples(elastic, options, orthonormalCombinations(space.values, elastic.mass), space);
+  if (!input.tethers.empty()) space.tethers = tetherEnergy(elastic, input, holds, space.values, scale);
+  const MatrixXd loads = known.forces.leftCols(std::min(known.forces.cols(), Index(input.loads.size()) + 3));
+  addSamples(untethered, options, orthonormalCombinations(space.values, elastic.mass), loads, space);
   addDamping(space);
   if (answers && interior.cols() > 0) addErrors(elastic, *answers, space);
   return space;
@@ -373,6 +518,8 @@ void scaleYoung(FieldSpace& space, double scale) {
   space.stiffness *= scale;
   space.lowest_hz *= std::sqrt(scale);
   space.damping_hz *= std::sqrt(scale);
+  space.tethers *= scale;
+  space.compliance /= scale;
   for (FieldSample& s : space.samples) {
     s.mu *= scale;
     s.lambda *= scale;
@@ -389,9 +536,10 @@ Fields makeFields(const FieldInput& input, const FieldOptions& options) {
   const field::Elastic elastic = field::assemble(input, edges ? FieldElement::edges : FieldElement::tetrahedra);
   fields.free = field::freeSpace(elastic, input, options);
   const bool held = std::any_of(input.held.begin(), input.held.end(), [](const auto& set) { return !set.empty(); });
-  if (held) fields.held = field::heldSpace(elastic, input, options);
-  if (options.lowest_hz > 0 && fields.free.lowest_hz > 0) {
-    const double scale = std::pow(options.lowest_hz / fields.free.lowest_hz, 2);
+  const bool scaled = options.lowest_hz > 0 && fields.free.lowest_hz > 0;
+  const double scale = scaled ? std::pow(options.lowest_hz / fields.free.lowest_hz, 2) : 1;
+  if (held) fields.held = field::heldSpace(elastic, input, options, scale);
+  if (scaled) {
     field::scaleYoung(fields.free, scale);
     if (fields.held) field::scaleYoung(*fields.held, scale);
   }

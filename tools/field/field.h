@@ -10,10 +10,17 @@
 
 namespace sinew::tools {
 
-/// What is averaged to a strain (docs/fields.md).
+/// What is averaged to a strain (docs/method.md).
 enum class FieldElement {
   tetrahedra,  ///< linear tetrahedra: too stiff in bending and near a Poisson's ratio of 0.5
   edges,       ///< the deformation gradient is averaged over the tetrahedra around each edge
+};
+
+/// A spring between a vertex that is not held and where a pin set would hold it.
+struct FieldTether {
+  std::uint32_t vertex = 0, held = 0;  ///< into FieldInput::positions and held
+  double strength = 0;                 ///< N/m; relative as Young's moduli are
+  double absolute = 0;                 ///< N/m, added to it
 };
 
 /// A piece of a soft body: one connected part of the physical mesh. Nothing is kept of it.
@@ -24,7 +31,8 @@ struct FieldInput {
   std::span<const double> young;                             ///< t, Pa (relative where lowest_hz is given), > 0
   std::span<const double> poisson;                           ///< t, 0..0.499
   std::span<const std::vector<std::uint32_t>> held;          ///< vertices of each pin set, disjoint; may be empty
-  std::span<const Eigen::VectorXd> loads;                    ///< forces, 3n (x y z by vertex), N; answers join
+  std::span<const FieldTether> tethers;                      ///< on vertices in no pin set; may be empty
+  std::span<const Eigen::VectorXd> loads;  ///< forces, 3n (x y z by vertex), N; functions are added for their answers
 };
 
 struct FieldOptions {
@@ -53,8 +61,11 @@ struct FieldSpace {
   std::vector<std::uint32_t> pin_set;   ///< of each driven function: index into FieldInput::held
   std::vector<std::uint32_t> monomial;  ///< of each driven function: on its pin set it is 1, X, Y, Z; on others 0
   std::vector<FieldSample> samples;
-  double young_scale = 1;  ///< what young was multiplied with; mu, lambda and stiffness have it already
-  double lowest_hz = 0;    ///< of the lowest elastic mode of the piece (held: with its pins fixed); 0: none
+  Eigen::VectorXd
+      compliance;           ///< f . u of each load f and the piece's answer u, J; empty in a free space beside a held
+  Eigen::MatrixXd tethers;  ///< k x k, N/m: 1/2 tr(z^T tethers z) is the energy of the tethers; empty without
+  double young_scale = 1;   ///< what young was multiplied with; mu, lambda and stiffness have it already
+  double lowest_hz = 0;     ///< of the lowest elastic mode of the piece (held: with its pins fixed); 0: none
   /// Error of static answers to loads on 8 places against all elements, of their rms displacement; gravity_error where
   /// that is larger.
   double static_error = 0;
@@ -67,7 +78,7 @@ struct Fields {
   std::optional<FieldSpace> held;  ///< where a pin set has vertices
 };
 
-/// Makes the function spaces of a piece (docs/fields.md): the free one from its lowest elastic modes and answers to
+/// Makes the function spaces of a piece (docs/method.md): the free one from its lowest elastic modes and answers to
 /// loads all over its surface, split by axis; the held one from modes with the pin sets fixed.
 /// Deterministic; one thread. values^T M values = 1 and values^T K_s values = diag(stiffness) for functions that are
 /// not driven, K_s = sum V (2 mu + lambda) grad grad^T over all elements; driven ones are orthogonal to them under M.

@@ -40,6 +40,19 @@ MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& 
   return root.cwiseInverse().asDiagonal() * u;
 }
 
+MatrixXd inOrder(const MatrixXd& columns, const VectorXd& mass) {
+  const VectorXd root = mass.cwiseSqrt();
+  MatrixXd u = root.asDiagonal() * columns;
+  for (int pass = 0; pass < 2 && u.cols() > 0; ++pass) {
+    u.colwise().normalize();
+    MatrixXd gram = u.transpose() * u;
+    gram.diagonal().array() += 1e-14;
+    const Eigen::LLT<MatrixXd> again(gram);
+    again.matrixU().solveInPlace<Eigen::OnTheRight>(u);
+  }
+  return root.cwiseInverse().asDiagonal() * u;
+}
+
 MatrixXd rigidMotions(const Elastic& elastic) {
   const Index f = elastic.nodes();
   MatrixXd motions = MatrixXd::Zero(3 * f, 6);

@@ -28,4 +28,7 @@ MatrixXd rigidMotions(const Elastic& elastic);
 /// first, at most count. Columns whose share is less than 1e-6 of the largest are left out.
 MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& have, Index count);
 
+/// Columns made M-orthonormal in their order: the first j of them span what they did.
+MatrixXd inOrder(const MatrixXd& columns, const VectorXd& mass);
+
 }  // namespace sinew::tools::field

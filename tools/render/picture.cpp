@@ -93,7 +93,7 @@ struct Take {
   DrawSettings settings;
 };
 
-Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, Solver solver,
+Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, const SolverFactory* solver,
                 double step_seconds, const std::vector<double>& times) {
   SceneOptions options;
   options.scene = choice;

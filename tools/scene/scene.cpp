@@ -149,7 +149,12 @@ void Scene::reset() {
     placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
   }
   auto added = world_.addBody(asset_, placement);
-  body_ = added ? *added : BodyId{};
+  if (!added) {
+    const formats::PackageView& package = asset_->package();
+    throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)), added.reason(),
+                    "That is --solver report.");
+  }
+  body_ = *added;
   const auto positions = world_.positions(body_);
   start_.assign(positions.begin(), positions.end());
 

@@ -38,9 +38,9 @@ struct SceneOptions {
   SceneChoice scene = SceneKind::drop;
   float step_seconds = 1.0F / 60;
   std::vector<float> step_sequence = {};  ///< step lengths taken in turn; empty: step_seconds
-  std::uint32_t iterations = 0;           ///< matching passes; 0 = the scene's default
-  Solver solver = Solver::coupled;
-  float stiffness_scale = 1;  ///< multiplies the frequencies of all clusters, 0..1e6
+  std::uint32_t iterations = 0;           ///< as WorldSettings::iterations; 0 = the scene's default
+  const SolverFactory* solver = nullptr;  ///< null: its fields
+  float stiffness_scale = 1;              ///< multiplies the frequencies of all clusters, 0..1e6
   std::optional<float>
       gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };
@@ -49,7 +49,7 @@ struct SceneOptions {
 /// pins hold in `rest` and in scenes from files, where the body is where its source is.
 class Scene {
  public:
-  /// Throws ToolError(bad_input) where a scene from a file does not fit the package.
+  /// Throws ToolError(bad_input) where a scene from a file does not fit the package, or the solver cannot move it.
   Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, JobSystem* jobs = nullptr);
 
   /// Back to the start.

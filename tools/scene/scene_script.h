@@ -48,7 +48,7 @@ struct SceneScript {
   double seconds = 2;            ///< length
   double still = 2;              ///< s, the moment of a single picture
   double gravity = 0;            ///< m/s², downwards, 0..kMostGravity
-  std::uint32_t iterations = 0;  ///< matching passes a step, 1..16; 0 = the runtime's default
+  std::uint32_t iterations = 0;  ///< as WorldSettings::iterations, 1..16; 0 = the runtime's default
   std::vector<Channel> channels;
   std::vector<Target> targets;
   std::optional<View> view;

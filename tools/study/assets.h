@@ -42,13 +42,13 @@ struct AssetsOptions {
   /// Gravity is as strong as makes the reference's rms displacement this share of the diagonal, 1e-6..0.5. Scenes that
   /// move what they hold have no gravity and are played once.
   std::vector<double> targets = {0.05, 0.01};
-  std::optional<double> young;    ///< Pa: in place of the package's own
-  std::optional<double> poisson;  ///< in place of the package's own, 0..0.499
-  std::uint32_t refinements = 0;  ///< how often the reference cuts every tetrahedron into eight, 0..2
-  Solver solver = Solver::coupled;
-  double rate_hz = 60;       ///< steps a second
-  double seconds = 20;       ///< simulated at most
-  double rest_speed = 1e-5;  ///< rms speed of a body at rest, diagonals/s
+  std::optional<double> young;            ///< Pa: in place of the package's own
+  std::optional<double> poisson;          ///< in place of the package's own, 0..0.499
+  std::uint32_t refinements = 0;          ///< how often the reference cuts every tetrahedron into eight, 0..2
+  const SolverFactory* solver = nullptr;  ///< null: its fields
+  double rate_hz = 60;                    ///< steps a second
+  double seconds = 20;                    ///< simulated at most
+  double rest_speed = 1e-5;               ///< rms speed of a body at rest, diagonals/s
 };
 
 /// One package in one scene.

@@ -38,9 +38,10 @@ struct Baked {
   bool sheet = false;
 };
 
-std::shared_ptr<const Baked> bakeWith(Recipe recipe, const std::array<std::uint32_t, 3>& grid,
-                                      const std::string& mode) {
+std::shared_ptr<const Baked> bakeWith(Recipe recipe, const std::array<std::uint32_t, 3>& grid, const std::string& mode,
+                                      std::uint32_t functions) {
   recipe.settings.set("clusters.mode", mode);
+  recipe.settings.set("field.functions", std::to_string(functions));
   if (grid[0] > 0) {
     recipe.clusters.clear();
     recipe.settings.set("clusters.method", "grid");
@@ -255,14 +256,14 @@ double threadSeconds() {
   return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
-void simulate(ErrorRow& row, const Load& load, double seconds) {
+void simulate(ErrorRow& row, const Load& load, const ErrorOptions& options) {
   WorldSettings settings;
   settings.gravity = {0, 0, 0};
-  settings.iterations = row.passes;
+  settings.iterations = row.iterations;
   World world(settings);
-  BodySettings averaged;  // what clusters do is compared
-  averaged.solver = Solver::report;
-  const auto added = world.addBody(row.asset, averaged);
+  BodySettings body_settings;
+  body_settings.solver = options.solver;
+  const auto added = world.addBody(row.asset, body_settings);
   if (!added) throw ToolError(ExitCode::system, "", added.reason(), "Free some memory.");
   const BodyId body = *added;
   const std::vector<Vec3> rest(world.positions(body).begin(), world.positions(body).end());
@@ -270,7 +271,7 @@ void simulate(ErrorRow& row, const Load& load, double seconds) {
     for (const std::uint32_t v : load.held) world.pin(body, v, rest[v]);
   }
   std::vector<double> times;
-  const int steps = std::max(1, int(std::lround(seconds / kStep)));
+  const int steps = std::max(1, int(std::lround(options.seconds / kStep)));
   const int late = steps - std::min(steps, int(std::lround(kDriftSeconds / kStep)));
   Shape before;
   for (int step = 0; step < steps; ++step) {
@@ -346,7 +347,9 @@ ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options,
   // Half of the bar is the reference.
   ErrorStudy study;
   study.poisson = recipe.settings.clusters.poisson;
-  std::shared_ptr<const Baked> first = bakeWith(recipe, {1, 1, 1}, options.modes.front());
+  std::vector<std::uint32_t> functions = options.functions;
+  if (functions.empty()) functions = {recipe.settings.field.functions};
+  std::shared_ptr<const Baked> first = bakeWith(recipe, {1, 1, 1}, options.modes.front(), functions.front());
   const formats::PackageView& package = first->asset->package();
   if (package.barycentric().empty()) {
     throw ToolError(ExitCode::bad_input, recipe.source.string(), "its surface hangs on clusters, not on tetrahedra",
@@ -364,24 +367,28 @@ ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options,
   study.reference_tetrahedra = reference.tetrahedra;
   for (const Vector3d& x : reference.positions) study.reference.positions.push_back(x.cast<float>());
   study.reference.normals = normalsOf(package, study.reference.positions);
-  const std::size_t count = options.clusters.size() * options.modes.size() * options.passes.size();
+  const std::size_t count =
+      options.clusters.size() * options.modes.size() * functions.size() * options.iterations.size();
   for (const std::uint32_t clusters : options.clusters) {
     const std::array<std::uint32_t, 3> grid =
         clusters > 0 ? gridOf(package, clusters) : std::array<std::uint32_t, 3>{0, 0, 0};
     for (const std::string& mode : options.modes) {
-      const std::shared_ptr<const Baked> baked = bakeWith(recipe, grid, mode);
-      for (const std::uint32_t passes : options.passes) {
-        ErrorRow row;
-        row.grid = grid;
-        row.mode = mode;
-        row.passes = passes;
-        row.asset = {baked, baked->asset.get()};
-        row.clusters = std::uint32_t(row.asset->package().clusters().size());
-        row.memberships = std::uint32_t(row.asset->package().memberships().size());
-        simulate(row, load, options.seconds);
-        compare(row, reference);
-        study.rows.push_back(std::move(row));
-        progress(0.5 + 0.5 * double(study.rows.size()) / double(count));
+      for (const std::uint32_t wanted : functions) {
+        const std::shared_ptr<const Baked> baked = bakeWith(recipe, grid, mode, wanted);
+        for (const std::uint32_t iterations : options.iterations) {
+          ErrorRow row;
+          row.grid = grid;
+          row.mode = mode;
+          row.functions = wanted;
+          row.iterations = iterations;
+          row.asset = {baked, baked->asset.get()};
+          row.clusters = std::uint32_t(row.asset->package().clusters().size());
+          row.memberships = std::uint32_t(row.asset->package().memberships().size());
+          simulate(row, load, options);
+          compare(row, reference);
+          study.rows.push_back(std::move(row));
+          progress(0.5 + 0.5 * double(study.rows.size()) / double(count));
+        }
       }
     }
   }
@@ -405,7 +412,8 @@ nlohmann::ordered_json errorJson(const ErrorStudy& study) {
     json["results"].push_back({{"clusters", row.clusters},
                                {"grid", gridText(row)},
                                {"mode", row.mode},
-                               {"passes", row.passes},
+                               {"functions", row.functions},
+                               {"iterations", row.iterations},
                                {"memberships", row.memberships},
                                {"rms", row.rms},
                                {"max", row.max},
@@ -425,11 +433,11 @@ std::string errorText(const ErrorStudy& study) {
       study.reference_tetrahedra, study.poisson, study.largest, 100 * study.rms, 100 * study.change_rms,
       100 * study.change_max);
   std::string text = line.data();
-  text += "clusters        mode  passes  memberships  rms, %  max, %  drift, %  us per 1/60 s\n";
+  text += "clusters        mode  functions  iterations  memberships  rms, %  max, %  drift, %  us per 1/60 s\n";
   for (const ErrorRow& row : study.rows) {
-    std::snprintf(line.data(), line.size(), "%8s  %10s  %6u  %11u  %6.2f  %6.1f  %8.2f  %13.0f%s\n",
-                  gridText(row).c_str(), row.mode.c_str(), row.passes, row.memberships, 100 * row.rms, 100 * row.max,
-                  100 * row.drift, row.microseconds, row.best ? "  *" : "");
+    std::snprintf(line.data(), line.size(), "%8s  %10s  %9u  %10u  %11u  %6.2f  %6.1f  %8.2f  %13.0f%s\n",
+                  gridText(row).c_str(), row.mode.c_str(), row.functions, row.iterations, row.memberships,
+                  100 * row.rms, 100 * row.max, 100 * row.drift, row.microseconds, row.best ? "  *" : "");
     text += line.data();
   }
   return text + "* no other row is both nearer and faster\n";
@@ -451,8 +459,8 @@ Image errorPicture(const ErrorStudy& study) {
   std::snprintf(text.data(), text.size(), "finite elements (displacements drawn x %.1f)", larger);
   std::vector<RowPicture> row = {{study.rows.front().asset, enlarged(study.reference), text.data()}};
   for (const ErrorRow& one : study.rows) {
-    std::snprintf(text.data(), text.size(), "%s %s: max %.0f %%, rms %.0f %%", gridText(one).c_str(), one.mode.c_str(),
-                  100 * one.max, 100 * one.rms);
+    std::snprintf(text.data(), text.size(), "%u functions, clusters %s: max %.0f %%, rms %.0f %%", one.functions,
+                  gridText(one).c_str(), 100 * one.max, 100 * one.rms);
     row.push_back({one.asset, enlarged(one.shape), text.data()});
   }
   RowOptions options;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// Error against run time: a body that is held and pulled at a point, in few or many clusters, against finite elements
-// on the same tetrahedra (docs/method.md §12). The report's skin patch (its figures 10 and 11) is
+// Error against run time: a body that is held and pulled at a point, in few or many functions and clusters, against
+// finite elements on the same tetrahedra. The report's skin patch (its figures 10 and 11) is
 // samples/gallery/skin_patch.
 #pragma once
 
@@ -24,7 +24,9 @@ struct ErrorOptions {
   std::vector<std::uint32_t> clusters = {1, 2, 5};  ///< along the longest axis, in proportion along the others, 1..64;
                                                     ///< 0: those of the recipe
   std::vector<std::string> modes = {"quadratic"};   ///< values of clusters.mode
-  std::vector<std::uint32_t> passes = {4};          ///< of a step, 1..16
+  std::vector<std::uint32_t> functions = {};        ///< values of field.functions, 1..256; empty: the recipe's
+  std::vector<std::uint32_t> iterations = {4};      ///< WorldSettings::iterations, 1..16
+  const SolverFactory* solver = nullptr;            ///< as BodySettings::solver
   std::uint32_t refinements = 2;                    ///< how often the reference cuts each tetrahedron into eight, 1..4
   std::optional<std::array<double, 3>> pick;        ///< where it is pulled, metres, as `sinew inspect` shows the source
   std::optional<std::array<double, 3>> pull;        ///< how far, metres
@@ -35,7 +37,8 @@ struct ErrorOptions {
 struct ErrorRow {
   std::array<std::uint32_t, 3> grid = {0, 0, 0};  ///< of clusters; zeros: those of the recipe
   std::string mode;
-  std::uint32_t passes = 0, clusters = 0, memberships = 0;
+  std::uint32_t functions = 0;  ///< asked for
+  std::uint32_t iterations = 0, clusters = 0, memberships = 0;
   double rms = 0, max = 0;  ///< distance of the visual vertices from the reference, of its largest displacement
   double drift = 0;         ///< largest motion in the last half second, of the same: not yet at rest
   double microseconds = 0;  ///< median processor time of a step, one thread
@@ -56,12 +59,13 @@ struct ErrorStudy {
   std::uint32_t held = 0, pulled = 0;  ///< physical vertices
 };
 
-/// Bakes the recipe once for each kind of clusters and pulls each body the same way, without gravity: what the recipe's
-/// pins hold stays (where it has none: the under side of a shell, the lowest tenth of a solid), and free vertices
-/// within a fingertip of `pick` move by `pull` in the first third of the time. Places are prescribed, not forces, so
-/// that all are asked the same and Young's modulus does not matter to the reference. Without `pick`: near the middle of
-/// a sheet, else the visual vertex farthest from what is held; without `pull`: 2 % of the diagonal along the normal
-/// there. Throws ToolError where the recipe cannot be baked, or nothing free is near the pick.
+/// Bakes the recipe once for each kind of clusters and number of functions, and pulls each body the same way, without
+/// gravity: what the recipe's pins hold stays (where it has none: the under side of a shell, the lowest tenth of a
+/// solid), and free vertices within a fingertip of `pick` move by `pull` in the first third of the time. Places are
+/// prescribed, not forces, so that all are asked the same and Young's modulus does not matter to the reference. Without
+/// `pick`: near the middle of a sheet, else the visual vertex farthest from what is held; without `pull`: 2 % of the
+/// diagonal along the normal there. Throws ToolError where the recipe cannot be baked, or nothing free is near the
+/// pick.
 ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options, const std::function<void(double)>& progress);
 
 nlohmann::ordered_json errorJson(const ErrorStudy& study);

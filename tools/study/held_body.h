@@ -103,10 +103,10 @@ ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<Elast
 
 /// How a world is stepped until it rests.
 struct PlayOptions {
-  WorldSettings settings;  ///< gravity is the case's
-  double rate_hz = 60;     ///< steps a second
-  double seconds = 20;     ///< at most
-  Solver solver = Solver::coupled;
+  WorldSettings settings;                 ///< gravity is the case's
+  double rate_hz = 60;                    ///< steps a second
+  double seconds = 20;                    ///< at most
+  const SolverFactory* solver = nullptr;  ///< null: its fields
   double rest_speed = 0;  ///< m/s, root mean square over the compared vertices: slower for a tenth of a second is rest
 };
 

@@ -140,7 +140,8 @@ KinkResult measureKinks(std::shared_ptr<const Asset> asset, const std::string& n
   KinkResult result;
   result.name = name;
   SceneOptions scene_options;
-  scene_options.solver = Solver::report;  // how clusters blend is compared
+  scene_options.solver = options.solver;
+  scene_options.iterations = options.iterations;
   scene_options.scene = options.scene;
   Scene scene(asset, scene_options);
   captureShape(scene, result.rest_shape);

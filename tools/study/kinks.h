@@ -20,6 +20,8 @@ namespace sinew::tools {
 
 struct KinkOptions {
   SceneChoice scene = SceneKind::stretch;  ///< played once, 60 steps a second, to its end
+  const SolverFactory* solver = nullptr;   ///< as BodySettings::solver
+  std::uint32_t iterations = 0;            ///< WorldSettings::iterations; 0: the scene's own
   std::string mask;                        ///< only faces all of whose vertices weigh more than one half; empty: all
   std::array<std::string, 2> arms;  ///< masks of two limbs, straight at rest, whose angle is measured; empty: none
 };

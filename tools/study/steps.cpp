@@ -305,7 +305,7 @@ class CellRun {
   }
 
   void followFree(double seconds) {
-    BodyEnergy energy = energyOf(world_, body_);
+    BodyEnergy energy = energyOf(world_, body_, body_settings_.solver == nullptr);
     if (scene_ == StepsScene::tumble) energy.elastic = energy.elastic.value_or(0);  // it is not deformed
     FreeJudge judge(package_, state(), energy, scene_ != StepsScene::rest);
     advance(

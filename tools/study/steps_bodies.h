@@ -14,7 +14,7 @@ namespace sinew::tools {
 struct StepsBody {
   std::string name;
   std::shared_ptr<const Asset> asset;
-  Solver solver = Solver::coupled;
+  const SolverFactory* solver = nullptr;  ///< null: its fields
 };
 
 /// Meshes made here and baked as an artist's are (some hundred physical vertices each, all settings else at their

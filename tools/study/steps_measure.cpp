@@ -17,13 +17,6 @@ const double kRoot3 = std::sqrt(3.0);
 
 Vector3d wide(const std::array<float, 3>& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
-// A version of World may or may not tell its elastic energy; a template, so that both compile.
-template <class AnyWorld>
-std::optional<double> elasticOf(const AnyWorld& world, BodyId body) {
-  if constexpr (requires { world.energy(body).elastic; }) return double(world.energy(body).elastic);
-  return std::nullopt;
-}
-
 struct PartShape {
   double mass = 0, diagonal = 0;
   Vector3d centre = Vector3d::Zero();
@@ -134,12 +127,12 @@ std::uint32_t notFinite(const BodyState& state) {
   return count;
 }
 
-BodyEnergy energyOf(const World& world, BodyId body) {
+BodyEnergy energyOf(const World& world, BodyId body, bool has_elastic) {
   BodyEnergy energy;
   for (const PartMotion& part : motionOf(world.asset(body).package(), stateOf(world, body))) {
     energy.kinetic += part.kinetic;
   }
-  energy.elastic = elasticOf(world, body);
+  if (has_elastic) energy.elastic = world.energy(body).elastic;
   return energy;
 }
 

@@ -84,11 +84,11 @@ std::uint32_t notFinite(const BodyState& state);
 /// Energy of a body as far as it is known, J.
 struct BodyEnergy {
   double kinetic = 0;
-  std::optional<double> elastic;  ///< none: this World does not tell
+  std::optional<double> elastic;  ///< none: what moves the body does not tell
 };
-/// The one place that asks a World for energy. Kinetic is computed here from what is reported; elastic is that of
-/// World::energy(BodyId), where the World has such a function, else unknown.
-BodyEnergy energyOf(const World& world, BodyId body);
+/// The one place that asks a World for energy. Kinetic is computed here from what is reported. \param has_elastic the
+/// body's solver has an energy of its shape: the coupled one, not the report's.
+BodyEnergy energyOf(const World& world, BodyId body, bool has_elastic);
 
 /// Follows a body that nothing touches: no gravity, air, ground, pins or picks.
 class FreeJudge {

@@ -26,7 +26,7 @@ extern "C" {
 #endif
 
 /* Raised when a function or a struct changes in a way that old programs would notice; adding some does not. */
-#define SINEW_C_API_VERSION 1
+#define SINEW_C_API_VERSION 2
 
 /* SINEW_C_API_VERSION of the library. Compare it with the header's at start. */
 SINEW_API uint32_t sinew_c_api_version(void);
@@ -139,11 +139,10 @@ typedef struct sinew_world_settings {
   float ground_normal[3];          /* unit; 0 1 0 */
   float ground_offset;             /* points with normal . x < offset are inside, m; 0 */
   float ground_friction;           /* Coulomb coefficient, 0..; 0.6 */
-  uint32_t iterations;             /* passes a step is divided into, 1..16; 4 */
+  uint32_t iterations;             /* half the iterations that a step may take, 1..16; 4 */
   float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
   float deformation_damping_ratio; /* of what is not rigid motion, to critical damping, 0..1; 0.25 */
-  float support_damping;           /* of turning on supports, and most of other motion there, 1/s; 4 */
-  uint32_t measure_phases;         /* 1: fills sinew_world_phase; 0 */
+  float support_damping;           /* of turning on supports, 1/s; 4 */
 } sinew_world_settings;
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);
@@ -158,21 +157,22 @@ SINEW_API sinew_status sinew_world_get_settings(const sinew_world* world, sinew_
 /* Advances all bodies. seconds: above 0 and finite (1e-5 .. 1 is tested). */
 SINEW_API sinew_status sinew_world_step(sinew_world* world, float seconds);
 
-/* Phase number `index` of the last step: its name (static) and its time, 0 unless settings.measure_phases, for
-   profiling. SINEW_ERROR_ARGUMENT beyond the last phase. */
-SINEW_API sinew_status sinew_world_phase(const sinew_world* world, uint32_t index, const char** name,
-                                         double* milliseconds);
-
 /* ---- Bodies ---- */
+
+/* What moves a body. */
+typedef struct sinew_solver sinew_solver;
+/* Henriques' scheme: clusters matched one by one and averaged. Of the library sinew_report, which a program links only
+   where it wants this. See sinew/runtime/report.h. */
+SINEW_API const sinew_solver* sinew_report_solver(void);
 
 typedef struct sinew_body_settings {
   uint32_t struct_size;
-  float position[3];      /* m; 0 0 0 */
-  float rotation[9];      /* proper rotation about the package's origin, applied before position; identity */
-  float stiffness_scale;  /* multiplies all frequencies, 0..1e6; 1 */
-  uint32_t keep_previous; /* 1: keeps the positions before each step, for motion vectors; 0 */
-  uint32_t package_pins;  /* 1: the body starts held by the pin sets of its package; 1 */
-  uint32_t solver;        /* 0: coupled, the fields of its package; 1: clusters matched and averaged; 0 */
+  float position[3];          /* m; 0 0 0 */
+  float rotation[9];          /* proper rotation about the package's origin, applied before position; identity */
+  float stiffness_scale;      /* multiplies all frequencies, 0..1e6; 1 */
+  uint32_t keep_previous;     /* 1: keeps the positions before each step, for motion vectors; 0 */
+  uint32_t package_pins;      /* 1: the body starts held by the pin sets of its package; 1 */
+  const sinew_solver* solver; /* outlives the body; null: the fields of its package; null */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -214,7 +214,7 @@ SINEW_API sinew_status sinew_body_pin(sinew_world* world, uint32_t body, uint32_
 SINEW_API sinew_status sinew_body_unpin(sinew_world* world, uint32_t body, uint32_t vertex);
 SINEW_API sinew_status sinew_body_unpin_all(sinew_world* world, uint32_t body);
 
-/* How a pin set holds its vertices: see sinew::PinMethod. */
+/* How a pin set holds its vertices where the report's solver moves the body: see sinew::PinMethod. */
 #define SINEW_PIN_HOLD 0u
 #define SINEW_PIN_INFINITE_MASS 1u
 #define SINEW_PIN_MATRIX 2u
@@ -291,7 +291,7 @@ SINEW_API sinew_status sinew_body_rigid_motion(const sinew_world* world, uint32_
 SINEW_API sinew_status sinew_body_energy(const sinew_world* world, uint32_t body, double* kinetic, double* elastic);
 /* Moves the origin: bodies, targets and the ground are `by` (m) nearer to it. */
 SINEW_API sinew_status sinew_world_shift_origin(sinew_world* world, const float by[3]);
-/* Goal transform of a cluster: its centre (m, world) and linear part. */
+/* The transform that best fits a cluster: its centre (m, world) and linear part. */
 SINEW_API sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster,
                                                 float center[3], float linear[9]);
 /* What plasticity and activation have made of a cluster's rest shape: the identity where it has neither. */

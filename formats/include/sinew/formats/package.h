@@ -114,6 +114,10 @@ class PackageView {
   std::span<const Lanes> fieldGradients() const { return list<Lanes, section::field_gradients>(); }
   std::span<const Lanes> fieldValues() const { return list<Lanes, section::field_values>(); }
   std::span<const FieldPoint> fieldPoints() const { return list<FieldPoint, section::field_points>(); }
+  std::span<const FieldFibre> fieldFibres() const { return list<FieldFibre, section::field_fibres>(); }
+  std::span<const float> fieldFibreValues() const { return list<float, section::field_fibre_values>(); }
+  std::span<const FieldTethers> fieldTethers() const { return list<FieldTethers, section::field_tethers>(); }
+  std::span<const float> fieldTetherValues() const { return list<float, section::field_tether_values>(); }
   std::span<const Lanes> fieldModes() const { return list<Lanes, section::field_modes>(); }
   std::span<const Lanes> fieldPointValues() const { return list<Lanes, section::field_point_values>(); }
 

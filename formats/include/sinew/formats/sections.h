@@ -128,7 +128,7 @@ static_assert(sizeof(Tetrahedron) == 16);
 
 enum class ClusterMode : std::uint32_t { rigid = 0, linear = 1, quadratic = 2 };
 
-/// CLUS, required. Symbols as in docs/method.md §1. Lengths inside a cluster are divided by `radius`, so that q is
+/// CLUS, required. Symbols as in docs/report.md §1. Lengths inside a cluster are divided by `radius`, so that q is
 /// unit-free and of order one; moments use mu normalized to sum to 1 within the cluster.
 struct Cluster {
   StringRef name;
@@ -139,7 +139,7 @@ struct Cluster {
   std::array<float, 3> rest_center;  ///< c0, metres
   float radius;                      ///< metres, > 0
   float mass;                        ///< sum of m_i w_ic / W_i, kg
-  float alpha;                       ///< 0..1 for a step of 1/60 s: how much of the way to the goal a vertex goes
+  float alpha;                       ///< 0..1, the report's solver: part of the way to its goal a vertex goes a step
   float stretch_hz;                  ///< frequency of stretch and shear, Hz; infinity = rigid, 0 = no return
   float bend_hz;                     ///< of the squares
   float twist_hz;                    ///< of the cross terms
@@ -164,29 +164,29 @@ struct QuadraticMoment {
 };
 static_assert(sizeof(QuadraticMoment) == 180);
 
-/// How a cluster answers to a deformation (docs/method.md §9).
+/// What sets the stiffness of a cluster (docs/method.md).
 enum class StiffnessModel : std::uint32_t {
   frequency = 0,  ///< Cluster::stretch_hz, bend_hz, twist_hz: independent of the step
-  per_step = 1,   ///< ClusterMechanics::per_step_beta: what each pass keeps, so stiffer the shorter the step
-  elastic = 2,    ///< modes of an isotropic solid, from ClusterMechanics::young and poisson
+  per_step = 1,   ///< per_step_beta: what a step of 1/60 s keeps (the report's solver: any step, so stiffer if short)
+  elastic = 2,    ///< an isotropic solid, from ClusterMechanics::young and poisson
 };
 
-/// What keeps a cluster's goal from stretching too far (docs/method.md §9).
+/// What keeps a cluster from stretching too far: F of each sample in it (the report's solver: its match, A).
 enum class LimitMethod : std::uint32_t {
-  none = 0,             ///< only the runtime's guard against inversion
-  rows = 1,             ///< each row of A at most stretch_max long
-  frobenius = 2,        ///< the squared norm of A at most norm_max
-  frobenius_cheap = 3,  ///< the same by a cheaper, stronger rule
+  none = 0,
+  rows = 1,             ///< each rest axis at most stretch_max long (the report's solver: each row of A)
+  frobenius = 2,        ///< the squared norm at most norm_max
+  frobenius_cheap = 3,  ///< the same (the report's solver: by a cheaper, stronger rule)
   soft = 4,             ///< squared norms above norm_max approach norm_limit
   principal = 5,        ///< each principal stretch within stretch_min .. stretch_max
   curve = 6,            ///< squared norms mapped by points of CURV
 };
 
-/// What keeps a cluster's volume (docs/method.md §9).
+/// Whether a cluster keeps its volume: Poisson's ratio where it has no modulus (the report's solver: A by its det).
 enum class VolumeMethod : std::uint32_t {
   none = 0,
-  cube_root = 1,  ///< a pressure, before the limit: A / |det A|^(1/3) where all directions weigh the same
-  principal = 2,  ///< the same pressure; behind the limit the stretches that are free make up for what it took
+  cube_root = 1,  ///< kept
+  principal = 2,  ///< kept; no solver tells the two apart
 };
 
 /// CMEC: mechanics of a cluster beyond CLUS, one per cluster. Without the section every cluster has
@@ -237,7 +237,7 @@ inline constexpr ClusterMechanics kPlainMechanics = {.stiffness = StiffnessModel
                                                      .contraction = 0,
                                                      .reserved0 = 0};
 
-/// CURV: a point of a response curve of LimitMethod::curve: a squared norm phi of A becomes `response`. Linear between
+/// CURV: a point of a response curve of LimitMethod::curve: a squared norm phi becomes `response`. Linear between
 /// points, constant behind the last, unchanged before the first.
 struct CurvePoint {
   float norm;      ///< phi, 3..1e6, strictly ascending in a curve
@@ -251,8 +251,8 @@ struct ActivationChannel {
 };
 static_assert(sizeof(ActivationChannel) == 8);
 
-// PSTF: float per physical vertex, 0..1: multiplies the clusters' alpha. PPIN: float per physical vertex, 0..1: how
-// firmly a pin set holds the vertex; 0 = not at all.
+// PSTF: float per physical vertex, 0..1: multiplies the pull to the goals (the report's solver). PPIN: float per
+// physical vertex, 0..1: how firmly a pin set holds the vertex; 0 = not at all.
 
 /// PSET: a named set of held physical vertices, PSTV[first .. first+count), ascending: what an artist pinned. A
 /// body is held by them from the start (World::pinSet).
@@ -283,7 +283,7 @@ static_assert(sizeof(AttachedPart) == 24);
 /// Eight numbers that are computed with side by side: of eight samples, eight vertices or eight contact points.
 using Lanes = std::array<float, 8>;
 
-/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/fields.md). In
+/// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/method.md). In
 /// the order of pieces; each has one free field, and behind it one more where pin sets hold it. The functions are
 /// orthonormal under the masses of the piece and diagonalize sum V (2 mu + lambda) grad phi grad phi^T, but for those
 /// that pin sets drive, which are orthogonal to the others.
@@ -313,16 +313,18 @@ struct FieldFunction {
   std::array<float, 3> rest;  ///< sum_j phi_j rest_j = X, metres
   std::uint32_t pin_set;      ///< into PSET: what drives it; kNone
   std::uint32_t monomial;     ///< of a driven function: 0 = 1, 1..3 = X, Y, Z, on the vertices of its pin set
+  float decay;                ///< of its motion, 1/s, 0..: what its clusters lose by themselves
 };
-static_assert(sizeof(FieldFunction) == 32);
+static_assert(sizeof(FieldFunction) == 36);
 
-/// FPAK: eight samples of the elastic energy. Lanes behind the last sample have volume 0, and 0 in all else.
+/// FPAK: eight samples of the elastic energy. Lanes behind the last sample have no cluster, and 0 in all else.
 struct FieldPack {
-  Lanes volume;             ///< the sample's weight, m^3, 0..
-  Lanes mu, lambda;         ///< Lame's parameters, Pa, 0..
-  std::array<Lanes, 3> at;  ///< rest position, metres
+  Lanes volume;                          ///< the sample's weight, m^3, 0..
+  Lanes mu, lambda;                      ///< Lame's parameters, Pa, 0..
+  std::array<Lanes, 3> at;               ///< rest position, metres
+  std::array<std::uint32_t, 8> cluster;  ///< into CLUS: whose limits and plasticity it has; kNone: nobody's
 };
-static_assert(sizeof(FieldPack) == 192);
+static_assert(sizeof(FieldPack) == 224);
 
 // FGRD: Lanes; pack by pack, function by function: d phi / dX, dY, dZ at the eight samples, 1/m.
 // FVAL: Lanes; for every eight vertices of the piece, function by function: phi at them. Lanes behind the last: 0.
@@ -331,6 +333,25 @@ static_assert(sizeof(FieldPack) == 192);
 // FMOD: Lanes; for every eight elastic modes of the rest shape, rigid ones among them: their squared angular
 // frequencies, 1/s^2, then for each function that is not driven their x, y and z coefficients. Modes are orthonormal.
 // Lanes behind the last: 0. They speed up the solver and decide nothing.
+
+/// FFIB: a fibre of an activated cluster in a field, or a part of one that is long. Its mean deformation gradient along
+/// the fibre is sum_j b_j z_j; a tension of the cluster's activation times `tension` shortens that vector. By field,
+/// then by cluster.
+struct FieldFibre {
+  std::uint32_t field;        ///< into FELD
+  std::uint32_t cluster;      ///< into CLUS; one with a channel
+  std::uint32_t first_value;  ///< into FFBV: b_j of its k functions, 1/m
+  float tension;              ///< of full activation, J, 0..: contraction, Young's modulus and volume, multiplied
+};
+static_assert(sizeof(FieldFibre) == 16);
+
+/// FTHR: what ties a held field's vertices that are not held to its pin sets. 1/2 sum_ij T_ij z_i . z_j, zero where all
+/// sets move as one.
+struct FieldTethers {
+  std::uint32_t field;        ///< into FELD, ascending; a held one
+  std::uint32_t first_value;  ///< into FTHV: T of its k functions, k x k, symmetric, N/m of coefficients
+};
+static_assert(sizeof(FieldTethers) == 8);
 
 /// FPNT: a point of the surface that may touch.
 struct FieldPoint {
@@ -464,7 +485,9 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                mask_weights = fourcc("MSKV"), fields = fourcc("FELD"), field_functions = fourcc("FFUN"),
                                field_packs = fourcc("FPAK"), field_gradients = fourcc("FGRD"),
                                field_values = fourcc("FVAL"), field_points = fourcc("FPNT"),
-                               field_point_values = fourcc("FPTV"), field_modes = fourcc("FMOD");
+                               field_point_values = fourcc("FPTV"), field_modes = fourcc("FMOD"),
+                               field_fibres = fourcc("FFIB"), field_fibre_values = fourcc("FFBV"),
+                               field_tethers = fourcc("FTHR"), field_tether_values = fourcc("FTHV");
 
 /// All of them, in the order in which the writer lays sections out.
 inline constexpr std::array kAll = {info,
@@ -511,7 +534,11 @@ inline constexpr std::array kAll = {info,
                                     field_values,
                                     field_points,
                                     field_point_values,
-                                    field_modes};
+                                    field_modes,
+                                    field_fibres,
+                                    field_fibre_values,
+                                    field_tethers,
+                                    field_tether_values};
 
 /// Place of an id in kAll, or kAll.size() for an id this software does not know.
 constexpr std::size_t indexOf(std::uint32_t id) {

@@ -57,6 +57,10 @@ struct PackageContent {
   std::vector<Lanes> field_gradients, field_values;
   std::vector<FieldPoint> field_points;
   std::vector<Lanes> field_point_values, field_modes;
+  std::vector<FieldFibre> field_fibres;
+  std::vector<float> field_fibre_values;
+  std::vector<FieldTethers> field_tethers;
+  std::vector<float> field_tether_values;
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);

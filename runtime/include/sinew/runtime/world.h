@@ -35,7 +35,7 @@ struct PickId {
 /// Energy of a body, joule.
 struct BodyEnergy {
   double kinetic = 0;
-  double elastic = 0;  ///< that its shape stores; 0 of a body without fields
+  double elastic = 0;  ///< that its shape stores; 0 where the report's solver moves it, which has none
 };
 
 /// Names a pin set of one world; never reused within it.
@@ -75,9 +75,9 @@ class SINEW_API World {
   WorldSettings& settings();
   const WorldSettings& settings() const;
 
-  /// Adds an instance of a package, at rest. A package with several separate bodies (BODY) is one Body here; its parts
-  /// are matched and fall independently. Fails where settings are no numbers, memory runs out, or this build lacks
-  /// kernels for the processor.
+  /// Adds an instance of a package, at rest. A package with several separate pieces (BODY) is one Body here; they fall
+  /// independently. Fails where settings are no numbers, the package has no fields (only BodySettings::solver of the
+  /// report moves such), memory runs out, or this build lacks kernels for the processor.
   Result<BodyId> addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings = {});
   /// Its picks and pins go with it; the id is never used again.
   void removeBody(BodyId body);
@@ -111,31 +111,28 @@ class SINEW_API World {
   /// Positions (metres, world) and velocities (m/s) of the physical vertices, in the package's order.
   std::span<const Vec3> positions(BodyId body) const;
   std::span<const Vec3> velocities(BodyId body) const;
-  /// Vertices whose position or velocity was not finite (or beyond 1e15 m, 1e17 m/s) when the last step began. They
-  /// were put where their clusters had last wanted them, at rest; the rest of the body is not affected. A body that is
-  /// nowhere itself (beyond 1e15 m, as what falls for hours without a ground) comes back at rest to where it was added.
+  /// Vertices of pieces whose state was not finite after the last step, or too far away for numbers (as what falls for
+  /// hours without a ground). These pieces came back at rest to where the body was added.
   std::uint32_t repairedVertices(BodyId body) const;
-  /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero). A body with fields takes
-  /// the nearest shape and motion that its fields can have (docs/fields.md): positions() tell which.
+  /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero). The body takes the
+  /// nearest shape and motion that its fields can have (docs/method.md): positions() tell which. What is not finite, or
+  /// beyond 1e15 m, is put where the others have it.
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
 
-  /// Holds a physical vertex at a place until unpinned (PinMethod::hold); call again to move it. Ignored for a vertex
-  /// of a pin set. \param target metres, world.
+  /// Holds a physical vertex at a place until unpinned; call again to move it. Ignored for a vertex of a pin set.
+  /// \param target metres, world.
   void pin(BodyId body, std::uint32_t vertex, Vec3 target);
   void unpin(BodyId body, std::uint32_t vertex);
   /// Lets go of all pins and pin sets of a body.
   void unpinAll(BodyId body);
 
   /// Attaches physical vertices to a rigid transform, at the places that they have now, until the set is removed.
-  /// A vertex whose pin weight in the package is 0 is left out; a weight between 0 and 1 makes a spring of it
-  /// (`constrained_fit`, `infinite_mass`) or holds it by that part. Vertices that lie in no common cluster are held
-  /// cluster by cluster; where sets share a cluster the later enumerator of PinMethod serves both.
+  /// A vertex whose pin weight in the package is 0 is left out; a weight between 0 and 1 makes a softer spring of it.
   /// \param vertices numbers of physical vertices, each at most once and in no other set. \param at where the transform
   /// is now. \return an error that says which argument is wrong.
   Result<PinSetId> addPinSet(BodyId body, std::span<const std::uint32_t> vertices, const RigidTransform& at = {},
                              PinMethod method = PinMethod::constrained_fit);
-  /// Moves the transform: reached at the end of the next step, over whose passes it is interpolated. Ignored where it
-  /// is not finite or not a proper rotation.
+  /// Moves the transform: reached at the end of the next step. Ignored where it is not finite or not a proper rotation.
   void movePinSet(PinSetId set, const RigidTransform& to);
   void removePinSet(PinSetId set);
   /// The pin set that the package names so (PSET): a body holds them all from the start, unless its BodySettings say
@@ -163,7 +160,7 @@ class SINEW_API World {
   /// The ids of a body's picks into `ids`, as many as fit, oldest first. \return how many it has.
   std::size_t picks(BodyId body, std::span<PickId> ids) const;
 
-  /// Writes the deformed visual mesh (docs/method.md §7).
+  /// Writes the deformed visual mesh (docs/report.md §6).
   void visualVertices(BodyId body, const VisualOutput& output) const;
   /// Only the visual vertices that a sub-mesh's triangles use (section VSUB), at their places in the whole mesh.
   void visualSubMesh(BodyId body, std::uint32_t sub_mesh, const VisualOutput& output) const;
@@ -172,35 +169,27 @@ class SINEW_API World {
     visualVertices(body, {positions, normals, {}, {}});
   }
 
-  /// Box around the physical vertices (those that are not finite left out), and around the visual ones. Cheaper by far:
+  /// Box around the physical vertices, and around the visual ones. Cheaper by far:
   /// the physical one; it holds the visual mesh too where that lies within the tetrahedra.
   Bounds physicalBounds(BodyId body) const;
   Bounds visualBounds(BodyId body) const;
 
-  /// What a body has of kinetic energy, and what its shape stores: the energy that its steps minimize. Of a body
-  /// without fields only the kinetic.
+  /// What a body has of kinetic energy, and what its shape stores: the energy that its steps minimize.
   BodyEnergy energy(BodyId body) const;
 
-  /// Moves the origin: all bodies, targets and the ground are `by` nearer to it. Bodies with fields keep every digit.
+  /// Moves the origin: all bodies, targets and the ground are `by` nearer to it. Fields keep every digit.
   /// \param by metres, finite.
   void shiftOrigin(Vec3 by);
 
   /// Rigid motion that best maps the rest shape onto the current one (mass-weighted): x ~ rotation * X + translation.
   void rigidMotion(BodyId body, Mat3& rotation, Vec3& translation) const;
 
-  /// Goal transform of a cluster for overlays: its current centre (metres, world) and linear part.
+  /// The transform of a cluster that best fits the current positions, for overlays: its centre (metres, world) and
+  /// linear part.
   void clusterFrame(BodyId body, std::uint32_t cluster, Vec3& center, Mat3& linear) const;
-  /// What plasticity and activation have made of a cluster's rest shape (docs/method.md §2): S, of X relative to the
+  /// What plasticity and activation have made of a cluster's rest shape (docs/method.md): S, of X relative to the
   /// cluster's rest centre. The identity where it has neither, and for an unknown cluster.
   Mat3 clusterRestShape(BodyId body, std::uint32_t cluster) const;
-
-  /// Milliseconds per phase of the last step, if WorldSettings::measure_phases asked for it (bodies that were stepped
-  /// side by side are left out); names are static strings.
-  struct Phase {
-    const char* name;
-    double milliseconds;
-  };
-  std::span<const Phase> lastStepPhases() const;
 
  private:
   struct Impl;

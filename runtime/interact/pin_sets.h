@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// Adds a set to the body; the arguments are sound. Its vertices stay where they are in its transform. Leaves all as it
+/// was where memory runs out (std::bad_alloc).
+void addPinSet(Body& body, PinSet&& set);
+/// In place of all sets of a body those of its package, if BodySettings ask for them; Body::reset() is due. Where
+/// memory runs out (std::bad_alloc) the body keeps what it had. \param next_id of a pin set; moves on.
+void setPackagePins(Body& body, std::uint32_t& next_id);
+/// Removes the set at an index.
+void removePinSet(Body& body, std::size_t index);
+/// Removes all.
+void removePinSets(Body& body);
+
+}  // namespace sinew::internal

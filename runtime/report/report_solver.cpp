@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: MIT
+//
+// The scheme of Henriques 2006 and Müller et al. 2005, as it is there: one match and one explicit step for each step of
+// the world. Stiffness depends on the step, clusters are averaged, nothing is guarded but that numbers stay finite.
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "runtime/report/match.h"
+#include "runtime/solver/cluster_solver.h"
+#include "runtime/step/world_step.h"
+#include "sinew/c_api.h"
+#include "sinew/runtime/report.h"
+
+namespace sinew::internal {
+namespace {
+
+// What is further away (m) or faster (m/s) is lost.
+constexpr float kFarthest = 1e15F, kFastest = 1e17F;
+
+bool isUsable(const Vec3& x, const Vec3& v) {
+  bool usable = true;
+  for (std::size_t k = 0; k < 3; ++k) usable &= std::abs(x[k]) <= kFarthest && std::abs(v[k]) <= kFastest;
+  return usable;
+}
+
+Vector3 placeIn(const RigidTransform& at, const Vec3& local) {
+  return Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(at.rotation.data())
+             .lazyProduct(asVector(local)) +
+         asVector(at.position);
+}
+
+/// The physical vertices that a visual vertex hangs on.
+struct Point {
+  std::array<std::uint32_t, 4> vertex = {};
+  std::array<float, 4> weight = {};
+};
+
+Point pointOf(const Body& body, std::uint32_t visual_vertex) {
+  const formats::PackageView& package = body.package();
+  Point point;
+  if (!package.barycentric().empty()) {
+    const formats::BarycentricAttachment& at = package.barycentric()[visual_vertex];
+    point.vertex = package.tetrahedra()[at.tetrahedron].vertex;
+    point.weight = {at.weight[0], at.weight[1], at.weight[2], 1 - at.weight[0] - at.weight[1] - at.weight[2]};
+    return point;
+  }
+  // Hung on clusters: the physical vertex that lies nearest.
+  const auto distance = [&](const formats::PhysicalVertex& vertex) {
+    return (asVector(vertex.rest_position) - asVector(package.visualPositions()[visual_vertex])).squaredNorm();
+  };
+  const auto nearest = std::min_element(body.vertices().begin(), body.vertices().end(),
+                                        [&](const auto& a, const auto& b) { return distance(a) < distance(b); });
+  point.vertex.fill(std::uint32_t(nearest - body.vertices().begin()));
+  point.weight[0] = 1;
+  return point;
+}
+
+class ReportSolver final : public BodySolver {
+ public:
+  ReportSolver(Body& body, std::pmr::memory_resource* memory)
+      : body_(body), constants_(memory), rotations_(body.clusterCount(), memory), held_(body.vertexCount(), memory) {
+    constants_.reserve(body.clusterCount());
+    for (std::uint32_t c = 0; c < body.clusterCount(); ++c) constants_.push_back(makeConstants(body, c));
+  }
+
+  void reserve(SolverScratch& scratch) const override {
+    if (scratch.vertices.size() < body_.vertexCount()) scratch.vertices.resize(body_.vertexCount());
+  }
+  void rest() override {
+    Eigen::Quaternionf turn(rotationOf(body_.settings.rotation));
+    for (geometry::Quaternion& q : rotations_) q = {turn.w(), turn.x(), turn.y(), turn.z()};
+    holdsChanged();
+  }
+  void refresh() override {}
+  void takeState() override {}
+  void holdsChanged() override {
+    std::fill(held_.begin(), held_.end(), 0U);
+    for (std::uint32_t s = 0; s < body_.pin_sets.size(); ++s) {
+      for (const PinnedVertex& vertex : body_.pin_sets[s].vertices) {
+        if (vertex.weight >= 1) held_[vertex.vertex] = s + 1;
+      }
+    }
+  }
+  void activationChanged() override {}
+  Eigen::Matrix3f restShape(std::uint32_t) const override { return Eigen::Matrix3f::Identity(); }
+  bool touchesGround() const override { return false; }  // its vertices are put back themselves
+
+  void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) override {
+    const float h = float(seconds);
+    holdVertices(h);
+    // Where clusters overlap, the goals of a vertex are averaged (Müller et al. 2005, cluster based deformation).
+    const std::span<Vec3> pull = std::span(scratch.vertices.data(), body_.vertexCount());
+    std::fill(pull.begin(), pull.end(), Vec3{});
+    for (std::uint32_t c = 0; c < body_.clusterCount(); ++c) pullToGoals(c, pull);
+    integrate(settings, h, pull);
+    for (const Pick& pick : body_.picks) pullPick(pick, h);
+    const Vector3 gravity = asVector(settings.gravity);
+    react(gravity, h, pull);
+    for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+      if (isHeld(i)) continue;
+      asVector(body_.x[i]) += h * asVector(body_.v[i]);
+      if (settings.ground.enabled) putBack(settings.ground, i);
+    }
+    holdSoftly(h);
+    repair();
+  }
+
+  void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) override {
+    for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+      asVector(body_.x[i]) = (rotation * asVector(body_.x[i]).cast<double>() + translation).cast<float>();
+      asVector(body_.v[i]) = (rotation * asVector(body_.v[i]).cast<double>()).cast<float>();
+    }
+    const Eigen::Quaterniond turn(rotation);
+    for (geometry::Quaternion& q : rotations_) {
+      const Eigen::Quaterniond old = Eigen::Quaternionf(q[0], q[1], q[2], q[3]).cast<double>();
+      const Eigen::Quaternionf now = (turn * old).normalized().cast<float>();
+      q = {now.w(), now.x(), now.y(), now.z()};
+    }
+  }
+
+  BodyEnergy energy(SolverScratch&) override {
+    BodyEnergy result;
+    for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+      result.kinetic += 0.5 * double(body_.vertices()[i].mass) * double(asVector(body_.v[i]).squaredNorm());
+    }
+    return result;
+  }
+
+  std::size_t stateBytes() const override { return rotations_.size() * sizeof(geometry::Quaternion); }
+  void save(std::span<std::byte> bytes) const override {
+    if (!bytes.empty()) std::memcpy(bytes.data(), rotations_.data(), bytes.size());
+  }
+  bool accepts(std::span<const std::byte> bytes) const override {
+    if (bytes.size() != stateBytes()) return false;
+    for (std::size_t at = 0; at < bytes.size(); at += sizeof(geometry::Quaternion)) {
+      geometry::Quaternion q;
+      std::memcpy(&q, bytes.data() + at, sizeof q);
+      if (!(std::abs(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1) < 1e-3F)) return false;
+    }
+    return true;
+  }
+  void restore(std::span<const std::byte> bytes) override {
+    if (!bytes.empty()) std::memcpy(rotations_.data(), bytes.data(), bytes.size());
+    holdsChanged();
+  }
+
+ private:
+  static Matrix3 rotationOf(const Mat3& m) { return Eigen::Map<const Matrix3>(m.data()).transpose(); }
+
+  bool isHeld(std::uint32_t vertex) const { return held_[vertex] != 0 || isPinned(vertex); }
+  bool isPinned(std::uint32_t vertex) const {
+    const auto comes_before = [](const Pin& pin, std::uint32_t v) { return pin.vertex < v; };
+    const auto place = std::lower_bound(body_.pins.begin(), body_.pins.end(), vertex, comes_before);
+    return place != body_.pins.end() && place->vertex == vertex;
+  }
+
+  // Held positions (Henriques 2006, 4.3.1), where they will be at the end of the step.
+  void holdVertices(float h) {
+    const auto hold = [&](std::uint32_t i, const Vector3& place) {
+      asVector(body_.v[i]) = (place - asVector(body_.x[i])) / h;
+      asVector(body_.x[i]) = place;
+    };
+    for (const Pin& pin : body_.pins) hold(pin.vertex, asVector(pin.target));
+    for (PinSet& set : body_.pin_sets) {
+      set.at = set.target;
+      for (const PinnedVertex& vertex : set.vertices) {
+        if (vertex.weight >= 1) hold(vertex.vertex, placeIn(set.at, vertex.local));
+      }
+    }
+  }
+
+  // Those that weigh less than 1 are brought that part of the way.
+  void holdSoftly(float h) {
+    for (const PinSet& set : body_.pin_sets) {
+      for (const PinnedVertex& vertex : set.vertices) {
+        if (vertex.weight >= 1) continue;
+        const Vector3 way = vertex.weight * (placeIn(set.at, vertex.local) - asVector(body_.x[vertex.vertex]));
+        asVector(body_.x[vertex.vertex]) += way;
+        asVector(body_.v[vertex.vertex]) += way / h;
+      }
+    }
+  }
+
+  // pull += share alpha (g - x).
+  void pullToGoals(std::uint32_t c, std::span<Vec3> pull) {
+    const formats::PackageView& package = body_.package();
+    const formats::Cluster& cluster = package.clusters()[c];
+    if (cluster.member_count == 0) return;
+    const Goal goal = match(body_, c, constants_[c], held_, rotations_[c]);
+    const auto stiffness = package.vertexStiffness();
+    for (const formats::Membership& member :
+         package.memberships().subspan(cluster.first_member, cluster.member_count)) {
+      const std::uint32_t i = member.vertex;
+      const Monomials<9> q = restCoordinates(body_, c, body_.vertices()[i].rest_position);
+      const Vector3 way = goal.center - asVector(body_.x[i]) + cluster.radius * goal.f.lazyProduct(q);
+      const float part = member.share * constants_[c].alpha * (stiffness.empty() ? 1.0F : stiffness[i]);
+      asVector(pull[i]) += part * way;
+    }
+  }
+
+  // v += alpha (g - x) / h + h f / m (Müller et al. 2005, integration); the air takes its part.
+  void integrate(const WorldSettings& settings, float h, std::span<const Vec3> pull) {
+    const float kept = std::exp(-settings.damping * h);
+    const Vector3 gravity = asVector(settings.gravity);
+    for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+      if (!isHeld(i)) asVector(body_.v[i]) = kept * asVector(body_.v[i]) + asVector(pull[i]) / h + h * gravity;
+    }
+  }
+
+  // The spring of picking (Henriques 2006, 6.1) between a point and a target: of the frequency on the whole body's
+  // mass, critically damped, implicit: a stiff one on a light vertex would not stay finite.
+  void pullPick(const Pick& pick, float h) {
+    const Point point = pointOf(body_, pick.visual_vertex);
+    Vector3 x = Vector3::Zero(), v = Vector3::Zero();
+    float mobility = 0;
+    for (std::size_t c = 0; c < 4; ++c) {
+      const std::uint32_t i = point.vertex[c];
+      x += point.weight[c] * asVector(body_.x[i]);
+      v += point.weight[c] * asVector(body_.v[i]);
+      if (!isHeld(i)) mobility += point.weight[c] * point.weight[c] / body_.vertices()[i].mass;
+    }
+    const float omega = 2 * std::numbers::pi_v<float> * pick.frequency_hz, mass = body_.package().info().total_mass;
+    const float spring = mass * omega * omega, damper = 2 * mass * omega;
+    const Vector3 push =
+        h * (spring * (asVector(pick.target) - x - h * v) - damper * v) / (1 + mobility * h * (damper + h * spring));
+    for (std::size_t c = 0; c < 4; ++c) {
+      const std::uint32_t i = point.vertex[c];
+      if (!isHeld(i)) asVector(body_.v[i]) += point.weight[c] / body_.vertices()[i].mass * push;
+    }
+  }
+
+  // What the held vertices would have done is what the owner of their transform feels.
+  void react(const Vector3& gravity, float h, std::span<const Vec3> pull) {
+    for (PinSet& set : body_.pin_sets) {
+      set.force_sum.setZero();
+      set.torque_sum.setZero();
+      set.passes = 1;
+      for (const PinnedVertex& vertex : set.vertices) {
+        if (vertex.weight < 1) continue;
+        const Vector3 acceleration = asVector(pull[vertex.vertex]) / (h * h) + gravity;
+        const Eigen::Vector3d force = double(body_.vertices()[vertex.vertex].mass) * acceleration.cast<double>();
+        const Vector3 arm = asVector(body_.x[vertex.vertex]) - asVector(set.at.position);
+        set.force_sum += force;
+        set.torque_sum += arm.cast<double>().cross(force);
+      }
+    }
+  }
+
+  // What is below the ground is put back on it; friction takes of the velocity along it what Coulomb's law allows.
+  void putBack(const GroundPlane& ground, std::uint32_t i) {
+    const Vector3 normal = asVector(ground.normal);
+    auto x = asVector(body_.x[i]);
+    auto v = asVector(body_.v[i]);
+    const float height = normal.dot(x) - ground.offset;
+    if (!(height < 0)) return;
+    x -= height * normal;
+    const float into = std::min(0.0F, normal.dot(v));
+    v -= into * normal;
+    const Vector3 along = v - normal.dot(v) * normal;
+    const float speed = along.norm();
+    if (speed > 0) v -= std::min(1.0F, -ground.friction * into / speed) * along;
+  }
+
+  void repair() {
+    body_.repaired = 0;
+    const Matrix3 rotation = rotationOf(body_.settings.rotation);
+    for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+      if (isUsable(body_.x[i], body_.v[i])) continue;
+      asVector(body_.x[i]) =
+          rotation.lazyProduct(asVector(body_.vertices()[i].rest_position)) + asVector(body_.settings.position);
+      body_.v[i] = {};
+      ++body_.repaired;
+    }
+  }
+
+  Body& body_;
+  Array<ClusterConstants> constants_;
+  Array<geometry::Quaternion> rotations_;
+  Array<std::uint32_t> held_;  ///< by vertex: 1 + the pin set that holds it exactly, or 0
+};
+
+class ReportFactory final : public SolverFactory {
+ public:
+  const char* faultOf(const Asset&) const override { return nullptr; }
+  SolverPointer make(Body& body, std::pmr::memory_resource* memory) const override {
+    return makeSolver<ReportSolver>(memory, body, memory);
+  }
+};
+
+}  // namespace
+}  // namespace sinew::internal
+
+const sinew::SolverFactory& sinew::reportSolver() {
+  static const internal::ReportFactory factory;
+  return factory;
+}
+
+const sinew_solver* sinew_report_solver(void) { return reinterpret_cast<const sinew_solver*>(&sinew::reportSolver()); }

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: MIT
+//
+// Bodies that move in fields, one energy for each piece (docs/method.md).
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "runtime/contact/plane.h"
+#include "runtime/solver/cluster_solver.h"
+#include "runtime/solver/plasticity.h"
+#include "runtime/step/piece_step.h"
+#include "runtime/step/world_step.h"
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+namespace {
+
+/// A PieceState without its arrays, which follow: z, v, those of one step earlier, what touches,
+/// what is permanent.
+struct SavedPiece {
+  std::uint32_t held, functions, touching, plastic;
+  double h_before, elastic, budget;
+  std::array<double, 3> turn, omega;
+};
+
+std::size_t pieceBytes(std::size_t functions, std::size_t touching, std::size_t plastic) {
+  return sizeof(SavedPiece) + 4 * functions * sizeof(Vector3d) + touching * sizeof(TouchingPoint) +
+         plastic * sizeof(float);
+}
+
+class CoupledSolver final : public BodySolver {
+ public:
+  CoupledSolver(Body& body, std::pmr::memory_resource* memory) : body_(body) {
+    std::uint32_t most_functions = 0, most_vertices = 0;
+    for (std::uint32_t p = 0; p < body.package().bodies().size(); ++p) {
+      const Field *const free = fieldOf(body.rest().fields, p, false), *const fixed =
+                                                                           fieldOf(body.rest().fields, p, true);
+      Piece& piece = body.pieces.emplace_back(free, fixed, memory);
+      const std::size_t k = std::max(free->k, fixed != nullptr ? fixed->k : 0U);
+      for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
+        array->reserve(k);
+      }
+      piece.state.touching.reserve(kMostContacts);
+      piece.whole_points.reserve(kMostContacts);
+      piece.whole.reserve(3 * k * (3 * k + 7));
+      piece.springs.reserve(k * k);
+      piece.row.reserve(k);
+      most_functions = std::max(most_functions, std::uint32_t(k));
+      most_vertices = std::max(most_vertices, free->vertex_count);
+    }
+    body.coefficients.reserve(4 * std::size_t(most_functions));
+    body.field_values.reserve(24 * ((std::size_t(most_vertices) + 7) / 8));
+    body.residuals.resize(body.vertexCount());
+  }
+
+  void reserve(SolverScratch& scratch) const override {
+    for (const Piece& piece : body_.pieces) scratch.pieces.reserve(piece);
+  }
+  void rest() override {
+    chooseFields(body_);
+    updateFibres(body_);
+    for (Piece& piece : body_.pieces) restPiece(body_, piece);
+    body_.outdated = false;
+  }
+  void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) override {
+    stepPieces(body_, settings, seconds, scratch.pieces);
+  }
+  void refresh() override { internal::refresh(body_); }
+  void takeState() override {
+    project(body_);
+    internal::refresh(body_);
+  }
+  void holdsChanged() override {
+    if (chooseFields(body_)) project(body_);
+    // A two-step formula does not reach across what came or went: it would keep a part of its force.
+    for (Piece& piece : body_.pieces) piece.state.h_before = 0;
+  }
+  void activationChanged() override { updateFibres(body_); }
+  Eigen::Matrix3f restShape(std::uint32_t cluster) const override {
+    const formats::PackageView& package = body_.package();
+    if (package.mechanics().empty()) return Eigen::Matrix3f::Identity();
+    const Piece& piece = body_.pieces[package.clusters()[cluster].body];
+    const formats::ClusterMechanics& mechanics = package.mechanics()[cluster];
+    const float active = mechanics.channel == formats::kNone ? 0.0F : body_.activation[mechanics.channel];
+    return activationStretch(mechanics, active) * plasticShapeOf(piece.field(), cluster, piece.state.plastic);
+  }
+  BodyEnergy energy(SolverScratch& scratch) override {
+    return {kineticEnergy(body_), elasticEnergy(body_, scratch.pieces)};
+  }
+  bool touchesGround() const override {
+    const auto touches = [](const Piece& piece) { return !piece.state.touching.empty(); };
+    return std::any_of(body_.pieces.begin(), body_.pieces.end(), touches);
+  }
+
+  void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) override {
+    for (Piece& piece : body_.pieces) {
+      PieceState& state = piece.state;
+      for (std::uint32_t j = 0; j < state.z.size(); ++j) {
+        const double one = double(piece.field().functions[j].one);
+        for (auto* array : {&state.z, &state.z_before}) (*array)[j] = rotation * (*array)[j] + one * translation;
+        for (auto* array : {&state.v, &state.v_before}) (*array)[j] = rotation * (*array)[j];
+      }
+      state.turn = rotation * state.turn;
+      state.omega = rotation * state.omega;
+      for (TouchingPoint& point : state.touching) {
+        Eigen::Map<Eigen::Vector3d> anchor(point.anchor.data());
+        anchor = rotation * anchor + translation;
+      }
+    }
+    body_.outdated = true;
+  }
+
+  std::size_t stateBytes() const override {
+    std::size_t bytes = 0;
+    for (const Piece& piece : body_.pieces) {
+      bytes += pieceBytes(piece.state.z.size(), piece.state.touching.size(), piece.state.plastic.size());
+    }
+    return bytes;
+  }
+
+  void save(std::span<std::byte> bytes) const override {
+    std::byte* at = bytes.data();
+    const auto put = [&at](const void* from, std::size_t size) {
+      if (size > 0) std::memcpy(at, from, size);
+      at += size;
+    };
+    for (const Piece& piece : body_.pieces) {
+      const PieceState& state = piece.state;
+      const SavedPiece saved = {state.held ? 1U : 0U,
+                                std::uint32_t(state.z.size()),
+                                std::uint32_t(state.touching.size()),
+                                std::uint32_t(state.plastic.size()),
+                                state.h_before,
+                                state.elastic,
+                                state.budget,
+                                {state.turn[0], state.turn[1], state.turn[2]},
+                                {state.omega[0], state.omega[1], state.omega[2]}};
+      put(&saved, sizeof saved);
+      for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
+        put(array->data(), array->size() * sizeof(Vector3d));
+      }
+      put(state.touching.data(), state.touching.size() * sizeof(TouchingPoint));
+      put(state.plastic.data(), state.plastic.size() * sizeof(float));
+    }
+  }
+
+  bool accepts(std::span<const std::byte> bytes) const override {
+    for (const Piece& piece : body_.pieces) {
+      SavedPiece saved;
+      if (bytes.size() < sizeof saved) return false;
+      std::memcpy(&saved, bytes.data(), sizeof saved);
+      const Field* const field = saved.held != 0 ? piece.fixed : piece.free;
+      if (field == nullptr || saved.functions != field->k || saved.touching > kMostContacts || saved.held > 1 ||
+          saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
+          !(saved.h_before >= 0 && std::isfinite(saved.h_before)) ||
+          bytes.size() < pieceBytes(saved.functions, saved.touching, saved.plastic)) {
+        return false;
+      }
+      std::uint32_t next = 0;
+      for (std::uint32_t t = 0; t < saved.touching; ++t) {
+        TouchingPoint point;
+        std::memcpy(&point, bytes.data() + pieceBytes(saved.functions, t, 0), sizeof point);
+        if (point.point < next || point.point >= field->points.size()) return false;
+        next = point.point + 1;
+      }
+      for (std::uint32_t i = 0; i < saved.plastic; ++i) {
+        float value = 0;
+        const std::size_t at = pieceBytes(saved.functions, saved.touching, i);
+        std::memcpy(&value, bytes.data() + at, sizeof value);
+        if (!std::isfinite(value)) return false;
+      }
+      bytes = bytes.subspan(pieceBytes(saved.functions, saved.touching, saved.plastic));
+    }
+    return bytes.empty();
+  }
+
+  void restore(std::span<const std::byte> bytes) override {
+    const std::byte* at = bytes.data();
+    const auto get = [&at](void* to, std::size_t size) {
+      if (size > 0) std::memcpy(to, at, size);
+      at += size;
+    };
+    for (Piece& piece : body_.pieces) {
+      PieceState& state = piece.state;
+      SavedPiece saved;
+      get(&saved, sizeof saved);
+      state.held = saved.held != 0;
+      state.h_before = saved.h_before;
+      state.elastic = saved.elastic;
+      state.budget = saved.budget;
+      state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
+      state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
+      piece.springs_firm = -1;
+      piece.whole_h = 0;
+      for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
+        array->resize(saved.functions);
+        get(array->data(), saved.functions * sizeof(Vector3d));  // any numbers: what is lost a step puts right
+      }
+      state.touching.resize(saved.touching);
+      get(state.touching.data(), saved.touching * sizeof(TouchingPoint));
+      state.plastic.resize(saved.plastic);
+      get(state.plastic.data(), saved.plastic * sizeof(float));
+      invertPlasticity(state.plastic, piece.rest_change);
+    }
+    updateFibres(body_, false);
+    body_.outdated = false;
+  }
+
+ private:
+  Body& body_;
+};
+
+class CoupledFactory final : public SolverFactory {
+ public:
+  const char* faultOf(const Asset& asset) const override {
+    const RestConstants& rest = asset.constants();
+    for (std::uint32_t p = 0; p < asset.package().bodies().size(); ++p) {
+      if (fieldOf(rest.fields, p, false) == nullptr) {
+        return "this package has no fields (it was baked by an older version, or with field.functions=0): bake it "
+               "again "
+               "with this version, or use the report's solver";
+      }
+    }
+    return nullptr;
+  }
+  SolverPointer make(Body& body, std::pmr::memory_resource* memory) const override {
+    return makeSolver<CoupledSolver>(memory, body, memory);
+  }
+};
+
+}  // namespace
+
+const SolverFactory& coupledSolver() {
+  static const CoupledFactory factory;
+  return factory;
+}
+
+}  // namespace sinew::internal
