@@ -155,6 +155,8 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.damping = s.damping;
   result.deformation_damping_ratio = s.deformation_damping_ratio;
   result.support_damping = s.support_damping;
+  result.substep_seconds = s.substep_seconds;
+  result.most_substeps = s.most_substeps;
   return result;
 }
 
@@ -168,6 +170,8 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.damping = s.damping;
   result.deformation_damping_ratio = s.deformation_damping_ratio;
   result.support_damping = s.support_damping;
+  result.substep_seconds = s.substep_seconds;
+  result.most_substeps = s.most_substeps;
 }
 
 sinew_body_settings fromCpp(const sinew::BodySettings& s) {
@@ -470,6 +474,13 @@ sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_sett
 
 sinew_status sinew_world_step(sinew_world* world, float seconds) {
   return onWorld("sinew_world_step", world, true, [&](sinew::World& w) { w.step(seconds); });
+}
+
+sinew_status sinew_world_advance(sinew_world* world, float seconds, uint32_t* steps) {
+  return onWorld("sinew_world_advance", world, true, [&](sinew::World& w) {
+    const std::uint32_t taken = w.advance(seconds);
+    if (steps != nullptr) *steps = taken;
+  });
 }
 
 void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size) {

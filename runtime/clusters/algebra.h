@@ -32,6 +32,15 @@ inline Eigen::Map<const Vector3> asVector(const std::array<float, 3>& v) { retur
 inline Eigen::Map<Vector3> asVector(std::array<float, 3>& v) { return Eigen::Map<Vector3>(v.data()); }
 /// A rotation as settings give it, row by row.
 Matrix3 asMatrix(const Mat3& m);
+/// Where a place in a rigid transform is.
+inline Eigen::Vector3d placeOf(const RigidTransform& at, const Vec3& local) {
+  Eigen::Vector3d place;
+  for (std::size_t row = 0; row < 3; ++row) {
+    place[int(row)] = double(at.position[row]);
+    for (std::size_t c = 0; c < 3; ++c) place[int(row)] += double(at.rotation[3 * row + c]) * double(local[c]);
+  }
+  return place;
+}
 inline Vec3 asArray(const Vector3& v) { return {v[0], v[1], v[2]}; }
 
 /// q = (X - c0) / radius.

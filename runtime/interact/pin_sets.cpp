@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/interact/pin_sets.h"
 
+#include "runtime/geometry/rotation.h"
+
 namespace sinew::internal {
 namespace {
 
@@ -33,7 +35,7 @@ void setPackagePins(Body& body, std::uint32_t& next_id) {
     PinSet set(body.pin_sets.memory());
     set.source = s;
     set.method = PinMethod(source.method);
-    set.at = set.target = {body.settings.position, body.settings.rotation};
+    set.before = set.at = set.target = {body.settings.position, body.settings.rotation};
     for (const std::uint32_t vertex : package.pinSetVertices().subspan(source.first, source.count)) {
       const float weight = weights.empty() ? 1.0F : weights[vertex];
       if (!(weight > 0) || held[vertex] != 0) continue;
@@ -46,6 +48,38 @@ void setPackagePins(Body& body, std::uint32_t& next_id) {
   }
   body.pin_sets.swap(sets);
   next_id += std::uint32_t(body.pin_sets.size());
+}
+
+RigidTransform between(const RigidTransform& from, const RigidTransform& to, double part) {
+  if (part == 0) return from;
+  if (part == 1) return to;
+  const auto mixed = [part](float a, float b) { return float((1 - part) * double(a) + part * double(b)); };
+  RigidTransform result;
+  Mat3 mean;
+  for (std::size_t i = 0; i < 3; ++i) result.position[i] = mixed(from.position[i], to.position[i]);
+  for (std::size_t i = 0; i < 9; ++i) mean[i] = mixed(from.rotation[i], to.rotation[i]);
+  const Matrix3 rotation = geometry::nearestRotation(asMatrix(mean));
+  for (int i = 0; i < 9; ++i) result.rotation[std::size_t(i)] = rotation(i / 3, i % 3);
+  return result;
+}
+
+void moveHolds(Body& body, double share) {
+  for (Pin& pin : body.pins) {
+    pin.before = pin.at;
+    // The target itself in the last part: nothing is rounded.
+    if (share == 1) {
+      pin.at = pin.target;
+    } else {
+      asVector(pin.at) += float(share) * (asVector(pin.target) - asVector(pin.at));
+    }
+  }
+  for (PinSet& set : body.pin_sets) {
+    set.before = set.at;
+    set.at = between(set.at, set.target, share);
+    set.force_sum.setZero();
+    set.torque_sum.setZero();
+    set.passes = 1;
+  }
 }
 
 void removePinSet(Body& body, std::size_t index) {

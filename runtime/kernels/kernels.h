@@ -12,10 +12,6 @@
 
 namespace sinew::internal {
 
-/// Beyond these a state counts as lost: floats could no longer square or difference it.
-inline constexpr float kLargestPosition = 1e15F;  // metres
-inline constexpr float kLargestVelocity = 1e17F;  // m/s
-
 /// For what lanes rarely need, one lane at a time (runtime/kernels/lane_fallback.cpp).
 /// Rotation nearest to a column-major 3x3 matrix whose entries are finite and not all zero. \param[in,out] quaternion
 /// w x y z: the previous rotation; the result.

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <numbers>
 
+#include "runtime/interact/picked_point.h"
 #include "runtime/report/match.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/step/world_step.h"
@@ -18,46 +19,7 @@
 namespace sinew::internal {
 namespace {
 
-// What is further away (m) or faster (m/s) is lost.
-constexpr float kFarthest = 1e15F, kFastest = 1e17F;
-
-bool isUsable(const Vec3& x, const Vec3& v) {
-  bool usable = true;
-  for (std::size_t k = 0; k < 3; ++k) usable &= std::abs(x[k]) <= kFarthest && std::abs(v[k]) <= kFastest;
-  return usable;
-}
-
-Vector3 placeIn(const RigidTransform& at, const Vec3& local) {
-  return Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(at.rotation.data())
-             .lazyProduct(asVector(local)) +
-         asVector(at.position);
-}
-
-/// The physical vertices that a visual vertex hangs on.
-struct Point {
-  std::array<std::uint32_t, 4> vertex = {};
-  std::array<float, 4> weight = {};
-};
-
-Point pointOf(const Body& body, std::uint32_t visual_vertex) {
-  const formats::PackageView& package = body.package();
-  Point point;
-  if (!package.barycentric().empty()) {
-    const formats::BarycentricAttachment& at = package.barycentric()[visual_vertex];
-    point.vertex = package.tetrahedra()[at.tetrahedron].vertex;
-    point.weight = {at.weight[0], at.weight[1], at.weight[2], 1 - at.weight[0] - at.weight[1] - at.weight[2]};
-    return point;
-  }
-  // Hung on clusters: the physical vertex that lies nearest.
-  const auto distance = [&](const formats::PhysicalVertex& vertex) {
-    return (asVector(vertex.rest_position) - asVector(package.visualPositions()[visual_vertex])).squaredNorm();
-  };
-  const auto nearest = std::min_element(body.vertices().begin(), body.vertices().end(),
-                                        [&](const auto& a, const auto& b) { return distance(a) < distance(b); });
-  point.vertex.fill(std::uint32_t(nearest - body.vertices().begin()));
-  point.weight[0] = 1;
-  return point;
-}
+Vector3 placeIn(const RigidTransform& at, const Vec3& local) { return placeOf(at, local).cast<float>(); }
 
 class ReportSolver final : public BodySolver {
  public:
@@ -75,7 +37,7 @@ class ReportSolver final : public BodySolver {
     for (geometry::Quaternion& q : rotations_) q = {turn.w(), turn.x(), turn.y(), turn.z()};
     holdsChanged();
   }
-  void refresh() override {}
+  void refresh(double) override {}
   void takeState() override {}
   void holdsChanged() override {
     std::fill(held_.begin(), held_.end(), 0U);
@@ -164,9 +126,8 @@ class ReportSolver final : public BodySolver {
       asVector(body_.v[i]) = (place - asVector(body_.x[i])) / h;
       asVector(body_.x[i]) = place;
     };
-    for (const Pin& pin : body_.pins) hold(pin.vertex, asVector(pin.target));
-    for (PinSet& set : body_.pin_sets) {
-      set.at = set.target;
+    for (const Pin& pin : body_.pins) hold(pin.vertex, asVector(pin.at));
+    for (const PinSet& set : body_.pin_sets) {
       for (const PinnedVertex& vertex : set.vertices) {
         if (vertex.weight >= 1) hold(vertex.vertex, placeIn(set.at, vertex.local));
       }
@@ -214,14 +175,15 @@ class ReportSolver final : public BodySolver {
   // The spring of picking (Henriques 2006, 6.1) between a point and a target: of the frequency on the whole body's
   // mass, critically damped, implicit: a stiff one on a light vertex would not stay finite.
   void pullPick(const Pick& pick, float h) {
-    const Point point = pointOf(body_, pick.visual_vertex);
+    const PickedPoint point = pickedPoint(body_, pick.visual_vertex);
     Vector3 x = Vector3::Zero(), v = Vector3::Zero();
     float mobility = 0;
     for (std::size_t c = 0; c < 4; ++c) {
       const std::uint32_t i = point.vertex[c];
-      x += point.weight[c] * asVector(body_.x[i]);
-      v += point.weight[c] * asVector(body_.v[i]);
-      if (!isHeld(i)) mobility += point.weight[c] * point.weight[c] / body_.vertices()[i].mass;
+      const float weight = float(point.weight[c]);
+      x += weight * asVector(body_.x[i]);
+      v += weight * asVector(body_.v[i]);
+      if (!isHeld(i)) mobility += weight * weight / body_.vertices()[i].mass;
     }
     const float omega = 2 * std::numbers::pi_v<float> * pick.frequency_hz, mass = body_.package().info().total_mass;
     const float spring = mass * omega * omega, damper = 2 * mass * omega;
@@ -229,16 +191,13 @@ class ReportSolver final : public BodySolver {
         h * (spring * (asVector(pick.target) - x - h * v) - damper * v) / (1 + mobility * h * (damper + h * spring));
     for (std::size_t c = 0; c < 4; ++c) {
       const std::uint32_t i = point.vertex[c];
-      if (!isHeld(i)) asVector(body_.v[i]) += point.weight[c] / body_.vertices()[i].mass * push;
+      if (!isHeld(i)) asVector(body_.v[i]) += float(point.weight[c]) / body_.vertices()[i].mass * push;
     }
   }
 
   // What the held vertices would have done is what the owner of their transform feels.
   void react(const Vector3& gravity, float h, std::span<const Vec3> pull) {
     for (PinSet& set : body_.pin_sets) {
-      set.force_sum.setZero();
-      set.torque_sum.setZero();
-      set.passes = 1;
       for (const PinnedVertex& vertex : set.vertices) {
         if (vertex.weight < 1) continue;
         const Vector3 acceleration = asVector(pull[vertex.vertex]) / (h * h) + gravity;
@@ -269,7 +228,7 @@ class ReportSolver final : public BodySolver {
     body_.repaired = 0;
     const Matrix3 rotation = rotationOf(body_.settings.rotation);
     for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
-      if (isUsable(body_.x[i], body_.v[i])) continue;
+      if (stateIsUsable(body_.x[i], body_.v[i])) continue;
       asVector(body_.x[i]) =
           rotation.lazyProduct(asVector(body_.vertices()[i].rest_position)) + asVector(body_.settings.position);
       body_.v[i] = {};

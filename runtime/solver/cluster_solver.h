@@ -32,13 +32,15 @@ class BodySolver {
   virtual void reserve(SolverScratch& scratch) const = 0;
   /// At rest where the body was added; Body::x and v are there already.
   virtual void rest() = 0;
-  /// Advances by one step; pin sets arrive at their targets. Sets Body::repaired. \param scratch reserved for it.
+  /// Advances by one step, at whose end pins and pin sets are where `at` says. Sets Body::repaired. \param scratch
+  /// reserved for it.
   virtual void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) = 0;
-  /// Brings Body::x and v up to date.
-  virtual void refresh() = 0;
+  /// Brings Body::x and v up to date. \param part of the last step that has passed, 0..1, for what is drawn between
+  /// two states; a solver that keeps no earlier state shows the last one.
+  virtual void refresh(double part) = 0;
   /// Takes Body::x and v, which were set from outside.
   virtual void takeState() = 0;
-  /// Pins, pin sets or picks have come or gone. \pre refresh()
+  /// Pins, pin sets or picks have come or gone. \pre refresh(1)
   virtual void holdsChanged() = 0;
   /// Where the body is becomes rotation x + translation, and its motion turns along.
   virtual void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) = 0;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/interact/picked_point.h"
+
 namespace sinew::internal {
 namespace {
 
@@ -26,54 +28,13 @@ bool isDriven(const Piece& piece, const PinSet& set) {
   return false;
 }
 
-Vector3d placeOf(const RigidTransform& at, const Vec3& local) {
-  Vector3d place;
-  for (std::size_t k = 0; k < 3; ++k) {
-    place[int(k)] = double(at.position[k]);
-    for (std::size_t c = 0; c < 3; ++c) place[int(k)] += double(at.rotation[3 * k + c]) * double(local[c]);
+/// phi_j at a picked point.
+double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
+  double sum = 0;
+  for (std::size_t c = 0; c < 4; ++c) {
+    if (point.weight[c] != 0) sum += point.weight[c] * double(field.valueAt(point.vertex[c] - field.first_vertex, j));
   }
-  return place;
-}
-
-/// phi of the vertices that a visual vertex hangs on, blended.
-struct PickRow {
-  std::array<std::uint32_t, 4> vertex = {};
-  std::array<double, 4> weight = {};
-  double at(const Field& field, std::uint32_t j) const {
-    double sum = 0;
-    for (std::size_t c = 0; c < 4; ++c) {
-      if (weight[c] != 0) sum += weight[c] * double(field.valueAt(vertex[c] - field.first_vertex, j));
-    }
-    return sum;
-  }
-};
-
-PickRow rowOf(const Body& body, std::uint32_t visual_vertex) {
-  const formats::PackageView& package = body.package();
-  PickRow row;
-  if (!package.barycentric().empty()) {
-    const formats::BarycentricAttachment& attachment = package.barycentric()[visual_vertex];
-    double last = 1;
-    for (std::size_t c = 0; c < 3; ++c) {
-      row.weight[c] = double(attachment.weight[c]);
-      last -= row.weight[c];
-    }
-    row.weight[3] = last;
-    row.vertex = package.tetrahedra()[attachment.tetrahedron].vertex;
-    return row;
-  }
-  // Hung on clusters: the physical vertex that lies nearest.
-  const Eigen::Vector3f at = asVector(package.visualPositions()[visual_vertex]);
-  float nearest = 0;
-  for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
-    const float distance = (asVector(body.vertices()[i].rest_position) - at).squaredNorm();
-    if (i == 0 || distance < nearest) {
-      nearest = distance;
-      row.vertex.fill(i);
-    }
-  }
-  row.weight[0] = 1;
-  return row;
+  return sum;
 }
 
 /// kappa of a vertex that is held firmly: the local compliance that the field lacks, 1 / (E a), and no softer than what
@@ -106,7 +67,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   };
   for (const Pin& pin : body.pins) {
     if (!isIn(field, pin.vertex)) continue;
-    visit(vertexRow(pin.vertex), firm, Vector3d(asVector(pin.target).cast<double>()), formats::kNone);
+    visit(vertexRow(pin.vertex), firm, Vector3d(asVector(pin.at).cast<double>()), formats::kNone);
   }
   for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
     const PinSet& set = body.pin_sets[s];
@@ -116,14 +77,14 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     }
   }
   for (const Pick& pick : body.picks) {
-    const PickRow row = rowOf(body, pick.visual_vertex);
-    if (!isIn(field, row.vertex[0])) continue;
+    const PickedPoint point = pickedPoint(body, pick.visual_vertex);
+    if (!isIn(field, point.vertex[0])) continue;
     // The mass that a pull of this frequency moves; critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
     const double omega = 2 * M_PI * double(pick.frequency_hz);
     double answer = 0;
     Vector3d old = step.center;
     for (std::uint32_t j = 0; j < field.k; ++j) {
-      const double phi = row.at(field, j);
+      const double phi = valueAt(field, point, j);
       old += phi * (piece.state.z[j] - double(field.functions[j].one) * step.center);
       if (j >= field.driven) {
         answer += phi * phi / (1 + double(step.stiffness) * double(field.functions[j].stiffness) / (omega * omega));
@@ -132,7 +93,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     if (!(answer > 0)) continue;
     const double kappa = omega * omega / answer, damper = 2 * omega / answer / step.h;
     const Vector3d target = (kappa * asVector(pick.target).cast<double>() + damper * old) / (kappa + damper);
-    visit([&](std::uint32_t j) { return row.at(field, j); }, kappa + damper, target, formats::kNone);
+    visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);
   }
 }
 
@@ -153,7 +114,7 @@ bool hasSprings(const Body& body, const Piece& piece) {
   if (piece.field().tethers != nullptr) return true;
   if (heldCount(body, piece) > 0) return true;
   for (const Pick& pick : body.picks) {
-    if (isIn(piece.field(), rowOf(body, pick.visual_vertex).vertex[0])) return true;
+    if (isIn(piece.field(), pickedPoint(body, pick.visual_vertex).vertex[0])) return true;
   }
   return false;
 }

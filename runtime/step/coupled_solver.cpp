@@ -61,14 +61,15 @@ class CoupledSolver final : public BodySolver {
     updateFibres(body_);
     for (Piece& piece : body_.pieces) restPiece(body_, piece);
     body_.outdated = false;
+    body_.shown = 1;
   }
   void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) override {
     stepPieces(body_, settings, seconds, scratch.pieces);
   }
-  void refresh() override { internal::refresh(body_); }
+  void refresh(double part) override { internal::refresh(body_, part); }
   void takeState() override {
     project(body_);
-    internal::refresh(body_);
+    internal::refresh(body_, 1);
   }
   void holdsChanged() override {
     if (chooseFields(body_)) project(body_);
@@ -204,6 +205,7 @@ class CoupledSolver final : public BodySolver {
     }
     updateFibres(body_, false);
     body_.outdated = false;
+    body_.shown = 1;
   }
 
  private:

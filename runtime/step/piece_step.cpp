@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "runtime/geometry/rotation.h"
+#include "runtime/interact/pin_sets.h"
 #include "runtime/solver/plasticity.h"
 #include "runtime/solver/springs.h"
 
@@ -583,8 +584,8 @@ bool isUsable(const Piece& piece) {
       largest = std::max(largest, row.cwiseAbs().maxCoeff());
     }
   }
-  // Of one vertex of the piece's mass at 1e15 m.
-  return finite && largest < 1e15 * std::sqrt(piece.field().mass);
+  // Of one vertex of the piece's mass there.
+  return finite && largest < double(kLargestPosition) * std::sqrt(piece.field().mass);
 }
 
 /// The four vertices that carry a rigid part: as their rest shape, turned and moved to where they are.
@@ -621,6 +622,14 @@ void resizeState(Piece& piece) {
   piece.whole_h = 0;
 }
 
+/// There was no step before.
+void standStill(PieceState& state) {
+  std::copy(state.z.begin(), state.z.end(), state.z_before.begin());
+  std::copy(state.v.begin(), state.v.end(), state.v_before.begin());
+  state.turn.setZero();
+  state.h_before = 0;
+}
+
 }  // namespace
 
 void PieceScratch::reserve(const Piece& piece) {
@@ -633,12 +642,6 @@ void PieceScratch::reserve(const Piece& piece) {
 }
 
 void stepPieces(Body& body, const WorldSettings& settings, double seconds, PieceScratch& scratch) {
-  for (PinSet& set : body.pin_sets) {
-    set.at = set.target;
-    set.force_sum.setZero();
-    set.torque_sum.setZero();
-    set.passes = 1;
-  }
   body.repaired = 0;
   for (Piece& piece : body.pieces) {
     PieceStep(body, piece, settings, seconds, scratch).run();
@@ -660,7 +663,7 @@ void restPiece(const Body& body, Piece& piece) {
     state.z[j] = rotation * restOf(field, j) + oneOf(field, j) * position;
     state.v[j].setZero();
   }
-  state.h_before = 0;
+  standStill(state);
   state.elastic = state.budget = piece.tensions.empty() ? 0 : -1;
   state.touching.clear();
   resetPlasticity(field, state.plastic);
@@ -684,20 +687,28 @@ void updateFibres(Body& body, bool changed) {
   }
 }
 
-void refresh(Body& body) {
-  if (!body.outdated) return;
+void refresh(Body& body, double part) {
+  if (!body.outdated && body.shown == part) return;
   body.outdated = false;
+  body.shown = part;
+  const double left = 1 - part;
   for (const Piece& piece : body.pieces) {
     const Field& field = piece.field();
     const std::uint32_t blocks = (field.vertex_count + 7) / 8;
     Array<float>&coefficients = body.coefficients, &out = body.field_values;
     coefficients.resize(4 * std::size_t(field.k));
     out.resize(24 * std::size_t(blocks));
-    const Vector3d center = meanOf(field, piece.z());
+    const PieceState& state = piece.state;
+    const Vector3d now = meanOf(field, piece.z());
+    const Vector3d before = meanOf(field, {state.z_before.data()->data(), Eigen::Index(field.k), 3});
+    const Vector3d center = left * before + part * now;
+    const Matrix3d onward = turnBy(part * state.turn), back = turnBy(-left * state.turn);
     for (const bool moving : {false, true}) {
       for (std::uint32_t j = 0; j < field.k; ++j) {
-        Vector3d row = moving ? piece.state.v[j] : piece.state.z[j];
-        if (!moving) row -= oneOf(field, j) * center;
+        const double one = oneOf(field, j);
+        const Vector3d row = moving ? Vector3d(left * state.v_before[j] + part * state.v[j])
+                                    : Vector3d(left * (onward * (state.z_before[j] - one * before)) +
+                                               part * (back * (state.z[j] - one * now)));
         for (std::uint32_t c = 0; c < 3; ++c) coefficients[4 * j + c] = float(row[int(c)]);
       }
       kernels().field_values({field.k, blocks, field.values, coefficients.data(), out.data()});
@@ -711,18 +722,18 @@ void refresh(Body& body) {
     }
   }
   // What rides along rigidly keeps its shape.
-  for (const formats::AttachedPart& part : body.package().parts()) {
-    if (part.cluster != formats::kNone) stiffen(body, body.package().clusters()[part.cluster]);
+  for (const formats::AttachedPart& rider : body.package().parts()) {
+    if (rider.cluster != formats::kNone) stiffen(body, body.package().clusters()[rider.cluster]);
   }
   // What is held is drawn where it is held: springs leave the local give to the vertex itself.
-  for (const Pin& pin : body.pins) body.x[pin.vertex] = pin.target;
+  for (const Pin& pin : body.pins) {
+    body.x[pin.vertex] = asArray(Vector3(float(left) * asVector(pin.before) + float(part) * asVector(pin.at)));
+  }
   for (const PinSet& set : body.pin_sets) {
+    const RigidTransform at = between(set.before, set.at, part);
     for (const PinnedVertex& vertex : set.vertices) {
       const auto to = asVector(body.x[vertex.vertex]);
-      Vector3 place = asVector(set.at.position);
-      for (std::size_t k = 0; k < 3; ++k) {
-        for (std::size_t c = 0; c < 3; ++c) place[int(k)] += set.at.rotation[3 * k + c] * vertex.local[c];
-      }
+      const Vector3 place = placeOf(at, vertex.local).cast<float>();
       body.x[vertex.vertex] = asArray(to + vertex.weight * (place - to));
     }
   }
@@ -778,7 +789,7 @@ void project(Body& body) {
       if (moving) continue;
       for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;
     }
-    state.h_before = 0;
+    standStill(state);
     state.elastic = -1;
     state.budget = -1;
     state.touching.clear();

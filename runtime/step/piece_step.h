@@ -18,14 +18,15 @@ struct PieceScratch {
   Array<float> heights;
 };
 
-/// Advances all pieces of a body by one step; its pin sets arrive at their targets.
+/// Advances all pieces of a body by one step, at whose end its pins and pin sets are where `at` says.
 void stepPieces(Body& body, const WorldSettings& settings, double seconds, PieceScratch& scratch);
 
 /// Puts a piece at rest where the body was added.
 void restPiece(const Body& body, Piece& piece);
 
 /// Positions and velocities of a body's physical vertices from its pieces' coefficients, where they are outdated.
-void refresh(Body& body);
+/// \param part of the last step that they are to show: between its two states, in the frame that turns with the piece.
+void refresh(Body& body, double part);
 
 /// Coefficients that come nearest to the positions and velocities in Body::x and v.
 void project(Body& body);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 
+#include "runtime/interact/pin_sets.h"
 #include "runtime/solver/cluster_solver.h"
 
 namespace sinew::internal {
@@ -20,14 +21,16 @@ void growScratch(const BodyList& bodies, StepScratch& scratch, const JobSystem* 
   }
 }
 
-void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, float seconds) {
+void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, double seconds,
+               double share) {
   growScratch(bodies, scratch, jobs);
   // Each lane takes the next body that nobody has taken. Bodies share nothing, so it does not matter which.
   std::atomic<std::size_t> next = 0;
   const auto run = [&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t lane = begin; lane < end; ++lane) {
       for (std::size_t i = next++; i < bodies.size(); i = next++) {
-        bodies[i]->solver->step(settings, double(seconds), scratch[lane]);
+        moveHolds(*bodies[i], share);
+        bodies[i]->solver->step(settings, seconds, scratch[lane]);
       }
     }
   };

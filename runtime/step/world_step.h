@@ -24,7 +24,9 @@ using StepScratch = OwningArray<SolverScratch>;
 /// Grows the scratch to what all bodies take, so that steps do not allocate, nor jobs at any time.
 void growScratch(const BodyList& bodies, StepScratch& scratch, const JobSystem* jobs);
 
-/// Advances all bodies by one step, side by side. \param scratch grown where bodies have come. \param jobs may be null.
-void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, float seconds);
+/// Advances all bodies by one step, side by side. \param share of the way to their targets that holds go. \param
+/// scratch grown where bodies have come. \param jobs may be null.
+void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, double seconds,
+               double share);
 
 }  // namespace sinew::internal

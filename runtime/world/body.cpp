@@ -8,16 +8,6 @@
 #include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
-namespace {
-
-bool within(const Vec3& v, float limit) {
-  return std::abs(v[0]) <= limit && std::abs(v[1]) <= limit && std::abs(v[2]) <= limit;  // false for NaN
-}
-
-}  // namespace
-
-bool stateIsUsable(const Vec3& x, const Vec3& v) { return within(x, kLargestPosition) && within(v, kLargestVelocity); }
-
 Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_settings, const SolverFactory& factory,
            std::pmr::memory_resource* memory)
     : asset(std::move(source)),

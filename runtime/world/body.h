@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
@@ -19,7 +20,9 @@ namespace sinew::internal {
 /// A physical vertex held at a place.
 struct Pin {
   std::uint32_t vertex;
-  Vec3 target;  ///< metres, world
+  Vec3 before;  ///< where it was held before the last step, metres, world
+  Vec3 at;      ///< where it is held
+  Vec3 target;  ///< where it is to be held
 };
 
 /// A vertex of a pin set.
@@ -34,8 +37,9 @@ struct PinSet {
   std::uint32_t id = 0;
   std::uint32_t source = formats::kNone;  ///< element of the package's PSET; none: the game's own
   PinMethod method = PinMethod::constrained_fit;
+  RigidTransform before;  ///< where it was before the last step
   RigidTransform at;      ///< where it is
-  RigidTransform target;  ///< where it is at the end of the step
+  RigidTransform target;  ///< where it is to go
   Array<PinnedVertex> vertices;
   // Reactions, summed over `passes` parts of the step; means are taken over them.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
@@ -92,6 +96,7 @@ struct Body {
   /// coefficients when somebody asks.
   OwningArray<Piece> pieces;
   bool outdated = false;  ///< x and v are not those of the pieces
+  double shown = 1;       ///< part of the last step that x and v show
   Array<float> coefficients, field_values;
   Array<Vector3d> residuals;
 
@@ -122,7 +127,16 @@ RigidTransform rigidMotionOf(const Body& body);
 /// Vertices that are not usable move along with the others, as the rest shape has them. \return how many there are.
 std::uint32_t replaceUnusable(Body& body);
 
-/// Whether a vertex can be stepped: position and velocity finite and below 1e15 m, 1e17 m/s.
-bool stateIsUsable(const Vec3& x, const Vec3& v);
+/// What is further away (m) or faster (m/s) counts as lost: floats could no longer square or difference it.
+inline constexpr float kLargestPosition = 1e15F, kLargestVelocity = 1e17F;
+
+/// Whether a vertex can be stepped: position and velocity finite and not lost.
+inline bool stateIsUsable(const Vec3& x, const Vec3& v) {
+  bool usable = true;
+  for (std::size_t c = 0; c < 3; ++c) {
+    usable &= std::abs(x[c]) <= kLargestPosition && std::abs(v[c]) <= kLargestVelocity;
+  }
+  return usable;
+}
 
 }  // namespace sinew::internal

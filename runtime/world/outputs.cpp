@@ -28,14 +28,14 @@ bool isSound(const VisualOutput& output) {
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
-  const Body* body = impl_->seen(id, "visualVertices");
+  const Body* body = impl_->seen(id, "visualVertices", impl_->shown);
   if (body == nullptr) return;
   const VertexRun all = {0, std::uint32_t(body->package().visualPositions().size())};
   impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
 }
 
 void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
-  const Body* body = impl_->seen(id, "visualSubMesh");
+  const Body* body = impl_->seen(id, "visualSubMesh", impl_->shown);
   if (body == nullptr) return;
   if (sub_mesh >= body->package().subMeshes().size()) {
     impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
@@ -93,7 +93,7 @@ Bounds World::physicalBounds(BodyId id) const {
 }
 
 Bounds World::visualBounds(BodyId id) const {
-  const Body* body = impl_->seen(id, "visualBounds");
+  const Body* body = impl_->seen(id, "visualBounds", impl_->shown);
   Bounds bounds;
   if (body == nullptr) return bounds;
   if (body->package().visualPositions().empty()) return physicalBounds(id);

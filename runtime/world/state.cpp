@@ -19,7 +19,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 8;
+constexpr std::uint32_t kStateVersion = 9;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -38,7 +38,7 @@ static_assert(sizeof(StateHeader) == 72);
 struct SavedPinSet {
   std::uint32_t id;
   PinMethod method;
-  RigidTransform at, target;
+  RigidTransform before, at, target;
   std::uint32_t passes, vertices, source, reserved;
   std::array<double, 3> force_sum, torque_sum;
 };
@@ -143,7 +143,8 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   std::uint32_t next = 0;
   for (std::uint32_t i = 0; i < h.pins; ++i) {
     const auto pin = reader.get<internal::Pin>();
-    sound &= pin.vertex >= next && pin.vertex < h.vertices && allFinite(pin.target.data(), 3);
+    sound &= pin.vertex >= next && pin.vertex < h.vertices && allFinite(pin.before.data(), 3) &&
+             allFinite(pin.at.data(), 3) && allFinite(pin.target.data(), 3);
     next = pin.vertex + 1;
   }
   const std::size_t visual_count = body.package().visualPositions().size();
@@ -158,8 +159,8 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   std::uint64_t pinned = 0;
   for (std::uint32_t i = 0; i < h.pin_sets; ++i) {
     const auto set = reader.get<SavedPinSet>();
-    sound &= set.id < kMostIds && internal::isProper(set.at) && internal::isProper(set.target) &&
-             set.method <= PinMethod::constrained_fit && set.vertices > 0 &&
+    sound &= set.id < kMostIds && internal::isProper(set.before) && internal::isProper(set.at) &&
+             internal::isProper(set.target) && set.method <= PinMethod::constrained_fit && set.vertices > 0 &&
              (set.source == formats::kNone || set.source < body.package().pinSets().size());
     pinned += set.vertices;
   }
@@ -198,6 +199,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
     saved.id = set.id;
     saved.source = set.source;
     saved.method = set.method;
+    saved.before = set.before;
     saved.at = set.at;
     saved.target = set.target;
     saved.passes = set.passes;
@@ -233,6 +235,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
       set.id = formats::kNone;  // none yet, and none of another's
       set.source = saved.source;
       set.method = saved.method;
+      set.before = saved.before;
       set.at = saved.at;
       set.target = saved.target;
       set.passes = saved.passes;
@@ -303,10 +306,12 @@ void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
     const Eigen::Vector3d moved = r * Eigen::Vector3d(double(p[0]), double(p[1]), double(p[2])) + t;
     for (int k = 0; k < 3; ++k) p[k] = float(moved[k]);
   };
-  for (internal::Pin& pin : body->pins) move(pin.target.data());
+  for (internal::Pin& pin : body->pins) {
+    for (Vec3* place : {&pin.before, &pin.at, &pin.target}) move(place->data());
+  }
   for (internal::Pick& pick : body->picks) move(pick.target.data());
   for (internal::PinSet& set : body->pin_sets) {
-    for (RigidTransform* transform : {&set.at, &set.target}) {
+    for (RigidTransform* transform : {&set.before, &set.at, &set.target}) {
       move(transform->position.data());
       for (std::size_t column = 0; column < 3; ++column) rotate(&transform->rotation[column], 3);
     }

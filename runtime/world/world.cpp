@@ -41,14 +41,14 @@ Body* World::Impl::find(BodyId id, const char* call) const {
   return body;
 }
 
-Body* World::Impl::seen(BodyId id, const char* call) const {
+Body* World::Impl::seen(BodyId id, const char* call, double part) const {
   Body* body = find(id, call);
-  if (body != nullptr) body->solver->refresh();
+  if (body != nullptr) body->solver->refresh(part);
   return body;
 }
 
 void World::Impl::holdsChanged(Body& body) {
-  body.solver->refresh();
+  body.solver->refresh(1);
   body.solver->holdsChanged();
 }
 
@@ -116,7 +116,7 @@ bool usable(const Vec3& place) { return internal::stateIsUsable(place, {}); }
 // s. Nobody means a longer one.
 constexpr float kLongestStep = 1e6F;
 
-// The settings that step() is to use, all in range, and what it made of those that were not.
+// The settings that a step is to use, all in range, and what it made of those that were not.
 struct CheckedSettings {
   WorldSettings settings;
   std::uint32_t wrong = 0;     // a bit each
@@ -146,6 +146,10 @@ CheckedSettings checked(const WorldSettings& given) {
   check("deformation_damping_ratio", ratio >= 0 && ratio <= 1, s.deformation_damping_ratio, ratio > 1 ? 1.0F : 0.0F);
   in_range("support_damping", s.support_damping);
   in_range("ground.friction", s.ground.friction);
+  const float substep = s.substep_seconds > 1 ? 1.0F : 1e-5F;
+  check("substep_seconds", s.substep_seconds >= 1e-5F && s.substep_seconds <= 1, s.substep_seconds, substep);
+  check("most_substeps", s.most_substeps >= 1 && s.most_substeps <= 1000, s.most_substeps,
+        std::clamp(s.most_substeps, 1U, 1000U));
   if (s.ground.enabled) {
     const float length = asVector(s.ground.normal).norm();
     check("ground.normal", std::abs(length - 1.0F) < 1e-3F && std::isfinite(s.ground.offset), s.ground.enabled, false);
@@ -254,32 +258,65 @@ void World::resetBody(BodyId id) {
 
 const Asset& World::asset(BodyId id) const { return *impl_->find(id)->asset; }
 
+WorldSettings World::Impl::soundSettings(const char* call) {
+  const CheckedSettings sound = checked(settings);
+  if (sound.wrong != settings_told && sound.wrong != 0) {
+    tell(LogSeverity::warning, "%s: WorldSettings::%s is out of range; the nearest legal value is used", call,
+         sound.name);
+  }
+  settings_told = sound.wrong;
+  return sound.settings;
+}
+
+void World::Impl::keepDrawn() {
+  visual.invalidate();
+  for (const internal::BodyPointer& body : bodies) {
+    if (body->settings.keep_previous) body->solver->refresh(shown);
+    keepHistory(*body);
+  }
+}
+
+void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double share) {
+  internal::stepWorld(bodies, step_scratch, sound, jobs, seconds, share);
+  for (const internal::BodyPointer& body : bodies) {
+    if (body->repaired == 0) continue;
+    tell(LogSeverity::warning,
+         "step: body %u: the state of %u vert%s was lost (not finite, or beyond 1e15 m) and was put right", body->id,
+         body->repaired, body->repaired == 1 ? "ex" : "ices");
+  }
+}
+
 void World::step(float seconds) {
   if (!(seconds > 0 && seconds <= kLongestStep)) {
     impl_->tell(LogSeverity::error, "step: %g is not a length of time; nothing was done", double(seconds));
     return;
   }
-  const CheckedSettings settings = checked(impl_->settings);
-  if (settings.wrong != impl_->settings_told && settings.wrong != 0) {
-    impl_->tell(LogSeverity::warning, "step: WorldSettings::%s is out of range; the nearest legal value is used",
-                settings.name);
-  }
-  impl_->settings_told = settings.wrong;
-  impl_->visual.invalidate();
+  const WorldSettings settings = impl_->soundSettings("step");
   impl_->guarded("step", false, [&] {
-    for (const internal::BodyPointer& body : impl_->bodies) {
-      if (body->settings.keep_previous) body->solver->refresh();
-      keepHistory(*body);
-    }
-    internal::stepWorld(impl_->bodies, impl_->step_scratch, settings.settings, impl_->jobs, seconds);
+    impl_->keepDrawn();
+    impl_->shown = 1;
+    impl_->stepOnce(settings, double(seconds), 1);
     return true;
   });
-  for (const internal::BodyPointer& body : impl_->bodies) {
-    if (body->repaired == 0) continue;
-    impl_->tell(LogSeverity::warning,
-                "step: body %u: the state of %u vert%s was lost (not finite, or beyond 1e15 m) and was put right",
-                body->id, body->repaired, body->repaired == 1 ? "ex" : "ices");
+}
+
+std::uint32_t World::advance(float seconds) {
+  if (!(seconds >= 0 && seconds <= kLongestStep)) {
+    impl_->tell(LogSeverity::error, "advance: %g is not a length of time; nothing was done", double(seconds));
+    return 0;
   }
+  const WorldSettings settings = impl_->soundSettings("advance");
+  const double h = double(settings.substep_seconds), time = impl_->left_over + double(seconds);
+  // Frames of the length of an inner step each hold one, however their sum is rounded.
+  const double whole = std::floor(time / h + 1e-6);
+  const std::uint32_t steps = std::uint32_t(std::min(whole, double(settings.most_substeps)));
+  return impl_->guarded("advance", 0U, [&] {
+    impl_->keepDrawn();
+    for (std::uint32_t i = 0; i < steps; ++i) impl_->stepOnce(settings, h, 1.0 / (steps - i));
+    impl_->left_over = std::max(0.0, time - whole * h);
+    impl_->shown = impl_->left_over / h;
+    return steps;
+  });
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
@@ -341,7 +378,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     return;
   }
   impl_->guarded("pin", false, [&] {
-    body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target});
+    body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target, target, target});
     body->pinned[vertex] = 1;
     impl_->holdsChanged(*body);
     return true;
@@ -364,7 +401,7 @@ void World::unpinAll(BodyId id) {
   if (body == nullptr) return;
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 0;
   body->pins.clear();
-  body->solver->refresh();
+  body->solver->refresh(1);
   internal::removePinSets(*body);
   impl_->holdsChanged(*body);
 }
@@ -380,7 +417,7 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
     internal::PinSet set(impl_->memory);
     set.id = impl_->next_pin_set;
     set.method = method;
-    set.at = set.target = at;
+    set.before = set.at = set.target = at;
     const auto weights = body->package().pinWeights();
     const auto weightOf = [&](std::uint32_t vertex) { return weights.empty() ? 1.0F : weights[vertex]; };
     internal::Array<std::uint64_t> held(impl_->memory);
@@ -420,7 +457,7 @@ void World::removePinSet(PinSetId id) {
     impl_->tell(LogSeverity::error, "removePinSet: there is no such pin set");
     return;
   }
-  body->solver->refresh();
+  body->solver->refresh(1);
   internal::removePinSet(*body, index);
   impl_->holdsChanged(*body);
 }
@@ -468,7 +505,7 @@ PinReaction World::pinReaction(PinSetId id) const {
 
 bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
   Body* body = impl_->find(id);
-  if (body == nullptr || channel >= body->activation.size()) return false;
+  if (body == nullptr || channel >= body->activation.size() || std::isnan(value)) return false;
   const float wanted = value > 0 ? std::min(value, 1.0F) : 0.0F;
   if (body->activation[channel] == wanted) return true;
   return impl_->guarded("setActivation", false, [&] {

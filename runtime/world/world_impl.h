@@ -32,8 +32,8 @@ struct SINEW_HIDDEN World::Impl {
   /// The same, and tells the log where there is none.
   internal::Body* find(BodyId id, const char* call) const;
 
-  /// The same, with its positions and velocities up to date.
-  internal::Body* seen(BodyId id, const char* call) const;
+  /// The same, with its positions and velocities up to date, or as they were at a part of the last step.
+  internal::Body* seen(BodyId id, const char* call, double part = 1) const;
   /// What holds or pulls a body has changed.
   static void holdsChanged(internal::Body& body);
 
@@ -68,6 +68,13 @@ struct SINEW_HIDDEN World::Impl {
   void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
                    const VisualOutput& output) const;
 
+  /// The settings with all values legal; tells the log of those that were not.
+  WorldSettings soundSettings(const char* call);
+  /// A step begins: what is drawn becomes the previous positions. May throw std::bad_alloc.
+  void keepDrawn();
+  /// One step, all settings sound. \param share of the way to their targets that holds go. May throw std::bad_alloc.
+  void stepOnce(const WorldSettings& sound, double seconds, double share);
+
   /// To be called whenever a body changes.
   void changed(internal::Body&) { visual.invalidate(); }
 
@@ -80,6 +87,8 @@ struct SINEW_HIDDEN World::Impl {
   internal::StepScratch step_scratch;
   std::uint32_t next_pick = 0;
   std::uint32_t next_pin_set = 0;
+  double left_over = 0;             ///< time that advance() was given and no inner step has taken yet, s
+  double shown = 1;                 ///< part of the last step that is drawn
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
   mutable internal::VisualScratch visual;
 };

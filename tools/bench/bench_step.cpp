@@ -133,10 +133,11 @@ void emitPlaces(const BenchContext& context, const std::string& mesh, const std:
 
 void emitSizes(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& small,
                const std::shared_ptr<const Asset>& large, const std::string& vertices) {
+  const std::string name = mesh + " of " + vertices + " vertices, ";
   for (const Place place : {Place::air, Place::resting, Place::held}) {
     Scene of_large(large, place), of_small(small, place);
-    emitAgainst(context, mesh + " of " + vertices + " vertices, " + nameOf(place), large, of_large, "the smaller",
-                of_small, kSizeTimes, "<= 1.1 x the smaller");
+    emitAgainst(context, name + nameOf(place), large, of_large, "the smaller", of_small, kSizeTimes,
+                "<= 1.1 x the smaller");
   }
 }
 

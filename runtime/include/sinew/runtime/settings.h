@@ -72,6 +72,11 @@ struct WorldSettings {
   /// Rate at which turning on supports decays (a piece that stands, hangs or leans): soft things do not roll or swing
   /// for ever. 1/s, 0..1e4.
   float support_damping = 4.0F;
+  /// Length of the inner steps that World::advance() takes. s, 1e-5..1
+  float substep_seconds = 1.0F / 60;
+  /// Inner steps that one call of World::advance() takes at most, 1..1000: of what is longer the rest is left out, so
+  /// that a world that falls behind runs slow and does not fall behind further.
+  std::uint32_t most_substeps = 8;
 };
 
 /// What moves a body: see BodySettings::solver.

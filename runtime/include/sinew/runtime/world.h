@@ -107,6 +107,12 @@ class SINEW_API World {
   /// Advances all bodies. \param seconds step length, > 0 and at most 1e6 (1e-5 .. 1 s is tested); other values do
   /// nothing.
   void step(float seconds);
+  /// Advances all bodies by the time of a frame, however long, in inner steps of WorldSettings::substep_seconds. What
+  /// is left over counts for the next call, and what is drawn (visualVertices(), visualSubMesh(), visualBounds()) lies
+  /// between the last two inner steps, so that nothing stutters and no motion depends on the rate of frames. All other
+  /// calls see the state after the last inner step. Pin sets and pins reach their targets evenly over the inner steps
+  /// of a call. \param seconds 0 .. 1e6; other values do nothing. \return inner steps taken, perhaps none.
+  std::uint32_t advance(float seconds);
 
   /// Positions (metres, world) and velocities (m/s) of the physical vertices, in the package's order.
   std::span<const Vec3> positions(BodyId body) const;
@@ -132,7 +138,8 @@ class SINEW_API World {
   /// is now. \return an error that says which argument is wrong.
   Result<PinSetId> addPinSet(BodyId body, std::span<const std::uint32_t> vertices, const RigidTransform& at = {},
                              PinMethod method = PinMethod::constrained_fit);
-  /// Moves the transform: reached at the end of the next step. Ignored where it is not finite or not a proper rotation.
+  /// Moves the transform: reached at the end of the next step, or call of advance() that takes one. Ignored where it is
+  /// not finite or not a proper rotation.
   void movePinSet(PinSetId set, const RigidTransform& to);
   void removePinSet(PinSetId set);
   /// The pin set that the package names so (PSET): a body holds them all from the start, unless its BodySettings say
@@ -146,8 +153,8 @@ class SINEW_API World {
   /// Force and torque on the transform's owner; zero before the first step and for an unknown set.
   PinReaction pinReaction(PinSetId set) const;
 
-  /// Contracts the fibres that a channel of the package activates. \param value 0 (rest) .. 1, clamped. \return false
-  /// where the package has no such channel.
+  /// Contracts the fibres that a channel of the package activates. \param value 0 (rest) .. 1, clamped. \return false,
+  /// and nothing is done, where the package has no such channel or the value is not a number.
   bool setActivation(BodyId body, std::uint32_t channel, float value);
   bool setActivation(BodyId body, std::string_view channel, float value);
 
