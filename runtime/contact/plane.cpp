@@ -11,10 +11,12 @@ namespace {
 constexpr double kMargin = 2e-3;
 /// Speed at which what starts inside comes out, diagonals per second.
 constexpr double kRecoverySpeed = 1;
-/// How far a piece's weight presses its points in at most where it is too soft to carry it, diagonals.
+/// How far a piece's weight presses a few points in at most where it is too soft to carry it, diagonals.
 constexpr double kSinking = 2e-3;
 /// And at least, where it is stiff: a hundred times what floats resolve of a place. Diagonals.
 constexpr double kResolved = 2e-5;
+/// Those few.
+constexpr double kFew = 8;
 /// What counts as weight at least, diagonals per second squared.
 constexpr double kLeastGravity = 1;
 
@@ -30,37 +32,45 @@ Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoeffici
 }  // namespace
 
 void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const Vector3d& center,
-                  Array<float>& heights, MinimizeScratch& scratch) {
+                  std::span<float> lent, MinimizeScratch& scratch) {
   const Field& field = piece.field();
   scratch.contacts.clear();
   const std::uint32_t count = std::uint32_t(field.points.size()), blocks = (count + 7) / 8;
   if (count == 0) return;
   const Vector3d normal(double(step.plane->normal[0]), double(step.plane->normal[1]), double(step.plane->normal[2]));
-  const double level = double(step.plane->offset) - normal.dot(center);
+  const std::span<float> heights = lent.subspan(0, 8 * blocks), before_heights = lent.subspan(8 * blocks, 8 * blocks);
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    const float* const base = scratch.base.data() + 4 * j;
-    scratch.x[j] = float(normal[0]) * base[0] + (float(normal[1]) * base[1] + float(normal[2]) * base[2]);
+    const Vector3d arm = y.row(j).transpose() - double(field.functions[j].one) * center;
+    const Vector3d old = piece.z().row(j).transpose() - double(field.functions[j].one) * center;
+    scratch.x[j] = float(normal.dot(arm));
+    scratch.next[j] = float(normal.dot(old));
   }
-  if (heights.size() < 8 * blocks) heights.resize(8 * blocks);
   kernels().field_heights({field.k, blocks, field.point_values, scratch.x.data(), heights.data()});
+  kernels().field_heights({field.k, blocks, field.point_values, scratch.next.data(), before_heights.data()});
 
   const auto& touching = piece.state.touching;
-  const float margin = float(level + kMargin * step.diagonal);
-  std::uint32_t known = 0, near = 0;
+  const float margin = float(double(step.plane->offset) - normal.dot(center) + kMargin * step.diagonal);
+  // Of many those carry that are near before the step, for which do must not depend on its length; then the others.
+  const auto isNear = [&](std::uint32_t p) { return heights[p] < margin || before_heights[p] < margin; };
+  std::size_t near_before = 0;
+  for (std::uint32_t p = 0; p < count; ++p) near_before += before_heights[p] < margin ? 1U : 0U;
+  std::size_t known = 0, first = kMostContacts, others = kMostContacts - std::min<std::size_t>(near_before, first);
   for (std::uint32_t p = 0; p < count; ++p) {
+    if (!isNear(p)) continue;
+    std::size_t& left = before_heights[p] < margin ? first : others;
+    if (left == 0) continue;
+    --left;
     while (known < touching.size() && touching[known].point < p) ++known;
     const bool touched = known < touching.size() && touching[known].point == p;
-    if (!(heights[p] < margin) && !touched) continue;
-    ++near;
-    if (scratch.contacts.size() == kMostContacts) continue;
     const Vector3d at = positionOf(field, p, y, center), before = positionOf(field, p, piece.z(), center);
     const double gap = normal.dot(at) - double(step.plane->offset);
     const double gap_before = normal.dot(before) - double(step.plane->offset);
     Contact contact = {};
     contact.point = p;
-    // What starts deep inside finds the plane lower, so that it comes out at a bounded speed.
-    const double low = std::min(0.0, gap_before + kRecoverySpeed * step.diagonal * step.h);
-    contact.gap = float(gap - low);
+    // What starts inside finds the plane lower, and rising, so that it comes out at a bounded speed.
+    const double low = touched ? double(touching[known].floor) : gap_before;
+    contact.floor = float(std::min(0.0, low + kRecoverySpeed * step.h * step.diagonal));
+    contact.gap = float(gap - double(contact.floor));
     Vector3d anchor = before;
     if (touched) {
       anchor = Eigen::Map<const Vector3d>(touching[known].anchor.data());
@@ -71,16 +81,15 @@ void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoeffici
     contact.slide = (slide - normal.dot(slide) * normal).cast<float>();
     scratch.contacts.push_back(contact);
   }
-  const std::size_t kept = scratch.contacts.size();
-  for (std::size_t i = 0; i < kept; ++i) {
+  // A constant of the point, whatever else touches: else what rests would be a spring that changes.
+  const double weight = std::max(step.weight, field.mass * kLeastGravity * step.diagonal) / (kFew * step.diagonal);
+  for (std::size_t i = 0; i < scratch.contacts.size(); ++i) {
     Contact& contact = scratch.contacts[i];
     float* const row = scratch.rows.data() + std::size_t(field.k) * i;
     for (std::uint32_t j = 0; j < field.k; ++j) row[j] = field.valueAtPoint(contact.point, j);
     contact.phi = row;
     const double local = double(step.stiffness) * field.young * std::sqrt(double(field.points[contact.point].area));
-    const double weight = std::max(step.weight, field.mass * kLeastGravity * step.diagonal) / double(kept);
-    contact.kappa = float(std::clamp(local * double(near) / double(kept), weight / (kSinking * step.diagonal),
-                                     weight / (kResolved * step.diagonal)));
+    contact.kappa = float(std::clamp(local, weight / kSinking, weight / kResolved));
   }
 }
 
@@ -102,7 +111,7 @@ void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficien
     const double length = slide.norm(), most = double(step.plane->friction) * -double(gap);
     if (length > most) slide *= most / length;
     const Vector3d anchor = at - slide;
-    piece.state.touching.push_back({contact.point, {anchor[0], anchor[1], anchor[2]}});
+    piece.state.touching.push_back({contact.point, contact.floor, {anchor[0], anchor[1], anchor[2]}});
   }
 }
 

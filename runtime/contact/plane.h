@@ -23,9 +23,9 @@ struct PlaneStep {
 };
 
 /// Fills scratch.contacts and scratch.rows. \param y predicted coefficients. \param center what scratch.base is
-/// relative to. \param heights scratch of a float a contact point, rounded up to eight.
+/// relative to. \param lent scratch of two floats a contact point, rounded up to eight.
 void findContacts(const Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const Vector3d& center,
-                  Array<float>& heights, MinimizeScratch& scratch);
+                  std::span<float> lent, MinimizeScratch& scratch);
 
 /// What touches at offset scratch.d becomes PieceState::touching.
 void rememberContacts(Piece& piece, const PlaneStep& step, const ConstCoefficientMap& y, const Vector3d& center,

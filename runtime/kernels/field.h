@@ -11,8 +11,8 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-/// Below this determinant a sample counts as inverted when a step starts.
-inline constexpr float kInverted = 0.02F;
+/// From the one volume down to the other a sample passes over from its own rotation to the piece's (docs/method.md).
+inline constexpr float kSqueezed = 0.5F, kInverted = 0.02F;
 /// Stiffness beyond a limit, of 2 mu + lambda.
 inline constexpr float kLimitStiffness = 10;
 
@@ -119,7 +119,40 @@ SINEW_INLINE Mat3Of<Float8> timesTransposed(const Mat3Of<Float8>& a, const Mat3O
   return result;
 }
 
-/// Psi = mu |F - R|^2 + lambda / 2 tr^2(R^T F - 1), summed with the samples' volumes. \return the energy, J.
+/// det F - 1 from F - 1.
+SINEW_INLINE Float8 determinantChange(const Mat3Of<Float8>& c) {
+  const Float8 trace = (c(0, 0) + c(1, 1)) + c(2, 2);
+  const Float8 minors = ((c(0, 0) * c(1, 1) - c(0, 1) * c(1, 0)) + (c(1, 1) * c(2, 2) - c(1, 2) * c(2, 1))) +
+                        (c(2, 2) * c(0, 0) - c(2, 0) * c(0, 2));
+  return trace + (minors + determinant(c));
+}
+
+/// A measure of volume g(J), 0 and of slope 1 at J = 1: J - 1 from 0 to 1, and beyond by fourth roots, so that its
+/// square grows more slowly than the squares of stretches do.
+struct SwellingOf {
+  Float8 value, rate;  ///< g, dg / dJ
+};
+SINEW_INLINE SwellingOf swellingOf(Float8 change) {
+  const Float8 one = splat<Float8>(1.0F), beyond = larger(larger(change, Float8{} - change - one), Float8{});
+  const Float8 root2 = squareRoot(beyond + one), root4 = squareRoot(root2);
+  const Float8 more = 4.0F * beyond / ((root4 + one) * (root2 + one));
+  return {select(change > Float8{}, more, select(change < Float8{} - one, Float8{} - one - more, change)),
+          one / (root2 * root4)};
+}
+
+/// d det F / d F.
+SINEW_INLINE Mat3Of<Float8> cofactor(const Mat3Of<Float8>& f) {
+  Mat3Of<Float8> c;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      const int r1 = (row + 1) % 3, r2 = (row + 2) % 3, c1 = (column + 1) % 3, c2 = (column + 2) % 3;
+      c(row, column) = f(r1, c1) * f(r2, c2) - f(r1, c2) * f(r2, c1);
+    }
+  }
+  return c;
+}
+
+/// Psi = mu |F - R|^2 + lambda / 2 g^2(det F), summed with the samples' volumes. \return the energy, J.
 /// Where something is permanent F stands for F S^-1. F and R are 1 and a rest each, so that what is rounded is relative
 /// to the deformation.
 [[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
@@ -135,33 +168,35 @@ SINEW_INLINE Mat3Of<Float8> timesTransposed(const Mat3Of<Float8>& a, const Mat3O
     if (rest_change != nullptr) change = fromRestShape(change, loadMatrix(rest_change));
     Mat3Of<Float8> f;
     for (int i = 0; i < 9; ++i) f.m[i] = change.m[i] + one.m[i];
-    std::int32_t* const inverted = a.inverted + 8 * s;
-    if (a.mark) store(inverted, determinant(f) < kInverted);
-    const Int8 astray = load<Int8>(inverted);
+    const Float8 swollen = determinantChange(change), unit = splat<Float8>(1.0F);
+    float* const squeezed = a.squeezed + 8 * s;
+    if (a.mark) store8(squeezed, clamped((kSqueezed - unit - swollen) / (kSqueezed - kInverted), Float8{}, unit));
+    const Float8 common = load8(squeezed), own = unit - common;
     float* const q = a.quaternions + 32 * s;
     QuaternionOf<Float8> rotation = {load8(q), load8(q + 8), load8(q + 16), load8(q + 24)};
-    nearestRotation(select(astray, one, f), rotation);
+    Mat3Of<Float8> guide;
+    for (int i = 0; i < 9; ++i) guide.m[i] = own * f.m[i] + common * one.m[i];
+    nearestRotation(guide, rotation);
     store8(q, rotation.w);
     store8(q + 8, rotation.x);
     store8(q + 16, rotation.y);
     store8(q + 24, rotation.z);
     const Mat3Of<Float8> turn = turnOf(rotation);
-    Mat3Of<Float8> strain, r;
-    Float8 trace = {};
-    for (int i = 0; i < 9; ++i) {
-      strain.m[i] = change.m[i] - turn.m[i];
-      r.m[i] = turn.m[i] + one.m[i];
-      trace += r.m[i] * strain.m[i];
-    }
+    Mat3Of<Float8> strain;
+    for (int i = 0; i < 9; ++i) strain.m[i] = change.m[i] - turn.m[i];
+    const SwellingOf measure = swellingOf(swollen);
+    const Float8 swelling = own * measure.value + common * ((change(0, 0) + change(1, 1)) + change(2, 2));
     const Float8 volume = load8(pack.volume) * a.stiffness;
-    const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * trace;
+    const Float8 mu = volume * load8(pack.mu), pressure = volume * load8(pack.lambda) * swelling;
     const Float8 size2 = squaredNorm(strain);
-    energy += double(sumOfLanes(mu * size2 + 0.5F * (pressure * trace)));
-    const Float8 twice = mu + mu;
+    const Float8 aligned = select(common < unit, mu * common / own, Float8{}) * squaredNorm(turn);
+    energy += double(sumOfLanes((mu * size2 + aligned) + 0.5F * (pressure * swelling)));
+    const Float8 twice = mu + mu, push = pressure * (own * measure.rate), common_push = pressure * common;
+    const Mat3Of<Float8> area = cofactor(f);
     Mat3Of<Float8> p;
-    for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + pressure * r.m[i];
+    for (int i = 0; i < 9; ++i) p.m[i] = twice * strain.m[i] + (push * area.m[i] + common_push * one.m[i]);
     if (a.limits != nullptr) {
-      const Int8 on = (size2 > load8(a.limits[s].reach)) & ~astray;
+      const Int8 on = (size2 > load8(a.limits[s].reach)) & (common < unit);
       if (any(on)) energy += addLimits(a.limits[s], pack, a.stiffness, on, f, p);
     }
     if (rest_change != nullptr) addTo(p, timesTransposed(p, loadMatrix(rest_change)));

@@ -31,9 +31,9 @@ struct FieldEnergyArguments {
   const float* gradients;      ///< by pack and function: d phi / dX, dY, dZ of eight samples
   float stiffness;             ///< factor on mu and lambda
   const float* coefficients;   ///< k x 4: x y z 0, in the frame of the piece, less those of the rest shape
-  bool mark;                   ///< decide here which samples are inverted: until the next mark they take the frame
+  bool mark;                   ///< find here how far samples lean on the frame's rotation: until the next mark
   float* quaternions;          ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
-  std::int32_t* inverted;      ///< by pack 8, in and out: -1 or 0
+  float* squeezed;             ///< by pack 8, in and out: so far do they, 0..1
   const float* rest_change;    ///< by pack 9 x 8: S^-1 - 1 of what is permanent, column by column; null: nothing is
   const SampleLimits* limits;  ///< by pack; null: there are none
   float* lanes;                ///< scratch, k x 3 x 8

@@ -9,6 +9,9 @@ namespace sinew::internal {
 namespace {
 
 constexpr std::uint32_t kPairs = 5;
+/// Times that a step of the first matrix is cut before A takes over: A, never too soft, turns what moves rigidly only
+/// slowly.
+constexpr std::uint32_t kCuts = 2;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
@@ -52,7 +55,7 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       lanes(memory),
       parts(memory),
       quaternions(memory),
-      inverted(memory),
+      squeezed(memory),
       factor(memory),
       contacts(memory),
       rows(memory),
@@ -77,7 +80,7 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   grow(parts, 3 * k + 8);
   grow(factor, k * k);
   grow(quaternions, 32 * std::size_t(field.pack_count));
-  grow(inverted, 8 * std::size_t(field.pack_count));
+  grow(squeezed, 8 * std::size_t(field.pack_count));
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
   for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &work, &external}) grow(*array, k);
@@ -211,7 +214,7 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   arguments.coefficients = scratch->x.data();
   arguments.mark = mark;
   arguments.quaternions = scratch->quaternions.data();
-  arguments.inverted = scratch->inverted.data();
+  arguments.squeezed = scratch->squeezed.data();
   arguments.lanes = scratch->lanes.data();
   arguments.gradient = gradient;
   arguments.rest_change = rest_change;
@@ -323,6 +326,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
   const std::uint32_t n = 4 * objective.field->k;
   std::array<double, kPairs> curvature = {}, alpha = {};
   std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
+  float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
   const double size2 = dot(s.base.data(), s.base.data(), n), rough = objective.roughStiffness();
@@ -336,6 +340,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
       add(float(-alpha[slot]), changeOf(slot), s.direction.data(), n);
     }
     objective.precondition(s.direction.data());
+    for (std::uint32_t i = 0; i < n; ++i) s.direction[i] *= scale;
     for (std::uint32_t i = pairs; i-- > 0;) {
       const std::uint32_t slot = (newest + kPairs - i) % kPairs;
       const double beta = dot(changeOf(slot), s.direction.data(), n) / curvature[slot];
@@ -359,8 +364,8 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
       taken = next.total <= value.total - 1e-4 * double(part) * slope + noise;
       if (taken) break;
       part *= tries == 0 ? 0.5F : 0.25F;
-      // The rest shape's stiffness is no guide here: A, which is never too soft, is.
-      if (objective.through_modes) break;
+      // The rest shape's stiffness is no guide here: A is.
+      if (objective.through_modes && tries == kCuts) break;
     }
     ++iteration;
     if (!taken) {
@@ -369,8 +374,10 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
         objective.make_factor(objective, objective.context);
       objective.through_modes = false;
       pairs = 0;
+      scale = 1;
       continue;
     }
+    scale *= part;
     const std::uint32_t slot = (newest + 1) % kPairs;
     float *const offset = offsetOf(slot), *const change = changeOf(slot);
     for (std::uint32_t i = 0; i < n; ++i) {

@@ -17,7 +17,8 @@ namespace sinew::internal {
 /// A point that a plane may push. Its compliance is the local one that a field of few functions lacks: 1 / (E a).
 struct Contact {
   std::uint32_t point;    ///< of the field
-  float gap;              ///< height above the plane at the prediction, m
+  float gap;              ///< height above its floor at the prediction, m
+  float floor;            ///< height over the plane that it is pushed to, m: see TouchingPoint
   Eigen::Vector3f slide;  ///< way along the plane from where friction holds it, at the prediction, m
   float kappa;            ///< N/m
   float pressed;          ///< N, that friction sees
@@ -36,7 +37,7 @@ struct MinimizeScratch {
   Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
   Array<float> pairs;  ///< five of s and y each
   Array<float> lanes, parts, quaternions;
-  Array<std::int32_t> inverted;
+  Array<float> squeezed;
   Array<double> factor;  ///< of A
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
@@ -66,7 +67,8 @@ struct Objective {
   struct Value {
     double total = 0, elastic = 0;
   };
-  /// \param d offset from the prediction, k x 4. \param mark decides which samples are inverted.
+  /// \param d offset from the prediction, k x 4. \param mark finds how far squeezed samples lean on the piece's
+  /// rotation.
   Value at(const float* d, float* gradient, bool mark) const;
   /// Coefficients in the frame of the piece, less those of the rest shape, into scratch.x.
   void toFrame(const float* d) const;

@@ -20,6 +20,7 @@ using ConstCoefficientMap = Eigen::Map<const Coefficients>;
 /// A contact point that was touching when the last step ended.
 struct TouchingPoint {
   std::uint32_t point;           ///< of the field
+  float floor;                   ///< height over the plane that it is pushed to: 0, or below where it started inside, m
   std::array<double, 3> anchor;  ///< where friction holds it, metres, world
 };
 

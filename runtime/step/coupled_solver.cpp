@@ -161,7 +161,7 @@ class CoupledSolver final : public BodySolver {
       for (std::uint32_t t = 0; t < saved.touching; ++t) {
         TouchingPoint point;
         std::memcpy(&point, bytes.data() + pieceBytes(saved.functions, t, 0), sizeof point);
-        if (point.point < next || point.point >= field->points.size()) return false;
+        if (point.point < next || point.point >= field->points.size() || !(point.floor <= 0)) return false;
         next = point.point + 1;
       }
       for (std::uint32_t i = 0; i < saved.plastic; ++i) {

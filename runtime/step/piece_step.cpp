@@ -223,7 +223,11 @@ class PieceStep {
     const bool supported = springs_ || !piece_.state.touching.empty();
     const double turning = air * (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
     const Vector3d omega = rigid_.omega;
-    const Matrix3d turn = turnBy(h_ * turning_), turn_before = turnBy(piece_.state.turn);
+    // In the frame of the world what springs hold: they stop a turn at once, and a frame that has turned on takes that
+    // for a turn back, larger each time.
+    const bool turns = !(springs_ && two_step_);
+    const Matrix3d turn = turns ? turnBy(h_ * turning_) : Matrix3d::Identity();
+    const Matrix3d turn_before = turns ? turnBy(piece_.state.turn) : Matrix3d::Identity();
     const Vector3d omega_before = piece_.state.omega;
     rigid_omega_ = turning * omega;
     const double damping = 4 * M_PI * double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
@@ -268,9 +272,14 @@ class PieceStep {
         speed -= before * air_before * std::exp(-rate * h_before) * (turn_before * old_speed);
       }
       speed *= kept;
+      if (!turns) {
+        const Vector3d old = z_before.row(j).transpose() - one * mean_before;
+        speed += turning * (now * omega.cross(arm) - before * omega_before.cross(old));
+      }
       const Vector3d turned = turn * (shape + effective_h_ * speed);
       s_.prediction[j] = one * center_ + turned;
-      s_.predicted_velocity[j] = one * rigid_velocity_ + rigid_omega_.cross(Vector3d(turn * arm)) + turn * speed;
+      s_.predicted_velocity[j] = one * rigid_velocity_ + turn * speed;
+      if (turns) s_.predicted_velocity[j] += rigid_omega_.cross(Vector3d(turn * arm));
       if (field_.driven > 0) s_.prediction[j] += one * effective_h_ * effective_h_ * gravity_;
     }
     setBase();
@@ -297,7 +306,7 @@ class PieceStep {
     if (grounded_) {
       objective_.friction = settings_.ground.friction;
       objective_.normal = asVector(settings_.ground.normal);
-      findContacts(piece_, planeStep(), y(), center_, scratch_.heights, s_);
+      findContacts(piece_, planeStep(), y(), center_, {scratch_.heights.data(), scratch_.heights.size()}, s_);
     }
     objective_.has_springs = springs_;
     if (springs_ && !s_.contacts.empty()) prepareSprings(body_, piece_, springStep(), y(), s_);  // else rebase() does
@@ -636,7 +645,7 @@ void PieceScratch::reserve(const Piece& piece) {
   for (const Field* field : {piece.free, piece.fixed}) {
     if (field == nullptr) continue;
     minimize.reserve(*field, kMostContacts);
-    const std::size_t points = (field->points.size() + 7) / 8 * 8;
+    const std::size_t points = (field->points.size() + 7) / 8 * 16;
     if (heights.size() < points) heights.resize(points);
   }
 }

@@ -24,6 +24,10 @@ constexpr double kStiffest = 30, kSoftest = 1e-2, kRigid = 90;
 constexpr double kNoShare = 0.004;
 /// Frequency of a vertex on a pin of weight one half, Hz.
 constexpr double kPinHz = 60;
+/// Parts that a triangle's edges are divided into at most, and places on triangles for each contact point: bounds of
+/// the work only.
+constexpr double kMostParts = 64;
+constexpr std::size_t kMostPlaces = 64;
 /// Parts that a fibre is cut into at most.
 constexpr double kMostSegments = 8;
 /// Volumes below so much of the cube of a tetrahedron's longest edge are none.
@@ -76,33 +80,65 @@ bool hasLaws(const formats::ClusterMechanics& mechanics) {
   return mechanics.limit != formats::LimitMethod::none || mechanics.plastic_creep > 0;
 }
 
-/// Contact points: visual vertices of a piece, each as far as can be from those before it.
-std::vector<std::uint32_t> spreadVertices(const formats::PackageContent& content,
-                                          const std::vector<std::uint32_t>& candidates, std::uint32_t count) {
-  std::vector<std::uint32_t> chosen;
+/// Contact points: so many of the candidates, each as far as can be from those before it. \return their indices.
+std::vector<std::size_t> spread(const std::vector<Vector3d>& candidates, std::uint32_t count) {
+  std::vector<std::size_t> chosen;
   if (candidates.empty()) return chosen;
-  const auto at = [&](std::uint32_t v) {
-    const auto& x = content.visual_positions[v];
-    return Vector3d(double(x[0]), double(x[1]), double(x[2]));
-  };
   Vector3d center = Vector3d::Zero();
-  for (const std::uint32_t v : candidates) center += at(v);
-  center /= double(candidates.size());
+  for (const Vector3d& at : candidates) center += at / double(candidates.size());
   std::vector<double> distance(candidates.size(), std::numeric_limits<double>::infinity());
   std::size_t next = 0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if ((at(candidates[i]) - center).squaredNorm() > (at(candidates[next]) - center).squaredNorm()) next = i;
+    if ((candidates[i] - center).squaredNorm() > (candidates[next] - center).squaredNorm()) next = i;
   }
   while (chosen.size() < count) {
-    chosen.push_back(candidates[next]);
-    const Vector3d last = at(candidates[next]);
+    chosen.push_back(next);
+    const Vector3d& last = candidates[next];
     for (std::size_t i = 0; i < candidates.size(); ++i) {
-      distance[i] = std::min(distance[i], (at(candidates[i]) - last).squaredNorm());
+      distance[i] = std::min(distance[i], (candidates[i] - last).squaredNorm());
     }
     next = std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin());
     if (!(distance[next] > 0)) break;
   }
   return chosen;
+}
+
+/// Tension that holds a bar so much shorter, of what it would be in proportion: under Psi of docs/method.md, sides
+/// free.
+double hardening(double contraction, double poisson) {
+  const double mu = 0.5 / (1 + poisson), lambda = poisson / ((1 + poisson) * (1 - 2 * poisson));
+  const double along = 1 - contraction;
+  double across = 1 + poisson * contraction;
+  for (int round = 0; round < 20; ++round) {
+    const double volume = along * across * across;
+    across -= (4 * mu * (across - 1) + 2 * lambda * (volume - 1) * along * across) /
+              (4 * mu + 2 * lambda * along * (3 * volume - 1));
+  }
+  const double stress = 2 * mu * contraction + lambda * (1 - along * across * across) * across * across;
+  return contraction > 0 ? stress / contraction : 1;
+}
+
+/// A point of the surface: weights of vertices of the piece.
+struct Point {
+  std::array<std::uint32_t, 4> corner = {};
+  std::array<double, 4> weight = {};
+};
+
+double areaOf(const std::array<Vector3d, 3>& corner) {
+  return 0.5 * (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm();
+}
+
+/// Places inside a triangle (its edges among them) that leave no gap wider than `spacing`.
+void addPlacesWithin(const std::array<Vector3d, 3>& corner, double spacing, std::vector<Vector3d>& places) {
+  double longest = 0;
+  for (std::size_t k = 0; k < 3; ++k) longest = std::max(longest, (corner[(k + 1) % 3] - corner[k]).norm());
+  const int parts = int(std::min(std::ceil(longest / spacing), kMostParts));
+  for (int i = 0; i <= parts; ++i) {
+    for (int j = 0; i + j <= parts; ++j) {
+      if (std::max({i, j, parts - i - j}) == parts) continue;  // the corners are visual vertices
+      places.push_back(corner[0] + (double(i) * (corner[1] - corner[0]) + double(j) * (corner[2] - corner[0])) / parts);
+    }
+  }
 }
 
 /// Blocks of eight rows: element j of block b holds column j of rows 8 b .. 8 b + 7.
@@ -379,6 +415,7 @@ class PieceFields {
         add(corners[0], -bit.slope.sum());
         fibre.volume += bit.volume;
         fibre.tension += double(mechanics.contraction) * young_[bit.tetrahedron] * bit.volume;
+        fibre.hardening += bit.volume * hardening(double(mechanics.contraction), poisson_[bit.tetrahedron]);
       }
       for (Fibre& fibre : fibres) {
         if (!(fibre.volume > 0)) continue;
@@ -386,6 +423,7 @@ class PieceFields {
         fibre.load = loads_.size();
         fibre.share = fibre.volume / volume;
         fibre.contraction = double(mechanics.contraction);
+        fibre.hardening /= fibre.volume;
         fibre.stretch /= fibre.volume;
         fibres_.push_back(std::move(fibre));
       }
@@ -450,8 +488,9 @@ class PieceFields {
       // What shortens the fibre by so much where it lies: what surrounds it stretches along.
       const double alone = space.young_scale * fibre.tension;
       const double answer = space.compliance.size() > 0 ? space.compliance[Eigen::Index(fibre.load)] : 0;
-      const double tension =
+      const double embedded =
           answer > 0 ? std::min(fibre.share * fibre.contraction / answer, kStrongest * alone) : alone;
+      const double tension = embedded + (fibre.hardening - 1) * alone;
       content_.field_fibres.push_back(
           {field, fibre.cluster, std::uint32_t(content_.field_fibre_values.size()), float(tension)});
       for (const double value : values) content_.field_fibre_values.push_back(float(value));
@@ -569,9 +608,27 @@ class PieceFields {
     return std::abs(edges.determinant()) / 6;
   }
 
+  /// A place in the tetrahedron that holds it, or of those that do not the one that it lies least outside of.
+  void hang(const Vector3d& x, Point& point) const {
+    double best = -std::numeric_limits<double>::infinity();
+    for (const auto& tetrahedron : tetrahedra_) {
+      Eigen::Matrix3d edges;
+      for (int k = 0; k < 3; ++k) {
+        edges.col(k) = positions_[tetrahedron[std::size_t(k) + 1]] - positions_[tetrahedron[0]];
+      }
+      const Vector3d weight = edges.inverse() * (x - positions_[tetrahedron[0]]);
+      const double first = 1 - weight.sum(), least = std::min(first, weight.minCoeff());
+      if (!(least > best)) continue;
+      best = least;
+      for (std::size_t k = 0; k < 4; ++k) {
+        point.corner[k] = tetrahedron[k];
+        point.weight[k] = k == 0 ? first : weight[int(k) - 1];
+      }
+    }
+  }
+
   void findPoints(std::uint32_t count) {
     double area = 0;
-    std::vector<std::uint32_t> candidates;
     if (content_.barycentric.empty()) {
       // Hung on clusters: the physical vertices stand for the surface.
       for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
@@ -586,23 +643,44 @@ class PieceFields {
         const std::uint32_t t = content_.barycentric[v].tetrahedron;
         return t >= body_.first_tetrahedron && t < body_.first_tetrahedron + body_.tetrahedron_count;
       };
+      // Visual vertices, and places on triangles that are wider than the points lie apart.
       std::vector<char> used(content_.visual_positions.size(), 0);
+      std::vector<std::array<Vector3d, 3>> triangles;
       for (const auto& triangle : content_.visual_triangles) {
         if (!in_piece(triangle[0])) continue;
-        Vector3d corner[3];
+        std::array<Vector3d, 3>& corner = triangles.emplace_back();
         for (std::size_t k = 0; k < 3; ++k) {
           const auto& x = content_.visual_positions[triangle[k]];
           corner[k] = {double(x[0]), double(x[1]), double(x[2])};
           if (in_piece(triangle[k])) used[triangle[k]] = 1;
         }
-        area += 0.5 * (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm();
+        area += areaOf(corner);
       }
+      std::vector<std::uint32_t> vertices;
+      std::vector<Vector3d> candidates;
       for (std::uint32_t v = 0; v < used.size(); ++v) {
-        if (used[v] != 0) candidates.push_back(v);
+        if (used[v] == 0) continue;
+        vertices.push_back(v);
+        const auto& x = content_.visual_positions[v];
+        candidates.emplace_back(double(x[0]), double(x[1]), double(x[2]));
       }
-      for (const std::uint32_t v : spreadVertices(content_, candidates, count)) {
-        const formats::BarycentricAttachment& at = content_.barycentric[v];
-        Point point;
+      const double spacing = std::sqrt(std::max(area, 1e-12) / std::max(1.0, double(count)));
+      // Of slivers without number the largest are enough.
+      std::stable_sort(triangles.begin(), triangles.end(),
+                       [](const auto& a, const auto& b) { return areaOf(a) > areaOf(b); });
+      const std::size_t most = vertices.size() + kMostPlaces * count;
+      for (const auto& corner : triangles) {
+        if (candidates.size() < most) addPlacesWithin(corner, spacing, candidates);
+      }
+      for (const std::size_t i : spread(candidates, count)) {
+        Point& point = points_.emplace_back();
+        const Vector3d& x = candidates[i];
+        places_.push_back({float(x[0]), float(x[1]), float(x[2])});
+        if (i >= vertices.size()) {
+          hang(x, point);
+          continue;
+        }
+        const formats::BarycentricAttachment& at = content_.barycentric[vertices[i]];
         point.corner = content_.tetrahedra[at.tetrahedron].vertex;
         double last = 1;
         for (std::size_t k = 0; k < 3; ++k) {
@@ -610,9 +688,7 @@ class PieceFields {
           last -= point.weight[k];
         }
         point.weight[3] = last;
-        for (std::uint32_t& corner : point.corner) corner -= body_.first_vertex;
-        points_.push_back(point);
-        places_.push_back(content_.visual_positions[v]);
+        for (std::uint32_t& vertex : point.corner) vertex -= body_.first_vertex;
       }
     }
     area_ = std::max(area, 1e-12) / std::max<double>(1, double(points_.size()));
@@ -718,13 +794,9 @@ class PieceFields {
     Eigen::VectorXd stretch;       // sum over vertices of stretch x: the mean deformation gradient along the fibre
     double volume = 0, share = 0;  // m^3 of the cluster, and of all that it has
     double contraction = 0;        // of the cluster at full activation
+    double hardening = 0;          // what it takes more than in proportion
     double tension = 0;            // J, that shortens it by so much alone
   };
-  struct Point {
-    std::array<std::uint32_t, 4> corner = {};
-    std::array<double, 4> weight = {};
-  };
-
   formats::PackageContent& content_;
   const std::uint32_t piece_;
   const formats::BodyRange body_;
