@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "sinew/runtime/world.h"
@@ -224,6 +225,7 @@ TEST(Materials, AFibreContractsABarAndLetsGo) {
     for (int step = 0; step < 300; ++step) world.step(step % 2 == 0 ? 1.0F / 60 : 1.0F / 240);
   };
   EXPECT_FALSE(world.setActivation(body, "triceps", 1));
+  EXPECT_FALSE(world.setActivation(body, "biceps", std::numeric_limits<float>::quiet_NaN()));
   for (const float active : {1.0F, 0.5F, 0.0F}) {
     ASSERT_TRUE(world.setActivation(body, "biceps", active));
     run();

@@ -246,6 +246,16 @@ static void testMotion(const sinew_asset* asset) {
     CHECK(counts.allocations == before);
   }
   CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_step(world, -1));
+  {
+    uint32_t steps = 9, sum = 0;
+    for (i = 0; i < 24; ++i) {
+      CHECK_OK(sinew_world_advance(world, 1.0f / 144, &steps));
+      sum += steps;
+    }
+    CHECK(steps <= 1 && sum == 10); /* 24 frames of 144 a second are 10 steps of 1/60 s */
+    CHECK_OK(sinew_world_advance(world, 1.0f, NULL));
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_advance(world, -1, &steps));
+  }
   CHECK(log.errors > 0);
 
   /* The report's scheme, which this program links. */
