@@ -326,7 +326,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
   const std::uint32_t n = 4 * objective.field->k;
   std::array<double, kPairs> curvature = {}, alpha = {};
   std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
-  float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
+  float scale = 1;                      // of the inverse of the first matrix: what had to be cut was too soft
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
   const double size2 = dot(s.base.data(), s.base.data(), n), rough = objective.roughStiffness();
