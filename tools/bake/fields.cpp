@@ -108,12 +108,14 @@ std::vector<std::size_t> spread(const std::vector<Vector3d>& candidates, std::ui
 double hardening(double contraction, double poisson) {
   const double mu = 0.5 / (1 + poisson), lambda = poisson / ((1 + poisson) * (1 - 2 * poisson));
   const double along = 1 - contraction;
-  double across = 1 + poisson * contraction;
-  for (int round = 0; round < 20; ++round) {
-    const double volume = along * across * across;
-    across -= (4 * mu * (across - 1) + 2 * lambda * (volume - 1) * along * across) /
-              (4 * mu + 2 * lambda * along * (3 * volume - 1));
+  // Sides are between those of rest and those that keep the volume.
+  double low = 1, high = 1 / std::sqrt(along);
+  for (int round = 0; round < 60; ++round) {
+    const double across = 0.5 * (low + high);
+    const double push = 2 * mu * (across - 1) + lambda * (along * across * across - 1) * along * across;
+    (push < 0 ? low : high) = across;
   }
+  const double across = 0.5 * (low + high);
   const double stress = 2 * mu * contraction + lambda * (1 - along * across * across) * across * across;
   return contraction > 0 ? stress / contraction : 1;
 }
@@ -649,12 +651,18 @@ class PieceFields {
       for (const auto& triangle : content_.visual_triangles) {
         if (!in_piece(triangle[0])) continue;
         std::array<Vector3d, 3>& corner = triangles.emplace_back();
+        bool whole = true;
         for (std::size_t k = 0; k < 3; ++k) {
           const auto& x = content_.visual_positions[triangle[k]];
           corner[k] = {double(x[0]), double(x[1]), double(x[2])};
-          if (in_piece(triangle[k])) used[triangle[k]] = 1;
+          if (in_piece(triangle[k])) {
+            used[triangle[k]] = 1;
+          } else {
+            whole = false;
+          }
         }
         area += areaOf(corner);
+        if (!whole) triangles.pop_back();
       }
       std::vector<std::uint32_t> vertices;
       std::vector<Vector3d> candidates;
