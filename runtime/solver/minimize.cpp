@@ -321,6 +321,25 @@ double Objective::roughStiffness() const {
   return kRough * double(stiffness) * omega * omega;
 }
 
+namespace {
+
+/// Squared length below which a direction is what floats round.
+double roundedWay2(const Objective& objective) {
+  const MinimizeScratch& s = *objective.scratch;
+  const double moves = kRounding * std::min(1.0, objective.h * objective.h * objective.roughStiffness());
+  return moves * moves * dot(s.base.data(), s.base.data(), 4 * objective.field->k);
+}
+
+}  // namespace
+
+bool isSettled(const Objective& objective, const float* d, const float* gradient) {
+  float* const direction = objective.scratch->direction.data();
+  const std::uint32_t n = 4 * objective.field->k;
+  std::copy_n(gradient, n, direction);
+  objective.precondition(direction);
+  return dot(direction, direction, n) <= kSettled * kSettled * dot(d, d, n) + roundedWay2(objective);
+}
+
 Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value value) {
   MinimizeScratch& s = *objective.scratch;
   const std::uint32_t n = 4 * objective.field->k;
@@ -330,7 +349,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
   const double size2 = dot(s.base.data(), s.base.data(), n), rough = objective.roughStiffness();
-  const double moves = kRounding * std::min(1.0, objective.h * objective.h * rough), noise2 = moves * moves * size2;
+  const double noise2 = roundedWay2(objective);
   const double energy_noise = kRounding * kRounding * rough * size2;
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(s.gradient.data(), n, s.direction.data());

@@ -96,6 +96,9 @@ struct Objective {
 /// \return the value at the offset that scratch.d then holds, whose gradient scratch.gradient holds.
 Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value start);
 
+/// Whether minimize() would stop at once at an offset with this gradient.
+bool isSettled(const Objective& objective, const float* d, const float* gradient);
+
 /// Cholesky factor of a symmetric positive matrix in place, lower triangle row by row; false where it is not positive.
 bool factorize(double* a, std::uint32_t n);
 

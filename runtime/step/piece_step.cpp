@@ -435,20 +435,25 @@ class PieceStep {
     };
     if (!s_.contacts.empty()) {
       // What touches starts at y, where contacts push and A knows them: at the old place they may not push yet. Where
-      // all that push have touched before, as of what rests, the old place is as good a start, and most often the end.
+      // all that push have touched before the old place is as good a start, and of what rests it is the end.
       std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
       objective_.press(s_.old.data());
       const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
-      const bool rests = piece_.state.elastic >= 0 && expected < value.total && touchesAsBefore();
-      if (!rests) {
-        objective_.press(s_.d.data());
-        value_ = minimize(objective_, 2 * settings_.iterations, value);
-        if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
-        std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
-        objective_.press(s_.next.data());
-        objective_.through_modes = false;
-        factorizeScalar(objective_);
+      if (piece_.state.elastic >= 0 && expected < value.total) {
+        const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
+        if (touchesAsBefore() || isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
+          takeOld(old);
+          value_ = minimize(objective_, 2 * settings_.iterations, value);
+          return;
+        }
       }
+      objective_.press(s_.d.data());
+      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
+      std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
+      objective_.press(s_.next.data());
+      objective_.through_modes = false;
+      factorizeScalar(objective_);
       takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
       value_ = minimize(objective_, 2 * settings_.iterations, value);
       return;
