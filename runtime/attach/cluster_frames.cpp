@@ -6,8 +6,8 @@
 namespace sinew::internal {
 namespace {
 
-// Volumes below this part of the rest shape's: inside out, or about to be.
-constexpr float kInverted = 0.02F;
+// A fitted frame of less volume than this, of the rest shape's, would give no normals: the rotation does then.
+constexpr float kLeastVolume = 0.02F;
 
 Monomials<9> coordinatesOf(const formats::Cluster& cluster, const ClusterRest& rest, const Vec3& rest_position) {
   return monomials<9>(restOffset(cluster, asVector(rest_position))) - rest.mean;
@@ -40,7 +40,7 @@ ClusterFrame fitCluster(const formats::PackageView& package, const RestConstants
   if (!quadratic) a_pq.rightCols<6>().setZero();
   const Columns<9> fitted =
       frame.f + (a_pq - frame.rotation * constants.moment).lazyProduct(momentInverse(package, cluster)).eval();
-  if (determinantOf(Matrix3(fitted.leftCols<3>())) > kInverted && fitted.allFinite()) frame.f = fitted;
+  if (determinantOf(Matrix3(fitted.leftCols<3>())) > kLeastVolume && fitted.allFinite()) frame.f = fitted;
   return frame;
 }
 

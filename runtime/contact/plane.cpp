@@ -11,11 +11,12 @@ namespace {
 constexpr double kMargin = 2e-3;
 /// Speed at which what starts inside comes out, diagonals per second.
 constexpr double kRecoverySpeed = 1;
-/// How far a piece's weight presses a few points in at most where it is too soft to carry it, diagonals.
+/// Depths in kappa = weight / (kFew depth), which bound a point's own E sqrt(area) (docs/method.md §4). Where a piece
+/// is too soft to carry its weight, diagonals:
 constexpr double kSinking = 2e-3;
 /// And at least, where it is stiff: a hundred times what floats resolve of a place. Diagonals.
 constexpr double kResolved = 2e-5;
-/// Those few.
+/// Points that are taken to share the weight there; more press in less.
 constexpr double kFew = 8;
 /// What counts as weight at least, diagonals per second squared.
 constexpr double kLeastGravity = 1;

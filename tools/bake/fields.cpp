@@ -603,22 +603,20 @@ class PieceFields {
     }
   }
 
-  double tetrahedronVolume(std::size_t t) const {
+  /// From its first corner to the others, a column each.
+  Eigen::Matrix3d edgesOf(const std::array<std::uint32_t, 4>& corners) const {
     Eigen::Matrix3d edges;
-    for (int k = 0; k < 3; ++k)
-      edges.col(k) = positions_[tetrahedra_[t][std::size_t(k) + 1]] - positions_[tetrahedra_[t][0]];
-    return std::abs(edges.determinant()) / 6;
+    for (int k = 0; k < 3; ++k) edges.col(k) = positions_[corners[std::size_t(k) + 1]] - positions_[corners[0]];
+    return edges;
   }
+
+  double tetrahedronVolume(std::size_t t) const { return std::abs(edgesOf(tetrahedra_[t]).determinant()) / 6; }
 
   /// A place in the tetrahedron that holds it, or of those that do not the one that it lies least outside of.
   void hang(const Vector3d& x, Point& point) const {
     double best = -std::numeric_limits<double>::infinity();
     for (const auto& tetrahedron : tetrahedra_) {
-      Eigen::Matrix3d edges;
-      for (int k = 0; k < 3; ++k) {
-        edges.col(k) = positions_[tetrahedron[std::size_t(k) + 1]] - positions_[tetrahedron[0]];
-      }
-      const Vector3d weight = edges.inverse() * (x - positions_[tetrahedron[0]]);
+      const Vector3d weight = edgesOf(tetrahedron).inverse() * (x - positions_[tetrahedron[0]]);
       const double first = 1 - weight.sum(), least = std::min(first, weight.minCoeff());
       if (!(least > best)) continue;
       best = least;
