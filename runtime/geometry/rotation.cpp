@@ -12,6 +12,38 @@
 namespace sinew::geometry {
 namespace {
 
+// The leading eigenvector of a traceless symmetric K, where its eigenvalue is well apart from the others: Newton's
+// method on the characteristic polynomial, from above, where it is monotone (Horn 1987 §5; Shuster and Oh 1981), and
+// the null space as a column of the inverse beside the eigenvalue. \return false: it is not.
+bool leadingEigenvector(const Eigen::Matrix4d& k, const Quaternion& previous, Quaternion& q) {
+  constexpr double kApart = 1e-3, kBeside = 1e-11, kSettled = 1e-14;
+  const Eigen::Matrix4d squared = k * k;
+  const double c2 = -0.5 * squared.trace(), c1 = -(squared.cwiseProduct(k)).sum() / 3, c0 = k.determinant();
+  // Of eigenvalues that add up to 0 none is larger than this.
+  double value = std::sqrt(0.75 * squared.trace()), slope = 0;
+  bool found = false;
+  for (int round = 0; round < 20 && !found; ++round) {
+    const double square = value * value;
+    slope = (4 * square + 2 * c2) * value + c1;
+    if (!(slope > 0)) return false;
+    const double step = ((square + c2) * square + c1 * value + c0) / slope;
+    value -= step;
+    found = std::abs(step) <= kSettled * value;
+  }
+  // The slope is the product of the distances to the other eigenvalues.
+  if (!found || !(slope > kApart * value * value * value)) return false;
+  const Eigen::Matrix4d inverse = (k - (1 + kBeside) * value * Eigen::Matrix4d::Identity()).inverse();
+  Eigen::Index column = 0;
+  inverse.diagonal().cwiseAbs().maxCoeff(&column);
+  Eigen::Vector4d vector = inverse.col(column).normalized();
+  if (!vector.allFinite()) return false;
+  double along = 0;
+  for (int j = 0; j < 4; ++j) along += vector[j] * double(previous[std::size_t(j)]);
+  if (along < 0) vector = -vector;
+  for (int j = 0; j < 4; ++j) q[std::size_t(j)] = float(vector[j]);
+  return true;
+}
+
 // The nearest rotation as the leading eigenvector of Horn's 4x4 matrix K (Horn 1987, eq. 31: tr(R^T A) = q^T K q),
 // in double. Where the leading eigenvalue is multiple (a collapsed or mirrored A) every vector of its eigenspace is
 // equally near: the one closest to the previous quaternion is taken, so that R stays continuous in time.
@@ -21,6 +53,8 @@ Quaternion nearestRotationByEigenvectors(const Eigen::Matrix3d& a, const Quatern
       a(2, 1) - a(1, 2), a(0, 0) - a(1, 1) - a(2, 2), a(0, 1) + a(1, 0), a(0, 2) + a(2, 0),  //
       a(0, 2) - a(2, 0), a(0, 1) + a(1, 0), a(1, 1) - a(0, 0) - a(2, 2), a(1, 2) + a(2, 1),  //
       a(1, 0) - a(0, 1), a(0, 2) + a(2, 0), a(1, 2) + a(2, 1), a(2, 2) - a(0, 0) - a(1, 1);
+  Quaternion simple;
+  if (leadingEigenvector(k, previous, simple)) return simple;
   Eigen::Vector4d values;  // ascending
   Eigen::Matrix4d vectors;
   symmetricEigen(viewOf(std::as_const(k)), {values.data(), 4}, viewOf(vectors));
@@ -65,7 +99,7 @@ void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q) {
   }
   constexpr float kDefinite =
       1e-2F;                     // least pivot of J that Newton is trusted with, relative to the largest entry of a
-  constexpr float kNear = 0.5F;  // largest step, radians
+  constexpr float kNear = 1.0F;  // largest step, radians
   Quaternion iterate = q;
   for (int iteration = 0; iteration < 6; ++iteration) {
     const Eigen::Matrix3f c = rotationMatrix(iterate).transpose() * b;

@@ -29,7 +29,7 @@ template <class F>
   Mat3Of<F> b;
   for (int k = 0; k < 9; ++k) b.m[k] = select(normal, a.m[k] * inverse, F{});
 
-  constexpr float kDefinite = 1e-2F, kNear = 0.5F, kSettled = 1e-6F;  // see geometry::nearestRotation
+  constexpr float kDefinite = 1e-2F, kNear = 1.0F, kSettled = 1e-6F;  // see geometry::nearestRotation
   QuaternionOf<F> iterate = q;
   Mask active = normal, settled = {};
   for (int iteration = 0; iteration < 6 && any(active); ++iteration) {

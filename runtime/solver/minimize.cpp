@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/minimize.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -21,19 +22,24 @@ constexpr double kRough = 30;
 /// Rounding of energies that are sums of floats, relative.
 constexpr double kEnergyNoise = 4e-6;
 
+using Four = Eigen::Array4f;
+
 double dot(const float* a, const float* b, std::uint32_t n) {
-  std::array<float, 4> sum = {};
-  double total = 0;
   // Short runs in floats, their sums in double.
-  for (std::uint32_t i = 0; i < n; i += 4) {
-    for (std::uint32_t k = 0; k < 4; ++k) sum[k] = a[i + k] * b[i + k];
-    total += double((sum[0] + sum[1]) + (sum[2] + sum[3]));
+  constexpr std::uint32_t kRun = 16;
+  const auto product = [&](std::uint32_t i) { return Four(Four::Map(a + i) * Four::Map(b + i)); };
+  Eigen::Array4d total = Eigen::Array4d::Zero();
+  std::uint32_t i = 0;
+  for (; i + kRun <= n; i += kRun) {
+    const Four run = (product(i) + product(i + 4)) + (product(i + 8) + product(i + 12));
+    total += run.cast<double>();
   }
-  return total;
+  for (; i < n; i += 4) total += product(i).cast<double>();
+  return (total[0] + total[1]) + (total[2] + total[3]);
 }
 
 void add(float factor, const float* a, float* to, std::uint32_t n) {
-  for (std::uint32_t i = 0; i < n; ++i) to[i] += factor * a[i];
+  for (std::uint32_t i = 0; i < n; i += 4) Four::Map(to + i) += factor * Four::Map(a + i);
 }
 
 }  // namespace
