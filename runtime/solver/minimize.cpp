@@ -237,7 +237,6 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
 Objective::Value Objective::at(const float* d, float* gradient, bool mark) const {
   Value value;
   value.elastic = elastic(d, gradient, mark);
-  std::fill_n(gradient, 4 * field->driven, 0.0F);
   value.total = value.elastic + besideElastic(d, gradient);
   return value;
 }
@@ -340,50 +339,55 @@ double roundedWay2(const Objective& objective) {
 
 bool isSettled(const Objective& objective, const float* d, const float* gradient) {
   float* const direction = objective.scratch->direction.data();
-  const std::uint32_t n = 4 * objective.field->k;
-  std::copy_n(gradient, n, direction);
+  const std::uint32_t first = 4 * objective.field->driven, n = 4 * objective.field->k - first;
+  std::copy_n(gradient + first, n, direction + first);
   objective.precondition(direction);
-  return dot(direction, direction, n) <= kSettled * kSettled * dot(d, d, n) + roundedWay2(objective);
+  return dot(direction + first, direction + first, n) <=
+         kSettled * kSettled * dot(d + first, d + first, n) + roundedWay2(objective);
 }
 
 Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value value) {
   MinimizeScratch& s = *objective.scratch;
-  const std::uint32_t n = 4 * objective.field->k;
+  // Pins decide the driven coefficients: all below is of the others.
+  const std::uint32_t all = 4 * objective.field->k, first = 4 * objective.field->driven, n = all - first;
+  float *const d = s.d.data() + first, *const gradient = s.gradient.data() + first;
+  float *const direction = s.direction.data() + first, *const trial = s.next.data() + first;
+  const float* const next_gradient = s.next_gradient.data() + first;
   std::array<double, kPairs> curvature = {}, alpha = {};
   std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
   float scale = 1;                      // of the inverse of the first matrix: what had to be cut was too soft
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
-  const double size2 = dot(s.base.data(), s.base.data(), n), rough = objective.roughStiffness();
+  const double size2 = dot(s.base.data(), s.base.data(), all), rough = objective.roughStiffness();
   const double noise2 = roundedWay2(objective);
   const double energy_noise = kRounding * kRounding * rough * size2;
   for (std::uint32_t iteration = 0; iteration < iterations;) {
-    std::copy_n(s.gradient.data(), n, s.direction.data());
+    std::copy_n(gradient, n, direction);
     for (std::uint32_t i = 0; i < pairs; ++i) {
       const std::uint32_t slot = (newest + kPairs - i) % kPairs;
-      alpha[slot] = dot(offsetOf(slot), s.direction.data(), n) / curvature[slot];
-      add(float(-alpha[slot]), changeOf(slot), s.direction.data(), n);
+      alpha[slot] = dot(offsetOf(slot), direction, n) / curvature[slot];
+      add(float(-alpha[slot]), changeOf(slot), direction, n);
     }
     objective.precondition(s.direction.data());
-    for (std::uint32_t i = 0; i < n; ++i) s.direction[i] *= scale;
+    for (std::uint32_t i = 0; i < n; ++i) direction[i] *= scale;
     for (std::uint32_t i = pairs; i-- > 0;) {
       const std::uint32_t slot = (newest + kPairs - i) % kPairs;
-      const double beta = dot(changeOf(slot), s.direction.data(), n) / curvature[slot];
-      add(float(alpha[slot] - beta), offsetOf(slot), s.direction.data(), n);
+      const double beta = dot(changeOf(slot), direction, n) / curvature[slot];
+      add(float(alpha[slot] - beta), offsetOf(slot), direction, n);
     }
-    double slope = dot(s.gradient.data(), s.direction.data(), n);
+    double slope = dot(gradient, direction, n);
     if (!(slope > 0)) {
       if (pairs == 0) break;
       pairs = 0;
       continue;
     }
-    const double way2 = dot(s.d.data(), s.d.data(), n);
-    if (dot(s.direction.data(), s.direction.data(), n) <= kSettled * kSettled * way2 + noise2) break;
+    const double way2 = dot(d, d, n);
+    if (dot(direction, direction, n) <= kSettled * kSettled * way2 + noise2) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;
     for (std::uint32_t tries = 0; tries < 6 && !taken; ++tries) {
-      for (std::uint32_t i = 0; i < n; ++i) s.next[i] = s.d[i] - part * s.direction[i];
+      for (std::uint32_t i = 0; i < n; ++i) trial[i] = d[i] - part * direction[i];
       next = objective.at(s.next.data(), s.next_gradient.data(), false);
       const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
       taken = next.total <= value.total - 1e-4 * double(part) * slope + noise;
@@ -406,8 +410,8 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
     const std::uint32_t slot = (newest + 1) % kPairs;
     float *const offset = offsetOf(slot), *const change = changeOf(slot);
     for (std::uint32_t i = 0; i < n; ++i) {
-      offset[i] = s.next[i] - s.d[i];
-      change[i] = s.next_gradient[i] - s.gradient[i];
+      offset[i] = trial[i] - d[i];
+      change[i] = next_gradient[i] - gradient[i];
     }
     const double bend = dot(offset, change, n);
     if (bend > 1e-9 * std::sqrt(dot(offset, offset, n) * dot(change, change, n))) {
@@ -415,15 +419,15 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
       newest = slot;
       pairs = std::min(pairs + 1, kPairs);
     }
-    std::copy_n(s.next.data(), n, s.d.data());
-    std::copy_n(s.next_gradient.data(), n, s.gradient.data());
+    std::copy_n(trial, n, d);
+    std::copy_n(s.next_gradient.data(), all, s.gradient.data());
     value = next;
     if (!s.contacts.empty() && objective.friction > 0) {
       // Friction's bound follows the load: the objective of the next iteration is another one.
       const double before = objective.external(s.d.data(), nullptr);
-      for (std::uint32_t i = 0; i < n; ++i) s.next_gradient[i] = 0;
+      std::fill_n(s.next_gradient.begin(), all, 0.0F);
       objective.external(s.d.data(), s.next_gradient.data());
-      add(-1, s.next_gradient.data(), s.gradient.data(), n);
+      add(-1, next_gradient, gradient, n);
       objective.press(s.d.data());
       value.total += objective.external(s.d.data(), s.gradient.data()) - before;
     }

@@ -411,6 +411,7 @@ class PieceStep {
     objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_),
                         rotationOf(field_, now, meanOf(field_, now)));
     std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
+    std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
     if (grounded_) objective_.press(s_.d.data());
     Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
     if (objective_.has_offset) {
@@ -427,7 +428,6 @@ class PieceStep {
       for (std::uint32_t c = 0; c < 3; ++c) s_.next[4 * j + c] = float(moved[int(c)] - s_.prediction[j][int(c)]);
       s_.next[4 * j + 3] = 0;
     }
-    std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
     const auto takeOld = [&](const Objective::Value& old) {
       value = old;
       std::copy_n(s_.next.data(), 4 * k_, s_.d.data());
@@ -557,11 +557,10 @@ class PieceStep {
     std::uint32_t rows = 0;
     if (field_.driven > 0) {
       // Elasticity pulls at the driven functions, and their own weight hangs on them.
-      objective_.elastic(s_.d.data(), s_.next_gradient.data(), false);
       rows = field_.driven;
       tetherPull(field_, springStep(), std::as_const(piece_).z(), {s_.external.data(), rows});
       for (std::uint32_t j = 0; j < rows; ++j) {
-        const float* const g = s_.next_gradient.data() + 4 * j;
+        const float* const g = s_.gradient.data() + 4 * j;
         s_.external[j] += Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
       }
     }
