@@ -177,8 +177,10 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       }
     }
     field.young = volume > 0 ? weighed / volume : 0;
-    // Vertices count by their masses: those that only carry accessories have next to none.
-    field.vertex_size = std::cbrt(volume * squared_masses) / std::cbrt(field.mass * field.mass);
+    // 0.4 E q^2 of a vertex's volume, q the shortest wave that k functions show. Vertices count by their masses: those
+    // that only carry accessories have next to none.
+    const double wave = volume > 0 ? M_PI * std::cbrt(double(field.k) / volume) : 0;
+    field.foundation = 0.4 * field.young * wave * wave * volume * squared_masses / (field.mass * field.mass);
   }
   if (!limited) limits.clear();
   return fields;

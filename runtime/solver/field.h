@@ -41,7 +41,7 @@ struct Field {
   const double* driven_mass = nullptr;  ///< of the driven functions: sum m phi, kg
   double mass = 0;                      ///< kg
   double young = 0;                     ///< mean Young's modulus, Pa
-  double vertex_size = 0;               ///< cube root of the volume a vertex, m
+  double foundation = 0;                ///< that what is held at run time lies on (docs/method.md), N/m a vertex
   double lowest_hz = 0;                 ///< of the lowest elastic mode, Hz
 
   /// Unknowns that are not prescribed: x, y and z of each function that no pin set drives.

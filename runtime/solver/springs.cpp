@@ -11,8 +11,6 @@ namespace {
 
 /// How far a piece's weight draws its pins from their targets at most where it is too soft to carry it, diagonals.
 constexpr double kSagging = 2e-3;
-/// Of E a: the local compliance that fields of about 32 functions lack where something holds them (docs/method.md).
-constexpr double kLocal = 0.4;
 
 bool isIn(const Field& field, std::uint32_t vertex) {
   return vertex >= field.first_vertex && vertex - field.first_vertex < field.vertex_count;
@@ -37,45 +35,41 @@ double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
   return sum;
 }
 
-/// kappa of a vertex that is held firmly: the local compliance that the field lacks, 1 / (E a), and no softer than what
-/// carries the weight.
-double firmness(const Body& body, const Field& field, const SpringStep& step, std::size_t count) {
-  const double local = kLocal * double(step.stiffness) * field.young * field.vertex_size;
-  const double carries = step.weight / (kSagging * double(body.package().info().diagonal) * double(count));
-  return std::max(local, carries);
-}
-
-std::size_t heldCount(const Body& body, const Piece& piece) {
+/// Calls visit(vertex, weight, target, set) for each vertex of the piece that springs hold; set is the pin set's number
+/// or kNone.
+template <class Visit>
+void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
   const Field& field = piece.field();
-  std::size_t count = 0;
-  for (const Pin& pin : body.pins) count += isIn(field, pin.vertex) ? 1U : 0U;
-  for (const PinSet& set : body.pin_sets) {
+  for (const Pin& pin : body.pins) {
+    if (isIn(field, pin.vertex)) visit(pin.vertex, 1.0, Vector3d(asVector(pin.at).cast<double>()), formats::kNone);
+  }
+  for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
+    const PinSet& set = body.pin_sets[s];
+    if (isDriven(piece, set)) continue;
     for (const PinnedVertex& vertex : set.vertices) {
-      if (isIn(field, vertex.vertex) && !isDriven(piece, set)) ++count;
+      if (isIn(field, vertex.vertex)) visit(vertex.vertex, double(vertex.weight), placeOf(set.at, vertex.local), s);
     }
   }
-  return count;
+}
+
+/// kappa of a vertex that is held firmly: the field's foundation, and no softer than what carries the weight. 0:
+/// nothing is held.
+double firmness(const Body& body, const Piece& piece, const SpringStep& step) {
+  double held = 0;
+  forEachHeld(body, piece, [&held](std::uint32_t, double weight, const Vector3d&, std::uint32_t) { held += weight; });
+  if (!(held > 0)) return 0;
+  const double carries = step.weight / (kSagging * double(body.package().info().diagonal) * held);
+  return std::max(double(step.stiffness) * piece.field().foundation, carries);
 }
 
 /// Calls visit(phi, kappa, target, set) for each spring; phi(j) gives the row, set is the pin set's number or kNone.
 template <class Visit>
-void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, std::size_t held, const Visit& visit) {
+void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, double firm, const Visit& visit) {
   const Field& field = piece.field();
-  const double firm = held > 0 ? firmness(body, field, step, held) : 0;
-  const auto vertexRow = [&field](std::uint32_t vertex) {
-    return [&field, i = vertex - field.first_vertex](std::uint32_t j) { return double(field.valueAt(i, j)); };
-  };
-  for (const Pin& pin : body.pins) {
-    if (!isIn(field, pin.vertex)) continue;
-    visit(vertexRow(pin.vertex), firm, Vector3d(asVector(pin.at).cast<double>()), formats::kNone);
-  }
-  for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
-    const PinSet& set = body.pin_sets[s];
-    for (const PinnedVertex& vertex : set.vertices) {
-      if (!isIn(field, vertex.vertex) || isDriven(piece, set)) continue;
-      visit(vertexRow(vertex.vertex), firm * double(vertex.weight), placeOf(set.at, vertex.local), s);
-    }
-  }
+  forEachHeld(body, piece, [&](std::uint32_t vertex, double weight, const Vector3d& target, std::uint32_t set) {
+    const std::uint32_t i = vertex - field.first_vertex;
+    visit([&field, i](std::uint32_t j) { return double(field.valueAt(i, j)); }, firm * weight, target, set);
+  });
   for (const Pick& pick : body.picks) {
     const PickedPoint point = pickedPoint(body, pick.visual_vertex);
     if (!isIn(field, point.vertex[0])) continue;
@@ -112,7 +106,9 @@ void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficie
 
 bool hasSprings(const Body& body, const Piece& piece) {
   if (piece.field().tethers != nullptr) return true;
-  if (heldCount(body, piece) > 0) return true;
+  bool held = false;
+  forEachHeld(body, piece, [&held](auto&&...) { held = true; });
+  if (held) return true;
   for (const Pick& pick : body.picks) {
     if (isIn(piece.field(), pickedPoint(body, pick.visual_vertex).vertex[0])) return true;
   }
@@ -123,8 +119,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
                     MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const std::uint32_t k = field.k;
-  const std::size_t held = heldCount(body, piece);
-  const double firm = held > 0 ? firmness(body, field, step, held) : 0;
+  const double firm = firmness(body, piece, step);
   const bool made = piece.springs_firm == firm && body.picks.empty();
   if (!made) {
     piece.springs.resize(std::size_t(k) * k);
@@ -136,7 +131,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   tetherPull(field, step, y, {scratch.external.data(), k});
   Array<double>& row = piece.row;
   row.resize(k);
-  forEachSpring(body, piece, step, held, [&](const auto& phi, double kappa, const Vector3d& target, std::uint32_t) {
+  forEachSpring(body, piece, step, firm, [&](const auto& phi, double kappa, const Vector3d& target, std::uint32_t) {
     Vector3d pull = step.center - target;
     for (std::uint32_t j = 0; j < k; ++j) {
       row[j] = phi(j);
@@ -163,8 +158,8 @@ void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::s
     set.force_sum += force;
     set.torque_sum += (place - asVector(set.at.position).cast<double>()).cross(force);
   };
-  const std::size_t held = heldCount(body, piece);
-  if (held > 0) {
+  const double firm = firmness(body, piece, step);
+  if (firm > 0) {
     const auto react = [&](const auto& phi, double kappa, const Vector3d& target, std::uint32_t set) {
       if (set == formats::kNone) return;
       Vector3d at = step.center;
@@ -173,7 +168,7 @@ void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::s
       }
       add(body.pin_sets[set], kappa * (at - target), target);
     };
-    forEachSpring(body, piece, step, held, react);
+    forEachSpring(body, piece, step, firm, react);
   }
   if (pull.empty()) return;
   for (PinSet& set : body.pin_sets) {
