@@ -19,6 +19,8 @@ constexpr double kSettled = 1e-3;
 constexpr double kRounding = 3e-7;
 /// Squared frequencies of most elastic modes are below this times the lowest one's.
 constexpr double kRough = 30;
+/// Part of what the slope promises that a step must bring (Armijo's condition).
+constexpr double kSufficient = 1e-4;
 /// Rounding of energies that are sums of floats, relative.
 constexpr double kEnergyNoise = 4e-6;
 
@@ -390,7 +392,10 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
       for (std::uint32_t i = 0; i < n; ++i) trial[i] = d[i] - part * direction[i];
       next = objective.at(s.next.data(), s.next_gradient.data(), false);
       const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
-      taken = next.total <= value.total - 1e-4 * double(part) * slope + noise;
+      const double wanted = value.total - kSufficient * double(part) * slope;
+      // Where energies say nothing any more slopes do (Hager and Zhang 2005, the approximate Wolfe condition).
+      taken = next.total <= wanted - noise ||
+              (next.total <= wanted + noise && dot(next_gradient, direction, n) >= (2 * kSufficient - 1) * slope);
       if (taken) break;
       part *= tries == 0 ? 0.5F : 0.25F;
       // The rest shape's stiffness is no guide here: A is.
