@@ -384,7 +384,8 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
       continue;
     }
     const double way2 = dot(d, d, n);
-    if (dot(direction, direction, n) <= kSettled * kSettled * way2 + noise2) break;
+    // What a scaled matrix leaves to go is longer where the first one was right.
+    if (dot(direction, direction, n) <= double(scale) * double(scale) * (kSettled * kSettled * way2 + noise2)) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;

@@ -260,5 +260,43 @@ TEST(Materials, AClustersOwnDampingDecaysItsRinging) {
   EXPECT_NEAR(ringingAfter(4), std::exp(-4 * 0.5), 0.04);
 }
 
+// Beam theory, by the bending moments of a weight spread evenly: where the free half has a quarter of the modulus the
+// end goes (15 + 4) / 16 of its way lower; where the held half has it, 15 / 16 * 4 + 1 / 16.
+TEST(Materials, PaintedStiffnessMultipliesTheModulus) {
+  const auto sag = [](float held_half, float free_half) {
+    const auto asset = barOf(true, 20, [&](formats::PackageContent& content) {
+      for (formats::ClusterMechanics& mechanics : content.mechanics) {
+        mechanics.stiffness = formats::StiffnessModel::elastic;
+        mechanics.young = 2e6F;
+        mechanics.poisson = 0;
+      }
+      for (const formats::PhysicalVertex& vertex : content.physical_vertices) {
+        const float x = vertex.rest_position[0];
+        content.vertex_stiffness.push_back(x < -0.01F  ? held_half
+                                           : x > 0.01F ? free_half
+                                                       : 0.5F * (held_half + free_half));
+      }
+    });
+    WorldSettings settings;
+    settings.gravity = {0, -0.5F, 0};
+    settings.deformation_damping_ratio = 1;
+    World world(settings);
+    const BodyId body = *world.addBody(asset);
+    for (int i = 0; i < 600; ++i) world.step(1.0F / 60);
+    double low = 1e9;
+    const auto x = world.positions(body);
+    for (std::size_t v = 0; v < x.size(); ++v) {
+      const Vec3& rest = asset->package().physicalVertices()[v].rest_position;
+      if (rest[0] > 0.499F) low = std::min(low, double(x[v][1]) - double(rest[1]));
+    }
+    return -low;
+  };
+  const double even = sag(1, 1);
+  EXPECT_GT(even, 1e-3);
+  EXPECT_LT(even, 0.02);
+  EXPECT_NEAR(sag(1, 0.25F) / even, 19.0 / 16, 0.06 * 19 / 16);
+  EXPECT_NEAR(sag(0.25F, 1) / even, 61.0 / 16, 0.06 * 61 / 16);
+}
+
 }  // namespace
 }  // namespace sinew

@@ -209,7 +209,7 @@ std::vector<RecipeObject> declareObjects() {
          {},
          "cluster"},
         {"pins", 0, "What is held.", "[]", "", 0, 0, {}, "pin"},
-        {"stiffness", 0, "What is softer than the rest (--solver report).", "[]", "", 0, 0, {}, "stiffness"},
+        {"stiffness", 0, "What is softer than the rest.", "[]", "", 0, 0, {}, "stiffness"},
         {"thickness", 0, "Where a shell is thicker or thinner.", "[]", "", 0, 0, {}, "thickness"},
         {"colors", 0, "Colours of a source that has none.", "[]", "", 0, 0, {}, "color"},
         {"parts",
@@ -267,8 +267,8 @@ std::vector<RecipeObject> declareObjects() {
          "\"world\""}},
        R"({"name": "skull", "from": {"half_space": [0, 1.6, 0], "normal": [0, 0, -1]}, "target": "Head"})"},
       {"stiffness",
-       "Only --solver report: multiplies `clusters.alpha` of vertices; where entries overlap, their values are "
-       "multiplied.",
+       "Multiplies Young's modulus of what deforms there (--solver report: `clusters.alpha`); where entries overlap, "
+       "their values are multiplied. What a frequency names is the mean of the piece.",
        {note(),
         {"from", kRecipeSelection, "Which vertices.", ""},
         {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", ""}},

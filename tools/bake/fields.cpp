@@ -191,6 +191,9 @@ class PieceFields {
       host_[v] = std::uint32_t(positions_.size());
       positions_.push_back(restOf(body_.first_vertex + v));
       masses_.push_back(double(content.physical_vertices[body_.first_vertex + v].mass));
+      const double painted =
+          content.vertex_stiffness.empty() ? 1.0 : double(content.vertex_stiffness[body_.first_vertex + v]);
+      painted_.push_back(std::max(painted, kSoftest * kSoftest));
     }
     for (std::uint32_t t = 0; t < body_.tetrahedron_count; ++t) {
       std::array<std::uint32_t, 4> corners = content.tetrahedra[body_.first_tetrahedron + t].vertex;
@@ -330,7 +333,7 @@ class PieceFields {
     double weighed = 0, weight = 0;
     for (std::size_t v = 0; v < masses_.size(); ++v) {
       if (soft[v] > kNoShare) {
-        young[v] /= soft[v];
+        young[v] *= painted_[v] / soft[v];
         poisson[v] /= soft[v];
       } else if (!all_rigid) {
         continue;
@@ -809,7 +812,7 @@ class PieceFields {
   std::vector<std::uint32_t> host_;  // of each vertex of the piece: its number among the host's; kNone: it rides along
   std::vector<std::uint32_t> riders_;  // clusters of rigid accessories
   std::vector<Vector3d> positions_;
-  std::vector<double> masses_, young_, poisson_, decay_;
+  std::vector<double> masses_, painted_, young_, poisson_, decay_;
   std::vector<std::uint32_t> law_;
   std::vector<Fibre> fibres_;
   std::vector<Eigen::VectorXd> loads_;
