@@ -31,6 +31,34 @@ configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/sinewConfig.cmake.in $
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/sinewConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/sinewConfig.cmake ${PROJECT_BINARY_DIR}/sinewConfigVersion.cmake
   DESTINATION ${sinew_package_dir} COMPONENT sinew_runtime)
+
+# sinew.pc, for builds without CMake. Its paths start from where it lies, so that an install tree can be moved. The
+# libraries that a static one needs are in Libs: there is no shared one beside it that could do without.
+set(sinew_pc_dir ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+if(IS_ABSOLUTE ${CMAKE_INSTALL_LIBDIR})
+  set(SINEW_PC_PREFIX ${CMAKE_INSTALL_PREFIX})
+else()
+  file(RELATIVE_PATH sinew_pc_up /${sinew_pc_dir} /)
+  string(REGEX REPLACE "/$" "" SINEW_PC_PREFIX "\${pcfiledir}/${sinew_pc_up}")
+endif()
+foreach(kind IN ITEMS LIB INCLUDE)
+  if(IS_ABSOLUTE ${CMAKE_INSTALL_${kind}DIR})
+    set(SINEW_PC_${kind}DIR ${CMAKE_INSTALL_${kind}DIR})
+  else()
+    set(SINEW_PC_${kind}DIR "\${prefix}/${CMAKE_INSTALL_${kind}DIR}")
+  endif()
+endforeach()
+set(SINEW_PC_LIBS -lsinew_runtime)
+get_target_property(sinew_runtime_type sinew_runtime TYPE)
+if(sinew_runtime_type STREQUAL "STATIC_LIBRARY")
+  get_property(cxx_libraries GLOBAL PROPERTY SINEW_RUNTIME_CXX_LIBRARIES)
+  list(TRANSFORM cxx_libraries PREPEND -l)
+  list(APPEND SINEW_PC_LIBS -lsinew_formats ${cxx_libraries} ${CMAKE_THREAD_LIBS_INIT})
+endif()
+list(JOIN SINEW_PC_LIBS " " SINEW_PC_LIBS)
+configure_file(${PROJECT_SOURCE_DIR}/cmake/sinew.pc.in ${PROJECT_BINARY_DIR}/sinew.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/sinew.pc DESTINATION ${sinew_pc_dir} COMPONENT sinew_runtime)
+
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE.md ${PROJECT_SOURCE_DIR}/LICENSES/MIT.txt
   DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT sinew_runtime)
 

@@ -4,9 +4,9 @@
 
     consumer.py SOURCE SCRATCH static|shared PACKAGE CMAKE GENERATOR COMPILER
 
-Configures SOURCE as the runtime-only preset does, installs into SCRATCH, builds tests/consumer/program and
-samples/hello_runtime and hello_runtime_c against find_package(sinew), runs them on PACKAGE, and looks at what headers
-they saw and what shared libraries they need. The shared library must show its interface only; a foreign-function caller
+Configures SOURCE by the runtime-only preset, installs into SCRATCH, builds tests/consumer/program and
+samples/hello_runtime and hello_runtime_c (a project of C alone) against find_package(sinew), and the latter by
+pkg-config too, runs them on PACKAGE, and looks at what headers they saw and what shared libraries they need. The shared library must show its interface only; a foreign-function caller
 (ctypes_test.py) uses it as well.
 """
 import os
@@ -32,6 +32,18 @@ def run(*command, **options):
 
 def needed_by(binary):
     return re.findall(r"\(NEEDED\).*\[(.+?)\]", run("readelf", "-d", binary, env=os.environ | {"LC_ALL": "C"}))
+
+
+def check_pkg_config(moved, scratch, main_c, kind, package):
+    """A program of C alone, by what sinew.pc says of the install tree."""
+    config = next(moved.rglob("sinew.pc"))
+    environment = os.environ | {"PKG_CONFIG_PATH": str(config.parent), "LD_LIBRARY_PATH": str(config.parent.parent)}
+    flags = run("pkg-config", "--cflags", "--libs", "sinew", env=environment).split()
+    program = scratch / "hello_pkg_config"
+    run("cc", "-std=c99", main_c, "-o", program, *flags, env=environment)
+    print(run(program, package, env=environment), end="")
+    if any(library.startswith("libsinew") for library in needed_by(program)) != (kind == "shared"):
+        sys.exit(f"consumer: by pkg-config a {kind} build that needs {needed_by(program)}")
 
 
 def check_library(library, package):
@@ -66,7 +78,10 @@ def main():
 
     # The static one is a small one: kernels of one instruction set alone, which every machine here has.
     options = ("-DBUILD_SHARED_LIBS=ON",) if kind == "shared" else ("-DBUILD_SHARED_LIBS=OFF", "-DSINEW_INSTRUCTION_SETS=sse42")
-    run(cmake, "-S", source, "-B", scratch / "sinew", *common, *(options if is_x86() else options[:1]), "-DSINEW_BUILD_TOOLS=OFF", "-DSINEW_BUILD_SAMPLES=OFF", "-DSINEW_BUILD_TESTS=OFF")
+    run(cmake, "-S", source, "--preset", "runtime-only", "-B", scratch / "sinew", *common, *(options if is_x86() else options[:1]))
+    for unasked in ("samples", "tests", "tools"):
+        if (scratch / "sinew" / unasked).exists():
+            sys.exit(f"consumer: the runtime-only preset builds {unasked}")
     run(cmake, "--build", scratch / "sinew")
     run(cmake, "--install", scratch / "sinew", "--prefix", prefix)
     # Moved, so that nothing can lean on the place it was configured for, nor on the build tree.
@@ -74,7 +89,7 @@ def main():
     moved = scratch / "moved"
     prefix.rename(moved)
 
-    for config in moved.rglob("sinew*.cmake"):
+    for config in (*moved.rglob("sinew*.cmake"), *moved.rglob("sinew.pc")):
         text = config.read_text(encoding="utf-8")
         for leak in (str(source), str(scratch)):
             if leak in text:
@@ -97,6 +112,7 @@ def main():
         for library in libraries:
             if not ALLOWED_NEEDED.match(library):
                 sys.exit(f"consumer: {program} needs {library}")
+    check_pkg_config(moved, scratch, standalone / "hello_runtime_c" / "main.c", kind, package)
     for library in moved.rglob("lib*.so"):
         for other in needed_by(library):
             if not ALLOWED_NEEDED.match(other):
