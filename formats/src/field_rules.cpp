@@ -12,14 +12,14 @@ namespace sinew::formats {
 namespace {
 
 constexpr std::uint32_t kMostFunctions = 1024;
-// A square of it is a float, and so is a sum of thousands of such.
-constexpr float kMost = 1e18F;
 // Of 1, of the diagonal, of the mass: what sums of rounded numbers may be off.
 constexpr float kTolerance = 1e-3F;
+// Of a tether's diagonal: what a thousand rounded numbers may take from an eigenvalue.
+constexpr double kDefinite = 1e-4;
 
 // Tests on values are branch-free (| instead of ||) so that loops over them vectorize.
-unsigned beyond(float value) { return unsigned(!(std::fabs(value) <= kMost)); }
-unsigned negativeOrBeyond(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= kMost)); }
+unsigned beyond(float value) { return unsigned(!(std::fabs(value) <= kMostNumber)); }
+unsigned negativeOrBeyond(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= kMostNumber)); }
 
 unsigned beyond(const std::array<float, 3>& values) {
   return beyond(values[0]) | beyond(values[1]) | beyond(values[2]);
@@ -53,7 +53,7 @@ static_assert(offsetof(Place, weight) == offsetof(PhysicalVertex, mass) &&
 
 class FieldRules {
  public:
-  explicit FieldRules(const PackageView& view) : view_(view) {}
+  FieldRules(const PackageView& view, const Reach& reach) : view_(view), reach_(reach) {}
 
   FieldFault find() {
     for (index_ = 0; index_ < view_.fields().size(); ++index_) {
@@ -175,12 +175,15 @@ class FieldRules {
       const FieldPack& pack = view_.fieldPacks()[p];
       unsigned bad = 0;
       for (std::size_t l = 0; l < 8; ++l) {
-        bad |= negativeOrBeyond(pack.volume[l]) | negativeOrBeyond(pack.mu[l]) | negativeOrBeyond(pack.lambda[l]) |
-               beyond(pack.at[0][l]) | beyond(pack.at[1][l]) | beyond(pack.at[2][l]);
+        bad |= negativeOrBeyond(pack.volume[l]) | negativeOrBeyond(pack.mu[l]) | negativeOrBeyond(pack.lambda[l]);
+        const unsigned away =
+            reach_.beyond(pack.at[0][l], 0) | reach_.beyond(pack.at[1][l], 1) | reach_.beyond(pack.at[2][l], 2);
+        bad |= unsigned(pack.volume[l] > 0) & away;
       }
       if (bad != 0) {
         return refuse(section::field_packs, p,
-                      "a volume, mu or lambda is negative, or a number is not finite or above 1e18");
+                      "a volume, mu or lambda is negative, not finite or above 1e18, or a place more than a diagonal "
+                      "outside the bounds of section INFO");
       }
       for (const float volume : pack.volume) any = any || volume > 0;
       const BodyRange& body = view_.bodies()[f.piece];
@@ -214,7 +217,7 @@ class FieldRules {
         }
       }
       for (std::size_t l = 0; l < 8; ++l) {
-        bad |= unsigned(!(largest[l] <= (pack.volume[l] > 0 ? kMost : 0.0F)));
+        bad |= unsigned(!(largest[l] <= (pack.volume[l] > 0 ? kMostNumber : 0.0F)));
       }
       if (bad != 0) {
         return refuse(section::field_gradients, first,
@@ -266,7 +269,7 @@ class FieldRules {
       const std::array<Lanes, 3> sum = {x, y, z};
       for (std::size_t l = 0; l < 8; ++l) {
         bad |= unsigned(!(std::fabs(one[l] - wanted_one[l]) <= kTolerance)) |
-               unsigned(!(largest[l] <= wanted_one[l] * kMost));
+               unsigned(!(largest[l] <= wanted_one[l] * kMostNumber));
         for (std::size_t axis = 0; axis < 3; ++axis) {
           bad |= unsigned(!(std::fabs(sum[axis][l] - wanted[axis][l]) <= near));
         }
@@ -338,9 +341,10 @@ class FieldRules {
     const Field& f = field();
     const auto points = view_.fieldPoints().subspan(f.first_point, f.point_count);
     for (std::size_t i = 0; i < points.size(); ++i) {
-      if (beyond(points[i].at) != 0 || !(points[i].area > 0) || !(points[i].area <= kMost)) {
-        return refuse(section::field_points, f.first_point + i,
-                      "area is not above 0, or a number is not finite or above 1e18");
+      if (reach_.beyond(points[i].at) != 0 || !(points[i].area > 0) || !(points[i].area <= kMostNumber)) {
+        return refuse(
+            section::field_points, f.first_point + i,
+            "area is not above 0 to 1e18, or the place is more than a diagonal outside the bounds of section INFO");
       }
     }
     return checkPlaces(section::field_point_values, f.first_point_value, view_.fieldPointValues(), points.data(),
@@ -461,24 +465,45 @@ class FieldRules {
           if (!(std::abs(sum[n]) <= double(kTolerance) * size[n])) return bad("its values pull at the rest shape");
         }
       }
+      if (!isPositive(t, k)) return bad("its values are not positive semidefinite");
       values += k * k;
     }
     return values == view_.fieldTetherValues().size() ||
            refuse(section::field_tether_values, FieldFault::kWhole, "has elements of no field");
   }
 
+  /// Whether a symmetric matrix, scaled to a diagonal of ones, has a Cholesky factor where each of these is larger by
+  /// kDefinite, so that no eigenvalue is less than that below 0. roots_: of its diagonal.
+  bool isPositive(const float* t, std::size_t k) {
+    factor_.resize(k * k);
+    for (std::size_t a = 0; a < k; ++a) {
+      for (std::size_t b = 0; b <= a; ++b) {
+        const double scale = roots_[a] * roots_[b], value = double(t[k * a + b]);
+        if (scale == 0 && value != 0) return false;
+        double rest = scale == 0 ? 0.0 : value / scale;
+        if (a == b) rest += kDefinite;
+        for (std::size_t c = 0; c < b; ++c) rest -= factor_[k * a + c] * factor_[k * b + c];
+        if (a == b && !(rest > 0)) return false;
+        factor_[k * a + b] = a == b ? std::sqrt(rest) : rest / factor_[k * b + b];
+      }
+    }
+    return true;
+  }
+
   const PackageView& view_;
+  const Reach& reach_;
   FieldFault fault_;
   std::size_t index_ = 0;     // of the field
   std::uint32_t pieces_ = 0;  // whose free fields were seen
   std::array<std::uint64_t, 7> ends_ = {};
   std::span<const FieldFunction> functions_;
   std::vector<Lanes> norms_;
-  std::vector<double> roots_;  // of the diagonal of tethers
+  std::vector<double> roots_;   // of the diagonal of tethers
+  std::vector<double> factor_;  // of tethers
 };
 
 }  // namespace
 
-FieldFault findFieldFault(const PackageView& view) { return FieldRules(view).find(); }
+FieldFault findFieldFault(const PackageView& view, const Reach& reach) { return FieldRules(view, reach).find(); }
 
 }  // namespace sinew::formats

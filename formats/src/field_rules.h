@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "reach.h"
 #include "sinew/formats/package.h"
 
 namespace sinew::formats {
@@ -18,6 +19,6 @@ struct FieldFault {
 
 /// The first fault of the sections of fields, FELD to FFBV (docs/package-format.md); one pass over each.
 /// \param view whose other sections, and presence, have been checked.
-[[nodiscard]] FieldFault findFieldFault(const PackageView& view);
+[[nodiscard]] FieldFault findFieldFault(const PackageView& view, const Reach& reach);
 
 }  // namespace sinew::formats

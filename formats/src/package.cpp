@@ -14,6 +14,7 @@
 
 #include "checksum.h"
 #include "field_rules.h"
+#include "reach.h"
 #include "section_rules.h"
 #include "sinew/formats/version.h"
 
@@ -22,22 +23,33 @@ namespace {
 
 // How far sums of rounded weights may lie from 1.
 constexpr double kSumTolerance = 1e-3;
+// m: beyond it the runtime counts a place as lost.
+constexpr float kMostMetres = 1e15F;
+// Of radii: what a visual vertex is from its cluster then has squares of squares that are floats.
+constexpr float kLeastRadius = 1e-9F;    // diagonals
+constexpr float kMostRadius = 3;         // diagonals
+constexpr float kMostInverse = 1e12F;    // of a moment of places within a radius, cut off at 1e-5 of its largest spread
+constexpr double kMostProjection = 1.1;  // of an entry of a moment's inverse times the moment: 1, and rounding
+constexpr float kMostWeight = 1e6F;      // of a vertex outside its tetrahedron
+constexpr float kMostTexture = 1e9F;     // of a texture coordinate
+constexpr float kMostNormal = 1.001F;
 
 // The tests on values are branch-free (| and & instead of || and &&) so that loops over them vectorize.
-unsigned notFinite(float value) { return unsigned((std::bit_cast<std::uint32_t>(value) & 0x7f800000U) == 0x7f800000U); }
-
 template <std::size_t kCount>
-unsigned notFinite(const std::array<float, kCount>& values) {
+unsigned beyond(const std::array<float, kCount>& values, float most) {
   unsigned bad = 0;
-  for (const float value : values) bad |= notFinite(value);
+  for (const float value : values) bad |= unsigned(!(std::fabs(value) <= most));
   return bad;
 }
 
-unsigned notPositive(float value) { return unsigned(!(value > 0.0F)) | notFinite(value); }
-unsigned negativeOrNotFinite(float value) { return unsigned(!(value >= 0.0F)) | notFinite(value); }
+unsigned notPositive(float value, float most) { return unsigned(!(value > 0.0F)) | unsigned(!(value <= most)); }
+unsigned negativeOrBeyond(float value, float most) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= most)); }
 unsigned outsideUnit(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= 1.0F)); }
 unsigned outside(float value, float low, float high) { return unsigned(!(value >= low)) | unsigned(!(value <= high)); }
-unsigned negativeOrNan(float value) { return unsigned(!(value >= 0.0F)); }
+/// A frequency is at least 0; infinite: rigid.
+unsigned noFrequency(float value) {
+  return unsigned(!(value >= 0.0F)) | (unsigned(value > kMostNumber) & unsigned(!std::isinf(value)));
+}
 
 constexpr std::size_t kAllGood = std::numeric_limits<std::size_t>::max();
 
@@ -316,23 +328,28 @@ class PackageReader {
     const BodyInfo& info = view_.info();
     const auto bad = [this](const char* what) { return refuse(section::info, what); };
     for (const double value : info.origin) {
-      if (!std::isfinite(value)) return bad("origin is not finite");
+      if (!(std::abs(value) <= double(kMostMetres))) return bad("origin is not finite or beyond 1e15");
     }
-    if (!(info.metres_per_unit > 0) || !std::isfinite(info.metres_per_unit)) {
-      return bad("metres_per_unit is not a number above 0");
+    if (!(info.metres_per_unit > 0) || !(info.metres_per_unit <= double(kMostNumber))) {
+      return bad("metres_per_unit is not above 0 to 1e18");
     }
+    double squared = 0;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      if ((notFinite(info.bounds_min[axis]) | notFinite(info.bounds_max[axis])) != 0 ||
-          info.bounds_min[axis] > info.bounds_max[axis]) {
-        return bad("bounds are not finite or not in order");
+      const float low = info.bounds_min[axis], high = info.bounds_max[axis];
+      if (!(low >= -kMostMetres) || !(high <= kMostMetres) || !(low <= high)) {
+        return bad("bounds are not in order, not finite or beyond 1e15");
       }
+      squared += (double(high) - double(low)) * (double(high) - double(low));
     }
-    if (notPositive(info.diagonal) != 0) return bad("diagonal is not a number above 0");
-    if (notPositive(info.total_mass) != 0) return bad("total_mass is not a number above 0");
-    if (negativeOrNotFinite(info.density) != 0) return bad("density is negative or not finite");
-    if (negativeOrNotFinite(info.physical_volume) != 0) return bad("physical_volume is negative or not finite");
-    if (notFinite(info.source_volume) != 0) return bad("source_volume is not finite");
-    if (negativeOrNotFinite(info.max_rest_error) != 0) return bad("max_rest_error is negative or not finite");
+    if (!(info.diagonal > 0) || !(std::abs(double(info.diagonal) - std::sqrt(squared)) <= 1e-3 * std::sqrt(squared))) {
+      return bad("diagonal is not above 0, or not that of the bounds");
+    }
+    reach_ = Reach(info);
+    if (notPositive(info.total_mass, kMostNumber) != 0) return bad("total_mass is not above 0 to 1e18");
+    if (negativeOrBeyond(info.density, kMostNumber) != 0) return bad("density is outside 0 to 1e18");
+    if (negativeOrBeyond(info.physical_volume, kMostNumber) != 0) return bad("physical_volume is outside 0 to 1e18");
+    if (!(std::fabs(info.source_volume) <= kMostNumber)) return bad("source_volume is not finite or beyond 1e18");
+    if (negativeOrBeyond(info.max_rest_error, kMostNumber) != 0) return bad("max_rest_error is outside 0 to 1e18");
     if (!(info.min_dihedral_deg >= 0.0F && info.min_dihedral_deg <= info.max_dihedral_deg &&
           info.max_dihedral_deg <= 180.0F)) {
       return bad("dihedral angles are not in order within 0 to 180");
@@ -368,8 +385,18 @@ class PackageReader {
   }
 
   bool checkPhysicalVertices() {
-    return check(section::physical_vertices, view_.physicalVertices(), "position not finite, or mass not above 0",
-                 [](const PhysicalVertex& v) { return notFinite(v.rest_position) | notPositive(v.mass); });
+    const Reach reach = reach_;
+    if (!check(section::physical_vertices, view_.physicalVertices(),
+               "position more than a diagonal outside the bounds of section INFO, or mass not above 0 to 1e18",
+               [reach](const PhysicalVertex& v) {
+                 return reach.beyond(v.rest_position) | notPositive(v.mass, kMostNumber);
+               })) {
+      return false;
+    }
+    double mass = 0;
+    for (const PhysicalVertex& v : view_.physicalVertices()) mass += double(v.mass);
+    return std::abs(mass - double(view_.info().total_mass)) <= kSumTolerance * mass ||
+           refuse(section::physical_vertices, "the masses do not sum to total_mass of section INFO");
   }
 
   bool checkTetrahedra() {
@@ -414,23 +441,96 @@ class PackageReader {
         } else if (c.quadratic != kNone) {
           return bad("has a quadratic moment, but its mode is not quadratic");
         }
-        if (notPositive(c.radius) != 0) return bad("radius is not a number above 0");
-        if (notPositive(c.mass) != 0) return bad("mass is not a number above 0");
+        const float diagonal = view_.info().diagonal;
+        if (outside(c.radius, kLeastRadius * diagonal, std::max(kMostRadius * diagonal, 1.0F)) != 0) {
+          return bad("radius is outside 1e-9 to 3 diagonals of section INFO (or 1)");
+        }
+        if (notPositive(c.mass, 1.001F * view_.info().total_mass) != 0) {
+          return bad("mass is not above 0 to total_mass of section INFO");
+        }
         if (outsideUnit(c.alpha) != 0) return bad("alpha is outside 0 to 1");
-        if ((negativeOrNan(c.stretch_hz) | negativeOrNan(c.bend_hz) | negativeOrNan(c.twist_hz)) != 0) {
-          return bad("a frequency is negative or not a number");
+        if ((noFrequency(c.stretch_hz) | noFrequency(c.bend_hz) | noFrequency(c.twist_hz)) != 0) {
+          return bad("a frequency is neither 0 to 1e18 nor infinite");
         }
-        if ((notFinite(c.rest_center) | notFinite(c.quadratic_mean) | notFinite(c.a_qq)) != 0) {
-          return bad("rest_center, quadratic_mean or a_qq is not finite");
+        if (reach_.beyond(c.rest_center) != 0) {
+          return bad("rest_center is more than a diagonal outside the bounds of section INFO");
         }
+        if (beyond(c.a_qq, kMostInverse) != 0) return bad("a_qq is not finite or beyond 1e12");
       }
     }
     if (member != view_.memberships().size()) return refuse(section::memberships, "has members of no cluster");
     if (quadratic != view_.quadraticMoments().size()) {
       return refuse(section::quadratic_moments, "has moments of no cluster");
     }
-    return check(section::quadratic_moments, view_.quadraticMoments(), "not finite",
-                 [](const QuadraticMoment& m) { return notFinite(m.a_qq); });
+    return check(section::quadratic_moments, view_.quadraticMoments(), "not finite or beyond 1e12",
+                 [](const QuadraticMoment& m) { return beyond(m.a_qq, kMostInverse); });
+  }
+
+  /// Whether a member lies outside its cluster's radius by more than rounding.
+  bool farFrom(const Cluster& cluster, const Float3& place) const {
+    double squared = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double off = double(place[axis]) - double(cluster.rest_center[axis]);
+      squared += off * off;
+    }
+    return !(std::sqrt(squared) <= 1.001 * double(cluster.radius) + 1e-6 * double(view_.info().diagonal));
+  }
+
+  /// What is wrong with a cluster's quadratic_mean and pseudo-inverses of moments; null if nothing. Fitting multiplies
+  /// sums over the members by the inverse: what makes more than 1 of the moment would throw them anywhere.
+  const char* faultOfMoments(const Cluster& cluster) const {
+    std::array<double, 9> mean = {};
+    std::array<std::array<double, 9>, 9> moment = {};
+    const std::size_t terms = cluster.mode == ClusterMode::quadratic ? 9 : 3;
+    for (const Membership& m : view_.memberships().subspan(cluster.first_member, cluster.member_count)) {
+      std::array<double, 9> q = {};
+      for (std::size_t k = 0; k < 3; ++k) {
+        q[k] = (double(view_.physicalVertices()[m.vertex].rest_position[k]) - double(cluster.rest_center[k])) /
+               double(cluster.radius);
+      }
+      for (std::size_t k = 0; k < 3; ++k) {
+        q[3 + k] = q[k] * q[k];
+        q[6 + k] = q[k] * q[(k + 1) % 3];
+      }
+      for (std::size_t row = 0; row < 9; ++row) mean[row] += double(m.mu) * q[row];
+      for (std::size_t row = 0; row < terms; ++row) {
+        for (std::size_t column = 0; column < terms; ++column) moment[row][column] += double(m.mu) * q[row] * q[column];
+      }
+    }
+    for (std::size_t k = 0; k < 6; ++k) {
+      if (!(std::abs(mean[3 + k] - double(cluster.quadratic_mean[k])) <= kSumTolerance)) {
+        return "quadratic_mean is not that of its members";
+      }
+    }
+    for (std::size_t row = 0; row < terms; ++row) {
+      for (std::size_t column = 0; column < terms; ++column) moment[row][column] -= mean[row] * mean[column];
+    }
+    const auto [xx, yy, zz, xy, yz, zx] = cluster.a_qq;
+    if (!isInverse<3>({xx, xy, yy, zx, yz, zz}, moment)) return "a_qq is not the inverse of its members' moment";
+    if (cluster.mode == ClusterMode::quadratic &&
+        !isInverse<9>(view_.quadraticMoments()[cluster.quadratic].a_qq, moment)) {
+      return "its element of section AQQ9 is not the inverse of its members' moment";
+    }
+    return nullptr;
+  }
+
+  /// Whether a symmetric matrix, its lower triangle row by row, times the corner of a moment has entries as a
+  /// projection has.
+  template <std::size_t kSize>
+  static bool isInverse(const std::array<float, kSize*(kSize + 1) / 2>& triangle,
+                        const std::array<std::array<double, 9>, 9>& moment) {
+    bool good = true;
+    for (std::size_t row = 0; row < kSize; ++row) {
+      for (std::size_t column = 0; column < kSize; ++column) {
+        double sum = 0;
+        for (std::size_t k = 0; k < kSize; ++k) {
+          const std::size_t low = std::min(row, k), high = std::max(row, k);
+          sum += double(triangle[high * (high + 1) / 2 + low]) * moment[k][column];
+        }
+        good &= std::abs(sum) <= kMostProjection;
+      }
+    }
+    return good;
   }
 
   bool checkMemberships() {
@@ -450,12 +550,16 @@ class PackageReader {
         if ((outsideUnit(m.mu) | outsideUnit(m.share)) != 0) {
           return refuse(section::memberships, k, "mu or share is outside 0 to 1");
         }
+        if (m.mu > 0 && farFrom(cluster, view_.physicalVertices()[m.vertex].rest_position)) {
+          return refuse(section::memberships, k, "the vertex has mu, but lies outside the radius of its cluster");
+        }
         mu += static_cast<double>(m.mu);
         shares[m.vertex] += m.share;
       }
       if (std::abs(mu - 1.0) > kSumTolerance) {
         return refuseSection(section::memberships, "mu of cluster %zu does not sum to 1", i);
       }
+      if (const char* fault = faultOfMoments(cluster); fault != nullptr) return refuse(section::clusters, i, fault);
     }
     const std::size_t index = firstBad(std::span<const float>{shares}, [](float sum) {
       return unsigned(!(std::abs(sum - 1.0F) <= static_cast<float>(kSumTolerance)));
@@ -550,8 +654,9 @@ class PackageReader {
       return "plastic_yield or plastic_limit is outside 0 to 10, or plastic_creep outside 0 to 1e5";
     }
     if (outside(m.contraction, 0, 0.9F) != 0) return "contraction is outside 0 to 0.9";
-    const float length2 = m.fibre[0] * m.fibre[0] + m.fibre[1] * m.fibre[1] + m.fibre[2] * m.fibre[2];
-    if (length2 != 0 && outside(length2, 0.999F, 1.001F) != 0) return "fibre is neither 0 nor of length 1";
+    double length2 = 0;  // of no float but 0 it is 0
+    for (const float x : m.fibre) length2 += double(x) * double(x);
+    if (length2 != 0 && !(length2 >= 0.999 && length2 <= 1.001)) return "fibre is neither 0 nor of length 1";
     if (m.channel != kNone && m.channel >= view_.channels().size()) return "its channel is not in section CHAN";
     if (m.reserved0 != 0) return "a reserved field is not 0";
     return faultOfCurve(m);
@@ -589,12 +694,14 @@ class PackageReader {
         return refuseSection(id, "%zu elements for %zu visual vertices", count, view_.visualPositions().size());
       }
     }
-    constexpr const char* kNotFinite = "not finite";
-    if (!check(section::visual_positions, view_.visualPositions(), kNotFinite,
-               [](const Float3& v) { return notFinite(v); }) ||
-        !check(section::visual_normals, view_.visualNormals(), kNotFinite,
-               [](const Float3& v) { return notFinite(v); }) ||
-        !check(section::visual_uv, view_.visualUvs(), kNotFinite, [](const Float2& v) { return notFinite(v); })) {
+    const Reach reach = reach_;
+    if (!check(section::visual_positions, view_.visualPositions(),
+               "more than a diagonal outside the bounds of section INFO",
+               [reach](const Float3& v) { return reach.beyond(v); }) ||
+        !check(section::visual_normals, view_.visualNormals(), "a coordinate is outside -1 to 1",
+               [](const Float3& v) { return beyond(v, kMostNormal); }) ||
+        !check(section::visual_uv, view_.visualUvs(), "not finite or beyond 1e9",
+               [](const Float2& v) { return beyond(v, kMostTexture); })) {
       return false;
     }
     const std::size_t vertices = view_.visualPositions().size();
@@ -648,13 +755,14 @@ class PackageReader {
 
   bool checkAttachments() {
     const std::size_t tetrahedra = view_.tetrahedra().size(), clusters = view_.clusters().size();
-    if (!check(section::barycentric, view_.barycentric(), "no such tetrahedron, or a weight not finite",
+    if (!check(section::barycentric, view_.barycentric(), "no such tetrahedron, or a weight not finite or beyond 1e6",
                [tetrahedra](const BarycentricAttachment& a) {
-                 return unsigned(a.tetrahedron >= tetrahedra) | notFinite(a.weight);
+                 return unsigned(a.tetrahedron >= tetrahedra) | beyond(a.weight, kMostWeight);
                }) ||
-        !check(
-            section::cluster_attachments, view_.clusterAttachments(), "no such cluster, or weight not finite",
-            [clusters](const ClusterAttachment& a) { return unsigned(a.cluster >= clusters) | notFinite(a.weight); })) {
+        !check(section::cluster_attachments, view_.clusterAttachments(), "no such cluster, or weight outside 0 to 1",
+               [clusters](const ClusterAttachment& a) {
+                 return unsigned(a.cluster >= clusters) | outsideUnit(a.weight);
+               })) {
       return false;
     }
     std::uint64_t end = 0;
@@ -759,7 +867,7 @@ class PackageReader {
   }
 
   bool checkFields() {
-    const FieldFault fault = findFieldFault(view_);
+    const FieldFault fault = findFieldFault(view_, reach_);
     if (fault.what == nullptr) return true;
     return fault.element == FieldFault::kWhole ? refuse(fault.section, fault.what)
                                                : refuse(fault.section, fault.element, fault.what);
@@ -768,6 +876,7 @@ class PackageReader {
   std::span<const std::byte> bytes_;
   PackageView& view_;
   Header header_{};
+  Reach reach_;  // once INFO is checked
   char reason_[320] = "";
 };
 

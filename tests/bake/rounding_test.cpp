@@ -8,6 +8,7 @@
 #include "sinew/runtime/world.h"
 #include "tools/bake/bake.h"
 #include "tools/bake/check_package.h"
+#include "tools/core/error.h"
 
 namespace sinew::tools {
 namespace {
@@ -45,6 +46,38 @@ TEST(Rounding, ClustersBelongToTheVerticesAsTheyAreStored) {
       EXPECT_NE(finding.severity, Severity::error) << finding.message;
     }
   }
+  std::filesystem::remove_all(folder);
+}
+
+// A package holds no place more than a diagonal outside its bounds: a shell that would is refused with its setting.
+TEST(Rounding, AShellThickerThanItsModelIsRefusedWithACure) {
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("sinew_thick" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  std::ofstream obj(folder / "sheet.obj");
+  for (const char* y : {"0", "0.1", "0.2", "0.3", "0.4"}) {
+    for (const char* x : {"0", "0.1", "0.2", "0.3", "0.4"}) obj << "v " << x << ' ' << y << " 0\n";
+  }
+  for (int i = 1; i <= 19; ++i) {
+    if (i % 5 != 0) obj << "f " << i << ' ' << i + 1 << ' ' << i + 6 << ' ' << i + 5 << '\n';
+  }
+  obj.close();
+  const auto refusal = [&](const char* thickness) -> std::string {
+    const std::string text = R"({"sinew_recipe": 2, "source": "sheet.obj", "settings": {"tetrahedra.method": "shell", )"
+                             R"("tetrahedra.thickness": )" +
+                             std::string(thickness) + "}}";
+    Recipe recipe = parseRecipe(text, folder / "sheet.json");
+    recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
+    Progress progress(false);
+    try {
+      bake(recipe, progress);
+    } catch (const ToolError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal("0.5"), "");
+  EXPECT_NE(refusal("3").find("Lower tetrahedra.thickness"), std::string::npos);
   std::filesystem::remove_all(folder);
 }
 

@@ -39,6 +39,17 @@ const std::vector<ContentFault> kContentFaults = {
     {"INFO: a text", [](auto& c) { c.info.unit_source.offset = 0xffffffff; }},
     {"INFO: a text", [](auto& c) { c.info.settings_json.offset = 1U << 31; }},
     {"INFO: origin", [](auto& c) { c.info.origin[2] = kNanDouble; }},
+    {"INFO: origin", [](auto& c) { c.info.origin[0] = -1.1e15; }},
+    {"INFO: metres_per_unit", [](auto& c) { c.info.metres_per_unit = 1.1e18; }},
+    {"INFO: bounds", [](auto& c) { c.info.bounds_max[1] = 1.1e15F; }},
+    {"INFO: diagonal", [](auto& c) { c.info.diagonal *= 1.01F; }},
+    {"INFO: diagonal", [](auto& c) { c.info.bounds_max[0] += 0.1F; }},
+    {"INFO: diagonal", [](auto& c) { c.info.bounds_max = c.info.bounds_min; }},
+    {"INFO: total_mass", [](auto& c) { c.info.total_mass = 1.1e18F; }},
+    {"INFO: density", [](auto& c) { c.info.density = 1.1e18F; }},
+    {"INFO: physical_volume", [](auto& c) { c.info.physical_volume = 1.1e18F; }},
+    {"INFO: source_volume", [](auto& c) { c.info.source_volume = -1.1e18F; }},
+    {"INFO: max_rest_error", [](auto& c) { c.info.max_rest_error = 1.1e18F; }},
     {"INFO: metres_per_unit", [](auto& c) { c.info.metres_per_unit = 0; }},
     {"INFO: metres_per_unit", [](auto& c) { c.info.metres_per_unit = kNanDouble; }},
     {"INFO: metres_per_unit", [](auto& c) { c.info.metres_per_unit = std::numeric_limits<double>::infinity(); }},
@@ -76,6 +87,17 @@ const std::vector<ContentFault> kContentFaults = {
     // PVTX
     {"PVTX: missing", [](auto& c) { c.physical_vertices.clear(); }},
     {"PVTX, element 3", [](auto& c) { c.physical_vertices[3].rest_position[1] = kNan; }},
+    {"PVTX, element 3", [](auto& c) { c.physical_vertices[3].rest_position[1] = 1e20F; }},
+    {"PVTX, element 3",
+     [](auto& c) {
+       c.physical_vertices[3].rest_position[2] = c.info.bounds_max[2] + 1.01F * c.info.diagonal;
+     }},
+    {"PVTX, element 3",
+     [](auto& c) {
+       c.physical_vertices[3].rest_position[0] = c.info.bounds_min[0] - 1.01F * c.info.diagonal;
+     }},
+    {"PVTX: the masses", [](auto& c) { c.physical_vertices[4].mass += 0.01F; }},
+    {"PVTX: the masses", [](auto& c) { c.info.total_mass *= 0.99F; }},
     {"PVTX, element 4", [](auto& c) { c.physical_vertices[4].mass = 0; }},
     {"PVTX, element 4", [](auto& c) { c.physical_vertices[4].mass = -1; }},
     {"PVTX, element 4", [](auto& c) { c.physical_vertices[4].mass = kInfinity; }},
@@ -105,8 +127,16 @@ const std::vector<ContentFault> kContentFaults = {
     {"CLUS, element 1: a frequency", [](auto& c) { c.clusters[1].bend_hz = -1; }},
     {"CLUS, element 1: a frequency", [](auto& c) { c.clusters[1].twist_hz = -kInfinity; }},
     {"CLUS, element 1: rest_center", [](auto& c) { c.clusters[1].rest_center[0] = kNan; }},
-    {"CLUS, element 1: rest_center", [](auto& c) { c.clusters[1].quadratic_mean[5] = kInfinity; }},
-    {"CLUS, element 1: rest_center", [](auto& c) { c.clusters[1].a_qq[3] = kNan; }},
+    {"CLUS, element 1: rest_center", [](auto& c) { c.clusters[1].rest_center[2] = 100; }},
+    {"CLUS, element 1: quadratic_mean", [](auto& c) { c.clusters[1].quadratic_mean[5] = kInfinity; }},
+    {"CLUS, element 0: quadratic_mean", [](auto& c) { c.clusters[0].quadratic_mean[0] += 0.01F; }},
+    {"CLUS, element 1: a_qq", [](auto& c) { c.clusters[1].a_qq[3] = kNan; }},
+    {"CLUS, element 1: a_qq", [](auto& c) { c.clusters[1].a_qq[0] = 1.1e12F; }},
+    {"CLUS, element 0: radius", [](auto& c) { c.clusters[0].radius = 4 * c.info.diagonal; }},
+    {"CLUS, element 0: radius", [](auto& c) { c.clusters[0].radius = 1e-12F; }},
+    {"CLUS, element 0: mass", [](auto& c) { c.clusters[0].mass = 1.01F * c.info.total_mass; }},
+    {"CLUS, element 0: a frequency", [](auto& c) { c.clusters[0].stretch_hz = 1.1e18F; }},
+    {"MEMB, element 0: the vertex", [](auto& c) { c.clusters[0].radius *= 0.5F; }},
     // MEMB
     {"MEMB: missing", [](auto& c) { c.memberships.clear(); }},
     {"MEMB: has members of no", [](auto& c) { c.memberships.push_back({4, 0, 0}); }},
@@ -123,6 +153,10 @@ const std::vector<ContentFault> kContentFaults = {
     {"AQQ9: has moments", [](auto& c) { c.quadratic_moments.emplace_back(); }},
     {"CLUS, element 1: its moment", [](auto& c) { c.quadratic_moments.clear(); }},
     {"AQQ9, element 0", [](auto& c) { c.quadratic_moments[0].a_qq[44] = kNan; }},
+    {"AQQ9, element 0", [](auto& c) { c.quadratic_moments[0].a_qq[7] = -1.1e12F; }},
+    {"CLUS, element 1: its element of section AQQ9", [](auto& c) { c.quadratic_moments[0].a_qq[44] = 1e6F; }},
+    {"CLUS, element 1: a_qq is not the inverse", [](auto& c) { c.clusters[1].a_qq[1] *= 2; }},
+    {"CLUS, element 0: a_qq is not the inverse", [](auto& c) { c.clusters[0].a_qq[5] += 100; }},
     // Visual mesh
     {"VTRI: missing", [](auto& c) { c.visual_triangles.clear(); }},
     {"VPOS: missing", [](auto& c) { c.visual_positions.clear(); }},
@@ -133,6 +167,9 @@ const std::vector<ContentFault> kContentFaults = {
        c.cluster_attachments.clear();
      }},
     {"VPOS, element 5", [](auto& c) { c.visual_positions[5][2] = kInfinity; }},
+    {"VPOS, element 5", [](auto& c) { c.visual_positions[5][2] = c.info.bounds_max[2] + 1.01F * c.info.diagonal; }},
+    {"VNRM, element 4", [](auto& c) { c.visual_normals[4][1] = -1.01F; }},
+    {"VUV0, element 2", [](auto& c) { c.visual_uvs[2][0] = 1.1e9F; }},
     {"VNRM, element 0", [](auto& c) { c.visual_normals[0][0] = kNan; }},
     {"VNRM: 5 elements", [](auto& c) { c.visual_normals.pop_back(); }},
     {"VUV0, element 2", [](auto& c) { c.visual_uvs[2][1] = -kInfinity; }},
@@ -167,6 +204,7 @@ const std::vector<ContentFault> kContentFaults = {
     {"ATBC: 5 elements", [](auto& c) { c.barycentric.pop_back(); }},
     {"ATBC, element 1", [](auto& c) { c.barycentric[1].tetrahedron = 2; }},
     {"ATBC, element 1", [](auto& c) { c.barycentric[1].weight[2] = kNan; }},
+    {"ATBC, element 1", [](auto& c) { c.barycentric[1].weight[2] = -1.1e6F; }},
     {"ATCR: 5 elements",
      [](auto& c) {
        c.cluster_attachment_ranges.pop_back();
@@ -180,6 +218,7 @@ const std::vector<ContentFault> kContentFaults = {
     {"ATCR, element 1: the weights", [](auto& c) { c.cluster_attachments[2].weight = 0.5F; }},
     {"ATCW, element 0", [](auto& c) { c.cluster_attachments[0].cluster = 2; }},
     {"ATCW, element 3", [](auto& c) { c.cluster_attachments[3].weight = kNan; }},
+    {"ATCW, element 3", [](auto& c) { c.cluster_attachments[3].weight = -0.1F; }},
     {"ATCW: has weights", [](auto& c) { c.cluster_attachments.push_back({0, 1}); }},
     // Identity
     {"VSRC: missing", [](auto& c) { c.visual_identity.clear(); }},
@@ -264,6 +303,10 @@ const std::vector<ContentFault> kMechanicsFaults = {
     {"CMEC, element 0: contraction", [](auto& c) { c.mechanics[0].contraction = 0.95F; }},
     {"CMEC, element 0: fibre", [](auto& c) { c.mechanics[0].fibre[1] = 0.7F; }},
     {"CMEC, element 0: fibre", [](auto& c) { c.mechanics[0].fibre[0] = kNan; }},
+    {"CMEC, element 1: fibre",
+     [](auto& c) {
+       c.mechanics[1].fibre = {1e-30F, 0, 0};
+     }},  // its square is no float
     {"CMEC, element 0: its channel", [](auto& c) { c.mechanics[0].channel = 2; }},
     {"CMEC, element 0: its channel", [](auto& c) { c.channels.clear(); }},
     {"CMEC, element 0: a reserved", [](auto& c) { c.mechanics[0].reserved0 = 1; }},
@@ -402,8 +445,9 @@ void setTether(PackageContent& c, std::size_t i, std::size_t j, float value) {
 }
 
 // The held field is driven by the empty pin set too, by functions that are 0 everywhere. Its tethers, 9 x 9, tie three
-// places to that set, whose X sum to 0: by rounding alone, X of one set pulls at 1 of the other.
-void tieToBothSets(PackageContent& c) {
+// places to that set, whose X sum to 0: by rounding alone, X of one set pulls at 1 of the other. \param last N/m, of
+// the third place; the others have 70.
+void tieToBothSets(PackageContent& c, double last) {
   const auto insertZeros = [](auto& items, std::size_t before, std::size_t count) {
     items.insert(items.begin() + std::ptrdiff_t(before), count, {});
   };
@@ -420,6 +464,7 @@ void tieToBothSets(PackageContent& c) {
   const FieldFunction& inner = c.field_functions[12];
   std::vector<double> sums(81, 0.0);
   for (const double x : {0.1, 0.2, -0.3}) {
+    const double stiffness = x < 0 ? last : 70;
     constexpr double kInner = 0.7;
     const std::array<double, 4> monomials = {1, x, 0.4, 0.9};
     const std::array<double, 4> carried = {double(inner.one), double(inner.rest[0]), double(inner.rest[1]),
@@ -431,7 +476,7 @@ void tieToBothSets(PackageContent& c) {
     }
     off[8] = kInner;
     for (std::size_t i = 0; i < 9; ++i) {
-      for (std::size_t j = 0; j < 9; ++j) sums[9 * i + j] += 70 * (off[i] * off[j]);
+      for (std::size_t j = 0; j < 9; ++j) sums[9 * i + j] += stiffness * (off[i] * off[j]);
     }
   }
   c.field_tether_values.assign(sums.begin(), sums.end());
@@ -583,6 +628,7 @@ const std::vector<ContentFault> kFieldFaults = {
        c.fields[1].driven_count = 8;
      }},
     // FPAK
+    {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].at[1][0] = -100; }},
     {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].volume[1] = -1; }},
     {"FPAK, element 1: a volume", [](auto& c) { c.field_packs[1].volume[0] = kInfinity; }},
     {"FPAK, element 0: a volume", [](auto& c) { c.field_packs[0].mu[0] = kNan; }},
@@ -729,6 +775,7 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FTHR, element 0: its values pull",
      [](auto& c) { setTether(c, 2, 4, 1.01F * c.field_tether_values[5 * 2 + 4]); }},
     {"FTHR, element 0: its values pull", [](auto& c) { setTether(c, 0, 1, 0); }},
+    {"FTHR, element 0: its values are not positive", [](auto& c) { tieToBothSets(c, -20); }},
     {"FTHR, element 0: its values pull",  // at what is on no diagonal
      [](auto& c) {
        std::fill(c.field_tether_values.begin(), c.field_tether_values.end(), 0.0F);
@@ -855,7 +902,8 @@ TEST(PackageFaults, WhatTheFormatAllowsOfFieldsOpens) {
         const float most = *std::max_element(c.field_tether_values.begin(), c.field_tether_values.end());
         for (float& value : c.field_tether_values) value *= 0.99e18F / most;
       },
-      tieToBothSets,
+      [](auto& c) { tieToBothSets(c, 70); },
+      [](auto& c) { tieToBothSets(c, 0); },
       [](auto& c) {  // neither mechanics nor what hangs on them
         c.mechanics.clear();
         c.channels.clear();

@@ -16,6 +16,8 @@ MASK = (1 << 64) - 1
 NONE = 0xFFFFFFFF
 MOST = struct.unpack("<f", struct.pack("<f", 1e18))[0]  # of a number in the sections of fields
 
+FAR = struct.unpack("<f", struct.pack("<f", 1e15))[0]  # of a place, metres
+
 # ---- Checksum (section "Checksum" of the page) ----
 
 SECRET = bytes.fromhex(
@@ -273,10 +275,6 @@ def read_frame(data):
 
 # ---- Values ----
 
-def finite(values):
-    return all(map(math.isfinite, values))
-
-
 def tile(name, runs, total):
     """Runs (first, count) must follow each other and end at total."""
     end = 0
@@ -289,6 +287,23 @@ def tile(name, runs, total):
 
 def ascending(values):
     return all(a < b for a, b in zip(values, values[1:]))
+
+
+def positive(matrix, roots):
+    """Whether a Cholesky factor exists of a symmetric matrix scaled to a diagonal of ones, with 0.0001 added to that."""
+    factor = []
+    for a, row in enumerate(matrix):
+        factor.append([])
+        for b in range(a + 1):
+            scale = roots[a] * roots[b]
+            if scale == 0 and row[b] != 0:
+                return False
+            rest = (row[b] / scale if scale else 0) + (1e-4 if a == b else 0)
+            rest -= sum(x * y for x, y in zip(factor[a], factor[b]))
+            if a == b and not rest > 0:
+                return False
+            factor[a].append(math.sqrt(rest) if a == b else rest / factor[b][b])
+    return True
 
 
 class Package:
@@ -328,19 +343,29 @@ class Package:
         info = self.records["INFO"][0]
         origin, unit, low, high = info[0:3], info[3], info[4:7], info[7:10]
         diagonal, mass, density, volume, source_volume, error, min_angle, max_angle, inverted, reserved = info[10:20]
-        need(finite(info[:18]), "section INFO: a number is not finite")
-        need(len(origin) == 3 and unit > 0 and diagonal > 0 and mass > 0, "section INFO: a number is not above 0")
-        need(all(a <= b for a, b in zip(low, high)), "section INFO: bounds are not in order")
-        need(density >= 0 and volume >= 0 and error >= 0, "section INFO: a number is negative")
+        need(all(abs(x) <= FAR for x in origin), "section INFO: origin")
+        need(all(-FAR <= a <= b <= FAR for a, b in zip(low, high)), "section INFO: bounds")
+        need(all(0 < x <= MOST for x in (unit, mass)), "section INFO: metres_per_unit or total_mass")
+        need(all(0 <= x <= MOST for x in (density, volume, error)), "section INFO: density, physical_volume or max_rest_error")
+        need(abs(source_volume) <= MOST, "section INFO: source_volume")
+        side = math.dist(low, high)
+        need(diagonal > 0 and abs(diagonal - side) <= 1e-3 * side, "section INFO: diagonal")
+        self.low, self.high = [x - diagonal for x in low], [x + diagonal for x in high]
         need(0 <= min_angle <= max_angle <= 180, "section INFO: dihedral angles are out of order")
         need(inverted <= len(self.records["TETS"]) and reserved == 0, "section INFO: inverted_tetrahedra or reserved")
+
+    def near(self, place):
+        """Within a diagonal of the bounds."""
+        return all(a <= x <= b for a, x, b in zip(self.low, place, self.high))
 
     def check_physical(self):
         r = self.records
         for first, name in ((0, "PVTX"), (2, "TETS"), (4, "CLUS")):
             tile("BODY", [(b[first], b[first + 1]) for b in r["BODY"]], len(r[name]))
         for i, v in enumerate(r["PVTX"]):
-            need(finite(v) and v[3] > 0, f"section PVTX, element {i}: not finite, or mass not above 0")
+            need(self.near(v[:3]) and 0 < v[3] <= MOST, f"section PVTX, element {i}: rest_position or mass")
+        mass = sum(v[3] for v in r["PVTX"])
+        need(abs(mass - r["INFO"][0][11]) <= 1e-3 * mass, "section PVTX: the masses do not sum to total_mass")
         for i, body in enumerate(r["BODY"]):
             need(body[1] > 0 and body[5] > 0, f"section BODY, element {i}: no vertices or clusters")
             end = body[0] + body[1]
@@ -362,9 +387,11 @@ class Package:
                 need(mode <= 2 and of_body == b and count > 0, where + "mode, body or member_count")
                 need(moment == (quadratic if mode == 2 else NONE), where + "quadratic")
                 quadratic += mode == 2
-                need(finite(center + (radius, mass, alpha) + c[16:28]), where + "not finite")
-                need(radius > 0 and mass > 0 and 0 <= alpha <= 1, where + "radius, mass or alpha")
-                need(all(f >= 0 for f in frequencies), where + "frequency")
+                diagonal, total = r["INFO"][0][10:12]
+                need(1e-9 * diagonal <= radius <= max(3 * diagonal, 1), where + "radius")
+                need(self.near(center) and 0 < mass <= 1.001 * total and 0 <= alpha <= 1, where + "rest_center, mass or alpha")
+                need(all(0 <= f <= MOST or f == math.inf for f in frequencies), where + "frequency")
+                need(all(abs(x) <= f32(1e12) for x in c[22:28]), where + "a_qq")
                 members = r["MEMB"][first:first + count]
                 vertices = [m[0] for m in members]
                 where = f"section MEMB, cluster {i}: "
@@ -372,13 +399,37 @@ class Package:
                 need(vertices[0] >= body[0] and vertices[-1] < body[0] + body[1], where + "vertex of another body")
                 need(all(0 <= m[1] <= 1 and 0 <= m[2] <= 1 for m in members), where + "mu or share outside 0 to 1")
                 need(abs(sum(m[1] for m in members) - 1) <= 1e-3, where + "mu does not sum to 1")
-                for vertex, _, share in members:
+                for vertex, mu, share in members:
                     shares[vertex] += share
+                    away = math.dist(r["PVTX"][vertex][:3], center)
+                    need(mu == 0 or away <= 1.001 * radius + 1e-6 * diagonal, where + "a vertex with mu outside the radius")
+                self.check_moments_of(i)
         need(quadratic == len(r["AQQ9"]), "section AQQ9: not one element for each quadratic cluster")
         for i, share in enumerate(shares):
             need(abs(share - 1) <= 1e-3, f"section MEMB: shares of physical vertex {i} do not sum to 1")
         for i, moment in enumerate(r["AQQ9"]):
-            need(finite(moment), f"section AQQ9, element {i}: not finite")
+            need(all(abs(x) <= f32(1e12) for x in moment), f"section AQQ9, element {i}: not finite or too large")
+
+    def check_moments_of(self, i):
+        r, c = self.records, self.records["CLUS"][i]
+        where = f"section CLUS, element {i}: "
+        terms, mus = [], []
+        for vertex, mu, _ in r["MEMB"][c[4]:c[4] + c[5]]:
+            x, y, z = ((a - b) / c[9] for a, b in zip(r["PVTX"][vertex][:3], c[6:9]))
+            terms.append((x, y, z, x * x, y * y, z * z, x * y, y * z, z * x))
+            mus.append(mu)
+        mean = [sum(mu * q[k] for mu, q in zip(mus, terms)) for k in range(9)]
+        need(all(abs(a - b) <= 1e-3 for a, b in zip(mean[3:], c[16:22])), where + "quadratic_mean")
+        xx, yy, zz, xy, yz, zx = c[22:28]
+        inverses = [[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]]
+        if c[2] == 2 and c[15] < len(r["AQQ9"]):
+            packed = r["AQQ9"][c[15]]
+            inverses.append([[packed[max(a, b) * (max(a, b) + 1) // 2 + min(a, b)] for b in range(9)] for a in range(9)])
+        for inverse in inverses:
+            n = len(inverse)
+            moment = [[sum(mu * q[a] * q[b] for mu, q in zip(mus, terms)) - mean[a] * mean[b] for b in range(n)] for a in range(n)]
+            need(all(abs(sum(inverse[a][k] * moment[k][b] for k in range(n))) <= 1.1 for a in range(n) for b in range(n)),
+                 where + "not the inverse of its members' moment")
 
     def check_mechanics(self):
         r = self.records
@@ -424,9 +475,11 @@ class Package:
         vertices = len(r["VPOS"])
         for name in ("VNRM", "VUV0", "VCOL", "ATBC", "ATCR", "VSRC"):
             need(len(r[name]) in (0, vertices), f"section {name}: not one element for each visual vertex")
-        for name in ("VPOS", "VNRM", "VUV0"):
+        for i, place in enumerate(r["VPOS"]):
+            need(self.near(place), f"section VPOS, element {i}: more than a diagonal outside the bounds")
+        for name, most in (("VNRM", f32(1.001)), ("VUV0", 1e9)):
             for i, record in enumerate(r[name]):
-                need(finite(record), f"section {name}, element {i}: not finite")
+                need(all(abs(x) <= most for x in record), f"section {name}, element {i}: not finite or too large")
         for i, triangle in enumerate(r["VTRI"]):
             need(max(triangle) < vertices, f"section VTRI, element {i}: no such vertex")
         if r["VSUB"]:
@@ -441,9 +494,9 @@ class Package:
     def check_attachments(self):
         r = self.records
         for i, a in enumerate(r["ATBC"]):
-            need(a[0] < len(r["TETS"]) and finite(a[1:]), f"section ATBC, element {i}: tetrahedron or weight")
+            need(a[0] < len(r["TETS"]) and all(abs(w) <= 1e6 for w in a[1:]), f"section ATBC, element {i}: tetrahedron or weight")
         for i, a in enumerate(r["ATCW"]):
-            need(a[0] < len(r["CLUS"]) and math.isfinite(a[1]), f"section ATCW, element {i}: cluster or weight")
+            need(a[0] < len(r["CLUS"]) and 0 <= a[1] <= 1, f"section ATCW, element {i}: cluster or weight")
         tile("ATCR", r["ATCR"], len(r["ATCW"]))
         for i, (first, count) in enumerate(r["ATCR"]):
             total = sum(a[1] for a in r["ATCW"][first:first + count])
@@ -515,7 +568,7 @@ class Package:
                 self.check_moments(where, functions, vertices)
             points = r["FPNT"][f[9]:f[9] + f[10]]
             for n, p in enumerate(points, f[9]):
-                need(all(abs(x) <= MOST for x in p) and p[3] > 0, f"section FPNT, element {n}: at or area")
+                need(self.near(p[:3]) and 0 < p[3] <= MOST, f"section FPNT, element {n}: at or area")
             self.check_places("FPTV", f[11], functions, points)
             self.check_modes(f[12], 3 * (k - driven))
         self.check_fibres()
@@ -545,7 +598,7 @@ class Package:
                 volume, mu, lam, *at, cluster = pack[lane::8]
                 here = f"section FPAK, element {field[5] + p}, sample {lane}: "
                 need(all(0 <= x <= MOST for x in (volume, mu, lam)), here + "volume, mu or lambda")
-                need(all(abs(x) <= MOST for x in at), here + "at")
+                need(volume == 0 or self.near(at), here + "at")
                 steps = [g[lane] for g in gradients]
                 need(all(abs(g) <= MOST for g in steps), here + "a gradient")
                 total += volume
@@ -628,6 +681,7 @@ class Package:
                     pull = sum(v * f[2 + n] for v, f in zip(t[a], functions))
                     unit = sum(s * abs(f[2 + n]) for s, f in zip(sizes, functions))
                     need(abs(pull) <= 1e-3 * unit, where + "pulls at the rest shape")
+            need(positive(t, roots), where + "not positive semidefinite")
 
     def check_moments(self, where, functions, vertices):
         diagonal, mass, origin = self.records["INFO"][0][10], sum(v[3] for v in vertices), vertices[0][:3]

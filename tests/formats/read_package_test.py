@@ -153,6 +153,43 @@ class Reader(unittest.TestCase):
             reseal(data)
             self.assertNotEqual(reason_of(data), "", f"{name} byte {offset}")
 
+    def test_numbers_are_bounded_by_what_the_package_states(self):
+        # (section, byte within it, layout, new value, what is said): finite, and refused
+        faults = [
+            ("INFO", 0, "d", 1.1e15, "origin"), ("INFO", 24, "d", 1.1e18, "metres_per_unit"), ("INFO", 44, "f", 1.1e15, "bounds"),
+            ("INFO", 56, "f", 1e3, "diagonal"), ("INFO", 60, "f", 6.1, "total_mass"), ("INFO", 64, "f", 1.1e18, "density"),
+            ("INFO", 68, "f", 1.1e18, "physical_volume"), ("INFO", 72, "f", -1.1e18, "source_volume"),
+            ("INFO", 76, "f", 1.1e18, "max_rest_error"), ("PVTX", 0, "f", 1e20, "rest_position"), ("PVTX", 12, "f", 1e3, "total_mass"),
+            ("CLUS", 24, "f", 1e3, "rest_center"), ("CLUS", 36, "f", 1e3, "radius"), ("CLUS", 36, "f", 0.1, "outside the radius"),
+            ("CLUS", 40, "f", 1e3, "mass"), ("CLUS", 52, "f", 1.1e18, "frequency"), ("CLUS", 64, "f", 0.9, "quadratic_mean"),
+            ("CLUS", 88, "f", 1.1e12, "a_qq"), ("CLUS", 88, "f", 1e5, "inverse"), ("AQQ9", 176, "f", 1.1e12, "inverse"),
+            ("AQQ9", 176, "f", 1e6, "inverse"), ("VPOS", 4, "f", -1e3, "VPOS"), ("VNRM", 4, "f", 1.01, "VNRM"), ("VUV0", 4, "f", 1.1e9, "VUV0"),
+            ("ATBC", 8, "f", 1.1e6, "ATBC"), ("ATCW", 4, "f", -0.1, "ATCW"),
+        ]
+        for name, offset, layout, value, reason in faults:
+            data = golden()
+            struct.pack_into("<" + layout, data, start_of(data, name.encode()) + offset, value)
+            reseal(data)
+            self.assertIn(reason, reason_of(data), f"{name} byte {offset}")
+        with open(FIELDS, "rb") as file:
+            sound = file.read()
+        for name, offset in (("FPAK", 96), ("FPNT", 4)):
+            data = bytearray(sound)
+            struct.pack_into("<f", data, start_of(data, name.encode()) + offset, -1e3)
+            reseal(data)
+            self.assertIn(name + ", element 0", reason_of(data))
+
+    def test_tethers_are_positive(self):
+        def positive(matrix):
+            return read_package.positive(matrix, [row[i] ** 0.5 for i, row in enumerate(matrix)])
+
+        self.assertTrue(positive([[4, 2], [2, 1]]))
+        self.assertTrue(positive([[4, 2.0001], [2.0001, 1]]))  # rounding
+        self.assertFalse(positive([[4, 2.01], [2.01, 1]]))
+        self.assertTrue(positive([[0, 0], [0, 1]]))
+        self.assertFalse(positive([[0, 1e-6], [1e-6, 1]]))
+        self.assertFalse(positive([[1, 0.9, 0], [0.9, 1, 0.9], [0, 0.9, 1]]))
+
     def test_mechanics(self):
         with open(MECHANICS, "rb") as file:
             sound = file.read()

@@ -526,6 +526,7 @@ formats::PackageContent fieldPackage() {
 }
 
 formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) {
+  c.info.total_mass *= float(copies);
   const formats::PackageContent once = c;
   const auto n = [](const auto& items) { return std::uint32_t(items.size()); };
   const std::uint32_t vertices = n(c.physical_vertices), tets = n(c.tetrahedra), clusters = n(c.clusters);

@@ -90,7 +90,7 @@ std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, 
   }
   double all = 0;
   for (const double m : mass) all += m;
-  if (!(float(*std::min_element(mass.begin(), mass.end())) > 0) || !std::isfinite(float(all))) {
+  if (!(float(*std::min_element(mass.begin(), mass.end())) > 0) || !(all <= double(formats::kMostNumber))) {
     char text[64];
     std::snprintf(text, sizeof text, "is too %s to compute with: %.1e kg", all < 1 ? "small" : "large", all);
     throw ToolError(ExitCode::bad_input, file, text,
@@ -99,6 +99,19 @@ std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, 
   std::vector<formats::PhysicalVertex> vertices(mass.size());
   for (std::size_t v = 0; v < mass.size(); ++v) vertices[v] = {toFloat(mesh.positions[v]), float(mass[v])};
   return vertices;
+}
+
+// The package's bounds are the model's: a reader takes what is more than a diagonal outside them for damage.
+void refuseFarVertices(const VisualMesh& mesh, const PhysicalMesh& physical) {
+  double farthest = 0;
+  for (const Vector3d& x : physical.positions) {
+    farthest = std::max({farthest, (mesh.bounds_min - x).maxCoeff(), (x - mesh.bounds_max).maxCoeff()});
+  }
+  if (farthest <= 0.999 * mesh.diagonal) return;
+  char text[128];
+  std::snprintf(text, sizeof text, "its tetrahedra reach %.3g m beyond a model whose diagonal is %.3g m", farthest,
+                mesh.diagonal);
+  throw ToolError(ExitCode::bad_input, mesh.file, text, "Lower tetrahedra.thickness, or the recipe's factors of it.");
 }
 
 // Where the float formula of the runtime puts visual vertex v at rest.
@@ -368,6 +381,8 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
                         " tetrahedra turn over when rounded to single precision",
                     "Bake far parts as files of their own; make a shell thicker (tetrahedra.thickness).");
   }
+
+  refuseFarVertices(mesh, physical);
 
   progress.stage("clusters");
   std::vector<Finding> findings = mesh.findings;

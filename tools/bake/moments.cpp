@@ -17,6 +17,9 @@ using Matrix9d = Eigen::Matrix<double, 9, 9>;
 // Directions whose moment is below this part of the largest cannot be told from noise in float and are dropped.
 constexpr double kRelativeCutoff = 1e-5;
 
+// Of a centre's coordinates: the mean of vertices in one place is so far from them at most, by rounding.
+constexpr double kPointRadius = 1e-12;
+
 // Independent ways to bend and twist, of six, that a quadratic cluster has at least.
 constexpr Eigen::Index kLeastBending = 3;
 
@@ -124,7 +127,7 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
       mu[i] /= mass;
       radius = std::max(radius, (position(i) - center).norm());
     }
-    if (!(radius > 0)) radius = 1;  // a single vertex: any length does
+    if (!(radius > kPointRadius * center.norm())) radius = 1;  // vertices in one place: any length does
     cluster.mass = float(mass);
     cluster.radius = float(radius);
     const Vector3d rounded_center = geometry::roundedToFloat(center);

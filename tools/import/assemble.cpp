@@ -26,6 +26,7 @@ namespace {
 constexpr double kSmallestPlausible = 1e-3;  // metres
 constexpr double kLargestPlausible = 100;
 constexpr double kLargestPossible = 1e12;  // beyond it single precision overflows in squares and cubes of lengths
+constexpr float kLargestTexture = 1e9F;    // of a texture coordinate: a package holds no larger ones
 constexpr double kWeightSumTolerance = 1e-3;
 // Faces of at most this part of the area, this many times further from the middle than all the others, are stray: what
 // was left behind in the file. With them every length that is a part of the diagonal would be theirs.
@@ -570,8 +571,8 @@ class Assembler {
       for (std::uint32_t count : scene_.meshes[m].skin_count) skin_begin[m].push_back(skin_begin[m].back() + count);
     }
     std::uint64_t bad_numbers = 0;
-    const auto finite = [&](float value) {
-      if (std::isfinite(value)) return value;
+    const auto finite = [&](float value, float most = std::numeric_limits<float>::max()) {
+      if (std::abs(value) <= most) return value;
       ++bad_numbers;
       return 0.0F;
     };
@@ -581,7 +582,8 @@ class Assembler {
     for (std::size_t v = 0; v < n; ++v) {
       const auto [m, k] = origin_[v];
       const RawMesh& raw = scene_.meshes[m];
-      if (!raw.uvs.empty()) mesh_.uvs[v] = {finite(raw.uvs[k].x()), finite(raw.uvs[k].y())};
+      if (!raw.uvs.empty())
+        mesh_.uvs[v] = {finite(raw.uvs[k].x(), kLargestTexture), finite(raw.uvs[k].y(), kLargestTexture)};
       if (!raw.colors.empty())
         for (std::size_t c = 0; c < 4; ++c) mesh_.colors[v][c] = finite(raw.colors[k][c]);
       for (std::size_t a = 0; a < raw.attributes.size(); ++a) {
@@ -594,7 +596,9 @@ class Assembler {
     }
     if (bad_numbers > 0)
       warn("bad-attribute-numbers", bad_numbers,
-           std::to_string(bad_numbers) + " UV, colour or attribute values are not finite numbers and were set to 0",
+           std::to_string(bad_numbers) +
+               " UV, colour or attribute values are not finite numbers, or texture coordinates beyond 1e9, and were "
+               "set to 0",
            "Export the file again.");
     const auto distinct = [](std::vector<std::uint32_t>& list) {
       std::sort(list.begin(), list.end());

@@ -18,6 +18,9 @@ static_assert(std::endian::native == std::endian::little,
 inline constexpr std::array<char, 8> kMagic = {'S', 'I', 'N', 'E', 'W', '\r', '\n', '\x1a'};
 inline constexpr std::size_t kSectionAlignment = 64;
 inline constexpr std::uint32_t kNone = 0xffffffffU;  ///< "no such index" in every index field that allows it
+/// Numbers without a bound of their own are at most so large: the square of one is a float, and so is a sum of
+/// thousands of such.
+inline constexpr float kMostNumber = 1e18F;
 
 constexpr std::uint32_t fourcc(const char (&text)[5]) {
   return std::uint32_t(std::uint8_t(text[0])) | std::uint32_t(std::uint8_t(text[1])) << 8 |
