@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "checksum.h"
+#include "sinew/formats/checksum.h"
 
 // The only file that includes xxHash; inlined, so that nothing has to be linked.
 #define XXH_INLINE_ALL

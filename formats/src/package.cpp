@@ -12,10 +12,10 @@
 #include <limits>
 #include <utility>
 
-#include "checksum.h"
 #include "field_rules.h"
 #include "reach.h"
 #include "section_rules.h"
+#include "sinew/formats/checksum.h"
 #include "sinew/formats/version.h"
 
 namespace sinew::formats {

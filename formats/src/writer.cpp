@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "checksum.h"
 #include "section_rules.h"
+#include "sinew/formats/checksum.h"
 #include "sinew/formats/version.h"
 
 namespace sinew::formats {

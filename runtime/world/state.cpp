@@ -9,6 +9,7 @@
 #include "runtime/geometry/rotation.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/world/world_impl.h"
+#include "sinew/formats/checksum.h"
 
 namespace sinew {
 
@@ -19,7 +20,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 9;
+constexpr std::uint32_t kStateVersion = 10;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -31,8 +32,17 @@ struct StateHeader {
   std::uint32_t repaired;
   std::uint32_t channels, pin_sets, pinned_vertices, reserved;
   std::uint64_t solver_bytes;  ///< of the solver, behind all else
+  std::uint64_t checksum;      ///< of all, with this field as 0
 };
-static_assert(sizeof(StateHeader) == 72);
+static_assert(sizeof(StateHeader) == 80);
+
+/// XXH3 as in packages. \param bytes of a whole state, header first.
+std::uint64_t checksumOf(std::span<const std::byte> bytes) {
+  StateHeader header;
+  std::memcpy(&header, bytes.data(), sizeof header);
+  header.checksum = 0;
+  return formats::checksum(std::as_bytes(std::span{&header, 1}), bytes.subspan(sizeof header));
+}
 
 /// A PinSet without its vertices, which follow behind all sets.
 struct SavedPinSet {
@@ -133,6 +143,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
     return "the saved state is damaged";
   }
   if (bytes.size() < h.bytes) return "the saved state is cut short";
+  if (checksumOf(bytes.first(h.bytes)) != h.checksum) return "the saved state is damaged (its checksum does not match)";
   if (!body.solver->accepts(bytes.subspan(h.bytes - h.solver_bytes, h.solver_bytes))) {
     return "the saved state is damaged, or another solver's";
   }
@@ -210,6 +221,8 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   }
   for (const internal::PinSet& set : body->pin_sets) writer.put(set.vertices.data(), set.vertices.size());
   body->solver->save(bytes.subspan(header.bytes - header.solver_bytes, header.solver_bytes));
+  header.checksum = checksumOf(bytes.first(header.bytes));
+  std::memcpy(bytes.data(), &header, sizeof header);
   return header.bytes;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "formats/src/checksum.h"
+#include "sinew/formats/checksum.h"
 
 #include <gtest/gtest.h>
 

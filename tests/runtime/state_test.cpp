@@ -7,6 +7,7 @@
 #include <limits>
 #include <thread>
 
+#include "sinew/formats/checksum.h"
 #include "sinew/runtime/thread_pool.h"
 #include "tests/runtime/world_state.h"
 #include "tests/support/box_package.h"
@@ -201,6 +202,17 @@ TEST(State, PicksComeBackWithTheirIdsUnlessTaken) {
   EXPECT_FALSE(next == ids[0]);
 }
 
+// Bytes of a saved state before its vertices; the checksum is the last eight.
+constexpr std::size_t kHeader = 80;
+
+// Makes the checksum of damaged bytes right again.
+void seal(std::vector<std::byte>& bytes) {
+  const std::uint64_t none = 0;
+  std::memcpy(bytes.data() + kHeader - 8, &none, 8);
+  const std::uint64_t sum = formats::checksum(bytes);
+  std::memcpy(bytes.data() + kHeader - 8, &sum, 8);
+}
+
 TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
   const auto asset = boxAsset(softBox());
   World world(onGround());
@@ -215,9 +227,19 @@ TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
     ASSERT_FALSE(restored) << size;
     EXPECT_FALSE(restored.reason().empty());
   }
+  for (std::size_t place = 0; place < bytes.size(); ++place) {
+    auto damaged = bytes;
+    damaged[place] ^= std::byte(1U << place % 8);
+    const auto restored = world.restoreState(body, damaged);
+    ASSERT_FALSE(restored) << place;
+    if (place >= kHeader) {
+      ASSERT_NE(restored.reason().find("checksum"), std::string::npos) << restored.reason();
+    }
+  }
   for (const std::size_t place : {0UL, 4UL, 8UL, 16UL, 24UL, 28UL, 32UL, 36UL, 40UL, 48UL, 52UL, 56UL, 60UL, 64UL}) {
     auto damaged = bytes;
     damaged[place] ^= std::byte(0x41);
+    seal(damaged);
     EXPECT_FALSE(world.restoreState(body, damaged)) << place;
   }
   // Not a number among the positions, a pin of no vertex, and a piece with more functions than its field has.
@@ -225,11 +247,12 @@ TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
   const std::uint32_t far = 1U << 30;
   std::uint64_t solver_bytes = 0;
   std::memcpy(&solver_bytes, bytes.data() + 64, sizeof solver_bytes);
-  const std::size_t positions = 72, pins = positions + 24 * world.positions(body).size();
+  const std::size_t positions = kHeader, pins = positions + 24 * world.positions(body).size();
   const std::size_t piece = bytes.size() - solver_bytes;
   const auto refused = [&](std::size_t place, const void* value) {
     auto damaged = bytes;
     std::memcpy(damaged.data() + place, value, 4);
+    seal(damaged);
     return !world.restoreState(body, damaged);
   };
   EXPECT_TRUE(refused(positions, &nan));

@@ -6,8 +6,8 @@
 #include <new>
 #include <stdexcept>
 
-#include "formats/src/checksum.h"
 #include "formats/src/section_rules.h"
+#include "sinew/formats/checksum.h"
 
 namespace sinew::test {
 namespace {
