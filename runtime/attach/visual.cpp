@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "runtime/attach/cluster_frames.h"
 #include "runtime/attach/visual_constants.h"
@@ -190,6 +191,38 @@ void VisualScratch::write(const Body& body, std::span<const VertexRun> runs, con
       writeRange(body, output, run.first + begin, run.first + end);
     });
   }
+}
+
+VisualPool::~VisualPool() {
+  for (Slot* slot = first_.next; slot != nullptr;) {
+    Slot* const next = slot->next;
+    slot->~Slot();
+    memory_->deallocate(slot, sizeof(Slot), alignof(Slot));
+    slot = next;
+  }
+}
+
+void VisualPool::invalidate() {
+  for (Slot* slot = &first_; slot != nullptr; slot = slot->next) slot->scratch.invalidate();
+}
+
+VisualPool::Lease::Lease(VisualPool& pool, const Body& body) : pool_(pool) {
+  const std::lock_guard lock(pool.mutex_);
+  for (Slot* slot = &pool.first_; slot != nullptr; slot = slot->next) {
+    if (slot->taken) continue;
+    if (slot_ == nullptr || slot->scratch.isOf(body)) slot_ = slot;
+  }
+  if (slot_ == nullptr) {
+    slot_ = new (pool.memory_->allocate(sizeof(Slot), alignof(Slot))) Slot(pool.memory_);
+    slot_->next = std::exchange(pool.first_.next, slot_);
+  }
+  slot_->taken = true;
+}
+
+VisualPool::Lease::~Lease() {
+  const std::lock_guard lock(pool_.mutex_);
+  if (!whole_) slot_->scratch.invalidate();
+  slot_->taken = false;
 }
 
 bool VisualScratch::bounds(const Body& body, JobSystem* jobs, Bounds& result) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory_resource>
+#include <mutex>
 #include <span>
 
 #include "runtime/kernels/attach_layout.h"
@@ -13,14 +14,14 @@
 
 namespace sinew::internal {
 
-/// What outputs compute of one body before they write: one for a world, kept until a body moves or another is asked
-/// for.
+/// What outputs compute of one body before they write: kept until a body moves or another is asked for.
 class VisualScratch {
  public:
   explicit VisualScratch(std::pmr::memory_resource* memory);
 
   /// Forgets what was computed. To be called whenever a body changes.
   void invalidate() { body_ = nullptr; }
+  bool isOf(const Body& body) const { return body_ == &body; }
 
   /// Writes runs of visual vertices.
   void write(const Body& body, std::span<const VertexRun> runs, const VisualOutput& output, JobSystem* jobs);
@@ -37,6 +38,50 @@ class VisualScratch {
   Array<SlotFrame> frames_, previous_frames_;  ///< by slot of the attachment
   Array<ClusterColumns> columns_;              ///< by cluster
   Array<PaddedMatrix> cofactors_, gradients_;  ///< by physical vertex
+};
+
+/// The scratch of a world's outputs: one for each call that runs at the same time.
+class VisualPool {
+ public:
+  explicit VisualPool(std::pmr::memory_resource* memory) : memory_(memory), first_(memory) {}
+  ~VisualPool();
+  VisualPool(const VisualPool&) = delete;
+  VisualPool& operator=(const VisualPool&) = delete;
+
+  /// To be called whenever a body changes, while no output runs.
+  void invalidate();
+
+ private:
+  struct Slot {
+    explicit Slot(std::pmr::memory_resource* memory) : scratch(memory) {}
+    VisualScratch scratch;
+    bool taken = false;
+    Slot* next = nullptr;
+  };
+
+ public:
+  /// A scratch for as long as an output runs; one with what was computed of its body, if there is.
+  class Lease {
+   public:
+    /// May throw.
+    Lease(VisualPool& pool, const Body& body);
+    ~Lease();
+    Lease(const Lease&) = delete;
+    Lease& operator=(const Lease&) = delete;
+    VisualScratch* operator->() const { return &slot_->scratch; }
+    /// What it computed is whole; else it is forgotten.
+    void keep() { whole_ = true; }
+
+   private:
+    VisualPool& pool_;
+    Slot* slot_ = nullptr;
+    bool whole_ = false;
+  };
+
+ private:
+  std::pmr::memory_resource* memory_;
+  std::mutex mutex_;
+  Slot first_;  // and those that calls at the same time have needed
 };
 
 /// Notes where a body is, before a step; nothing unless it keeps its history.

@@ -14,6 +14,7 @@
 #include <string_view>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "sinew/formats/version.h"
 #include "sinew/runtime/thread_pool.h"
@@ -119,8 +120,8 @@ class CallerLog final : public sinew::LogSink {
   explicit CallerLog(const sinew_world_options& options) : options_(options) {}
   void write(sinew::LogSeverity severity, std::string_view line) override {
     if (severity == sinew::LogSeverity::error) {
-      failed_ = true;
-      out_of_memory_ = line.ends_with(": out of memory");
+      failed = true;
+      out_of_memory = line.ends_with(": out of memory");
       fail(SINEW_ERROR_ARGUMENT, line);
     }
     if (options_.log == nullptr) return;
@@ -131,16 +132,15 @@ class CallerLog final : public sinew::LogSink {
     options_.log(options_.log_user, std::uint32_t(severity), text);
   }
 
-  // Of the errors since the last call.
-  sinew_status takeStatus() {
-    const bool failed = std::exchange(failed_, false);
-    if (!failed) return SINEW_OK;
-    return out_of_memory_ ? SINEW_ERROR_MEMORY : SINEW_ERROR_ARGUMENT;
+  // Of the errors since the last call of this thread.
+  static sinew_status takeStatus() {
+    if (!std::exchange(failed, false)) return SINEW_OK;
+    return out_of_memory ? SINEW_ERROR_MEMORY : SINEW_ERROR_ARGUMENT;
   }
 
  private:
   sinew_world_options options_;
-  bool failed_ = false, out_of_memory_ = false;
+  inline static thread_local bool failed = false, out_of_memory = false;
 };
 
 sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
@@ -253,7 +253,7 @@ sinew_status runOnWorld(const char* call, const sinew_world* world, sinew::BodyI
     work.run(work.work, *world->world, body);
     return SINEW_OK;
   });
-  const sinew_status told = world->log.takeStatus();
+  const sinew_status told = CallerLog::takeStatus();
   return status != SINEW_OK ? status : told;
 }
 
@@ -493,7 +493,7 @@ sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset, const 
   return guarded("sinew_body_add", [&] {
     const sinew_body_settings given = readStruct(settings, fromCpp(sinew::BodySettings{}));
     const sinew::Result<sinew::BodyId> added = world->world->addBody(asset->asset, toCpp(given));
-    const sinew_status told = world->log.takeStatus();
+    const sinew_status told = CallerLog::takeStatus();
     if (!added) return fail(told != SINEW_OK ? told : SINEW_ERROR_ARGUMENT, added.reason());
     *body = (*added).value;
     return SINEW_OK;
@@ -697,6 +697,21 @@ sinew_status sinew_body_visual_vertices(const sinew_world* world, uint32_t body,
   return onBody(
       "sinew_body_visual_vertices", world, body, output != nullptr,
       [&](const sinew::World& w, sinew::BodyId id) { w.visualVertices(id, toCpp(readStruct(output, kNoOutput))); });
+}
+
+sinew_status sinew_world_visual_vertices(const sinew_world* world, const uint32_t* bodies,
+                                         const sinew_visual_output* outputs, uint32_t count) {
+  if (count == 0 && world != nullptr) return SINEW_OK;
+  const bool given = bodies != nullptr && outputs != nullptr;
+  return onWorld("sinew_world_visual_vertices", world, given, [&](const sinew::World& w) {
+    std::pmr::vector<sinew::BodyOutput> all(world->home);
+    all.reserve(count);
+    const std::byte* at = reinterpret_cast<const std::byte*>(outputs);
+    for (uint32_t i = 0; i < count; ++i, at += outputs->struct_size) {
+      all.push_back({{bodies[i]}, toCpp(readStruct(reinterpret_cast<const sinew_visual_output*>(at), kNoOutput))});
+    }
+    w.visualVertices(all);
+  });
 }
 
 sinew_status sinew_body_visual_sub_mesh(const sinew_world* world, uint32_t body, uint32_t sub_mesh,

@@ -104,6 +104,8 @@ struct Body {
 
   History history;  ///< for motion vectors
 
+  bool listed = false;  ///< among the bodies that a call draws
+
   SolverPointer solver;  ///< what moves it
 };
 

@@ -2,6 +2,8 @@
 //
 // What a world hands back to be drawn.
 #include <algorithm>
+#include <atomic>
+#include <new>
 
 #include "runtime/world/world_impl.h"
 
@@ -20,22 +22,86 @@ bool streamIsSound(const Stream& stream, std::uint32_t least_stride) {
 // What lies deeper below the ground has not been pressed there. Diagonals.
 constexpr float kPressedIn = 0.02F;
 
-bool isSound(const VisualOutput& output) {
-  return streamIsSound(output.positions, 12) && streamIsSound(output.normals, 12) &&
-         streamIsSound(output.tangents, 16) && streamIsSound(output.previous_positions, 12);
-}
+// Marks the bodies that a call draws, so that none is drawn twice.
+class Listed {
+ public:
+  explicit Listed(std::pmr::memory_resource* memory) : items_(memory) {}
+  ~Listed() {
+    for (const Item& item : items_) item.body->listed = false;
+  }
+  Listed(const Listed&) = delete;
+  Listed& operator=(const Listed&) = delete;
+
+  struct Item {
+    Body* body;
+    const VisualOutput* output;
+  };
+  const internal::Array<Item>& items() const { return items_; }
+  /// False where the body is there. May throw.
+  bool add(Body& body, const VisualOutput& output) {
+    if (body.listed) return false;
+    items_.push_back({&body, &output});
+    body.listed = true;
+    return true;
+  }
+
+ private:
+  internal::Array<Item> items_;
+};
+
+VertexRun allOf(const Body& body) { return {0, std::uint32_t(body.package().visualPositions().size())}; }
 
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
-  const Body* body = impl_->seen(id, "visualVertices", impl_->shown);
+  const Impl::Presence presence(*impl_, "visualVertices", Impl::Presence::As::output);
+  const Body* body = presence ? impl_->seen(id, "visualVertices", impl_->shown) : nullptr;
   if (body == nullptr) return;
-  const VertexRun all = {0, std::uint32_t(body->package().visualPositions().size())};
+  const VertexRun all = allOf(*body);
   impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
 }
 
+void World::visualVertices(std::span<const BodyOutput> outputs) const {
+  constexpr const char* kCall = "visualVertices";
+  const Impl::Presence presence(*impl_, kCall, Impl::Presence::As::output);
+  if (!presence) return;
+  impl_->guarded(kCall, false, [&] {
+    Listed listed(impl_->memory);
+    for (const BodyOutput& each : outputs) {
+      Body* body = impl_->find(each.body, kCall);
+      if (body == nullptr || !impl_->isSound(kCall, each.output)) continue;
+      if (!listed.add(*body, each.output)) {
+        impl_->tell(LogSeverity::error, "%s: body %u is given twice; its first output is written", kCall, body->id);
+      }
+    }
+    const std::uint32_t count = std::uint32_t(listed.items().size());
+    JobSystem* const outer = count > 1 ? impl_->jobs : nullptr;
+    std::atomic<bool> failed{false};
+    const auto work = [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t i = begin; i < end; ++i) {
+        const Listed::Item& item = listed.items()[i];
+        try {
+          item.body->solver->refresh(impl_->shown);
+          const VertexRun all = allOf(*item.body);
+          impl_->draw(*item.body, {&all, 1}, *item.output, outer == nullptr ? impl_->jobs : nullptr);
+        } catch (...) {
+          failed = true;
+        }
+      }
+    };
+    if (outer == nullptr) {
+      work(0, count);
+    } else {
+      outer->parallelFor(count, 1, work);
+    }
+    if (failed) throw std::bad_alloc();
+    return true;
+  });
+}
+
 void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
-  const Body* body = impl_->seen(id, "visualSubMesh", impl_->shown);
+  const Impl::Presence presence(*impl_, "visualSubMesh", Impl::Presence::As::output);
+  const Body* body = presence ? impl_->seen(id, "visualSubMesh", impl_->shown) : nullptr;
   if (body == nullptr) return;
   if (sub_mesh >= body->package().subMeshes().size()) {
     impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
@@ -62,27 +128,39 @@ void World::Impl::liftFromGround(const Body& body, std::span<const VertexRun> ru
   }
 }
 
-void World::Impl::writeVisual(const char* call, const Body& body, std::span<const VertexRun> runs,
-                              const VisualOutput& output) const {
-  if (body.package().visualPositions().empty()) return;
-  if (!isSound(output)) {
-    tell(LogSeverity::error, "%s: a stride must be a multiple of 4 and hold its element (12 bytes; tangents 16)", call);
-    return;
+bool World::Impl::isSound(const char* call, const VisualOutput& output) const {
+  if (streamIsSound(output.positions, 12) && streamIsSound(output.normals, 12) && streamIsSound(output.tangents, 16) &&
+      streamIsSound(output.previous_positions, 12)) {
+    return true;
   }
+  tell(LogSeverity::error, "%s: a stride must be a multiple of 4 and hold its element (12 bytes; tangents 16)", call);
+  return false;
+}
+
+void World::Impl::draw(const Body& body, std::span<const VertexRun> runs, const VisualOutput& output,
+                       JobSystem* with) const {
+  if (body.package().visualPositions().empty()) return;
   VisualOutput wanted = output;
   const bool copies = wanted.previous_positions.data != nullptr && !body.settings.keep_previous;
   if (copies) wanted.previous_positions.data = nullptr;
-  const bool written = guarded(call, false, [&] {
-    visual.write(body, runs, wanted, jobs);
-    liftFromGround(body, runs, wanted.positions);
-    if (copies) {
-      VisualOutput again;
-      again.positions = output.previous_positions;
-      visual.write(body, runs, again, jobs);
-    }
+  internal::VisualPool::Lease scratch(visual, body);
+  scratch->write(body, runs, wanted, with);
+  liftFromGround(body, runs, wanted.positions);
+  if (copies) {
+    VisualOutput again;
+    again.positions = output.previous_positions;
+    scratch->write(body, runs, again, with);
+  }
+  scratch.keep();
+}
+
+void World::Impl::writeVisual(const char* call, const Body& body, std::span<const VertexRun> runs,
+                              const VisualOutput& output) const {
+  if (!isSound(call, output)) return;
+  guarded(call, false, [&] {
+    draw(body, runs, output, jobs);
     return true;
   });
-  if (!written) visual.invalidate();
 }
 
 Bounds World::physicalBounds(BodyId id) const {
@@ -93,11 +171,17 @@ Bounds World::physicalBounds(BodyId id) const {
 }
 
 Bounds World::visualBounds(BodyId id) const {
-  const Body* body = impl_->seen(id, "visualBounds", impl_->shown);
+  const Impl::Presence presence(*impl_, "visualBounds", Impl::Presence::As::output);
+  const Body* body = presence ? impl_->seen(id, "visualBounds", impl_->shown) : nullptr;
   Bounds bounds;
   if (body == nullptr) return bounds;
   if (body->package().visualPositions().empty()) return physicalBounds(id);
-  impl_->guarded("visualBounds", false, [&] { return impl_->visual.bounds(*body, impl_->jobs, bounds); });
+  impl_->guarded("visualBounds", false, [&] {
+    internal::VisualPool::Lease scratch(impl_->visual, *body);
+    const bool finite = scratch->bounds(*body, impl_->jobs, bounds);
+    scratch.keep();
+    return finite;
+  });
   return bounds;
 }
 

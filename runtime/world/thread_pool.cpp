@@ -46,6 +46,7 @@ struct ThreadPool::Impl {
     std::atomic<std::uint64_t> left{0};
   };
 
+  std::atomic<bool> taken{false};  // by the caller of a loop
   // What the caller writes and helpers read. The number of the loop that is running is odd while it is open.
   alignas(64) std::atomic<std::uint32_t> loop{0};
   std::uint32_t grain = 1;
@@ -146,7 +147,7 @@ std::uint32_t ThreadPool::threads() const { return impl_ == nullptr ? 1 : impl_-
 void ThreadPool::parallelFor(std::uint32_t count, std::uint32_t grain,
                              const std::function<void(std::uint32_t, std::uint32_t)>& body) {
   grain = std::max(1U, grain);
-  if (count <= grain || threads() == 1) {
+  if (count <= grain || threads() == 1 || impl_->taken.exchange(true, std::memory_order_acquire)) {
     if (count > 0) body(0, count);
     return;
   }
@@ -173,6 +174,7 @@ void ThreadPool::parallelFor(std::uint32_t count, std::uint32_t grain,
     if (pool.spins <= 1) std::this_thread::yield();
     pause();
   }
+  pool.taken.store(false, std::memory_order_release);
 }
 
 }  // namespace sinew

@@ -36,9 +36,37 @@ std::pair<Body*, std::size_t> World::Impl::locate(BodyId id) const {
 }
 
 Body* World::Impl::find(BodyId id, const char* call) const {
+  if (isStepping(call)) return nullptr;
   Body* body = find(id);
   if (body == nullptr) tell(LogSeverity::error, "%s: there is no body %u in this world", call, id.value);
   return body;
+}
+
+bool World::Impl::isStepping(const char* call) const {
+  if (present.load(std::memory_order_acquire) >= 0) return false;
+  tell(LogSeverity::error, "%s: another thread steps this world; nothing was done. Calls on a world must not overlap",
+       call);
+  return true;
+}
+
+World::Impl::Presence::Presence(const Impl& impl, const char* call, As as) : impl_(impl), as_(as) {
+  std::int32_t others = impl.present.load(std::memory_order_relaxed);
+  do {
+    if (as == As::step && others > 0) {
+      impl.tell(LogSeverity::error,
+                "%s: another thread draws this world; nothing was done. Calls on a world must not overlap", call);
+      return;
+    }
+    if (others < 0) {
+      impl.isStepping(call);
+      return;
+    }
+  } while (!impl.present.compare_exchange_weak(others, as == As::step ? -1 : others + 1, std::memory_order_acq_rel));
+  entered_ = true;
+}
+
+World::Impl::Presence::~Presence() {
+  if (entered_) impl_.present.fetch_add(as_ == As::step ? 1 : -1, std::memory_order_acq_rel);
 }
 
 Body* World::Impl::seen(BodyId id, const char* call, double part) const {
@@ -212,6 +240,7 @@ const SolverFactory& solverOf(const BodySettings& settings) {
 }  // namespace
 
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
+  if (impl_->isStepping("addBody")) return Error{"addBody: another thread steps this world"};
   if (const char* fault = faultOf(asset.get(), settings)) return Error{fault};
   if (const char* fault = solverOf(settings).faultOf(*asset)) return Error{fault};
   return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
@@ -291,6 +320,8 @@ void World::step(float seconds) {
     impl_->tell(LogSeverity::error, "step: %g is not a length of time; nothing was done", double(seconds));
     return;
   }
+  const Impl::Presence presence(*impl_, "step", Impl::Presence::As::step);
+  if (!presence) return;
   const WorldSettings settings = impl_->soundSettings("step");
   impl_->guarded("step", false, [&] {
     impl_->keepDrawn();
@@ -305,6 +336,8 @@ std::uint32_t World::advance(float seconds) {
     impl_->tell(LogSeverity::error, "advance: %g is not a length of time; nothing was done", double(seconds));
     return 0;
   }
+  const Impl::Presence presence(*impl_, "advance", Impl::Presence::As::step);
+  if (!presence) return 0;
   const WorldSettings settings = impl_->soundSettings("advance");
   const double h = double(settings.substep_seconds), time = impl_->left_over + double(seconds);
   // Frames of the length of an inner step each hold one, however their sum is rounded.

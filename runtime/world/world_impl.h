@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <memory_resource>
 #include <new>
@@ -65,8 +66,32 @@ struct SINEW_HIDDEN World::Impl {
 
   /// What touches the ground is drawn on it: contacts give way by the compliance that a field of few functions lacks.
   void liftFromGround(const internal::Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const;
+  /// \param with that share the work; null: none. May throw std::bad_alloc.
+  void draw(const internal::Body& body, std::span<const VertexRun> runs, const VisualOutput& output,
+            JobSystem* with) const;
+  /// The same where all is sound and there is memory; else it tells the log.
   void writeVisual(const char* call, const internal::Body& body, std::span<const VertexRun> runs,
                    const VisualOutput& output) const;
+  bool isSound(const char* call, const VisualOutput& output) const;
+
+  /// Whether a step runs, in another thread: a call that would meet it is refused, and the log told.
+  bool isStepping(const char* call) const;
+  /// The presence of a call: of a step, alone, or of one that draws, among others that do. False where it is refused,
+  /// and the log told.
+  class Presence {
+   public:
+    enum class As { step, output };
+    Presence(const Impl& impl, const char* call, As as);
+    ~Presence();
+    Presence(const Presence&) = delete;
+    Presence& operator=(const Presence&) = delete;
+    explicit operator bool() const { return entered_; }
+
+   private:
+    const Impl& impl_;
+    As as_;
+    bool entered_ = false;
+  };
 
   /// The settings with all values legal; tells the log of those that were not.
   WorldSettings soundSettings(const char* call);
@@ -90,7 +115,8 @@ struct SINEW_HIDDEN World::Impl {
   double left_over = 0;             ///< time that advance() was given and no inner step has taken yet, s
   double shown = 1;                 ///< part of the last step that is drawn
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
-  mutable internal::VisualScratch visual;
+  mutable internal::VisualPool visual;
+  mutable std::atomic<std::int32_t> present{0};  ///< calls that draw; -1: a step
 };
 
 }  // namespace sinew

@@ -365,6 +365,26 @@ static void testMotion(const sinew_asset* asset) {
   output.positions_stride = output.normals_stride = output.tangents_stride = 48;
   output.count = info.visual_vertices;
   CHECK_OK(sinew_body_visual_vertices(world, body, &output));
+  {
+    /* The same in a batch of one; what is not there is told. */
+    float* batch = malloc(sizeof(float) * 12 * info.visual_vertices);
+    sinew_visual_output outputs[2];
+    const uint32_t bodies[2] = {body, 1000};
+    CHECK(batch != NULL);
+    for (i = 0; i < 12 * info.visual_vertices; ++i) batch[i] = -7;
+    outputs[0] = output;
+    outputs[0].positions = batch;
+    outputs[0].normals = batch + 3;
+    outputs[0].tangents = batch + 6;
+    outputs[1] = outputs[0];
+    CHECK_OK(sinew_world_visual_vertices(world, bodies, outputs, 1));
+    CHECK(memcmp(batch, visual, sizeof(float) * 12 * info.visual_vertices) == 0);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_visual_vertices(world, bodies, outputs, 2));
+    CHECK(strstr(sinew_last_error(), "body 1000") != NULL);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_visual_vertices(world, bodies, NULL, 1));
+    CHECK_OK(sinew_world_visual_vertices(world, NULL, NULL, 0));
+    free(batch);
+  }
   CHECK_OK(sinew_body_visual_bounds(world, body, low, high));
   for (i = 0; i < info.visual_vertices; ++i) {
     const float *p = visual + 12 * i, *n = p + 3, *t = p + 6;

@@ -10,7 +10,9 @@
  * call that fails has done nothing.
  *   - Structs begin with struct_size. Fill one with its _init function (which sets all defaults), then change what is
  * to differ: a program built against an older header keeps working with a newer library.
- *   - Calls on one world must not overlap; different worlds are independent. An asset may be used by many threads.
+ *   - Calls on one world must not overlap, but for sinew_body_visual_vertices, _sub_mesh and _bounds, which may run
+ *     side by side, each on another body; what overlaps a step is refused. Different worlds are independent. An asset
+ *     may be used by many threads.
  *   - Nothing throws. Callbacks must not throw either.
  */
 #ifndef SINEW_C_API_H
@@ -283,6 +285,10 @@ SINEW_API void sinew_visual_output_init(sinew_visual_output* output, size_t stru
 
 SINEW_API sinew_status sinew_body_visual_vertices(const sinew_world* world, uint32_t body,
                                                   const sinew_visual_output* output);
+/* The same of several bodies, each at most once, side by side by the world's job system. outputs: one for each body,
+   one behind the other, each of outputs[0].struct_size bytes. */
+SINEW_API sinew_status sinew_world_visual_vertices(const sinew_world* world, const uint32_t* bodies,
+                                                   const sinew_visual_output* outputs, uint32_t count);
 /* Only the vertices that a sub-mesh uses, at their places in the whole mesh. */
 SINEW_API sinew_status sinew_body_visual_sub_mesh(const sinew_world* world, uint32_t body, uint32_t sub_mesh,
                                                   const sinew_visual_output* output);

@@ -22,7 +22,8 @@ class SINEW_API ThreadPool final : public JobSystem {
   std::uint32_t threads() const;
   std::uint32_t concurrency() const override { return threads(); }
 
-  /// One loop at a time: not to be called from several threads, nor from inside `body`.
+  /// One loop at a time is shared: what is called meanwhile, from another thread or from inside `body`, runs in its
+  /// caller's thread alone.
   void parallelFor(std::uint32_t count, std::uint32_t grain,
                    const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) override;
 

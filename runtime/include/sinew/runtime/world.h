@@ -47,16 +47,24 @@ struct PinSetId {
 /// What a world is given at its creation and uses to its end. All outlive the world.
 struct WorldResources {
   /// Where all state of the world and its bodies lives; null: std::pmr::get_default_resource(). Must be safe to call
-  /// from several threads if worlds that share it are. Assets have their own.
+  /// from several threads if worlds that share it are, or outputs of one world. Assets have their own.
   std::pmr::memory_resource* memory = nullptr;
   JobSystem* jobs = nullptr;  ///< null: everything runs in the calling thread
   LogSink* log = nullptr;     ///< null: silent
 };
 
+/// What to write of a body's visual mesh, for World::visualVertices() of several.
+struct BodyOutput {
+  BodyId body;
+  VisualOutput output;
+};
+
 /// Bodies that step together.
 ///
-/// Threads: calls on one world must not overlap, also const ones; different worlds are independent, and may share
-/// assets. Same input, same state, bit for bit, for any job system.
+/// Threads: calls on one world must not overlap, also const ones, but for visualVertices(), visualSubMesh() and
+/// visualBounds(): these may run side by side in several threads, each on another body (WorldResources::memory and
+/// LogSink must then be safe to call from these). What overlaps a step is refused, tells the log and does nothing.
+/// Different worlds are independent, and may share assets. Same input, same state, bit for bit, for any job system.
 /// Failures: no call throws, once there is a world. A call with an unknown body (or vertex, pick, sub-mesh) does
 /// nothing and tells the log sink; a call that runs out of memory as well, and leaves the world as it was (step: in a
 /// state that may be stepped on). step() allocates nothing from the second one on, unless bodies, pins or picks came in
@@ -171,6 +179,8 @@ class SINEW_API World {
   void visualVertices(BodyId body, const VisualOutput& output) const;
   /// Only the visual vertices that a sub-mesh's triangles use (section VSUB), at their places in the whole mesh.
   void visualSubMesh(BodyId body, std::uint32_t sub_mesh, const VisualOutput& output) const;
+  /// The same of several bodies, each at most once: side by side, by the world's job system.
+  void visualVertices(std::span<const BodyOutput> outputs) const;
   /// Positions and normals alone.
   void visualVertices(BodyId body, StridedFloat3 positions, StridedFloat3 normals) const {
     visualVertices(body, {positions, normals, {}, {}});
