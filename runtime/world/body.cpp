@@ -44,11 +44,11 @@ void Body::reset() {
   solver->rest();
 }
 
-RigidTransform rigidMotionOf(const Body& body) {
+RigidTransform rigidMotionOf(const Body& body, VertexRun run) {
   double mass = 0;
   Eigen::Vector3d center = Eigen::Vector3d::Zero(), rest_center = Eigen::Vector3d::Zero();
   const auto forEach = [&](const auto& visit) {
-    for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
+    for (std::uint32_t i = run.first; i < run.first + run.count; ++i) {
       if (!stateIsUsable(body.x[i], body.v[i])) continue;
       const formats::PhysicalVertex& vertex = body.vertices()[i];
       visit(double(vertex.mass), asVector(body.x[i]).cast<double>(), asVector(vertex.rest_position).cast<double>());
@@ -80,20 +80,33 @@ RigidTransform rigidMotionOf(const Body& body) {
   return motion;
 }
 
-std::uint32_t replaceUnusable(Body& body) {
+namespace {
+
+std::uint32_t replaceUnusable(Body& body, VertexRun run) {
+  const std::uint32_t end = run.first + run.count;
   std::uint32_t lost = 0;
-  for (std::uint32_t i = 0; i < body.vertexCount(); ++i) lost += stateIsUsable(body.x[i], body.v[i]) ? 0U : 1U;
+  for (std::uint32_t i = run.first; i < end; ++i) lost += stateIsUsable(body.x[i], body.v[i]) ? 0U : 1U;
   if (lost == 0) return 0;
-  const RigidTransform motion = rigidMotionOf(body);
+  const RigidTransform motion = rigidMotionOf(body, run);
   const Matrix3 rotation = asMatrix(motion.rotation);
   Vector3 velocity = Vector3::Zero();
-  for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
-    if (stateIsUsable(body.x[i], body.v[i])) velocity += asVector(body.v[i]) / float(body.vertexCount() - lost);
+  for (std::uint32_t i = run.first; i < end; ++i) {
+    if (stateIsUsable(body.x[i], body.v[i])) velocity += asVector(body.v[i]) / float(run.count - lost);
   }
-  for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
+  for (std::uint32_t i = run.first; i < end; ++i) {
     if (stateIsUsable(body.x[i], body.v[i])) continue;
     asVector(body.x[i]) = rotation * asVector(body.vertices()[i].rest_position) + asVector(motion.position);
     asVector(body.v[i]) = velocity;
+  }
+  return lost;
+}
+
+}  // namespace
+
+std::uint32_t replaceUnusable(Body& body) {
+  std::uint32_t lost = 0;
+  for (const formats::BodyRange& piece : body.package().bodies()) {
+    lost += replaceUnusable(body, {piece.first_vertex, piece.vertex_count});
   }
   return lost;
 }

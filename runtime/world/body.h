@@ -123,10 +123,12 @@ using BodyPointer = std::unique_ptr<Body, BodyRelease>;
 using BodyList = OwningArray<BodyPointer>;
 
 /// Rigid motion that best maps the rest shape onto the current one, mass-weighted: x ~ rotation X + position. Vertices
-/// that are not usable do not count; where none is, the place where the body was added.
-RigidTransform rigidMotionOf(const Body& body);
+/// that are not usable do not count; where none is, the place where the body was added. \param run of vertices.
+RigidTransform rigidMotionOf(const Body& body, VertexRun run);
+inline RigidTransform rigidMotionOf(const Body& body) { return rigidMotionOf(body, {0, body.vertexCount()}); }
 
-/// Vertices that are not usable move along with the others, as the rest shape has them. \return how many there are.
+/// Vertices that are not usable move along with the others of their piece, as the rest shape has them. \return how many
+/// there are.
 std::uint32_t replaceUnusable(Body& body);
 
 /// What is further away (m) or faster (m/s) counts as lost: floats could no longer square or difference it.

@@ -224,5 +224,105 @@ TEST(Extremes, ABodyThatIsLostAltogetherComesBackWhereItWasAdded) {
   }
 }
 
+/// Two boxes in one package, far enough apart for each to be on its own. \return the first vertex of the second.
+std::uint32_t twoPieces(std::shared_ptr<const Asset>& asset) {
+  BoxOptions box;
+  box.cells = {3, 3, 3};
+  box.clusters = {2, 1, 1};
+  box.stretch_hz = 8;
+  box.center = {-3, 0, 0};
+  formats::PackageContent content = boxContent(box);
+  box.center = {3, 0, 0};
+  appendBody(content, boxContent(box));
+  asset = makeAsset(content);
+  return asset->package().bodies()[1].first_vertex;
+}
+
+/// What may become of the first box.
+struct Scatter {
+  const char* name;
+  void (*apply)(std::vector<Vec3>& x, std::vector<Vec3>& v, std::uint32_t end, std::mt19937& random);
+};
+
+const Scatter kScatters[] = {
+    {"anywhere",
+     [](auto& x, auto&, std::uint32_t end, auto& random) {
+       std::uniform_real_distribution<float> any(-200, 200);
+       for (std::uint32_t i = 0; i < end; ++i) x[i] = {any(random), any(random), any(random)};
+     }},
+    {"lost, by its speed",
+     [](auto&, auto& v, std::uint32_t end, auto&) {
+       for (std::uint32_t i = 0; i < end; ++i) v[i] = {0, 9e16F, 0};
+     }},
+    {"inside out, below the ground",
+     [](auto& x, auto&, std::uint32_t end, auto&) {
+       for (std::uint32_t i = 0; i < end; ++i) x[i] = {-6 - x[i][0], -5 + x[i][1], x[i][2]};
+     }},
+    {"in part no number",
+     [](auto& x, auto&, std::uint32_t end, auto&) {
+       for (std::uint32_t i = 0; i < end; i += 2) x[i][1] = std::numeric_limits<float>::quiet_NaN();
+     }},
+};
+
+// A package of several pieces is one body, but what happens to one piece is nothing to the others: neither their pins,
+// picks and ground, nor where they are, by a bit.
+TEST(RecoverPieces, WhatIsScatteredLeavesTheOthersAlone) {
+  std::shared_ptr<const Asset> asset;
+  const std::uint32_t second = twoPieces(asset);
+  for (const Scatter& scatter : kScatters) {
+    SCOPED_TRACE(scatter.name);
+    WorldSettings settings;
+    settings.ground = {true, {0, 1, 0}, -0.55F, 0.6F};
+    std::array<World, 2> worlds{World(settings), World(settings)};
+    std::array<BodyId, 2> bodies;
+    for (std::size_t w = 0; w < 2; ++w) {
+      World& world = worlds[w];
+      bodies[w] = *world.addBody(asset);
+      world.pin(bodies[w], second, {3.2F, 0.3F, 0});
+      const std::array<std::uint32_t, 2> held = {second + 20, second + 21};
+      ASSERT_TRUE(world.addPinSet(bodies[w], held));
+      static_cast<void>(world.pick(bodies[w], std::uint32_t(asset->package().visualPositions().size()) - 1, {3, 2, 1}));
+      // The first box is held as well, so that there is something to take.
+      world.pin(bodies[w], 3, {-2, 0.1F, 0});
+      for (int step = 0; step < 30; ++step) world.step(1.0F / 60);
+      const auto x = world.positions(bodies[w]), v = world.velocities(bodies[w]);
+      std::vector<Vec3> places(x.begin(), x.end()), speeds(v.begin(), v.end());
+      std::mt19937 random(5);
+      if (w == 1) scatter.apply(places, speeds, second, random);
+      world.setState(bodies[w], places, speeds);
+    }
+    for (int step = 0; step < 120; ++step) {
+      const auto x = worlds[0].positions(bodies[0]), y = worlds[1].positions(bodies[1]);
+      ASSERT_TRUE(std::equal(x.begin() + second, x.end(), y.begin() + second)) << step;
+      ASSERT_TRUE(allFinite(worlds[1], bodies[1])) << step;
+      ASSERT_LE(worlds[1].repairedVertices(bodies[1]), second) << step;
+      for (World& world : worlds) world.step(1.0F / 60);
+    }
+  }
+}
+
+// Vertices without a number go where their own piece has them, not where all pieces together would.
+TEST(RecoverPieces, LostVerticesFollowTheirOwnPiece) {
+  std::shared_ptr<const Asset> asset;
+  const std::uint32_t second = twoPieces(asset);
+  World world(weightless());
+  const BodyId body = *world.addBody(asset);
+  const auto rest = world.positions(body);
+  std::vector<Vec3> x(rest.begin(), rest.end()), v(x.size(), Vec3{});
+  for (std::uint32_t i = 0; i < second; ++i) {  // the first one far up, turned, and moving
+    x[i] = {-x[i][1], 50 + x[i][0], x[i][2]};
+    v[i] = {0, 7, 0};
+  }
+  const std::vector<Vec3> wanted = x;
+  for (const std::uint32_t i : {2U, 9U, second + 4, second + 11}) x[i][2] = std::numeric_limits<float>::infinity();
+  world.setState(body, x, v);
+  for (std::uint32_t i = 0; i < x.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(world.positions(body)[i][c], wanted[i][c], 1e-3) << i;
+      EXPECT_NEAR(world.velocities(body)[i][c], v[i][c], 1e-3) << i;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace sinew::test

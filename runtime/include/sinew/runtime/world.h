@@ -130,7 +130,7 @@ class SINEW_API World {
   std::uint32_t repairedVertices(BodyId body) const;
   /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero). The body takes the
   /// nearest shape and motion that its fields can have (docs/method.md): positions() tell which. What is not finite, or
-  /// beyond 1e15 m, is put where the others have it.
+  /// beyond 1e15 m, is put where the others of its piece have it.
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
 
   /// Holds a physical vertex at a place until unpinned; call again to move it. Ignored for a vertex of a pin set.
