@@ -5,7 +5,11 @@
 #include <cmath>
 #include <deque>
 
+#include "sinew/formats/sections.h"
+
 namespace sinew::geometry {
+
+using formats::kNone;
 namespace {
 
 using Eigen::Vector3d;
@@ -176,7 +180,6 @@ std::size_t bridgeCells(CellGrid& grid) {
 TetMesh gridTetrahedra(const CellGrid& grid) {
   TetMesh mesh;
   const std::array<int, 3> points = {grid.size[0] + 1, grid.size[1] + 1, grid.size[2] + 1};
-  constexpr std::uint32_t kNone = 0xffffffffU;
   const std::size_t count = std::size_t(points[0]) * std::size_t(points[1]) * std::size_t(points[2]);
   std::vector<std::uint32_t> number(count, kNone);
   for (int z = 0; z < grid.size[2]; ++z) {

@@ -7,7 +7,11 @@
 #include <cmath>
 #include <cstdint>
 
+#include "sinew/formats/sections.h"
+
 namespace sinew::geometry {
+
+using formats::kNone;
 namespace {
 
 using Eigen::Vector3d;
@@ -16,7 +20,6 @@ using Eigen::Vector3i;
 // Warp thresholds, as fractions of the edge (Labelle & Shewchuk 2007, table 1, uniform lattice).
 constexpr double kWarpLong = 0.24999;
 constexpr double kWarpShort = 0.41189;
-constexpr std::uint32_t kNone = 0xffffffffU;
 
 // Edges owned by a lattice point: 3 long ones towards +x, +y, +z within its sublattice; and for points of the even
 // sublattice 8 short ones towards the corners (+-1, +-1, +-1), numbered 3 + bits.

@@ -7,7 +7,11 @@
 #include <numeric>
 #include <tuple>
 
+#include "sinew/formats/sections.h"
+
 namespace sinew::geometry {
+
+using formats::kNone;
 namespace {
 
 // Corners of the face opposite to each vertex, counter-clockwise from outside.
@@ -121,7 +125,6 @@ std::uint32_t connectedComponents(const TetMesh& mesh, std::vector<std::uint32_t
       parent[std::max(a, b)] = std::min(a, b);
     }
   }
-  constexpr std::uint32_t kNone = 0xffffffffU;
   std::vector<std::uint32_t> number(mesh.positions.size(), kNone);
   std::uint32_t count = 0;
   component_of_tetrahedron.resize(mesh.tetrahedra.size());

@@ -6,7 +6,11 @@
 #include <cmath>
 #include <numeric>
 
+#include "sinew/formats/sections.h"
+
 namespace sinew::geometry {
+
+using formats::kNone;
 namespace {
 
 using Eigen::AlignedBox3d;
@@ -132,13 +136,12 @@ TriangleBvh::TriangleBvh(std::span<const Vector3d> positions, std::span<const Tr
   struct Job {
     std::uint32_t first, count, parent;
   };
-  constexpr std::uint32_t kNoParent = 0xffffffffU;
-  std::vector<Job> jobs = {{0, count, kNoParent}};
+  std::vector<Job> jobs = {{0, count, kNone}};
   while (!jobs.empty()) {
     const Job job = jobs.back();
     jobs.pop_back();
     const auto index = static_cast<std::uint32_t>(nodes_.size());
-    if (job.parent != kNoParent) nodes_[job.parent].right = index;
+    if (job.parent != kNone) nodes_[job.parent].right = index;
     Node node;
     node.first = job.first;
     node.count = job.count;
@@ -154,7 +157,7 @@ TriangleBvh::TriangleBvh(std::span<const Vector3d> positions, std::span<const Tr
       return a.centroid[axis] != b.centroid[axis] ? a.centroid[axis] < b.centroid[axis] : a.triangle < b.triangle;
     });
     jobs.push_back({job.first + half, job.count - half, index});
-    jobs.push_back({job.first, half, kNoParent});
+    jobs.push_back({job.first, half, kNone});
   }
   order_.resize(count);
   corners_.resize(count);

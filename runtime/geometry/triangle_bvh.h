@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "runtime/geometry/tet_mesh.h"
+#include "sinew/formats/sections.h"
 
 namespace sinew::geometry {
 
@@ -31,7 +32,7 @@ class TriangleBvh {
   };
   struct Hit {
     double squared_distance = std::numeric_limits<double>::infinity();
-    std::uint32_t triangle = 0xffffffffU;  ///< number as given; 0xffffffff where there is none
+    std::uint32_t triangle = formats::kNone;  ///< number as given
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
   };
   struct Crossing {

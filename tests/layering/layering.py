@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Fails when an include crosses a line of the map in docs/architecture.md, a file lacks its licence line, or a file
-names a place of one machine or work left undone.
+names a place of one machine, work left undone, or in a comment a file or a section that is not there.
 
     layering.py ROOT        prints `file:line: [rule] what is wrong` for each finding; exit 1 if there is one
 
 Allow-lists, not deny-lists: a header this table does not know is a finding, so that a new dependency is a decision
 made here, where a reviewer sees it. layering_selftest.py shows that every rule can fail.
 """
+import functools
 import os
 import re
 import sys
@@ -125,6 +126,9 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 SPDX = re.compile(r"SPDX-License-Identifier:\s*(\S+)")
 UNDONE = re.compile(r"\b(" + "|".join(("TO" + "DO", "FIX" + "ME", "XX" + "X", "HA" + "CK")) + r")\b")
 MACHINE = re.compile(r"(?<![\w.}])/(?:" + "|".join(("home", "work", "root", "Users", "mnt")) + r")/[\w.]")
+COMMENT = re.compile(r"(?://|/\*|^ \*)(.*)")
+ADDRESS = re.compile(r"\w+://\S+")
+POINTER = re.compile(r"(?<![\w.*])[\w/-]+\.(?:cpp|h|md|py)\b(?:,? §(\d+))?")
 DRIVE = re.compile(r"\b[A-Z]:\\\\?\w")
 
 
@@ -191,6 +195,29 @@ def check_include(root, path, header):
     return None
 
 
+@functools.cache
+def files_by_name(root):
+    found = {}
+    for folder, folders, files in os.walk(root):
+        folders[:] = [f for f in folders if f not in SKIPPED_FOLDERS]
+        for name in files:
+            found.setdefault(name, []).append(Path(folder) / name)
+    return found
+
+
+def missing_pointers(root, line):
+    """What a comment names and is not there: files, and numbered sections of pages."""
+    comment = COMMENT.search(line)
+    for pointer in POINTER.finditer(ADDRESS.sub("", comment.group(1))) if comment else ():
+        name = pointer.group(0).split(",")[0].split(" ")[0]
+        places = files_by_name(root).get(name.rsplit("/", 1)[-1], [])
+        section = pointer.group(1)
+        if not places:
+            yield name
+        elif section and not any(re.search(rf"^#+ {section}\b", place.read_text(encoding="utf-8"), re.M) for place in places):
+            yield f"{name} §{section}"
+
+
 def is_licensed(path, text):
     name = path.rsplit("/", 1)[-1]
     return Path(name).suffix in LICENSED_SUFFIXES or name == "CMakeLists.txt" or text.startswith("#!")
@@ -213,6 +240,9 @@ def check_file(root, path, text):
                 finding = check_include(root, path, include.group(2))
                 if finding:
                     yield number, *finding
+            else:
+                for missing in missing_pointers(root, line):
+                    yield number, "pointer", f"there is no {missing}"
         undone = UNDONE.search(line)
         if undone:
             yield number, "undone", f"{undone.group(0)}: do it, or write an issue"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
 // Every setting of a bake, declared once: recipe validation, `--set`, `sinew help settings`, docs/settings.md and the
-// windows' panels all come from Settings::declarations().
+// recipe's JSON Schema all come from Settings::declarations().
 #pragma once
 
 #include <nlohmann/json.hpp>

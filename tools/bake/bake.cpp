@@ -38,7 +38,7 @@ using nlohmann::ordered_json;
 constexpr double kLightestVertex = 0.05;
 // Weights of a cluster attachment below this change nothing that can be seen.
 constexpr double kMinimumAttachmentWeight = 0.01;
-// Above this the package is refused: the visual mesh would not be where the artist put it (design.md).
+// Above this the package is refused: the visual mesh would not be where the artist put it.
 constexpr double kMaximumRestError = 1e-6;
 
 formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }

@@ -8,11 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "sinew/formats/sections.h"
 #include "tools/core/finding.h"
 
 namespace sinew::tools {
 
-inline constexpr std::uint32_t kNoIndex = 0xffffffffU;
+inline constexpr std::uint32_t kNoIndex = formats::kNone;
 
 using Triangle = std::array<std::uint32_t, 3>;
 

@@ -22,13 +22,13 @@ namespace sinew {
 
 /// Names a body of one world; never reused within it.
 struct BodyId {
-  std::uint32_t value = 0xffffffffU;
+  std::uint32_t value = formats::kNone;
   bool operator==(const BodyId&) const = default;
 };
 
 /// Names a pick (a spring between a point of a body and a target).
 struct PickId {
-  std::uint32_t value = 0xffffffffU;
+  std::uint32_t value = formats::kNone;
   bool operator==(const PickId&) const = default;
 };
 
@@ -40,7 +40,7 @@ struct BodyEnergy {
 
 /// Names a pin set of one world; never reused within it.
 struct PinSetId {
-  std::uint32_t value = 0xffffffffU;
+  std::uint32_t value = formats::kNone;
   bool operator==(const PinSetId&) const = default;
 };
 
