@@ -256,6 +256,38 @@ TEST(Shell, MaskOfAFaceAndFins) {
   checkPhysicalMesh(fill(testing::makeMesh(fish.positions, faces), automatic, 1500), "fins");
 }
 
+// Coarsening adds no fold, so that the first attempt serves, at its budget. (Attempts that left fine what folded ended
+// at several times of it, or came back to the same folds for minutes.)
+TEST(Shell, RoughReliefKeepsToItsBudget) {
+  const auto noise = [](double u, double v) {
+    return std::fmod(std::abs(std::sin(u * 127.1 + v * 311.7) * 43758.5), 1.0);
+  };
+  const VisualMesh rough =
+      sheet([&](double u, double v) { return Vector3d(u, 0.1 * std::sin(9 * u + 4 * v) + 0.04 * noise(u, v), v); }, 150,
+            150, false);
+  const PhysicalMesh physical = shellOf(rough, 1000, 0);
+  ASSERT_EQ(physical.bodies.size(), 1U);
+  EXPECT_EQ(physical.bodies[0].method, shell);
+  EXPECT_LE(physical.positions.size(), 1100U);
+  EXPECT_EQ(physical.quality.inverted, 0U);
+}
+
+// Each collapse at a hub visits all of its faces: no shell, and what is taken instead.
+TEST(Shell, HubsBecomeGrid) {
+  std::vector<Vector3d> positions = {{0, 0.3, 0}};
+  std::vector<std::vector<std::uint32_t>> faces;
+  const std::uint32_t n = 3000;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    positions.emplace_back(std::cos(2 * kPi * i / n), 0, std::sin(2 * kPi * i / n));
+    faces.push_back({0, 1 + i, 1 + (i + 1) % n});
+  }
+  const PhysicalMesh physical = fill(testing::makeMesh(positions, faces), automatic, 400);
+  EXPECT_EQ(physical.bodies[0].method, grid);
+  const Finding* const method = findingOf(physical, "tetrahedra-method");
+  ASSERT_NE(method, nullptr);
+  EXPECT_NE(method->message.find("more than 500 faces"), std::string::npos);
+}
+
 // Two squares that cross: they share no point, yet are one body.
 TEST(Shell, SheetsThatCrossHoldTogether) {
   VisualMesh square = sheet([](double u, double v) { return Vector3d(u - 0.5, 0, v - 0.5); }, 20, 20, false);

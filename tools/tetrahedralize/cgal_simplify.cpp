@@ -9,10 +9,13 @@
 #include <CGAL/Surface_mesh_simplification/edge_collapse.h>
 
 #include <algorithm>
+#include <array>
 #include <boost/optional.hpp>
 #include <cmath>
 #include <new>
 #include <numeric>
+
+#include "tools/tetrahedralize/layer_normal.h"
 
 namespace sinew::tools {
 namespace {
@@ -35,6 +38,29 @@ class StopAtVertices {
   std::size_t vertices_;
 };
 
+// Appends the unit normals of the faces around a vertex; with `moved`, of those that are left when both ends of an edge
+// have come there.
+void addNormals(const Mesh& mesh, Mesh::Vertex_index v, const std::array<Mesh::Vertex_index, 2>& ends,
+                const Kernel::Point_3* moved, std::vector<Eigen::Vector3d>& normals) {
+  for (const auto h : mesh.halfedges_around_target(mesh.halfedge(v))) {
+    if (mesh.is_border(h)) continue;
+    std::array<Eigen::Vector3d, 3> x;
+    int at_ends = 0;
+    auto side = h;
+    for (Eigen::Vector3d& corner : x) {
+      const Mesh::Vertex_index u = mesh.target(side);
+      const bool end = u == ends[0] || u == ends[1];
+      at_ends += end ? 1 : 0;
+      const Kernel::Point_3& p = end && moved != nullptr ? *moved : mesh.point(u);
+      corner = {p.x(), p.y(), p.z()};
+      side = mesh.next(side);
+    }
+    if (moved != nullptr && at_ends == 2) continue;
+    const Eigen::Vector3d n = (x[1] - x[0]).cross(x[2] - x[0]);
+    if (n.squaredNorm() > 0) normals.push_back(n.normalized());
+  }
+}
+
 // The middle of an edge; but a corner of the border or a vertex of a crease stays, and what hangs on the border by one
 // end is drawn onto it. Nothing where the surface would be pinched together between two borders, or at a vertex that is
 // to be kept.
@@ -50,8 +76,9 @@ class KeepOutline {
     const bool along = mesh.is_border(mesh.edge(profile.v0_v1()));
     if (border0 && border1 && !along) return boost::none;
     if (border0 != border1) return border0 ? profile.p0() : profile.p1();
-    const double sharp0 = along ? borderTurn(mesh, v0) : creaseTurn(mesh, v0),
-                 sharp1 = along ? borderTurn(mesh, v1) : creaseTurn(mesh, v1);
+    const double crease0 = creaseTurn(mesh, v0), crease1 = creaseTurn(mesh, v1);
+    if ((crease0 == kFolded) != (crease1 == kFolded)) return crease0 == kFolded ? profile.p1() : profile.p0();
+    const double sharp0 = along ? borderTurn(mesh, v0) : crease0, sharp1 = along ? borderTurn(mesh, v1) : crease1;
     if (std::max(sharp0, sharp1) > kSharp && std::abs(sharp0 - sharp1) > kSharp / 2) {
       return sharp0 > sharp1 ? profile.p0() : profile.p1();
     }
@@ -59,7 +86,7 @@ class KeepOutline {
   }
 
  private:
-  static constexpr double kSharp = 30;  // degrees
+  static constexpr double kSharp = 30, kFolded = 360;  // degrees
   static double angle(const Kernel::Vector_3& a, const Kernel::Vector_3& b) {
     const double lengths = std::sqrt(a.squared_length() * b.squared_length());
     return lengths > 0 ? std::acos(std::clamp(a * b / lengths, -1.0, 1.0)) * 57.295779513082321 : 0;
@@ -72,21 +99,58 @@ class KeepOutline {
     }
     return 0;
   }
-  // The widest angle between the normals of two faces around a vertex.
+  // The angle between the normals of two faces around a vertex that lie far apart (the one farthest from any, and the
+  // one farthest from that); kFolded where the surface folds.
   static double creaseTurn(const Mesh& mesh, Mesh::Vertex_index v) {
-    std::vector<Kernel::Vector_3> normals;
-    for (const auto h : mesh.halfedges_around_target(mesh.halfedge(v))) {
-      if (mesh.is_border(h)) continue;
-      normals.push_back(CGAL::cross_product(mesh.point(mesh.target(mesh.next(h))) - mesh.point(v),
-                                            mesh.point(mesh.source(h)) - mesh.point(v)));
+    std::vector<Eigen::Vector3d> normals;
+    addNormals(mesh, v, {v, v}, nullptr, normals);
+    double least = 1;
+    Eigen::Vector3d from = normals.empty() ? Eigen::Vector3d::Zero() : normals.front();
+    for (int sweep = 0; sweep < 2 && !normals.empty(); ++sweep) {
+      const auto far = std::min_element(normals.begin(), normals.end(),
+                                        [&](const auto& a, const auto& b) { return from.dot(a) < from.dot(b); });
+      least = from.dot(*far);
+      from = *far;
     }
-    double widest = 0;
-    for (std::size_t i = 0; i < normals.size(); ++i) {
-      for (std::size_t j = i + 1; j < normals.size(); ++j) widest = std::max(widest, angle(normals[i], normals[j]));
-    }
-    return widest;
+    if (least < 0 && leansOver(normals, LayerNormal::kLeastLean)) return kFolded;
+    return std::acos(std::clamp(least, -1.0, 1.0)) * 57.295779513082321;
   }
   std::span<const char> keep_;
+};
+
+// No collapse that adds to the vertices at which the surface folds, counted over the merged vertex and its neighbours,
+// nor one that turns a face over without merging such a vertex away.
+class NoNewFold {
+ public:
+  template <typename Profile>
+  boost::optional<Kernel::Point_3> operator()(const Profile& profile,
+                                              const boost::optional<Kernel::Point_3>& placement) const {
+    if (!placement) return placement;
+    const bool turns = !turned_(profile, placement);
+    const Mesh& mesh = profile.surface_mesh();
+    const std::array<Mesh::Vertex_index, 2> ends = {profile.v0(), profile.v1()};
+    const auto count = [&](Mesh::Vertex_index v, const Kernel::Point_3* moved) {
+      normals_.clear();
+      addNormals(mesh, v, ends, moved, normals_);
+      return leansOver(normals_, kLean) ? 1 : 0;
+    };
+    normals_.clear();
+    for (const Mesh::Vertex_index v : ends) addNormals(mesh, v, ends, &*placement, normals_);
+    int after = leansOver(normals_, kLean) ? 1 : 0;
+    for (const Mesh::Vertex_index v : profile.link()) after += count(v, &*placement);
+    if (after == 0 && !turns) return placement;
+    int before = 0;
+    for (const Mesh::Vertex_index v : ends) before += count(v, nullptr);
+    for (const Mesh::Vertex_index v : profile.link()) before += count(v, nullptr);
+    return after < before || (after == before && !turns) ? placement : boost::none;
+  }
+
+ private:
+  // More room than a layer of prisms needs at least (LayerNormal::kLeastLean): they are thin and lean there. Two faces
+  // at 30 degrees to each other have 0.259.
+  static constexpr double kLean = 0.25;
+  simplification::Bounded_normal_change_filter<> turned_;
+  mutable std::vector<Eigen::Vector3d> normals_;  // scratch
 };
 
 struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
@@ -121,7 +185,7 @@ SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t ver
                                     CGAL::parameters::visitor(Follow(into))
                                         .get_cost(simplification::Edge_length_cost<Mesh>())
                                         .get_placement(KeepOutline(keep))
-                                        .filter(simplification::Bounded_normal_change_filter<>()));
+                                        .filter(NoNewFold()));
       std::vector<std::uint32_t> number(into.size(), 0);
       for (const auto v : mesh.vertices()) {
         const auto& p = mesh.point(v);

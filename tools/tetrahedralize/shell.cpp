@@ -11,6 +11,7 @@
 #include "runtime/geometry/triangle_bvh.h"
 #include "tools/core/sets.h"
 #include "tools/tetrahedralize/cgal_simplify.h"
+#include "tools/tetrahedralize/layer_normal.h"
 
 namespace sinew::tools {
 namespace {
@@ -25,11 +26,13 @@ constexpr double kLeastVolume = 0.02;
 // Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
 constexpr double kAutomaticThickness = 0.5;
 // Attempts at one coarseness, each leaving fine what folded in the one before.
-constexpr int kAttempts = 30;
-// A normal that leans further than this over a face around it carries no prism there (cosine).
-constexpr double kLeastLean = 0.05;
+constexpr int kAttempts = 4;
+// Vertices of the surface that attempts start from, of those wanted: the source's own are visited once.
+constexpr double kFineness = 4;
 // Of a surface; each is joined to what lies nearest, so the work grows with their square.
 constexpr std::size_t kMostPieces = 1000;
+// Faces around a point: each collapse there visits them all, so the work grows with their square.
+constexpr std::uint32_t kMostFaces = 500;
 // Points of a piece at most this part of the mean edge farther from another than its nearest one hold it there.
 constexpr double kJoinedBand = 0.5;
 
@@ -68,10 +71,14 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
     }
     i = end;
   }
+  std::vector<std::uint32_t> faces(surface.positions.size(), 0);
   std::vector<std::uint32_t> fan(surface.positions.size(), kNoIndex);
   for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
     triangle = t;
     for (std::uint32_t i = 0; i < 3; ++i) {
+      if (++faces[surface.triangles[t][i]] > kMostFaces) {
+        return "has a point where more than " + std::to_string(kMostFaces) + " faces meet";
+      }
       std::uint32_t& first = fan[surface.triangles[t][i]];
       if (first == kNoIndex) first = fans.find(3 * t + i);
       if (first != fans.find(3 * t + i)) return "has a point where faces meet without a common edge";
@@ -88,28 +95,6 @@ std::vector<Vector3d> unitNormals(const PlainSurface& surface) {
     normals.push_back(n.norm() > 0 ? Vector3d(n.normalized()) : Vector3d::Zero());
   }
   return normals;
-}
-
-// The unit vector whose smallest cosine with some unit normals is largest: the centre of their smallest cap, by small
-// steps towards the worst one.
-Vector3d mostNormal(const std::vector<Vector3d>& normals, double& least) {
-  Vector3d n = Vector3d::Zero();
-  for (const Vector3d& m : normals) n += m;
-  n = n.norm() > 0 ? Vector3d(n.normalized()) : normals.front();
-  Vector3d best = n;
-  least = -1;
-  for (int i = 1; i <= 200; ++i) {
-    const auto worst = std::min_element(normals.begin(), normals.end(),
-                                        [&](const Vector3d& a, const Vector3d& b) { return n.dot(a) < n.dot(b); });
-    if (n.dot(*worst) > least) {
-      least = n.dot(*worst);
-      best = n;
-    }
-    const Vector3d next = n + (*worst - n) / (i + 1);
-    if (next.norm() == 0) break;
-    n = next.normalized();
-  }
-  return best;
 }
 
 // The three tetrahedra of the prism over a triangle: vertex v below is 2 v, above 2 v + 1. The diagonal of a side runs
@@ -220,10 +205,26 @@ std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, TetMesh&
   return count;
 }
 
-// \param keep per position of the body: nonzero where it stays as fine as it is.
-FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const char> keep, double thickness,
-                    std::span<const double> factors, ShellOutcome& outcome) {
-  FilledBody filled;
+// A body's surface as attempts coarsen it.
+struct Prepared {
+  PlainSurface surface;
+  std::vector<std::uint32_t> vertex_of;  // of each position of the body
+  std::vector<char> folded;              // per vertex: the surface folds there before any coarsening
+};
+
+std::vector<std::vector<Vector3d>> normalsAround(const PlainSurface& surface) {
+  const std::vector<Vector3d> face_normals = unitNormals(surface);
+  std::vector<std::vector<Vector3d>> around(surface.positions.size());
+  for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
+    if (face_normals[t].squaredNorm() == 0) continue;
+    for (const std::uint32_t v : surface.triangles[t]) around[v].push_back(face_normals[t]);
+  }
+  return around;
+}
+
+// The surface without flat faces, at most `most` vertices where edges may be collapsed. False with a reason where it
+// carries no layer at any coarseness.
+bool prepare(const SolidBody& body, std::uint32_t most, Prepared& prepared, ShellOutcome& outcome) {
   PlainSurface fine;
   fine.positions = body.positions;
   std::vector<std::uint32_t> source;  // triangle of the body
@@ -237,27 +238,50 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
   outcome.reason = complaint(fine, where);
   if (!outcome.reason.empty()) {
     outcome.triangle = source[where];
-    return filled;
+    return false;
   }
-  Sets fine_pieces = piecesOf(fine);
-  if (const std::size_t pieces = representatives(fine, fine_pieces).size(); pieces > kMostPieces) {
-    outcome.reason = "has " + std::to_string(pieces) + " pieces, too many to tie to one another";
-    return filled;
+  Sets pieces = piecesOf(fine);
+  if (const std::size_t count = representatives(fine, pieces).size(); count > kMostPieces) {
+    outcome.reason = "has " + std::to_string(count) + " pieces, too many to tie to one another";
+    return false;
   }
+  if (fine.positions.size() > most) {
+    SimplifiedSurface coarse = simplifySurface(fine, most, {}, outcome.reason);
+    if (!outcome.reason.empty()) return false;
+    prepared.surface = std::move(coarse.surface);
+    prepared.vertex_of = std::move(coarse.vertex_of);
+  } else {
+    prepared.vertex_of.resize(fine.positions.size());
+    std::iota(prepared.vertex_of.begin(), prepared.vertex_of.end(), 0U);
+    prepared.surface = std::move(fine);
+  }
+  for (const auto& normals : normalsAround(prepared.surface)) {
+    prepared.folded.push_back(layerNormal(normals).folds() ? 1 : 0);
+  }
+  return true;
+}
+
+// \param keep per prepared vertex: nonzero where it stays as fine as it is.
+// \param folds receives the prepared vertices that were brought to where the result folds.
+FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32_t wanted, std::span<const char> keep,
+                    double thickness, std::span<const double> factors, ShellOutcome& outcome,
+                    std::vector<std::uint32_t>& folds) {
+  FilledBody filled;
 
   // 1. Coarsen.
   SimplifiedSurface coarse;
-  if (fine.positions.size() > wanted) {
-    coarse = simplifySurface(fine, wanted, keep, outcome.reason);
-    outcome.coarsened = true;
+  if (prepared.surface.positions.size() > wanted) {
+    coarse = simplifySurface(prepared.surface, wanted, keep, outcome.reason);
     if (!outcome.reason.empty()) return filled;
   } else {
-    coarse.surface = fine;
-    coarse.vertex_of.resize(fine.positions.size());
+    coarse.surface = prepared.surface;
+    coarse.vertex_of.resize(prepared.surface.positions.size());
     std::iota(coarse.vertex_of.begin(), coarse.vertex_of.end(), 0U);
   }
   const PlainSurface& surface = coarse.surface;
   const auto count = std::uint32_t(surface.positions.size());
+  std::vector<std::uint32_t> vertex_of;  // of each position of the body
+  for (const std::uint32_t v : prepared.vertex_of) vertex_of.push_back(coarse.vertex_of[v]);
 
   // 2. Half of the thickness at each vertex.
   double mean_edge = 0;
@@ -271,9 +295,9 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
   std::vector<double> least_part(count, kLeastOffset);
   if (!factors.empty()) {
     std::vector<double> sum(count, 0), merged(count, 0);
-    for (std::size_t p = 0; p < coarse.vertex_of.size(); ++p) {
-      sum[coarse.vertex_of[p]] += factors[p];
-      merged[coarse.vertex_of[p]] += 1;
+    for (std::size_t p = 0; p < vertex_of.size(); ++p) {
+      sum[vertex_of[p]] += factors[p];
+      merged[vertex_of[p]] += 1;
     }
     for (std::uint32_t v = 0; v < count; ++v) {
       const double factor = sum[v] / merged[v];
@@ -283,32 +307,27 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
   }
 
   // 3. Normals.
-  const std::vector<Vector3d> face_normals = unitNormals(surface);
-  std::vector<std::vector<Vector3d>> around(count);
+  const std::vector<std::vector<Vector3d>> around = normalsAround(surface);
   std::vector<std::uint32_t> some_triangle(count, 0);
   for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
-    for (const std::uint32_t v : surface.triangles[t]) {
-      if (face_normals[t].squaredNorm() > 0) around[v].push_back(face_normals[t]);
-      some_triangle[v] = t;
-    }
+    for (const std::uint32_t v : surface.triangles[t]) some_triangle[v] = t;
   }
   std::vector<Vector3d> normals(count);
   std::vector<char> folded(count, 0);
-  // Says where it folds: all positions, for the next attempt, and one triangle, for the report.
+  // Says where it folds: all vertices, for the next attempt, and one triangle, for the report.
   const auto refuse = [&](const char* reason) {
     outcome.reason = reason;
-    for (std::uint32_t p = 0; p < coarse.vertex_of.size(); ++p) {
-      if (folded[coarse.vertex_of[p]] != 0) outcome.folds.push_back(p);
+    for (std::uint32_t v = 0; v < coarse.vertex_of.size(); ++v) {
+      if (folded[coarse.vertex_of[v]] != 0) folds.push_back(v);
     }
-    for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
-      const auto& corners = body.triangles[t];
-      if (std::find(corners.begin(), corners.end(), outcome.folds.front()) != corners.end()) outcome.triangle = t;
-    }
+    const auto at = std::find_if(body.triangles.begin(), body.triangles.end(),
+                                 [&](const auto& corners) { return folded[vertex_of[corners[0]]] != 0; });
+    if (at != body.triangles.end()) outcome.triangle = std::uint32_t(at - body.triangles.begin());
   };
   for (std::uint32_t v = 0; v < count; ++v) {
-    double least = 0;
-    if (!around[v].empty()) normals[v] = mostNormal(around[v], least);
-    folded[v] = least >= kLeastLean ? 0 : 1;
+    const LayerNormal normal = layerNormal(around[v]);
+    normals[v] = normal.direction;
+    folded[v] = normal.folds() ? 1 : 0;
   }
   if (std::find(folded.begin(), folded.end(), char(1)) != folded.end()) {
     refuse("folds back onto itself");
@@ -366,7 +385,7 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
     outcome.thickness += 2 * part[v] * half[v] / count;
     if (part[v] < 1) ++outcome.thinned;
   }
-  for (const std::uint32_t v : coarse.vertex_of) outcome.home.push_back(3 * some_triangle[v]);
+  for (const std::uint32_t v : vertex_of) outcome.home.push_back(3 * some_triangle[v]);
   filled.spacing = mean_edge;
   filled.ties = std::uint32_t(mesh.tetrahedra.size() - 3 * surface.triangles.size());
   filled.components = 1;
@@ -378,23 +397,30 @@ FilledBody fillOnce(const SolidBody& body, std::uint32_t wanted, std::span<const
 
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thickness, std::span<const double> factors,
                          ShellOutcome& outcome) {
-  // Coarsening can fold what is narrow (a lid, a nostril): that stays fine; where it does not help, less of it.
-  for (double wanted = target / 2.0;; wanted *= 1.5) {
-    std::vector<char> keep(body.positions.size(), 0);
+  const double least = target / 2.0;
+  Prepared prepared;
+  if (!prepare(body, std::uint32_t(kFineness * least), prepared, outcome)) return {};
+  const auto all = double(prepared.surface.positions.size());
+  // What is too sharply creased where it is coarse stays fine; where that does not help, less of it is coarsened.
+  for (double wanted = least;; wanted *= 2) {
+    std::vector<char> keep(prepared.surface.positions.size(), 0);
+    double kept = 0;
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
       outcome = {};
+      std::vector<std::uint32_t> folds;
       // What is not kept is made as coarse as it would be otherwise.
-      const auto kept = double(std::count(keep.begin(), keep.end(), char(1))), all = double(keep.size());
       const auto aim = std::uint32_t(std::max(4.0, kept < all ? kept + wanted * (all - kept) / all : all));
-      FilledBody filled = fillOnce(body, aim, keep, thickness, factors, outcome);
-      if (!filled.mesh.tetrahedra.empty() || !outcome.coarsened) return filled;
-      if (outcome.folds.empty()) break;
-      std::vector<char> folds(keep.size(), 0);
-      for (const std::uint32_t p : outcome.folds) folds[p] = 1;
-      for (const auto& t : body.triangles) {
-        if (folds[t[0]] == 0 && folds[t[1]] == 0 && folds[t[2]] == 0) continue;
-        for (const std::uint32_t p : t) keep[p] = 1;
+      FilledBody filled = fillOnce(body, prepared, aim, keep, thickness, factors, outcome, folds);
+      if (!filled.mesh.tetrahedra.empty() || aim >= all) return filled;
+      std::vector<char> around(keep.size(), 0);
+      for (const std::uint32_t v : folds) around[v] = 1;
+      for (const auto& t : prepared.surface.triangles) {
+        if (around[t[0]] == 0 && around[t[1]] == 0 && around[t[2]] == 0) continue;
+        for (const std::uint32_t v : t) keep[v] = prepared.folded[v] != 0 ? 0 : 1;
       }
+      const auto more = double(std::count(keep.begin(), keep.end(), char(1)));
+      if (more == kept) break;
+      kept = more;
     }
   }
 }

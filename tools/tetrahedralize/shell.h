@@ -12,14 +12,12 @@ namespace sinew::tools {
 
 /// How a shell went for a body, for the report.
 struct ShellOutcome {
-  std::string reason;                ///< why the result is empty, if it is
-  std::uint32_t triangle = 0;        ///< of the body, where that shows
-  std::vector<std::uint32_t> folds;  ///< positions of the body that coarsening brought to where it folds
-  bool coarsened = false;            ///< the surface had more points than the budget allows
-  double thickness = 0;              ///< mean, metres
-  std::uint32_t thinned = 0;         ///< vertices at which creases left no room for the whole thickness
-  std::uint32_t pieces = 0;          ///< that share no vertex; tied to one another
-  std::vector<std::uint32_t> home;   ///< per position of the body: a tetrahedron beside it
+  std::string reason;               ///< why the result is empty, if it is
+  std::uint32_t triangle = 0;       ///< of the body, where that shows
+  double thickness = 0;             ///< mean, metres
+  std::uint32_t thinned = 0;        ///< vertices at which creases left no room for the whole thickness
+  std::uint32_t pieces = 0;         ///< that share no vertex; tied to one another
+  std::vector<std::uint32_t> home;  ///< per position of the body: a tetrahedron beside it
 };
 
 /// A skin: a layer of prisms, half of its thickness to either side of the body's surface, each split into three
@@ -28,9 +26,10 @@ struct ShellOutcome {
 /// (Aubry & Loehner 2008); where prisms would turn over, at creases and borders, the offset is shortened. Each piece of
 /// a surface in several (a mask and the horn stuck through it) has a skin of its own, tied by further tetrahedra to
 /// what lies nearest, along where they cross or come closest. Empty where the surface has an edge of more than two
-/// faces, one side only, points where fans meet, or more than a thousand pieces. \param thickness metres; 0: half of
-/// the mean edge of the coarsened surface. \param factors what multiplies that at each position of the body, > 0; a
-/// vertex of the coarsened surface has the mean of those that became it. Empty: 1 everywhere.
+/// faces, one side only, points where fans meet or that have more than 500 faces, or more than a thousand pieces.
+/// \param thickness metres; 0: half of the mean edge of the coarsened surface. \param factors what multiplies that at
+/// each position of the body, > 0; a vertex of the coarsened surface has the mean of those that became it. Empty: 1
+/// everywhere.
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, double thickness,
                          std::span<const double> factors, ShellOutcome& outcome);
 
