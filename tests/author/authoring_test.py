@@ -520,6 +520,8 @@ class Commands(Folder):
         self.author("rename", "x", "y", code=2)
         self.author("mirror", "c", code=2)
         self.author("paint", "p", self.path.parent / "elsewhere.png", code=3)
+        self.write("no_picture.png", "text")
+        self.assertIn("no picture", self.author("paint", "p", self.path / "no_picture.png", code=3).stderr)
         self.author("new", self.path / "bar.obj", code=2)
         self.author("redo", code=2)
         self.assertEqual((self.path / "r.json").read_text(), before)

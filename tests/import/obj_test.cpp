@@ -181,6 +181,27 @@ TEST_F(Obj, FaultsAreNamedWithTheirPlace) {
   }
 }
 
+TEST_F(Obj, TexturesThatCannotBeDrawnAreSaid) {
+  // Two texels of true colour, blue, green, red.
+  const std::string tga = std::string("\0\0\2\0\0\0\0\0\0\0\0\0\2\0\1\0\x18\0", 18) + "\x10\x20\xff\x40\x50\x60";
+  write("good.tga", tga);
+  write("bad.tga", tga.substr(0, 2) + "\x77" + tga.substr(3));
+  write("game.dds", "DDS " + std::string(200, '\0'));
+  write("cut.png", "\x89PNG\r\n\x1a\n rest");
+  write("a.mtl",
+        "newmtl a\nmap_Kd good.tga\nnewmtl b\nmap_Kd bad.tga\nnewmtl c\nmap_Kd game.dds\nnewmtl d\nmap_Kd cut.png\n");
+  const VisualMesh mesh = importFile(
+      write("a.obj",
+            "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl a\nf 1 3 2\nusemtl b\nf 1 2 4\nusemtl c\nf 1 4 "
+            "3\nusemtl d\nf 2 3 4\n"));
+  std::vector<std::string> unread;
+  for (const Finding& f : mesh.findings) {
+    if (f.id == "texture-not-read") unread.push_back(f.place);
+  }
+  EXPECT_EQ(unread, (std::vector<std::string>{"bad.tga", "game.dds", "cut.png"}));
+  EXPECT_EQ(mesh.textures[mesh.materials[0].texture].mime, "image/x-tga");
+}
+
 TEST_F(Obj, NamesWithBlanksAndBeyondAscii) {
   EXPECT_EQ(importFile(write("ein schöner Kopf ☺/モデル 1.obj", kTetrahedron)).triangles.size(), 4U);
   EXPECT_EQ(importFile(write("UPPER.OBJ", kTetrahedron)).format, "obj");

@@ -67,7 +67,7 @@ TOOL_RANKS = {
 }
 TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
-    "import": ("assimp", "cgal"),
+    "import": ("assimp", "cgal", "stb"),
     "tetrahedralize": ("cgal",),
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
@@ -85,6 +85,7 @@ TOOL_OWN = {
 # Each of these sits behind the named files of its part.
 BEHIND = {
     ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
+    ("tools/import/", "stb"): ("tools/import/textures.cpp",),
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
     ("tools/author/", "opencv"): ("tools/author/mask_image.cpp",),
     ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),

@@ -239,6 +239,15 @@ TEST_F(RendererTest, TextureFileDecodesTopDownAndBadBytesAreNoPicture) {
   std::filesystem::remove(file);
 }
 
+TEST_F(RendererTest, TgaDecodes) {
+  // One row of two texels: blue, green, red.
+  const std::string_view tga("\0\0\2\0\0\0\0\0\0\0\0\0\2\0\1\0\x18\0\x10\x20\xff\x40\x50\x60", 24);
+  const TexturePixels decoded = decodeTexture(std::as_bytes(std::span(tga)), 4096);
+  ASSERT_EQ(decoded.width, 2);
+  ASSERT_EQ(decoded.height, 1);
+  EXPECT_EQ(decoded.rgba, (std::vector<std::uint8_t>{0xff, 0x20, 0x10, 255, 0x60, 0x50, 0x40, 255}));
+}
+
 TEST_F(RendererTest, NothingBleedsOverTextureSeams) {
   // Triangles use the left half, red; the right half is green and used by nobody: no level may show any of it.
   DrawModel model = quad();

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <sstream>
 
+#include "tools/author/mask_image.h"
 #include "tools/author/recipe.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/core/atomic_file.h"
@@ -474,6 +475,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
 }
 
 void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {
+  if (file.extension() != ".json") readMaskImage(file, {});
   Json document = this->document();
   Json mask = {{file.extension() == ".json" ? "strokes" : "image", pathFromRecipe(file_, file)}};
   if (!options.empty()) mask.update(furtherKeys(options, R"({"threshold": 0.5})"));

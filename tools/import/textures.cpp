@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/import/textures.h"
 
+#include <stb_image.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <fstream>
+#include <memory>
 #include <optional>
 #include <string_view>
 
@@ -40,6 +43,24 @@ std::optional<fs::path> below(const fs::path& folder, const fs::path& relative) 
     at = *std::min_element(matches.begin(), matches.end());
   }
   return isFile(at) ? std::optional(at) : std::nullopt;
+}
+
+// Whether a picture of a kind can be drawn. TGA and GIF are unpacked to find out, of PNG, JPEG and BMP the head is
+// read.
+bool canBeDrawn(const std::vector<std::byte>& bytes, const std::string& mime) {
+  if (mime == "image/vnd-ms.dds" || mime == "image/ktx2") return false;
+  if (mime == "image/webp" || mime == "image/tiff" || mime == "image/vnd.radiance" || mime == "image/x-exr")
+    return true;
+  constexpr std::int64_t kMostTexels = std::int64_t{1} << 28;
+  const auto* const data = reinterpret_cast<const stbi_uc*>(bytes.data());
+  const int count = int(bytes.size());
+  int width = 0, height = 0, channels = 0;
+  if (stbi_info_from_memory(data, count, &width, &height, &channels) == 0) return false;
+  if (std::int64_t(width) * height > kMostTexels) return false;
+  if (mime != "image/x-tga" && mime != "image/gif") return true;
+  const std::unique_ptr<stbi_uc, void (*)(void*)> texels(
+      stbi_load_from_memory(data, count, &width, &height, &channels, 4), stbi_image_free);
+  return texels != nullptr;
 }
 
 }  // namespace
@@ -125,6 +146,11 @@ TextureSource loadTexture(const RawTexture& texture, const fs::path& folder, std
     out.bytes.clear();
     complain("unknown-texture", "the texture " + out.name + " is no picture of a known kind and was left out",
              "Save it as PNG or JPEG.");
+  } else if (!canBeDrawn(out.bytes, out.mime)) {
+    complain("texture-not-read",
+             "the texture " + out.name + " (" + out.mime +
+                 ") cannot be read here: pictures show the material's colour; " + "the package carries it as it is",
+             "Save it as PNG, JPEG or TGA.");
   }
   return out;
 }

@@ -2,12 +2,14 @@
 #include "tools/render/image.h"
 
 #include <fcntl.h>
+#include <stb_image.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -56,6 +58,20 @@ std::vector<std::uint8_t> strippedPng(std::span<const std::byte> bytes) {
     if (name == "IEND") return kept;
   }
   return {};
+}
+
+// TGA and GIF, which OpenCV does not read: blue, green, red, alpha. Empty where it is neither.
+cv::Mat decodeByStb(const std::vector<std::uint8_t>& bytes) {
+  int width = 0, height = 0, channels = 0;
+  const int count = static_cast<int>(bytes.size());
+  if (stbi_info_from_memory(bytes.data(), count, &width, &height, &channels) == 0) return {};
+  if (std::int64_t{width} * height > kMaxTexturePixels) return {};
+  const std::unique_ptr<stbi_uc, void (*)(void*)> texels(
+      stbi_load_from_memory(bytes.data(), count, &width, &height, &channels, 4), stbi_image_free);
+  if (!texels) return {};
+  cv::Mat bgra;
+  cv::cvtColor(cv::Mat(height, width, CV_8UC4, texels.get()), bgra, cv::COLOR_RGBA2BGRA);
+  return bgra;
 }
 
 }  // namespace
@@ -108,6 +124,7 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
     const std::vector<std::uint8_t> encoded = strippedPng(bytes);
     if (encoded.empty()) return result;
     cv::Mat picture = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
+    if (picture.empty()) picture = decodeByStb(encoded);
     if (picture.empty() || static_cast<std::int64_t>(picture.total()) > kMaxTexturePixels) return result;
     if (picture.depth() == CV_16U) {
       picture.convertTo(picture, CV_8U, 1.0 / 257.0);

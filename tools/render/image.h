@@ -38,8 +38,8 @@ struct TexturePixels {
   std::vector<std::uint8_t> rgba;
 };
 
-/// Decodes PNG, JPEG and whatever else OpenCV reads, 16-bit pictures reduced to 8, larger than `max_size` texels a side
-/// shrunk. \return width 0 where the bytes are no picture. Never throws for bad bytes.
+/// Decodes PNG, JPEG and whatever else OpenCV reads, TGA and GIF; 16-bit pictures reduced to 8, larger than `max_size`
+/// texels a side shrunk. \return width 0 where the bytes are no picture. Never throws for bad bytes.
 TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size);
 
 /// Writes a PNG beside its place, syncs it, and renames it: a reader sees the old file or the whole new one.
