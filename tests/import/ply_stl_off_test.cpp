@@ -144,6 +144,20 @@ TEST_F(Ply, FaultsAreNamed) {
                 "without x, y and z");
 }
 
+TEST_F(Ply, HeaderLinesThatNoPlyHasAreSkippedAndSaid) {
+  const VisualMesh mesh = importFile(write(
+      "a.ply",
+      "ply\nformat ascii 1.0\nCreated by an old scanner\nelement vertex 3\nproperty float x\nproperty float "
+      "y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 "
+      "0\n3 0 1 2\n"));
+  EXPECT_EQ(mesh.triangles.size(), 1U);
+  const Finding* const finding = findingOf(mesh, "unknown-header");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->severity, Severity::warning);
+  EXPECT_NE(finding->message.find("\"Created by an old scanner\" (line 3 of the header)"), std::string::npos)
+      << finding->message;
+}
+
 TEST_F(Ply, FacesMayComeBeforeVertices) {
   const std::string head =
       "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\nproperty float "

@@ -219,9 +219,26 @@ class PlyReader {
         lines.nextLine();
         body_ = lines.rest();
         if (!format) throw ReadError("has a header without a format");
+        if (unknown_lines_ > 0) {
+          scene_.findings.push_back(
+              {"unknown-header",
+               Severity::warning,
+               std::to_string(unknown_lines_) +
+                   (unknown_lines_ == 1 ? " line of the header says" : " lines of the header say") +
+                   " nothing that a PLY can say and were skipped: " + unknown_,
+               unknown_lines_,
+               "",
+               {},
+               "",
+               "Begin it with \"comment\" if it is a remark, or mend its first word."});
+        }
         return;
       } else if (!key.empty()) {
-        throw ReadError("has an unknown header statement \"" + printable(key) + "\"" + place);
+        // Old exporters wrote "Created by ..." without `comment`. Bytes that are no text are no remark.
+        if (printable(key) != key.substr(0, 40)) {
+          throw ReadError("has an unknown header statement \"" + printable(key) + "\"" + place);
+        }
+        if (unknown_lines_++ == 0) unknown_ = "\"" + printable(key) + " " + printable(lines.lineRest()) + "\"" + place;
       }
     }
     throw ReadError("has a header without an end");
@@ -489,6 +506,8 @@ class PlyReader {
   bool text_ = true;
   bool swap_ = false;
   std::string texture_;
+  std::string unknown_;  // the first line of the header that no PLY has
+  std::uint64_t unknown_lines_ = 0;
   std::uint64_t vertex_count_ = 0;
   std::vector<RawCorner> corners_;
   std::vector<Eigen::Vector3f> point_normals_;
