@@ -7,6 +7,7 @@ import json
 import os
 import pathlib
 import random
+import shlex
 import signal
 import subprocess
 import tempfile
@@ -63,6 +64,30 @@ class CommandLine(unittest.TestCase):
         for number in ("0", "1000"):
             self.assertEqual(run("simulate", package, f"--gravity={number}", "--seconds", "0.02").returncode, 0)
         self.assertEqual([p.name for p in self.path.iterdir()], ["spot.sinew"])
+
+    def test_what_is_not_written_whole_is_no_file(self):
+        package = self.bake()
+        for name in ("v.mp4", "p.png", "q.sinew"):
+            with self.subTest(name):
+                arguments = ["bake", SPOT, "-o"] if name == "q.sinew" else ["render", package, "-o"]
+                words = [str(SINEW), *map(str, arguments), str(self.path / name)]
+                if name == "v.mp4":
+                    words += ["--seconds", "1"]
+                # A file may have 8 blocks of 512 bytes, as on a disk that is full.
+                shell = "trap '' XFSZ; ulimit -f 8; exec " + " ".join(shlex.quote(w) for w in words)
+                result = subprocess.run(["sh", "-c", shell], capture_output=True, text=True)
+                self.assertEqual(result.returncode, 4, result.stderr)
+                self.assertIn(name, result.stderr.strip().splitlines()[-1])
+                self.assertEqual([p.name for p in self.path.iterdir()], ["spot.sinew"])
+
+    def test_what_a_killed_run_left_is_removed_by_the_next(self):
+        left = self.path / ".spot.sinew.tmpAbC123.sinew"
+        left.write_text("half")
+        other = self.path / ".spot.sinew.tmp.sinew"
+        other.write_text("the user's")
+        self.bake()
+        self.assertFalse(left.exists())
+        self.assertTrue(other.exists())
 
     def test_what_floats_cannot_weigh_exits_3(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]

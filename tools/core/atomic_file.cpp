@@ -3,12 +3,14 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <string_view>
 
 #include "tools/core/error.h"
 
@@ -49,7 +51,46 @@ std::filesystem::path followed(std::filesystem::path file) {
   return file;
 }
 
+constexpr std::string_view kRandom = "XXXXXX";
+
+// Removes what other runs left beside a file: it has the name of one beside it, and nobody holds its lock.
+void removeAbandoned(const std::filesystem::path& folder, const std::string& prefix, const std::string& suffix) {
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (name.size() != prefix.size() + kRandom.size() + suffix.size()) continue;
+    if (!name.starts_with(prefix) || !name.ends_with(suffix)) continue;
+    const int descriptor = open(it->path().c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (descriptor < 0) continue;
+    if (flock(descriptor, LOCK_EX | LOCK_NB) == 0) unlink(it->path().c_str());
+    close(descriptor);
+  }
+}
+
 }  // namespace
+
+FileBeside::FileBeside(const std::filesystem::path& file) : file_(file) {
+  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+  const std::string prefix = "." + file.filename().string() + ".tmp", suffix = file.extension().string();
+  removeAbandoned(folder, prefix, suffix);
+  path_ = (folder / (prefix + std::string(kRandom) + suffix)).string();
+  descriptor_ = mkostemps(path_.data(), int(suffix.size()), O_CLOEXEC);
+  if (descriptor_ < 0) fail(file_, "cannot create a file beside it", errno);
+  flock(descriptor_, LOCK_EX | LOCK_NB);
+}
+
+FileBeside::~FileBeside() {
+  if (!path_.empty()) unlink(path_.c_str());
+  close(descriptor_);
+}
+
+void FileBeside::putInPlace() {
+  const mode_t mask = umask(0);
+  umask(mask);
+  if (fchmod(descriptor_, 0666 & ~mask) != 0 || fsync(descriptor_) != 0) fail(file_, "cannot finish writing", errno);
+  if (rename(path_.c_str(), file_.c_str()) != 0) fail(file_, "cannot put it in its place", errno);
+  path_.clear();
+}
 
 void requireWritable(const std::filesystem::path& named, std::initializer_list<std::filesystem::path> inputs) {
   if (named.empty()) {
@@ -80,26 +121,14 @@ void writeFileAtomically(const std::filesystem::path& named, std::span<const std
   requireWritable(named);
   const std::filesystem::path file = followed(named);
   const BlockSignals block;
-  std::string temporary = (file.parent_path() / ("." + file.filename().string() + ".XXXXXX")).string();
-  const int descriptor = mkstemp(temporary.data());
-  if (descriptor < 0) fail(file, "cannot create a file beside it", errno);
-  const auto abandon = [&](const std::string& what) {
-    const int error = errno;
-    close(descriptor);
-    unlink(temporary.c_str());
-    fail(file, what, error);
-  };
+  FileBeside beside(file);
   for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t written = write(descriptor, bytes.data() + done, bytes.size() - done);
+    const ssize_t written = write(beside.descriptor(), bytes.data() + done, bytes.size() - done);
     if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) abandon("cannot write");
+    if (written <= 0) fail(file, "cannot write", errno);
     done += std::size_t(written);
   }
-  const mode_t mask = umask(0);
-  umask(mask);
-  if (fchmod(descriptor, 0666 & ~mask) != 0 || fsync(descriptor) != 0) abandon("cannot finish writing");
-  if (rename(temporary.c_str(), file.c_str()) != 0) abandon("cannot put it in its place");
-  close(descriptor);
+  beside.putInPlace();
 }
 
 void writeFileAtomically(const std::filesystem::path& file, std::string_view text) {

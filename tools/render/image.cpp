@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/render/image.h"
 
-#include <fcntl.h>
 #include <stb_image.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <memory>
@@ -15,10 +12,8 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
-#include <system_error>
 
 #include "tools/core/atomic_file.h"
-#include "tools/core/error.h"
 
 namespace sinew::tools {
 
@@ -30,11 +25,6 @@ constexpr std::int64_t kMaxTexturePixels = std::int64_t{1} << 28;
 
 std::size_t pixelOffset(const Image& image, int x, int y) {
   return (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x)) * 3;
-}
-
-[[noreturn]] void throwSystem(const std::filesystem::path& file, const std::string& what, int error) {
-  throw ToolError(ExitCode::system, file.string(), what + " (" + std::strerror(error) + ")",
-                  "Check that the folder exists, that you may write there, and that the disk is not full.");
 }
 
 // PNG without its ancillary chunks (colour profiles and the like, which are not used and which libpng grumbles about on
@@ -157,29 +147,6 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
     result = {};
   }
   return result;
-}
-
-std::filesystem::path temporaryBeside(const std::filesystem::path& file) {
-  std::filesystem::path name = file;
-  name.replace_filename("." + file.stem().string() + ".tmp" + std::to_string(::getpid()) + file.extension().string());
-  return name;
-}
-
-void replaceFile(const std::filesystem::path& temporary, const std::filesystem::path& file) {
-  int error = 0;
-  const int descriptor = ::open(temporary.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) {
-    error = errno;
-  } else {
-    if (::fsync(descriptor) != 0) error = errno;
-    ::close(descriptor);
-  }
-  if (error == 0 && ::rename(temporary.c_str(), file.c_str()) != 0) error = errno;
-  if (error != 0) {
-    std::error_code ignored;
-    std::filesystem::remove(temporary, ignored);
-    throwSystem(file, "cannot be written", error);
-  }
 }
 
 void writePng(const Image& image, const std::filesystem::path& file) {

@@ -49,10 +49,4 @@ void writePng(const Image& image, const std::filesystem::path& file);
 /// Reads a picture back (tests). Width 0 where there is none.
 Image readImage(const std::filesystem::path& file);
 
-/// A name in the folder of `file` that no other run uses, with the same extension; see replaceFile().
-std::filesystem::path temporaryBeside(const std::filesystem::path& file);
-
-/// Syncs `temporary` and renames it to `file`; removes it and throws ToolError(system) where that fails.
-void replaceFile(const std::filesystem::path& temporary, const std::filesystem::path& file);
-
 }  // namespace sinew::tools
