@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
@@ -78,6 +79,42 @@ TEST(Rounding, AShellThickerThanItsModelIsRefusedWithACure) {
   };
   EXPECT_EQ(refusal("0.5"), "");
   EXPECT_NE(refusal("3").find("Lower tetrahedra.thickness"), std::string::npos);
+  std::filesystem::remove_all(folder);
+}
+
+// A skin of a ten thousandth of the sheet: vertices that coarsening left beside it hang by large weights, whose
+// rounding is no displacement.
+TEST(Rounding, ThinSkinsBake) {
+  const std::filesystem::path folder =
+      std::filesystem::temp_directory_path() / ("sinew_thin" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  constexpr int kSide = 60;
+  std::ofstream obj(folder / "sheet.obj");
+  for (int i = 0; i <= kSide; ++i) {
+    for (int j = 0; j <= kSide; ++j) {
+      const double x = double(i) / kSide, z = double(j) / kSide;
+      obj << "v " << x << ' ' << 0.15 * std::sin(11 * x + 5 * z) * std::cos(13 * z - 3 * x) << ' ' << z << '\n';
+    }
+  }
+  for (int i = 0; i < kSide; ++i) {
+    for (int j = 0; j < kSide; ++j) {
+      const int a = 1 + i * (kSide + 1) + j;
+      obj << "f " << a << ' ' << a + 1 << ' ' << a + kSide + 2 << ' ' << a + kSide + 1 << '\n';
+    }
+  }
+  obj.close();
+  Recipe recipe = parseRecipe(R"({"sinew_recipe": 2, "source": "sheet.obj"})", folder / "sheet.json");
+  recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
+  recipe.settings.tetrahedra.method = TetrahedraMethod::shell;
+  recipe.settings.tetrahedra.shell_thickness = 1e-4;
+  recipe.settings.tetrahedra.target_vertices = 400;
+  Progress progress(false);
+  const BakeResult result = bake(recipe, progress);
+  const std::shared_ptr<const Asset> asset = *Asset::fromMemory(result.package);
+  EXPECT_GT(asset->package().info().max_rest_error, 1e-6F);
+  for (const Finding& finding : checkPackage(asset->package())) {
+    EXPECT_NE(finding.id, "attachment-error") << finding.message;
+  }
   std::filesystem::remove_all(folder);
 }
 

@@ -18,6 +18,13 @@ struct AttachmentOptions {
   AttachmentMethod method = AttachmentMethod::barycentric;
 };
 
+/// Farther than this from its place at rest no visual vertex is attached, but for what floats round; of the diagonal.
+inline constexpr double kMostRestError = 1e-6;
+
+/// What floats round of a place that hangs on a tetrahedron's corners by weights: thin ones hold it by large weights.
+/// \param reach sum of |weight| |corner - last corner|, metres.
+constexpr double roundedReach(double reach) { return 4 * 0x1p-24 * reach; }
+
 /// Where a visual vertex hangs on the tetrahedra. Vertices welded into one point share one place, so seams cannot open.
 struct TetrahedronPlace {
   std::uint32_t tetrahedron = kNoIndex;

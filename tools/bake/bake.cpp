@@ -38,8 +38,6 @@ using nlohmann::ordered_json;
 constexpr double kLightestVertex = 0.05;
 // Weights of a cluster attachment below this change nothing that can be seen.
 constexpr double kMinimumAttachmentWeight = 0.01;
-// Above this the package is refused: the visual mesh would not be where the artist put it.
-constexpr double kMaximumRestError = 1e-6;
 
 formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
 
@@ -114,8 +112,9 @@ void refuseFarVertices(const VisualMesh& mesh, const PhysicalMesh& physical) {
   throw ToolError(ExitCode::bad_input, mesh.file, text, "Lower tetrahedra.thickness, or the recipe's factors of it.");
 }
 
-// Where the float formula of the runtime puts visual vertex v at rest.
-double restError(const formats::PackageContent& content, std::size_t v) {
+// How far from its place the float formula of the runtime puts visual vertex v at rest.
+double restError(const formats::PackageContent& content, std::size_t v, double& rounded) {
+  rounded = 0;
   const auto& target = content.visual_positions[v];
   double squared = 0;
   if (!content.barycentric.empty()) {
@@ -124,8 +123,11 @@ double restError(const formats::PackageContent& content, std::size_t v) {
     for (std::size_t k = 0; k < 3; ++k) {
       const float last = content.physical_vertices[tet[3]].rest_position[k];
       float x = last;
-      for (std::size_t i = 0; i < 3; ++i)
-        x += a.weight[i] * (content.physical_vertices[tet[i]].rest_position[k] - last);
+      for (std::size_t i = 0; i < 3; ++i) {
+        const float part = a.weight[i] * (content.physical_vertices[tet[i]].rest_position[k] - last);
+        x += part;
+        rounded += roundedReach(std::abs(double(part)));
+      }
       squared += std::pow(double(x) - double(target[k]), 2);
     }
     return std::sqrt(squared);
@@ -433,13 +435,15 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
     if (!part.rigid) continue;
     for (const std::uint32_t v : part.vertices) places[v].distance = 0;
   }
-  double rest_error = 0;
+  double rest_error = 0, beyond = 0;
   std::size_t worst = 0;
   double farthest = 0;
   for (std::size_t v = 0; v < places.size(); ++v) {
-    const double error = restError(content, v);
-    if (!(error <= rest_error)) {
-      rest_error = error;
+    double rounded = 0;
+    const double error = restError(content, v, rounded);
+    rest_error = std::max(rest_error, error);
+    if (!(error - rounded <= beyond)) {
+      beyond = error - rounded;
       worst = v;
     }
     farthest = std::max(farthest, places[v].distance);
@@ -477,11 +481,14 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   info.unit_source = content.addText(mesh.unit_source);
   const ordered_json settings_json = settings.toJson();
   info.settings_json = content.addText(settings_json.dump());
-  if (!(rest_error <= kMaximumRestError * mesh.diagonal)) {
+  if (!(beyond <= kMostRestError * mesh.diagonal)) {
+    char distance[32];
+    std::snprintf(distance, sizeof distance, "%.2g", beyond / mesh.diagonal);
     throw ToolError(ExitCode::bad_input, mesh.file,
-                    "source vertex " + std::to_string(mesh.source_vertex[worst]) + " would be attached " +
-                        std::to_string(rest_error / mesh.diagonal) + " diagonals from its place",
-                    "It lies far from the body; use --set attachment.method=clusters, or remove the stray part.");
+                    "source vertex " + std::to_string(mesh.source_vertex[worst]) + " would be attached " + distance +
+                        " diagonals from its place",
+                    "Its tetrahedra are too small or thin for where it lies: raise tetrahedra.thickness of a shell, "
+                    "use --set attachment.method=clusters, or remove the stray part.");
   }
 
   BakeResult result;
