@@ -271,8 +271,8 @@ TEST(State, TeleportTurnsTheWholeMotionAlong) {
   const Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3d(1, 2, -1).normalized()).toRotationMatrix();
   const Vector3d shift(3, -2, 1);
   Mat3 rotation;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) rotation[std::size_t(3 * r + c)] = float(turn(r, c));
+  for (std::size_t r = 0; r < 3; ++r) {
+    for (std::size_t c = 0; c < 3; ++c) rotation[3 * r + c] = float(turn(Eigen::Index(r), Eigen::Index(c)));
   }
   World stay(weightless()), go(weightless());
   BodySettings settings;
