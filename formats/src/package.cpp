@@ -23,15 +23,17 @@ namespace {
 
 // How far sums of rounded weights may lie from 1.
 constexpr double kSumTolerance = 1e-3;
-// m: beyond it the runtime counts a place as lost.
-constexpr float kMostMetres = 1e15F;
-// Of radii: what a visual vertex is from its cluster then has squares of squares that are floats.
-constexpr float kLeastRadius = 1e-9F;    // diagonals
-constexpr float kMostRadius = 3;         // diagonals
-constexpr float kMostInverse = 1e12F;    // of a moment of places within a radius, cut off at 1e-5 of its largest spread
-constexpr double kMostProjection = 1.1;  // of an entry of a moment's inverse times the moment: 1, and rounding
-constexpr float kMostWeight = 1e6F;      // of a vertex outside its tetrahedron
-constexpr float kMostTexture = 1e9F;     // of a texture coordinate
+// Of radii, in diagonals. Places lie within a diagonal of the bounds, so two of them at most 3 apart along an axis; and
+// outputs square a coordinate in a cluster twice: (kMostRadius / kLeastRadius)^4 = 8e37 is a float.
+constexpr float kLeastRadius = 1e-9F, kMostRadius = 3;
+// Of the inverse of a moment of places within a radius: bakes cut eigenvalues off at 1e-5 of the largest, which is at
+// least the farthest member's mu; here that is 1e-7.
+constexpr float kMostInverse = 1e12F;
+// Of an entry of a pseudo-inverse times its moment, which is a projection: 1, and a tenth for rounding.
+constexpr double kMostProjection = 1.1;
+// Of a vertex that hangs outside its tetrahedron: floats round such a place by a sixteenth of an edge.
+constexpr float kMostWeight = 1e6F;
+// Of a unit vector's coordinate, rounded.
 constexpr float kMostNormal = 1.001F;
 
 // The tests on values are branch-free (| and & instead of || and &&) so that loops over them vectorize.

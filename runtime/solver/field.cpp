@@ -11,6 +11,10 @@ static_assert(sizeof(SamplePack) == sizeof(formats::FieldPack));
 
 namespace {
 
+/// Of E q^2 v, the foundation that a held vertex of volume v lies on, q the shortest wave that k functions show
+/// (docs/method.md §4).
+constexpr double kFoundation = 0.4;
+
 std::uint32_t strideOf(std::uint32_t unknowns) { return (unknowns + 7) / 8 * 8; }
 
 /// Q diag(values) Q^T from the modes.
@@ -177,10 +181,10 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       }
     }
     field.young = volume > 0 ? weighed / volume : 0;
-    // 0.4 E q^2 of a vertex's volume, q the shortest wave that k functions show. Vertices count by their masses: those
-    // that only carry accessories have next to none.
+    // Vertices count by their masses: those that only carry accessories have next to none.
     const double wave = volume > 0 ? M_PI * std::cbrt(double(field.k) / volume) : 0;
-    field.foundation = 0.4 * field.young * wave * wave * volume * squared_masses / (field.mass * field.mass);
+    const double vertex = volume * squared_masses / (field.mass * field.mass);
+    field.foundation = kFoundation * field.young * wave * wave * vertex;
   }
   if (!limited) limits.clear();
   return fields;

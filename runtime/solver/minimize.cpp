@@ -330,11 +330,12 @@ double Objective::roughStiffness() const {
 
 namespace {
 
-/// Squared length below which a direction is what floats round.
-double roundedWay2(const Objective& objective) {
+/// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
+/// way from the prediction.
+double settledWay2(const Objective& objective, double way2) {
   const MinimizeScratch& s = *objective.scratch;
   const double moves = kRounding * std::min(1.0, objective.h * objective.h * objective.roughStiffness());
-  return moves * moves * dot(s.base.data(), s.base.data(), 4 * objective.field->k);
+  return kSettled * kSettled * way2 + moves * moves * dot(s.base.data(), s.base.data(), 4 * objective.field->k);
 }
 
 }  // namespace
@@ -344,8 +345,7 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   const std::uint32_t first = 4 * objective.field->driven, n = 4 * objective.field->k - first;
   std::copy_n(gradient + first, n, direction + first);
   objective.precondition(direction);
-  return dot(direction + first, direction + first, n) <=
-         kSettled * kSettled * dot(d + first, d + first, n) + roundedWay2(objective);
+  return dot(direction + first, direction + first, n) <= settledWay2(objective, dot(d + first, d + first, n));
 }
 
 Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value value) {
@@ -361,7 +361,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
   const double size2 = dot(s.base.data(), s.base.data(), all), rough = objective.roughStiffness();
-  const double noise2 = roundedWay2(objective);
+  const double rounded2 = settledWay2(objective, 0);
   const double energy_noise = kRounding * kRounding * rough * size2;
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);
@@ -385,7 +385,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
     }
     const double way2 = dot(d, d, n);
     // What a scaled matrix leaves to go is longer where the first one was right.
-    if (dot(direction, direction, n) <= double(scale) * double(scale) * (kSettled * kSettled * way2 + noise2)) break;
+    if (dot(direction, direction, n) <= double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2)) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;

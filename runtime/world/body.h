@@ -132,7 +132,7 @@ inline RigidTransform rigidMotionOf(const Body& body) { return rigidMotionOf(bod
 std::uint32_t replaceUnusable(Body& body);
 
 /// What is further away (m) or faster (m/s) counts as lost: floats could no longer square or difference it.
-inline constexpr float kLargestPosition = 1e15F, kLargestVelocity = 1e17F;
+inline constexpr float kLargestPosition = formats::kMostMetres, kLargestVelocity = 1e17F;
 
 /// Whether a vertex can be stepped: position and velocity finite and not lost.
 inline bool stateIsUsable(const Vec3& x, const Vec3& v) {

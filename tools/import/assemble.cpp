@@ -26,7 +26,6 @@ namespace {
 constexpr double kSmallestPlausible = 1e-3;  // metres
 constexpr double kLargestPlausible = 100;
 constexpr double kLargestPossible = 1e12;  // beyond it single precision overflows in squares and cubes of lengths
-constexpr float kLargestTexture = 1e9F;    // of a texture coordinate: a package holds no larger ones
 constexpr double kWeightSumTolerance = 1e-3;
 // Faces of at most this part of the area, this many times further from the middle than all the others, are stray: what
 // was left behind in the file. With them every length that is a part of the diagonal would be theirs.
@@ -583,7 +582,7 @@ class Assembler {
       const auto [m, k] = origin_[v];
       const RawMesh& raw = scene_.meshes[m];
       if (!raw.uvs.empty())
-        mesh_.uvs[v] = {finite(raw.uvs[k].x(), kLargestTexture), finite(raw.uvs[k].y(), kLargestTexture)};
+        mesh_.uvs[v] = {finite(raw.uvs[k].x(), formats::kMostTexture), finite(raw.uvs[k].y(), formats::kMostTexture)};
       if (!raw.colors.empty())
         for (std::size_t c = 0; c < 4; ++c) mesh_.colors[v][c] = finite(raw.colors[k][c]);
       for (std::size_t a = 0; a < raw.attributes.size(); ++a) {

@@ -21,6 +21,10 @@ inline constexpr std::uint32_t kNone = 0xffffffffU;  ///< "no such index" in eve
 /// Numbers without a bound of their own are at most so large: the square of one is a float, and so is a sum of
 /// thousands of such.
 inline constexpr float kMostNumber = 1e18F;
+/// Metres from the origin: beyond it floats could no longer square or difference what bodies do there.
+inline constexpr float kMostMetres = 1e15F;
+/// Of a texture coordinate.
+inline constexpr float kMostTexture = 1e9F;
 
 constexpr std::uint32_t fourcc(const char (&text)[5]) {
   return std::uint32_t(std::uint8_t(text[0])) | std::uint32_t(std::uint8_t(text[1])) << 8 |
