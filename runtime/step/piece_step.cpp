@@ -502,9 +502,11 @@ class PieceStep {
     piece_.state.elastic = -1;
   }
 
-  /// The rigid motion that minimizing has lost is put back.
-  void keepMomentum(const CoefficientMap& z, CoefficientMap& v) const {
+  /// The rigid motion that minimizing, in floats, has lost is put back: a minimum has the prediction's centre.
+  void keepMomentum(CoefficientMap& z, CoefficientMap& v) const {
     const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
+    const Vector3d astray = meanOf(field_, at) - meanOf(field_, y());
+    for (std::uint32_t j = 0; j < k_; ++j) z.row(j) -= (oneOf(field_, j) * astray).transpose();
     const Vector3d center = meanOf(field_, at);
     const Vector3d lacking = rigid_velocity_ - meanOf(field_, moving);
     // Angular momentum: what it was, less what the air took.
