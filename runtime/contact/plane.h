@@ -11,7 +11,7 @@ namespace sinew::internal {
 
 /// Contact points that one piece keeps at most; of more that touch, the first in the package's order, which spreads
 /// them over the surface, carry for all.
-inline constexpr std::uint32_t kMostContacts = 48;
+inline constexpr std::uint32_t kMostContacts = 96;
 
 /// What a step asks of a plane.
 struct PlaneStep {

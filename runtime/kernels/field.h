@@ -211,6 +211,124 @@ SINEW_INLINE Mat3Of<Float8> cofactor(const Mat3Of<Float8>& f) {
   return energy;
 }
 
+/// Entry (i, j) of a symmetric 9 x 9 matrix that is kept as its lower triangle.
+constexpr std::uint32_t ofNine(std::uint32_t i, std::uint32_t j) {
+  return i >= j ? i * (i + 1) / 2 + j : j * (j + 1) / 2 + i;
+}
+
+/// to += weight m m^T.
+SINEW_INLINE void addOuter(Float8 weight, const Mat3Of<Float8>& m, float* to) {
+  for (std::uint32_t i = 0; i < 9; ++i) {
+    const Float8 scaled = weight * m.m[i];
+    for (std::uint32_t j = 0; j <= i; ++j) {
+      float* const entry = to + 8 * ofNine(i, j);
+      store8(entry, load8(entry) + scaled * m.m[j]);
+    }
+  }
+}
+
+/// u_a v_b^T.
+SINEW_INLINE Mat3Of<Float8> outer(const SvdOf<Float8>& svd, int a, int b) {
+  Mat3Of<Float8> m;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) m(row, column) = svd.u(row, a) * svd.v(column, b);
+  }
+  return m;
+}
+
+/// d^2 Psi / dF^2 of eight samples times their volumes: 2 mu of all that does not turn R, what is left of 2 mu where F
+/// turns it (McAdams 2011, 3.4; its size, Chen 2024: negative where F is squeezed), and lambda (dg/dF)^2 (Gauss and
+/// Newton: the pressure's own bend is left out). Limits add those of principal stretches.
+[[gnu::noinline]] static void sampleStiffness(const FieldStiffnessArguments& a, std::uint32_t s, float* out) {
+  const SamplePack& pack = a.packs[s];
+  const Mat3Of<Float8> one = identity<Float8>();
+  const Float8 unit = splat<Float8>(1.0F), two = splat<Float8>(2.0F);
+  Mat3Of<Float8> change =
+      deformationGradient(a.functions, a.gradients + std::size_t(24) * a.functions * s, a.coefficients);
+  Mat3Of<Float8> to_rest = one;  // S^-1
+  if (a.rest_change != nullptr) {
+    const Mat3Of<Float8> rest_change = loadMatrix(a.rest_change + std::size_t(72) * s);
+    change = fromRestShape(change, rest_change);
+    addTo(to_rest, rest_change);
+  }
+  const Float8 common = load8(a.squeezed + 8 * s), own = unit - common;
+  Mat3Of<Float8> f, guide;
+  for (int i = 0; i < 9; ++i) {
+    f.m[i] = change.m[i] + one.m[i];
+    guide.m[i] = own * change.m[i] + one.m[i];
+  }
+  const SvdOf<Float8> svd = rotationSvd(guide);
+  const Float8 volume = load8(pack.volume) * a.stiffness;
+  const Float8 mu2 = volume * load8(pack.mu) * 2.0F, pressure = volume * load8(pack.lambda);
+  const Mat3Of<Float8> metric = timesTransposed(to_rest, to_rest);
+  for (std::uint32_t i = 0; i < 9; ++i) {
+    for (std::uint32_t j = 0; j <= i; ++j) {
+      store8(out + 8 * ofNine(i, j), i % 3 == j % 3 ? mu2 * metric.m[i / 3 + 3 * (j / 3)] : Float8{});
+    }
+  }
+  const Float8 sigma[3] = {svd.sigma.x, svd.sigma.y, svd.sigma.z};
+  SINEW_UNROLL
+  for (int axis = 0; axis < 3; ++axis) {
+    const int p = (axis + 1) % 3, q = (axis + 2) % 3;
+    const Float8 turned = two * own / larger(own, sigma[p] + sigma[q]);
+    const Mat3Of<Float8> forth = outer(svd, p, q), back = outer(svd, q, p);
+    Mat3Of<Float8> twist;
+    for (int i = 0; i < 9; ++i) twist.m[i] = back.m[i] - forth.m[i];
+    addOuter(-0.5F * mu2 * smaller(turned, two - turned), timesTransposed(twist, to_rest), out);
+  }
+  const Float8 rate = own * swellingOf(determinantChange(change)).rate;
+  const Mat3Of<Float8> area = cofactor(f);
+  Mat3Of<Float8> swelling;
+  for (int i = 0; i < 9; ++i) swelling.m[i] = rate * area.m[i] + common * one.m[i];
+  addOuter(pressure, timesTransposed(swelling, to_rest), out);
+  if (a.limits == nullptr) return;
+  const Float8 stiff = (2 * kLimitStiffness) * (mu2 + pressure);
+  SINEW_UNROLL
+  for (int axis = 0; axis < 3; ++axis) {
+    const Float8 bound = clamped(sigma[axis], load8(a.limits[s].least), load8(a.limits[s].most));
+    const Int8 beyond = ((sigma[axis] < bound) | (sigma[axis] > bound)) & (common <= Float8{});
+    if (any(beyond)) {
+      addOuter(select(beyond, stiff, Float8{}), timesTransposed(outer(svd, axis, axis), to_rest), out);
+    }
+  }
+}
+
+/// The second derivative of fieldEnergy(), made positive sample by sample.
+[[gnu::noinline]] static void fieldStiffness(const FieldStiffnessArguments& a) {
+  const std::uint32_t k = a.functions, unknowns = 3 * (k - a.driven);
+  float* const products = a.scratch + std::size_t(8 * 45) * a.pack_count;
+  for (std::uint32_t s = 0; s < a.pack_count; ++s) sampleStiffness(a, s, a.scratch + std::size_t(8 * 45) * s);
+  for (std::uint32_t column = 0; column < unknowns; ++column) {
+    const std::uint32_t l = a.driven + column / 3, b = column % 3;
+    // The stress of the samples as this unknown grows.
+    for (std::uint32_t s = 0; s < a.pack_count; ++s) {
+      const float *const d = a.scratch + std::size_t(8 * 45) * s, *const g = a.gradients +
+                                                                             std::size_t(24) * (std::size_t(k) * s + l);
+      const Float8 gx = load8(g), gy = load8(g + 8), gz = load8(g + 16);
+      float* const to = products + std::size_t(8 * 9) * s;
+      for (std::uint32_t i = 0; i < 9; ++i) {
+        store8(to + 8 * i, (load8(d + 8 * ofNine(i, b)) * gx + load8(d + 8 * ofNine(i, b + 3)) * gy) +
+                               load8(d + 8 * ofNine(i, b + 6)) * gz);
+      }
+    }
+    for (std::uint32_t j = l; j < k; ++j) {
+      Float8 x = {}, y = {}, z = {};
+      for (std::uint32_t s = 0; s < a.pack_count; ++s) {
+        const float *const p = products + std::size_t(8 * 9) * s, *const g = a.gradients +
+                                                                             std::size_t(24) * (std::size_t(k) * s + j);
+        const Float8 gx = load8(g), gy = load8(g + 8), gz = load8(g + 16);
+        x += (load8(p) * gx + load8(p + 24) * gy) + load8(p + 48) * gz;
+        y += (load8(p + 8) * gx + load8(p + 32) * gy) + load8(p + 56) * gz;
+        z += (load8(p + 16) * gx + load8(p + 40) * gy) + load8(p + 64) * gz;
+      }
+      float* const to = a.matrix + std::size_t(3) * (j - a.driven) * a.stride + column;
+      to[0] = sumOfLanes(x);
+      to[a.stride] = sumOfLanes(y);
+      to[2 * std::size_t(a.stride)] = sumOfLanes(z);
+    }
+  }
+}
+
 /// x = sum_j phi_j z_j at places.
 static void fieldValues(const FieldValuesArguments& a) {
   for (std::uint32_t b = 0; b < a.blocks; ++b) {

@@ -40,6 +40,23 @@ struct FieldEnergyArguments {
   float* gradient;             ///< out, k x 4, in the frame of the piece
 };
 
+/// The second derivative of that sum, made positive sample by sample.
+struct FieldStiffnessArguments {
+  std::uint32_t functions, pack_count;
+  std::uint32_t driven;  ///< functions that are not unknowns: the first
+  std::uint32_t stride;  ///< floats a row of the matrix
+  const SamplePack* packs;
+  const float* gradients;
+  float stiffness;
+  const float* coefficients;
+  const float* squeezed;
+  const float* rest_change;
+  const SampleLimits* limits;
+  float* scratch;  ///< kStiffnessScratch floats a pack
+  float* matrix;   ///< out, 3 (functions - driven) rows: the lower triangle
+};
+inline constexpr std::uint32_t kStiffnessScratch = 8 * (45 + 9);
+
 /// Values of a field at blocks of eight places.
 struct FieldValuesArguments {
   std::uint32_t functions, blocks;

@@ -23,6 +23,7 @@ float addLengthLimits(const SampleLimits& limits, std::uint32_t lane, float stif
 struct Kernels {
   const char* name;
   double (*field_energy)(const FieldEnergyArguments& arguments);  ///< \return joule
+  void (*field_stiffness)(const FieldStiffnessArguments& arguments);
   void (*field_modes)(const FieldModesArguments& arguments);
   bool (*factorize)(const FactorArguments& arguments);  ///< \return whether the matrix was positive
   void (*solve)(const FactorArguments& arguments);

@@ -18,6 +18,7 @@ namespace sinew::internal::SINEW_NARROW_KERNELS {
 
 extern const AttachKernels kAttach;
 double fieldEnergyOf(const FieldEnergyArguments& a);
+void fieldStiffnessOf(const FieldStiffnessArguments& a);
 void fieldModesOf(const FieldModesArguments& a);
 bool factorizeOf(const FactorArguments& a);
 void solveOf(const FactorArguments& a);
@@ -31,6 +32,7 @@ namespace sinew::internal::SINEW_KERNELS {
 #if defined(SINEW_NARROW_KERNELS_HERE)
 const AttachKernels kAttach = attachTable();
 double fieldEnergyOf(const FieldEnergyArguments& a) { return fieldEnergy(a); }
+void fieldStiffnessOf(const FieldStiffnessArguments& a) { fieldStiffness(a); }
 void fieldModesOf(const FieldModesArguments& a) { fieldModes(a); }
 bool factorizeOf(const FactorArguments& a) { return factorize(a); }
 void solveOf(const FactorArguments& a) { solve(a); }
@@ -42,6 +44,7 @@ inline constexpr Kernels tableNamed(const char* name) {
   namespace narrow = SINEW_NARROW_KERNELS;
   return {name,
           narrow::fieldEnergyOf,
+          narrow::fieldStiffnessOf,
           narrow::fieldModesOf,
           narrow::factorizeOf,
           narrow::solveOf,

@@ -10,8 +10,7 @@ namespace sinew::internal {
 namespace {
 
 constexpr std::uint32_t kPairs = 5;
-/// Times that a step of the first matrix is cut before A takes over: A, never too soft, turns what moves rigidly only
-/// slowly.
+/// Times that a step is cut before the matrix of the shape at hand is made: that costs as much as ten tries.
 constexpr std::uint32_t kCuts = 2;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
@@ -64,12 +63,11 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       parts(memory),
       quaternions(memory),
       squeezed(memory),
-      factor(memory),
+      samples(memory),
       contacts(memory),
       rows(memory),
       prediction(memory),
       predicted_velocity(memory),
-      work(memory),
       external(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
@@ -86,12 +84,12 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   grow(pairs, 8 * kPairs * k);
   grow(lanes, 24 * k);
   grow(parts, 3 * k + 8);
-  grow(factor, k * k);
   grow(quaternions, 32 * std::size_t(field.pack_count));
   grow(squeezed, 8 * std::size_t(field.pack_count));
+  grow(samples, kStiffnessScratch * std::size_t(field.pack_count));
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
-  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &work, &external}) grow(*array, k);
+  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external}) grow(*array, k);
 }
 
 double Objective::external(const float* d, float* gradient) const {
@@ -236,6 +234,25 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   return energy;
 }
 
+void Objective::stiffnessAt(const float* d, float* matrix) const {
+  toFrame(d);
+  FieldStiffnessArguments arguments = {};
+  arguments.functions = field->k;
+  arguments.pack_count = field->pack_count;
+  arguments.driven = field->driven;
+  arguments.stride = field->stride;
+  arguments.packs = field->packs;
+  arguments.gradients = field->gradients;
+  arguments.stiffness = stiffness;
+  arguments.coefficients = scratch->x.data();
+  arguments.squeezed = scratch->squeezed.data();
+  arguments.rest_change = rest_change;
+  arguments.limits = field->limits;
+  arguments.scratch = scratch->samples.data();
+  arguments.matrix = matrix;
+  kernels().field_stiffness(arguments);
+}
+
 Objective::Value Objective::at(const float* d, float* gradient, bool mark) const {
   Value value;
   value.elastic = elastic(d, gradient, mark);
@@ -254,73 +271,27 @@ void Objective::press(const float* d) const {
 }
 
 void Objective::precondition(float* g) const {
+  // In the frame of the piece, where its stiffness is that of the rest shape.
   const std::uint32_t k = field->k, driven = field->driven;
-  if (through_modes) {
-    // In the frame of the piece, where its stiffness is that of the rest shape.
-    const float* const r = rotation;
-    float* const local = scratch->x.data();
-    for (std::uint32_t j = driven; j < k; ++j) {
-      const float* const from = g + 4 * j;
-      for (std::uint32_t c = 0; c < 3; ++c) {
-        local[3 * (j - driven) + c] = r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]);
-      }
-    }
-    if (whole != nullptr) {
-      std::fill(local + field->unknowns(), local + field->stride, 0.0F);
-      kernels().solve({field->unknowns(), field->stride, const_cast<float*>(whole), local});
-    } else {
-      kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(),
-                             local, scratch->parts.data()});
-    }
-    for (std::uint32_t j = driven; j < k; ++j) {
-      const float* const from = local + 3 * (j - driven);
-      for (std::uint32_t c = 0; c < 3; ++c) {
-        g[4 * j + c] = r[c] * from[0] + (r[3 + c] * from[1] + r[6 + c] * from[2]);
-      }
-    }
-    return;
-  }
-  if (factor == nullptr) {
-    const double inertia = 1 / (h * h);
-    for (std::uint32_t j = driven; j < k; ++j) {
-      const float inverse = float(1 / (inertia + double(stiffness) * double(field->functions[j].stiffness)));
-      for (std::uint32_t c = 0; c < 3; ++c) g[4 * j + c] *= inverse;
-    }
-    return;
-  }
-  const std::uint32_t n = k - driven;
-  Vector3d* const x = scratch->work.data();
-  for (std::uint32_t i = 0; i < n; ++i) {
-    const float* const from = g + 4 * (driven + i);
-    Vector3d sum = {double(from[0]), double(from[1]), double(from[2])};
-    const double* const row = factor + std::size_t(n) * i;
-    for (std::uint32_t j = 0; j < i; ++j) sum -= row[j] * x[j];
-    x[i] = sum / row[i];
-  }
-  for (std::uint32_t i = n; i-- > 0;) {
-    x[i] /= factor[std::size_t(n) * i + i];
-    const double* const row = factor + std::size_t(n) * i;
-    for (std::uint32_t j = 0; j < i; ++j) x[j] -= row[j] * x[i];
-    for (std::uint32_t c = 0; c < 3; ++c) g[4 * (driven + i) + c] = float(x[i][c]);
-  }
-}
-
-bool factorize(double* a, std::uint32_t n) {
-  for (std::uint32_t i = 0; i < n; ++i) {
-    double* const row = a + std::size_t(n) * i;
-    for (std::uint32_t j = 0; j <= i; ++j) {
-      const double* const other = a + std::size_t(n) * j;
-      double sum = row[j];
-      for (std::uint32_t m = 0; m < j; ++m) sum -= row[m] * other[m];
-      if (j < i) {
-        row[j] = sum / other[j];
-      } else {
-        if (!(sum > 0)) return false;
-        row[i] = std::sqrt(sum);
-      }
+  const float* const r = rotation;
+  float* const local = scratch->x.data();
+  for (std::uint32_t j = driven; j < k; ++j) {
+    const float* const from = g + 4 * j;
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      local[3 * (j - driven) + c] = r[3 * c] * from[0] + (r[3 * c + 1] * from[1] + r[3 * c + 2] * from[2]);
     }
   }
-  return true;
+  if (system != nullptr) {
+    std::fill(local + field->unknowns(), local + field->stride, 0.0F);
+    kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
+  } else {
+    kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local,
+                           scratch->parts.data()});
+  }
+  for (std::uint32_t j = driven; j < k; ++j) {
+    const float* const from = local + 3 * (j - driven);
+    for (std::uint32_t c = 0; c < 3; ++c) g[4 * j + c] = r[c] * from[0] + (r[3 + c] * from[1] + r[6 + c] * from[2]);
+  }
 }
 
 double Objective::roughStiffness() const {
@@ -348,7 +319,8 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   return dot(direction + first, direction + first, n) <= settledWay2(objective, dot(d + first, d + first, n));
 }
 
-Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value value) {
+Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations,
+                          Objective::Value value) {
   MinimizeScratch& s = *objective.scratch;
   // Pins decide the driven coefficients: all below is of the others.
   const std::uint32_t all = 4 * objective.field->k, first = 4 * objective.field->driven, n = all - first;
@@ -357,6 +329,7 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
   const float* const next_gradient = s.next_gradient.data() + first;
   std::array<double, kPairs> curvature = {}, alpha = {};
   std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
+  bool renewed = false;                 // the matrix is that of this shape
   float scale = 1;                      // of the inverse of the first matrix: what had to be cut was too soft
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
@@ -399,19 +372,19 @@ Objective::Value minimize(Objective& objective, std::uint32_t iterations, Object
               (next.total <= wanted + noise && dot(next_gradient, direction, n) >= (2 * kSufficient - 1) * slope);
       if (taken) break;
       part *= tries == 0 ? 0.5F : 0.25F;
-      // The rest shape's stiffness is no guide here: A is.
-      if (objective.through_modes && tries == kCuts) break;
+      // Another shape's stiffness is no guide here.
+      if (!renewed && tries == kCuts) break;
     }
     ++iteration;
     if (!taken) {
-      if (pairs == 0 && !objective.through_modes) break;
-      if (objective.through_modes && objective.make_factor != nullptr)
-        objective.make_factor(objective, objective.context);
-      objective.through_modes = false;
+      if (renewed) break;
+      useSystemAt(objective, system, s.d.data());
+      renewed = true;
       pairs = 0;
       scale = 1;
       continue;
     }
+    renewed = false;
     scale *= part;
     const std::uint32_t slot = (newest + 1) % kPairs;
     float *const offset = offsetOf(slot), *const change = changeOf(slot);

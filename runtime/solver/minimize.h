@@ -11,6 +11,7 @@
 #include "runtime/kernels/kernels.h"
 #include "runtime/memory/array.h"
 #include "runtime/solver/piece.h"
+#include "runtime/solver/system.h"
 
 namespace sinew::internal {
 
@@ -38,10 +39,10 @@ struct MinimizeScratch {
   Array<float> pairs;  ///< five of s and y each
   Array<float> lanes, parts, quaternions;
   Array<float> squeezed;
-  Array<double> factor;  ///< of A
+  Array<float> samples;  ///< of stiffnessAt()
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
-  Array<Vector3d> prediction, predicted_velocity, work, external;
+  Array<Vector3d> prediction, predicted_velocity, external;
 };
 
 /// The step's objective, relative to its value at the prediction but for the elastic energy.
@@ -56,12 +57,7 @@ struct Objective {
   float friction = 0;                  ///< Coulomb coefficient
   Eigen::Vector3f normal = {0, 1, 0};  ///< of the plane
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
-  const double* factor = nullptr;                   ///< Cholesky factor of A, n x n; null: A is diagonal
-  const float* whole = nullptr;  ///< that of the rest shape with springs and contacts, in its frame; null: none act
-  /// Makes `factor`, where springs or contacts act; null where none do.
-  void (*make_factor)(Objective& objective, const void* context) = nullptr;
-  const void* context = nullptr;
-  bool through_modes = false;  ///< the preconditioner is that of the rest shape, turned along, not A
+  const float* system = nullptr;  ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
   MinimizeScratch* scratch = nullptr;
 
   struct Value {
@@ -72,6 +68,9 @@ struct Objective {
   Value at(const float* d, float* gradient, bool mark) const;
   /// Coefficients in the frame of the piece, less those of the rest shape, into scratch.x.
   void toFrame(const float* d) const;
+  /// Second derivative of the elastic energy at d, made positive, in the frame of the piece: 3 n rows of `stride`
+  /// floats.
+  void stiffnessAt(const float* d, float* matrix) const;
   /// The elastic energy, that of fibres among it, and its gradient, at the driven functions as well.
   double elastic(const float* d, float* gradient, bool mark) const;
   /// Makes scratch.shape and the start of the search for rotations. \param x coefficients. \param center,
@@ -86,20 +85,18 @@ struct Objective {
   double fibres(const float* local, float* gradient) const;
   /// Normal forces of the contacts at d become what friction sees.
   void press(const float* d) const;
-  /// A^-1 g in place, or the same of the rest shape.
+  /// The first matrix's inverse times g, in place.
   void precondition(float* g) const;
   /// Squared angular frequency above most elastic modes: what floats round of a shape pulls as if it were this stiff.
   double roughStiffness() const;
 };
 
-/// L-BFGS(5) about the constant matrix A, with an energy check, from the offset in scratch.d, whose value is known.
-/// \return the value at the offset that scratch.d then holds, whose gradient scratch.gradient holds.
-Objective::Value minimize(Objective& objective, std::uint32_t iterations, Objective::Value start);
+/// L-BFGS(5) about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where
+/// the matrix is no guide that of the shape at hand takes its place. \return the value at the offset that scratch.d
+/// then holds, whose gradient scratch.gradient holds.
+Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations, Objective::Value start);
 
 /// Whether minimize() would stop at once at an offset with this gradient.
 bool isSettled(const Objective& objective, const float* d, const float* gradient);
-
-/// Cholesky factor of a symmetric positive matrix in place, lower triangle row by row; false where it is not positive.
-bool factorize(double* a, std::uint32_t n);
 
 }  // namespace sinew::internal

@@ -9,6 +9,7 @@
 
 #include "runtime/memory/array.h"
 #include "runtime/solver/field.h"
+#include "runtime/solver/system.h"
 
 namespace sinew::internal {
 
@@ -51,8 +52,7 @@ struct Piece {
         tensions(memory),
         springs(memory),
         row(memory),
-        whole(memory),
-        whole_points(memory) {}
+        system(memory) {}
 
   const Field& field() const { return state.held ? *fixed : *free; }
   CoefficientMap z() { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
@@ -70,11 +70,7 @@ struct Piece {
   Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
   double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew
   Array<double> row;         ///< scratch, k
-  // Cholesky factor of 1/h^2 + the rest stiffness + springs + contacts in the frame of the piece, 3 n rows, and what it
-  // was made for.
-  Array<float> whole;
-  Array<std::uint32_t> whole_points;
-  double whole_h = 0, whole_contact = 0;
+  SystemFactor system;
 };
 
 }  // namespace sinew::internal

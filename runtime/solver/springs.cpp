@@ -126,7 +126,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     std::fill(piece.springs.begin(), piece.springs.end(), 0.0);
     const std::size_t entries = field.tethers != nullptr ? std::size_t(k) * k : 0;
     for (std::size_t i = 0; i < entries; ++i) piece.springs[i] = double(step.stiffness) * double(field.tethers[i]);
-    piece.whole_h = 0;
+    piece.system.h = 0;
   }
   tetherPull(field, step, y, {scratch.external.data(), k});
   Array<double>& row = piece.row;

@@ -41,8 +41,8 @@ class CoupledSolver final : public BodySolver {
         array->reserve(k);
       }
       piece.state.touching.reserve(kMostContacts);
-      piece.whole_points.reserve(kMostContacts);
-      piece.whole.reserve(3 * k * (3 * k + 7));
+      piece.system.points.reserve(kMostContacts);
+      piece.system.factor.reserve(3 * k * (3 * k + 7));
       piece.springs.reserve(k * k);
       piece.row.reserve(k);
       most_functions = std::max(most_functions, std::uint32_t(k));
@@ -192,7 +192,7 @@ class CoupledSolver final : public BodySolver {
       state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
       state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
       piece.springs_firm = -1;
-      piece.whole_h = 0;
+      piece.system.h = 0;
       for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
         array->resize(saved.functions);
         get(array->data(), saved.functions * sizeof(Vector3d));  // any numbers: what is lost a step puts right

@@ -16,6 +16,7 @@ namespace {
 /// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
 /// energy (docs/method.md).
 constexpr double kLargeTurn = 0.1;
+constexpr double kMostParts = 64;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
 
@@ -164,7 +165,8 @@ class PieceStep {
       }
       rigid_.center /= sets;
       rigid_.velocity /= sets;
-      rigid_.omega = turning_ = spin / sets;
+      rigid_.omega = omega_after_ = spin / sets;
+      turn_ = turnBy(h_ * rigid_.omega);
       return;
     }
     rigid_.center = meanOf(field_, z);
@@ -172,19 +174,19 @@ class PieceStep {
     const Vector3d momentum = angularMomentum(field_, z, v, rigid_.center, rigid_.velocity);
     const Matrix3d inertia = inertiaOf(field_, z, rigid_.center);
     rigid_.omega = solved(inertia, momentum);
-    if (h_ * rigid_.omega.norm() > kLargeTurn) {
-      const double along = momentum.dot(inertia * momentum);
-      if (along > 0) rigid_.omega = momentum * (momentum.squaredNorm() / along);
-      turning_ = rigid_.omega;
-      return;
+    // The turn of a rigid body by the implicit midpoint, which keeps its energy, in parts of at most kLargeTurn and
+    // three rounds each.
+    const double parts = std::clamp(std::ceil(h_ * rigid_.omega.norm() / kLargeTurn), 1.0, kMostParts);
+    Vector3d omega = rigid_.omega;
+    for (double part = 0; part < parts; ++part) {
+      const Matrix3d before = turn_;
+      for (int round = 0; round < 3; ++round) {
+        const Matrix3d half = turnBy(0.5 * h_ / parts * omega) * before;
+        omega = half * solved(inertia, half.transpose() * momentum);
+      }
+      turn_ = turnBy(h_ / parts * omega) * before;
     }
-    // The turn of a rigid body by the implicit midpoint, in three rounds: about I^-1 L of the start alone, a long body
-    // would slowly turn from the axis of its largest inertia to that of its smallest.
-    turning_ = rigid_.omega;
-    for (int round = 0; round < 3; ++round) {
-      const Matrix3d half = turnBy(0.5 * h_ * turning_);
-      turning_ = half * solved(inertia, half.transpose() * momentum);
-    }
+    omega_after_ = turn_ * solved(inertia, turn_.transpose() * momentum);
   }
 
   bool mayContinue() const {
@@ -226,10 +228,10 @@ class PieceStep {
     // In the frame of the world what springs hold: they stop a turn at once, and a frame that has turned on takes that
     // for a turn back, larger each time.
     const bool turns = !(springs_ && two_step_);
-    const Matrix3d turn = turns ? turnBy(h_ * turning_) : Matrix3d::Identity();
+    const Matrix3d turn = turns ? turn_ : Matrix3d::Identity();
     const Matrix3d turn_before = turns ? turnBy(piece_.state.turn) : Matrix3d::Identity();
     const Vector3d omega_before = piece_.state.omega;
-    rigid_omega_ = turning * omega;
+    rigid_omega_ = turning * omega_after_;
     const double damping = 4 * M_PI * double(settings_.deformation_damping_ratio) * std::sqrt(double(stiffness_));
     ConstCoefficientMap z_before(nullptr, 0, 3), v_before(nullptr, 0, 3);
     Vector3d mean_before = Vector3d::Zero(), velocity_before = Vector3d::Zero();
@@ -340,73 +342,8 @@ class PieceStep {
     });
   }
 
-  /// The factor of what the rest shape, turned along, makes of the system: kept while the step's length, the springs
-  /// and the contacts stay. Springs and contacts pull alike in all directions, so it turns with the piece.
-  void factorizeSystem() {
-    objective_.through_modes = true;
-    if (!springs_ && s_.contacts.empty()) return;
-    objective_.context = this;
-    objective_.make_factor = [](Objective& objective, const void* step) {
-      static_cast<const PieceStep*>(step)->factorizeScalar(objective);
-    };
-    const double contact = s_.contacts.empty() ? 0 : double(s_.contacts[0].kappa);
-    bool same = piece_.whole_h == effective_h_ && piece_.whole_contact == contact &&
-                piece_.whole_points.size() == s_.contacts.size();
-    for (std::size_t i = 0; same && i < s_.contacts.size(); ++i) same = piece_.whole_points[i] == s_.contacts[i].point;
-    if (!same) {
-      const std::uint32_t driven = field_.driven, n = k_ - driven, size = field_.unknowns(), stride = field_.stride;
-      Array<float>& a = piece_.whole;
-      a.resize(std::size_t(size) * stride);
-      for (std::size_t i = 0; i < a.size(); ++i) a[i] = stiffness_ * field_.stiffness[i];
-      // Rounding must not make it negative.
-      const float inertia = float(1 / (effective_h_ * effective_h_));
-      for (std::uint32_t i = 0; i < size; ++i) {
-        float& diagonal = a[std::size_t(stride) * i + i];
-        diagonal += inertia + 3e-7F * diagonal;
-      }
-      for (std::uint32_t i = 0; i < n; ++i) {
-        for (std::uint32_t j = 0; j <= i; ++j) {
-          float sum = springs_ ? float(piece_.springs[std::size_t(k_) * (driven + i) + driven + j]) : 0;
-          for (const Contact& c : s_.contacts) sum += c.kappa * c.phi[driven + i] * c.phi[driven + j];
-          for (std::uint32_t axis = 0; axis < 3; ++axis) a[std::size_t(stride) * (3 * i + axis) + 3 * j + axis] += sum;
-        }
-      }
-      if (!kernels().factorize({size, stride, a.data(), s_.parts.data()})) {
-        piece_.whole_h = 0;
-        factorizeScalar(objective_);
-        objective_.through_modes = false;
-        return;
-      }
-      piece_.whole_h = effective_h_;
-      piece_.whole_contact = contact;
-      piece_.whole_points.clear();
-      for (const Contact& c : s_.contacts) piece_.whole_points.push_back(c.point);
-    }
-    objective_.whole = piece_.whole.data();
-  }
-
-  /// The factor of A = diag(1/h^2 + w) + springs + contacts.
-  [[gnu::noinline]] void factorizeScalar(Objective& objective) const {
-    const std::uint32_t driven = field_.driven, n = k_ - driven;
-    double* const a = s_.factor.data();
-    for (std::uint32_t i = 0; i < n; ++i) {
-      for (std::uint32_t j = 0; j <= i; ++j) {
-        double sum = springs_ ? piece_.springs[std::size_t(k_) * (driven + i) + driven + j] : 0;
-        for (const Contact& c : s_.contacts) {
-          sum += double(c.kappa) * double(c.phi[driven + i]) * double(c.phi[driven + j]);
-        }
-        if (i == j) {
-          sum +=
-              1 / (effective_h_ * effective_h_) + double(stiffness_) * double(field_.functions[driven + i].stiffness);
-        }
-        a[std::size_t(n) * i + j] = sum;
-      }
-    }
-    objective.factor = factorize(a, n) ? a : nullptr;
-  }
-
   void solve() {
-    factorizeSystem();
+    useRestSystem(objective_, piece_.system);
     const ConstCoefficientMap now = std::as_const(piece_).z();
     objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_),
                         rotationOf(field_, now, meanOf(field_, now)));
@@ -415,16 +352,15 @@ class PieceStep {
     if (grounded_) objective_.press(s_.d.data());
     Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
     if (objective_.has_offset) {
-      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
       return;
     }
     // The other place to start from: the old shape, moved along where nothing holds the piece.
     const bool stays = springs_ || field_.driven > 0 || !s_.contacts.empty();
-    const Matrix3d turn = turnBy(h_ * turning_);
     for (std::uint32_t j = field_.driven; j < k_; ++j) {
       const Vector3d z = piece_.state.z[j];
       const Vector3d moved =
-          stays ? z : Vector3d(oneOf(field_, j) * center_ + turn * (z - oneOf(field_, j) * rigid_.center));
+          stays ? z : Vector3d(oneOf(field_, j) * center_ + turn_ * (z - oneOf(field_, j) * rigid_.center));
       for (std::uint32_t c = 0; c < 3; ++c) s_.next[4 * j + c] = float(moved[int(c)] - s_.prediction[j][int(c)]);
       s_.next[4 * j + 3] = 0;
     }
@@ -443,19 +379,18 @@ class PieceStep {
         const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
         if (touchesAsBefore() || isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
           takeOld(old);
-          value_ = minimize(objective_, 2 * settings_.iterations, value);
+          value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
           return;
         }
       }
       objective_.press(s_.d.data());
-      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
       if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
       std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
       objective_.press(s_.next.data());
-      objective_.through_modes = false;
-      factorizeScalar(objective_);
       takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
-      value_ = minimize(objective_, 2 * settings_.iterations, value);
+      useSystemAt(objective_, piece_.system, s_.d.data());
+      value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
       return;
     }
     // The old shape's energy is known.
@@ -464,7 +399,7 @@ class PieceStep {
       const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (old.total < value.total) takeOld(old);
     }
-    value_ = minimize(objective_, 2 * settings_.iterations, value);
+    value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
   }
 
   void settle() {
@@ -478,7 +413,8 @@ class PieceStep {
       state.z[j] = s_.prediction[j] + moved;
       state.v[j] = s_.predicted_velocity[j] + moved / effective_h_;
     }
-    state.turn = h_ * turning_;
+    const Eigen::AngleAxisd turn(turn_);
+    state.turn = turn.angle() * turn.axis();
     state.omega = rigid_.omega;
     const bool touched = !state.touching.empty();
     state.touching.clear();
@@ -581,7 +517,8 @@ class PieceStep {
   const Vector3d gravity_;
   bool springs_ = false, grounded_ = false, two_step_ = false;
   Rigid rigid_;
-  Vector3d turning_ = Vector3d::Zero();  ///< rate of the turn that the prediction takes, rad/s
+  Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
+  Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s
   double effective_h_ = 0;
   Vector3d center_ = Vector3d::Zero();  ///< that floats are relative to
   Vector3d rigid_velocity_ = Vector3d::Zero(), rigid_omega_ = Vector3d::Zero();
@@ -634,7 +571,7 @@ void resizeState(Piece& piece) {
     array->resize(k);
   }
   piece.springs_firm = -1;
-  piece.whole_h = 0;
+  piece.system.h = 0;
 }
 
 /// There was no step before.
@@ -824,7 +761,7 @@ bool chooseFields(Body& body) {
       }
     }
     piece.springs_firm = -1;
-    piece.whole_h = 0;
+    piece.system.h = 0;
     if (held == piece.state.held) continue;
     const Field& before = piece.field();
     piece.state.held = held;

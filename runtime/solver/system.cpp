@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/system.h"
+
+#include <algorithm>
+
+#include "runtime/solver/minimize.h"
+
+namespace sinew::internal {
+namespace {
+
+/// What is added to the diagonal, relative: rounding must not make a factor negative.
+constexpr float kRoundings[] = {3e-7F, 3e-5F, 3e-3F};
+
+void addSprings(const Objective& objective, float* matrix) {
+  const Field& field = *objective.field;
+  const MinimizeScratch& s = *objective.scratch;
+  if (!objective.has_springs && s.contacts.empty()) return;
+  const std::uint32_t k = field.k, driven = field.driven;
+  float* const row = objective.scratch->parts.data();
+  for (std::uint32_t i = driven; i < k; ++i) {
+    if (objective.has_springs) {
+      std::copy_n(s.springs.data() + std::size_t(k) * i, i + 1, row);
+    } else {
+      std::fill_n(row, i + 1, 0.0F);
+    }
+    for (const Contact& c : s.contacts) {
+      const float firm = c.kappa * c.phi[i];
+      for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * c.phi[j];
+    }
+    for (std::uint32_t j = driven; j <= i; ++j) {
+      for (std::uint32_t axis = 0; axis < 3; ++axis) {
+        matrix[std::size_t(field.stride) * (3 * (i - driven) + axis) + 3 * (j - driven) + axis] += row[j];
+      }
+    }
+  }
+}
+
+/// \param offset null: the rest shape's.
+void make(Objective& objective, SystemFactor& system, const float* offset) {
+  const Field& field = *objective.field;
+  const std::uint32_t size = field.unknowns(), stride = field.stride;
+  Array<float>& a = system.factor;
+  a.resize(std::size_t(size) * stride);
+  const float inertia = float(1 / (objective.h * objective.h));
+  objective.system = nullptr;
+  for (const float rounding : kRoundings) {
+    if (offset != nullptr) {
+      objective.stiffnessAt(offset, a.data());
+    } else {
+      for (std::size_t i = 0; i < a.size(); ++i) a[i] = objective.stiffness * field.stiffness[i];
+    }
+    addSprings(objective, a.data());
+    for (std::uint32_t i = 0; i < size; ++i) {
+      float& diagonal = a[std::size_t(stride) * i + i];
+      diagonal += inertia + rounding * diagonal;
+    }
+    if (!kernels().factorize({size, stride, a.data(), objective.scratch->parts.data()})) continue;
+    objective.system = a.data();
+    break;
+  }
+}
+
+}  // namespace
+
+void useRestSystem(Objective& objective, SystemFactor& system) {
+  const auto& contacts = objective.scratch->contacts;
+  objective.system = nullptr;
+  if (!objective.has_springs && contacts.empty()) return;
+  const float kappa = contacts.empty() ? 0 : contacts[0].kappa;
+  const bool same = system.h == objective.h && system.kappa == kappa &&
+                    std::equal(system.points.begin(), system.points.end(), contacts.begin(), contacts.end(),
+                               [](std::uint32_t point, const Contact& c) { return point == c.point; });
+  if (same) {
+    objective.system = system.factor.data();
+    return;
+  }
+  make(objective, system, nullptr);
+  system.h = objective.system != nullptr ? objective.h : 0;
+  system.kappa = kappa;
+  system.points.clear();
+  for (const Contact& contact : contacts) system.points.push_back(contact.point);
+}
+
+void useSystemAt(Objective& objective, SystemFactor& system, const float* offset) {
+  make(objective, system, offset);
+  system.h = 0;
+}
+
+}  // namespace sinew::internal

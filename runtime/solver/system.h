@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+//
+// The matrix of a step: inertia, a stiffness, springs and contacts, in the frame of the piece (docs/method.md §3).
+#pragma once
+
+#include <cstdint>
+
+#include "runtime/memory/array.h"
+
+namespace sinew::internal {
+
+struct Objective;
+
+/// Its Cholesky factor, and what it was made for. Springs and contacts pull alike in all directions, so it turns with
+/// the piece.
+struct SystemFactor {
+  explicit SystemFactor(std::pmr::memory_resource* memory) : factor(memory), points(memory) {}
+
+  Array<float> factor;          ///< 3 n rows of `stride` floats; the lower triangle
+  Array<std::uint32_t> points;  ///< contacts among it
+  float kappa = 0;              ///< of the first of them, N/m
+  double h = 0;                 ///< of the inertia, s; 0: not that of the rest shape with these springs
+};
+
+/// The rest shape's stiffness: through its modes, or where springs or contacts act a factor, made anew where they or
+/// the step's length have changed.
+void useRestSystem(Objective& objective, SystemFactor& system);
+
+/// The stiffness of the shape at an offset (k x 4) from the prediction, for this step.
+void useSystemAt(Objective& objective, SystemFactor& system, const float* offset);
+
+}  // namespace sinew::internal
