@@ -15,6 +15,7 @@
 #include "tools/core/error.h"
 #include "tools/import/crease.h"
 #include "tools/import/orient.h"
+#include "tools/import/outliers.h"
 #include "tools/import/text_cursor.h"
 #include "tools/import/textures.h"
 #include "tools/import/triangulate.h"
@@ -27,13 +28,6 @@ constexpr double kSmallestPlausible = 1e-3;  // metres
 constexpr double kLargestPlausible = 100;
 constexpr double kLargestPossible = 1e12;  // beyond it single precision overflows in squares and cubes of lengths
 constexpr double kWeightSumTolerance = 1e-3;
-// Faces of at most this part of the area, this many times further from the middle than all the others, are stray: what
-// was left behind in the file. With them every length that is a part of the diagonal would be theirs.
-constexpr double kStrayArea = 0.01;
-constexpr double kStrayDistance = 20;
-// Vertices this many times further from the middle than all the others, each alone in its faces, are flung: a slip of
-// the hand, where a cone has an apex.
-constexpr double kFlungDistance = 50;
 
 std::string lengthText(double metres) {
   char text[64];
@@ -135,88 +129,19 @@ class Assembler {
     mesh_.source_vertex_count = std::uint32_t(points_.size());
   }
 
-  /// Finds stray faces: those behind the first wide gap, going outwards from the middle.
+  /// Leaves out stray faces.
   void leaveOutStrayFaces() {
-    struct Reach {
-      std::uint32_t face;
-      double area;
-      Eigen::Vector3d middle;
-      double nearest, furthest;
-    };
-    std::vector<Reach> faces;
-    const auto for_faces = [&](auto&& visit) {
-      std::uint32_t face = 0;
-      for (std::size_t m = 0; m < scene_.meshes.size(); ++m) {
-        const RawMesh& raw = scene_.meshes[m];
-        std::size_t corner = 0;
-        for (const std::uint32_t size : raw.face_size) {
-          const auto at = [&, corner](std::uint32_t c) -> const Eigen::Vector3d& {
-            return points_[first_point_[m] + raw.vertex_point[raw.corners[corner + c]]];
-          };
-          if (size >= 3) visit(face, size, at);
-          corner += size;
-          ++face;
-        }
-      }
-    };
-    for_faces([&](std::uint32_t face, std::uint32_t size, const auto& at) {
-      Reach reach{face, 0, at(0) / size, 0, 0};
-      for (std::uint32_t c = 1; c < size; ++c) {
-        reach.middle += at(c) / size;
-        if (c + 1 < size) reach.area += (at(c) - at(0)).cross(at(c + 1) - at(0)).norm() / 2;
-      }
-      faces.push_back(reach);
-    });
-    double area = 0;
-    for (const Reach& r : faces) area += r.area;
-    if (faces.size() < 2 || !(area > 0) || !std::isfinite(area)) return;
-    Eigen::Vector3d middle;  // half of the area lies on either side of it
-    for (int axis = 0; axis < 3; ++axis) {
-      std::sort(faces.begin(), faces.end(), [&](const Reach& a, const Reach& b) {
-        return a.middle[axis] != b.middle[axis] ? a.middle[axis] < b.middle[axis] : a.face < b.face;
-      });
-      double sum = 0;
-      for (const Reach& r : faces) {
-        middle[axis] = r.middle[axis];
-        if ((sum += r.area) >= area / 2) break;
-      }
-    }
-    std::sort(faces.begin(), faces.end(), [](const Reach& a, const Reach& b) { return a.face < b.face; });
-    std::size_t next = 0;
-    for_faces([&](std::uint32_t /*face*/, std::uint32_t size, const auto& at) {
-      Reach& reach = faces[next++];
-      reach.nearest = std::numeric_limits<double>::infinity();
-      for (std::uint32_t c = 0; c < size; ++c) {
-        const double distance = (at(c) - middle).norm();
-        reach.nearest = std::min(reach.nearest, distance);
-        reach.furthest = std::max(reach.furthest, distance);
-      }
-    });
-    std::sort(faces.begin(), faces.end(), [](const Reach& a, const Reach& b) {
-      return a.nearest != b.nearest ? a.nearest < b.nearest : a.face < b.face;
-    });
-    double within = 0, furthest = 0;
-    std::size_t kept = 0;
-    for (; kept < faces.size(); ++kept) {
-      const Reach& r = faces[kept];
-      if (furthest > 0 && r.nearest > kStrayDistance * furthest && within >= (1 - kStrayArea) * area) break;
-      within += r.area;
-      furthest = std::max(furthest, r.furthest);
-    }
-    if (kept == faces.size()) return;
-    const double distance = faces[kept].nearest;
-    std::vector<std::uint32_t> left;
-    for (std::size_t i = kept; i < faces.size(); ++i) left.push_back(faces[i].face);
-    std::sort(left.begin(), left.end());
-    left_out_.assign(left.back() + 1, false);
-    for (const std::uint32_t face : left) left_out_[face] = true;
-    const bool one = left.size() == 1;
-    warn("stray-faces", left.size(),
-         std::to_string(left.size()) + (one ? " face lies " : " faces lie ") + lengthText(distance) +
-             " from the middle of the model, which reaches out to " + lengthText(furthest) + "; " +
+    const StrayFaces stray = findStrayFaces(scene_, points_, first_point_);
+    if (stray.faces.empty()) return;
+    left_out_.assign(stray.faces.back() + 1, false);
+    for (const std::uint32_t face : stray.faces) left_out_[face] = true;
+    const bool one = stray.faces.size() == 1;
+    warn("stray-faces", stray.faces.size(),
+         std::to_string(stray.faces.size()) + (one ? " face lies " : " faces lie ") + lengthText(stray.distance) +
+             " from the middle of the model, which reaches out to " + lengthText(stray.reach) + "; " +
              (one ? "it was left out" : "they were left out"),
          "Delete them in the program that made the file, or keep them with --set import.keep_stray=true.",
-         Severity::warning, "face", left);
+         Severity::warning, "face", stray.faces);
   }
   bool isLeftOut(std::uint32_t face) const { return face < left_out_.size() && left_out_[face]; }
 
@@ -313,40 +238,6 @@ class Assembler {
            "Delete degenerate faces in the program that made the file.", Severity::warning, "face", repeated);
   }
 
-  /// The vertices that are flung, none where there is no wide gap before them.
-  std::vector<std::uint32_t> flungVertices() const {
-    const std::vector<Eigen::Vector3d>& x = mesh_.positions;
-    const std::size_t most = std::min(x.size() / 4, Finding::kMaxPlaces);
-    if (most == 0) return {};
-    Eigen::Vector3d middle;  // half of the vertices lie on either side of it
-    std::vector<double> distance(x.size());
-    for (int axis = 0; axis < 3; ++axis) {
-      for (std::size_t v = 0; v < x.size(); ++v) distance[v] = x[v][axis];
-      std::nth_element(distance.begin(), distance.begin() + std::ptrdiff_t(x.size() / 2), distance.end());
-      middle[axis] = distance[x.size() / 2];
-    }
-    for (std::size_t v = 0; v < x.size(); ++v) distance[v] = (x[v] - middle).norm();
-    std::vector<std::uint32_t> order(x.size());
-    std::iota(order.begin(), order.end(), 0U);
-    std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(most + 1), order.end(),
-                      [&](std::uint32_t a, std::uint32_t b) {
-                        return distance[a] != distance[b] ? distance[a] > distance[b] : a < b;
-                      });
-    std::size_t count = most;
-    while (count > 0 &&
-           !(distance[order[count]] > 0 && distance[order[count - 1]] > kFlungDistance * distance[order[count]]))
-      --count;
-    order.resize(count);
-    std::sort(order.begin(), order.end());
-    const auto isFlung = [&](std::uint32_t v) { return std::binary_search(order.begin(), order.end(), v); };
-    for (const Triangle& t : mesh_.triangles)
-      for (std::size_t k = 0; k < 3 && count > 0; ++k) {
-        const std::uint32_t a = t[k], b = t[(k + 1) % 3];
-        if (isFlung(a) && isFlung(b) && x[a] != x[b]) return {};  // a far wall
-      }
-    return order;
-  }
-
   /// \return the diagonal of all vertices but those.
   double reportFlung(const std::vector<std::uint32_t>& flung) {
     Eigen::AlignedBox3d rest;
@@ -391,7 +282,7 @@ class Assembler {
     if (!(mesh_.diagonal > 0))
       fail("has no size: all its faces lie in one point", "Check its coordinates and node scales.");
     // A single vertex far out says nothing about the unit.
-    const double size = reportFlung(flungVertices());
+    const double size = reportFlung(findFlungVertices(mesh_.positions, mesh_.triangles));
     if (size >= kSmallestPlausible && size <= kLargestPlausible) return;
     std::string cure = "Pass the unit the file was made in.";
     if (options_.unit == "auto") {

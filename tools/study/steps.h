@@ -123,6 +123,9 @@ struct LongRun {
   bool finite = true;
 };
 
+/// Runs one cell for minutes. The same each time.
+LongRun runLongCell(const StepsCell& cell, const std::vector<StepsBody>& bodies, std::uint32_t minutes);
+
 /// All bodies and materials, standing and hanging, at the origin, 1/60 s. \param options only, threads and progress.
 std::vector<LongRun> runLong(std::uint32_t minutes, const StepsOptions& options, const std::vector<StepsBody>& bodies);
 

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/studio/view_input.h"
+
+#define GLFW_INCLUDE_NONE  // epoxy declares OpenGL
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+#include <utility>
+
+#include "tools/studio/orbit.h"
+
+namespace sinew::tools {
+
+ViewInput::ViewInput(GLFWwindow* window) : window_(window) {
+  glfwSetWindowUserPointer(window, this);
+  // A tap shorter than a frame would be lost if keys were only looked at once a frame.
+  glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int) {
+    auto* input = static_cast<ViewInput*>(glfwGetWindowUserPointer(from));
+    if (input == nullptr || action == GLFW_RELEASE || (action == GLFW_REPEAT && key != GLFW_KEY_N)) return;
+    input->key_presses_.push_back(key);
+  });
+}
+ViewInput::~ViewInput() { glfwSetWindowUserPointer(window_, nullptr); }
+
+void ViewInput::frame(const ViewLayout& layout, Play& play, Shown& shown) {
+  keys(layout, play, shown);
+  if (std::exchange(play.is_new, false)) fit(layout, play);
+  mouse(layout, play);
+}
+
+void ViewInput::fit(const ViewLayout& layout, const Play& play) {
+  std::vector<Eigen::Vector3f> points;
+  for (const Eigen::Vector3f& p : play.shape().positions) {
+    points.push_back(p / play.diagonal());
+    if (play.scene().hasGround()) points.emplace_back(p.x() / play.diagonal(), 0.0F, p.z() / play.diagonal());
+  }
+  camera_ = viewCamera(ViewName::three_quarter);
+  const SceneChoice& scene = play.scene().options().scene;
+  const bool framed = scene.script && scene.script->view && lookAsScene(camera_, *scene.script->view, play.package());
+  if (!framed) fitCamera(camera_, points, layout.aspect(), 0.25F);
+}
+
+void ViewInput::keys(const ViewLayout& layout, Play& play, Shown& shown) {
+  for (const int key : std::exchange(key_presses_, {})) {
+    if (ImGui::GetIO().WantTextInput) continue;  // it was typed into a field
+    switch (key) {
+      case GLFW_KEY_SPACE:
+        play.playing = !play.playing;
+        break;
+      case GLFW_KEY_N:
+        play.stepPaused();
+        break;
+      case GLFW_KEY_R:
+        play.restart();
+        break;
+      case GLFW_KEY_F:
+        fit(layout, play);
+        break;
+      case GLFW_KEY_P:
+        shown.physical = !shown.physical;
+        break;
+      case GLFW_KEY_C:
+        shown.clusters = !shown.clusters;
+        break;
+      default:
+        if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + static_cast<int>(sceneNames().size())) {
+          play.start(static_cast<SceneKind>(key - GLFW_KEY_1));
+        }
+    }
+  }
+}
+
+void ViewInput::mouse(const ViewLayout& layout, Play& play) {
+  ImGuiIO& io = ImGui::GetIO();
+  const bool over_view = !io.WantCaptureMouse;
+  // In pixels of the drawn view.
+  const Eigen::Vector2f at(io.MousePos.x * layout.pixels_per_unit - static_cast<float>(layout.panel),
+                           io.MousePos.y * layout.pixels_per_unit);
+  const Eigen::Vector3f ray =
+      camera_.ray(at.x(), at.y(), static_cast<float>(layout.width()), static_cast<float>(layout.height()));
+  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) {
+    if (!grab(ray, play)) drag_ = io.KeyShift ? Drag::pan : Drag::orbit;
+  }
+  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Right)) drag_ = io.KeyShift ? Drag::pan : Drag::orbit;
+  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Middle)) drag_ = Drag::pan;
+  const bool left = ImGui::IsMouseDown(ImGuiMouseButton_Left);
+  if (!left) play.release();
+  if (!left && !ImGui::IsMouseDown(ImGuiMouseButton_Right) && !ImGui::IsMouseDown(ImGuiMouseButton_Middle))
+    drag_ = Drag::none;
+  if (play.grabbed()) {
+    play.moveGrab(play.grabbed()->start + dragOffset(camera_, grab_hit_, ray) * play.diagonal());
+  } else if (drag_ == Drag::orbit) {
+    orbitCamera(camera_, io.MouseDelta.x / layout.scale, io.MouseDelta.y / layout.scale);
+  } else if (drag_ == Drag::pan) {
+    panCamera(camera_, io.MouseDelta.x * layout.pixels_per_unit, io.MouseDelta.y * layout.pixels_per_unit,
+              static_cast<float>(layout.height()));
+  }
+  if (over_view && io.MouseWheel != 0) zoomCamera(camera_, io.MouseWheel);
+}
+
+bool ViewInput::grab(const Eigen::Vector3f& ray, Play& play) {
+  const auto triangles = play.package().visualTriangles();
+  const auto hit = hitTriangles(play.shape().positions, triangles, camera_.eye() * play.diagonal(), ray);
+  if (!hit) return false;
+  grab_hit_ = hit->point / play.diagonal();
+  play.grab(hit->vertex);
+  return true;
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <string>
+
+#include "tools/studio/view_input.h"
+
+namespace sinew::tools {
+
+/// A line of JSON for each frame of `sinew view`: what is grabbed, where it is, the camera.
+class ViewLog {
+ public:
+  /// \param name of the file; empty = nothing is written. Throws ToolError(system).
+  explicit ViewLog(const std::string& name);
+  ~ViewLog();
+  ViewLog(const ViewLog&) = delete;
+  ViewLog& operator=(const ViewLog&) = delete;
+  void write(std::uint32_t frame, const ViewLayout& layout, const Camera& camera, const Play& play, const Shown& shown);
+
+ private:
+  std::FILE* file_;
+};
+
+}  // namespace sinew::tools

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// The panel at the left of the window of `sinew view`, and the line of help below.
+#pragma once
+
+#include <array>
+
+#include "tools/studio/view_input.h"
+
+struct GLFWwindow;
+
+namespace sinew::tools {
+
+/// Dear ImGui from start to end of the window.
+class Gui {
+ public:
+  Gui(GLFWwindow* window, float scale);
+  ~Gui();
+  Gui(const Gui&) = delete;
+  Gui& operator=(const Gui&) = delete;
+};
+
+class ViewPanel {
+ public:
+  /// \param height of the window. \param frame_seconds s, measured
+  void draw(const ViewLayout& layout, int height, double frame_seconds, Play& play, Shown& shown);
+
+ private:
+  void channels(Play& play);
+  static void sceneControls(float width, double frame_seconds, Play& play, Shown& shown);
+
+  std::array<char, 64> filter_ = {};
+  bool both_sides_ = true;
+};
+
+/// \param width,height of the window
+void drawViewHelp(const ViewLayout& layout, int width, int height);
+
+}  // namespace sinew::tools
