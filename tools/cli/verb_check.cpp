@@ -16,7 +16,7 @@
 namespace sinew::tools {
 namespace {
 
-struct Command {
+struct CheckCommand {
   std::string file;
   std::vector<std::string> assignments;
   std::string picture;
@@ -30,7 +30,7 @@ struct Diagnosis {
   std::string verdict;
 };
 
-Diagnosis checkPackageFile(const Command& command) {
+Diagnosis checkPackageFile(const CheckCommand& command) {
   if (!command.picture.empty()) {
     throw ToolError(ExitCode::usage, command.file, "--render draws the places of a source, this is a package",
                     "Use: sinew render " + command.file + " -o " + command.picture + ".");
@@ -45,7 +45,7 @@ Diagnosis checkPackageFile(const Command& command) {
   return diagnosis;
 }
 
-Diagnosis checkSourceFile(const Command& command) {
+Diagnosis checkSourceFile(const CheckCommand& command) {
   Recipe recipe = recipeFor(command.file);
   if (!command.picture.empty()) requireOutput(Output::picture, command.picture, {command.file, recipe.source});
   applyAssignments(recipe.settings, command.assignments);
@@ -75,7 +75,7 @@ Diagnosis checkSourceFile(const Command& command) {
 }  // namespace
 
 void addCheckVerb(CLI::App& app, int& exit_code) {
-  auto command = std::make_shared<Command>();
+  auto command = std::make_shared<CheckCommand>();
   CLI::App* verb = app.add_subcommand(
       "check", "Doctor for a source, a recipe or a package: what is wrong, where (numbers count from 0), and the cure");
   verb->add_option("file", command->file, "A package (.sinew), a recipe (.json) or a mesh")->required();

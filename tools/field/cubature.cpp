@@ -13,7 +13,7 @@ namespace {
 // Candidates by wanted sample.
 constexpr std::size_t kCandidates = 3;
 // Of the largest eigenvalue of the rest Hessian: below are motions without resistance.
-constexpr double kNoResistance = 1e-10;
+constexpr double kNoStiffness = 1e-10;
 // What the sampled rest stiffness keeps of the full one, in every direction.
 constexpr double kLeast = 0.7;
 // Displacements as random forces make them, against all alike.
@@ -47,7 +47,7 @@ MatrixXd byAxes(const MatrixXd& m) {
 // How many eigenvalues, at the end, are not of motions without resistance.
 Index resisting(const VectorXd& lambda) {
   Index count = lambda.size();
-  while (count > 0 && !(lambda[lambda.size() - count] > kNoResistance * lambda[lambda.size() - 1])) --count;
+  while (count > 0 && !(lambda[lambda.size() - count] > kNoStiffness * lambda[lambda.size() - 1])) --count;
   return count;
 }
 
