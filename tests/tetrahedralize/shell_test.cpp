@@ -225,6 +225,41 @@ TEST(Shell, SharpCreasesDoNotFoldOver) {
   }
 }
 
+// No normal serves both sides of a fold: the shell is cut apart along it and the sides are tied to one another, at the
+// thickness asked elsewhere.
+TEST(Shell, FoldsAreCutApart) {
+  const VisualMesh folded = crease(4);
+  for (const double thickness : {0.001, 0.02, 0.3}) {
+    const std::string what = std::to_string(thickness) + " m";
+    const PhysicalMesh physical = shellOf(folded, 1000, thickness);
+    checkPhysicalMesh(physical, what);
+    ASSERT_EQ(physical.bodies.size(), 1U);
+    EXPECT_GT(physical.bodies[0].tie_count, 0U) << what;
+    const Finding* finding = findingOf(physical, "tetrahedra-fold");
+    ASSERT_NE(finding, nullptr) << what;
+    EXPECT_NE(finding->message.find("(11 vertices near ("), std::string::npos) << finding->message;
+  }
+  const PhysicalMesh thin = shellOf(folded, 1000, 0.001);
+  const geometry::TetMesh one = testing::bodyMesh(thin, thin.bodies[0]);
+  double prisms = 0;
+  for (std::size_t t = 0; t < one.tetrahedra.size() - thin.bodies[0].tie_count; ++t) {
+    prisms += geometry::volume(one, one.tetrahedra[t]);
+  }
+  EXPECT_NEAR(prisms / (2 * 0.001), 1, 0.01);
+  EXPECT_EQ(findingOf(shellOf(crease(30), 1000, 0.02), "tetrahedra-fold"), nullptr);
+}
+
+// An artist's mesh whose triangulated quads fold: neither a thin nor a thick shell of it is refused.
+TEST(Shell, TheFoldsOfAModelDoNotRefuseIt) {
+  const VisualMesh penguin = asset("models/penguin_control.obj");
+  for (const double thickness : {1e-4, 0.01, 0.5}) {
+    const PhysicalMesh physical = shellOf(penguin, 9000, thickness);
+    EXPECT_EQ(physical.bodies[0].method, shell) << thickness;
+    EXPECT_EQ(physical.quality.inverted, 0U) << thickness;
+    EXPECT_NE(findingOf(physical, "tetrahedra-fold"), nullptr) << thickness;
+  }
+}
+
 TEST(Shell, MaskOfAFaceAndFins) {
   // The front of the head, with all that is open in it.
   const VisualMesh head = asset("models/makehuman_head.obj");

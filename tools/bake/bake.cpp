@@ -338,23 +338,33 @@ ordered_json cacheJson(const StageCache& cache) {
   return json;
 }
 
-BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
+ImportedSource importSource(const Recipe& recipe, Progress& progress) {
+  progress.stage("import");
+  ImportedSource source;
+  source.mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(source.mesh);
+  progress.stage("topology");
+  source.topology = analyzeTopology(source.mesh);
+  source.authored = evaluateRecipe(recipe, source.mesh, source.topology, cluster_meshes, source.findings);
+  source.parts = findParts(recipe, source.authored, source.mesh, source.topology, source.findings);
+  if (source.parts.empty()) {
+    const std::vector<Finding> suggested = suggestParts(source.mesh, source.topology);
+    source.findings.insert(source.findings.end(), suggested.begin(), suggested.end());
+  }
+  return source;
+}
+
+namespace {
+
+BakeResult bakeSource(const Recipe& recipe, ImportedSource& source, Progress& progress, StageCache* cache,
+                      bool with_fields) {
   StageCache no_cache{{}};
   StageCache& kept = cache == nullptr ? no_cache : *cache;
   const Settings& settings = recipe.settings;
-  progress.stage("import");
-  VisualMesh mesh = importVisualMesh(recipe.source, settings.import, progress);
-  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
-
-  progress.stage("topology");
-  const Topology topology = analyzeTopology(mesh);
-  std::vector<Finding> authored_findings;
-  const AuthoredWeights authored = evaluateRecipe(recipe, mesh, topology, cluster_meshes, authored_findings);
-  const std::vector<RidingPart> parts = findParts(recipe, authored, mesh, topology, authored_findings);
-  if (parts.empty()) {
-    const std::vector<Finding> suggested = suggestParts(mesh, topology);
-    authored_findings.insert(authored_findings.end(), suggested.begin(), suggested.end());
-  }
+  VisualMesh& mesh = source.mesh;
+  const Topology& topology = source.topology;
+  const AuthoredWeights& authored = source.authored;
+  const std::vector<RidingPart>& parts = source.parts;
 
   progress.stage("tetrahedra");
   // What is filled: the mesh without the parts that ride along, with its own topology.
@@ -389,7 +399,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   progress.stage("clusters");
   std::vector<Finding> findings = mesh.findings;
   findings.insert(findings.end(), physical.findings.begin(), physical.findings.end());
-  findings.insert(findings.end(), authored_findings.begin(), authored_findings.end());
+  findings.insert(findings.end(), source.findings.begin(), source.findings.end());
   std::vector<TetrahedronPlace> places =
       kept.get("places", key, [&] { return placeVisualVertices(host, host_topology, physical); });
   followHost(parts, host, physical, places);
@@ -449,8 +459,11 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
     farthest = std::max(farthest, places[v].distance);
   }
 
-  progress.stage("fields");
-  ordered_json fields_report = addFields(settings, content);
+  ordered_json fields_report;
+  if (with_fields) {
+    progress.stage("fields");
+    fields_report = addFields(settings, content);
+  }
 
   progress.stage("package");
   formats::BodyInfo& info = content.info;
@@ -569,6 +582,23 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
   result.findings = std::move(findings);
   progress.finish();
   return result;
+}
+
+}  // namespace
+
+BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
+  ImportedSource source = importSource(recipe, progress);
+  return bakeSource(recipe, source, progress, cache, true);
+}
+
+std::vector<Finding> refusalOfBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache) {
+  try {
+    bakeSource(recipe, source, progress, cache, false);
+  } catch (const ToolError& error) {
+    if (error.code() == ExitCode::system) throw;
+    return {{"bake-refused", Severity::error, error.problem(), 1, "", {}, "", error.cure()}};
+  }
+  return {};
 }
 
 }  // namespace sinew::tools

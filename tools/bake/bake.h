@@ -7,11 +7,27 @@
 #include <vector>
 
 #include "tools/author/recipe.h"
+#include "tools/bake/authored.h"
+#include "tools/bake/parts.h"
 #include "tools/bake/stage_cache.h"
 #include "tools/core/finding.h"
 #include "tools/core/progress.h"
+#include "tools/import/topology.h"
+#include "tools/import/visual_mesh.h"
 
 namespace sinew::tools {
+
+/// What a recipe and its source say, before anything is filled.
+struct ImportedSource {
+  VisualMesh mesh;
+  Topology topology;
+  AuthoredWeights authored;
+  std::vector<RidingPart> parts;
+  std::vector<Finding> findings;  ///< about the recipe, and parts it might have; what import found is the mesh's
+};
+
+/// The stages import and topology. Throws ToolError.
+ImportedSource importSource(const Recipe& recipe, Progress& progress);
 
 struct BakeResult {
   std::vector<std::byte> package;  ///< the whole file, already opened and checked once
@@ -24,6 +40,11 @@ struct BakeResult {
 /// Throws ToolError where the source, a setting or the machine makes it impossible.
 /// \param cache where stages are kept from one bake to the next; null: nowhere. It never changes the package.
 BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache = nullptr);
+
+/// Whether bake() makes a package: all of its stages but the fields, without which a package still stands. The cache
+/// keeps for the bake what it takes from there. \return the refusal as a finding of severity error, or nothing. Throws
+/// ToolError where the machine fails.
+std::vector<Finding> refusalOfBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache);
 
 /// What the report says of the stages' cache.
 nlohmann::ordered_json cacheJson(const StageCache& cache);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "runtime/geometry/pseudo_inverse.h"
@@ -158,7 +159,7 @@ void appendBlocks(const Eigen::MatrixXd& rows, std::vector<formats::Lanes>& to) 
 
 /// The modes of the sampled rest stiffness: eigenvalues, and eigenvectors as columns. Unknown 3 j + axis is function
 /// driven + j.
-Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modesOf(const FieldSpace& space) {
+std::pair<Eigen::VectorXd, Eigen::MatrixXd> modesOf(const FieldSpace& space) {
   const Eigen::Index n = space.values.cols() - Eigen::Index(space.driven_count);
   Eigen::MatrixXd stiffness = Eigen::MatrixXd::Zero(3 * n, 3 * n);
   for (const FieldSample& sample : space.samples) {
@@ -178,7 +179,9 @@ Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> modesOf(const FieldSpace& space) 
     stiffness.selfadjointView<Eigen::Lower>().rankUpdate(strain.transpose(), 2 * sample.volume * sample.mu);
     stiffness.selfadjointView<Eigen::Lower>().rankUpdate(trace.transpose(), sample.volume * sample.lambda);
   }
-  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(stiffness);
+  if (n == 0) return {};  // pins hold all of it
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(stiffness);
+  return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
 class PieceFields {
@@ -767,15 +770,14 @@ class PieceFields {
     }
     appendBlocks(at_points, content_.field_point_values);
     field.first_mode = std::uint32_t(content_.field_modes.size());
-    const auto modes = modesOf(space);
-    const Eigen::Index unknowns = modes.eigenvalues().size();
+    const auto [stiffness, shapes] = modesOf(space);
+    const Eigen::Index unknowns = stiffness.size();
     for (Eigen::Index block = 0; 8 * block < unknowns; ++block) {
       for (Eigen::Index i = -1; i < unknowns; ++i) {
         formats::Lanes lanes = {};
         for (Eigen::Index lane = 0; lane < 8 && 8 * block + lane < unknowns; ++lane) {
           const Eigen::Index mode = 8 * block + lane;
-          lanes[std::size_t(lane)] =
-              float(i < 0 ? std::max(0.0, modes.eigenvalues()[mode]) : modes.eigenvectors()(i, mode));
+          lanes[std::size_t(lane)] = float(i < 0 ? std::max(0.0, stiffness[mode]) : shapes(i, mode));
         }
         content_.field_modes.push_back(lanes);
       }

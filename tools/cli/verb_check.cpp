@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <iostream>
 
-#include "tools/bake/authored.h"
+#include "tools/bake/bake.h"
 #include "tools/bake/check_package.h"
 #include "tools/bake/check_source.h"
 #include "tools/bake/findings_json.h"
-#include "tools/bake/parts.h"
-#include "tools/bake/suggest_parts.h"
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
-#include "tools/import/import.h"
 #include "tools/render/defect_picture.h"
 
 namespace sinew::tools {
@@ -50,24 +47,25 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
   if (!command.picture.empty()) requireOutput(Output::picture, command.picture, {command.file, recipe.source});
   applyAssignments(recipe.settings, command.assignments);
   Progress progress(!command.json);
-  progress.stage("import");
-  VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
-  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
+  ImportedSource source = importSource(recipe, progress);
   progress.stage("check");
-  const Topology topology = analyzeTopology(mesh);
   CheckOptions options;
   options.join_distance = recipe.settings.tetrahedra.join_distance;
-  Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(mesh, topology, options), ""};
-  const AuthoredWeights authored = evaluateRecipe(recipe, mesh, topology, cluster_meshes, diagnosis.findings);
-  if (findParts(recipe, authored, mesh, topology, diagnosis.findings).empty()) {
-    const std::vector<Finding> suggested = suggestParts(mesh, topology);
-    diagnosis.findings.insert(diagnosis.findings.end(), suggested.begin(), suggested.end());
-  }
-  diagnosis.verdict = sourceVerdict(diagnosis.findings);
+  Diagnosis diagnosis{isRecipe(command.file) ? "recipe" : "source", checkSource(source.mesh, source.topology, options),
+                      ""};
+  const auto append = [&](const std::vector<Finding>& more) {
+    diagnosis.findings.insert(diagnosis.findings.end(), more.begin(), more.end());
+  };
+  append(source.findings);
   if (!command.picture.empty()) {
     progress.stage("picture");
-    renderDefects(mesh, diagnosis.findings, command.picture);
+    renderDefects(source.mesh, diagnosis.findings, command.picture);
   }
+  if (!hasErrors(diagnosis.findings)) {
+    StageCache cache(StageCache::userFolder());
+    append(refusalOfBake(recipe, std::move(source), progress, &cache));
+  }
+  diagnosis.verdict = sourceVerdict(diagnosis.findings);
   progress.finish();
   return diagnosis;
 }

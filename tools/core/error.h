@@ -16,11 +16,17 @@ class ToolError : public std::runtime_error {
   /// \param what one sentence without a final full stop: what is wrong, with the place in brackets.
   /// \param cure one sentence with a final full stop: what to do.
   ToolError(ExitCode code, const std::string& file, const std::string& what, const std::string& cure)
-      : std::runtime_error((file.empty() ? "" : file + ": ") + what + ". " + cure), code_(code) {}
+      : std::runtime_error((file.empty() ? "" : file + ": ") + what + ". " + cure),
+        code_(code),
+        problem_(what),
+        cure_(cure) {}
   ExitCode code() const { return code_; }
+  const std::string& problem() const { return problem_; }  ///< `what` as given, without file and cure
+  const std::string& cure() const { return cure_; }
 
  private:
   ExitCode code_;
+  std::string problem_, cure_;
 };
 
 }  // namespace sinew::tools

@@ -21,6 +21,8 @@ using geometry::TetMesh;
 
 // The least part of an offset, or of what it would be without a factor above 1, that is left at a crease.
 constexpr double kLeastOffset = 0.005;
+// Of the largest coordinate: half of the thickness that is left where nothing else helps, eight roundings to a float.
+constexpr double kLeastHalf = 0x1p-21;
 // The least volume of a prism's tetrahedron, of what it has over a flat triangle with the same offsets.
 constexpr double kLeastVolume = 0.02;
 // Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
@@ -261,10 +263,87 @@ bool prepare(const SolidBody& body, std::uint32_t most, Prepared& prepared, Shel
   return true;
 }
 
+// The faces around a vertex, in the order in which they follow each other; of a closed fan from its sharpest edge.
+std::vector<std::uint32_t> fanOf(const PlainSurface& surface, std::uint32_t v, std::span<const std::uint32_t> faces,
+                                 std::span<const Vector3d> normals) {
+  const auto neighbour = [&](std::uint32_t t, std::size_t step) {
+    const auto& corners = surface.triangles[t];
+    return corners[(std::size_t(std::find(corners.begin(), corners.end(), v) - corners.begin()) + step) % 3];
+  };
+  const auto walk = [&](std::uint32_t first) {
+    std::vector<std::uint32_t> fan = {first};
+    while (fan.size() < faces.size()) {
+      const std::uint32_t last = neighbour(fan.back(), 2);
+      const auto next =
+          std::find_if(faces.begin(), faces.end(), [&](std::uint32_t t) { return neighbour(t, 1) == last; });
+      if (next == faces.end() || *next == first) break;
+      fan.push_back(*next);
+    }
+    return fan;
+  };
+  const auto begins = [&](std::uint32_t t) {
+    return std::none_of(faces.begin(), faces.end(),
+                        [&](std::uint32_t u) { return neighbour(u, 2) == neighbour(t, 1); });
+  };
+  const auto border = std::find_if(faces.begin(), faces.end(), begins);
+  if (border != faces.end()) return walk(*border);
+  const std::vector<std::uint32_t> fan = walk(faces.front());
+  std::size_t sharpest = 0;
+  double least = 2;
+  for (std::size_t i = 0; i < fan.size(); ++i) {
+    const double cosine = normals[fan[i]].dot(normals[fan[(i + 1) % fan.size()]]);
+    if (cosine < least) sharpest = (i + 1) % fan.size();
+    least = std::min(least, cosine);
+  }
+  return walk(fan[sharpest]);
+}
+
+// Cuts a surface apart at vertices around which no normal serves all faces: each run of faces that one serves has a
+// copy of the vertex. \return which vertex each one was before.
+std::vector<std::uint32_t> cutFolds(PlainSurface& surface, std::span<const char> folded) {
+  const std::vector<Vector3d> normals = unitNormals(surface);
+  std::vector<std::vector<std::uint32_t>> faces(surface.positions.size());
+  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+    for (const std::uint32_t v : surface.triangles[t]) {
+      if (folded[v] != 0) faces[v].push_back(t);
+    }
+  }
+  std::vector<std::uint32_t> origin(surface.positions.size());
+  std::iota(origin.begin(), origin.end(), 0U);
+  std::vector<geometry::Triangle> triangles = surface.triangles;
+  for (std::uint32_t v = 0; v < faces.size(); ++v) {
+    if (faces[v].empty()) continue;
+    std::uint32_t now = v;
+    std::vector<Vector3d> run;
+    for (const std::uint32_t t : fanOf(surface, v, faces[v], normals)) {
+      run.push_back(normals[t]);
+      if (run.size() > 1 && layerNormal(run).folds()) {
+        run = {normals[t]};
+        now = std::uint32_t(origin.size());
+        origin.push_back(v);
+      }
+      std::replace(triangles[t].begin(), triangles[t].end(), v, now);
+    }
+  }
+  surface.triangles = std::move(triangles);
+  for (std::size_t v = surface.positions.size(); v < origin.size(); ++v) {
+    const Vector3d x = surface.positions[origin[v]];
+    surface.positions.push_back(x);
+  }
+  return origin;
+}
+
+// What an attempt does where a surface leaves no room for the layer.
+enum class Resort {
+  finer,  // refuses: less of it is to be coarsened
+  cut,    // cuts folds of the uncoarsened surface apart
+  thin,   // and is at creases as thin as numbers can be
+};
+
 // \param keep per prepared vertex: nonzero where it stays as fine as it is.
 // \param folds receives the prepared vertices that were brought to where the result folds.
 FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32_t wanted, std::span<const char> keep,
-                    double thickness, std::span<const double> factors, ShellOutcome& outcome,
+                    double thickness, std::span<const double> factors, Resort resort, ShellOutcome& outcome,
                     std::vector<std::uint32_t>& folds) {
   FilledBody filled;
 
@@ -278,12 +357,46 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
     coarse.vertex_of.resize(prepared.surface.positions.size());
     std::iota(coarse.vertex_of.begin(), coarse.vertex_of.end(), 0U);
   }
-  const PlainSurface& surface = coarse.surface;
-  const auto count = std::uint32_t(surface.positions.size());
+  PlainSurface& surface = coarse.surface;
   std::vector<std::uint32_t> vertex_of;  // of each position of the body
   for (const std::uint32_t v : prepared.vertex_of) vertex_of.push_back(coarse.vertex_of[v]);
 
-  // 2. Half of the thickness at each vertex.
+  // 2. Normals.
+  std::vector<char> folded;
+  for (const auto& normals : normalsAround(surface)) folded.push_back(layerNormal(normals).folds() ? 1 : 0);
+  const auto folds_somewhere = [&] { return std::find(folded.begin(), folded.end(), char(1)) != folded.end(); };
+  // Where it folds: all vertices, for the next attempt, and one triangle, for the report.
+  const auto note = [&] {
+    for (std::uint32_t v = 0; v < coarse.vertex_of.size(); ++v) {
+      if (folded[coarse.vertex_of[v]] != 0) folds.push_back(v);
+    }
+    const auto at = std::find_if(body.triangles.begin(), body.triangles.end(),
+                                 [&](const auto& corners) { return folded[vertex_of[corners[0]]] != 0; });
+    if (at != body.triangles.end()) outcome.triangle = std::uint32_t(at - body.triangles.begin());
+  };
+  if (folds_somewhere()) {
+    note();
+    std::vector<char> coarsened = folded;
+    for (std::uint32_t v = 0; v < coarse.vertex_of.size(); ++v) {
+      if (prepared.folded[v] != 0) coarsened[coarse.vertex_of[v]] = 0;
+    }
+    if (resort == Resort::finer || std::find(coarsened.begin(), coarsened.end(), char(1)) != coarsened.end()) {
+      outcome.reason = "folds back onto itself";
+      return filled;
+    }
+    outcome.cut = std::uint32_t(std::count(folded.begin(), folded.end(), char(1)));
+  }
+  const std::vector<std::uint32_t> origin = cutFolds(surface, folded);
+  std::fill(folded.begin(), folded.end(), char(0));
+  const auto count = std::uint32_t(surface.positions.size());
+  std::vector<Vector3d> normals;
+  for (const auto& around : normalsAround(surface)) normals.push_back(layerNormal(around).direction);
+  std::vector<std::uint32_t> some_triangle(count, 0);
+  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
+    for (const std::uint32_t v : surface.triangles[t]) some_triangle[v] = t;
+  }
+
+  // 3. Half of the thickness at each vertex.
   double mean_edge = 0;
   for (const auto& t : surface.triangles) {
     for (std::size_t i = 0; i < 3; ++i) {
@@ -294,44 +407,22 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
   std::vector<double> half(count, (thickness > 0 ? thickness : kAutomaticThickness * mean_edge) / 2);
   std::vector<double> least_part(count, kLeastOffset);
   if (!factors.empty()) {
-    std::vector<double> sum(count, 0), merged(count, 0);
+    std::vector<double> sum(folded.size(), 0), merged(folded.size(), 0);
     for (std::size_t p = 0; p < vertex_of.size(); ++p) {
       sum[vertex_of[p]] += factors[p];
       merged[vertex_of[p]] += 1;
     }
     for (std::uint32_t v = 0; v < count; ++v) {
-      const double factor = sum[v] / merged[v];
+      const double factor = sum[origin[v]] / merged[origin[v]];
       half[v] *= factor;
       least_part[v] /= std::max(factor, 1.0);
     }
   }
 
-  // 3. Normals.
-  const std::vector<std::vector<Vector3d>> around = normalsAround(surface);
-  std::vector<std::uint32_t> some_triangle(count, 0);
-  for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
-    for (const std::uint32_t v : surface.triangles[t]) some_triangle[v] = t;
-  }
-  std::vector<Vector3d> normals(count);
-  std::vector<char> folded(count, 0);
-  // Says where it folds: all vertices, for the next attempt, and one triangle, for the report.
-  const auto refuse = [&](const char* reason) {
-    outcome.reason = reason;
-    for (std::uint32_t v = 0; v < coarse.vertex_of.size(); ++v) {
-      if (folded[coarse.vertex_of[v]] != 0) folds.push_back(v);
-    }
-    const auto at = std::find_if(body.triangles.begin(), body.triangles.end(),
-                                 [&](const auto& corners) { return folded[vertex_of[corners[0]]] != 0; });
-    if (at != body.triangles.end()) outcome.triangle = std::uint32_t(at - body.triangles.begin());
-  };
-  for (std::uint32_t v = 0; v < count; ++v) {
-    const LayerNormal normal = layerNormal(around[v]);
-    normals[v] = normal.direction;
-    folded[v] = normal.folds() ? 1 : 0;
-  }
-  if (std::find(folded.begin(), folded.end(), char(1)) != folded.end()) {
-    refuse("folds back onto itself");
-    return filled;
+  if (resort == Resort::thin) {
+    double reach = 0;
+    for (const Vector3d& x : surface.positions) reach = std::max(reach, x.cwiseAbs().maxCoeff());
+    for (std::uint32_t v = 0; v < count; ++v) least_part[v] = std::min(least_part[v], kLeastHalf * reach / half[v]);
   }
 
   // 4. Offset; shorten where a prism would turn over.
@@ -370,10 +461,11 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
   }
   for (std::size_t k = 0; k < mesh.tetrahedra.size(); ++k) {
     if (geometry::volume(mesh, mesh.tetrahedra[k]) > 0) continue;
-    for (const std::uint32_t v : surface.triangles[k / 3]) folded[v] = 1;
+    for (const std::uint32_t v : surface.triangles[k / 3]) folded[origin[v]] = 1;
   }
-  if (std::find(folded.begin(), folded.end(), char(1)) != folded.end()) {
-    refuse("is too sharply creased for its thickness");
+  if (folds_somewhere()) {
+    note();
+    outcome.reason = "is too sharply creased for its thickness";
     return {};
   }
 
@@ -405,12 +497,14 @@ FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thi
   for (double wanted = least;; wanted *= 2) {
     std::vector<char> keep(prepared.surface.positions.size(), 0);
     double kept = 0;
+    bool stuck = false;
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
       outcome = {};
       std::vector<std::uint32_t> folds;
       // What is not kept is made as coarse as it would be otherwise.
       const auto aim = std::uint32_t(std::max(4.0, kept < all ? kept + wanted * (all - kept) / all : all));
-      FilledBody filled = fillOnce(body, prepared, aim, keep, thickness, factors, outcome, folds);
+      const Resort resort = aim >= all ? Resort::thin : stuck || attempt + 1 == kAttempts ? Resort::cut : Resort::finer;
+      FilledBody filled = fillOnce(body, prepared, aim, keep, thickness, factors, resort, outcome, folds);
       if (!filled.mesh.tetrahedra.empty() || aim >= all) return filled;
       std::vector<char> around(keep.size(), 0);
       for (const std::uint32_t v : folds) around[v] = 1;
@@ -419,7 +513,8 @@ FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thi
         for (const std::uint32_t v : t) keep[v] = prepared.folded[v] != 0 ? 0 : 1;
       }
       const auto more = double(std::count(keep.begin(), keep.end(), char(1)));
-      if (more == kept) break;
+      if (more == kept && stuck) break;
+      stuck = more == kept;
       kept = more;
     }
   }

@@ -13,9 +13,10 @@ namespace sinew::tools {
 /// How a shell went for a body, for the report.
 struct ShellOutcome {
   std::string reason;               ///< why the result is empty, if it is
-  std::uint32_t triangle = 0;       ///< of the body, where that shows
+  std::uint32_t triangle = 0;       ///< of the body, where that shows, or one of the folds
   double thickness = 0;             ///< mean, metres
   std::uint32_t thinned = 0;        ///< vertices at which creases left no room for the whole thickness
+  std::uint32_t cut = 0;            ///< vertices at which the surface folds back onto itself: it is cut apart there
   std::uint32_t pieces = 0;         ///< that share no vertex; tied to one another
   std::vector<std::uint32_t> home;  ///< per position of the body: a tetrahedron beside it
 };

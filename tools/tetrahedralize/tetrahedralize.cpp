@@ -161,12 +161,20 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
     factors.push_back(options.shell_factors[body.points[p]]);
   }
   choice.filled = fillWithShell(body, target, options.shell_thickness, factors, outcome);
+  const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
   if (!choice.filled.mesh.tetrahedra.empty()) {
     choice.method = TetrahedraMethod::shell;
     choice.home = std::move(outcome.home);
     std::string detail = text("%.3g", outcome.thickness) + " m thick on average";
     if (outcome.thinned > 0) detail += ", thinner at " + std::to_string(outcome.thinned) + " vertices of creases";
     if (outcome.pieces > 1) detail += ", of " + std::to_string(outcome.pieces) + " pieces tied to one another";
+    if (outcome.cut > 0) {
+      remarks.add(
+          "tetrahedra-fold", Severity::info,
+          "had folds, where a face lies back on its neighbour: the shell is cut apart there",
+          body.title + " (" + std::to_string(outcome.cut) + (outcome.cut == 1 ? " vertex" : " vertices") + place + ")",
+          "Pull the faces apart there if the shell is to hang together across the fold.");
+    }
     const bool other = wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay;
     remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info,
                 body.encloses ? "became a hollow shell" : "enclosed nothing and became a shell",
@@ -174,10 +182,9 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
                 other ? "Give the surface a volume, or close it, for other methods." : "");
     return choice;
   }
-  const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
   if (wanted == TetrahedraMethod::shell) {
     throw ToolError(ExitCode::bad_input, file, "body '" + body.title + "' " + outcome.reason + place,
-                    "Lower tetrahedra.thickness, repair it there, or set tetrahedra.method=grid.");
+                    "Repair it there, or set tetrahedra.method=grid.");
   }
   remarks.add("tetrahedra-method", Severity::warning,
               "enclosed nothing and became a layer of grid cells because a shell was not possible",
