@@ -21,8 +21,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 SECONDS = 120 * SLOWNESS
 LARGEST = 1_500_000  # bytes of a mesh: the rounds are many
-# Costs, not faults: a million vertices bake for minutes, and bounds on the import process that fail it by chance.
-MOST = {"tetrahedra.vertices": 20000, "field.samples": 8, "field.points": 1024}
+# Costs, not faults: a million vertices or 256 functions bake for minutes, and bounds on the import process fail it by
+# chance.
+MOST = {"tetrahedra.vertices": 5000, "field.functions": 48, "field.samples": 8, "field.points": 1024}
 LEAST = {"import.memory_mb": 512, "import.seconds": 10}
 
 
@@ -130,8 +131,8 @@ def recipe(draw, schema, source, about):
         drawn["tetrahedra.method"] = "shell"
     if draw.random() < 0.8:
         drawn.pop("import.unit", None)  # selections are drawn in the source's own
-    if drawn:
-        whole["settings"] = drawn
+    drawn.setdefault("field.functions", 8)
+    whole["settings"] = drawn
     selections = Selections(draw, about)
     if draw.random() < 0.5:
         whole["masks"] = {}

@@ -178,6 +178,17 @@ std::size_t nearestOfBar(const Stretched& s, const Vector3d& to) {
   return best;
 }
 
+// Nothing of a piece moves by itself that pins hold whole: it has no modes, and its fields only what pins drive.
+TEST_F(Parts, PinsMayHoldAllOfAPiece) {
+  const BakeResult result = baked(recipe(R"("pins": [{"name": "everything", "from": {"all": true}}])"));
+  const std::shared_ptr<const Asset> asset = *Asset::fromMemory(result.package);
+  EXPECT_FALSE(asset->package().fields().empty());
+  World world;
+  const BodyId body = *world.addBody(asset, {});
+  for (int i = 0; i < 30; ++i) world.step(1.0F / 60);
+  for (const Vector3d& x : visual(world, body)) EXPECT_TRUE(x.allFinite());
+}
+
 TEST_F(Parts, ARigidPartKeepsItsShapeWhileItsHostStretches) {
   for (const char* method : {"barycentric", "clusters"}) {
     Recipe authored = recipe(kStone);

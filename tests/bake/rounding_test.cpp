@@ -50,7 +50,8 @@ TEST(Rounding, ClustersBelongToTheVerticesAsTheyAreStored) {
   std::filesystem::remove_all(folder);
 }
 
-// A package holds no place more than a diagonal outside its bounds: a shell that would is refused with its setting.
+// A package holds no place more than a diagonal outside its bounds: a shell that would is refused with its setting, and
+// the check of the recipe says so before.
 TEST(Rounding, AShellThickerThanItsModelIsRefusedWithACure) {
   const std::filesystem::path folder =
       std::filesystem::temp_directory_path() / ("sinew_thick" + std::to_string(getpid()));
@@ -70,11 +71,19 @@ TEST(Rounding, AShellThickerThanItsModelIsRefusedWithACure) {
     Recipe recipe = parseRecipe(text, folder / "sheet.json");
     recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
     Progress progress(false);
+    const std::vector<Finding> before = refusalOfBake(recipe, importSource(recipe, progress), progress, nullptr);
     try {
       bake(recipe, progress);
     } catch (const ToolError& error) {
+      EXPECT_EQ(before.size(), 1U);
+      for (const Finding& finding : before) {
+        EXPECT_EQ(finding.severity, Severity::error);
+        EXPECT_EQ("sheet.obj: " + finding.message + ". " + finding.cure,
+                  std::string(error.what()).substr(std::string(error.what()).rfind("sheet.obj: ")));
+      }
       return error.what();
     }
+    EXPECT_TRUE(before.empty());
     return "";
   };
   EXPECT_EQ(refusal("0.5"), "");

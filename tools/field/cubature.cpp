@@ -20,6 +20,9 @@ constexpr double kLeast = 0.7;
 constexpr double kForces = 5;
 // Those that known loads and pin sets' motions make, together, against the same.
 constexpr double kKnown = 20;
+// Samples by wanted one. Weights take time with the square of their number; a piece that needs more, a skin rough all
+// over, has all of them.
+constexpr std::size_t kMostSamples = 4;
 // Uniform strains among the displacements that weights are fitted to, against all others together.
 constexpr double kUniformStrain = 0.3;
 // Pull of weights to 1, of the mean diagonal of the normal equations.
@@ -398,7 +401,7 @@ Cubature chooseSamples(const Elastic& elastic, const MatrixXd& functions, const 
   fit.reduceTo(wanted);
   double least = fit.leastEigenvalue();
   while (least < kLeast) {
-    if (2 * fit.patches().size() > elastic.patches.size()) return allPatches(elastic);
+    if (fit.patches().size() > std::min(elastic.patches.size() / 2, kMostSamples * wanted)) return allPatches(elastic);
     fit.grow();
     least = fit.leastEigenvalue();
   }

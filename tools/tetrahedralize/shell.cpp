@@ -21,8 +21,9 @@ using geometry::TetMesh;
 
 // The least part of an offset, or of what it would be without a factor above 1, that is left at a crease.
 constexpr double kLeastOffset = 0.005;
-// Of the largest coordinate: half of the thickness that is left where nothing else helps, eight roundings to a float.
-constexpr double kLeastHalf = 0x1p-21;
+// Roundings to a float in half of the thickness that is left where nothing else helps: a flat tetrahedron of that height
+// survives() from sqrt(3) on, one whose edges lean as far as normals may from sqrt(3) / LayerNormal::kLeastLean.
+constexpr double kLeastRoundings = 40;
 // The least volume of a prism's tetrahedron, of what it has over a flat triangle with the same offsets.
 constexpr double kLeastVolume = 0.02;
 // Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
@@ -99,6 +100,17 @@ std::vector<Vector3d> unitNormals(const PlainSurface& surface) {
   return normals;
 }
 
+// Whether a tetrahedron keeps its volume when each coordinate of its corners moves by at most `rounding`: the volume
+// changes by a third of the area of the face opposite to a corner for each metre that this one moves.
+bool survives(const TetMesh& mesh, const geometry::Tetrahedron& tetrahedron, double rounding) {
+  double areas = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto x = [&](std::size_t k) { return mesh.positions[tetrahedron[(i + k) % 4]]; };
+    areas += (x(2) - x(1)).cross(x(3) - x(1)).norm() / 2;
+  }
+  return geometry::volume(mesh, tetrahedron) > std::sqrt(3.0) * rounding * areas / 3;
+}
+
 // The three tetrahedra of the prism over a triangle: vertex v below is 2 v, above 2 v + 1. The diagonal of a side runs
 // from its lower number below to its higher one above, so neighbours agree.
 std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
@@ -160,8 +172,8 @@ geometry::Tetrahedron between(const TetMesh& mesh, std::uint32_t point, const ge
 }
 
 // Ties pieces that share no vertex to what lies nearest, by tetrahedra along where they cross or come closest: they
-// are one body, and would part at once. \return how many pieces there were.
-std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, TetMesh& mesh) {
+// are one body, and would part at once. \return how many pieces there were; 0 where that is not possible.
+std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, double rounding, TetMesh& mesh) {
   Sets pieces = piecesOf(surface);
   std::vector<std::uint32_t> list = representatives(surface, pieces);
   const auto count = std::uint32_t(list.size());
@@ -198,11 +210,16 @@ std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, TetMesh&
         if (distance <= least + kJoinedBand * mean_edge) joins.push_back(join);
       }
     }
+    bool joined = false;
     for (const auto& [p, t] : joins) {
+      const geometry::Tetrahedron tie = between(mesh, p, surface.triangles[t]);
+      if (!survives(mesh, tie, rounding)) continue;
       pieces.join(p, surface.triangles[t][0]);
-      if (tied[p] == 0) mesh.tetrahedra.push_back(between(mesh, p, surface.triangles[t]));
+      if (tied[p] == 0) mesh.tetrahedra.push_back(tie);
       tied[p] = 1;
+      joined = true;
     }
+    if (!joined) return 0;
   }
   return count;
 }
@@ -343,8 +360,8 @@ enum class Resort {
 // \param keep per prepared vertex: nonzero where it stays as fine as it is.
 // \param folds receives the prepared vertices that were brought to where the result folds.
 FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32_t wanted, std::span<const char> keep,
-                    double thickness, std::span<const double> factors, Resort resort, ShellOutcome& outcome,
-                    std::vector<std::uint32_t>& folds) {
+                    double thickness, std::span<const double> factors, double rounding, Resort resort,
+                    ShellOutcome& outcome, std::vector<std::uint32_t>& folds) {
   FilledBody filled;
 
   // 1. Coarsen.
@@ -420,9 +437,8 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
   }
 
   if (resort == Resort::thin) {
-    double reach = 0;
-    for (const Vector3d& x : surface.positions) reach = std::max(reach, x.cwiseAbs().maxCoeff());
-    for (std::uint32_t v = 0; v < count; ++v) least_part[v] = std::min(least_part[v], kLeastHalf * reach / half[v]);
+    for (std::uint32_t v = 0; v < count; ++v)
+      least_part[v] = std::min(least_part[v], kLeastRoundings * rounding / half[v]);
   }
 
   // 4. Offset; shorten where a prism would turn over.
@@ -460,17 +476,21 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
     }
   }
   for (std::size_t k = 0; k < mesh.tetrahedra.size(); ++k) {
-    if (geometry::volume(mesh, mesh.tetrahedra[k]) > 0) continue;
+    if (survives(mesh, mesh.tetrahedra[k], rounding)) continue;
     for (const std::uint32_t v : surface.triangles[k / 3]) folded[origin[v]] = 1;
   }
   if (folds_somewhere()) {
     note();
-    outcome.reason = "is too sharply creased for its thickness";
+    outcome.reason = "is too sharply creased for its thickness, or too thin for single precision";
     return {};
   }
 
   // 5. One body, not several that fall apart.
-  outcome.pieces = joinPieces(surface, mean_edge, mesh);
+  outcome.pieces = joinPieces(surface, mean_edge, rounding, mesh);
+  if (outcome.pieces == 0) {
+    outcome.reason = "has pieces that no tetrahedron can tie to one another";
+    return {};
+  }
 
   // 6. What the report and the attachment need.
   for (std::uint32_t v = 0; v < count; ++v) {
@@ -488,7 +508,7 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
 }  // namespace
 
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thickness, std::span<const double> factors,
-                         ShellOutcome& outcome) {
+                         double rounding, ShellOutcome& outcome) {
   const double least = target / 2.0;
   Prepared prepared;
   if (!prepare(body, std::uint32_t(kFineness * least), prepared, outcome)) return {};
@@ -504,7 +524,7 @@ FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thi
       // What is not kept is made as coarse as it would be otherwise.
       const auto aim = std::uint32_t(std::max(4.0, kept < all ? kept + wanted * (all - kept) / all : all));
       const Resort resort = aim >= all ? Resort::thin : stuck || attempt + 1 == kAttempts ? Resort::cut : Resort::finer;
-      FilledBody filled = fillOnce(body, prepared, aim, keep, thickness, factors, resort, outcome, folds);
+      FilledBody filled = fillOnce(body, prepared, aim, keep, thickness, factors, rounding, resort, outcome, folds);
       if (!filled.mesh.tetrahedra.empty() || aim >= all) return filled;
       std::vector<char> around(keep.size(), 0);
       for (const std::uint32_t v : folds) around[v] = 1;

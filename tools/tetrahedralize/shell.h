@@ -30,8 +30,8 @@ struct ShellOutcome {
 /// faces, one side only, points where fans meet or that have more than 500 faces, or more than a thousand pieces.
 /// \param thickness metres; 0: half of the mean edge of the coarsened surface. \param factors what multiplies that at
 /// each position of the body, > 0; a vertex of the coarsened surface has the mean of those that became it. Empty: 1
-/// everywhere.
+/// everywhere. \param rounding metres by which a coordinate may move later: no tetrahedron turns over by that.
 FilledBody fillWithShell(const SolidBody& body, std::uint32_t target_vertices, double thickness,
-                         std::span<const double> factors, ShellOutcome& outcome);
+                         std::span<const double> factors, double rounding, ShellOutcome& outcome);
 
 }  // namespace sinew::tools

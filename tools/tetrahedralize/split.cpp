@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <span>
 #include <tuple>
 
@@ -280,15 +281,18 @@ class CellCutter {
   // Whether sheets of one part cross in the cell.
   bool pierced(const Cell& cell, Sets& sets) const {
     const auto all = roots(cell, sets);
+    const auto sheets = sheetsOf(sets);
     for (std::size_t i = 0; i < all.size(); ++i) {
       for (std::size_t j = i + 1; j < all.size(); ++j) {
-        if (part(cell, all[i]) == part(cell, all[j]) && near(sets, all[i], all[j], 0)) return true;
+        if (part(cell, all[i]) != part(cell, all[j])) continue;
+        if (near(sheets.at(all[i]), sheets.at(all[j]), 0)) return true;
       }
     }
     return false;
   }
   void joinNearParts(const Cell& cell, Sets& sets) const {
     const auto all = roots(cell, sets);
+    auto sheets = sheetsOf(sets);
     const auto severalPieces = [&](std::uint32_t p) {
       return std::count_if(all.begin(), all.end(), [&](std::uint32_t r) { return part(cell, r) == p; }) > 1;
     };
@@ -298,33 +302,54 @@ class CellCutter {
         if (small == large || sets.find(all[i]) == sets.find(all[j])) continue;
         if (parts_.volume[small] > parts_.volume[large]) std::swap(small, large);
         if (parts_.volume[small] <= kSmallPart * parts_.volume[large] && severalPieces(large)) continue;
-        if (near(sets, all[i], all[j], join_)) sets.join(all[i], all[j]);
+        const std::uint32_t a = sets.find(all[i]), b = sets.find(all[j]);
+        if (!near(sheets[a], sheets[b], join_)) continue;
+        sets.join(a, b);
+        Sheet &whole = sheets[sets.find(a)], &other = sheets[sets.find(a) == a ? b : a];
+        whole.triangles.insert(whole.triangles.end(), other.triangles.begin(), other.triangles.end());
+        whole.box.extend(other.box);
       }
     }
   }
-  // Whether something of two sets is as close within the cell.
-  bool near(Sets& sets, std::uint32_t a, std::uint32_t b, double distance) const {
-    a = sets.find(a);
-    b = sets.find(b);
-    std::vector<std::array<Vector3d, 3>> fan_a, fan_b;
+  // What of one set is inside the cell.
+  struct Sheet {
+    std::vector<std::array<Vector3d, 3>> triangles;
+    AlignedBox3d box;
+  };
+  static AlignedBox3d boxOf(const std::array<Vector3d, 3>& t) {
+    return {t[0].cwiseMin(t[1]).cwiseMin(t[2]), t[0].cwiseMax(t[1]).cwiseMax(t[2])};
+  }
+  // By root, gathered once: pairs of sheets are many.
+  std::map<std::uint32_t, Sheet> sheetsOf(Sets& sets) const {
+    std::map<std::uint32_t, Sheet> sheets;
     for (std::uint32_t n = 0; n < local_.size(); ++n) {
-      const std::uint32_t root = sets.find(n);
-      if (root != a && root != b) continue;
+      Sheet& sheet = sheets[sets.find(n)];
       const Clip& inside = local_[n].inside;
       for (std::size_t i = 2; i < inside.count; ++i) {
-        (root == a ? fan_a : fan_b)
-            .push_back({position(inside.corners[0]), position(inside.corners[i - 1]), position(inside.corners[i])});
+        sheet.triangles.push_back(
+            {position(inside.corners[0]), position(inside.corners[i - 1]), position(inside.corners[i])});
+        sheet.box.extend(boxOf(sheet.triangles.back()));
       }
     }
-    const auto box = [&](const std::array<Vector3d, 3>& t) {
-      const Vector3d margin = Vector3d::Constant(distance);
-      return AlignedBox3d(t[0].cwiseMin(t[1]).cwiseMin(t[2]) - margin, t[0].cwiseMax(t[1]).cwiseMax(t[2]) + margin);
+    return sheets;
+  }
+  // Whether something of two sheets is as close.
+  static bool near(const Sheet& a, const Sheet& b, double distance) {
+    const auto wide = [&](const AlignedBox3d& box) {
+      return AlignedBox3d(box.min().array() - distance, box.max().array() + distance);
     };
-    for (const auto& s : fan_a) {
-      const AlignedBox3d reach = box(s);
-      for (const auto& t : fan_b) {
-        if (!reach.intersects(box(t))) continue;
-        if (geometry::squaredDistance(s, t) <= distance * distance) return true;
+    const AlignedBox3d about_a = wide(a.box), about_b = wide(b.box);
+    std::vector<std::size_t> others;
+    for (std::size_t t = 0; t < b.triangles.size(); ++t) {
+      if (about_a.intersects(boxOf(b.triangles[t]))) others.push_back(t);
+    }
+    if (others.empty()) return false;
+    for (const auto& s : a.triangles) {
+      const AlignedBox3d reach = wide(boxOf(s));
+      if (!about_b.intersects(reach)) continue;
+      for (const std::size_t t : others) {
+        if (!reach.intersects(boxOf(b.triangles[t]))) continue;
+        if (geometry::squaredDistance(s, b.triangles[t]) <= distance * distance) return true;
       }
     }
     return false;

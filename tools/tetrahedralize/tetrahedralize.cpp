@@ -147,7 +147,7 @@ std::string complaint(const SolidBody& body, const FilledBody& filled) {
 
 // A body that encloses nothing, or that is to be hollow.
 Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, const TetrahedraOptions& options,
-                 const std::string& file, Remarks& remarks) {
+                 double rounding, const std::string& file, Remarks& remarks) {
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
     remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.title,
@@ -160,7 +160,7 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
   for (std::size_t p = 0; p < body.points.size() && !options.shell_factors.empty(); ++p) {
     factors.push_back(options.shell_factors[body.points[p]]);
   }
-  choice.filled = fillWithShell(body, target, options.shell_thickness, factors, outcome);
+  choice.filled = fillWithShell(body, target, options.shell_thickness, factors, rounding, outcome);
   const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
   if (!choice.filled.mesh.tetrahedra.empty()) {
     choice.method = TetrahedraMethod::shell;
@@ -184,7 +184,7 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
   }
   if (wanted == TetrahedraMethod::shell) {
     throw ToolError(ExitCode::bad_input, file, "body '" + body.title + "' " + outcome.reason + place,
-                    "Repair it there, or set tetrahedra.method=grid.");
+                    "Repair it there, change tetrahedra.thickness, or set tetrahedra.method=grid.");
   }
   remarks.add("tetrahedra-method", Severity::warning,
               "enclosed nothing and became a layer of grid cells because a shell was not possible",
@@ -195,9 +195,9 @@ Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t t
 }
 
 Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, TetrahedraMethod wanted, std::uint32_t target,
-                bool crosses_itself, const std::string& file, Remarks& remarks) {
+                bool crosses_itself, double rounding, const std::string& file, Remarks& remarks) {
   if (!body.encloses || wanted == TetrahedraMethod::shell) {
-    return fillSheet(body, wanted, target, options, file, remarks);
+    return fillSheet(body, wanted, target, options, rounding, file, remarks);
   }
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
@@ -225,7 +225,7 @@ Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, Tetrahe
     }
     remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
                 body.title + " (" + outcome.reason + ")", "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
-    return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, file, remarks);
+    return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, rounding, file, remarks);
   }
   choice.filled = fillWithStuffing(body, target, parallelFor);
   choice.method = TetrahedraMethod::stuffing;
@@ -350,6 +350,8 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     if (pairs.size() >= kMostPairs) std::fill(crosses_itself.begin(), crosses_itself.end(), char(1));
   }
   const std::vector<std::uint32_t> share = shareVertices(set.bodies, options.target_vertices);
+  // Of a coordinate, to a float, half a diagonal from the package's origin: at most half of the last place.
+  const double rounding = 0x1p-25 * mesh.diagonal;
   Remarks remarks;
   for (std::size_t b = 0; b < set.bodies.size(); ++b) {
     const SolidBody& body = set.bodies[b];
@@ -360,8 +362,12 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     std::uint32_t target = share[b];
     TetrahedraMethod method = options.method;
     for (int round = 0; round < 3; ++round) {
-      remarks = before;
-      choice = fillBody(body, options, method, target, crosses_itself[b] != 0, mesh.file, remarks);
+      if (round > 0 && !body.encloses) {  // a shell was not possible at the wanted number
+        choice.filled = fillWithGrid(body, target, parallelFor);
+      } else {
+        remarks = before;
+        choice = fillBody(body, options, method, target, crosses_itself[b] != 0, rounding, mesh.file, remarks);
+      }
       if (choice.method == TetrahedraMethod::shell) {
         split.home = choice.home;
         break;
