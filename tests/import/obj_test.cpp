@@ -30,7 +30,7 @@ TEST_F(Obj, KeepsTheNumbersOfSourceVerticesAndFaces) {
   }
   EXPECT_EQ(mesh.bounds_max, Eigen::Vector3d(1, 1, 1));
   EXPECT_EQ(findingOf(mesh, "unreferenced-vertices")->count, 3U);
-  EXPECT_EQ(findingOf(mesh, "missing-material")->place, "b");
+  EXPECT_EQ(findingOf(mesh, "missing-material")->place, "b, a");
 }
 
 TEST_F(Obj, UvSeamsStaySplitAndShareAWeldedPoint) {
@@ -140,6 +140,22 @@ TEST_F(Obj, MaterialsAndTexturesAreFoundBesideTheFile) {
 TEST_F(Obj, AMissingLibraryIsNamed) {
   const VisualMesh mesh = importFile(write("a.obj", std::string("mtllib lost.mtl\nusemtl x\n") + kTetrahedron));
   EXPECT_EQ(findingOf(mesh, "missing-material-library")->place, "lost.mtl");
+}
+
+TEST_F(Obj, AMissingLibraryIsOneFindingHoweverManyMaterialsItDefines) {
+  std::string text = kTetrahedron;
+  for (int m = 0; m < 13; ++m) {
+    text += "mtllib lost.mtl\nusemtl m" + std::to_string(m) + "\nf 1 2 3\n";
+  }
+  const VisualMesh mesh = importFile(write("a.obj", text));
+  const Finding* found = findingOf(mesh, "missing-material-library");
+  ASSERT_NE(found, nullptr);
+  EXPECT_EQ(found->count, 13U);
+  EXPECT_EQ(found->place, "lost.mtl");
+  EXPECT_EQ(findingOf(mesh, "missing-material"), nullptr);
+  EXPECT_EQ(std::count_if(mesh.findings.begin(), mesh.findings.end(),
+                          [](const Finding& f) { return f.id.starts_with("missing"); }),
+            1);
 }
 
 TEST_F(Obj, LinesAndPointsAreLeftOutAndCounted) {

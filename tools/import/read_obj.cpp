@@ -246,15 +246,39 @@ class ObjReader {
         all = false;
       }
     }
-    if (!all || !several)
-      scene_.findings.push_back({"missing-material-library",
-                                 Severity::warning,
-                                 "the material library " + names + " is missing; its materials have a default colour",
-                                 1,
-                                 "",
-                                 {},
-                                 names,
-                                 "Put the file beside the OBJ."});
+    if ((!all || !several) && std::find(missing_.begin(), missing_.end(), names) == missing_.end()) {
+      missing_.push_back(names);
+    }
+  }
+
+  // One finding, however many materials lack their library.
+  void reportUnknown(const std::vector<std::string>& materials) {
+    const auto listed = [](const std::vector<std::string>& names) {
+      constexpr std::size_t kMost = 8;
+      std::string text;
+      for (std::size_t i = 0; i < std::min(names.size(), kMost); ++i) text += (i == 0 ? "" : ", ") + names[i];
+      return names.size() > kMost ? text + " and " + std::to_string(names.size() - kMost) + " more" : text;
+    };
+    const std::string many = std::to_string(materials.size()) + (materials.size() == 1 ? " material" : " materials");
+    Finding finding;
+    if (!missing_.empty()) {
+      finding.id = "missing-material-library";
+      finding.count = std::max<std::size_t>(materials.size(), 1);
+      finding.message = (missing_.size() == 1 ? "the material library " : "the material libraries ") +
+                        listed(missing_) + (missing_.size() == 1 ? " is missing" : " are missing");
+      if (!materials.empty()) finding.message += ": " + many + " of default colour (" + listed(materials) + ")";
+      finding.place = listed(missing_);
+      finding.cure = "Put the file beside the OBJ.";
+    } else if (!materials.empty()) {
+      finding.id = "missing-material";
+      finding.count = materials.size();
+      finding.message = "no material library defines " + many + "; default colour";
+      finding.place = listed(materials);
+      finding.cure = "Put the material library beside the OBJ.";
+    } else {
+      return;
+    }
+    scene_.findings.push_back(finding);
   }
 
   void materials(std::string_view text) {
@@ -352,6 +376,7 @@ class ObjReader {
     std::vector<bool> used(scene_.materials.size(), false);
     for (const RawPart& part : mesh_.parts)
       if (part.material != kNoIndex) used[part.material] = true;
+    std::vector<std::string> unknown;
     std::vector<RawMaterial> materials;
     std::vector<RawTexture> textures;
     std::vector<std::uint32_t> material_to(scene_.materials.size(), kNoIndex);
@@ -359,16 +384,7 @@ class ObjReader {
     for (std::size_t m = 0; m < used.size(); ++m) {
       if (!used[m]) continue;
       RawMaterial material = scene_.materials[m];
-      if (!material_known_[m])
-        scene_.findings.push_back(
-            {"missing-material",
-             Severity::warning,
-             "no material library defines the material " + material.name + "; it has a default colour",
-             1,
-             "",
-             {},
-             material.name,
-             "Put the material library beside the OBJ."});
+      if (!material_known_[m]) unknown.push_back(material.name);
       if (material.texture != kNoIndex) {
         std::uint32_t& to = texture_to[material.texture];
         if (to == kNoIndex) {
@@ -384,6 +400,7 @@ class ObjReader {
       if (part.material != kNoIndex) part.material = material_to[part.material];
     scene_.materials = std::move(materials);
     scene_.textures = std::move(textures);
+    reportUnknown(unknown);
   }
 
   TextCursor cursor_;
@@ -414,6 +431,7 @@ class ObjReader {
   std::unordered_map<std::string, std::uint32_t> material_by_name_;
   std::unordered_map<std::string, std::uint32_t> texture_by_path_;
   std::vector<bool> material_known_;
+  std::vector<std::string> missing_;  // material libraries
 };
 
 }  // namespace
