@@ -13,6 +13,7 @@
 #include "tools/render/draw_model.h"
 #include "tools/render/headless.h"
 #include "tools/render/image.h"
+#include "tools/render/overlay.h"
 #include "tools/render/renderer.h"
 #include "tools/render/text.h"
 
@@ -189,7 +190,7 @@ void renderDefects(const VisualMesh& mesh, const std::vector<Finding>& findings,
     settings.lighting = turnedLighting(Lighting{}, camera.yaw - kLitYaw);
     renderer.draw(camera, settings, kTileWidth, kTileHeight);
     tiles.emplace_back(renderer.read(), kInk);
-    drawText(tiles.back().first, 8, 6, 17, kInk, view.name);
+    drawCaption(tiles.back().first, 8, 6, 17, view.name);
   }
   std::size_t close_ups = 0;
   for (const Mark& mark : marks) {
@@ -231,7 +232,7 @@ void renderDefects(const VisualMesh& mesh, const std::vector<Finding>& findings,
     std::string text = "close-up: " + mark.finding->id;
     if (!mark.finding->places.empty())
       text += ", " + mark.finding->place_kind + " " + std::to_string(mark.finding->places.front());
-    drawText(picture, 8, 8, 17, kInk, fitText(text, 17, kTileWidth - 16));
+    drawCaption(picture, 8, 8, 17, text);
   }
 
   constexpr int kTitleHeight = 62;

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <string>
 
+#include "tools/render/overlay.h"
 #include "tools/render/text.h"
 #include "tools/render/video.h"
 
@@ -75,7 +76,7 @@ void scaleMarks(DrawSettings& settings, int height) {
 
 void label(Image& picture, const std::string& text) {
   const float size = std::clamp(static_cast<float>(picture.height) / 18.0F, 11.0F, 24.0F);
-  drawText(picture, 8, 6, size, kInk, fitText(text, size, static_cast<float>(picture.width) - 12));
+  drawCaption(picture, 8, 6, size, text);
 }
 
 struct Tile {

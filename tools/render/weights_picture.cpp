@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/render/weights_picture.h"
 
-#include <Eigen/Geometry>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
-#include <cmath>
 
+#include "tools/render/best_side.h"
 #include "tools/render/camera.h"
 #include "tools/render/draw_model.h"
 #include "tools/render/headless.h"
 #include "tools/render/image.h"
+#include "tools/render/overlay.h"
 #include "tools/render/renderer.h"
 #include "tools/render/text.h"
 
@@ -27,8 +28,6 @@ constexpr std::size_t kMostAlone = 40;
 constexpr float kFitMargin = 0.08F;
 constexpr float kLitYaw = 0.70F;  // the direction the lights are made for
 constexpr float kFrontYaw = 0.35F, kFrontPitch = 0.15F;
-// Of its area: a surface whose mean normal is shorter than this looks to no side.
-constexpr float kOneSided = 0.35F;
 constexpr std::array<float, 3> kBare = {0.42F, 0.43F, 0.45F};
 
 // A mesh that shows nothing but weights.
@@ -64,23 +63,6 @@ void tint(DrawModel& model, const std::vector<NamedWeights>& named, std::size_t 
   }
 }
 
-// Yaw and pitch of the side that the weights look to.
-std::pair<float, float> sideOf(const DrawModel& model, const std::vector<double>& weights) {
-  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  float total = 0;
-  for (const auto& t : model.triangles) {
-    const Eigen::Vector3f n =
-        (model.positions[t[1]] - model.positions[t[0]]).cross(model.positions[t[2]] - model.positions[t[0]]);
-    const float weight = float((weights[t[0]] + weights[t[1]] + weights[t[2]]) / 3);
-    sum += weight * n;
-    total += weight * n.norm();
-  }
-  // What looks to all sides (a whole head, both sides of a lip) is seen from the front.
-  if (!(sum.norm() > kOneSided * total)) return {kFrontYaw, kFrontPitch};
-  const Eigen::Vector3f n = sum.normalized();
-  return {std::atan2(n.x(), n.z()) + 0.3F, std::clamp(std::asin(std::clamp(n.y(), -1.0F, 1.0F)) + 0.1F, -0.6F, 0.6F)};
-}
-
 }  // namespace
 
 void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& named, const std::string& title,
@@ -103,7 +85,9 @@ void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& name
     settings.lighting = turnedLighting(Lighting{}, yaw - kLitYaw);
     renderer.draw(camera, settings, kTile, kTile);
     tiles.push_back(renderer.read());
-    drawText(tiles.back(), 6, 4, 16, kInk, fitText(label, 16, kTile - 12));
+    drawCaption(tiles.back(), 6, 4, 16, label);
+    drawAxes(tiles.back(), camera);
+    drawScaleBar(tiles.back(), camera, double(model.diagonal));
   };
   {
     tint(model, named, 0, named.size());
@@ -113,11 +97,12 @@ void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& name
     draw(renderer, 1.9F, kFrontPitch, "all, from +x");
     draw(renderer, 3.5F, kFrontPitch, "all, back");
   }
+  const Sides sides(model.positions, model.triangles);
   for (std::size_t i = 0; i < std::min(named.size(), kMostAlone); ++i) {
     tint(model, named, i, 1);
     Renderer renderer(model);
-    const auto [yaw, pitch] = sideOf(model, named[i].weights);
-    draw(renderer, yaw, pitch, named[i].name);
+    const Side side = sides.best(named[i].weights);
+    draw(renderer, side.yaw, side.pitch, named[i].name);
   }
   const int rows = (int(tiles.size()) + kColumns - 1) / kColumns;
   Image sheet(2 * kMargin + kColumns * kTile + (kColumns - 1) * kGap,

@@ -16,9 +16,9 @@ struct NamedWeights {
 };
 
 /// Draws weights on a mesh: all of them together from four sides, each in a colour of its own, then each alone from the
-/// side where most of it is seen (at most 40 of them). Grey is weight 0. Makes its own OpenGL context; writes the PNG
-/// whole or not at all. Throws ToolError(system) where there is no OpenGL or the file cannot be written.
-/// \param title over the pictures, as the recipe's name.
+/// side from which most of it is seen (at most 40 of them), with axes and a scale in metres. Grey is weight 0. Makes
+/// its own OpenGL context; writes the PNG whole or not at all. Throws ToolError(system) where there is no OpenGL or the
+/// file cannot be written. \param title over the pictures, as the recipe's name.
 void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& named, const std::string& title,
                    const std::filesystem::path& png);
 
