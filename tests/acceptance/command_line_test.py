@@ -4,6 +4,7 @@
 an interrupted bake that leaves nothing behind, a package that is refused whatever byte of it changes."""
 import argparse
 import json
+import math
 import os
 import pathlib
 import random
@@ -116,6 +117,29 @@ class CommandLine(unittest.TestCase):
             self.assert_refused(run(verb[0], fake, *verb[1:]), 3, "fake.sinew")
         self.assertFalse((self.path / "x.sinew").exists())
         self.assertFalse((self.path / "x.png").exists())
+
+    def test_an_export_at_rest_is_the_source(self):
+        points = lambda text: sorted({tuple(round(float(x), 4) for x in line.split()[1:4])  # noqa: E731
+                                      for line in text.splitlines() if line.startswith("v ")})
+        # In centimetres, z up, far from the origin.
+        text = "".join(f"v {100 * x + 300:.5f} {-100 * z + 20:.5f} {100 * y - 50:.5f}\n" if key == "v" else line + "\n"
+                       for line in pathlib.Path(SPOT).read_text().splitlines()
+                       for key, x, y, z in [(line.split()[0], *map(float, line.split()[1:4])) if line.startswith("v ") else ("", 0, 0, 0)]
+                       if line.startswith(("v ", "f ", "vt ")))
+        (self.path / "cow.obj").write_text(text)
+        package, out = self.path / "cow.sinew", self.path / "out.obj"
+        done = run("bake", self.path / "cow.obj", "-o", package, "--set", "import.unit=cm", "--set", "import.up=z",
+                   "--set", "tetrahedra.vertices=300")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(run("simulate", package, "--scene", "rest", "--seconds", "0.02", "--export", out).returncode, 0)
+        source, exported = points(text), points(out.read_text())
+        self.assertEqual(len(source), len(exported))
+        self.assertLess(max(math.dist(a, b) for a, b in zip(source, exported)), 2e-3)  # cm
+        self.assertEqual(run("simulate", package, "--scene", "rest", "--seconds", "0.02", "--export", out, "--frame", "scene").returncode, 0)
+        scene = points(out.read_text())
+        span = lambda of: [max(p[k] for p in of) - min(p[k] for p in of) for k in range(3)]  # noqa: E731
+        self.assertTrue(all(abs(100 * a - b) < 0.05 for a, b in zip(span(scene), [span(source)[k] for k in (0, 2, 1)])))
+        self.assertTrue(0 <= min(p[1] for p in scene) < 0.3)  # on the scene's ground
 
     def test_pipes_devices_and_folders_are_refused_at_once(self):
         package, out = self.bake(), self.path / "x.sinew"

@@ -99,7 +99,7 @@ class Face(unittest.TestCase):
     @classmethod
     def pose(cls, scene, seconds):
         out = pathlib.Path(cls.folder.name) / f"{scene}.obj"
-        run("simulate", cls.package, "--scene", FACE / f"{scene}.json", "--seconds", seconds, "--export", out)
+        run("simulate", cls.package, "--scene", FACE / f"{scene}.json", "--seconds", seconds, "--export", out, "--frame", "scene")
         return read_points(out)
 
     def source(self, pose):

@@ -59,7 +59,7 @@ class WalkThrough(unittest.TestCase):
         self.assertEqual([f for f in findings if f["severity"] != "info"], [])
         poses = []
         for seconds in ("0.0166", "1"):
-            run("simulate", "face.sinew", "--scene", "smile.json", "--seconds", seconds, "--export", "pose.obj")
+            run("simulate", "face.sinew", "--scene", "smile.json", "--seconds", seconds, "--export", "pose.obj", "--frame", "scene")
             poses.append([tuple(map(float, line.split()[1:4])) for line in (folder / "pose.obj").read_text().splitlines() if line.startswith("v ")])
         origin = json.loads(run("inspect", "face.sinew", "--json"))["origin"]
         for side in (1, -1):

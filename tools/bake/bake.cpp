@@ -492,7 +492,8 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource& source, Progress& pr
   info.tool_version = content.addText(formats::kSoftwareVersion);
   info.source_file = content.addText(std::filesystem::path(mesh.file).filename().string());
   info.unit_source = content.addText(mesh.unit_source);
-  const ordered_json settings_json = settings.toJson();
+  ordered_json settings_json = settings.toJson();
+  settings_json["import.up"] = mesh.up_axis;  // what was found: the way back to the source's axes
   info.settings_json = content.addText(settings_json.dump());
   if (!(beyond <= kMostRestError * mesh.diagonal)) {
     char distance[32];

@@ -11,6 +11,7 @@
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
 #include "tools/scene/measure.h"
+#include "tools/scene/mesh_text.h"
 #include "tools/scene/scene.h"
 #include "tools/scene/scene_script.h"
 #include "tools/scene/tbb_jobs.h"
@@ -33,36 +34,8 @@ struct SimulateCommand {
   unsigned iterations = 0;
   bool json = false;
   std::string output;
+  std::string frame = "source";
 };
-
-std::string objText(const World& world, BodyId body) {
-  const formats::PackageView& package = world.asset(body).package();
-  const std::vector<Vec3> positions = visualPositions(world, body);
-  std::vector<Vec3> normals(positions.size());
-  if (!normals.empty()) {
-    world.visualVertices(body, {}, {normals[0].data(), sizeof(Vec3), std::uint32_t(normals.size())});
-  }
-  std::string text = "# deformed visual mesh, metres, written by sinew simulate\n";
-  std::array<char, 128> line{};
-  const auto add = [&](const char* format, auto... values) {
-    std::snprintf(line.data(), line.size(), format, values...);
-    text += line.data();
-  };
-  for (const Vec3& x : positions) add("v %.9g %.9g %.9g\n", double(x[0]), double(x[1]), double(x[2]));
-  for (const auto& uv : package.visualUvs()) add("vt %.9g %.9g\n", double(uv[0]), double(uv[1]));
-  for (const Vec3& n : normals) add("vn %.6g %.6g %.6g\n", double(n[0]), double(n[1]), double(n[2]));
-  const bool has_uv = !package.visualUvs().empty();
-  for (const auto& t : package.visualTriangles()) {
-    const unsigned a = t[0] + 1;
-    const unsigned b = t[1] + 1;
-    const unsigned c = t[2] + 1;
-    if (has_uv)
-      add("f %u/%u/%u %u/%u/%u %u/%u/%u\n", a, a, a, b, b, b, c, c, c);
-    else
-      add("f %u//%u %u//%u %u//%u\n", a, a, b, b, c, c);
-  }
-  return text;
-}
 
 double percentile(std::vector<double> values, double part) {
   if (values.empty()) return 0;
@@ -106,7 +79,9 @@ void runSimulate(const SimulateCommand& command) {
   double wall = 0;
   for (double t : microseconds) wall += t / 1e6;
   const BodyMeasure measure = measureBody(scene.world(), scene.body());
-  if (!command.output.empty()) writeFileAtomically(command.output, objText(scene.world(), scene.body()));
+  if (!command.output.empty())
+    writeFileAtomically(command.output,
+                        meshText(scene, command.frame == "scene" ? ExportFrame::scene : ExportFrame::source));
 
   const auto number = [](double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); };
   if (command.json) {
@@ -186,6 +161,10 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--threads", command->threads, "Threads; the result is the same for any number")
       ->check(CLI::Range(1U, 256U));
   verb->add_option("--export", command->output, "Write the deformed visual mesh at the end (.obj)");
+  verb->add_option("--frame", command->frame,
+                   "Of --export: source (its place, unit and axes) or scene (where the scene has it; metres, y up)")
+      ->check(CLI::IsMember({"source", "scene"}))
+      ->capture_default_str();
   verb->add_flag("--json", command->json, "Print the measures as JSON");
   verb->callback([command, &exit_code] {
     runSimulate(*command);

@@ -148,6 +148,7 @@ void Scene::reset() {
   if (!script_) {
     placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
   }
+  placement_ = {placement.position, placement.rotation};
   auto added = world_.addBody(asset_, placement);
   if (!added) {
     const formats::PackageView& package = asset_->package();

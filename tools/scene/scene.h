@@ -63,6 +63,7 @@ class Scene {
   World& world() { return world_; }
   const World& world() const { return world_; }
   BodyId body() const { return body_; }
+  const RigidTransform& placement() const { return placement_; }  ///< of the body at the start
   const SceneOptions& options() const { return options_; }
   double time() const { return time_; }                              ///< seconds since the start
   bool hasGround() const;                                            ///< a ground plane at y = 0 is there to be drawn
@@ -84,6 +85,7 @@ class Scene {
   std::optional<SceneDrive> script_;
   World world_;
   BodyId body_;
+  RigidTransform placement_;
   double time_ = 0;
   std::uint64_t steps_ = 0;
   std::vector<std::uint32_t> pinned_;

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <string>
+
+#include "tools/scene/scene.h"
+
+namespace sinew::tools {
+
+/// Where an exported mesh stands: where the artist's source does, in its unit and axes (at rest it is the source); or
+/// in the scene, metres, y up.
+enum class ExportFrame { source, scene };
+
+/// The deformed visual mesh of the scene's body as OBJ text, vertices in the package's order.
+std::string meshText(const Scene& scene, ExportFrame frame);
+
+}  // namespace sinew::tools
