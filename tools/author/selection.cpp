@@ -9,6 +9,7 @@
 
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection_kinds.h"
+#include "tools/core/command_line.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -99,8 +100,8 @@ class Selections::Evaluator {
       std::snprintf(bounds, sizeof bounds, "[%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g]", a[0], a[1], a[2], b[0], b[1],
                     b[2]);
       source_.fail(pointer, what,
-                   "The source reaches from " + std::string(bounds) + " m (y up); look at it with sinew author " +
-                       source_.recipe.text->file() + " show.");
+                   "The source reaches from " + std::string(bounds) + " m (y up); look at it with " +
+                       commandLine({"sinew", "author", source_.recipe.text->file(), "show"}) + ".");
     }
   }
 

@@ -10,6 +10,7 @@
 
 #include "sinew/formats/sections.h"
 #include "tools/core/atomic_file.h"
+#include "tools/core/command_line.h"
 #include "tools/core/error.h"
 #include "tools/import/import.h"
 
@@ -92,9 +93,10 @@ std::shared_ptr<const Asset> loadPackage(const std::string& file) {
   const std::string prefix = file + ": ";
   if (reason.starts_with(prefix)) reason.erase(0, prefix.size());
   // Never the advice to write over what the artist made.
-  const std::string cure = isMeshName(file)  ? "Bake it first: sinew bake " + file + " -o " + packageName(file) + "."
-                           : isForeign(file) ? "Name a package; sinew bake SOURCE -o OUT.sinew makes one."
-                                             : "Bake it again: sinew bake SOURCE -o " + file + ".";
+  const std::string cure =
+      isMeshName(file)  ? "Bake it first: " + commandLine({"sinew", "bake", file, "-o", packageName(file)}) + "."
+      : isForeign(file) ? "Name a package; sinew bake SOURCE -o OUT.sinew makes one."
+                        : "Bake it again: " + commandLine({"sinew", "bake", "SOURCE", "-o", file}) + ".";
   throw ToolError(ExitCode::bad_input, file, reason, cure);
 }
 

@@ -5,6 +5,7 @@
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
+#include "tools/core/command_line.h"
 #include "tools/import/import.h"
 
 namespace sinew::tools {
@@ -78,7 +79,7 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
                                       : inspectPackage(package);
     } else if (asks) {
       throw ToolError(ExitCode::usage, command->file, "--vertex and --name ask a package",
-                      "Bake it first: sinew bake " + command->file + " -o OUT.sinew.");
+                      "Bake it first: " + commandLine({"sinew", "bake", command->file, "-o", "OUT.sinew"}) + ".");
     } else {
       Recipe recipe = recipeFor(command->file);
       if (!command->unit.empty()) recipe.settings.set("import.unit", command->unit);

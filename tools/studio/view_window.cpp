@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/core/command_line.h"
 #include "tools/core/error.h"
 #include "tools/render/renderer.h"
 #include "tools/studio/view_input.h"
@@ -218,7 +219,8 @@ void requireDisplay(const std::string& package) {
     return value != nullptr && *value != '\0';
   };
   if (given("DISPLAY")) return;
-  const std::string cure = "Draw without a window instead: sinew render " + package + " -o picture.png.";
+  const std::string cure =
+      "Draw without a window instead: " + commandLine({"sinew", "render", package, "-o", "picture.png"}) + ".";
   if (given("WAYLAND_DISPLAY"))
     throw ToolError(ExitCode::system, "", "the window needs an X display (DISPLAY is not set; Xwayland gives one)",
                     cure);
