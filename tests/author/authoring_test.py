@@ -7,6 +7,7 @@ import math
 import os
 import pathlib
 import random
+import shlex
 import struct
 import subprocess
 import sys
@@ -16,6 +17,9 @@ import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "formats"))
 import read_package  # noqa: E402
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "render"))
+from read_png import read_png  # noqa: E402
 
 SINEW = None
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
@@ -340,6 +344,129 @@ class Package(Folder):
         self.assertIsNone(self.finding("clusters-unconnected"))
 
 
+class Pins(Folder):
+    """Sets of pins that meet, on the bar from x = 0 to 3."""
+
+    def slab(self, low, high, **more):
+        return {"box": [[low, -9, -9], [high, 9, 9]], **more}
+
+    def recipe(self, pins, clusters=()):
+        self.write("bar.obj", Bar().obj())
+        return self.write("r.json", {"sinew_recipe": 3, "source": "bar.obj", "settings": {"tetrahedra.vertices": 600},
+                                     "clusters": list(clusters), "pins": [{"name": n, "from": f, "target": n} for n, f in pins]})
+
+    def moved(self, target, low, high):
+        """How far the vertices of low <= x <= high move up with a target that moves by 0.3."""
+        scene = self.write("s.json", {"sinew_scene": 1, "seconds": 1, "targets": {
+            target: {"keys": [{"time": 0}, {"time": 0.5, "move": [0, 0.3, 0]}]}}})
+        poses = []
+        for seconds in ("0.01", "1"):
+            out = self.path / "pose.obj"
+            result = run("simulate", self.path / "out.sinew", "--scene", scene, "--seconds", seconds, "--export", out)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            poses.append([tuple(map(float, line.split()[1:])) for line in out.read_text().splitlines() if line.startswith("v ")])
+        return [b[1] - a[1] for a, b in zip(*poses) if low <= a[0] <= high]
+
+    def test_a_vertex_moves_with_the_pins_that_hold_it_firmest(self):
+        package = self.bake(self.recipe([("A", self.slab(-1, 0.3, falloff=2)), ("B", self.slab(1.6, 1.8))]))
+        sets = [[v for (v,) in package.records["PSTV"]][s[5]:s[5] + s[6]] for s in package.records["PSET"]]
+        self.assertGreater(len(sets[1]), 10)
+        self.assertFalse(set(sets[0]) & set(sets[1]))
+        up = self.moved("B", 1.6, 1.8)
+        self.assertGreater(max(up), 0.28)
+        self.assertGreater(min(up), 0.15)  # at the edges of what is held
+        self.assertIsNone(self.finding("pins-overruled"))
+
+    def test_pins_that_do_not_move_their_vertices_are_said(self):
+        bone = [{"name": "bone", "from": self.slab(-1, 1.5), "settings": {"mode": "rigid"}}, {"name": "flesh", "from": {"rest": True}}]
+        firm = ("A", self.slab(-1, 0.3))
+        cases = {
+            "in a rigid cluster that others hold": ([firm, ("B", {"scale": self.slab(0.8, 1.1), "by": 0.3})], bone,
+                                                    "pins-hold-nothing", "B", ("rigid cluster 'bone'", "pins 'A'")),
+            "under a copy": ([firm, ("B", self.slab(-1, 0.3))], (), "pins-hold-nothing", "B", ("pins 'A'", "minus")),
+            "under a neighbour": ([firm, ("B", self.slab(0.1, 1.1))], (), "pins-overruled", "B", ("pins 'A'", "minus")),
+            "both in one bone": ([firm, ("B", self.slab(0.8, 1.1))], bone, "cluster-held-by-several", "bone", ("'A' and 'B'",)),
+        }
+        for case, (pins, clusters, name, place, says) in cases.items():
+            with self.subTest(case):
+                recipe = self.recipe(pins, clusters)
+                self.bake(recipe)
+                checked = json.loads(run("check", recipe, "--json").stdout)["findings"]
+                for findings in (self.report["findings"], checked):
+                    found = next(f for f in findings if (f["id"], f["place"]) == (name, place))
+                    self.assertEqual(found["severity"], "warning")
+                    self.assertGreater(found["count"], 0)
+                    for word in says:
+                        self.assertIn(word, found["message"] + found["cure"])
+                # The same where the second set is added by hand.
+                second = json.loads(recipe.read_text())["pins"].pop()
+                recipe = self.recipe(pins[:1], clusters)
+                result = run("author", recipe, "add-pins", "B", "--from", json.dumps(second["from"]))
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertIn(f"[{name}]", result.stdout)
+
+    def test_a_falloff_does_not_take_a_bone_from_who_holds_it(self):
+        bone = [{"name": "bone", "from": self.slab(-1, 2.2), "settings": {"mode": "rigid", "overlap": 0.2}},
+                {"name": "flesh", "from": {"rest": True}, "settings": {"overlap": 0.2}}]
+        self.bake(self.recipe([("A", self.slab(-1, 0.3)), ("B", self.slab(2.7, 3.1, falloff=1.2))], bone))
+        self.assertIsNone(self.finding("cluster-held-by-several"))
+        up = self.moved("A", 0.8, 1.3)
+        self.assertGreater(min(up), 0.298)
+
+
+class Overlap(Folder):
+    """One name and one meaning: clusters.overlap, in metres, of all clusters or of one."""
+
+    def baked(self, version, settings, own=None):
+        self.write("bar.obj", Bar().obj(groups=True))
+        clusters = [{"name": n, "from": {"group": n}, **(own or {})} for n in NAMES]
+        return self.bake(self.write("r.json", {"sinew_recipe": version, "source": "bar.obj", "settings": settings, "clusters": clusters}))
+
+    def test_it_widens_authored_clusters_and_zero_is_none(self):
+        widths = {}
+        for value in ("auto", 0, 0.2, 0.5):
+            widths[value] = len(self.shares(self.baked(3, {"clusters.overlap": value})))
+        self.assertLess(widths[0], widths[0.2])
+        self.assertLess(widths[0.2], widths[0.5])
+        self.assertLess(widths[0], widths["auto"])
+        own = self.shares(self.baked(3, {"clusters.overlap": 0.5}, {"settings": {"overlap": 0}}))
+        self.assertEqual(len(own), widths[0])
+
+    def test_older_recipes_mean_what_they_meant(self):
+        cases = (({"clusters.overlap_metres": 0.2}, None, {"clusters.overlap": 0.2}, None, "info"),
+                 ({"clusters.overlap_metres": 0}, None, {}, None, "info"),
+                 ({"clusters.overlap_metres": 0.2}, {"overlap": 0}, {}, {"settings": {"overlap": 0}}, "info"),
+                 ({"clusters.overlap": 0.5}, None, {}, None, None),
+                 ({"clusters.overlap": 0.3}, None, {}, None, "warning"))
+        for old, old_own, new, new_own, severity in cases:
+            with self.subTest(old):
+                before = self.shares(self.baked(2, old, old_own))
+                found = self.finding("recipe-migrated")
+                self.assertEqual(found and found["severity"], severity)
+                self.assertEqual(before, self.shares(self.baked(3, new, new_own)))
+                self.assertIsNone(self.finding("recipe-migrated"))
+        self.baked(2, {"clusters.overlap_metres": 0.2}, {"overlap": 0.1})
+        self.assertEqual(run("author", self.path / "r.json", "set", "clusters.mode=linear").returncode, 0)
+        written = json.loads((self.path / "r.json").read_text())
+        self.assertEqual((written["sinew_recipe"], written["settings"]["clusters.overlap"]), (3, 0.2))
+        self.assertEqual(written["clusters"][0], {"name": "left", "from": {"group": "left"}, "settings": {"overlap": 0.1}})
+
+    def test_settings_that_say_nothing_are_said(self):
+        def unused(settings, own=None):
+            self.baked(3, settings, own)
+            found = self.finding("settings-unused")
+            return found and found["place"]
+        self.assertIsNone(unused({"clusters.overlap": 0.2, "clusters.stretch_hz": 5}))
+        self.assertIn("clusters.grid (all clusters are the recipe's)", unused({"clusters.grid": [2, 2, 2]}))
+        self.assertIn("clusters.size", unused({"clusters.method": "kmeans", "clusters.size": 1}))
+        self.assertIn("clusters.overlap (every cluster has its own)", unused({"clusters.overlap": 0.2}, {"settings": {"overlap": 0}}))
+        self.assertIn("clusters.young (it is of clusters.stiffness = elastic)", unused({"clusters.young": 5e4}))
+        self.assertIsNone(unused({"clusters.young": 5e4}, {"settings": {"stiffness": "elastic"}}))
+        self.write("bar.obj", Bar().obj())
+        self.bake(self.path / "bar.obj", "--set", "clusters.soften_metres=0.1")
+        self.assertIn("clusters.soften_metres (no cluster is the recipe's)", self.finding("settings-unused")["place"])
+
+
 class WrongRecipes(Folder):
     def refused(self, recipe, *words, text=None):
         file = self.path / "wrong.json"
@@ -356,11 +483,12 @@ class WrongRecipes(Folder):
 
     def test_each_names_place_and_cure(self):
         self.write("bar.obj", Bar().obj())
-        base = {"sinew_recipe": 2, "source": "bar.obj"}
+        base = {"sinew_recipe": 3, "source": "bar.obj"}
         cluster = lambda f, **more: {**base, **more, "clusters": [{"name": "c", "from": f}]}  # noqa: E731
         self.refused({**base, "clustres": []}, "line 4", "clustres", "clusters")
         self.refused({**base, "settings": {"clusters.overlop": 1}}, "line 5", "clusters.overlap")
-        self.refused({**base, "settings": {"clusters.overlap": 7}}, "line 5", "0 .. 1")
+        self.refused({**base, "settings": {"clusters.overlap": -7}}, "line 5", "auto | 0 .. ")
+        self.refused({**base, "settings": {"clusters.overlap_metres": 1}}, "line 5", "clusters.overlap")
         self.refused(cluster({"gruop": "x"}), "line 8", "group")
         self.refused(cluster({"group": "x", "material": "y"}), "group and material")
         self.refused(cluster({"group": 5}), "line 8", "Legal")
@@ -382,8 +510,8 @@ class WrongRecipes(Folder):
         self.refused({**base, "clusters": [{"name": "c"}]}, "no cluster mesh 'c'", "CLUSTER_c")
         self.refused({**base, "clusters": [{"name": "c", "from": {"all": True}, "settings": {"moda": 1}}]}, "mode")
         self.refused({**base, "clusters": [{"name": "c", "from": {"all": True}, "contraction": 0.5}]}, "channel")
-        self.refused({"sinew_recipe": 3, "source": "bar.obj"}, "version 3")
-        self.refused({"sinew_recipe": 1, "source": "bar.obj", "clusters": []}, "version 1", "Set sinew_recipe to 2")
+        self.refused({"sinew_recipe": 4, "source": "bar.obj"}, "version 4")
+        self.refused({"sinew_recipe": 1, "source": "bar.obj", "clusters": []}, "version 1", "Set sinew_recipe to 3")
         self.refused(cluster({"color": "r"}), "no vertex colours")
         self.refused(cluster({"bone": "Jaw"}), "no bone")
         self.refused(cluster({"morph": "smile"}), "no morph target")
@@ -434,11 +562,11 @@ class Commands(Folder):
             self.author(*arguments)
 
         do("new", self.path / "bar.obj")
-        self.assertEqual(self.recipe(), {"sinew_recipe": 2, "source": "bar.obj"})
+        self.assertEqual(self.recipe(), {"sinew_recipe": 3, "source": "bar.obj"})
         do("add-cluster", "side_l", "--from", '{"group": "left"}')
         do("set", "side_l.mode=linear", "side_l.overlap=0.2", "tetrahedra.vertices=500")
         self.assertEqual(self.recipe()["clusters"][0], {"name": "side_l", "from": {"group": "left"},
-                                                        "settings": {"mode": "linear"}, "overlap": 0.2})
+                                                        "settings": {"mode": "linear", "overlap": 0.2}})
         do("mirror", "side_l", "--plane", "auto")
         self.assertEqual(self.recipe()["clusters"][1]["name"], "side_r")
         do("paint", "spot", self.path / "strokes.json")
@@ -449,8 +577,8 @@ class Commands(Folder):
         do("add-pins", "ends", "--from", '{"half_space": [0.1, 0, 0], "normal": [-1, 0, 0]}', "--target", "Wall")
         do("set", "ends.method=hold")
         self.assertEqual(self.recipe()["pins"][0]["method"], "hold")
-        do("set", "/clusters/0/overlap=default")
-        self.assertNotIn("overlap", self.recipe()["clusters"][0])
+        do("set", "/clusters/0/settings/overlap=default")
+        self.assertEqual(self.recipe()["clusters"][0]["settings"], {"mode": "linear"})
         shown = json.loads(self.author("show", "--json").stdout)
         covers = {s["name"]: s["coverage"] for s in shown["selections"]}
         self.assertAlmostEqual(covers["side_l"], covers["side_r"], 2)
@@ -477,7 +605,7 @@ class Commands(Folder):
             if texts and (self.path / "r.json").read_text() == texts[-1]:
                 texts.pop()
         self.assertEqual(texts, [])
-        self.assertEqual(self.recipe(), {"sinew_recipe": 2, "source": "bar.obj"})
+        self.assertEqual(self.recipe(), {"sinew_recipe": 3, "source": "bar.obj"})
         for _ in range(steps):
             self.author("redo")
         self.assertEqual((self.path / "r.json").read_text(), final)
@@ -526,11 +654,71 @@ class Commands(Folder):
         self.author("redo", code=2)
         self.assertEqual((self.path / "r.json").read_text(), before)
 
+    def test_what_selects_nothing_is_refused_when_it_is_added(self):
+        self.write("bar.obj", Bar().obj(groups=True))
+        self.write("strokes.json", {"strokes": [{"points": [[0.5, 0.5, 0]], "radius": 0.2, "strength": 0}]})
+        self.author("new", self.path / "bar.obj")
+        before = (self.path / "r.json").read_text()
+        nothing = '{"box": [[9, 9, 9], [10, 10, 10]]}'
+        for command in (("add-mask", "m", "--from", nothing), ("add-cluster", "c", "--from", nothing),
+                        ("add-pins", "p", "--from", nothing), ("add-part", "p", "--from", nothing),
+                        ("add-stiffness", "0.5", "--from", nothing), ("paint", "m", self.path / "strokes.json"),
+                        ("add-mask", "m", "--from", '{"and": [{"group": "left"}, {"group": "right"}]}')):
+            with self.subTest(command):
+                result = self.author(*command, code=3)
+                self.assertIn("selects nothing", result.stderr)
+                self.assertEqual((self.path / "r.json").read_text(), before)
+
+    def test_set_takes_patterns_and_prints_what_changes(self):
+        self.write("bar.obj", Bar().obj(groups=True))
+        self.author("new", self.path / "bar.obj")
+        self.author("add-clusters", "group")
+        self.author("add-pins", "left_end", "--from", '{"half_space": [0.1, 0, 0], "normal": [-1, 0, 0]}')
+        self.author("set", "middle.stretch_hz=7", "clusters.limit_max=2")
+        said = self.author("set", "*.stretch_hz=5").stdout
+        for line in ("left.stretch_hz: default -> 5", "middle.stretch_hz: 7 -> 5", "right.stretch_hz: default -> 5"):
+            self.assertIn(line, said)
+        self.assertNotIn("left_end", said)
+        self.assertEqual([c["settings"]["stretch_hz"] for c in self.recipe()["clusters"]], [5, 5, 5])
+        self.assertIn("left.mode: default -> \"linear\"", self.author("set", "clusters.l*.mode=linear").stdout)
+        said = self.author("set", "clusters.limit_m*=default").stdout
+        self.assertIn("clusters.limit_max: 2 -> default", said)
+        self.assertNotIn("clusters.limit_min", said)
+        self.assertIn("nothing changed", self.author("set", "*.stretch_hz=5").stdout)
+        self.author("set", "x*.stretch_hz=5", code=2)
+        self.author("set", "*.strech_hz=5", code=2)
+
+    def test_a_fibre_is_mirrored_about_the_plane_that_is_found(self):
+        self.write("bar.obj", Bar().obj(groups=True))
+        self.author("new", self.path / "bar.obj")
+        self.author("add-cluster", "wing.L", "--from", '{"group": "left"}')
+        self.author("set", "wing.L.channel=flap.L", "wing.L.fibre=[1, 0.5, 0.25]")
+        self.author("mirror", "wing.L")
+        fibre = self.recipe()["clusters"][1]["fibre"]
+        for found, wanted in zip(fibre, (-1, 0.5, 0.25)):
+            self.assertAlmostEqual(found, wanted, 3)
+        self.author("mirror", "wing.L", "--to", "other", "--plane", "z")
+        self.assertEqual(self.recipe()["clusters"][2]["fibre"], [1, 0.5, -0.25])
+
+    def test_suggested_commands_run_as_they_stand(self):
+        folder = self.path / "it's here & there"
+        folder.mkdir()
+        (folder / "my bar.obj").write_text(Bar().obj(groups=True))
+        recipe = folder / "my recipe.json"
+        said = run("author", recipe, "new", folder / "my bar.obj").stdout
+        command = said[said.index("sinew author"):].strip()
+        self.assertEqual(shlex.split(command), ["sinew", "author", str(recipe), "add-clusters", "part"])
+        done = subprocess.run(["sh", "-c", command.replace("sinew ", SINEW + " ", 1)], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        said = run("author", recipe, "add-mask", "m", "--from", '{"sphere": [9, 9, 9], "radius": 1}').stderr
+        words = shlex.split(said[said.index("sinew author"):].strip().removesuffix("."))
+        self.assertEqual(words, ["sinew", "author", str(recipe), "show"])
+
     def test_hand_edits_are_steps_and_version_1_migrates(self):
         self.write("bar.obj", Bar().obj(groups=True))
         self.write("r.json", {"sinew_recipe": 1, "source": "bar.obj"})
         self.author("add-cluster", "c", "--from", '{"group": "left"}')
-        self.assertEqual(self.recipe()["sinew_recipe"], 2)
+        self.assertEqual(self.recipe()["sinew_recipe"], 3)
         edited = (self.path / "r.json").read_text().replace('"left"', '"right"')
         self.write("r.json", edited)
         self.author("add-mask", "m", "--from", '{"all": true}')
@@ -548,6 +736,14 @@ class Commands(Folder):
         picture = self.path / "weights.png"
         self.author("show", "-o", picture)
         self.assertTrue(picture.read_bytes().startswith(b"\x89PNG"))
+        # A mask and a cluster of one name and place differ in their captions.
+        self.author("add-mask", "c", "--from", '{"group": "left"}')
+        self.author("show", "c", "-o", picture)
+        width, _, rows = read_png(picture)
+        ink = [{(i, y) for y in range(362, 386) for i in range(300) if max(rows[y][3 * (x + i):3 * (x + i) + 3]) < 90}
+               for x in (16, 16 + 306)]
+        self.assertGreater(len(ink[0]), 30)
+        self.assertNotEqual(*ink)
 
 
 class Blending(Folder):

@@ -69,9 +69,9 @@ TEST_F(RecipeFile, FaultsNameThePlace) {
   EXPECT_NE(errorOf(R"({"sinew_recipe": 1})").find("source"), std::string::npos);
   EXPECT_NE(errorOf(R"({"sinew_recipe": 1, "source": "x.obj", "colour": 3})").find("colour"), std::string::npos);
   EXPECT_NE(errorOf(R"({"sinew_recipe": 1, "source": 5})").find("source"), std::string::npos);
-  EXPECT_NE(errorOf(R"({"sinew_recipe": 1, "source": "x.obj", "settings": {"clusters.overlap": 7}})")
-                .find("clusters.overlap"),
-            std::string::npos);
+  EXPECT_NE(
+      errorOf(R"({"sinew_recipe": 1, "source": "x.obj", "settings": {"clusters.alpha": 7}})").find("clusters.alpha"),
+      std::string::npos);
   EXPECT_NE(errorOf(""), "");
   EXPECT_NE(errorOf("[]"), "");
 }

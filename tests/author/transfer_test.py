@@ -645,6 +645,18 @@ class Others(Folder):
     def test_a_rigged_hand_loses_its_bones(self):
         self.check_stored("hand_rigged.glb", {"bone": "*index*"})
 
+    def test_what_selects_nothing_is_not_all_carried_over(self):
+        cow = Mesh.read(TESTS.parent / "samples" / "assets" / "spot" / "spot.obj")
+        self.write("spot.obj", cow.obj())
+        recipe = self.write("r.json", {"sinew_recipe": 3, "source": "spot.obj",
+                                       "masks": {"far": {"sphere": [9, 9, 9], "radius": 0.1}, "some": {"half_space": [0, 0, 0], "normal": [1, 0, 0]}}})
+        result = run("author", recipe, "transfer", self.write("new.obj", cow.shuffled().obj()))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        line = {words[1]: words for words in map(str.split, result.stdout.splitlines()) if words[:1] == ["mask"] and len(words) > 8}
+        self.assertEqual(line["far"][-1], "nothing")
+        self.assertEqual(line["some"][-1], "%")
+        self.assertIn("mask far selects nothing", result.stdout)
+
     def test_a_cow_scaled_and_thinned(self):
         cow = Mesh.read(TESTS.parent / "samples" / "assets" / "spot" / "spot.obj")
         self.write("spot.obj", cow.obj())
@@ -655,7 +667,7 @@ class Others(Folder):
         self.assertFalse(found["head"]["stored"])
         carried = json.loads((self.path / "carried.json").read_text())["clusters"]
         self.assertAlmostEqual(carried[0]["from"]["radius"], 1.05, 3)
-        self.assertAlmostEqual(carried[1]["overlap"], 0.3, 3)
+        self.assertAlmostEqual(carried[1]["settings"]["overlap"], 0.3, 3)
 
 
 if __name__ == "__main__":

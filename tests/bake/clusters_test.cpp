@@ -4,9 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <set>
 
 #include "tests/bake/box_mesh.h"
+#include "tools/author/regions.h"
 
 namespace sinew::tools {
 namespace {
@@ -52,13 +55,31 @@ TEST(Clusters, HalfOverlapIsAPartitionOfUnity) {
   const PhysicalMesh mesh = latticeMesh({12, 3, 3}, 0.1);
   ClusterOptions options;
   options.grid = {3, 1, 1};
-  options.overlap = 0.5;
   std::vector<Finding> findings;
   std::vector<double> sum(mesh.positions.size(), 0);
   for (const auto& cluster : gridClusters(mesh, options, findings)) {
     for (std::size_t i = 0; i < cluster.vertices.size(); ++i) sum[cluster.vertices[i]] += cluster.weights[i];
   }
   for (double s : sum) EXPECT_NEAR(s, 1, 0.03);  // members below the least weight are left out
+}
+
+TEST(Clusters, ABoxReachesSoManyMetresIntoItsNeighbours) {
+  const PhysicalMesh mesh = latticeMesh({12, 3, 3}, 0.1);
+  ClusterOptions options;
+  options.grid = {3, 1, 1};  // boxes of 0.4 m
+  std::vector<Finding> findings;
+  const auto half = gridClusters(mesh, options, findings);
+  options.overlap = 0.2;
+  const auto metres = gridClusters(mesh, options, findings);
+  ASSERT_EQ(metres.size(), half.size());
+  for (std::size_t c = 0; c < half.size(); ++c) {
+    EXPECT_EQ(metres[c].vertices, half[c].vertices);
+    for (std::size_t i = 0; i < half[c].weights.size(); ++i) {
+      EXPECT_NEAR(metres[c].weights[i], half[c].weights[i], 1e-9);
+    }
+  }
+  options.overlap = 0.1;
+  EXPECT_LT(gridClusters(mesh, options, findings)[0].vertices.size(), half[0].vertices.size());
 }
 
 TEST(Clusters, NoOverlapIsADisjointPartition) {
@@ -121,6 +142,44 @@ TEST(Clusters, TinyPiecesJoinANeighbour) {
   for (const auto& cluster : clusters) EXPECT_GE(cluster.vertices.size(), 8U) << cluster.name;
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].id, "clusters-merged");
+}
+
+// Mean over the members of the largest distance within their region.
+double meanWidth(const PhysicalMesh& mesh, const std::vector<std::uint32_t>& members,
+                 const std::vector<std::uint32_t>& region) {
+  std::map<std::uint32_t, double> widest;
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (region[k] != region[i]) continue;
+      double& width = widest[region[i]];
+      width = std::max(width, (mesh.positions[members[i]] - mesh.positions[members[k]]).norm());
+    }
+  }
+  double sum = 0;
+  for (const std::uint32_t r : region) sum += widest[r];
+  return sum / double(members.size());
+}
+
+TEST(Regions, AreAsWideAsAskedAndCrumbsAreNone) {
+  const PhysicalMesh mesh = latticeMesh({16, 16, 1}, 0.1);  // 1.6 x 1.6 m
+  const TetGraph graph = makeTetGraph(mesh);
+  std::vector<std::uint32_t> members;
+  for (std::uint32_t v = 0; v < mesh.positions.size(); ++v) {
+    // All but a strip, in which single vertices are left.
+    const double x = mesh.positions[v].x();
+    const bool crumb = std::abs(x - 1.3) < 0.01 && std::abs(std::remainder(mesh.positions[v].y(), 0.4)) < 0.01 &&
+                       mesh.positions[v].z() < 0.01;
+    if (x < 1.15 || crumb) members.push_back(v);
+  }
+  const std::vector<std::uint32_t> region = regionsOfSize(mesh, graph, members, 0.6);
+  ASSERT_EQ(region.size(), members.size());
+  std::map<std::uint32_t, std::size_t> sizes;
+  for (const std::uint32_t r : region) ++sizes[r];
+  for (const auto& [r, size] : sizes) EXPECT_GE(size, 8U) << r;
+  EXPECT_LE(meanWidth(mesh, members, region), 0.66);
+  EXPECT_GE(meanWidth(mesh, members, region), 0.45);
+  // Hexagons 0.6 m wide from corner to corner cover 1.1 x 1.6 m seven and a half times.
+  EXPECT_LE(sizes.size(), 12U);
 }
 
 }  // namespace

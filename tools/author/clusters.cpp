@@ -22,6 +22,8 @@ constexpr std::uint32_t kMaximumBoxes = 48;
 // And the most along one axis. Where the report's solver moves them a push passes from box to box once a step, so a
 // long chain is far softer than its frequency says.
 constexpr std::uint32_t kMaximumBoxesAlongAxis = 8;
+// How far a box reaches into its neighbours where nobody says it, of its own size.
+constexpr double kAutomaticOverlap = 0.5;
 
 struct Box {
   Eigen::Vector3d low, size;
@@ -77,7 +79,10 @@ double smoothstep(double t) {
 
 // 1 at the box's centre, falling smoothly to 0 where the box ends inside its neighbour; 1 out to the rim at an outer
 // box.
-double axisWeight(double x, double low, double size, std::uint32_t index, std::uint32_t count, double overlap) {
+double axisWeight(double x, double low, double size, std::uint32_t index, std::uint32_t count,
+                  std::optional<double> metres) {
+  // A box reaches no further than its neighbours.
+  const double overlap = metres ? std::min(*metres / size, 1.0) : kAutomaticOverlap;
   const double centre = low + (index + 0.5) * size;
   const double distance = std::abs(x - centre);
   if ((index == 0 && x <= centre) || (index + 1 == count && x >= centre)) return 1;

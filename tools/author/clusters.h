@@ -21,10 +21,10 @@ struct ClusterOptions {
   ClusterMethod method = ClusterMethod::grid;
   std::array<std::uint32_t, 3> grid = {0, 0,
                                        0};  ///< boxes along x, y, z of each body; all 0 = chosen by size and shape
-  double overlap = 0.5;                     ///< how far a box reaches into its neighbours, of its own size
-  double size = 0;                          ///< m, width of a cluster of kmeans; 0 = chosen
-  double overlap_metres = 0;                ///< m, of authored clusters and kmeans; 0 = 1.5 edges of the tetrahedra
-  double soften_metres = 0;                 ///< m, over which authored clusters blend into each other; 0 = as authored
+  /// m, how far a cluster reaches into its neighbours; none = half a box of a grid, else 1.5 edges of the tetrahedra
+  std::optional<double> overlap;
+  double size = 0;           ///< m, width of a cluster of kmeans; 0 = chosen
+  double soften_metres = 0;  ///< m, over which authored clusters blend into each other; 0 = as authored
   formats::ClusterMode mode = formats::ClusterMode::quadratic;
   double alpha = 1.0;        ///< the report's solver: part of the way to the goal in a step
   double stretch_hz = 10.0;  ///< frequency of stretch and shear
@@ -47,6 +47,13 @@ struct ClusterOptions {
   double plastic_creep = 0;                     ///< 1/s, how fast; 0 = nothing stays
   double plastic_limit = 0.5;                   ///< most that stays
 };
+
+/// How far a cluster that is no box of a grid reaches into its neighbours, m. \param mean_edge of its body's
+/// tetrahedra, m.
+inline double overlapOf(const ClusterOptions& options, double mean_edge) {
+  constexpr double kAutomaticEdges = 1.5;
+  return options.overlap.value_or(kAutomaticEdges * mean_edge);
+}
 
 /// A named, weighted set of physical vertices: a region with a material of its own.
 struct ClusterSource {

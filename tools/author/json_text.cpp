@@ -2,6 +2,8 @@
 #include "tools/author/json_text.h"
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <iterator>
 #include <set>
 
@@ -211,6 +213,12 @@ std::string childPointer(const std::string& pointer, std::string_view key) {
 
 std::string childPointer(const std::string& pointer, std::size_t index) {
   return pointer + "/" + std::to_string(index);
+}
+
+double sevenDigits(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.7g", x);
+  return std::strtod(text, nullptr);
 }
 
 std::string nearestName(std::string_view wanted, std::span<const std::string> names) {

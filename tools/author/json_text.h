@@ -52,6 +52,9 @@ class JsonText {
 std::string childPointer(const std::string& pointer, std::string_view key);
 std::string childPointer(const std::string& pointer, std::size_t index);
 
+/// A number as people write it, of seven digits.
+double sevenDigits(double x);
+
 /// Of `names` the one that is nearest to `wanted` (fewest letters changed), or empty where there are none. Ties: the
 /// first.
 std::string nearestName(std::string_view wanted, std::span<const std::string> names);

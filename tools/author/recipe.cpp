@@ -50,7 +50,7 @@ void readClusterSettings(const JsonText& text, const Json& json, const std::stri
       text.fail(place, "a cluster has no setting '" + name + "'",
                 "Did you mean " + nearestName(name, known) +
                     "? They are those of `sinew help settings` under clusters., "
-                    "without that prefix and without method, grid, size and overlap.");
+                    "without that prefix and without method, grid, size and soften_metres.");
     }
     const std::string key = std::string(kClusterPrefix) + name;
     checked(text, place, [&, setting = textOf(value)] { trial.set(key, setting); });
@@ -67,7 +67,6 @@ RecipeCluster readCluster(const JsonText& text, const Json& json, const std::str
   if (json.contains("settings")) {
     readClusterSettings(text, json["settings"], childPointer(pointer, "settings"), cluster);
   }
-  if (json.contains("overlap")) cluster.overlap = json["overlap"].get<double>();
   if (json.contains("split")) cluster.split = json["split"].get<double>();
   if (json.contains("channel")) cluster.channel = json["channel"].get<std::string>();
   cluster.contraction = recipeValue(shape, json, "contraction").get<double>();
@@ -225,6 +224,22 @@ class MaskCheck {
   std::set<std::string> done_;
 };
 
+// What the entries of a recipe's lists select; not what carries parts, which may be the name of more than a mask.
+std::vector<SelectionText> entrySelections(const Recipe& recipe) {
+  std::vector<SelectionText> all;
+  for (const RecipeCluster& cluster : recipe.clusters) {
+    for (const SelectionText* s : {&cluster.from, &cluster.origin, &cluster.insertion}) all.push_back(*s);
+    if (cluster.from.json.is_null()) all.push_back({{{"cluster_mesh", cluster.name}}, cluster.pointer});
+  }
+  for (const RecipePins& pins : recipe.pins) all.push_back(pins.from);
+  for (const RecipeFactor& stiffness : recipe.stiffness) all.push_back(stiffness.from);
+  for (const RecipeFactor& thickness : recipe.thickness) all.push_back(thickness.from);
+  for (const RecipeColor& color : recipe.colors) all.push_back(color.from);
+  for (const RecipePart& part : recipe.parts) all.push_back(part.from);
+  std::erase_if(all, [](const SelectionText& selection) { return selection.json.is_null(); });
+  return all;
+}
+
 fs::path folderOf(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
 
 bool isInside(const fs::path& file, const fs::path& folder) {
@@ -244,32 +259,81 @@ void takeProject(const Json& json, Recipe& recipe) {
   recipe.project = recipe.folder / steps;
 }
 
+// Until version 2 the overlap had three names: in boxes for grids, in metres (0: automatic) for authored clusters, and
+// a cluster's own key.
+Json withOneOverlap(Json json, std::vector<Finding>& findings) {
+  json["sinew_recipe"] = Recipe::kVersion;
+  const auto say = [&](const std::string& message, Severity severity) {
+    Finding finding;
+    finding.id = "recipe-migrated";
+    finding.severity = severity;
+    finding.count = 1;
+    finding.message = message;
+    finding.cure = severity == Severity::info ? "The next command of sinew author that changes the recipe writes it so."
+                                              : "Give clusters.overlap in metres where it is to differ.";
+    findings.push_back(finding);
+  };
+  if (json.contains("settings") && json["settings"].is_object()) {
+    Json& settings = json["settings"];
+    const Json boxes = settings.value("clusters.overlap", Json());
+    const Json metres = settings.value("clusters.overlap_metres", Json());
+    settings.erase("clusters.overlap");
+    settings.erase("clusters.overlap_metres");
+    if (!boxes.is_null() && boxes != 0.5) {
+      say("clusters.overlap = " + boxes.dump() + " counted boxes of a grid and is left out: it is in metres now",
+          Severity::warning);
+    }
+    if (!metres.is_null()) {
+      if (metres != 0) settings["clusters.overlap"] = metres;
+      say("clusters.overlap_metres = " + metres.dump() +
+              " is now clusters.overlap = " + (metres == 0 ? "auto" : metres.dump()),
+          Severity::info);
+    }
+  }
+  std::size_t moved = 0;
+  if (json.contains("clusters") && json["clusters"].is_array()) {
+    for (Json& cluster : json["clusters"]) {
+      if (!cluster.is_object() || !cluster.contains("overlap")) continue;
+      if (cluster.contains("settings") && !cluster["settings"].is_object()) continue;  // told when it is read
+      cluster["settings"]["overlap"] = cluster["overlap"];
+      cluster.erase("overlap");
+      ++moved;
+    }
+  }
+  if (moved > 0) {
+    say("the overlap of " + std::to_string(moved) + (moved == 1 ? " cluster" : " clusters") +
+            " is now in the cluster's settings",
+        Severity::info);
+  }
+  return json;
+}
+
 }  // namespace
 
 bool isRecipe(const fs::path& file) { return file.extension() == ".json"; }
 
-Json migratedRecipe(const JsonText& text, const fs::path& file) {
+Json migratedRecipe(const JsonText& text, const fs::path& file, std::vector<Finding>& findings) {
   const Json& json = text.json();
   if (!json.is_object() || !json.contains("sinew_recipe")) {
     throw ToolError(ExitCode::bad_input, text.file(), "is JSON but no recipe (the key sinew_recipe is missing)",
-                    R"(A recipe looks like {"sinew_recipe": 2, "source": "mesh.obj", "settings": {}}.)");
+                    R"(A recipe looks like {"sinew_recipe": 3, "source": "mesh.obj", "settings": {}}.)");
   }
   if (json["sinew_recipe"] == Recipe::kVersion) return json;
+  if (json["sinew_recipe"] == 2) return withOneOverlap(json, findings);
   if (json["sinew_recipe"] != 1) {
     text.fail("/sinew_recipe",
-              "is a recipe of version " + json["sinew_recipe"].dump() + ", this program reads versions 1 and " +
+              "is a recipe of version " + json["sinew_recipe"].dump() + ", this program reads versions 1 to " +
                   std::to_string(Recipe::kVersion),
-              "Use the version of sinew that wrote it, or set sinew_recipe to 2 if it was written by hand.");
+              "Use the version of sinew that wrote it, or set sinew_recipe to 3 if it was written by hand.");
   }
   for (const auto& [key, value] : json.items()) {
     if (key != "sinew_recipe" && key != "source" && key != "settings") {
       text.fail(childPointer("", key), "a recipe of version 1 has no key '" + key + "'",
-                "Set sinew_recipe to 2, or remove the key.");
+                "Set sinew_recipe to 3, or remove the key.");
     }
   }
   // Version 1 had no project folder: take the nearest one that holds the source.
-  Json migrated = json;
-  migrated["sinew_recipe"] = Recipe::kVersion;
+  Json migrated = withOneOverlap(json, findings);
   if (json.contains("source") && json["source"].is_string()) {
     const fs::path folder = folderOf(file);
     const fs::path source = folder / json["source"].get<std::string>();
@@ -293,26 +357,32 @@ Recipe parseRecipe(std::string_view content, const fs::path& file) {
   auto text = std::make_shared<JsonText>(content, file.string());
   recipe.text = text;
   recipe.folder = folderOf(file);
-  Json json = migratedRecipe(*text, file);
+  Json json = migratedRecipe(*text, file, recipe.migrated);
   checkRecipeShape(text->with(json));
   takeProject(json, recipe);
   recipe.source = recipe.file(json["source"].get<std::string>(), "/source");
   readContent(json, recipe);
   MaskCheck masks(recipe);
   for (const auto& [name, mask] : recipe.masks) masks.selection(SelectionText{name, mask.pointer});
-  for (const RecipeCluster& cluster : recipe.clusters) {
-    for (const SelectionText* s : {&cluster.from, &cluster.origin, &cluster.insertion}) masks.selection(*s);
-  }
-  for (const RecipePins& pins : recipe.pins) masks.selection(pins.from);
-  for (const RecipeFactor& stiffness : recipe.stiffness) masks.selection(stiffness.from);
-  for (const RecipeFactor& thickness : recipe.thickness) masks.selection(thickness.from);
-  for (const RecipeColor& color : recipe.colors) masks.selection(color.from);
+  for (const SelectionText& selection : entrySelections(recipe)) masks.selection(selection);
   for (const RecipePart& part : recipe.parts) {
-    masks.selection(part.from);
     // A name may also be that of a cluster, which the source alone may know: looked up when it is evaluated.
     if (!part.to.json.is_string()) masks.selection(part.to);
   }
   return recipe;
+}
+
+std::vector<SelectionText> newSelections(const Recipe& before, const Recipe& after) {
+  const auto all = [](const Recipe& recipe) {
+    std::vector<SelectionText> selections = entrySelections(recipe);
+    for (const auto& [name, mask] : recipe.masks) selections.push_back(mask);
+    return selections;
+  };
+  std::set<std::string> known;
+  for (const SelectionText& selection : all(before)) known.insert(selection.json.dump());
+  std::vector<SelectionText> fresh = all(after);
+  std::erase_if(fresh, [&](const SelectionText& selection) { return known.contains(selection.json.dump()); });
+  return fresh;
 }
 
 Recipe readRecipe(const fs::path& file) { return parseRecipe(JsonText::readFile(file.string()), file); }

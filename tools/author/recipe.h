@@ -11,6 +11,7 @@
 
 #include "tools/author/json_text.h"
 #include "tools/author/settings.h"
+#include "tools/core/finding.h"
 
 namespace sinew::tools {
 
@@ -26,7 +27,6 @@ struct RecipeCluster {
   std::string pointer;
   SelectionText from;                                         ///< null: the cluster mesh of this name
   std::vector<std::pair<std::string, std::string>> settings;  ///< full keys ("clusters.mode") and values as text
-  std::optional<double> overlap;                              ///< m
   std::optional<double> split;                                ///< m
   std::string channel;                                        ///< empty: none
   double contraction = 0.3;                                   ///< 0..0.9
@@ -65,7 +65,7 @@ struct RecipePart {
 /// What was authored: the source, every setting that differs from its default, and the artist's masks, clusters, pins.
 /// The format: docs/recipe-format.md.
 struct Recipe {
-  static constexpr int kVersion = 2;
+  static constexpr int kVersion = 3;
   std::filesystem::path source;  ///< absolute or relative to the working folder (in the file: relative to the recipe)
   Settings settings;
   std::vector<std::pair<std::string, SelectionText>> masks;
@@ -78,6 +78,7 @@ struct Recipe {
   std::filesystem::path folder;          ///< the recipe's; empty for a bare source
   std::filesystem::path project;         ///< no file lies outside of it
   std::shared_ptr<const JsonText> text;  ///< for messages; never null
+  std::vector<Finding> migrated;         ///< what an older version's keys became
 
   /// A file that the recipe names. Throws ToolError(bad_input) where it lies outside the project folder.
   std::filesystem::path file(const std::string& name, const std::string& pointer) const;
@@ -97,8 +98,14 @@ Recipe parseRecipe(std::string_view text, const std::filesystem::path& file);
 /// The recipe of a bare source: its path and the defaults; of a recipe: its content.
 Recipe recipeFor(const std::filesystem::path& source_or_recipe);
 
+/// The selections of `after` that `before` has not, or has otherwise: masks, and those of clusters, pins, parts and
+/// factors.
+std::vector<SelectionText> newSelections(const Recipe& before, const Recipe& after);
+
 /// A recipe's JSON in the present version. Throws ToolError(bad_input) where it is of a version that is not known.
-/// \param file where it stands, for paths that version 1 allowed to leave its folder.
-nlohmann::ordered_json migratedRecipe(const JsonText& text, const std::filesystem::path& file);
+/// \param file where it stands, for paths that version 1 allowed to leave its folder. \param findings out: what
+/// became of keys that are no more.
+nlohmann::ordered_json migratedRecipe(const JsonText& text, const std::filesystem::path& file,
+                                      std::vector<Finding>& findings);
 
 }  // namespace sinew::tools

@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
 #include <sstream>
 
 #include "tools/author/mask_image.h"
 #include "tools/author/recipe.h"
 #include "tools/author/recipe_keys.h"
+#include "tools/author/selection.h"
 #include "tools/core/atomic_file.h"
+#include "tools/core/command_line.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -153,6 +156,22 @@ bool isSetting(std::string_view key) {
   return std::any_of(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
 }
 
+// What became of old keys is told where the recipe is read for use.
+Json migrated(const JsonText& text, const fs::path& file) {
+  std::vector<Finding> findings;
+  return migratedRecipe(text, file, findings);
+}
+
+const RecipeObject& shapeOf(std::string_view name) {
+  const auto& all = recipeObjects();
+  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
+}
+
+bool isKeyOf(std::string_view object, std::string_view key) {
+  const std::vector<RecipeKey>& keys = shapeOf(object).keys;
+  return std::any_of(keys.begin(), keys.end(), [&](const RecipeKey& k) { return k.name == key; });
+}
+
 void requireNewRecipe(const fs::path& file) {
   if (!isRecipe(file)) usage("a recipe's name ends in .json, not '" + file.string() + "'", "Name it NAME.json.");
   std::error_code error;
@@ -252,13 +271,13 @@ RecipeEditor RecipeEditor::copy(const fs::path& from, const fs::path& file) {
   parseRecipe(text, from);
   editor.file_ = file;
   editor.states_.push_back(
-      {"copied from " + from.filename().string(), written(migratedRecipe(JsonText(text, from.string()), from))});
+      {"copied from " + from.filename().string(), written(migrated(JsonText(text, from.string()), from))});
   return editor;
 }
 
 void RecipeEditor::replace(const std::string& command, const Json& document) { commit(command, document); }
 
-Json RecipeEditor::document() const { return migratedRecipe(JsonText(text(), file_.string()), file_); }
+Json RecipeEditor::document() const { return migrated(JsonText(text(), file_.string()), file_); }
 
 void RecipeEditor::commit(const std::string& command, const Json& document) { commitText(command, written(document)); }
 
@@ -318,19 +337,29 @@ void RecipeEditor::addPart(const std::string& name, const std::string& selection
   commit("add-part " + name, document);
 }
 
-void RecipeEditor::set(const std::string& key, const std::string& value) {
+std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, const std::string& value) {
   Json document = this->document();
   const bool removes = value == "default";
-  const auto put = [&](Json& object, const std::string& name) {
-    if (removes) {
-      if (object.is_object()) object.erase(name);
-    } else {
+  std::vector<Change> changes;
+  const auto put = [&](Json& object, const std::string& name, const std::string& place) {
+    const std::string before = object.contains(name) ? object[name].dump() : "default";
+    if (removes)
+      object.erase(name);
+    else
       object[name] = valueOf(value);
-    }
+    const std::string after = removes ? "default" : object[name].dump();
+    if (before != after) changes.push_back({place, before, after});
+  };
+  const auto putSetting = [&](Json& owner, const std::string& name, const std::string& place) {
+    Json& settings = owner["settings"];
+    if (settings.is_null()) settings = Json::object();
+    put(settings, name, place);
+    if (settings.empty()) owner.erase("settings");
   };
   if (!key.empty() && key.front() == '/') {
     try {
       const Json::json_pointer pointer(key);
+      const std::string before = document.contains(pointer) ? document[pointer].dump() : "default";
       if (removes) {
         if (document.contains(pointer)) {
           Json& parent = document[pointer.parent_pointer()];
@@ -342,39 +371,51 @@ void RecipeEditor::set(const std::string& key, const std::string& value) {
       } else {
         document[pointer] = valueOf(value);
       }
+      const std::string after = removes ? "default" : document[pointer].dump();
+      if (before != after) changes.push_back({key, before, after});
     } catch (const nlohmann::json::exception&) {
       usage("'" + key + "' is no place of the recipe", "Write it as in /clusters/0/from.");
     }
-  } else if (isSetting(key)) {
-    put(document["settings"], key);
-    if (document["settings"].empty()) document.erase("settings");
-  } else {
-    const std::size_t dot = key.rfind('.');
-    Json* entry = nullptr;
-    bool is_cluster = false;
-    if (dot != std::string::npos) {
-      entry = namedEntry(document, "clusters", key.substr(0, dot));
-      is_cluster = entry != nullptr;
-      for (const char* list : {"pins", "parts"}) {
-        if (entry == nullptr) entry = namedEntry(document, list, key.substr(0, dot));
+    commit("set " + key + "=" + value, document);
+    return changes;
+  }
+  bool found = false;
+  Settings settings;
+  for (const auto& d : Settings::declarations(settings)) {
+    // "*.mode" is the mode of whatever has a name.
+    if (key.find('*') < key.find('.') || !matchesPattern(d.key, key)) continue;
+    found = true;
+    putSetting(document, std::string(d.key), std::string(d.key));
+  }
+  const std::size_t dot = key.rfind('.');
+  if (!found && dot != std::string::npos) {
+    const std::string names = key.substr(0, dot);
+    const std::string name = key.substr(dot + 1);
+    const bool pattern = names.find('*') != std::string::npos;
+    for (const auto& [list, object] : {std::pair{"clusters", "cluster"}, {"pins", "pin"}, {"parts", "part"}}) {
+      if (!document.contains(list)) continue;
+      const bool is_setting = std::string_view(list) == "clusters" && isSetting(std::string(kClusterPrefix) + name);
+      // One name is one entry, and its key is judged with the recipe; several are those that have such a key.
+      if (pattern ? !is_setting && !isKeyOf(object, name) : found) continue;
+      for (Json& entry : document[list]) {
+        const auto own = entry["name"].get<std::string>();
+        const std::string place = std::string(own).append(".").append(name);
+        if (!matchesPattern(own, names) && !matchesPattern(std::string(list).append(".").append(own), names)) continue;
+        found = true;
+        if (is_setting)
+          putSetting(entry, name, place);
+        else
+          put(entry, name, place);
       }
     }
-    if (entry == nullptr) {
-      Settings settings;
-      settings.set(key, value);  // says what is wrong with it
-      usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster, part or set of pins",
-            "All settings: sinew help settings.");
-    }
-    const std::string name = key.substr(dot + 1);
-    // A cluster's own overlap is in metres, and no setting.
-    if (!is_cluster || name == "overlap" || !isSetting(std::string(kClusterPrefix) + name)) {
-      put(*entry, name);
-    } else {
-      put((*entry)["settings"], name);
-      if ((*entry)["settings"].empty()) entry->erase("settings");
-    }
+  }
+  if (!found) {
+    if (key.find('*') == std::string::npos) settings.set(key, value);  // says what is wrong with it
+    usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster, part or set of pins",
+          "All settings: sinew help settings.");
   }
   commit("set " + key + "=" + value, document);
+  return changes;
 }
 
 void RecipeEditor::rename(const std::string& from, const std::string& to) {
@@ -429,14 +470,16 @@ void RecipeEditor::remove(const std::string& name) {
     visitSelections(document, [&](Json& used) { uses += used == name ? 1U : 0U; });
     if (uses > 0) {
       usage("mask '" + name + "' is used by " + std::to_string(uses) + (uses == 1 ? " selection" : " selections"),
-            "Remove or change what uses it first: sinew author " + file_.string() + " show --json.");
+            "Remove or change what uses it first: " +
+                commandLine({"sinew", "author", file_.string(), "show", "--json"}) + ".");
     }
   }
   if (!found) noSuchName(document, name);
   commit("remove " + name, document);
 }
 
-void RecipeEditor::mirror(const std::string& name, const std::string& to, const std::string& plane) {
+void RecipeEditor::mirror(const std::string& name, const std::string& to, const std::string& plane,
+                          const std::function<Eigen::Vector3d()>& found_normal) {
   Json document = this->document();
   const std::string target = to.empty() ? otherSide(name) : to;
   if (target == name) {
@@ -455,14 +498,19 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
       if (copy.contains(key)) copy[key] = image(copy[key]);
     }
     if (copy.contains("channel")) copy["channel"] = otherSide(copy["channel"].get<std::string>());
-    // A given direction would need the plane; found ones mirror by themselves.
+    // Found directions mirror by themselves.
     if (copy.contains("fibre") && copy["fibre"].is_array()) {
-      if (plane.empty() || plane == "auto") {
-        usage("cluster '" + name + "' has a fibre direction, so its mirror image needs a plane",
-              "Add --plane x, y or z.");
+      Json& fibre = copy["fibre"];
+      const Eigen::Vector3d normal = plane.empty() || plane == "auto" ? found_normal()
+                                                                      : Eigen::Vector3d::Unit(plane == "x"   ? 0
+                                                                                              : plane == "y" ? 1
+                                                                                                             : 2);
+      const Eigen::Vector3d along(fibre[0].get<double>(), fibre[1].get<double>(), fibre[2].get<double>());
+      const Eigen::Vector3d image_along = along - 2 * along.dot(normal) * normal;
+      // Without what the reflection rounds beside a zero.
+      for (int k = 0; k < 3; ++k) {
+        fibre[std::size_t(k)] = std::abs(image_along[k]) > 1e-9 * along.norm() ? sevenDigits(image_along[k]) : 0.0;
       }
-      const std::size_t axis = plane == "x" ? 0 : plane == "y" ? 1 : 2;
-      copy["fibre"][axis] = -copy["fibre"][axis].get<double>();
     }
     document["clusters"].push_back(copy);
   } else if (document.contains("masks") && document["masks"].contains(name)) {

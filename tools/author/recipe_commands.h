@@ -3,7 +3,9 @@
 // Every edit of a recipe, as an undoable command. The program's `author` verb and windows run the same ones.
 #pragma once
 
+#include <Eigen/Core>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
@@ -46,17 +48,26 @@ class RecipeEditor {
   /// Adds loose parts that ride along. \param attach "rigid", "follow" or empty. \param to a name or selection, or
   /// empty.
   void addPart(const std::string& name, const std::string& selection, const std::string& attach, const std::string& to);
-  /// Sets one value. \param key a setting ("clusters.mode"), a cluster's key or setting ("NAME.overlap",
-  /// "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"). \param value JSON, or plain text; "default" removes
-  /// it.
-  void set(const std::string& key, const std::string& value);
+  /// A value that set() has changed.
+  struct Change {
+    std::string place;   ///< "clusters.mode", "skin.stretch_hz", "/clusters/0/from"
+    std::string before;  ///< JSON; "default" where the recipe says nothing
+    std::string after;
+  };
+  /// Sets values. \param key a setting ("clusters.mode"), a key or setting of a cluster, a set of pins or a part
+  /// ("NAME.split", "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"); * in a setting's key or in NAME stands
+  /// for any letters, "clusters.*.mode" means clusters only. \param value JSON, or plain text; "default" removes it.
+  /// \return every value that differs now.
+  std::vector<Change> set(const std::string& key, const std::string& value);
   /// Renames a mask (with all selections that use it), a cluster or a set of pins.
   void rename(const std::string& from, const std::string& to);
   /// Removes a mask, a cluster or a set of pins. A mask that is in use stays, with an error that says where.
   void remove(const std::string& name);
   /// Adds the mirror image of a mask or cluster. \param to empty: the name with left and right exchanged (.L/.R, _l/_r,
-  /// left/right). \param plane auto, x, y or z.
-  void mirror(const std::string& name, const std::string& to, const std::string& plane);
+  /// left/right). \param plane auto, x, y or z. \param found_normal asked for the normal (unit) of the source's plane
+  /// of symmetry where plane is auto and a fibre has a given direction.
+  void mirror(const std::string& name, const std::string& to, const std::string& plane,
+              const std::function<Eigen::Vector3d()>& found_normal);
   /// Adds a mask from a picture or a stroke file (.json). \param file relative to the working folder; it must lie in
   /// the project folder. \param options further keys of the selection as a JSON object; may be empty.
   void paint(const std::string& name, const std::filesystem::path& file, const std::string& options);

@@ -192,7 +192,7 @@ std::vector<RecipeObject> declareObjects() {
       {"recipe",
        "A whole recipe. Lengths and points are metres, y up, as `sinew inspect` shows the source.",
        {{"$schema", kRecipeText, "Where editors find the schema.", "none"},
-        {"sinew_recipe", kRecipeInteger, "Version of the format.", "", "", 1, 2},
+        {"sinew_recipe", kRecipeInteger, "Version of the format.", "", "", 1, 3},
         note(),
         {"project", kRecipeText, "Folder that no file of the recipe lies outside of: \".\" or \"..\", \"../..\", ...",
          "\".\""},
@@ -221,7 +221,7 @@ std::vector<RecipeObject> declareObjects() {
          0,
          {},
          "part"}},
-       R"({"sinew_recipe": 2, "source": "head.obj", "clusters": [{"name": "nose", "from": {"group": "nose"}}]})"},
+       R"({"sinew_recipe": 3, "source": "head.obj", "clusters": [{"name": "nose", "from": {"group": "nose"}}]})"},
       {"cluster",
        "A named region with a material of its own. Regions may overlap; where they leave gaps, the nearest one along "
        "the "
@@ -231,10 +231,8 @@ std::vector<RecipeObject> declareObjects() {
         {"from", kRecipeSelection, "The region. Without it: the cluster mesh of this name.", "none"},
         {"settings", kRecipeClusterSettings,
          "Settings of its own, without their prefix `clusters.`: mode, stretch_hz, ...", "{}"},
-        {"overlap", kRecipeNumber, "How far it reaches into its neighbours; absent: clusters.overlap_metres.", "none",
-         "m", 0, kFar},
-        {"split", kRecipeNumber, "Cut it into pieces of about this size, named NAME.1, NAME.2, ...", "none", "m", 1e-9,
-         kFar},
+        {"split", kRecipeNumber, "Cut it into pieces about this wide in the mean, named NAME.1, NAME.2, ...", "none",
+         "m", 1e-9, kFar},
         {"channel", kRecipeText, "Name of the input 0..1 that contracts it.", "none"},
         {"contraction", kRecipeNumber, "With a channel: shortening along the fibre at full activation.", "0.3", "", 0,
          0.9},
@@ -556,6 +554,10 @@ Json settingSchema(Settings& defaults, const Settings::Declaration& d) {
     Json operator()(const Settings::Number& t) const {
       return {{"type", "number"}, {"minimum", t.minimum}, {"maximum", t.maximum}, {"default", *t.value}};
     }
+    Json operator()(const Settings::AutoNumber& t) const {
+      const Json number = {{"type", "number"}, {"minimum", 0}, {"maximum", t.maximum}};
+      return {{"anyOf", {{{"const", "auto"}}, number}}, {"default", *t.value ? Json(**t.value) : Json("auto")}};
+    }
     Json operator()(const Settings::Count& t) const {
       return {{"type", "integer"}, {"minimum", t.minimum}, {"maximum", t.maximum}, {"default", *t.value}};
     }
@@ -631,7 +633,7 @@ Json recipeValue(const RecipeObject& object, const Json& json, std::string_view 
 
 Json recipeSchema() {
   Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
-                 {"title", "Sinew recipe, version 2"},
+                 {"title", "Sinew recipe, version 3"},
                  {"description", "Written by `sinew help schema`."},
                  {"$ref", "#/$defs/recipe"}};
   Json defs = Json::object();
@@ -670,8 +672,9 @@ masks that need themselves are an error that names the cycle.
 **Files** are relative to the recipe's folder and lie inside the project folder: the recipe's own, or a folder above
 it that the key `project` names.
 
-**Versions.** This is version 2. A recipe of version 1 (`source` and `settings` only) is read as it is; the first
-command of `sinew author` that changes it writes version 2.
+**Versions.** This is version 3. Recipes of version 1 (`source` and `settings` only) and 2 (with `clusters.overlap_metres`, a
+cluster's key `overlap`, and `clusters.overlap` in boxes) are read as what they mean now, with the finding
+`recipe-migrated`; the first command of `sinew author` that changes one writes version 3.
 
 )";
   for (const RecipeObject& object : recipeObjects()) {

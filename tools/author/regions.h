@@ -10,9 +10,9 @@
 
 namespace sinew::tools {
 
-/// Cuts a set of physical vertices into regions about `size` wide that follow the shape: centres by farthest-point
-/// sampling, then Lloyd's rounds, distances along the tetrahedra's edges within the set. At most 256 regions; pieces
-/// that do not touch are never in one.
+/// Cuts a set of physical vertices into regions that follow the shape, as few as are `size` wide in the mean: centres
+/// by farthest-point sampling, then Lloyd's rounds, distances along the tetrahedra's edges within the set. At most 256
+/// regions. Pieces that do not touch are never in one, but that those of fewer than 8 vertices go to the nearest.
 /// \param members physical vertices. \param size metres, > 0.
 /// \return region of each member, from 0.
 std::vector<std::uint32_t> regionsOfSize(const PhysicalMesh& mesh, const TetGraph& graph,

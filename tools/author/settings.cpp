@@ -14,9 +14,23 @@ namespace sinew::tools {
 namespace {
 
 // How clusters are laid out over a body: of all of them, so no cluster has its own.
-constexpr std::array<std::string_view, 6> kLayoutKeys = {"clusters.method",         "clusters.grid",
-                                                         "clusters.size",           "clusters.overlap",
-                                                         "clusters.overlap_metres", "clusters.soften_metres"};
+constexpr std::array<std::string_view, 4> kLayoutKeys = {"clusters.method", "clusters.grid", "clusters.size",
+                                                         "clusters.soften_metres"};
+
+// What says nothing unless another setting has a value.
+struct Need {
+  std::string_view key, needs_key, needs_value;
+};
+constexpr std::array<Need, 10> kNeeds = {{{"clusters.grid", "clusters.method", "grid"},
+                                          {"clusters.size", "clusters.method", "kmeans"},
+                                          {"clusters.bend_hz", "clusters.mode", "quadratic"},
+                                          {"clusters.twist_hz", "clusters.mode", "quadratic"},
+                                          {"clusters.stretch_hz", "clusters.stiffness", "frequency"},
+                                          {"clusters.per_step_beta", "clusters.stiffness", "per_step"},
+                                          {"clusters.young", "clusters.stiffness", "elastic"},
+                                          {"clusters.poisson", "clusters.stiffness", "elastic"},
+                                          {"clusters.limit_norm_max", "clusters.limit", "soft"},
+                                          {"clusters.limit_curve", "clusters.limit", "curve"}}};
 
 constexpr std::array<std::string_view, 6> kUnits = {"m", "dm", "cm", "mm", "in", "ft"};
 
@@ -60,6 +74,12 @@ bool setFromText(Settings& settings, const Settings::Declaration& d, std::string
       const auto value = parseNumber(text);
       if (!value || *value < t.minimum || *value > t.maximum) return false;
       *t.value = *value;
+      return true;
+    }
+    bool operator()(const Settings::AutoNumber& t) const {
+      const auto value = parseNumber(text);
+      if (text != "auto" && (!value || *value < 0 || *value > t.maximum)) return false;
+      *t.value = value;
       return true;
     }
     bool operator()(const Settings::Count& t) const {
@@ -176,8 +196,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.tetrahedra.join_distance, 0, 1}},
       {"clusters.grid", "", "Boxes along x, y and z that each body is cut into; auto chooses by size and shape.",
        Grid{&s.clusters.grid, 64}},
-      {"clusters.overlap", "boxes", "How far a box reaches into its neighbours: over so much their materials blend.",
-       Number{&s.clusters.overlap, 0, 1}},
+      {"clusters.overlap", "m",
+       "How far a cluster reaches into its neighbours: over so much their materials blend. auto: half a box of a grid, "
+       "else 1.5 edges of the tetrahedra. 0: not at all, a recipe's clusters as they were painted.",
+       AutoNumber{&s.clusters.overlap, 1e6}},
       {"clusters.method", "",
        "How clusters are made where the recipe has none: boxes along the axes, or k-means (regions of equal size that "
        "follow the shape).",
@@ -186,9 +208,6 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
               [](Settings& x, int v) { x.clusters.method = ClusterMethod(v); }}},
       {"clusters.size", "m", "Of kmeans: how wide a cluster is; 0 chooses by the number of physical vertices.",
        Number{&s.clusters.size, 0, 1e6}},
-      {"clusters.overlap_metres", "m",
-       "How far a cluster of a recipe, or of kmeans, reaches into its neighbours; 0 takes 1.5 edges of the tetrahedra.",
-       Number{&s.clusters.overlap_metres, 0, 1e6}},
       {"clusters.soften_metres", "m",
        "Width over which clusters of a recipe blend into each other wherever their weights jump between neighbouring "
        "vertices, along the body; 0: weights stay as they are.",
@@ -285,6 +304,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
   for (Declaration& d : all) {
     d.of_cluster = d.key.starts_with(kClusterPrefix) &&
                    std::find(kLayoutKeys.begin(), kLayoutKeys.end(), d.key) == kLayoutKeys.end();
+    const auto* need = std::find_if(kNeeds.begin(), kNeeds.end(), [&](const Need& n) { return n.key == d.key; });
+    if (need == kNeeds.end()) continue;
+    d.needs_key = need->needs_key;
+    d.needs_value = need->needs_value;
   }
   return all;
 }
@@ -318,6 +341,8 @@ nlohmann::ordered_json Settings::toJson() const {
     const std::string key(d.key);
     if (const auto* number = std::get_if<Number>(&d.type))
       json[key] = *number->value;
+    else if (const auto* optional = std::get_if<AutoNumber>(&d.type); optional != nullptr && *optional->value)
+      json[key] = **optional->value;
     else if (const auto* count = std::get_if<Count>(&d.type))
       json[key] = *count->value;
     else if (const auto* flag = std::get_if<Flag>(&d.type))
@@ -333,6 +358,7 @@ std::string legalText(const Settings::Declaration& d) {
     std::string operator()(const Settings::Number& t) const {
       return numberText(t.minimum) + " .. " + numberText(t.maximum);
     }
+    std::string operator()(const Settings::AutoNumber& t) const { return "auto | 0 .. " + numberText(t.maximum); }
     std::string operator()(const Settings::Count& t) const {
       return std::to_string(t.minimum) + " .. " + std::to_string(t.maximum);
     }
@@ -354,6 +380,7 @@ std::string valueText(const Settings& settings, const Settings::Declaration& d) 
   struct Visitor {
     const Settings& settings;
     std::string operator()(const Settings::Number& t) const { return numberText(*t.value); }
+    std::string operator()(const Settings::AutoNumber& t) const { return *t.value ? numberText(**t.value) : "auto"; }
     std::string operator()(const Settings::Count& t) const { return std::to_string(*t.value); }
     std::string operator()(const Settings::Flag& t) const { return *t.value ? "true" : "false"; }
     std::string operator()(const Settings::Choice& t) const {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -50,6 +51,10 @@ struct Settings {
     double* value;
     double minimum, maximum;
   };
+  struct AutoNumber {  ///< "auto" or a number from 0
+    std::optional<double>* value;
+    double maximum;
+  };
   struct Count {
     std::uint32_t* value;
     std::uint32_t minimum, maximum;
@@ -76,8 +81,10 @@ struct Settings {
     std::string_view key;
     std::string_view unit;      ///< "" where it has none
     std::string_view sentence;  ///< what it does
-    std::variant<Number, Count, Flag, Choice, Text, Grid> type;
+    std::variant<Number, AutoNumber, Count, Flag, Choice, Text, Grid> type;
     bool of_cluster = false;  ///< a recipe's cluster can have a value of its own
+    /// Another setting and its value without which this one says nothing; "" where it always does.
+    std::string_view needs_key = "", needs_value = "";
   };
 
   /// The declarations, bound to the values of `settings`.

@@ -12,6 +12,7 @@
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection.h"
 #include "tools/author/stored_masks.h"
+#include "tools/core/command_line.h"
 #include "tools/core/error.h"
 #include "tools/import/import.h"
 
@@ -38,13 +39,7 @@ constexpr const char* kPending = "\n";
 
 // ---- Lengths and points of a recipe ----
 
-double rounded(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.7g", x);
-  return std::strtod(text, nullptr);
-}
-
-Json jsonOf(const Vector3d& x) { return {rounded(x[0]), rounded(x[1]), rounded(x[2])}; }
+Json jsonOf(const Vector3d& x) { return {sevenDigits(x[0]), sevenDigits(x[1]), sevenDigits(x[2])}; }
 
 bool isPoint(const Json& json) {
   return json.is_array() && json.size() == 3 &&
@@ -86,7 +81,7 @@ class Mover {
       } else if (has(kRecipePoint) && isPoint(*at)) {
         *at = jsonOf(key.unit == "m" ? to_new_(pointOf(*at)) : Vector3d(to_new_.rotation * pointOf(*at)));
       } else if (key.unit == "m" && has(kRecipeNumber) && at->is_number()) {
-        *at = rounded(to_new_.scale * at->get<double>());
+        *at = sevenDigits(to_new_.scale * at->get<double>());
       }
     }
   }
@@ -113,8 +108,9 @@ class Mover {
       if (d.unit != "m" || !d.key.starts_with(prefix)) continue;
       const auto at = json.find(d.key.substr(prefix.size()));
       if (at == json.end()) continue;
+      if (*at == "auto") continue;
       const double value = at->is_string() ? std::strtod(at->get<std::string>().c_str(), nullptr) : at->get<double>();
-      *at = rounded(to_new_.scale * value);
+      *at = sevenDigits(to_new_.scale * value);
     }
   }
 
@@ -258,7 +254,7 @@ Source readAligned(const fs::path& file, const Settings& settings, const Source&
   if (std::abs(s.scale - 1) > 0.005 && isUsualRatio(s.scale)) {
     const double metres = source.mesh.metres_per_unit * s.scale;
     options.unit = unitNamed(metres);
-    if (options.unit.empty()) options.unit = Json(rounded(metres)).dump();
+    if (options.unit.empty()) options.unit = Json(sevenDigits(metres)).dump();
   }
   if (source.mesh.up_axis == "y" && s.rotation.isApprox(z_up, 0.02)) options.up = "z";
   if (source.mesh.up_axis == "z" && s.rotation.isApprox(z_up.transpose(), 0.02)) options.up = "y";
@@ -613,9 +609,9 @@ void refuseWhatIsMissing(const TransferResult& result, double area_scale, const 
                sentence(" (%.0f %% of its area)", 100 * s.new_area / (area_scale * s.old_area));
   }
   if (missing.empty()) return;
-  throw ToolError(
-      ExitCode::bad_input, source.string(), "lacks what the recipe names: " + missing,
-      "If it was taken out on purpose, remove it first: sinew author " + recipe.string() + " remove " + first + ".");
+  throw ToolError(ExitCode::bad_input, source.string(), "lacks what the recipe names: " + missing,
+                  "If it was taken out on purpose, remove it first: " +
+                      commandLine({"sinew", "author", recipe.string(), "remove", first}) + ".");
 }
 
 }  // namespace
@@ -657,8 +653,8 @@ TransferResult transferRecipe(const TransferOptions& options, Progress& progress
         ExitCode::bad_input, options.new_source.string(),
         sentence("only %.0f %% of its surface", 100 * match.matched) + " lies on that of " + old_source.string() +
             sentence(" (mean distance %.2g of the diagonal, in the best of all axes and units)", alignment.error),
-        "It is another model; begin a recipe for it with sinew author NEW.json new " + options.new_source.string() +
-            ".");
+        "It is another model; begin a recipe for it with " +
+            commandLine({"sinew", "author", "NEW.json", "new", options.new_source.string()}) + ".");
   }
 
   progress.stage("selections");
@@ -679,6 +675,10 @@ TransferResult transferRecipe(const TransferOptions& options, Progress& progress
         if (file == kPending) file = name;
       });
     });
+  }
+  for (const TransferredSelection& s : result.selections) {
+    if (s.old_area > 0 || s.new_area > 0) continue;
+    result.notes.push_back(s.kind + " " + s.name + " selects nothing, before as now");
   }
   result.editor.replace("transfer " + options.new_source.filename().string(), document);
   progress.finish();

@@ -32,7 +32,6 @@ constexpr std::size_t kFewMembers = 8;
 constexpr double kIdentical = 1e-3;
 // Of the largest piece's weight: a piece apart that has less is not meant.
 constexpr double kStray = 0.2;
-constexpr double kAutomaticOverlap = 1.5;  // edges
 // Standard deviations between 10 % and 90 % of a step that has been diffused.
 constexpr double kDeviationsInRamp = 2.56;
 constexpr int kSoftenSteps = 2;
@@ -136,11 +135,8 @@ class BodyClusters {
 
   // Neighbours must share vertices, or the body falls apart between them.
   void widen(Piece& piece) const {
-    double overlap = clusters_[piece.cluster].overlap.value_or(settings_.clusters.overlap_metres);
-    if (!(overlap > 0)) {
-      if (clusters_[piece.cluster].overlap) return;
-      overlap = kAutomaticOverlap * graph_.mean_edge[number_];
-    }
+    const double overlap = overlapOf(optionsOf(clusters_[piece.cluster], settings_), graph_.mean_edge[number_]);
+    if (!(overlap > 0)) return;
     const double largest = *std::max_element(piece.weight.begin(), piece.weight.end());
     // From where the weight crosses one half on the edges, so that a little more or less moves the border a little.
     const double half = 0.5 * largest;
@@ -294,12 +290,6 @@ void report(std::vector<Finding>& findings, const char* id, const std::vector<st
   findings.push_back(finding);
 }
 
-ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings) {
-  Settings own = settings;
-  for (const auto& [key, value] : cluster.settings) own.set(key, value);
-  return own.clusters;
-}
-
 bool hangsTogether(const TetGraph& graph, const ClusterSource& cluster) {
   std::vector<std::uint8_t> inside(graph.first.size() - 1, 0);
   for (const std::uint32_t v : cluster.vertices) inside[v] = 1;
@@ -436,12 +426,18 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
     finding.count = runs;
     finding.message = "the clusters of body " + transfer.physical().bodies[b].name + " form " + std::to_string(runs) +
                       " sets that share no vertex: it falls apart between them";
-    finding.cure = "Raise clusters.overlap_metres, or the overlap of the clusters beside the gap.";
+    finding.cure = "Raise clusters.overlap, of all or of the clusters beside the gap.";
     findings.push_back(finding);
   }
 }
 
 }  // namespace
+
+ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings) {
+  Settings own = settings;
+  for (const auto& [key, value] : cluster.settings) own.set(key, value);
+  return own.clusters;
+}
 
 WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physical,
                                const std::vector<TetrahedronPlace>& places)

@@ -37,6 +37,9 @@ class WeightTransfer {
   std::vector<std::uint32_t> taken_from_;  // per physical vertex: itself, or the nearest that has a contribution
 };
 
+/// The settings of a cluster: those of all, and its own.
+ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings);
+
 /// Makes clusters of physical vertices of the recipe's: carries weights over, gives what no cluster covers to the
 /// nearest one along the tetrahedra, widens each by its overlap (so that neighbours share vertices and hold together),
 /// cuts those that ask for it, and splits those that span bodies. Bodies that no cluster touches get automatic ones.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <map>
 
+#include "tools/author/pins.h"
+#include "tools/author/unused_settings.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -11,8 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A physical vertex that is held less than this is not held.
-constexpr double kMinimumPin = 0.02;
 // One that is held more than this is held exactly: a mean of ones may round to less.
 constexpr double kExactPin = 0.999;
 
@@ -74,35 +74,57 @@ void addChannels(const AuthoredWeights& authored, const WeightTransfer& transfer
   }
 }
 
-struct PinSet {
-  std::string name, target;
-  std::uint32_t method;
-  const VisualWeights* weights;
-};
+// The pin sets of a recipe: its own, and the origins of its muscles.
+std::vector<PinWeights> pinWeights(const Recipe& recipe, const AuthoredWeights& authored) {
+  std::vector<PinWeights> sets;
+  for (std::size_t p = 0; p < recipe.pins.size(); ++p) sets.push_back({recipe.pins[p].name, authored.pins[p]});
+  for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
+    if (!authored.origins[c].empty()) sets.push_back({authored.clusters[c].name + ".origin", authored.origins[c]});
+  }
+  return sets;
+}
+
+std::vector<RigidShares> rigidShares(const std::vector<ClusterSource>& sources,
+                                     const formats::PackageContent& content) {
+  std::vector<RigidShares> rigid;
+  for (std::size_t c = 0; c < sources.size(); ++c) {
+    const formats::Cluster& cluster = content.clusters[c];
+    if (cluster.mode != formats::ClusterMode::rigid) continue;
+    rigid.push_back({sources[c].name, std::vector<double>(content.physical_vertices.size(), 0)});
+    for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
+      rigid.back().shares[content.memberships[m].vertex] += double(content.memberships[m].share);
+    }
+  }
+  return rigid;
+}
 
 void addPins(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
-             formats::PackageContent& content) {
-  std::vector<PinSet> sets;
-  for (std::size_t p = 0; p < recipe.pins.size(); ++p) {
-    sets.push_back({recipe.pins[p].name, recipe.pins[p].target, recipe.pins[p].method, &authored.pins[p]});
-  }
-  for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
-    if (authored.origins[c].empty()) continue;
-    sets.push_back({authored.clusters[c].name + ".origin", "world", RecipePins{}.method, &authored.origins[c]});
-  }
+             const std::vector<ClusterSource>& sources, formats::PackageContent& content,
+             std::vector<Finding>& findings) {
+  std::vector<PinWeights> sets = pinWeights(recipe, authored);
   if (sets.empty()) return;
+  for (PinWeights& set : sets) {
+    set.weights = transfer(set.weights);
+    for (double& weight : set.weights) {
+      if (weight > kExactPin) weight = 1;
+    }
+  }
+  const std::vector<std::uint32_t> holders = pinHolders(sets);
   content.pin_weights.assign(content.physical_vertices.size(), 0);
-  for (const PinSet& set : sets) {
-    const std::vector<double> weights = transfer(*set.weights);
+  for (std::uint32_t s = 0; s < sets.size(); ++s) {
+    const RecipePins given = s < recipe.pins.size() ? recipe.pins[s] : RecipePins{};
     const auto first = std::uint32_t(content.pin_set_vertices.size());
-    for (std::uint32_t v = 0; v < weights.size(); ++v) {
-      if (weights[v] < kMinimumPin) continue;
-      content.pin_weights[v] = std::max(content.pin_weights[v], weights[v] > kExactPin ? 1.0F : float(weights[v]));
+    for (std::uint32_t v = 0; v < holders.size(); ++v) {
+      if (holders[v] != s) continue;
+      content.pin_weights[v] = float(sets[s].weights[v]);
       content.pin_set_vertices.push_back(v);
     }
     const auto count = std::uint32_t(content.pin_set_vertices.size()) - first;
-    content.pin_sets.push_back({content.addText(set.name), content.addText(set.target), set.method, first, count, 0});
+    content.pin_sets.push_back(
+        {content.addText(sets[s].name), content.addText(given.target), given.method, first, count, 0});
   }
+  const std::vector<Finding> found = judgePins(sets, rigidShares(sources, content), "physical");
+  findings.insert(findings.end(), found.begin(), found.end());
 }
 
 // What carries a part: a cluster, a set of pins, a mask, or a selection.
@@ -153,6 +175,23 @@ void addColors(const Recipe& recipe, const AuthoredWeights& authored, const Visu
   content.visual_colors = packedColors(colors);
 }
 
+void sayUnusedSettings(const Recipe& recipe, const AuthoredWeights& authored, const Topology& topology,
+                       const VisualMesh& mesh, std::vector<Finding>& findings) {
+  // A loose part that no cluster touches may become a body of automatic clusters.
+  std::vector<std::uint8_t> touched(topology.parts.size(), 0);
+  for (const VisualWeights& weights : authored.cluster_weights) {
+    for (std::size_t p = 0; p < touched.size(); ++p) {
+      for (const std::uint32_t t : topology.parts[p].triangles) {
+        for (const std::uint32_t v : mesh.triangles[t]) {
+          if (weights[v] > 0) touched[p] = 1;
+        }
+      }
+    }
+  }
+  const bool automatic = std::find(touched.begin(), touched.end(), 0) != touched.end();
+  if (const auto unused = unusedSettings(recipe.settings, authored.clusters, automatic)) findings.push_back(*unused);
+}
+
 }  // namespace
 
 std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors) {
@@ -168,12 +207,15 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings) {
   AuthoredWeights authored;
   authored.clusters = withClusterMeshes(recipe, cluster_meshes);
+  findings.insert(findings.end(), recipe.migrated.begin(), recipe.migrated.end());
   if (authored.clusters.empty() && recipe.pins.empty() && recipe.stiffness.empty() && recipe.thickness.empty() &&
       recipe.colors.empty() && recipe.parts.empty() && recipe.masks.empty()) {
+    sayUnusedSettings(recipe, authored, topology, mesh, findings);
     return authored;
   }
   Selections selections(recipe, mesh, topology, cluster_meshes, findings);
   authored.cluster_weights = selections.clusters();
+  sayUnusedSettings(recipe, authored, topology, mesh, findings);
   const auto evaluate = [&](const SelectionText& s) {
     return s.json.is_null() ? VisualWeights{} : selections.evaluate(s);
   };
@@ -193,6 +235,22 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
   return authored;
 }
 
+std::vector<Finding> judgePins(const Recipe& recipe, const AuthoredWeights& authored) {
+  const std::vector<PinWeights> sets = pinWeights(recipe, authored);
+  if (sets.empty()) return {};
+  std::vector<double> whole(sets[0].weights.size(), 0);
+  for (const VisualWeights& weights : authored.cluster_weights) {
+    for (std::size_t v = 0; v < whole.size(); ++v) whole[v] += weights[v];
+  }
+  std::vector<RigidShares> rigid;
+  for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
+    if (optionsOf(authored.clusters[c], recipe.settings).mode != formats::ClusterMode::rigid) continue;
+    rigid.push_back({authored.clusters[c].name, authored.cluster_weights[c]});
+    for (std::size_t v = 0; v < whole.size(); ++v) rigid.back().shares[v] /= std::max(whole[v], kMinimumPin);
+  }
+  return judgePins(sets, rigid, "visual");
+}
+
 std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh) {
   std::vector<double> factors(recipe.thickness.empty() ? 0 : mesh.welded_positions.size(), 1);
   for (std::size_t i = 0; i < recipe.thickness.size(); ++i) {
@@ -208,7 +266,7 @@ void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const We
                  const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
                  const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
   addChannels(authored, transfer, sources, recipe_cluster, mesh, content, findings);
-  addPins(recipe, authored, transfer, content);
+  addPins(recipe, authored, transfer, sources, content, findings);
   addMasks(recipe, authored, content);
   addColors(recipe, authored, mesh, content);
   if (recipe.stiffness.empty()) return;

@@ -31,6 +31,10 @@ struct AuthoredWeights {
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings);
 
+/// What sets of pins select and will not move, by the visual vertices (author/pins.h). The bake says it of the physical
+/// ones.
+std::vector<Finding> judgePins(const Recipe& recipe, const AuthoredWeights& authored);
+
 /// Linear RGBA 0..1 as bytes 0..255, as the package keeps colours.
 std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors);
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "tools/author/pins.h"
 #include "tools/field/field.h"
 
 namespace sinew::tools {
@@ -21,8 +22,6 @@ using nlohmann::ordered_json;
 
 /// Frequencies beyond these times the lowest of a piece stiffen nothing that can be seen; what is rigid stiffens more.
 constexpr double kStiffest = 30, kSoftest = 1e-2, kRigid = 90;
-/// Shares below this are none.
-constexpr double kNoShare = 0.004;
 /// Frequency of a vertex on a pin of weight one half, Hz.
 constexpr double kPinHz = 60;
 /// Parts that a triangle's edges are divided into at most, and places on triangles for each contact point: bounds of
@@ -530,7 +529,7 @@ class PieceFields {
     for (std::uint32_t v = 0; v < held_by.size(); ++v) {
       if (held_by[v] != formats::kNone && weight[v] >= 1) hold(v, held_by[v]);
     }
-    holdRigid(held_by);
+    holdRigid(held_by, weight);
     for (std::uint32_t v = 0; v < held_by.size(); ++v) {
       if (held_by[v] == formats::kNone || taken_[v] != 0) continue;
       const double omega = 2 * std::numbers::pi * kPinHz * weight[v] / (1 - weight[v]);
@@ -566,7 +565,7 @@ class PieceFields {
   /// What belongs to a rigid cluster that one pin set holds moves with that set: its own vertices as if they were in
   /// the set, those that it shares with others by tethers. A share of s beside r of the clusters that deform makes the
   /// tether s / r times as stiff as a stretch of these clusters' size is.
-  void holdRigid(const std::vector<std::uint32_t>& held_by) {
+  void holdRigid(const std::vector<std::uint32_t>& held_by, const std::vector<double>& weight) {
     std::vector<double> young(positions_.size(), 0), around = young, soft = young, radius = young;
     double volume = 0, mass = 0;
     for (std::size_t t = 0; t < tetrahedra_.size(); ++t) {
@@ -586,14 +585,9 @@ class PieceFields {
       if (content_.clusters[c].mode != formats::ClusterMode::rigid) continue;
       if (std::find(riders_.begin(), riders_.end(), c) != riders_.end()) continue;
       const std::vector<double> shares = sharesOf(c);
-      std::uint32_t set = formats::kNone;
-      bool one = true;
-      for (std::size_t v = 0; v < shares.size(); ++v) {
-        if (held_by[v] == formats::kNone || !(shares[v] > 1 - kNoShare)) continue;
-        one = one && (set == formats::kNone || set == held_by[v]);
-        set = held_by[v];
-      }
-      if (set == formats::kNone || !one) continue;
+      const std::vector<std::uint32_t> holders = rigidHolders(shares, held_by, weight);
+      if (holders.size() != 1) continue;
+      const std::uint32_t set = holders[0];
       for (std::uint32_t v = 0; v < shares.size(); ++v) {
         if (!(shares[v] > kNoShare)) continue;
         if (shares[v] > 1 - kNoShare) {

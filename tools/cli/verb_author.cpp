@@ -13,6 +13,7 @@
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
+#include "tools/core/command_line.h"
 #include "tools/core/progress.h"
 #include "tools/import/import.h"
 #include "tools/import/topology.h"
@@ -104,7 +105,7 @@ void show(const AuthorCommand& command) {
   if (!command.picture.empty()) {
     progress.stage("picture");
     std::vector<NamedWeights> named;
-    for (const Shown& entry : shown) named.push_back(entry.weights);
+    for (const Shown& entry : shown) named.push_back({entry.kind + " " + entry.weights.name, entry.weights.weights});
     renderWeights(mesh, named, command.recipe, command.picture);
   }
   progress.finish();
@@ -134,14 +135,59 @@ void show(const AuthorCommand& command) {
 
 void say(const std::string& what) { std::cout << what << "\n"; }
 
+// Refuses what a command adds that selects nothing, and says what of its pins will not move.
+std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after) {
+  const std::vector<SelectionText> fresh = newSelections(before, after);
+  if (fresh.empty() && before.pins.size() == after.pins.size()) return {};
+  Progress progress(true);
+  progress.stage("import");
+  VisualMesh mesh = importVisualMesh(after.source, after.settings.import, progress);
+  const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
+  progress.stage("selections");
+  const Topology topology = analyzeTopology(mesh);
+  std::vector<Finding> findings;
+  Selections selections(after, mesh, topology, cluster_meshes, findings);
+  for (const SelectionText& selection : fresh) {
+    if (usesRest(after, selection.json))
+      selections.clusters();
+    else
+      selections.evaluate(selection);
+  }
+  if (!after.pins.empty()) {
+    const std::vector<Finding> judged =
+        judgePins(after, evaluateRecipe(after, mesh, topology, cluster_meshes, findings));
+    findings.insert(findings.end(), judged.begin(), judged.end());
+  }
+  progress.finish();
+  return findings;
+}
+
 void edit(const AuthorCommand& command, const std::function<void(RecipeEditor&)>& change) {
   RecipeEditor editor = RecipeEditor::open(command.recipe);
   if (JsonText(editor.text(), command.recipe).hasComments()) {
     std::cerr << "sinew: " << command.recipe << ": its comments are dropped (undo brings them back). Use \"note\".\n";
   }
+  const Recipe before = parseRecipe(editor.text(), command.recipe);
   change(editor);
+  const std::vector<Finding> findings = checkNewSelections(before, parseRecipe(editor.text(), command.recipe));
   editor.save();
   say(command.recipe + ": " + editor.history()[editor.position()]);
+  std::cout.flush();
+  printFindings(std::cout, findings, false);
+}
+
+// The normal of the plane of symmetry that "plane": "auto" finds.
+Eigen::Vector3d symmetryNormal(const RecipeEditor& editor) {
+  const Recipe recipe = parseRecipe(editor.text(), editor.file());
+  Progress progress(true);
+  progress.stage("import");
+  VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
+  takeClusterMeshes(mesh);
+  const std::optional<MirrorPlane> plane = Surface(mesh).symmetryPlane();
+  progress.finish();
+  if (plane) return plane->normal;
+  throw ToolError(ExitCode::usage, recipe.source.string(), "has no plane of symmetry that could be found",
+                  "Add --plane x, y or z.");
 }
 
 // "a, b, c and 12 more"
@@ -236,9 +282,13 @@ void transfer(const AuthorCommand& command) {
                 "uv", "neighbour", "new", "largest m", "rms m", "area");
   }
   for (const TransferredSelection& s : result.selections) {
-    std::printf("  %-9s %-24s %-7s %7zu %8zu %6zu %9zu %6zu  %10.3g %10.3g  %.1f %%\n", s.kind.c_str(), s.name.c_str(),
+    std::printf("  %-9s %-24s %-7s %7zu %8zu %6zu %9zu %6zu  %10.3g %10.3g  ", s.kind.c_str(), s.name.c_str(),
                 s.stored ? "weights" : "words", s.matched[0], s.matched[1], s.matched[2], s.matched[3], s.matched[4],
-                s.largest, s.rms, s.old_area > 0 ? 100 * s.new_area / s.old_area : 100.0);
+                s.largest, s.rms);
+    if (s.old_area > 0)
+      std::printf("%.1f %%\n", 100 * s.new_area / s.old_area);
+    else
+      std::printf("%s\n", s.new_area > 0 ? "was nothing" : "nothing");
   }
   if (!result.mask_file.empty()) std::printf("  weights are in %s\n", result.mask_file.c_str());
 }
@@ -276,9 +326,9 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
     const RecipeEditor editor = RecipeEditor::create(command->recipe, command->from);
     editor.save();
     say(command->recipe + ": " + editor.history().back());
-    say("  What the file offers: sinew inspect " + command->from +
-        ". A cluster for each of its parts, groups, bones, ...: sinew author " + command->recipe +
-        " add-clusters part");
+    say("  What the file offers: " + commandLine({"sinew", "inspect", command->from}) +
+        ". A cluster for each of its parts, groups, bones, ...: " +
+        commandLine({"sinew", "author", command->recipe, "add-clusters", "part"}));
   });
   make->add_option("source", command->from, "The artist's mesh")->required();
 
@@ -327,19 +377,26 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
     factor->add_option("--from", command->from, selection)->required();
   }
 
-  CLI::App* set =
-      add("set", "Set values: KEY=VALUE, CLUSTER.KEY=VALUE or /json/pointer=VALUE; default removes one", [command] {
-        edit(*command, [&](RecipeEditor& e) {
-          for (const std::string& assignment : command->assignments) {
-            const std::size_t equals = assignment.find('=');
-            if (equals == std::string::npos) {
-              throw ToolError(ExitCode::usage, "", "'" + assignment + "' is no KEY=VALUE",
-                              "Write it as in clusters.mode=linear.");
-            }
-            e.set(assignment.substr(0, equals), assignment.substr(equals + 1));
-          }
-        });
-      });
+  CLI::App* set = add("set",
+                      "Set values: KEY=VALUE, NAME.KEY=VALUE or /json/pointer=VALUE; * stands for any letters, default "
+                      "removes a value",
+                      [command] {
+                        std::vector<RecipeEditor::Change> changes;
+                        edit(*command, [&](RecipeEditor& e) {
+                          for (const std::string& assignment : command->assignments) {
+                            const std::size_t equals = assignment.find('=');
+                            if (equals == std::string::npos) {
+                              throw ToolError(ExitCode::usage, "", "'" + assignment + "' is no KEY=VALUE",
+                                              "Write it as in clusters.mode=linear.");
+                            }
+                            const auto made = e.set(assignment.substr(0, equals), assignment.substr(equals + 1));
+                            changes.insert(changes.end(), made.begin(), made.end());
+                          }
+                        });
+                        for (const RecipeEditor::Change& c : changes)
+                          say("  " + c.place + ": " + c.before + " -> " + c.after);
+                        if (changes.empty()) say("  nothing changed: the values were there");
+                      });
   set->add_option("assignments", command->assignments, "KEY=VALUE")->required();
 
   CLI::App* rename = add("rename", "Rename a mask, a cluster, a part or a set of pins", [command] {
@@ -353,7 +410,9 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   remove->add_option("name", command->name)->required();
 
   CLI::App* mirror = add("mirror", "Add the mirror image of a mask or cluster", [command] {
-    edit(*command, [&](RecipeEditor& e) { e.mirror(command->name, command->other, command->plane); });
+    edit(*command, [&](RecipeEditor& e) {
+      e.mirror(command->name, command->other, command->plane, [&e] { return symmetryNormal(e); });
+    });
   });
   mirror->add_option("name", command->name)->required();
   mirror->add_option("--to", command->other, "Its name; without it left and right are exchanged (.L/.R, _l/_r)");

@@ -5,9 +5,11 @@
 #include "tools/bake/check_package.h"
 #include "tools/bake/check_source.h"
 #include "tools/bake/findings_json.h"
+#include "tools/bake/suggest_up.h"
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
+#include "tools/core/command_line.h"
 #include "tools/render/defect_picture.h"
 
 namespace sinew::tools {
@@ -30,7 +32,7 @@ struct Diagnosis {
 Diagnosis checkPackageFile(const CheckCommand& command) {
   if (!command.picture.empty()) {
     throw ToolError(ExitCode::usage, command.file, "--render draws the places of a source, this is a package",
-                    "Use: sinew render " + command.file + " -o " + command.picture + ".");
+                    "Use: " + commandLine({"sinew", "render", command.file, "-o", command.picture}) + ".");
   }
   if (!command.assignments.empty()) {
     throw ToolError(ExitCode::usage, command.file, "--set is for a source, this is a package",
@@ -57,6 +59,10 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
     diagnosis.findings.insert(diagnosis.findings.end(), more.begin(), more.end());
   };
   append(source.findings);
+  append(judgePins(recipe, source.authored));
+  if (recipe.settings.import.up == "auto") {
+    if (const auto lies = suggestUp(source.mesh)) append({*lies});
+  }
   if (!command.picture.empty()) {
     progress.stage("picture");
     renderDefects(source.mesh, diagnosis.findings, command.picture);

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/unused_settings.h"
+
+#include <algorithm>
+#include <array>
+
+namespace sinew::tools {
+namespace {
+
+// Of clusters that nobody authored, and of those that somebody did.
+constexpr std::array<std::string_view, 3> kOfAutomatic = {"clusters.method", "clusters.grid", "clusters.size"};
+constexpr std::string_view kOfAuthored = "clusters.soften_metres";
+
+std::string valueOf(Settings& settings, std::string_view key) {
+  for (const auto& d : Settings::declarations(settings)) {
+    if (d.key == key) return valueText(settings, d);
+  }
+  return "";
+}
+
+}  // namespace
+
+std::optional<Finding> unusedSettings(const Settings& given, std::span<const RecipeCluster> clusters, bool automatic) {
+  Settings settings = given;
+  Settings defaults;
+  // What clusters go by: the settings of all, where some are automatic, and each authored one's.
+  struct User {
+    Settings settings;
+    const RecipeCluster* cluster;
+  };
+  std::vector<User> users;
+  if (automatic || clusters.empty()) users.push_back({settings, nullptr});
+  for (const RecipeCluster& cluster : clusters) {
+    users.push_back({settings, &cluster});
+    for (const auto& [key, value] : cluster.settings) users.back().settings.set(key, value);
+  }
+  std::vector<std::string> unused;
+  for (const auto& d : Settings::declarations(settings)) {
+    if (valueText(settings, d) == valueOf(defaults, d.key)) continue;
+    std::string why;
+    if (std::find(kOfAutomatic.begin(), kOfAutomatic.end(), d.key) != kOfAutomatic.end() && !clusters.empty() &&
+        !automatic) {
+      why = "all clusters are the recipe's";
+    } else if (d.key == kOfAuthored && clusters.empty()) {
+      why = "no cluster is the recipe's";
+    } else if (d.of_cluster || !d.needs_key.empty()) {
+      const auto own = [&](const User& user) {
+        return user.cluster != nullptr && std::any_of(user.cluster->settings.begin(), user.cluster->settings.end(),
+                                                      [&](const auto& entry) { return entry.first == d.key; });
+      };
+      if (d.of_cluster && std::all_of(users.begin(), users.end(), own)) {
+        why = "every cluster has its own";
+      } else if (!d.needs_key.empty() && std::none_of(users.begin(), users.end(), [&](User& user) {
+                   return !own(user) && valueOf(user.settings, d.needs_key) == d.needs_value;
+                 })) {
+        why = "it is of " + std::string(d.needs_key) + " = " + std::string(d.needs_value);
+      }
+    }
+    if (!why.empty()) unused.push_back(std::string(d.key) + " (" + why + ")");
+  }
+  if (unused.empty()) return std::nullopt;
+  Finding finding;
+  finding.id = "settings-unused";
+  finding.count = unused.size();
+  finding.message = std::to_string(unused.size()) + (unused.size() == 1 ? " setting says" : " settings say") +
+                    " nothing with this recipe";
+  for (const std::string& each : unused) finding.place += (finding.place.empty() ? "" : ", ") + each;
+  finding.cure = "Leave it out, or set what it belongs to.";
+  return finding;
+}
+
+}  // namespace sinew::tools
