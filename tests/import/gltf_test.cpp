@@ -363,6 +363,71 @@ TEST_F(Gltf, FaultsNameTheirPlaceInTheJson) {
   expectRefusal(write("broken.gltf", "{\"asset\": {\"version\": \"2.0\"}"), "malformed");
 }
 
+// docs/decisions/0013-own-gltf-reader.md holds these files against tinygltf, which refuses, misreads or crashes on
+// each.
+TEST_F(Gltf, FilesThatALibraryWouldRefuseAreRead) {
+  const auto read = [&](const char* name, auto change) {
+    SCOPED_TRACE(name);
+    Builder b = tetrahedron();
+    change(b);
+    EXPECT_NEAR(volumeOf(importFile(write(std::string(name) + ".glb", b.glb()))), 1.0 / 6, 1e-15);
+  };
+  read("image of nothing", [](Builder& b) { b.doc["images"] = {json::object()}; });
+  read("indices of zeros", [](Builder& b) {
+    b.doc["accessors"].push_back({{"componentType", kUbyte}, {"type", "SCALAR"}, {"count", 3}});
+    b.doc["meshes"].push_back(
+        {{"primitives", {{{"attributes", {{"POSITION", 0}}}, {"indices", b.doc["accessors"].size() - 1}}}}});
+  });
+  read("stride of 6", [](Builder& b) {
+    primitive(b)["attributes"]["POSITION"] =
+        b.accessor(std::vector<std::int16_t>{0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}, kShort, "VEC3", 4);
+    b.doc["bufferViews"].back()["byteStride"] = 6;
+  });
+  Builder b = tetrahedron();
+  const std::string whole = b.glb();
+  const std::size_t chunk = whole.size() - b.binary.size() - 8;
+  const auto glbOf = [](std::string bytes) {
+    const std::uint32_t size = std::uint32_t(bytes.size());
+    std::memcpy(bytes.data() + 8, &size, 4);
+    return bytes;
+  };
+  std::string odd = whole + "abc";
+  const std::uint32_t odd_size = std::uint32_t(b.binary.size() + 3);
+  std::memcpy(odd.data() + chunk, &odd_size, 4);
+  const std::string between = whole.substr(0, chunk) + std::string("\4\0\0\0ABCDwxyz", 12) + whole.substr(chunk);
+  for (const std::string& bytes : {glbOf(odd), glbOf(between)})
+    EXPECT_NEAR(volumeOf(importFile(write("chunks.glb", bytes))), 1.0 / 6, 1e-15);
+  // A data URI of a private type, with three bytes more than its buffer has.
+  b.doc["buffers"].push_back({{"byteLength", 9}, {"uri", "data:application/vnd.acme;base64,AAAAAAAAAAAAAAAA"}});
+  b.doc["bufferViews"].push_back({{"buffer", 1}, {"byteLength", 9}});
+  b.doc["accessors"].push_back(
+      {{"bufferView", b.doc["bufferViews"].size() - 1}, {"componentType", kUbyte}, {"type", "SCALAR"}, {"count", 4}});
+  primitive(b)["attributes"]["_ZERO"] = b.doc["accessors"].size() - 1;
+  b.doc["buffers"][0]["uri"] = "beside.bin";
+  write("beside.bin", b.binary);
+  const VisualMesh mesh = importFile(write("type.gltf", "\xEF\xBB\xBF" + b.doc.dump()));
+  ASSERT_NE(attributeOf(mesh, "_ZERO"), nullptr);
+  EXPECT_EQ(attributeOf(mesh, "_ZERO")->values, std::vector<float>(4, 0.0F));
+}
+
+TEST_F(Gltf, NumbersAndDepthsThatALibraryWouldMisreadAreRefused) {
+  Builder b = tetrahedron();
+  primitive(b)["attributes"]["POSITION"] = 4'294'967'296ULL;
+  expectRefusal(write("wrapped.glb", b.glb()), "names accessor 4294967296 of 2");
+  b = tetrahedron();
+  b.doc["bufferViews"].push_back({{"buffer", 0}, {"byteLength", 100'000'000}});
+  b.doc["images"] = {{{"bufferView", 2}}};
+  b.doc["textures"] = {{{"source", 0}}};
+  b.doc["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
+  primitive(b)["material"] = 0;
+  expectRefusal(write("image.glb", b.glb()), "/bufferViews/2");
+  b = tetrahedron();
+  json nested = 1;
+  for (int depth = 0; depth < 1000; ++depth) nested = json{{"a", std::move(nested)}};
+  b.doc["extras"] = std::move(nested);
+  expectRefusal(write("deep.glb", b.glb()), "nested deeper");
+}
+
 TEST_F(Gltf, EveryTruncationOfAGlbIsRefused) {
   const std::string whole = tetrahedron().glb();
   for (std::size_t size = 1; size < whole.size(); size += 7) {
