@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Fails when an include crosses a line of the map in docs/architecture.md, a file lacks its licence line, or a file
-names a place of one machine, work left undone, or in a comment a file or a section that is not there.
+names a place of one machine, work left undone, or (in a comment, a text or a link) a file or a section that is not there.
 
     layering.py ROOT        prints `file:line: [rule] what is wrong` for each finding; exit 1 if there is one
 
@@ -86,6 +86,7 @@ TOOL_OWN = {
 BEHIND = {
     ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
     ("tools/import/", "stb"): ("tools/import/textures.cpp",),
+    ("tools/render/", "stb"): ("tools/render/text.cpp",),  # fonts
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
     ("tools/author/", "opencv"): ("tools/author/mask_image.cpp",),
     ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),
@@ -130,6 +131,8 @@ MACHINE = re.compile(r"(?<![\w.}])/(?:" + "|".join(("home", "work", "root", "Use
 COMMENT = re.compile(r"(?://|/\*|^ \*)(.*)")
 ADDRESS = re.compile(r"\w+://\S+")
 POINTER = re.compile(r"(?<![\w.*])[\w/-]+\.(?:cpp|h|md|py)\b(?:,? §(\d+))?")
+PAGE = re.compile(r"\bdocs/[\w/-]+\.(?:md|json)\b")
+LINK = re.compile(r"\]\((?!\w+://)([^)#\s]*)(?:#([^)\s]+))?\)")
 DRIVE = re.compile(r"\b[A-Z]:\\\\?\w")
 
 
@@ -206,9 +209,26 @@ def files_by_name(root):
     return found
 
 
+def heading_ids(text):
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in re.findall(r"^#+ (.*)$", text, re.M)}
+
+
+def missing_links(root, path, line):
+    """What a page links to and is not there: files, and headings of pages."""
+    for link in LINK.finditer(line):
+        target = (root / path).parent / link.group(1) if link.group(1) else root / path
+        if not target.exists():
+            yield link.group(1)
+        elif link.group(2) and target.suffix == ".md" and link.group(2) not in heading_ids(target.read_text(encoding="utf-8")):
+            yield f"{link.group(1)}#{link.group(2)}"
+
+
 def missing_pointers(root, line):
-    """What a comment names and is not there: files, and numbered sections of pages."""
+    """What a source names and is not there: in comments files and numbered sections of pages, in texts pages."""
     comment = COMMENT.search(line)
+    for page in PAGE.finditer(line[:comment.start()] if comment else line):
+        if not (root / page.group(0)).exists():
+            yield page.group(0)
     for pointer in POINTER.finditer(ADDRESS.sub("", comment.group(1))) if comment else ():
         name = pointer.group(0).split(",")[0].split(" ")[0]
         places = files_by_name(root).get(name.rsplit("/", 1)[-1], [])
@@ -244,6 +264,9 @@ def check_file(root, path, text):
             else:
                 for missing in missing_pointers(root, line):
                     yield number, "pointer", f"there is no {missing}"
+        if path.endswith(".md"):
+            for missing in missing_links(root, path, line):
+                yield number, "pointer", f"there is no {missing}"
         undone = UNDONE.search(line)
         if undone:
             yield number, "undone", f"{undone.group(0)}: do it, or write an issue"

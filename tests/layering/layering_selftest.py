@@ -35,6 +35,7 @@ GOOD = {
     "scripts/go": "#!/bin/sh\n# SPDX-License-Identifier: MIT\n",
     "docs/method.md": "# The method\n\n## 1 Symbols\n",
     "runtime/step/pointers.cpp": MIT + "// docs/method.md §1, world_step.cpp; https://example.org/gone.md\nint x;  // README.md\n",
+    "docs/runtime.md": "Of [symbols](method.md#1-symbols), [code](../tools/cli/main.cpp), [far](https://example.org/gone.md).\n",
     "README.md": "Installs to /usr/local/include, logs to /tmp.\n",
 }
 
@@ -77,6 +78,9 @@ BAD = [
     ("runtime/step/a.cpp", MIT + "// As in nowhere.cpp.\n", "pointer"),
     ("runtime/step/a.cpp", MIT + "int x;  // docs/method.md §3\n", "pointer"),
     ("tools/bake/a.cpp", GPL + "/* see design.md */\n", "pointer"),
+    ("tools/cli/a.cpp", GPL + 'const char* text = "see docs/gone.md";\n', "pointer"),
+    ("docs/a.md", "As [there](gone.md).\n", "pointer"),
+    ("docs/a.md", "As [there](method.md#2-steps).\n", "pointer"),
     ("tools/bake/a.cpp", "#include <vector>\n", "licence"),
     ("tools/bake/a.cpp", MIT, "licence"),
     ("runtime/step/a.h", GPL, "licence"),

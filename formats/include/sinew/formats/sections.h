@@ -152,7 +152,7 @@ struct Cluster {
   float twist_hz;                    ///< of the cross terms
   std::uint32_t quadratic;           ///< index into AQQ9, kNone unless mode is quadratic
   std::array<float, 6>
-      quadratic_mean;         ///< mu-weighted means of qx^2 qy^2 qz^2 qxqy qyqz qzqx: subtracted to centre them
+      quadratic_mean;         ///< mu-weighted means of qx^2 qy^2 qz^2 qxqy qyqz qzqx; redundant: goes with version 3
   std::array<float, 6> a_qq;  ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
 };
 static_assert(sizeof(Cluster) == 112);
