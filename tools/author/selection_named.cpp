@@ -7,6 +7,7 @@
 
 #include "tools/author/selection_kinds.h"
 #include "tools/author/stored_masks.h"
+#include "tools/core/command_line.h"
 
 namespace sinew::tools {
 namespace {
@@ -263,8 +264,9 @@ VisualWeights stored(const SelectionSource& source, const Place& place) {
                       " was made on other points: " + std::to_string(mask.moved) + " take that of one nearby, " +
                       std::to_string(mask.unknown) + " have none";
     finding.place = place.pointer.substr(1);
-    finding.cure = "The source changed: sinew author " + source.recipe.text->file() +
-                   " transfer NEW --old OLD carries the mask over.";
+    finding.cure = "The source changed: " +
+                   commandLine({"sinew", "author", source.recipe.text->file(), "transfer", "NEW", "--old", "OLD"}) +
+                   " carries the mask over.";
     source.findings.push_back(finding);
   }
   return std::move(mask.weights);
