@@ -663,10 +663,10 @@ sinew_status sinew_body_set_activation_by_name(sinew_world* world, uint32_t body
 }
 
 sinew_status sinew_body_pick(sinew_world* world, uint32_t body, uint32_t visual_vertex, const float target[3],
-                             float frequency_hz, uint32_t* pick) {
+                             float frequency_hz, float most_force, uint32_t* pick) {
   return onBody("sinew_body_pick", world, body, target != nullptr && pick != nullptr,
                 [&](sinew::World& w, sinew::BodyId id) {
-                  const sinew::PickId made = w.pick(id, visual_vertex, vec3(target), frequency_hz);
+                  const sinew::PickId made = w.pick(id, visual_vertex, vec3(target), frequency_hz, most_force);
                   if (made != sinew::PickId{}) *pick = made.value;
                 });
 }

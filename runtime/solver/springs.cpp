@@ -86,7 +86,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     }
     if (!(answer > 0)) continue;
     const double kappa = omega * omega / answer, damper = 2 * omega / answer / step.h;
-    const Vector3d target = (kappa * asVector(pick.target).cast<double>() + damper * old) / (kappa + damper);
+    const Vector3d target = (kappa * reachOf(body, pick, old, kappa) + damper * old) / (kappa + damper);
     visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);
   }
 }

@@ -59,6 +59,7 @@ struct Pick {
   std::uint32_t visual_vertex;
   Vec3 target;
   float frequency_hz;
+  float most_force;  ///< N; 0: what reachOf() says (interact/picked_point.h)
 };
 
 /// State of one body. Constants stay in the asset.

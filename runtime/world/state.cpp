@@ -20,7 +20,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 10;
+constexpr std::uint32_t kStateVersion = 11;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -162,7 +162,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   for (std::uint32_t i = 0; i < h.picks; ++i) {
     const auto pick = reader.get<internal::Pick>();
     sound &= pick.id < kMostIds && pick.visual_vertex < visual_count && allFinite(pick.target.data(), 3) &&
-             pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F;
+             pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F && pick.most_force >= 0;
   }
   for (std::uint32_t i = 0; i < h.history_positions; ++i) reader.get<Vec3>();
   for (std::uint32_t i = 0; i < h.history_columns; ++i) reader.get<internal::ClusterColumns>();

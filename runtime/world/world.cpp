@@ -89,6 +89,13 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
   return {nullptr, 0};
 }
 
+std::pair<Body*, std::size_t> World::Impl::findPick(PickId id, const char* call) const {
+  if (isStepping(call)) return {nullptr, 0};
+  const auto found = findPick(id);
+  if (found.first == nullptr) tell(LogSeverity::error, "%s: there is no such pick", call);
+  return found;
+}
+
 bool internal::isProper(const Mat3& rotation) {
   const Matrix3 m = Eigen::Map<const Matrix3>(rotation.data()), product = m * m.transpose();
   float off2 = 0;
@@ -110,6 +117,13 @@ std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
     }
   }
   return {nullptr, 0};
+}
+
+std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id, const char* call) const {
+  if (isStepping(call)) return {nullptr, 0};
+  const auto found = findPinSet(id);
+  if (found.first == nullptr) tell(LogSeverity::error, "%s: there is no such pin set", call);
+  return found;
 }
 
 void World::Impl::tell(LogSeverity severity, const char* format, ...) const {
@@ -475,21 +489,18 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
 }
 
 void World::movePinSet(PinSetId id, const RigidTransform& to) {
-  const auto [body, index] = impl_->findPinSet(id);
-  if (body == nullptr || !internal::isProper(to)) {
-    impl_->tell(LogSeverity::error, body == nullptr ? "movePinSet: there is no such pin set"
-                                                    : "movePinSet: the transform is not finite and proper");
+  const auto [body, index] = impl_->findPinSet(id, "movePinSet");
+  if (body == nullptr) return;
+  if (!internal::isProper(to)) {
+    impl_->tell(LogSeverity::error, "movePinSet: the transform is not finite and proper");
     return;
   }
   body->pin_sets[index].target = to;
 }
 
 void World::removePinSet(PinSetId id) {
-  const auto [body, index] = impl_->findPinSet(id);
-  if (body == nullptr) {
-    impl_->tell(LogSeverity::error, "removePinSet: there is no such pin set");
-    return;
-  }
+  const auto [body, index] = impl_->findPinSet(id, "removePinSet");
+  if (body == nullptr) return;
   body->solver->refresh(1);
   internal::removePinSet(*body, index);
   impl_->holdsChanged(*body);
@@ -523,9 +534,8 @@ std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const Rig
 }
 
 PinReaction World::pinReaction(PinSetId id) const {
-  const auto [body, index] = impl_->findPinSet(id);
+  const auto [body, index] = impl_->findPinSet(id, "pinReaction");
   PinReaction reaction;
-  if (body == nullptr) impl_->tell(LogSeverity::error, "pinReaction: there is no such pin set");
   if (body == nullptr || body->pin_sets[index].passes == 0) return reaction;
   const internal::PinSet& set = body->pin_sets[index];
   const double passes = double(set.passes);
@@ -539,6 +549,7 @@ PinReaction World::pinReaction(PinSetId id) const {
 bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
   Body* body = impl_->find(id);
   if (body == nullptr || channel >= body->activation.size() || std::isnan(value)) return false;
+  if (impl_->isStepping("setActivation")) return false;
   const float wanted = value > 0 ? std::min(value, 1.0F) : 0.0F;
   if (body->activation[channel] == wanted) return true;
   return impl_->guarded("setActivation", false, [&] {
@@ -558,7 +569,7 @@ bool World::setActivation(BodyId id, std::string_view channel, float value) {
   return false;
 }
 
-PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz) {
+PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz, float most_force) {
   Body* body = impl_->find(id, "pick");
   if (body == nullptr) return {};
   if (visual_vertex >= body->package().visualPositions().size()) {
@@ -569,9 +580,13 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
     impl_->tell(LogSeverity::error, "pick: target or frequency is not finite, or the target beyond 1e15 m");
     return {};
   }
+  if (!(most_force >= 0)) {
+    impl_->tell(LogSeverity::error, "pick: the largest force is negative or not a number");
+    return {};
+  }
   return impl_->guarded("pick", PickId{}, [&] {
     const PickId pick{impl_->next_pick};
-    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F)});
+    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), most_force});
     ++impl_->next_pick;
     impl_->holdsChanged(*body);
     return pick;
@@ -579,21 +594,18 @@ PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float fr
 }
 
 void World::movePick(PickId id, Vec3 target) {
-  const auto [body, index] = impl_->findPick(id);
-  if (body == nullptr || !usable(target)) {
-    impl_->tell(LogSeverity::error, body == nullptr ? "movePick: there is no such pick"
-                                                    : "movePick: target is not finite, or beyond 1e15 m");
+  const auto [body, index] = impl_->findPick(id, "movePick");
+  if (body == nullptr) return;
+  if (!usable(target)) {
+    impl_->tell(LogSeverity::error, "movePick: target is not finite, or beyond 1e15 m");
     return;
   }
   body->picks[index].target = target;
 }
 
 void World::releasePick(PickId id) {
-  const auto [body, index] = impl_->findPick(id);
-  if (body == nullptr) {
-    impl_->tell(LogSeverity::error, "releasePick: there is no such pick");
-    return;
-  }
+  const auto [body, index] = impl_->findPick(id, "releasePick");
+  if (body == nullptr) return;
   body->picks.erase(index);
   impl_->holdsChanged(*body);
 }

@@ -40,9 +40,12 @@ struct SINEW_HIDDEN World::Impl {
 
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
+  /// The same for a call, and tells the log where there is none or a step runs.
+  std::pair<internal::Body*, std::size_t> findPick(PickId id, const char* call) const;
 
   /// The same of a pin set.
   std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id) const;
+  std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id, const char* call) const;
 
   /// One line to the log sink, printf-style; no allocation.
   [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;

@@ -234,8 +234,8 @@ static void testMotion(const sinew_asset* asset) {
   CHECK_OK(sinew_body_positions(world, body, &x, &count));
   CHECK(count == info.physical_vertices);
   CHECK_OK(sinew_body_pin(world, body, 0, x));
-  CHECK_OK(sinew_body_pick(world, body, 1, target, 4, &pick));
-  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_pick(world, body, 100000, target, 4, &pick));
+  CHECK_OK(sinew_body_pick(world, body, 1, target, 4, 0, &pick));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_pick(world, body, 100000, target, 4, 0, &pick));
   CHECK_OK(sinew_pick_move(world, pick, up));
   CHECK_OK(sinew_body_picks(world, body, picks, 4, &count));
   CHECK(count == 1 && picks[0] == pick);

@@ -248,6 +248,27 @@ TEST(Pick, PullsThePointToItsTargetAndLetsGo) {
   }
 }
 
+TEST(Pick, PullsWithItsLargestForceHoweverFarTheTarget) {
+  // In so short a step the point has hardly begun to move: what its own damper takes is little yet.
+  const auto pulled = [](float most_force, double metres) {
+    World world(weightless());
+    const BodyId body = *world.addBody(boxAsset({}));
+    EXPECT_NE(world.pick(body, 0, {float(metres), 0, 0}, 4, most_force), PickId{});
+    world.step(1e-4F);
+    return motionOf(world, body).momentum.norm() / 1e-4;
+  };
+  const double weight = 9.81 * double(boxAsset({})->package().info().total_mass);
+  EXPECT_NEAR(pulled(20, 100), 20, 0.8);
+  EXPECT_NEAR(pulled(20, 1e6), 20, 0.8);
+  EXPECT_NEAR(pulled(0, 1e6), 50 * weight, 2 * weight);
+  EXPECT_GT(pulled(std::numeric_limits<float>::infinity(), 1e6), 1e4 * weight);
+  World world(weightless());
+  const BodyId body = *world.addBody(boxAsset({}));
+  for (const float wrong : {-1.0F, std::numeric_limits<float>::quiet_NaN()}) {
+    EXPECT_EQ(world.pick(body, 0, {1, 0, 0}, 4, wrong), PickId{});
+  }
+}
+
 TEST(Pick, IsStableAtAnyStepAndFrequency) {
   for (const float h : {1e-4F, 1.0F / 60, 1.0F}) {
     for (const float hz : {0.1F, 100.0F}) {

@@ -89,6 +89,8 @@ TEST(WorldThreads, WhatOverlapsAStepIsRefusedAndTold) {
   World world(onGround(), {nullptr, &jobs, &log});
   const auto asset = clusteredBox(false);
   const BodyId body = *world.addBody(asset), second = *world.addBody(asset);
+  const PickId pick = world.pick(second, 0, {3, 1, 0});
+  const PinSetId set = *world.addPinSet(second, std::vector<std::uint32_t>{0, 1, 2}, {});
   Drawn drawn(*asset);
   bool found = true, added = true;
   jobs.other = [&] {
@@ -97,14 +99,21 @@ TEST(WorldThreads, WhatOverlapsAStepIsRefusedAndTold) {
     world.visualVertices(body, drawn.output());
     world.pin(body, 0, {0, 1, 0});
     world.removeBody(second);
+    world.movePick(pick, {});
+    world.releasePick(pick);
+    world.movePinSet(set, {});
+    world.removePinSet(set);
+    static_cast<void>(world.pinReaction(set));
     found = !world.positions(body).empty();
     added = bool(world.addBody(asset));
   };
   world.step(1.0F / 60);
   ASSERT_FALSE(jobs.other) << "the step has run no loop";
   const std::string told = log.take();
-  for (const char* call : {"step: another thread steps", "advance: another", "visualVertices: another",
-                           "pin: another thread", "removeBody: another", "positions: another", "addBody: another"}) {
+  for (const char* call :
+       {"step: another thread steps", "advance: another", "visualVertices: another", "pin: another thread",
+        "removeBody: another", "positions: another", "addBody: another", "movePick: another", "releasePick: another",
+        "movePinSet: another", "removePinSet: another", "pinReaction: another"}) {
     EXPECT_NE(told.find(call), std::string::npos) << call << " in: " << told;
   }
   EXPECT_FALSE(found);
@@ -115,7 +124,9 @@ TEST(WorldThreads, WhatOverlapsAStepIsRefusedAndTold) {
   // One step was taken, and the world goes on.
   World alone(onGround());
   const BodyId same = *alone.addBody(asset);
-  static_cast<void>(alone.addBody(asset));
+  const BodyId alone_second = *alone.addBody(asset);
+  static_cast<void>(alone.pick(alone_second, 0, {3, 1, 0}));
+  static_cast<void>(alone.addPinSet(alone_second, std::vector<std::uint32_t>{0, 1, 2}, {}));
   for (World* each : {&world, &alone}) each->step(1.0F / 60);
   alone.step(1.0F / 60);
   const auto a = world.positions(body), b = alone.positions(same);

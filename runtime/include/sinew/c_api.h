@@ -255,9 +255,9 @@ SINEW_API sinew_status sinew_body_set_activation_by_name(sinew_world* world, uin
                                                          float value);
 
 /* Pulls the point that a visual vertex is attached to towards a place (m, world), as a spring of this frequency
-   (Hz, 0.1 .. 100), critically damped. */
+   (Hz, 0.1 .. 100), critically damped, with at most most_force (N; 0: 50 times the body's weight on Earth). */
 SINEW_API sinew_status sinew_body_pick(sinew_world* world, uint32_t body, uint32_t visual_vertex, const float target[3],
-                                       float frequency_hz, uint32_t* pick);
+                                       float frequency_hz, float most_force, uint32_t* pick);
 SINEW_API sinew_status sinew_pick_move(sinew_world* world, uint32_t pick, const float target[3]);
 SINEW_API sinew_status sinew_pick_release(sinew_world* world, uint32_t pick);
 /* The ids of a body's picks, as many as fit into `capacity`. count: how many it has. */

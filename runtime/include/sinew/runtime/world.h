@@ -168,7 +168,9 @@ class SINEW_API World {
 
   /// Starts pulling the point that visual vertex `visual_vertex` is attached to towards `target`.
   /// \param frequency_hz of the spring for the part of the body it moves; 0.1 .. 100, critically damped.
-  PickId pick(BodyId body, std::uint32_t visual_vertex, Vec3 target, float frequency_hz = 4.0F);
+  /// \param most_force N, what the spring pulls with at most however far its target is; 0: 50 times the body's weight
+  /// on Earth; infinity: no bound.
+  PickId pick(BodyId body, std::uint32_t visual_vertex, Vec3 target, float frequency_hz = 4.0F, float most_force = 0);
   void movePick(PickId pick, Vec3 target);
   void releasePick(PickId pick);
 
