@@ -41,8 +41,8 @@ inline PickedPoint pickedPoint(const Body& body, std::uint32_t visual_vertex) {
 inline Eigen::Vector3d reachOf(const Body& body, const Pick& pick, const Eigen::Vector3d& at, double firm) {
   // What a pick that names no force pulls with, of the body's weight on Earth.
   constexpr double kWeights = 50, kEarth = 9.81;
-  const double most = pick.most_force > 0 ? double(pick.most_force)
-                                          : kWeights * kEarth * double(body.package().info().total_mass);
+  const double most =
+      pick.most_force > 0 ? double(pick.most_force) : kWeights * kEarth * double(body.package().info().total_mass);
   const Eigen::Vector3d way = asVector(pick.target).cast<double>() - at;
   const double length = way.norm();
   return firm * length > most ? Eigen::Vector3d(at + most / (firm * length) * way) : at + way;

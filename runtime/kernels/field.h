@@ -237,7 +237,7 @@ SINEW_INLINE Mat3Of<Float8> outer(const SvdOf<Float8>& svd, int a, int b) {
 }
 
 /// d^2 Psi / dF^2 of eight samples times their volumes: 2 mu of all that does not turn R, what is left of 2 mu where F
-/// turns it (McAdams 2011, 3.4; its size, Chen 2024: negative where F is squeezed), and lambda (dg/dF)^2 (Gauss and
+/// turns it (McAdams 2011; its size, Chen 2024: negative where F is squeezed), and lambda (dg/dF)^2 (Gauss and
 /// Newton: the pressure's own bend is left out). Limits add those of principal stretches.
 [[gnu::noinline]] static void sampleStiffness(const FieldStiffnessArguments& a, std::uint32_t s, float* out) {
   const SamplePack& pack = a.packs[s];

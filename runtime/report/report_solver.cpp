@@ -188,8 +188,7 @@ class ReportSolver final : public BodySolver {
     const float omega = 2 * std::numbers::pi_v<float> * pick.frequency_hz, mass = body_.package().info().total_mass;
     const float spring = mass * omega * omega, damper = 2 * mass * omega;
     const Vector3 target = reachOf(body_, pick, x.cast<double>(), double(spring)).cast<float>();
-    const Vector3 push =
-        h * (spring * (target - x - h * v) - damper * v) / (1 + mobility * h * (damper + h * spring));
+    const Vector3 push = h * (spring * (target - x - h * v) - damper * v) / (1 + mobility * h * (damper + h * spring));
     for (std::size_t c = 0; c < 4; ++c) {
       const std::uint32_t i = point.vertex[c];
       if (!isHeld(i)) asVector(body_.v[i]) += float(point.weight[c]) / body_.vertices()[i].mass * push;
