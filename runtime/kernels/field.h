@@ -216,19 +216,19 @@ constexpr std::uint32_t ofNine(std::uint32_t i, std::uint32_t j) {
   return i >= j ? i * (i + 1) / 2 + j : j * (j + 1) / 2 + i;
 }
 
-/// to += weight m m^T.
-SINEW_INLINE void addOuter(Float8 weight, const Mat3Of<Float8>& m, float* to) {
+/// to += weight n n^T, n = m S^-T: of strains m of F S^-1 where F is varied.
+[[gnu::noinline]] static void addOuter(Float8 weight, const Mat3Of<Float8>& m, const Mat3Of<Float8>& to_rest,
+                                       float* to) {
+  const Mat3Of<Float8> n = timesTransposed(m, to_rest);
+  float* entry = to;
   for (std::uint32_t i = 0; i < 9; ++i) {
-    const Float8 scaled = weight * m.m[i];
-    for (std::uint32_t j = 0; j <= i; ++j) {
-      float* const entry = to + 8 * ofNine(i, j);
-      store8(entry, load8(entry) + scaled * m.m[j]);
-    }
+    const Float8 scaled = weight * n.m[i];
+    for (std::uint32_t j = 0; j <= i; ++j, entry += 8) store8(entry, load8(entry) + scaled * n.m[j]);
   }
 }
 
 /// u_a v_b^T.
-SINEW_INLINE Mat3Of<Float8> outer(const SvdOf<Float8>& svd, int a, int b) {
+[[gnu::noinline]] static Mat3Of<Float8> outer(const SvdOf<Float8>& svd, int a, int b) {
   Mat3Of<Float8> m;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) m(row, column) = svd.u(row, a) * svd.v(column, b);
@@ -267,28 +267,26 @@ SINEW_INLINE Mat3Of<Float8> outer(const SvdOf<Float8>& svd, int a, int b) {
     }
   }
   const Float8 sigma[3] = {svd.sigma.x, svd.sigma.y, svd.sigma.z};
-  SINEW_UNROLL
   for (int axis = 0; axis < 3; ++axis) {
     const int p = (axis + 1) % 3, q = (axis + 2) % 3;
     const Float8 turned = two * own / larger(own, sigma[p] + sigma[q]);
     const Mat3Of<Float8> forth = outer(svd, p, q), back = outer(svd, q, p);
     Mat3Of<Float8> twist;
     for (int i = 0; i < 9; ++i) twist.m[i] = back.m[i] - forth.m[i];
-    addOuter(-0.5F * mu2 * smaller(turned, two - turned), timesTransposed(twist, to_rest), out);
+    addOuter(-0.5F * mu2 * smaller(turned, two - turned), twist, to_rest, out);
   }
   const Float8 rate = own * swellingOf(determinantChange(change)).rate;
   const Mat3Of<Float8> area = cofactor(f);
   Mat3Of<Float8> swelling;
   for (int i = 0; i < 9; ++i) swelling.m[i] = rate * area.m[i] + common * one.m[i];
-  addOuter(pressure, timesTransposed(swelling, to_rest), out);
+  addOuter(pressure, swelling, to_rest, out);
   if (a.limits == nullptr) return;
   const Float8 stiff = (2 * kLimitStiffness) * (mu2 + pressure);
-  SINEW_UNROLL
   for (int axis = 0; axis < 3; ++axis) {
     const Float8 bound = clamped(sigma[axis], load8(a.limits[s].least), load8(a.limits[s].most));
     const Int8 beyond = ((sigma[axis] < bound) | (sigma[axis] > bound)) & (common <= Float8{});
     if (any(beyond)) {
-      addOuter(select(beyond, stiff, Float8{}), timesTransposed(outer(svd, axis, axis), to_rest), out);
+      addOuter(select(beyond, stiff, Float8{}), outer(svd, axis, axis), to_rest, out);
     }
   }
 }
