@@ -7,9 +7,9 @@
 
 namespace sinew::geometry {
 
-/// Default relative cut-off of pseudoInverse() for moments of float positions: a direction in which the spread of a
-/// cluster is less than 1/1000 of its largest one (1e-6 in the moment) counts as missing.
-inline constexpr double kMomentCutoff = 1e-6;
+/// Relative cut-off for moments of float positions, at bake and at run time: a direction in which the spread of a
+/// cluster is less than 1/316 of its largest one (1e-5 in the moment) cannot be told from noise and counts as missing.
+inline constexpr double kMomentCutoff = 1e-5;
 
 /// An Eigen matrix of fixed size, for the functions of small_matrix.h.
 template <int kRows, int kColumns>

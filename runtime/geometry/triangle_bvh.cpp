@@ -16,10 +16,6 @@ namespace {
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
-constexpr std::uint32_t kLeafSize = 8;
-// A tree over n triangles is at most ceil(log2 n) deep, and each level leaves one node on the stack.
-constexpr std::size_t kStackSize = 64;
-
 // Separating axis test of a triangle against a box (Akenine-Moller 2001): 3 box normals, the plane, 9 edge products.
 bool overlaps(const AlignedBox3d& box, const TriangleBvh::Corners& t) {
   const Vector3d center = box.center(), half = box.sizes() / 2;
@@ -121,154 +117,73 @@ double squaredDistance(const TriangleBvh::Corners& s, const TriangleBvh::Corners
 }
 
 TriangleBvh::TriangleBvh(std::span<const Vector3d> positions, std::span<const Triangle> triangles) {
-  const auto count = static_cast<std::uint32_t>(triangles.size());
-  if (count == 0) return;
-  struct Item {
-    Vector3d centroid;
-    std::uint32_t triangle;
-  };
-  std::vector<Item> items(count);
-  for (std::uint32_t i = 0; i < count; ++i) {
+  const auto corners = [&](std::uint32_t i) {
     const Triangle& t = triangles[i];
-    items[i] = {(positions[t[0]] + positions[t[1]] + positions[t[2]]) / 3, i};
-  }
-  nodes_.reserve(2 * (count / (kLeafSize / 2)) + 1);
-  struct Job {
-    std::uint32_t first, count, parent;
+    return Corners{positions[t[0]], positions[t[1]], positions[t[2]]};
   };
-  std::vector<Job> jobs = {{0, count, kNone}};
-  while (!jobs.empty()) {
-    const Job job = jobs.back();
-    jobs.pop_back();
-    const auto index = static_cast<std::uint32_t>(nodes_.size());
-    if (job.parent != kNone) nodes_[job.parent].right = index;
-    Node node;
-    node.first = job.first;
-    node.count = job.count;
-    AlignedBox3d centroids;
-    for (std::uint32_t i = job.first; i < job.first + job.count; ++i) centroids.extend(items[i].centroid);
-    nodes_.push_back(node);
-    if (job.count <= kLeafSize) continue;
-    int axis = 0;
-    centroids.sizes().maxCoeff(&axis);
-    const std::uint32_t half = job.count / 2;
-    const auto begin = items.begin() + job.first;
-    std::nth_element(begin, begin + half, begin + job.count, [axis](const Item& a, const Item& b) {
-      return a.centroid[axis] != b.centroid[axis] ? a.centroid[axis] < b.centroid[axis] : a.triangle < b.triangle;
-    });
-    jobs.push_back({job.first + half, job.count - half, index});
-    jobs.push_back({job.first, half, kNone});
-  }
-  order_.resize(count);
-  corners_.resize(count);
-  for (std::uint32_t i = 0; i < count; ++i) {
-    order_[i] = items[i].triangle;
-    const Triangle& t = triangles[items[i].triangle];
-    corners_[i] = {positions[t[0]], positions[t[1]], positions[t[2]]};
-  }
-  for (std::size_t n = nodes_.size(); n-- > 0;) {
-    Node& node = nodes_[n];
-    if (node.right != 0) {
-      node.box = nodes_[n + 1].box.merged(nodes_[node.right].box);
-      continue;
-    }
-    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-      for (const Vector3d& corner : corners_[i]) node.box.extend(corner);
-    }
-  }
+  const auto centre = [&](std::uint32_t i) -> Vector3d {
+    const Triangle& t = triangles[i];
+    return (positions[t[0]] + positions[t[1]] + positions[t[2]]) / 3;
+  };
+  tree_ = BoxTree(
+      std::uint32_t(triangles.size()),
+      [&](std::uint32_t i) {
+        const Corners t = corners(i);
+        return AlignedBox3d(t[0]).extend(t[1]).extend(t[2]);
+      },
+      centre, centre, 8);
+  corners_.reserve(triangles.size());
+  for (const std::uint32_t i : order()) corners_.push_back(corners(i));
 }
 
 TriangleBvh::Hit TriangleBvh::closest(const Vector3d& point, double radius) const {
   Hit best;
-  if (nodes_.empty()) return best;
   double bound = radius * radius;
-  std::array<std::uint32_t, kStackSize> stack{};
-  std::size_t depth = 0;
-  stack[depth++] = 0;
-  while (depth > 0) {
-    const std::uint32_t index = stack[--depth];
-    const Node& node = nodes_[index];
-    if (node.box.squaredExteriorDistance(point) > bound) continue;
-    if (node.right == 0) {
-      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-        const Corners& t = corners_[i];
-        const Vector3d q = closestPointOnTriangle(point, t[0], t[1], t[2]);
-        const double d = (q - point).squaredNorm();
-        // Ties go to the lower number, so that the answer does not depend on the tree's shape.
-        if (d < bound || (d == bound && order_[i] < best.triangle)) {
-          bound = d;
-          best = {d, order_[i], q};
-        }
-      }
-      continue;
+  tree_.descendNear(point, bound, [&](std::uint32_t i) {
+    const Corners& t = corners_[i];
+    const Vector3d q = closestPointOnTriangle(point, t[0], t[1], t[2]);
+    const double d = (q - point).squaredNorm();
+    // Ties go to the lower number, so that the answer does not depend on the tree's shape.
+    if (d < bound || (d == bound && order()[i] < best.triangle)) {
+      bound = d;
+      best = {d, order()[i], q};
     }
-    const std::uint32_t left = index + 1;
-    const bool left_nearer =
-        nodes_[left].box.squaredExteriorDistance(point) <= nodes_[node.right].box.squaredExteriorDistance(point);
-    stack[depth++] = left_nearer ? node.right : left;
-    stack[depth++] = left_nearer ? left : node.right;
-  }
+  });
   return best;
 }
 
 bool TriangleBvh::touches(const AlignedBox3d& box) const {
-  if (nodes_.empty()) return false;
-  std::array<std::uint32_t, kStackSize> stack{};
-  std::size_t depth = 0;
-  stack[depth++] = 0;
-  while (depth > 0) {
-    const std::uint32_t index = stack[--depth];
-    const Node& node = nodes_[index];
-    if (!node.box.intersects(box)) continue;
-    if (node.right == 0) {
-      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-        if (overlaps(box, corners_[i])) return true;
-      }
-      continue;
-    }
-    stack[depth++] = node.right;
-    stack[depth++] = index + 1;
-  }
-  return false;
+  bool found = false;
+  tree_.descend([&](const Node& node, std::uint32_t) { return !found && node.box.intersects(box); },
+                [&](std::uint32_t i) { found = found || overlaps(box, corners_[i]); });
+  return found;
 }
 
 void TriangleBvh::crossings(const Vector3d& a, const Vector3d& b, std::vector<Crossing>& crossings) const {
   crossings.clear();
-  if (nodes_.empty()) return;
   const Vector3d direction = b - a;
-  std::array<std::uint32_t, kStackSize> stack{};
-  std::size_t depth = 0;
-  stack[depth++] = 0;
-  while (depth > 0) {
-    const std::uint32_t index = stack[--depth];
-    const Node& node = nodes_[index];
+  const auto meets = [&](const Node& node, std::uint32_t) {
     double low = 0, high = 1;
-    bool outside = false;
-    for (int axis = 0; axis < 3 && !outside; ++axis) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double least = node.box.min()[axis], most = node.box.max()[axis];
       if (direction[axis] == 0) {
-        outside = a[axis] < node.box.min()[axis] || a[axis] > node.box.max()[axis];
+        if (a[axis] < least || a[axis] > most) return false;
         continue;
       }
-      double near = (node.box.min()[axis] - a[axis]) / direction[axis];
-      double far = (node.box.max()[axis] - a[axis]) / direction[axis];
+      double near = (least - a[axis]) / direction[axis];
+      double far = (most - a[axis]) / direction[axis];
       if (near > far) std::swap(near, far);
       low = std::max(low, near - 1e-12);
       high = std::min(high, far + 1e-12);
-      outside = low > high;
+      if (low > high) return false;
     }
-    if (outside) continue;
-    if (node.right == 0) {
-      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-        const Corners& t = corners_[i];
-        const double parameter = segmentCrossing(a, direction, t);
-        if (parameter < 0) continue;
-        crossings.push_back({parameter, (t[1] - t[0]).cross(t[2] - t[0]).dot(direction) < 0 ? 1 : -1});
-      }
-      continue;
-    }
-    stack[depth++] = node.right;
-    stack[depth++] = index + 1;
-  }
+    return true;
+  };
+  tree_.descend(meets, [&](std::uint32_t i) {
+    const Corners& t = corners_[i];
+    const double parameter = segmentCrossing(a, direction, t);
+    if (parameter >= 0) crossings.push_back({parameter, (t[1] - t[0]).cross(t[2] - t[0]).dot(direction) < 0 ? 1 : -1});
+  });
   std::sort(crossings.begin(), crossings.end(), [](const Crossing& p, const Crossing& q) {
     return p.parameter != q.parameter ? p.parameter < q.parameter : p.winding < q.winding;
   });

@@ -7,7 +7,12 @@
 #include <iterator>
 #include <set>
 
+#include "sinew/runtime/settings.h"
+#include "tools/author/recipe.h"
+#include "tools/author/recipe_keys.h"
 #include "tools/core/error.h"
+#include "tools/core/progress.h"
+#include "tools/import/import.h"
 
 namespace sinew::tools {
 namespace {
@@ -34,6 +39,68 @@ TEST(Settings, EveryDefaultIsLegalAndKeysAreUnique) {
   }
   EXPECT_EQ(settings.toJson(), before);
   EXPECT_EQ(before.size(), keys.size());
+}
+
+TEST(Settings, TheImportChecksItsOptionsByTheirDeclaration) {
+  Settings settings;
+  const auto codeOf = [&] {
+    Progress progress(false);
+    try {
+      importVisualMesh("there is no such file.obj", settings.import, progress);
+    } catch (const ToolError& error) {
+      return error.code();
+    }
+    return ExitCode::done;
+  };
+  std::size_t checked = 0;
+  const auto check = [&](auto& value, auto least, auto most, auto step, std::string_view key) {
+    const auto usual = value;
+    for (const auto legal : {least, most}) {
+      value = legal;
+      EXPECT_EQ(codeOf(), ExitCode::bad_input) << key;
+    }
+    for (const auto beyond : {least - step, most + step}) {
+      value = beyond;
+      EXPECT_EQ(codeOf(), ExitCode::usage) << key;
+    }
+    value = usual;
+    ++checked;
+  };
+  for (const auto& d : Settings::declarations(settings)) {
+    if (!d.key.starts_with("import.")) continue;
+    if (const auto* number = std::get_if<Settings::Number>(&d.type))
+      check(*number->value, number->minimum, number->maximum, 1e-3, d.key);
+    if (const auto* count = std::get_if<Settings::Count>(&d.type))
+      check(*count->value, count->minimum, count->maximum, 1U, d.key);
+  }
+  EXPECT_EQ(checked, 4U);
+}
+
+TEST(Settings, ChoicesStandInTheOrderOfTheirEnumerations) {
+  EXPECT_EQ(choicesOf("clusters.mode").at(std::size_t(formats::ClusterMode::quadratic)), "quadratic");
+  EXPECT_EQ(choicesOf("clusters.limit").at(std::size_t(formats::LimitMethod::curve)), "curve");
+  EXPECT_EQ(choicesOf("clusters.stiffness").at(std::size_t(formats::StiffnessModel::elastic)), "elastic");
+  EXPECT_EQ(choicesOf("clusters.volume").at(std::size_t(formats::VolumeMethod::principal) + 1), "principal");
+  const auto& pins = recipeKey("pin", "method").choices;
+  ASSERT_EQ(pins.size(), 4U);
+  EXPECT_EQ(pins[std::size_t(PinMethod::hold)], "hold");
+  EXPECT_EQ(pins[std::size_t(PinMethod::infinite_mass)], "infinite_mass");
+  EXPECT_EQ(pins[std::size_t(PinMethod::matrix)], "matrix");
+  EXPECT_EQ(pins[RecipePins{}.method], recipeValue(recipeObject("pin"), nlohmann::ordered_json::object(), "method"));
+}
+
+TEST(Settings, ARecipesValuesHaveTheirTypes) {
+  Settings settings;
+  EXPECT_THROW(settings.setJson("clusters.stretch_hz", "20"), ToolError);
+  EXPECT_THROW(settings.setJson("package.groups", "on"), ToolError);
+  EXPECT_THROW(settings.setJson("package.groups", 1), ToolError);
+  EXPECT_THROW(settings.setJson("clusters.grid", "2,2,2"), ToolError);
+  EXPECT_THROW(settings.setJson("import.up", 1), ToolError);
+  settings.setJson("clusters.grid", {2, 3, 4});
+  EXPECT_EQ(settings.clusters.grid, (std::array<std::uint32_t, 3>{2, 3, 4}));
+  EXPECT_EQ(settings.recipeValue("clusters.grid"), nlohmann::ordered_json({2, 3, 4}));
+  settings.setJson("import.unit", 0.5);
+  EXPECT_EQ(settings.import.unit, "0.5");
 }
 
 TEST(Settings, ValuesArriveWhereTheToolsReadThem) {

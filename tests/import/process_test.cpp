@@ -80,9 +80,9 @@ TEST_F(Process, MemoryIsBoundedAndTheOptionNamed) {
   if (kSanitized) GTEST_SKIP() << "sanitizers need more address space than the bound leaves";
   // The real worker, with too little for the file.
   ImportOptions real = testOptions();
-  real.memory_megabytes = 32;
+  real.memory_megabytes = ImportOptions::kMegabytes.least;
   std::string text;
-  for (int i = 0; i < 400'000; ++i) text += "v 1 1 1 1 1 1\n";
+  for (int i = 0; i < 1'500'000; ++i) text += "v 1 1 1 1 1 1\n";
   expectRefusal(write("big.obj", text + "f 1 2 3\n"), "--set import.memory_mb=", real);
 }
 

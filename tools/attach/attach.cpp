@@ -11,6 +11,8 @@
 #include <numeric>
 #include <tuple>
 
+#include "runtime/geometry/box_tree.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -68,36 +70,28 @@ double squaredDistance(const Vector3d& p, const Corners& x) {
 // A tree of boxes over some tetrahedra, for "which one is nearest".
 class TetrahedronTree {
  public:
-  TetrahedronTree(const PhysicalMesh& mesh, std::uint32_t first, std::uint32_t count) : mesh_(mesh), order_(count) {
-    std::iota(order_.begin(), order_.end(), first);
-    if (count > 0) build(0, count);
+  TetrahedronTree(const PhysicalMesh& mesh, std::uint32_t first, std::uint32_t count) : mesh_(mesh), first_(first) {
+    const auto box = [&](std::uint32_t i) {
+      const Corners x = corners(first + i);
+      return Eigen::AlignedBox3d(x[0]).extend(x[1]).extend(x[2]).extend(x[3]);
+    };
+    const auto sum = [&](std::uint32_t i) -> Vector3d {
+      const Corners x = corners(first + i);
+      return x[0] + x[1] + x[2] + x[3];
+    };
+    tree_ = geometry::BoxTree(count, box, sum, box, 4);
   }
 
   std::uint32_t nearest(const Vector3d& p, double& squared_distance) const {
     std::uint32_t best = kNoIndex;
     squared_distance = std::numeric_limits<double>::infinity();
-    std::array<std::uint32_t, 64> stack{};
-    std::size_t top = 0;
-    stack[top++] = 0;
-    while (top > 0) {
-      const Node& node = nodes_[stack[--top]];
-      if (boxDistance(p, node) >= squared_distance) continue;
-      if (node.count > 0) {
-        for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-          const double d = squaredDistance(p, corners(order_[i]));
-          if (d < squared_distance) {
-            squared_distance = d;
-            best = order_[i];
-          }
-        }
-        continue;
-      }
-      const std::uint32_t left = node.first;
-      const std::uint32_t right = left + 1;
-      const bool left_first = boxDistance(p, nodes_[left]) <= boxDistance(p, nodes_[right]);
-      stack[top++] = left_first ? right : left;
-      stack[top++] = left_first ? left : right;
-    }
+    tree_.descendNear(p, squared_distance, [&](std::uint32_t place) {
+      const std::uint32_t t = first_ + tree_.order()[place];
+      const double d = squaredDistance(p, corners(t));
+      if (!(d < squared_distance)) return;
+      squared_distance = d;
+      best = t;
+    });
     return best;
   }
 
@@ -107,59 +101,9 @@ class TetrahedronTree {
   }
 
  private:
-  struct Node {
-    Vector3d low, high;
-    std::uint32_t first = 0;  // of order_ for a leaf, else the left child (the right one follows it)
-    std::uint32_t count = 0;  // 0 for an inner node
-  };
-
-  static double boxDistance(const Vector3d& p, const Node& node) {
-    return (node.low - p).cwiseMax(p - node.high).cwiseMax(0.0).squaredNorm();
-  }
-
-  void build(std::uint32_t begin, std::uint32_t end) {
-    nodes_.reserve(2 * std::size_t(end - begin));
-    nodes_.emplace_back();
-    fill(0, begin, end);
-  }
-
-  void fill(std::uint32_t index, std::uint32_t begin, std::uint32_t end) {
-    Node node;
-    node.low.setConstant(std::numeric_limits<double>::infinity());
-    node.high.setConstant(-std::numeric_limits<double>::infinity());
-    for (std::uint32_t i = begin; i < end; ++i) {
-      for (const Vector3d& x : corners(order_[i])) {
-        node.low = node.low.cwiseMin(x);
-        node.high = node.high.cwiseMax(x);
-      }
-    }
-    if (end - begin <= 4) {
-      node.first = begin;
-      node.count = end - begin;
-      nodes_[index] = node;
-      return;
-    }
-    Eigen::Index axis = 0;
-    (node.high - node.low).maxCoeff(&axis);
-    const std::uint32_t middle = begin + (end - begin) / 2;
-    const auto key = [&](std::uint32_t t) {
-      const Corners x = corners(t);
-      return std::pair((x[0] + x[1] + x[2] + x[3])[axis], t);
-    };
-    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-                     [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
-    const auto left = std::uint32_t(nodes_.size());
-    node.first = left;
-    nodes_[index] = node;
-    nodes_.emplace_back();
-    nodes_.emplace_back();
-    fill(left, begin, middle);
-    fill(left + 1, middle, end);
-  }
-
   const PhysicalMesh& mesh_;
-  std::vector<std::uint32_t> order_;
-  std::vector<Node> nodes_;
+  std::uint32_t first_;
+  geometry::BoxTree tree_;
 };
 
 // Tetrahedra around each vertex, but for those that only tie pieces together.
@@ -321,6 +265,19 @@ Corners cornersOf(const PhysicalMesh& physical, std::uint32_t tetrahedron) {
 }
 
 }  // namespace
+
+HungPlace hungAtRest(std::span<const formats::ClusterAttachment> uses, std::span<const formats::Cluster> clusters,
+                     const std::array<float, 3>& place) {
+  HungPlace hung;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (const formats::ClusterAttachment& use : uses) {
+      const formats::Cluster& cluster = clusters[use.cluster];
+      const float q = (place[c] - cluster.rest_center[c]) / cluster.radius;
+      hung.place[c] += use.weight * (q * cluster.radius + cluster.rest_center[c]);
+    }
+  }
+  return hung;
+}
 
 TetrahedronPlace placeIn(std::uint32_t tetrahedron, const Vector3d& point, const PhysicalMesh& physical) {
   const Corners corners = cornersOf(physical, tetrahedron);

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cmath>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "sinew/formats/sections.h"
@@ -25,6 +28,33 @@ inline constexpr double kMostRestError = 1e-6;
 /// 2^-24 each of a weight, a difference, a product and a sum.
 /// \param reach sum of |weight| |corner - last corner|, metres.
 constexpr double roundedReach(double reach) { return 4 * 0x1p-24 * reach; }
+
+/// Where a visual vertex is, in the float arithmetic of the runtime, and what those floats may round of it.
+struct HungPlace {
+  std::array<float, 3> place = {};
+  double rounded = 0;  ///< metres
+};
+
+/// On its tetrahedron: last + Σ w_k (corner_k - last). \param at at(physical vertex) is where that is, three floats.
+template <class At>
+HungPlace hungOn(const formats::BarycentricAttachment& attachment, const formats::Tetrahedron& tetrahedron,
+                 const At& at) {
+  HungPlace hung;
+  hung.place = at(tetrahedron.vertex[3]);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const float last = hung.place[c];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const float part = attachment.weight[k] * (at(tetrahedron.vertex[k])[c] - last);
+      hung.place[c] += part;
+      hung.rounded += roundedReach(std::abs(double(part)));
+    }
+  }
+  return hung;
+}
+
+/// On clusters at rest, Σ w (q r + c): their transforms are identities, which take q back to where it came from.
+HungPlace hungAtRest(std::span<const formats::ClusterAttachment> uses, std::span<const formats::Cluster> clusters,
+                     const std::array<float, 3>& place);
 
 /// Where a visual vertex hangs on the tetrahedra. Vertices welded into one point share one place, so seams cannot open.
 struct TetrahedronPlace {

@@ -8,6 +8,8 @@
 #include <span>
 
 #include "tools/author/tet_graph.h"
+#include "tools/core/ramp.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -70,11 +72,6 @@ std::array<std::uint32_t, 3> automaticGrid(const Eigen::Vector3d& low, const Eig
     best = count;
   }
   return best;
-}
-
-double smoothstep(double t) {
-  t = std::clamp(t, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
 }
 
 // 1 at the box's centre, falling smoothly to 0 where the box ends inside its neighbour; 1 out to the rim at an outer
@@ -233,6 +230,13 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
     findings.push_back(finding);
   }
   return clusters;
+}
+
+void reportClusters(std::vector<Finding>& findings, const char* id, const std::vector<std::string>& names,
+                    const std::string& what, const std::string& cure, Severity severity) {
+  if (names.empty()) return;
+  findings.push_back(
+      {id, severity, counted(names.size(), "cluster ", "clusters ") + what, names.size(), "", {}, listed(names), cure});
 }
 
 }  // namespace sinew::tools

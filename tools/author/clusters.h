@@ -65,6 +65,10 @@ struct ClusterSource {
   std::optional<ClusterOptions> options;  ///< its own; none = those of all
 };
 
+/// A finding on the clusters of these names, "3 clusters " + what; none where there are no names.
+void reportClusters(std::vector<Finding>& findings, const char* id, const std::vector<std::string>& names,
+                    const std::string& what, const std::string& cure, Severity severity);
+
 /// Cuts every body into a regular grid of overlapping boxes. A box whose vertices fall into several pieces of the
 /// tetrahedra becomes one cluster a piece; pieces too small to carry their mode join the neighbour they share most
 /// edges with. Every vertex is in at least one cluster; no cluster spans two bodies.

@@ -9,6 +9,7 @@
 
 #include "tools/core/error.h"
 #include "tools/core/read_file.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -215,11 +216,7 @@ std::string childPointer(const std::string& pointer, std::size_t index) {
   return pointer + "/" + std::to_string(index);
 }
 
-double sevenDigits(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.7g", x);
-  return std::strtod(text, nullptr);
-}
+double sevenDigits(double x) { return std::strtod(rounded(x, 7).c_str(), nullptr); }
 
 std::string nearestName(std::string_view wanted, std::span<const std::string> names) {
   if (names.empty()) return {};

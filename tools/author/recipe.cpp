@@ -7,14 +7,13 @@
 
 #include "tools/author/recipe_keys.h"
 #include "tools/core/error.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
 
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
-
-std::string textOf(const Json& value) { return value.is_string() ? value.get<std::string>() : value.dump(); }
 
 // Runs a setting's own check, and adds line and place to its complaint.
 void checked(const JsonText& text, const std::string& pointer, const std::function<void()>& set) {
@@ -33,11 +32,6 @@ SelectionText selectionAt(const Json& object, const std::string& pointer, std::s
   return {*at, childPointer(pointer, key)};
 }
 
-const RecipeObject& shapeOf(std::string_view name) {
-  const auto& all = recipeObjects();
-  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
-}
-
 void readClusterSettings(const JsonText& text, const Json& json, const std::string& pointer, RecipeCluster& cluster) {
   Settings trial;
   std::vector<std::string> known;
@@ -53,14 +47,14 @@ void readClusterSettings(const JsonText& text, const Json& json, const std::stri
                     "without that prefix and without method, grid, size and soften_metres.");
     }
     const std::string key = std::string(kClusterPrefix) + name;
-    checked(text, place, [&, setting = textOf(value)] { trial.set(key, setting); });
-    cluster.settings.emplace_back(key, textOf(value));
+    checked(text, place, [&, &setting = value] { trial.setJson(key, setting); });
+    cluster.settings.emplace_back(key, value);
   }
 }
 
 RecipeCluster readCluster(const JsonText& text, const Json& json, const std::string& pointer) {
   RecipeCluster cluster;
-  const RecipeObject& shape = shapeOf("cluster");
+  const RecipeObject& shape = recipeObject("cluster");
   cluster.name = json["name"].get<std::string>();
   cluster.pointer = pointer;
   cluster.from = selectionAt(json, pointer, "from");
@@ -80,15 +74,6 @@ RecipeCluster readCluster(const JsonText& text, const Json& json, const std::str
   }
   cluster.origin = selectionAt(json, pointer, "origin");
   cluster.insertion = selectionAt(json, pointer, "insertion");
-  for (const char* key : {"contraction", "fibre"}) {
-    if (json.contains(key) && cluster.channel.empty()) {
-      text.fail(childPointer(pointer, key), std::string(key) + " says nothing without a channel",
-                "Add \"channel\": the name of the input that contracts the cluster.");
-    }
-  }
-  if (cluster.split && !cluster.channel.empty()) {
-    text.fail(childPointer(pointer, "split"), "a cluster with a channel cannot be split", "Remove one of the two.");
-  }
   return cluster;
 }
 
@@ -97,7 +82,7 @@ void readContent(const Json& json, Recipe& recipe) {
   if (json.contains("settings")) {
     for (const auto& [key, value] : json["settings"].items()) {
       checked(text, childPointer("/settings", key),
-              [&, name = key, setting = textOf(value)] { recipe.settings.set(name, setting); });
+              [&, &name = key, &setting = value] { recipe.settings.setJson(name, setting); });
     }
   }
   if (json.contains("masks")) {
@@ -125,10 +110,10 @@ void readContent(const Json& json, Recipe& recipe) {
     RecipePins pins;
     pins.name = entry["name"].get<std::string>();
     pins.from = selectionAt(entry, pointer, "from");
-    const std::string method = recipeValue(shapeOf("pin"), entry, "method").get<std::string>();
-    const std::vector<std::string_view>& choices = shapeOf("pin").keys[3].choices;
+    const std::string method = recipeValue(recipeObject("pin"), entry, "method").get<std::string>();
+    const std::vector<std::string_view>& choices = recipeKey("pin", "method").choices;
     pins.method = std::uint32_t(std::find(choices.begin(), choices.end(), method) - choices.begin());
-    pins.target = recipeValue(shapeOf("pin"), entry, "target").get<std::string>();
+    pins.target = recipeValue(recipeObject("pin"), entry, "target").get<std::string>();
     unique(pins.name, pointer, "pins");
     recipe.pins.push_back(std::move(pins));
   });
@@ -148,7 +133,7 @@ void readContent(const Json& json, Recipe& recipe) {
     part.name = entry["name"].get<std::string>();
     part.pointer = pointer;
     part.from = selectionAt(entry, pointer, "from");
-    part.rigid = recipeValue(shapeOf("part"), entry, "attach") == "rigid";
+    part.rigid = recipeValue(recipeObject("part"), entry, "attach") == "rigid";
     part.to = selectionAt(entry, pointer, "to");
     unique(part.name, pointer, "parts");
     recipe.parts.push_back(std::move(part));
@@ -301,9 +286,7 @@ Json withOneOverlap(Json json, std::vector<Finding>& findings) {
     }
   }
   if (moved > 0) {
-    say("the overlap of " + std::to_string(moved) + (moved == 1 ? " cluster" : " clusters") +
-            " is now in the cluster's settings",
-        Severity::info);
+    say("the overlap of " + counted(moved, "cluster", "clusters") + " is now in the cluster's settings", Severity::info);
   }
   return json;
 }

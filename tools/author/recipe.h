@@ -25,13 +25,13 @@ struct SelectionText {
 struct RecipeCluster {
   std::string name;
   std::string pointer;
-  SelectionText from;                                         ///< null: the cluster mesh of this name
-  std::vector<std::pair<std::string, std::string>> settings;  ///< full keys ("clusters.mode") and values as text
-  std::optional<double> split;                                ///< m
-  std::string channel;                                        ///< empty: none
-  double contraction = 0.3;                                   ///< 0..0.9
-  std::optional<Eigen::Vector3d> fibre;                       ///< as given, not unit; none: found
-  SelectionText origin, insertion;                            ///< null: none
+  SelectionText from;                                                    ///< null: the cluster mesh of this name
+  std::vector<std::pair<std::string, nlohmann::ordered_json>> settings;  ///< full keys ("clusters.mode") and values
+  std::optional<double> split;                                           ///< m
+  std::string channel;                                                   ///< empty: none
+  double contraction = 0.3;                                              ///< 0..0.9
+  std::optional<Eigen::Vector3d> fibre;                                  ///< as given, not unit; none: found
+  SelectionText origin, insertion;                                       ///< null: none
 };
 
 struct RecipePins {

@@ -77,6 +77,23 @@ Json valueOf(const std::string& text) {
   return json.is_discarded() ? Json(text) : json;
 }
 
+// A setting's value as the command line has it, in the type that a recipe has it: "on" is true, "2,2,1" a list.
+Json settingOf(const std::string& key, const std::string& text) {
+  const Json value = valueOf(text);
+  Settings trial;
+  try {
+    trial.setJson(key, value);
+    return value;
+  } catch (const ToolError&) {
+  }
+  try {
+    trial.set(key, text);
+  } catch (const ToolError&) {
+    return value;  // the recipe's own check says what is wrong with it
+  }
+  return trial.recipeValue(key);
+}
+
 Json selectionOf(const std::string& text) {
   Json json = valueOf(text);
   if (json.is_string() && !text.empty() && (text.front() == '{' || text.front() == '[')) {
@@ -162,13 +179,8 @@ Json migrated(const JsonText& text, const fs::path& file) {
   return migratedRecipe(text, file, findings);
 }
 
-const RecipeObject& shapeOf(std::string_view name) {
-  const auto& all = recipeObjects();
-  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
-}
-
 bool isKeyOf(std::string_view object, std::string_view key) {
-  const std::vector<RecipeKey>& keys = shapeOf(object).keys;
+  const std::vector<RecipeKey>& keys = recipeObject(object).keys;
   return std::any_of(keys.begin(), keys.end(), [&](const RecipeKey& k) { return k.name == key; });
 }
 
@@ -341,19 +353,20 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
   Json document = this->document();
   const bool removes = value == "default";
   std::vector<Change> changes;
-  const auto put = [&](Json& object, const std::string& name, const std::string& place) {
+  const auto put = [&](Json& object, const std::string& name, const Json& json, const std::string& place) {
     const std::string before = object.contains(name) ? object[name].dump() : "default";
     if (removes)
       object.erase(name);
     else
-      object[name] = valueOf(value);
+      object[name] = json;
     const std::string after = removes ? "default" : object[name].dump();
     if (before != after) changes.push_back({place, before, after});
   };
-  const auto putSetting = [&](Json& owner, const std::string& name, const std::string& place) {
+  const auto putSetting = [&](Json& owner, const std::string& name, const std::string& setting,
+                              const std::string& place) {
     Json& settings = owner["settings"];
     if (settings.is_null()) settings = Json::object();
-    put(settings, name, place);
+    put(settings, name, settingOf(setting, value), place);
     if (settings.empty()) owner.erase("settings");
   };
   if (!key.empty() && key.front() == '/') {
@@ -385,7 +398,8 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
     // "*.mode" is the mode of whatever has a name.
     if (key.find('*') < key.find('.') || !matchesPattern(d.key, key)) continue;
     found = true;
-    putSetting(document, std::string(d.key), std::string(d.key));
+    const std::string setting(d.key);
+    putSetting(document, setting, setting, setting);
   }
   const std::size_t dot = key.rfind('.');
   if (!found && dot != std::string::npos) {
@@ -403,9 +417,9 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
         if (!matchesPattern(own, names) && !matchesPattern(std::string(list).append(".").append(own), names)) continue;
         found = true;
         if (is_setting)
-          putSetting(entry, name, place);
+          putSetting(entry, name, std::string(kClusterPrefix) + name, place);
         else
-          put(entry, name, place);
+          put(entry, name, valueOf(value), place);
       }
     }
   }

@@ -7,6 +7,8 @@
 #include <sstream>
 
 #include "tools/author/settings.h"
+#include "tools/core/text.h"
+#include "tools/core/units.h"
 
 namespace sinew::tools {
 namespace {
@@ -15,48 +17,12 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kFar = 1e9;  // metres; beyond any scene
 
-std::string numberText(double value) {
-  std::array<char, 32> buffer{};
-  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-  return {buffer.data(), result.ptr};
-}
-
 RecipeKey falloff() {
   return {"falloff", kRecipeNumber, "Outside, the weight falls smoothly to 0 over this.", "0", "m", 0, kFar};
 }
 RecipeKey radius() { return {"radius", kRecipeNumber, "Inside this the weight is 1.", "", "m", 1e-9, kFar}; }
 RecipeKey by(std::string_view sentence) { return {"by", kRecipeNumber, sentence, "", "m", 0, kFar}; }
 RecipeKey note() { return {"note", kRecipeText, "A comment for people.", "none"}; }
-
-std::string typeText(const RecipeKey& key) {
-  std::vector<std::string> texts;
-  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
-  if (has(kRecipeNumber)) texts.push_back("number " + numberText(key.minimum) + " .. " + numberText(key.maximum));
-  if (has(kRecipeInteger)) {
-    texts.push_back("whole number " + numberText(key.minimum) + " .. " + numberText(key.maximum));
-  }
-  if (has(kRecipeFlag)) texts.emplace_back("true or false");
-  if (has(kRecipeText)) texts.emplace_back("text");
-  if (has(kRecipeTexts)) texts.emplace_back("list of texts");
-  if (has(kRecipeChoice)) {
-    for (const auto& choice : key.choices) texts.push_back("\"" + std::string(choice) + "\"");
-  }
-  if (has(kRecipePath)) texts.emplace_back("file name");
-  if (has(kRecipePoint)) texts.emplace_back("[x, y, z]");
-  if (has(kRecipePoints)) texts.emplace_back("[[x, y, z], [x, y, z]]");
-  if (has(kRecipeColor)) texts.emplace_back("[r, g, b] or [r, g, b, a], each 0 .. 1");
-  if (has(kRecipeSelection)) texts.emplace_back("selection");
-  if (has(kRecipeSelections)) texts.emplace_back("list of selections");
-  if (has(kRecipeMasks)) texts.emplace_back("object: name -> selection");
-  if (has(kRecipeSettings)) texts.emplace_back("object of settings");
-  if (has(kRecipeClusterSettings)) texts.emplace_back("object of cluster settings");
-  if (key.type == 0) texts.push_back("list of " + std::string(key.object) + " objects");
-  std::string text;
-  for (std::size_t i = 0; i < texts.size(); ++i) {
-    text += (i == 0 ? "" : i + 1 == texts.size() ? " or " : ", ") + texts[i];
-  }
-  return text;
-}
 
 bool isNumbers(const Json& value, std::size_t least, std::size_t most, double minimum, double maximum) {
   if (!value.is_array() || value.size() < least || value.size() > most) return false;
@@ -66,11 +32,6 @@ bool isNumbers(const Json& value, std::size_t least, std::size_t most, double mi
 }
 
 bool isFilledText(const Json& value) { return value.is_string() && !value.get_ref<const std::string&>().empty(); }
-
-const RecipeObject& objectNamed(std::string_view name) {
-  const auto& all = recipeObjects();
-  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
-}
 
 // Whether a value is legal in itself; what it holds (objects, selections) is looked at by check().
 bool legal(const RecipeKey& key, const Json& value) {
@@ -129,14 +90,26 @@ class ShapeCheck {
                    "Did you mean " + nearestName(name, names) + "? Known: " + known + ".");
       }
       if (!legal(*key, value)) {
-        text_.fail(place, std::string(key->name) + " cannot be " + shortened(value), "Legal: " + typeText(*key) + ".");
+        text_.fail(place, std::string(key->name) + " cannot be " + shortened(value), "Legal: " + legalText(*key) + ".");
       }
       inside(*key, value, place);
     }
     for (const RecipeKey& key : shape.keys) {
-      if (key.fallback.empty() && !json.contains(key.name)) {
-        text_.fail(pointer, "a " + std::string(shape.name) + " lacks its key '" + std::string(key.name) + "'",
+      const std::string name(key.name), place = childPointer(pointer, key.name);
+      const bool there = json.contains(key.name);
+      if (key.fallback.empty() && !there) {
+        text_.fail(pointer, "a " + std::string(shape.name) + " lacks its key '" + name + "'",
                    "It looks like " + std::string(shape.example) + ".");
+      }
+      if (there && !key.needs.empty() && !json.contains(key.needs)) {
+        const std::string needed(key.needs);
+        text_.fail(place, name + " says nothing without a " + needed,
+                   "Add \"" + needed + "\": " + std::string(recipeKey(shape.name, needed).sentence));
+      }
+      if (there && !key.excludes.empty() && json.contains(key.excludes)) {
+        text_.fail(place,
+                   "a " + std::string(shape.name) + " cannot have both " + name + " and " + std::string(key.excludes),
+                   "Remove one of the two.");
       }
     }
   }
@@ -173,7 +146,7 @@ class ShapeCheck {
   void inside(const RecipeKey& key, const Json& value, const std::string& pointer) const {
     const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
     if (key.type == 0) {
-      const RecipeObject& shape = objectNamed(key.object);
+      const RecipeObject& shape = recipeObject(key.object);
       for (std::size_t i = 0; i < value.size(); ++i) object(shape, value[i], childPointer(pointer, i));
     } else if (has(kRecipeSelection)) {
       selection(value, pointer);
@@ -231,11 +204,28 @@ std::vector<RecipeObject> declareObjects() {
         {"from", kRecipeSelection, "The region. Without it: the cluster mesh of this name.", "none"},
         {"settings", kRecipeClusterSettings,
          "Settings of its own, without their prefix `clusters.`: mode, stretch_hz, ...", "{}"},
-        {"split", kRecipeNumber, "Cut it into pieces about this wide in the mean, named NAME.1, NAME.2, ...", "none",
-         "m", 1e-9, kFar},
+        {"split",
+         kRecipeNumber,
+         "Cut it into pieces about this wide in the mean, named NAME.1, NAME.2, ...",
+         "none",
+         "m",
+         1e-9,
+         kFar,
+         {},
+         "",
+         "",
+         "channel"},
         {"channel", kRecipeText, "Name of the input 0..1 that contracts it.", "none"},
-        {"contraction", kRecipeNumber, "With a channel: shortening along the fibre at full activation.", "0.3", "", 0,
-         0.9},
+        {"contraction",
+         kRecipeNumber,
+         "With a channel: shortening along the fibre at full activation.",
+         "0.3",
+         "",
+         0,
+         0.9,
+         {},
+         "",
+         "channel"},
         {"fibre",
          kRecipeChoice | kRecipePoint,
          "Direction in which it contracts; auto: from origin to insertion where both are given, else its longest axis "
@@ -244,7 +234,9 @@ std::vector<RecipeObject> declareObjects() {
          "",
          0,
          1,
-         {"auto"}},
+         {"auto"},
+         "",
+         "channel"},
         {"origin", kRecipeSelection, "Where a muscle hangs on the bone: pinned as NAME.origin.", "none"},
         {"insertion", kRecipeSelection, "Where a muscle pulls; gives the fibre its direction.", "none"}},
        R"({"name": "smile.L", "from": {"cluster_mesh": "smile.L"}, "settings": {"stretch_hz": 20}, "channel": "smile.L"})"},
@@ -507,12 +499,22 @@ Json objectSchema(const RecipeObject& object) {
   }
   schema["properties"] = properties;
   schema["required"] = required;
+  for (const RecipeKey& key : object.keys) {
+    const std::string name(key.name);
+    if (!key.needs.empty()) schema["dependentRequired"][name] = {key.needs};
+    if (!key.excludes.empty()) schema["dependentSchemas"][name] = {{"not", {{"required", {key.excludes}}}}};
+  }
   return schema;
 }
 
-Json numbersSchema(std::size_t least, std::size_t most) {
-  return {{"type", "array"}, {"items", {{"type", "number"}}}, {"minItems", least}, {"maxItems", most}};
+Json numbersSchema(std::size_t least, std::size_t most, double minimum, double maximum) {
+  return {{"type", "array"},
+          {"items", {{"type", "number"}, {"minimum", minimum}, {"maximum", maximum}}},
+          {"minItems", least},
+          {"maxItems", most}};
 }
+
+Json pointSchema() { return numbersSchema(3, 3, -kFar, kFar); }
 
 Json keySchema(const RecipeKey& key) {
   const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
@@ -526,15 +528,11 @@ Json keySchema(const RecipeKey& key) {
   if (has(kRecipeText | kRecipePath)) any.push_back(filled);
   if (has(kRecipeTexts)) any.push_back({{"type", "array"}, {"items", filled}, {"minItems", 1}});
   if (has(kRecipeChoice)) any.push_back({{"enum", key.choices}});
-  if (has(kRecipePoint)) any.push_back(numbersSchema(3, 3));
+  if (has(kRecipePoint)) any.push_back(pointSchema());
   if (has(kRecipePoints)) {
-    any.push_back({{"type", "array"}, {"items", numbersSchema(3, 3)}, {"minItems", 2}, {"maxItems", 2}});
+    any.push_back({{"type", "array"}, {"items", pointSchema()}, {"minItems", 2}, {"maxItems", 2}});
   }
-  if (has(kRecipeColor)) {
-    Json color = numbersSchema(3, 4);
-    color["items"] = {{"type", "number"}, {"minimum", 0}, {"maximum", 1}};
-    any.push_back(color);
-  }
+  if (has(kRecipeColor)) any.push_back(numbersSchema(3, 4, 0, 1));
   if (has(kRecipeSelection)) any.push_back(selection);
   if (has(kRecipeSelections)) any.push_back({{"type", "array"}, {"items", selection}, {"minItems", 1}});
   if (has(kRecipeMasks)) any.push_back({{"type", "object"}, {"additionalProperties", selection}});
@@ -565,7 +563,12 @@ Json settingSchema(Settings& defaults, const Settings::Declaration& d) {
     Json operator()(const Settings::Choice& t) const {
       return {{"enum", t.names}, {"default", t.names[std::size_t(t.get(defaults))]}};
     }
-    Json operator()(const Settings::Text& t) const { return {{"type", {"string", "number"}}, {"default", *t.value}}; }
+    Json operator()(const Settings::Text& t) const {
+      Json text = {{"type", "string"}, {"pattern", t.pattern}, {"default", *t.value}};
+      if (!t.metres_per_unit) return text;
+      return {
+          {"anyOf", {text, {{"type", "number"}, {"exclusiveMinimum", kLeastUnit}, {"exclusiveMaximum", kMostUnit}}}}};
+    }
     Json operator()(const Settings::Grid& t) const {
       const Json boxes = {{"type", "array"},
                           {"items", {{"type", "integer"}, {"minimum", 1}, {"maximum", t.maximum}}},
@@ -586,7 +589,7 @@ void writeTable(std::ostream& out, const RecipeObject& object) {
     const std::string fallback = key.fallback.empty()     ? "must be there"
                                  : key.fallback == "none" ? ""
                                                           : "`" + std::string(key.fallback) + "`";
-    out << "| `" << key.name << "` | " << typeText(key) << " | " << key.unit << " | " << fallback << " | "
+    out << "| `" << key.name << "` | " << legalText(key) << " | " << key.unit << " | " << fallback << " | "
         << key.sentence << " |\n";
   }
   out << "\n```json\n" << object.example << "\n```\n\n";
@@ -597,6 +600,46 @@ void writeTable(std::ostream& out, const RecipeObject& object) {
 const std::vector<RecipeObject>& recipeObjects() {
   static const std::vector<RecipeObject> objects = declareObjects();
   return objects;
+}
+
+const RecipeObject& recipeObject(std::string_view name) {
+  const auto& all = recipeObjects();
+  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
+}
+
+const RecipeKey& recipeKey(std::string_view object, std::string_view key) {
+  const auto& keys = recipeObject(object).keys;
+  return *std::find_if(keys.begin(), keys.end(), [&](const RecipeKey& k) { return k.name == key; });
+}
+
+std::string legalText(const RecipeKey& key) {
+  std::vector<std::string> texts;
+  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
+  if (has(kRecipeNumber)) texts.push_back("number " + exactText(key.minimum) + " .. " + exactText(key.maximum));
+  if (has(kRecipeInteger)) {
+    texts.push_back("whole number " + exactText(key.minimum) + " .. " + exactText(key.maximum));
+  }
+  if (has(kRecipeFlag)) texts.emplace_back("true or false");
+  if (has(kRecipeText)) texts.emplace_back("text");
+  if (has(kRecipeTexts)) texts.emplace_back("list of texts");
+  if (has(kRecipeChoice)) {
+    for (const auto& choice : key.choices) texts.push_back("\"" + std::string(choice) + "\"");
+  }
+  if (has(kRecipePath)) texts.emplace_back("file name");
+  if (has(kRecipePoint)) texts.emplace_back("[x, y, z]");
+  if (has(kRecipePoints)) texts.emplace_back("[[x, y, z], [x, y, z]]");
+  if (has(kRecipeColor)) texts.emplace_back("[r, g, b] or [r, g, b, a], each 0 .. 1");
+  if (has(kRecipeSelection)) texts.emplace_back("selection");
+  if (has(kRecipeSelections)) texts.emplace_back("list of selections");
+  if (has(kRecipeMasks)) texts.emplace_back("object: name -> selection");
+  if (has(kRecipeSettings)) texts.emplace_back("object of settings");
+  if (has(kRecipeClusterSettings)) texts.emplace_back("object of cluster settings");
+  if (key.type == 0) texts.push_back("list of " + std::string(key.object) + " objects");
+  std::string text;
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    text += (i == 0 ? "" : i + 1 == texts.size() ? " or " : ", ") + texts[i];
+  }
+  return text;
 }
 
 const std::vector<RecipeObject>& selectionKinds() {
@@ -616,7 +659,7 @@ const RecipeObject* selectionKind(const Json& selection) {
   return found;
 }
 
-void checkRecipeShape(const JsonText& text) { ShapeCheck(text).object(objectNamed("recipe"), text.json(), ""); }
+void checkRecipeShape(const JsonText& text) { ShapeCheck(text).object(recipeObject("recipe"), text.json(), ""); }
 
 void checkSelectionShape(const JsonText& text, const std::string& pointer, const Json& selection) {
   ShapeCheck(text).selection(selection, pointer);

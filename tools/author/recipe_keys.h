@@ -41,6 +41,8 @@ struct RecipeKey {
   double minimum = 0, maximum = 1;
   std::vector<std::string_view> choices = {};
   std::string_view object = "";
+  std::string_view needs = "";     ///< another key, without which this one says nothing
+  std::string_view excludes = "";  ///< another key that cannot stand beside it
 };
 
 /// An object of a recipe. A kind of selection is named by its first key.
@@ -53,6 +55,12 @@ struct RecipeObject {
 
 /// The recipe itself, then the objects in its lists.
 const std::vector<RecipeObject>& recipeObjects();
+/// One of them by its name.
+const RecipeObject& recipeObject(std::string_view name);
+/// One of its keys.
+const RecipeKey& recipeKey(std::string_view object, std::string_view key);
+/// What a key may hold, in words.
+std::string legalText(const RecipeKey& key);
 /// What a selection can be, besides the name of a mask.
 const std::vector<RecipeObject>& selectionKinds();
 /// The kind that a selection's object is of, by the key that it has; null where it has none or several.

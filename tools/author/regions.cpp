@@ -6,6 +6,8 @@
 #include <limits>
 #include <numeric>
 
+#include "tools/core/ramp.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -182,8 +184,7 @@ std::vector<ClusterSource> kmeansClusters(const PhysicalMesh& mesh, const TetGra
     cluster.body = b;
     cluster.mode = options.mode;
     for (const std::uint32_t v : members) {
-      const double t = reach.distance[v] > 0 ? std::clamp(1 - reach.distance[v] / overlap, 0.0, 1.0) : 1;
-      const double weight = t * t * (3 - 2 * t);
+      const double weight = reach.distance[v] > 0 ? smoothstep(1 - reach.distance[v] / overlap) : 1;
       if (weight < kMinimumWeight) continue;
       cluster.vertices.push_back(v);
       cluster.weights.push_back(weight);

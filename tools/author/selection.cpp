@@ -11,6 +11,7 @@
 #include "tools/author/selection_kinds.h"
 #include "tools/core/command_line.h"
 #include "tools/core/error.h"
+#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {

@@ -71,9 +71,4 @@ inline Eigen::Vector3d pointOf(const nlohmann::ordered_json& json) {
   return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
 }
 
-inline double smoothstep(double t) {
-  t = std::clamp(t, 0.0, 1.0);
-  return t * t * (3 - 2 * t);
-}
-
 }  // namespace sinew::tools

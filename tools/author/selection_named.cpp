@@ -8,6 +8,7 @@
 #include "tools/author/selection_kinds.h"
 #include "tools/author/stored_masks.h"
 #include "tools/core/command_line.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -17,12 +18,8 @@ using Json = nlohmann::ordered_json;
 using Place = SelectionPlace;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::string listed(const std::vector<std::string>& names) {
-  std::string text;
-  for (std::size_t i = 0; i < names.size() && i < 12; ++i) text += (i == 0 ? "" : ", ") + names[i];
-  return text + (names.size() > 12 ? ", ..." : "");
-}
+// So many names of what there is does a message list.
+constexpr std::size_t kNamed = 12;
 
 VisualWeights group(const SelectionSource& source, const Place& place) {
   std::vector<std::string> names;
@@ -161,7 +158,7 @@ const AttributeSource& attributeNamed(const SelectionSource& source, const std::
   }
   source.fail(pointer, "the source has no attribute '" + name + "'",
               names.empty() ? "It has none; in Blender, export with attributes (names that begin with _)."
-                            : "Did you mean " + nearestName(name, names) + "? It has: " + listed(names) + ".");
+                            : "Did you mean " + nearestName(name, names) + "? It has: " + listed(names, kNamed) + ".");
 }
 
 VisualWeights color(const SelectionSource& source, const Place& place) {
@@ -315,7 +312,7 @@ std::vector<std::size_t> SelectionSource::matching(const SelectionPlace& place, 
     missing.append(what).append(" '").append(pattern).append("'");
     fail(place.value.is_array() ? childPointer(place.value_pointer, i) : place.value_pointer, missing,
          distinct.empty() ? "It has none at all."
-                          : "Did you mean " + nearestName(pattern, distinct) + "? It has: " + listed(distinct) + ".");
+                          : "Did you mean " + nearestName(pattern, distinct) + "? It has: " + listed(distinct, kNamed) + ".");
   }
   std::sort(found.begin(), found.end());
   found.erase(std::unique(found.begin(), found.end()), found.end());
@@ -339,7 +336,7 @@ VisualWeights clusterMeshWeights(const SelectionSource& source, const std::strin
     source.fail(pointer, "the source has no cluster mesh '" + name + "'",
                 names.empty()
                     ? "Name an object of it CLUSTER_" + name + ", or say where the cluster comes from with \"from\"."
-                    : "Did you mean " + nearestName(name, names) + "? It has: " + listed(names) + ".");
+                    : "Did you mean " + nearestName(name, names) + "? It has: " + listed(names, kNamed) + ".");
   }
   ClusterMatch match = matchClusterMesh(source.mesh, source.surface, *found, tolerance);
   if (match.unmatched > 0) {

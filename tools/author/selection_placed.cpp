@@ -5,6 +5,7 @@
 
 #include "tools/author/mask_image.h"
 #include "tools/author/selection_kinds.h"
+#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {

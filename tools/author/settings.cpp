@@ -5,10 +5,13 @@
 #include <charconv>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <sstream>
 
 #include "tools/author/json_text.h"
 #include "tools/core/error.h"
+#include "tools/core/text.h"
+#include "tools/core/units.h"
 
 namespace sinew::tools {
 namespace {
@@ -32,7 +35,8 @@ constexpr std::array<Need, 10> kNeeds = {{{"clusters.grid", "clusters.method", "
                                           {"clusters.limit_norm_max", "clusters.limit", "soft"},
                                           {"clusters.limit_curve", "clusters.limit", "curve"}}};
 
-constexpr std::array<std::string_view, 6> kUnits = {"m", "dm", "cm", "mm", "in", "ft"};
+// A number without a sign, as a regular expression.
+const std::string kPositive = "([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][+-]?[0-9]+)?";
 
 std::optional<double> parseNumber(std::string_view text) {
   double value = 0;
@@ -42,24 +46,12 @@ std::optional<double> parseNumber(std::string_view text) {
   return value;
 }
 
-bool legalUnit(const std::string& text) {
-  if (text == "auto" || std::find(kUnits.begin(), kUnits.end(), text) != kUnits.end()) return true;
-  const auto number = parseNumber(text);
-  return number && *number > 0;
-}
-
-bool legalUp(const std::string& text) { return text == "auto" || text == "y" || text == "z"; }
-
 bool legalCurve(const std::string& text) {
   const auto points = curvePoints(text);
   return text.empty() || !points.empty();
 }
 
-std::string numberText(double value) {
-  std::array<char, 32> buffer{};
-  const auto result = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-  return {buffer.data(), result.ptr};
-}
+Settings::Number numberIn(double& value, const Range<double>& legal) { return {&value, legal.least, legal.most}; }
 
 [[noreturn]] void badValue(const Settings::Declaration& d, std::string_view text) {
   throw ToolError(ExitCode::usage, "", "setting " + std::string(d.key) + " cannot be '" + std::string(text) + "'",
@@ -134,6 +126,42 @@ bool setFromText(Settings& settings, const Settings::Declaration& d, std::string
   return std::visit(visitor, d.type);
 }
 
+// Whether a recipe's value has the type that the schema says.
+bool hasType(const Settings::Declaration& d, const nlohmann::ordered_json& value) {
+  struct Visitor {
+    const nlohmann::ordered_json& value;
+    bool operator()(const Settings::Number&) const { return value.is_number(); }
+    bool operator()(const Settings::AutoNumber&) const { return value == "auto" || value.is_number(); }
+    bool operator()(const Settings::Count&) const { return value.is_number(); }
+    bool operator()(const Settings::Flag&) const { return value.is_boolean(); }
+    bool operator()(const Settings::Choice&) const { return value.is_string(); }
+    bool operator()(const Settings::Text& t) const {
+      return value.is_string() || (t.metres_per_unit && value.is_number());
+    }
+    bool operator()(const Settings::Grid&) const { return value == "auto" || value.is_array(); }
+  };
+  return std::visit(Visitor{value}, d.type);
+}
+
+const Settings::Declaration& declarationOf(std::span<const Settings::Declaration> all, std::string_view key) {
+  const auto at = std::find_if(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
+  if (at != all.end()) return *at;
+  std::vector<std::string> keys;
+  for (const Settings::Declaration& d : all) keys.emplace_back(d.key);
+  throw ToolError(ExitCode::usage, "", "there is no setting '" + std::string(key) + "'",
+                  "Did you mean " + nearestName(key, keys) + "? All settings: sinew help settings.");
+}
+
+nlohmann::ordered_json jsonOf(const Settings& settings, const Settings::Declaration& d) {
+  if (const auto* number = std::get_if<Settings::Number>(&d.type)) return *number->value;
+  if (const auto* optional = std::get_if<Settings::AutoNumber>(&d.type); optional != nullptr && *optional->value) {
+    return **optional->value;
+  }
+  if (const auto* count = std::get_if<Settings::Count>(&d.type)) return *count->value;
+  if (const auto* flag = std::get_if<Settings::Flag>(&d.type)) return *flag->value;
+  return valueText(settings, d);
+}
+
 }  // namespace
 
 std::vector<formats::CurvePoint> curvePoints(std::string_view text) {
@@ -160,25 +188,26 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
   std::vector<Declaration> all = {
       {"import.unit", "",
        "Unit of length of the source; auto takes it from the file where the format says it, else metres.",
-       Text{&s.import.unit, legalUnit, "auto | m | dm | cm | mm | in | ft | metres per unit"}},
+       Text{&s.import.unit, isImportUnit, "auto | " + lengthUnitNames(" | ") + " | metres per unit",
+            "^(auto|" + lengthUnitNames("|") + "|\\+?" + kPositive + ")$", true}},
       {"import.up", "",
        "Which axis of the source points up; auto takes it from the file where the format says it, else y.",
-       Text{&s.import.up, legalUp, "auto | y | z"}},
+       Text{&s.import.up, isImportUp, "auto | y | z", "^(auto|y|z)$"}},
       {"import.weld", "diagonals", "Positions closer than this are one point; 0 welds exactly equal ones only.",
-       Number{&s.import.weld_tolerance, 0, 1e-2}},
+       numberIn(s.import.weld_tolerance, ImportOptions::kWeld)},
       {"import.crease", "degrees",
        "Where the source has no normals: edges whose faces differ by more are hard, others smooth; 180 makes all "
        "smooth.",
-       Number{&s.import.crease_degrees, 0, 180}},
+       numberIn(s.import.crease_degrees, ImportOptions::kCrease)},
       {"import.keep_stray", "",
        "Keep stray faces: at most 1 % of the area, 20 times further from the middle than all the rest. They set the "
        "size of everything that goes by the diagonal; without this they are left out, with a warning.",
        Flag{&s.import.keep_stray}},
       {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
-       Count{&s.import.memory_megabytes, 64, 1000000}},
+       Count{&s.import.memory_megabytes, ImportOptions::kMegabytes.least, ImportOptions::kMegabytes.most}},
       {"import.seconds", "s",
        "Bound on the processor time of the process that reads the source; four times that on the clock.",
-       Number{&s.import.seconds, 0.1, 86400}},
+       numberIn(s.import.seconds, ImportOptions::kSeconds)},
       {"tetrahedra.method", "",
        "How the solid is filled: stuffing follows the surface, grid is a cage of boxes that loses nothing, delaunay "
        "fits best and is slow, shell is a skin over an open surface; "
@@ -264,7 +293,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.limit_norm_max", "", "Of soft: squared norm that is never reached.",
        Number{&s.clusters.limit_norm_max, 3, 1000}},
       {"clusters.limit_curve", "", "Of curve: points of squared norm and response, ascending, the first on phi:phi.",
-       Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty"}},
+       Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty",
+            "^(" + kPositive + ":" + kPositive + "(," + kPositive + ":" + kPositive + ")+,?)?$"}},
       {"clusters.volume", "",
        "Whether a cluster without a modulus of its own keeps its volume: cube_root and principal make Poisson's ratio "
        "0.4, none 0.3. auto takes principal for solids and none for sheets, which enclose nothing. With --solver "
@@ -314,15 +344,24 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
 
 void Settings::set(std::string_view key, std::string_view text) {
   const auto all = declarations(*this);
-  for (const Declaration& d : all) {
-    if (d.key != key) continue;
-    if (!setFromText(*this, d, text)) badValue(d, text);
-    return;
-  }
-  std::vector<std::string> keys;
-  for (const Declaration& d : all) keys.emplace_back(d.key);
-  throw ToolError(ExitCode::usage, "", "there is no setting '" + std::string(key) + "'",
-                  "Did you mean " + nearestName(key, keys) + "? All settings: sinew help settings.");
+  const Declaration& d = declarationOf(all, key);
+  if (!setFromText(*this, d, text)) badValue(d, text);
+}
+
+void Settings::setJson(std::string_view key, const nlohmann::ordered_json& value) {
+  const auto all = declarations(*this);
+  const Declaration& d = declarationOf(all, key);
+  const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+  if (!hasType(d, value)) badValue(d, value.dump());
+  if (!setFromText(*this, d, text)) badValue(d, text);
+}
+
+nlohmann::ordered_json Settings::recipeValue(std::string_view key) const {
+  Settings copy = *this;
+  const auto all = declarations(copy);
+  const Declaration& d = declarationOf(all, key);
+  if (const auto* grid = std::get_if<Grid>(&d.type); grid != nullptr && (*grid->value)[0] != 0) return *grid->value;
+  return jsonOf(copy, d);
 }
 
 void Settings::assign(std::string_view assignment) {
@@ -337,28 +376,16 @@ void Settings::assign(std::string_view assignment) {
 nlohmann::ordered_json Settings::toJson() const {
   Settings copy = *this;
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
-  for (const Declaration& d : declarations(copy)) {
-    const std::string key(d.key);
-    if (const auto* number = std::get_if<Number>(&d.type))
-      json[key] = *number->value;
-    else if (const auto* optional = std::get_if<AutoNumber>(&d.type); optional != nullptr && *optional->value)
-      json[key] = **optional->value;
-    else if (const auto* count = std::get_if<Count>(&d.type))
-      json[key] = *count->value;
-    else if (const auto* flag = std::get_if<Flag>(&d.type))
-      json[key] = *flag->value;
-    else
-      json[key] = valueText(copy, d);
-  }
+  for (const Declaration& d : declarations(copy)) json[std::string(d.key)] = jsonOf(copy, d);
   return json;
 }
 
 std::string legalText(const Settings::Declaration& d) {
   struct Visitor {
     std::string operator()(const Settings::Number& t) const {
-      return numberText(t.minimum) + " .. " + numberText(t.maximum);
+      return exactText(t.minimum) + " .. " + exactText(t.maximum);
     }
-    std::string operator()(const Settings::AutoNumber& t) const { return "auto | 0 .. " + numberText(t.maximum); }
+    std::string operator()(const Settings::AutoNumber& t) const { return "auto | 0 .. " + exactText(t.maximum); }
     std::string operator()(const Settings::Count& t) const {
       return std::to_string(t.minimum) + " .. " + std::to_string(t.maximum);
     }
@@ -376,11 +403,21 @@ std::string legalText(const Settings::Declaration& d) {
   return std::visit(Visitor{}, d.type);
 }
 
+std::vector<std::string> choicesOf(std::string_view key) {
+  Settings settings;
+  for (const auto& d : Settings::declarations(settings)) {
+    if (d.key != key) continue;
+    const auto& names = std::get<Settings::Choice>(d.type).names;
+    return {names.begin(), names.end()};
+  }
+  return {};
+}
+
 std::string valueText(const Settings& settings, const Settings::Declaration& d) {
   struct Visitor {
     const Settings& settings;
-    std::string operator()(const Settings::Number& t) const { return numberText(*t.value); }
-    std::string operator()(const Settings::AutoNumber& t) const { return *t.value ? numberText(**t.value) : "auto"; }
+    std::string operator()(const Settings::Number& t) const { return exactText(*t.value); }
+    std::string operator()(const Settings::AutoNumber& t) const { return *t.value ? exactText(**t.value) : "auto"; }
     std::string operator()(const Settings::Count& t) const { return std::to_string(*t.value); }
     std::string operator()(const Settings::Flag& t) const { return *t.value ? "true" : "false"; }
     std::string operator()(const Settings::Choice& t) const {

@@ -70,7 +70,9 @@ struct Settings {
   struct Text {
     std::string* value;
     bool (*legal)(const std::string&);
-    std::string_view form;  ///< what is legal, in words
+    std::string form;              ///< what is legal, in words
+    std::string pattern;           ///< and as a regular expression
+    bool metres_per_unit = false;  ///< a recipe may have a number too
   };
   struct Grid {
     std::array<std::uint32_t, 3>* value;
@@ -93,8 +95,12 @@ struct Settings {
   /// Sets a key from the command line's text. Throws ToolError(usage) that names the key, the legal range and the
   /// nearest key.
   void set(std::string_view key, std::string_view text);
+  /// The same from a recipe's value, which has the type that the schema says.
+  void setJson(std::string_view key, const nlohmann::ordered_json& value);
   /// The same from "KEY=VALUE".
   void assign(std::string_view assignment);
+  /// A value as a recipe has it.
+  nlohmann::ordered_json recipeValue(std::string_view key) const;
   /// All values, keys in order of declaration.
   nlohmann::ordered_json toJson() const;
 };
@@ -104,6 +110,8 @@ std::vector<formats::CurvePoint> curvePoints(std::string_view text);
 
 /// The legal values of a setting in words ("0 .. 1", "auto | grid | stuffing | delaunay").
 std::string legalText(const Settings::Declaration& declaration);
+/// What a setting's choice may be, in the order of its enumeration ("clusters.mode": rigid, linear, quadratic).
+std::vector<std::string> choicesOf(std::string_view key);
 /// The current value as text.
 std::string valueText(const Settings& settings, const Settings::Declaration& declaration);
 /// docs/settings.md, generated.

@@ -33,27 +33,14 @@ constexpr double kNewPartFactor = 5;
 // Visits the triangles of a tree within `radius` of a point; `visit` returns the radius to go on with.
 template <class Visit>
 void visitNear(const geometry::TriangleBvh& tree, const Vector3d& point, double radius, const Visit& visit) {
-  if (tree.empty()) return;
-  std::vector<std::uint32_t> stack = {0};
-  while (!stack.empty()) {
-    const std::uint32_t n = stack.back();
-    stack.pop_back();
-    const geometry::TriangleBvh::Node& node = tree.nodes()[n];
-    if (node.box.squaredExteriorDistance(point) > radius * radius) continue;
-    if (node.right != 0) {
-      const std::uint32_t left = n + 1;
-      const bool left_first = tree.nodes()[left].box.squaredExteriorDistance(point) <
-                              tree.nodes()[node.right].box.squaredExteriorDistance(point);
-      stack.push_back(left_first ? node.right : left);
-      stack.push_back(left_first ? left : node.right);
-      continue;
-    }
-    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-      const auto& c = tree.corners()[i];
-      const Vector3d at = geometry::closestPointOnTriangle(point, c[0], c[1], c[2]);
-      if ((at - point).squaredNorm() <= radius * radius) radius = visit(tree.order()[i], at, radius);
-    }
-  }
+  double squared = radius * radius;
+  tree.tree().descendNear(point, squared, [&](std::uint32_t i) {
+    const auto& c = tree.corners()[i];
+    const Vector3d at = geometry::closestPointOnTriangle(point, c[0], c[1], c[2]);
+    if ((at - point).squaredNorm() > squared) return;
+    radius = visit(tree.order()[i], at, radius);
+    squared = radius * radius;
+  });
 }
 
 std::array<double, 3> barycentric(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "runtime/geometry/triangle_bvh.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -27,12 +28,6 @@ void writeNumbers(std::string& out, const std::vector<std::string>& numbers) {
   out += "]";
 }
 
-std::string numberText(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.7g", x);
-  return text;
-}
-
 std::vector<Eigen::Vector3d> readPoints(const JsonText& text, const Json& json) {
   const auto wrong = [&](const std::string& pointer) {
     text.fail(pointer, "must be a list of numbers, three each point", "Write [x, y, z, x, y, z, ...].");
@@ -51,7 +46,7 @@ std::vector<Eigen::Vector3d> readPoints(const JsonText& text, const Json& json) 
 std::string storedMasksText(const VisualMesh& mesh, const std::vector<StoredMask>& masks) {
   std::vector<std::string> numbers;
   for (const Eigen::Vector3d& x : mesh.welded_positions) {
-    for (int k = 0; k < 3; ++k) numbers.push_back(numberText(x[k]));
+    for (int k = 0; k < 3; ++k) numbers.push_back(rounded(x[k], 7));
   }
   std::string out = "{\"sinew_masks\": 1,\n\"points\": ";
   writeNumbers(out, numbers);
@@ -63,7 +58,7 @@ std::string storedMasksText(const VisualMesh& mesh, const std::vector<StoredMask
     for (std::size_t p = 0; p < masks[m].weights.size(); ++p) {
       if (!(masks[m].weights[p] > 0)) continue;
       numbers.push_back(std::to_string(p));
-      weights.push_back(numberText(std::fmin(masks[m].weights[p], 1.0)));
+      weights.push_back(rounded(std::fmin(masks[m].weights[p], 1.0), 7));
     }
     writeNumbers(out, numbers);
     out += ",\n\"weights\": ";

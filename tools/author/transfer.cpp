@@ -14,6 +14,7 @@
 #include "tools/author/stored_masks.h"
 #include "tools/core/command_line.h"
 #include "tools/core/error.h"
+#include "tools/core/units.h"
 #include "tools/import/import.h"
 
 namespace sinew::tools {
@@ -48,11 +49,6 @@ bool isPoint(const Json& json) {
 
 Vector3d pointOf(const Json& json) { return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()}; }
 
-const RecipeObject& shapeNamed(std::string_view name) {
-  const auto& all = recipeObjects();
-  return *std::find_if(all.begin(), all.end(), [&](const RecipeObject& o) { return o.name == name; });
-}
-
 // Moves what a recipe says in metres along with the model, by the declarations of its keys.
 class Mover {
  public:
@@ -65,7 +61,7 @@ class Mover {
       if (at == json.end()) continue;
       const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
       if (key.type == 0) {
-        for (Json& entry : *at) object(shapeNamed(key.object), entry);
+        for (Json& entry : *at) object(recipeObject(key.object), entry);
       } else if (has(kRecipeSelection)) {
         selection(*at);
       } else if (has(kRecipeSelections)) {
@@ -107,10 +103,7 @@ class Mover {
     for (const Settings::Declaration& d : Settings::declarations(defaults)) {
       if (d.unit != "m" || !d.key.starts_with(prefix)) continue;
       const auto at = json.find(d.key.substr(prefix.size()));
-      if (at == json.end()) continue;
-      if (*at == "auto") continue;
-      const double value = at->is_string() ? std::strtod(at->get<std::string>().c_str(), nullptr) : at->get<double>();
-      *at = sevenDigits(to_new_.scale * value);
+      if (at != json.end() && at->is_number()) *at = sevenDigits(to_new_.scale * at->get<double>());
     }
   }
 
@@ -190,10 +183,8 @@ Source readSource(const fs::path& file, const ImportOptions& options, Progress& 
 
 // "cm" where the number is a unit's, else the number; empty where it is no usual one.
 std::string unitNamed(double metres) {
-  for (const auto& [name, value] :
-       {std::pair{"m", 1.0}, {"dm", 0.1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}}) {
-    if (std::abs(metres / value - 1) < 0.01) return name;
-  }
+  for (const LengthUnit& unit : kLengthUnits)
+    if (std::abs(metres / unit.metres - 1) < 0.01) return std::string(unit.name);
   return "";
 }
 
@@ -640,7 +631,7 @@ TransferResult transferRecipe(const TransferOptions& options, Progress& progress
   const bool moved = !to_new.isIdentity(old.mesh.diagonal);
   if (moved) {
     describe(to_new, fresh.mesh.diagonal, result.notes);
-    Mover(to_new).object(shapeNamed("recipe"), document);
+    Mover(to_new).object(recipeObject("recipe"), document);
   }
   result.error = alignment.error;
 

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "tools/author/regions.h"
+#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -157,8 +158,7 @@ class BodyClusters {
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
       const double d = reach.distance[global(v)];
       if (!std::isfinite(d)) continue;
-      const double t = std::clamp(1 - d / overlap, 0.0, 1.0);
-      piece.weight[v] = std::max(piece.weight[v], largest * t * t * (3 - 2 * t));
+      piece.weight[v] = std::max(piece.weight[v], largest * smoothstep(1 - d / overlap));
     }
   }
 
@@ -168,8 +168,7 @@ class BodyClusters {
       double sum = 0;
       for (const Piece& piece : pieces) sum += piece.weight[v];
       for (Piece& piece : pieces) {
-        const double t = std::clamp((piece.weight[v] / sum - kMinimumShare) / (kFullShare - kMinimumShare), 0.0, 1.0);
-        piece.weight[v] *= t * t * (3 - 2 * t);
+        piece.weight[v] *= smoothstep((piece.weight[v] / sum - kMinimumShare) / (kFullShare - kMinimumShare));
       }
     }
   }
@@ -275,19 +274,6 @@ class BodyClusters {
   const Settings& settings_;
 };
 
-void report(std::vector<Finding>& findings, const char* id, const std::vector<std::string>& names,
-            const std::string& what, const std::string& cure, Severity severity = Severity::warning) {
-  if (names.empty()) return;
-  Finding finding;
-  finding.id = id;
-  finding.severity = severity;
-  finding.count = names.size();
-  finding.message = std::to_string(names.size()) + (names.size() == 1 ? " cluster " : " clusters ") + what;
-  for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 8); ++i)
-    finding.place += (i == 0 ? "" : ", ") + names[i];
-  if (names.size() > 8) finding.place += ", ...";
-  finding.cure = cure;
-  findings.push_back(finding);
 }
 
 bool hangsTogether(const TetGraph& graph, const ClusterSource& cluster) {
@@ -404,15 +390,16 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
   const auto have = [](const std::vector<std::string>& several) {
     return std::string(several.size() == 1 ? "of the recipe has " : "of the recipe have ");
   };
-  report(findings, "cluster-small", small,
-         have(small) + "fewer than " + std::to_string(kFewMembers) + " physical vertices and cannot bend",
-         "Raise tetrahedra.vertices, or make the region larger.");
-  report(findings, "cluster-apart", apart, have(apart) + "pieces that do not touch, yet move as one",
-         "If that is not meant, make a cluster of each piece, or use split.", Severity::info);
-  report(findings, "cluster-identical", identical, have(identical) + "the same vertices and weights as another",
-         "Remove one of them.");
-  report(findings, "cluster-idle", idle, have(idle) + "no influence on any physical vertex",
-         "Others cover the same region with far larger weights; make it larger, or remove it.");
+  reportClusters(findings, "cluster-small", small,
+                 have(small) + "fewer than " + std::to_string(kFewMembers) + " physical vertices and cannot bend",
+                 "Raise tetrahedra.vertices, or make the region larger.", Severity::warning);
+  reportClusters(findings, "cluster-apart", apart, have(apart) + "pieces that do not touch, yet move as one",
+                 "If that is not meant, make a cluster of each piece, or use split.", Severity::info);
+  reportClusters(findings, "cluster-identical", identical, have(identical) + "the same vertices and weights as another",
+                 "Remove one of them.", Severity::warning);
+  reportClusters(findings, "cluster-idle", idle, have(idle) + "no influence on any physical vertex",
+                 "Others cover the same region with far larger weights; make it larger, or remove it.",
+                 Severity::warning);
   std::size_t from = 0;
   for (std::uint32_t b = 0; b < transfer.physical().bodies.size(); ++b) {
     std::size_t to = from;
@@ -435,7 +422,7 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
 
 ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings) {
   Settings own = settings;
-  for (const auto& [key, value] : cluster.settings) own.set(key, value);
+  for (const auto& [key, value] : cluster.settings) own.setJson(key, value);
   return own.clusters;
 }
 

@@ -40,6 +40,7 @@ constexpr double kLightestVertex = 0.05;
 constexpr double kMinimumAttachmentWeight = 0.01;
 
 formats::Float3 toFloat(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
+Vector3d toDouble(const formats::Float3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 
 // Why a package is refused, empty if it is not: what passes here is what every user will load.
 std::string refusalOf(std::span<const std::byte> package) {
@@ -112,38 +113,16 @@ void refuseFarVertices(const VisualMesh& mesh, const PhysicalMesh& physical) {
   throw ToolError(ExitCode::bad_input, mesh.file, text, "Lower tetrahedra.thickness, or the recipe's factors of it.");
 }
 
-// How far from its place the float formula of the runtime puts visual vertex v at rest.
-double restError(const formats::PackageContent& content, std::size_t v, double& rounded) {
-  rounded = 0;
-  const auto& target = content.visual_positions[v];
-  double squared = 0;
+// Where visual vertex v hangs at rest.
+HungPlace hungAt(const formats::PackageContent& content, std::size_t v) {
   if (!content.barycentric.empty()) {
-    const auto& a = content.barycentric[v];
-    const auto& tet = content.tetrahedra[a.tetrahedron].vertex;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const float last = content.physical_vertices[tet[3]].rest_position[k];
-      float x = last;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const float part = a.weight[i] * (content.physical_vertices[tet[i]].rest_position[k] - last);
-        x += part;
-        rounded += roundedReach(std::abs(double(part)));
-      }
-      squared += std::pow(double(x) - double(target[k]), 2);
-    }
-    return std::sqrt(squared);
+    const formats::BarycentricAttachment& attachment = content.barycentric[v];
+    return hungOn(attachment, content.tetrahedra[attachment.tetrahedron],
+                  [&](std::uint32_t p) { return content.physical_vertices[p].rest_position; });
   }
   const auto& range = content.cluster_attachment_ranges[v];
-  for (std::size_t k = 0; k < 3; ++k) {
-    float x = 0;
-    for (std::uint32_t i = range.first; i < range.first + range.count; ++i) {
-      const auto& entry = content.cluster_attachments[i];
-      const formats::Cluster& cluster = content.clusters[entry.cluster];
-      const float q = (target[k] - cluster.rest_center[k]) / cluster.radius;
-      x += entry.weight * (q * cluster.radius + cluster.rest_center[k]);
-    }
-    squared += std::pow(double(x) - double(target[k]), 2);
-  }
-  return std::sqrt(squared);
+  return hungAtRest(std::span(content.cluster_attachments).subspan(range.first, range.count), content.clusters,
+                    content.visual_positions[v]);
 }
 
 formats::ClusterMechanics mechanicsOf(const ClusterOptions& options, bool sheet) {
@@ -449,11 +428,11 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource& source, Progress& pr
   std::size_t worst = 0;
   double farthest = 0;
   for (std::size_t v = 0; v < places.size(); ++v) {
-    double rounded = 0;
-    const double error = restError(content, v, rounded);
+    const HungPlace hung = hungAt(content, v);
+    const double error = (toDouble(hung.place) - toDouble(content.visual_positions[v])).norm();
     rest_error = std::max(rest_error, error);
-    if (!(error - rounded <= beyond)) {
-      beyond = error - rounded;
+    if (!(error - hung.rounded <= beyond)) {
+      beyond = error - hung.rounded;
       worst = v;
     }
     farthest = std::max(farthest, places[v].distance);

@@ -11,9 +11,11 @@
 #include <optional>
 #include <string_view>
 
+#include "runtime/geometry/pseudo_inverse.h"
 #include "runtime/geometry/tet_mesh.h"
 #include "tools/attach/attach.h"
 #include "tools/bake/check_source.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -28,20 +30,8 @@ constexpr float kOutside = 0.5F;         // of a tetrahedron's height: what hang
 constexpr double kLeastDihedralDeg = 5;  // below, a tetrahedron is a sliver that bends nothing well
 constexpr double kAngleAgreementDeg = 0.1;  // of the recorded angles with the recomputed ones
 constexpr double kSumTolerance = 1e-4;      // of masses, which are sums of floats
-constexpr double kFlatMoment = 1e-5;        // the bake's own cut-off: smallest over largest spread squared
 constexpr double kMomentTolerance = 0.02;   // of M S M against M; rounding S to float costs up to 0.6 % at that cut-off
 constexpr double kMostMassRatio = 1e4;
-
-std::string number(std::uint64_t n) { return std::to_string(n); }
-std::string counted(std::uint64_t n, const char* one, const char* many) {
-  return number(n) + " " + (n == 1 ? one : many);
-}
-
-std::string rounded(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
 
 template <class Float3>
 Vector3d wide(const Float3& x) {
@@ -105,17 +95,17 @@ class PackageCheck {
   }
   template <class Name>
   static std::string list(const std::vector<std::uint32_t>& items, const Name& name) {
-    std::string text;
-    for (std::size_t i = 0; i < items.size() && i < 8; ++i) text += (i == 0 ? "" : ", ") + name(items[i]);
-    return items.size() > 8 ? text + ", ..." : text;
+    std::vector<std::string> names;
+    for (const std::uint32_t item : items) names.push_back(name(item));
+    return listed(names);
   }
   static std::string numbers(const char* what, const std::vector<std::uint32_t>& items) {
-    return what + (" " + list(items, [](std::uint32_t i) { return number(i); }));
+    return what + (" " + list(items, [](std::uint32_t i) { return std::to_string(i); }));
   }
   std::string clusterNames(const std::vector<std::uint32_t>& clusters) const {
     return "clusters " + list(clusters, [this](std::uint32_t c) {
              const std::string_view name = package_.text(package_.clusters()[c].name);
-             return name.empty() ? number(c) : std::string(name);
+             return name.empty() ? std::to_string(c) : std::string(name);
            });
   }
   Vector3d rest(std::uint32_t vertex) const { return wide(package_.physicalVertices()[vertex].rest_position); }
@@ -230,46 +220,30 @@ class PackageCheck {
     const auto ranges = package_.clusterAttachmentRanges();
     std::vector<std::uint32_t> off;
     double largest = 0;
-    const auto judge = [&](std::uint32_t v, const Vector3d& position, double reach) {
-      const double error = (position - wide(package_.visualPositions()[v])).norm() / diagonal_;
+    const auto judge = [&](std::uint32_t v, const HungPlace& hung) {
+      const double error = (wide(hung.place) - wide(package_.visualPositions()[v])).norm() / diagonal_;
       largest = std::max(largest, error);
-      if (!(error <= kMostRestError + roundedReach(reach) / diagonal_)) off.push_back(v);
+      if (!(error <= kMostRestError + hung.rounded / diagonal_)) off.push_back(v);
     };
     for (std::uint32_t v = 0; v < barycentric.size(); ++v) {
-      const auto& attachment = barycentric[v];
-      const auto& corners = package_.tetrahedra()[attachment.tetrahedron].vertex;
-      const Vector3d last = rest(corners[3]);
-      Vector3d position = last;
-      double reach = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Vector3d part = double(attachment.weight[k]) * (rest(corners[k]) - last);
-        position += part;
-        reach += part.norm();
-      }
-      judge(v, position, reach);
+      judge(v, hungOn(barycentric[v], package_.tetrahedra()[barycentric[v].tetrahedron],
+                      [&](std::uint32_t p) { return package_.physicalVertices()[p].rest_position; }));
     }
     for (std::uint32_t v = 0; v < ranges.size(); ++v) {
-      // At rest a cluster's transform is the identity: F q~ + c takes q back to where it came from.
-      Vector3d position = Vector3d::Zero();
-      for (const auto& use : package_.clusterAttachments().subspan(ranges[v].first, ranges[v].count)) {
-        const Cluster& cluster = package_.clusters()[use.cluster];
-        const Vector3d center = wide(cluster.rest_center);
-        const double radius = double(cluster.radius);
-        const Vector3d q = (wide(package_.visualPositions()[v]) - center) / radius;
-        position += double(use.weight) * (center + radius * q);
-      }
-      judge(v, position, 0);
+      judge(v, hungAtRest(package_.clusterAttachments().subspan(ranges[v].first, ranges[v].count), package_.clusters(),
+                          package_.visualPositions()[v]));
     }
     if (!off.empty()) {
-      placeVisual(
-          add("attachment-error", Severity::error,
-              counted(off.size(), "visual vertex does", "visual vertices do") +
-                  " not come back to the rest position: " + rounded(largest) + " of the diagonal (1e-06 allowed)",
-              off.size(), "Bake again; report the source if it happens again."),
-          off);
+      placeVisual(add("attachment-error", Severity::error,
+                      counted(off.size(), "visual vertex does", "visual vertices do") +
+                          " not come back to the rest position: " + rounded(largest) + " of the diagonal (" +
+                          rounded(kMostRestError) + " allowed)",
+                      off.size(), "Bake again; report the source if it happens again."),
+                  off);
     } else {
       add("attachment-rest-error", Severity::info,
-          "all " + number(count) + " visual vertices are attached; rest error " + rounded(largest) + " of the diagonal",
+          "all " + std::to_string(count) + " visual vertices are attached; rest error " + rounded(largest) +
+              " of the diagonal",
           count, "");
     }
   }
@@ -323,7 +297,8 @@ class PackageCheck {
       moment = moment / total - (mean / total) * (mean / total).transpose();
       const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
       const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(spread, Eigen::EigenvaluesOnly);
-      if (cluster.mode != ClusterMode::rigid && solver.eigenvalues()[0] <= kFlatMoment * solver.eigenvalues()[2])
+      if (cluster.mode != ClusterMode::rigid &&
+          solver.eigenvalues()[0] <= geometry::kMomentCutoff * solver.eigenvalues()[2])
         flat.push_back(c);
       const auto& s = cluster.a_qq;
       Eigen::Matrix3d inverse;

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "runtime/geometry/triangle_bvh.h"
+#include "tools/core/text.h"
 #include "tools/tetrahedralize/bodies.h"
 
 namespace sinew::tools {
@@ -29,27 +30,6 @@ constexpr double kNearShare = 0.01;
 // A part is thin if 2 V / A is below this part of the model's diagonal and of its own.
 constexpr double kThinModel = 0.01;
 constexpr double kThinPart = 0.1;
-
-std::string number(std::uint64_t n) { return std::to_string(n); }
-
-// "1 face", "3 faces".
-std::string counted(std::uint64_t n, const char* one, const char* many) {
-  return number(n) + " " + (n == 1 ? one : many);
-}
-
-std::string rounded(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
-std::string lengthText(double metres) {
-  const double size = std::abs(metres);
-  if (size >= 1 || size == 0) return rounded(metres) + " m";
-  if (size >= 0.01) return rounded(metres * 100) + " cm";
-  if (size >= 1e-4) return rounded(metres * 1e3) + " mm";
-  return rounded(metres * 1e6) + " um";
-}
 
 class SourceCheck {
  public:
@@ -218,7 +198,7 @@ class SourceCheck {
     if (between_parts == pairs.size())
       pairs_text += ", all of two parts";
     else if (between_parts > 0)
-      pairs_text += ", " + number(between_parts) + " of two parts";
+      pairs_text += ", " + std::to_string(between_parts) + " of two parts";
     Finding& f = add("self-intersections", Severity::warning,
                      counted(n, "face crosses or overlaps", "faces cross or overlap") + " others (" + pairs_text + ")",
                      n, "Move the faces apart or join them; overlapping solids are baked as their union.");
@@ -269,7 +249,7 @@ class SourceCheck {
     if (bodies_.bodies.size() > 1) {
       const std::size_t n = bodies_.bodies.size();
       Finding& f = add("several-bodies", Severity::info,
-                       "the parts lie apart and become " + number(n) + " bodies that move on their own", n,
+                       "the parts lie apart and become " + std::to_string(n) + " bodies that move on their own", n,
                        "Raise tetrahedra.join, or join the parts, if they belong together.");
       std::vector<std::uint32_t> triangles;
       for (const SolidBody& body : bodies_.bodies)
@@ -368,38 +348,29 @@ class SourceCheck {
     std::vector<std::vector<std::uint32_t>> along(triangle.size());
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(0, triangle.size(), 256), [&](const tbb::blocked_range<std::size_t>& r) {
-          std::vector<std::uint32_t> stack;
           for (std::size_t i = r.begin(); i != r.end(); ++i) {
             const Vector3d a = corner(triangle[i], 0), b = corner(triangle[i], 1), c = corner(triangle[i], 2);
             const Vector3d normal = (b - a).cross(c - a).normalized();
             const Vector3d middle = (a + b + c) / 3;
             const std::uint32_t part = topology_.part_of_triangle[triangle[i]];
-            stack.assign(1, 0);
-            while (!stack.empty()) {
-              const std::uint32_t n = stack.back();
-              stack.pop_back();
-              const auto& node = bvh.nodes()[n];
-              if (node.box.squaredExteriorDistance(middle) > reach * reach) continue;
-              if (node.right != 0) {
-                stack.push_back(node.right);
-                stack.push_back(n + 1);
-                continue;
-              }
-              for (std::uint32_t k = node.first; k < node.first + node.count; ++k) {
-                const std::uint32_t other_part = topology_.part_of_triangle[triangle[bvh.order()[k]]];
-                if (other_part == part) continue;
-                const auto& x = bvh.corners()[k];
-                const Vector3d other_normal = (x[1] - x[0]).cross(x[2] - x[0]).normalized();
-                if (std::abs(normal.dot(other_normal)) < kNearCosine) continue;
-                const Vector3d closest = geometry::closestPointOnTriangle(middle, x[0], x[1], x[2]);
-                // Across the gap, not along the sheet.
-                const Vector3d gap = closest - middle;
-                if (gap.squaredNorm() > reach * reach || gap.cross(normal).squaredNorm() > 0.25 * gap.squaredNorm())
-                  continue;
-                if (std::find(along[i].begin(), along[i].end(), other_part) == along[i].end())
-                  along[i].push_back(other_part);
-              }
-            }
+            bvh.tree().descend(
+                [&](const auto& node, std::uint32_t) {
+                  return node.box.squaredExteriorDistance(middle) <= reach * reach;
+                },
+                [&](std::uint32_t k) {
+                  const std::uint32_t other_part = topology_.part_of_triangle[triangle[bvh.order()[k]]];
+                  if (other_part == part) return;
+                  const auto& x = bvh.corners()[k];
+                  const Vector3d other_normal = (x[1] - x[0]).cross(x[2] - x[0]).normalized();
+                  if (std::abs(normal.dot(other_normal)) < kNearCosine) return;
+                  const Vector3d closest = geometry::closestPointOnTriangle(middle, x[0], x[1], x[2]);
+                  // Across the gap, not along the sheet.
+                  const Vector3d gap = closest - middle;
+                  if (gap.squaredNorm() > reach * reach || gap.cross(normal).squaredNorm() > 0.25 * gap.squaredNorm())
+                    return;
+                  if (std::find(along[i].begin(), along[i].end(), other_part) == along[i].end())
+                    along[i].push_back(other_part);
+                });
           }
         });
     std::map<std::pair<std::uint32_t, std::uint32_t>, double> near_area;  // part, other part
@@ -448,10 +419,10 @@ class SourceCheck {
           std::count_if(topology_.parts.begin(), topology_.parts.end(), [](const SurfacePart& p) { return p.closed; });
       std::vector<std::uint32_t> triangles;
       for (const SurfacePart& part : topology_.parts) triangles.push_back(part.triangles.front());
-      Finding& f = add(
-          "several-parts", Severity::info,
-          "the surface has " + number(count) + " separate parts, " + number(std::uint64_t(closed)) + " of them closed",
-          count, "");
+      Finding& f = add("several-parts", Severity::info,
+                       "the surface has " + std::to_string(count) + " separate parts, " +
+                           std::to_string(std::uint64_t(closed)) + " of them closed",
+                       count, "");
       placeFaces(f, triangles);
     }
     std::vector<std::uint32_t> thin, triangles;

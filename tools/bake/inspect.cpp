@@ -5,6 +5,9 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
+
+#include "tools/author/settings.h"
 
 namespace sinew::tools {
 namespace {
@@ -17,35 +20,19 @@ std::string sectionName(std::uint32_t id) {
   return name;
 }
 
-const char* modeName(formats::ClusterMode mode) {
-  switch (mode) {
-    case formats::ClusterMode::rigid:
-      return "rigid";
-    case formats::ClusterMode::linear:
-      return "linear";
-    case formats::ClusterMode::quadratic:
-      return "quadratic";
-  }
-  return "unknown";
-}
-
 ordered_json vectorJson(const std::array<float, 3>& x) { return {x[0], x[1], x[2]}; }
 
 // Only what the cluster's models use.
 ordered_json mechanicsJson(const formats::PackageView& package, const formats::ClusterMechanics& m) {
-  constexpr std::array<const char*, 3> kStiffness = {"frequency", "per_step", "elastic"};
-  constexpr std::array<const char*, 7> kLimits = {"none", "rows",      "frobenius", "frobenius_cheap",
-                                                  "soft", "principal", "curve"};
-  constexpr std::array<const char*, 3> kVolumes = {"none", "cube_root", "principal"};
   ordered_json json;
-  json["stiffness"] = kStiffness[std::size_t(m.stiffness)];
+  json["stiffness"] = choicesOf("clusters.stiffness").at(std::size_t(m.stiffness));
   if (m.stiffness == formats::StiffnessModel::per_step) json["per_step_beta"] = vectorJson(m.per_step_beta);
   if (m.stiffness == formats::StiffnessModel::elastic) {
     json["young"] = m.young;
     json["poisson"] = m.poisson;
   }
   json["damping"] = m.damping;
-  json["limit"] = kLimits[std::size_t(m.limit)];
+  json["limit"] = choicesOf("clusters.limit").at(std::size_t(m.limit));
   if (m.limit == formats::LimitMethod::principal) json["stretch_min"] = m.stretch_min;
   if (m.limit == formats::LimitMethod::principal || m.limit == formats::LimitMethod::rows) {
     json["stretch_max"] = m.stretch_max;
@@ -61,7 +48,7 @@ ordered_json mechanicsJson(const formats::PackageView& package, const formats::C
       json["curve"].push_back({point.norm, point.response});
     }
   }
-  json["volume"] = kVolumes[std::size_t(m.volume)];
+  json["volume"] = choicesOf("clusters.volume").at(std::size_t(m.volume) + 1);  // after auto
   if (m.plastic_creep > 0) {
     json["plastic"] = {{"yield", m.plastic_yield}, {"creep", m.plastic_creep}, {"limit", m.plastic_limit}};
   }
@@ -139,9 +126,11 @@ ordered_json inspectPackage(const formats::PackageView& package) {
                               {"clusters", body.cluster_count}});
   }
   json["clusters"] = ordered_json::array();
+  const std::vector<std::string> modes = choicesOf("clusters.mode");
   for (const auto& cluster : package.clusters()) {
-    json["clusters"].push_back(
-        {{"name", package.text(cluster.name)}, {"members", cluster.member_count}, {"mode", modeName(cluster.mode)}});
+    json["clusters"].push_back({{"name", package.text(cluster.name)},
+                                {"members", cluster.member_count},
+                                {"mode", modes.at(std::size_t(cluster.mode))}});
   }
   json["mechanics"] = ordered_json::array();
   for (const auto& m : package.mechanics()) json["mechanics"].push_back(mechanicsJson(package, m));

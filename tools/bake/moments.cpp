@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/geometry/pseudo_inverse.h"
 #include "runtime/geometry/rounded.h"
 
 namespace sinew::tools {
@@ -13,9 +14,6 @@ namespace {
 using Eigen::Vector3d;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
-
-// Directions whose moment is below this part of the largest cannot be told from noise in float and are dropped.
-constexpr double kRelativeCutoff = 1e-5;
 
 // Of a centre's coordinates: the mean of vertices in one place is so far from them at most, by rounding.
 constexpr double kPointRadius = 1e-12;
@@ -27,7 +25,7 @@ template <class Matrix>
 Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(moment);
   const auto& values = solver.eigenvalues();
-  const double cutoff = kRelativeCutoff * values.maxCoeff();
+  const double cutoff = geometry::kMomentCutoff * values.maxCoeff();
   Matrix inverse = Matrix::Zero();
   rank = 0;
   for (Eigen::Index i = 0; i < values.size(); ++i) {
@@ -46,7 +44,7 @@ bool bendingIsStretch(const Matrix9d& moment) {
   Matrix9d scaled = moment;
   const double largest = moment.diagonal().maxCoeff();
   for (Eigen::Index i = 0; i < 9; ++i) {
-    const double own = moment(i, i) > kRelativeCutoff * largest ? 1 / std::sqrt(moment(i, i)) : 0.0;
+    const double own = moment(i, i) > geometry::kMomentCutoff * largest ? 1 / std::sqrt(moment(i, i)) : 0.0;
     scaled.row(i) *= own;
     scaled.col(i) *= own;
   }
@@ -57,7 +55,7 @@ bool bendingIsStretch(const Matrix9d& moment) {
   const Eigen::Matrix<double, 6, 6> rest = all - mixed * pseudoInverse(linear, linear_rank) * mixed.transpose();
   const auto rank = [](const Eigen::Matrix<double, 6, 6>& m) {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(m, Eigen::EigenvaluesOnly);
-    return (solver.eigenvalues().array() > kRelativeCutoff).count();
+    return (solver.eigenvalues().array() > geometry::kMomentCutoff).count();
   };
   return rank(rest) < rank(all) && rank(rest) < kLeastBending;
 }
@@ -66,21 +64,6 @@ Eigen::Matrix<double, 6, 1> quadraticTerms(const Vector3d& q) {
   Eigen::Matrix<double, 6, 1> terms;
   terms << q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
   return terms;
-}
-
-void note(std::vector<Finding>& findings, const std::string& id, const std::vector<std::string>& names,
-          const std::string& what, const std::string& cure) {
-  if (names.empty()) return;
-  Finding finding;
-  finding.id = id;
-  finding.severity = Severity::info;
-  finding.count = names.size();
-  finding.message = std::to_string(names.size()) + (names.size() == 1 ? " cluster " : " clusters ") + what;
-  for (std::size_t i = 0; i < std::min<std::size_t>(names.size(), 8); ++i)
-    finding.place += (i == 0 ? "" : ", ") + names[i];
-  if (names.size() > 8) finding.place += ", ...";
-  finding.cure = cure;
-  findings.push_back(finding);
 }
 
 }  // namespace
@@ -181,10 +164,10 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
     }
     result.clusters.push_back(cluster);
   }
-  note(findings, "cluster-flat", flat, "lie in a plane or on a line and were made rigid",
-       "Use a coarser clusters.grid, or more physical vertices.");
-  note(findings, "cluster-poor", poor, "have too few vertices for bending and were made linear",
-       "Use a coarser clusters.grid, or more physical vertices.");
+  reportClusters(findings, "cluster-flat", flat, "lie in a plane or on a line and were made rigid",
+                 "Use a coarser clusters.grid, or more physical vertices.", Severity::info);
+  reportClusters(findings, "cluster-poor", poor, "have too few vertices for bending and were made linear",
+                 "Use a coarser clusters.grid, or more physical vertices.", Severity::info);
   return result;
 }
 

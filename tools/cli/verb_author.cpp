@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/author/recipe_commands.h"
+#include "tools/author/recipe_keys.h"
 #include "tools/author/transfer.h"
 #include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
@@ -357,7 +358,7 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   });
   pins->add_option("name", command->name)->required();
   pins->add_option("--from", command->from, selection)->required();
-  pins->add_option("--method", command->method, "hold, infinite_mass, matrix or constrained_fit");
+  pins->add_option("--method", command->method, legalText(recipeKey("pin", "method")));
   pins->add_option("--target", command->target, "world, or a name of the game's");
 
   CLI::App* part = add("add-part", "Add loose parts that ride along: eyeballs, teeth, lashes", [command] {
@@ -365,7 +366,7 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   });
   part->add_option("name", command->name)->required();
   part->add_option("--from", command->from, selection)->required();
-  part->add_option("--attach", command->attach, "rigid or follow");
+  part->add_option("--attach", command->attach, legalText(recipeKey("part", "attach")));
   part->add_option("--to", command->to, "What carries it: a cluster, a set of pins, a mask, or JSON of a selection");
 
   for (const std::string& list : {std::string("stiffness"), std::string("thickness")}) {

@@ -10,6 +10,7 @@
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
+#include "tools/core/units.h"
 #include "tools/tetrahedralize/bodies.h"
 
 namespace sinew::tools {
@@ -119,8 +120,9 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
   verb->add_option("-o,--output", command->output, "The package to write (.sinew)")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
       ->type_name("KEY=VALUE");
-  verb->add_option("--unit", command->unit,
-                   "Unit of the source: m, dm, cm, mm, in, ft or metres per unit; the same as --set import.unit=");
+  verb->add_option(
+      "--unit", command->unit,
+      "Unit of the source: " + lengthUnitNames(", ") + " or metres per unit; the same as --set import.unit=");
   verb->add_flag("--no-cache", command->no_cache, "Make every stage anew, and keep none for the next bake");
   verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
   verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));

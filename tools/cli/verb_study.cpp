@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "tools/author/settings.h"
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
@@ -156,7 +157,7 @@ void addError(CLI::App& study, int& exit_code) {
       ->check(CLI::Range(0, 64));
   verb->add_option("--modes", options.modes, "Of clusters, several with commas")
       ->delimiter(',')
-      ->check(CLI::IsMember({"rigid", "linear", "quadratic"}));
+      ->check(CLI::IsMember(choicesOf("clusters.mode")));
   verb->add_option("--functions", options.functions, "field.functions, several with commas; absent: the recipe's")
       ->delimiter(',')
       ->check(CLI::Range(1, 256));

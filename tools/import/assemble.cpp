@@ -13,6 +13,8 @@
 #include <numeric>
 
 #include "tools/core/error.h"
+#include "tools/core/text.h"
+#include "tools/core/units.h"
 #include "tools/import/crease.h"
 #include "tools/import/orient.h"
 #include "tools/import/outliers.h"
@@ -28,20 +30,6 @@ constexpr double kSmallestPlausible = 1e-3;  // metres
 constexpr double kLargestPlausible = 100;
 constexpr double kLargestPossible = 1e12;  // beyond it single precision overflows in squares and cubes of lengths
 constexpr double kWeightSumTolerance = 1e-3;
-
-std::string lengthText(double metres) {
-  char text[64];
-  if (metres >= 999.5) {
-    std::snprintf(text, sizeof text, "%.3g km", metres / 1e3);
-  } else if (metres >= 1) {
-    std::snprintf(text, sizeof text, "%.3g m", metres);
-  } else if (metres >= 1e-3) {
-    std::snprintf(text, sizeof text, "%.3g mm", metres * 1e3);
-  } else {
-    std::snprintf(text, sizeof text, "%.3g um", metres * 1e6);
-  }
-  return text;
-}
 
 class Assembler {
  public:
@@ -627,11 +615,10 @@ class Assembler {
 }  // namespace
 
 double metresPerUnit(const std::string& unit) {
-  static const std::map<std::string, double> kUnits = {{"m", 1},      {"dm", 0.1},    {"cm", 0.01},
-                                                       {"mm", 0.001}, {"in", 0.0254}, {"ft", 0.3048}};
-  if (const auto known = kUnits.find(unit); known != kUnits.end()) return known->second;
+  for (const LengthUnit& known : kLengthUnits)
+    if (unit == known.name) return known.metres;
   const auto number = parseNumber(unit);
-  return number && std::isfinite(*number) && *number > 1e-12 && *number < 1e9 ? *number : 0;
+  return number && std::isfinite(*number) && *number > kLeastUnit && *number < kMostUnit ? *number : 0;
 }
 
 VisualMesh assembleVisualMesh(RawScene scene, const std::filesystem::path& file, const std::string& format,

@@ -9,7 +9,7 @@
 
 namespace sinew::tools {
 
-/// Metres in a unit's name or number: "m", "dm", "cm", "mm", "in", "ft", "0.0254". 0 where it is none.
+/// Metres in a unit's name or number: "cm", "0.0254". 0 where it is none.
 double metresPerUnit(const std::string& unit);
 
 /// Turns a validated scene into the visual mesh: unit, axes and node transforms applied, polygons cut, positions

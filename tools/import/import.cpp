@@ -13,6 +13,8 @@
 #include <string_view>
 
 #include "tools/core/error.h"
+#include "tools/core/text.h"
+#include "tools/core/units.h"
 #include "tools/import/assemble.h"
 #include "tools/import/import_process.h"
 
@@ -103,22 +105,26 @@ void checkOptions(const ImportOptions& options) {
   const auto bad = [](const std::string& what, const std::string& cure) {
     return ToolError(ExitCode::usage, "", what, cure);
   };
-  if (options.unit != "auto" && metresPerUnit(options.unit) == 0)
+  if (!isImportUnit(options.unit))
     throw bad("the unit \"" + options.unit + "\" is unknown",
-              "Use auto, m, dm, cm, mm, in, ft, or metres per unit as a number.");
-  if (options.up != "auto" && options.up != "y" && options.up != "z")
-    throw bad("the up axis \"" + options.up + "\" is unknown", "Use auto, y or z.");
-  if (!(options.weld_tolerance >= 0 && options.weld_tolerance <= 0.1))
-    throw bad("the weld tolerance is out of range", "Use 0 to 0.1 of the diagonal.");
-  if (!(options.crease_degrees >= 0 && options.crease_degrees <= 180))
-    throw bad("the crease angle is out of range", "Use 0 to 180 degrees.");
-  if (options.memory_megabytes < 16 || options.memory_megabytes > 1U << 22)
-    throw bad("the bound on the import's memory is out of range", "Use 16 MB to 4194304 MB.");
-  if (!(options.seconds > 0 && options.seconds <= 86400))
-    throw bad("the bound on the import's time is out of range", "Use more than 0 s and at most 86400 s.");
+              "Use auto, " + lengthUnitNames(", ") + ", or metres per unit as a number.");
+  if (!isImportUp(options.up)) throw bad("the up axis \"" + options.up + "\" is unknown", "Use auto, y or z.");
+  const auto within = [&]<class Number>(const char* what, Number value, const Range<Number>& legal, const char* unit) {
+    if (!legal.holds(value))
+      throw bad("the " + std::string(what) + " is out of range",
+                "Use " + exactText(legal.least) + " to " + exactText(legal.most) + unit);
+  };
+  within("weld tolerance", options.weld_tolerance, ImportOptions::kWeld, " diagonals.");
+  within("crease angle", options.crease_degrees, ImportOptions::kCrease, " degrees.");
+  within("bound on the import's memory", options.memory_megabytes, ImportOptions::kMegabytes, " MB.");
+  within("bound on the import's time", options.seconds, ImportOptions::kSeconds, " s.");
 }
 
 }  // namespace
+
+bool isImportUnit(const std::string& text) { return text == "auto" || metresPerUnit(text) > 0; }
+
+bool isImportUp(const std::string& text) { return text == "auto" || text == "y" || text == "z"; }
 
 bool isMeshName(const std::filesystem::path& file) { return !formatByName(file).empty(); }
 

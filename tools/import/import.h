@@ -6,12 +6,17 @@
 #include <string>
 
 #include "tools/core/progress.h"
+#include "tools/core/range.h"
 #include "tools/import/visual_mesh.h"
 
 namespace sinew::tools {
 
+/// Legal values of ImportOptions' texts.
+bool isImportUnit(const std::string& text);
+bool isImportUp(const std::string& text);
+
 struct ImportOptions {
-  std::string unit = "auto";     ///< "auto", "m", "dm", "cm", "mm", "in", "ft", or metres per unit as a number
+  std::string unit = "auto";     ///< "auto", a unit of tools/core/units.h, or metres per unit as a number
   std::string up = "auto";       ///< "auto", "y", "z"
   double weld_tolerance = 1e-6;  ///< of the bounding-box diagonal; 0 = exactly equal positions only
   double crease_degrees = 60;    ///< where the source has no normals: edges sharper than this are hard; 180 = none
@@ -19,6 +24,10 @@ struct ImportOptions {
   std::uint32_t memory_megabytes = 1500;  ///< bound on the child process
   double seconds = 15;                    ///< bound on the child's processor time; on the clock four times that
   std::filesystem::path worker;           ///< the sinew program; empty = the running program's own file
+
+  // Legal values; settings are declared by them.
+  static constexpr Range<double> kWeld = {0, 1e-2}, kCrease = {0, 180}, kSeconds = {0.1, 86400};
+  static constexpr Range<std::uint32_t> kMegabytes = {64, 1000000};
 };
 
 /// Reads an artist's file in a child process and checks all that it gives back.

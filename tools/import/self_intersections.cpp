@@ -7,7 +7,6 @@
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -15,11 +14,13 @@
 #include <numeric>
 #include <span>
 
+#include "runtime/geometry/box_tree.h"
 #include "tools/import/topology.h"
 
 namespace sinew::tools {
 namespace {
 
+using Eigen::AlignedBox3d;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Point3 = Kernel::Point_3;
 using Point2 = Kernel::Point_2;
@@ -110,96 +111,26 @@ bool pierce(const Corners& a, const Corners& b) {
   return side(p1, *q1, p2, *q2) < 0 && side(p1, *r1, *r2, p2) < 0;
 }
 
-struct Box {
-  std::array<double, 3> low, high;
-  bool meets(const Box& other) const {
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (low[k] > other.high[k] || other.low[k] > high[k]) return false;
-    }
-    return true;
-  }
-  void extend(const Box& other) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], other.low[k]);
-      high[k] = std::max(high[k], other.high[k]);
-    }
-  }
-};
+// Calls found(j) for every j > i whose box meets box i. \param last largest item below each node.
+template <class Found>
+void forLaterOverlaps(const geometry::BoxTree& tree, const std::vector<std::uint32_t>& last,
+                      const std::vector<AlignedBox3d>& boxes, std::uint32_t i, const Found& found) {
+  tree.descend([&](const auto& node, std::uint32_t n) { return last[n] > i && node.box.intersects(boxes[i]); },
+               [&](std::uint32_t place) {
+                 const std::uint32_t j = tree.order()[place];
+                 if (j > i && boxes[j].intersects(boxes[i])) found(j);
+               });
+}
 
-// Box tree with the items halved at each level, so that its shape depends on the number of items alone.
-class BoxTree {
- public:
-  explicit BoxTree(const std::vector<Box>& boxes) : boxes_(boxes), order_(boxes.size()) {
-    std::iota(order_.begin(), order_.end(), 0U);
-    nodes_.resize(boxes.size() + kLeaf);  // halving n items down to leaves of 4 takes fewer than n nodes
-    if (!boxes.empty()) build(0, 0, boxes.size());
+std::vector<std::uint32_t> largestBelow(const geometry::BoxTree& tree) {
+  std::vector<std::uint32_t> last(tree.nodes().size());
+  for (std::size_t n = last.size(); n-- > 0;) {
+    const auto& node = tree.nodes()[n];
+    const auto items = tree.itemsOf(node);
+    last[n] = node.right != 0 ? std::max(last[n + 1], last[node.right]) : *std::max_element(items.begin(), items.end());
   }
-
-  // Calls found(j) for every j > i whose box meets box i.
-  template <class Found>
-  void laterOverlaps(std::uint32_t i, const Found& found) const {
-    struct Range {
-      std::size_t node, begin, end;
-    };
-    std::array<Range, 128> stack;
-    std::size_t size = 0;
-    stack[size++] = {0, 0, order_.size()};
-    while (size > 0) {
-      const Range r = stack[--size];
-      const Node& node = nodes_[r.node];
-      if (node.last <= i || !node.box.meets(boxes_[i])) continue;
-      if (r.end - r.begin <= kLeaf) {
-        for (std::size_t k = r.begin; k < r.end; ++k) {
-          if (order_[k] > i && boxes_[order_[k]].meets(boxes_[i])) found(order_[k]);
-        }
-        continue;
-      }
-      const std::size_t middle = (r.begin + r.end) / 2;
-      stack[size++] = {2 * r.node + 2, middle, r.end};
-      stack[size++] = {2 * r.node + 1, r.begin, middle};
-    }
-  }
-
- private:
-  static constexpr std::size_t kLeaf = 4;
-  struct Node {
-    Box box;
-    std::uint32_t last;  // largest item
-  };
-
-  void build(std::size_t node, std::size_t begin, std::size_t end) {
-    Box box = boxes_[order_[begin]];
-    std::uint32_t last = order_[begin];
-    for (std::size_t k = begin; k < end; ++k) {
-      box.extend(boxes_[order_[k]]);
-      last = std::max(last, order_[k]);
-    }
-    nodes_[node] = {box, last};
-    if (end - begin <= kLeaf) return;
-    std::size_t axis = 0;
-    for (std::size_t k = 1; k < 3; ++k) {
-      if (box.high[k] - box.low[k] > box.high[axis] - box.low[axis]) axis = k;
-    }
-    const std::size_t middle = (begin + end) / 2;
-    const auto iterator = [&](std::size_t k) { return order_.begin() + std::ptrdiff_t(k); };
-    std::nth_element(iterator(begin), iterator(middle), iterator(end), [&](std::uint32_t a, std::uint32_t b) {
-      const double x = boxes_[a].low[axis] + boxes_[a].high[axis], y = boxes_[b].low[axis] + boxes_[b].high[axis];
-      return x != y ? x < y : a < b;
-    });
-    const auto left = [&] { build(2 * node + 1, begin, middle); };
-    const auto right = [&] { build(2 * node + 2, middle, end); };
-    if (end - begin > 4096) {
-      tbb::parallel_invoke(left, right);
-    } else {
-      left();
-      right();
-    }
-  }
-
-  const std::vector<Box>& boxes_;
-  std::vector<std::uint32_t> order_;
-  std::vector<Node> nodes_;  // children of n: 2n + 1, 2n + 2
-};
+  return last;
+}
 
 }  // namespace
 
@@ -211,15 +142,19 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> findSelfIntersections(const
   for (const std::uint32_t t : topology.degenerate_triangles) skipped[t] = 1;
   for (const std::uint32_t t : topology.duplicate_triangles) skipped[t] = 1;
   std::vector<std::uint32_t> triangle;
-  std::vector<Box> boxes;
+  std::vector<AlignedBox3d> boxes;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     if (skipped[t]) continue;
-    Eigen::AlignedBox3d box;
+    AlignedBox3d box;
     for (const std::uint32_t p : mesh.weldedTriangle(t)) box.extend(mesh.welded_positions[p]);
     triangle.push_back(t);
-    boxes.push_back({{box.min().x(), box.min().y(), box.min().z()}, {box.max().x(), box.max().y(), box.max().z()}});
+    boxes.push_back(box);
   }
-  const BoxTree tree(boxes);
+  const auto box = [&](std::uint32_t i) -> const AlignedBox3d& { return boxes[i]; };
+  const geometry::BoxTree tree(
+      std::uint32_t(boxes.size()), box,
+      [&](std::uint32_t i) -> Eigen::Vector3d { return boxes[i].min() + boxes[i].max(); }, box, 4);
+  const std::vector<std::uint32_t> last = largestBelow(tree);
   const auto corners = [&](std::uint32_t t) {
     const Triangle p = mesh.weldedTriangle(t);
     const auto point = [&](std::uint32_t i) {
@@ -241,7 +176,8 @@ std::vector<std::pair<std::uint32_t, std::uint32_t>> findSelfIntersections(const
         hits[k].clear();
         const std::uint32_t t = triangle[begin + k];
         candidates.clear();
-        tree.laterOverlaps(std::uint32_t(begin + k), [&](std::uint32_t i) { candidates.push_back(triangle[i]); });
+        forLaterOverlaps(tree, last, boxes, std::uint32_t(begin + k),
+                         [&](std::uint32_t i) { candidates.push_back(triangle[i]); });
         if (candidates.empty()) continue;
         std::sort(candidates.begin(), candidates.end());
         const Corners a = corners(t);

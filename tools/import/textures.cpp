@@ -45,25 +45,40 @@ std::optional<fs::path> below(const fs::path& folder, const fs::path& relative) 
   return isFile(at) ? std::optional(at) : std::nullopt;
 }
 
+// Size and shape by the head of a picture; false where it is none that stb knows, or too large a one.
+bool headByStb(std::span<const std::byte> bytes, int& width, int& height) {
+  int channels = 0;
+  if (bytes.size() > kMaxTextureBytes) return false;
+  const auto* const data = reinterpret_cast<const stbi_uc*>(bytes.data());
+  return stbi_info_from_memory(data, int(bytes.size()), &width, &height, &channels) != 0 &&
+         std::int64_t(width) * height <= kMaxTexels;
+}
+
 // Whether a picture of a kind can be drawn. TGA and GIF are unpacked to find out, of PNG, JPEG and BMP the head is
 // read.
-bool canBeDrawn(const std::vector<std::byte>& bytes, const std::string& mime) {
+bool canBeDrawn(std::span<const std::byte> bytes, const std::string& mime) {
   if (mime == "image/vnd-ms.dds" || mime == "image/ktx2") return false;
   if (mime == "image/webp" || mime == "image/tiff" || mime == "image/vnd.radiance" || mime == "image/x-exr")
     return true;
-  constexpr std::int64_t kMostTexels = std::int64_t{1} << 28;
-  const auto* const data = reinterpret_cast<const stbi_uc*>(bytes.data());
-  const int count = int(bytes.size());
-  int width = 0, height = 0, channels = 0;
-  if (stbi_info_from_memory(data, count, &width, &height, &channels) == 0) return false;
-  if (std::int64_t(width) * height > kMostTexels) return false;
-  if (mime != "image/x-tga" && mime != "image/gif") return true;
-  const std::unique_ptr<stbi_uc, void (*)(void*)> texels(
-      stbi_load_from_memory(data, count, &width, &height, &channels, 4), stbi_image_free);
-  return texels != nullptr;
+  if (mime == "image/x-tga" || mime == "image/gif") return !decodeByStb(bytes).rgba.empty();
+  int width = 0, height = 0;
+  return headByStb(bytes, width, height);
 }
 
 }  // namespace
+
+Texels decodeByStb(std::span<const std::byte> bytes) {
+  Texels texels;
+  if (!headByStb(bytes, texels.width, texels.height)) return {};
+  int channels = 0;
+  const std::unique_ptr<stbi_uc, void (*)(void*)> rgba(
+      stbi_load_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()), int(bytes.size()), &texels.width,
+                            &texels.height, &channels, 4),
+      stbi_image_free);
+  if (!rgba) return {};
+  texels.rgba.assign(rgba.get(), rgba.get() + std::size_t(texels.width) * std::size_t(texels.height) * 4);
+  return texels;
+}
 
 std::string pictureMime(const std::vector<std::byte>& bytes, const std::string& name) {
   const std::string_view head(reinterpret_cast<const char*>(bytes.data()), std::min<std::size_t>(bytes.size(), 16));

@@ -14,6 +14,7 @@
 #include "tools/render/headless.h"
 #include "tools/render/image.h"
 #include "tools/render/overlay.h"
+#include "tools/render/page.h"
 #include "tools/render/renderer.h"
 #include "tools/render/text.h"
 
@@ -21,9 +22,6 @@ namespace sinew::tools {
 
 namespace {
 
-constexpr Rgb8 kPaper = {250, 250, 251};
-constexpr Rgb8 kInk = {34, 38, 46};
-constexpr Rgb8 kGreyInk = {98, 104, 116};
 constexpr int kMargin = 20;
 constexpr int kGap = 6;
 constexpr int kTileWidth = 400;
@@ -31,7 +29,6 @@ constexpr int kTileHeight = 340;
 constexpr int kColumns = 4;
 constexpr std::size_t kCloseUps = 4;
 constexpr float kFitMargin = 0.10F;
-constexpr float kLitYaw = 0.70F;  // the direction the lights are made for
 // Told apart on grey clay and for most colour-blind eyes (after Okabe and Ito 2008), repeated beyond eight.
 constexpr std::array<Rgb8, 8> kColors = {{{213, 40, 24},
                                           {0, 114, 178},

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/render/image.h"
 
-#include <stb_image.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -14,14 +11,11 @@
 #include <string_view>
 
 #include "tools/core/atomic_file.h"
+#include "tools/import/textures.h"
 
 namespace sinew::tools {
 
 namespace {
-
-// A texture is bytes from a stranger: a header that claims a huge picture must not make us allocate for it.
-constexpr std::size_t kMaxTextureBytes = 256U << 20;
-constexpr std::int64_t kMaxTexturePixels = std::int64_t{1} << 28;
 
 std::size_t pixelOffset(const Image& image, int x, int y) {
   return (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x)) * 3;
@@ -48,20 +42,6 @@ std::vector<std::uint8_t> strippedPng(std::span<const std::byte> bytes) {
     if (name == "IEND") return kept;
   }
   return {};
-}
-
-// TGA and GIF, which OpenCV does not read: blue, green, red, alpha. Empty where it is neither.
-cv::Mat decodeByStb(const std::vector<std::uint8_t>& bytes) {
-  int width = 0, height = 0, channels = 0;
-  const int count = static_cast<int>(bytes.size());
-  if (stbi_info_from_memory(bytes.data(), count, &width, &height, &channels) == 0) return {};
-  if (std::int64_t{width} * height > kMaxTexturePixels) return {};
-  const std::unique_ptr<stbi_uc, void (*)(void*)> texels(
-      stbi_load_from_memory(bytes.data(), count, &width, &height, &channels, 4), stbi_image_free);
-  if (!texels) return {};
-  cv::Mat bgra;
-  cv::cvtColor(cv::Mat(height, width, CV_8UC4, texels.get()), bgra, cv::COLOR_RGBA2BGRA);
-  return bgra;
 }
 
 }  // namespace
@@ -114,8 +94,12 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
     const std::vector<std::uint8_t> encoded = strippedPng(bytes);
     if (encoded.empty()) return result;
     cv::Mat picture = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
-    if (picture.empty()) picture = decodeByStb(encoded);
-    if (picture.empty() || static_cast<std::int64_t>(picture.total()) > kMaxTexturePixels) return result;
+    if (picture.empty()) {
+      Texels texels = decodeByStb(std::as_bytes(std::span(encoded)));
+      if (texels.rgba.empty()) return result;
+      cv::cvtColor(cv::Mat(texels.height, texels.width, CV_8UC4, texels.rgba.data()), picture, cv::COLOR_RGBA2BGRA);
+    }
+    if (static_cast<std::int64_t>(picture.total()) > kMaxTexels) return result;
     if (picture.depth() == CV_16U) {
       picture.convertTo(picture, CV_8U, 1.0 / 257.0);
     } else if (picture.depth() != CV_8U) {

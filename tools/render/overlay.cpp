@@ -11,8 +11,6 @@
 namespace sinew::tools {
 namespace {
 
-constexpr Rgb8 kInk = {34, 38, 46};
-constexpr Rgb8 kPaper = {250, 250, 251};
 constexpr float kPlate = 0.82F;  // opacity: what lies under a text shows through, and does not compete with it
 constexpr float kScaleText = 14;
 constexpr double kLongestBar = 0.35;  // of the picture's width

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "tools/render/overlay.h"
+#include "tools/render/page.h"
 #include "tools/render/text.h"
 #include "tools/render/video.h"
 
@@ -18,9 +19,6 @@ namespace sinew::tools {
 namespace {
 
 constexpr std::array<std::string_view, 4> kOverlayNames = {"none", "physical", "clusters", "all"};
-constexpr Rgb8 kPaper = {250, 250, 251};
-constexpr Rgb8 kInk = {34, 38, 46};
-constexpr Rgb8 kGreyInk = {98, 104, 116};
 constexpr int kMargin = 20;
 constexpr int kGap = 6;
 constexpr int kLabelHeight = 22;

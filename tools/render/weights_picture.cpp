@@ -11,14 +11,13 @@
 #include "tools/render/headless.h"
 #include "tools/render/image.h"
 #include "tools/render/overlay.h"
+#include "tools/render/page.h"
 #include "tools/render/renderer.h"
 #include "tools/render/text.h"
 
 namespace sinew::tools {
 namespace {
 
-constexpr Rgb8 kPaper = {250, 250, 251};
-constexpr Rgb8 kInk = {34, 38, 46};
 constexpr int kMargin = 16;
 constexpr int kGap = 6;
 constexpr int kTile = 300;
@@ -26,7 +25,6 @@ constexpr int kColumns = 4;
 constexpr int kTitle = 40;
 constexpr std::size_t kMostAlone = 40;
 constexpr float kFitMargin = 0.08F;
-constexpr float kLitYaw = 0.70F;  // the direction the lights are made for
 constexpr float kFrontYaw = 0.35F, kFrontPitch = 0.15F;
 constexpr std::array<float, 3> kBare = {0.42F, 0.43F, 0.45F};
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "tools/core/error.h"
+#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -30,11 +31,6 @@ constexpr float kHeldTop = 0.1F;
 
 // Contacts have no rolling resistance of their own, so a ball would roll on for long; in `drop` the air slows it.
 constexpr float kDropDamping = 0.6F;
-
-float smooth(float t) {
-  t = std::clamp(t, 0.0F, 1.0F);
-  return t * t * (3 - 2 * t);
-}
 
 struct Bounds {
   Vec3 low, high;
@@ -210,7 +206,7 @@ bool Scene::drive() {
   if (options_.scene.kind == SceneKind::squash && t <= kPressSeconds + kHoldSeconds) {
     // Two plates press: every vertex is where they put it, so the body is as flat as said and at rest when it is let
     // go.
-    const float height = 1 + (kPressedHeight - 1) * smooth(t / kPressSeconds);
+    const float height = 1 + (kPressedHeight - 1) * smoothstep(t / kPressSeconds);
     std::vector<Vec3> pressed = start_;
     for (Vec3& x : pressed) x[1] = bounds.low[1] + (x[1] - bounds.low[1]) * height;
     world_.setState(body_, pressed, {});
@@ -223,7 +219,7 @@ bool Scene::drive() {
     }
     const std::size_t axis = bounds.longest();
     const float middle = 0.5F * (bounds.low[axis] + bounds.high[axis]);
-    const float half_pull = 0.5F * (kStretchFactor - 1) * bounds.extent(axis) * smooth(t / kPressSeconds);
+    const float half_pull = 0.5F * (kStretchFactor - 1) * bounds.extent(axis) * smoothstep(t / kPressSeconds);
     for (std::uint32_t v : pinned_) {
       Vec3 target = start_[v];
       target[axis] += start_[v][axis] > middle ? half_pull : -half_pull;

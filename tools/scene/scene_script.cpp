@@ -8,6 +8,8 @@
 #include <initializer_list>
 #include <numbers>
 
+#include "tools/core/ramp.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -170,8 +172,7 @@ std::pair<std::size_t, double> placeOf(std::span<const Key> keys, double time) {
   std::size_t k = 0;
   while (k + 1 < keys.size() && keys[k + 1].time <= time) ++k;
   if (k + 1 == keys.size()) return {k, 0};
-  const double t = (time - keys[k].time) / (keys[k + 1].time - keys[k].time);
-  return {k, t * t * (3 - 2 * t)};
+  return {k, smoothstep((time - keys[k].time) / (keys[k + 1].time - keys[k].time))};
 }
 
 bool matches(std::string_view pattern, std::string_view name) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tools/render/draw_model.h"
+#include "tools/render/page.h"
 #include "tools/render/renderer.h"
 #include "tools/render/text.h"
 
@@ -14,7 +15,6 @@ Image drawRow(std::span<const RowPicture> row, Camera camera, const RowOptions& 
   constexpr int kLabel = 24;
   constexpr float kText = 15;
   constexpr float kMargin = 0.05F;
-  constexpr Rgb8 kInk = {34, 38, 46};
   std::vector<Eigen::Vector3f> points;
   for (const RowPicture& one : row) {
     for (const Eigen::Vector3f& x : one.shape.positions) points.push_back(x / one.asset->package().info().diagonal);

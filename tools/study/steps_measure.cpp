@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tools/attach/attach.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -303,13 +305,8 @@ double lowestAlong(std::span<const Vec3> points, const Vec3& normal) {
 std::vector<Vec3> hungPlaces(const formats::PackageView& package, std::span<const Vec3> positions) {
   std::vector<Vec3> places;
   for (const formats::BarycentricAttachment& at : package.barycentric()) {
-    const auto& corner = package.tetrahedra()[at.tetrahedron].vertex;
-    Vec3 place = positions[corner[3]];
-    for (std::size_t k = 0; k < 3; ++k) {
-      for (std::size_t c = 0; c < 3; ++c)
-        place[c] += at.weight[k] * (positions[corner[k]][c] - positions[corner[3]][c]);
-    }
-    places.push_back(place);
+    places.push_back(
+        hungOn(at, package.tetrahedra()[at.tetrahedron], [&](std::uint32_t p) { return positions[p]; }).place);
   }
   return places;
 }

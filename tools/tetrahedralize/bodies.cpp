@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "tools/core/sets.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -162,7 +163,6 @@ void forNearTriangles(std::span<const Vector3d> points, std::span<const Triangle
       if (label[bvh.order()[i]] != only[n]) only[n] = kNoIndex;
     }
   }
-  std::vector<std::uint32_t> stack;
   for (std::uint32_t i = 0; i < triangles.size(); ++i) {
     const TriangleBvh::Corners& mine = bvh.corners()[i];
     const std::uint32_t my_label = label[bvh.order()[i]];
@@ -171,26 +171,18 @@ void forNearTriangles(std::span<const Vector3d> points, std::span<const Triangle
     box.extend(mine[2]);
     box.extend(Vector3d(box.min() - Vector3d::Constant(distance)));
     box.extend(Vector3d(box.max() + Vector3d::Constant(distance)));
-    stack.assign(1, 0);
-    while (!stack.empty()) {
-      const std::uint32_t index = stack.back();
-      stack.pop_back();
-      const auto& node = nodes[index];
-      // Each pair is met from both sides: one is enough.
-      if (node.first + node.count <= i || !node.box.intersects(box)) continue;
-      if (only[index] != kNoIndex && same(only[index], my_label)) continue;
-      if (node.right != 0) {
-        stack.push_back(node.right);
-        stack.push_back(index + 1);
-        continue;
-      }
-      for (std::uint32_t j = std::max(node.first, i + 1); j < node.first + node.count; ++j) {
-        const std::uint32_t other = label[bvh.order()[j]];
-        if (same(other, my_label)) continue;
-        const double squared = geometry::squaredDistance(mine, bvh.corners()[j]);
-        if (squared <= distance * distance) visit(other, my_label, squared);
-      }
-    }
+    // Each pair is met from both sides: one is enough.
+    bvh.tree().descend(
+        [&](const auto& node, std::uint32_t index) {
+          return node.first + node.count > i && node.box.intersects(box) &&
+                 (only[index] == kNoIndex || !same(only[index], my_label));
+        },
+        [&](std::uint32_t j) {
+          const std::uint32_t other = label[bvh.order()[j]];
+          if (j <= i || same(other, my_label)) return;
+          const double squared = geometry::squaredDistance(mine, bvh.corners()[j]);
+          if (squared <= distance * distance) visit(other, my_label, squared);
+        });
   }
 }
 
@@ -491,12 +483,6 @@ void placeParts(const VisualMesh& mesh, const Topology& topology, const std::vec
       finding.places.push_back(mesh.triangle_face[topology.parts[parts[i]].triangles.front()]);
     }
   }
-}
-
-std::string rounded(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.3g", value);
-  return text.data();
 }
 
 // The value of tetrahedra.join that closes a gap, rounded up to two digits.

@@ -196,19 +196,8 @@ class CellCutter {
     box = AlignedBox3d(box.min().array() - margin, box.max().array() + margin);
     const auto& bvh = body_.winding.bvh();
     candidates_.clear();
-    stack_.assign(1, 0);
-    while (!stack_.empty()) {
-      const std::uint32_t index = stack_.back();
-      stack_.pop_back();
-      const auto& node = bvh.nodes()[index];
-      if (!node.box.intersects(box)) continue;
-      if (node.right != 0) {
-        stack_.push_back(node.right);
-        stack_.push_back(index + 1);
-        continue;
-      }
-      for (std::uint32_t i = node.first; i < node.first + node.count; ++i) candidates_.push_back(bvh.order()[i]);
-    }
+    bvh.tree().descend([&](const auto& node, std::uint32_t) { return node.box.intersects(box); },
+                       [&](std::uint32_t i) { candidates_.push_back(bvh.order()[i]); });
     std::sort(candidates_.begin(), candidates_.end());
     for (const std::uint32_t t : candidates_) {
       const auto& triangle = body_.triangles[t];
@@ -538,7 +527,7 @@ class CellCutter {
   std::vector<Local> local_;
   std::vector<std::array<std::uint32_t, 2>> inside_points_;  // point, triangle of the cell
   std::vector<std::array<std::uint32_t, 3>> edges_;
-  std::vector<std::uint32_t> candidates_, stack_, lookouts_;
+  std::vector<std::uint32_t> candidates_, lookouts_;
   double most_winding_ = 0;
   std::array<std::int32_t, kSamples> sample_set_{};  // triangle of the cell whose solid it is, or kAir, kUnknown
 };
