@@ -79,7 +79,7 @@ Json valueOf(const std::string& text) {
 
 // A setting's value as the command line has it, in the type that a recipe has it: "on" is true, "2,2,1" a list.
 Json settingOf(const std::string& key, const std::string& text) {
-  const Json value = valueOf(text);
+  Json value = valueOf(text);
   Settings trial;
   try {
     trial.setJson(key, value);

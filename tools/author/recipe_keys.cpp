@@ -102,9 +102,9 @@ class ShapeCheck {
                    "It looks like " + std::string(shape.example) + ".");
       }
       if (there && !key.needs.empty() && !json.contains(key.needs)) {
-        const std::string needed(key.needs);
-        text_.fail(place, name + " says nothing without a " + needed,
-                   "Add \"" + needed + "\": " + std::string(recipeKey(shape.name, needed).sentence));
+        std::string cure = "Add \"";
+        cure.append(key.needs).append("\": ").append(recipeKey(shape.name, key.needs).sentence);
+        text_.fail(place, name + " says nothing without a " + std::string(key.needs), cure);
       }
       if (there && !key.excludes.empty() && json.contains(key.excludes)) {
         text_.fail(place,

@@ -34,7 +34,7 @@ std::optional<Finding> unusedSettings(const Settings& given, std::span<const Rec
   if (automatic || clusters.empty()) users.push_back({settings, nullptr});
   for (const RecipeCluster& cluster : clusters) {
     users.push_back({settings, &cluster});
-    for (const auto& [key, value] : cluster.settings) users.back().settings.set(key, value);
+    for (const auto& [key, value] : cluster.settings) users.back().settings.setJson(key, value);
   }
   std::vector<std::string> unused;
   for (const auto& d : Settings::declarations(settings)) {
