@@ -363,7 +363,7 @@ TEST_F(Gltf, FaultsNameTheirPlaceInTheJson) {
   expectRefusal(write("broken.gltf", "{\"asset\": {\"version\": \"2.0\"}"), "malformed");
 }
 
-// docs/decisions/0013-own-gltf-reader.md holds these files against tinygltf, which refuses, misreads or crashes on
+// docs/decisions/0015-own-gltf-reader.md holds these files against tinygltf, which refuses, misreads or crashes on
 // each.
 TEST_F(Gltf, FilesThatALibraryWouldRefuseAreRead) {
   const auto read = [&](const char* name, auto change) {

@@ -286,7 +286,8 @@ Json withOneOverlap(Json json, std::vector<Finding>& findings) {
     }
   }
   if (moved > 0) {
-    say("the overlap of " + counted(moved, "cluster", "clusters") + " is now in the cluster's settings", Severity::info);
+    say("the overlap of " + counted(moved, "cluster", "clusters") + " is now in the cluster's settings",
+        Severity::info);
   }
   return json;
 }

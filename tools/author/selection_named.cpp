@@ -311,8 +311,9 @@ std::vector<std::size_t> SelectionSource::matching(const SelectionPlace& place, 
     std::string missing = "the source has no ";
     missing.append(what).append(" '").append(pattern).append("'");
     fail(place.value.is_array() ? childPointer(place.value_pointer, i) : place.value_pointer, missing,
-         distinct.empty() ? "It has none at all."
-                          : "Did you mean " + nearestName(pattern, distinct) + "? It has: " + listed(distinct, kNamed) + ".");
+         distinct.empty()
+             ? "It has none at all."
+             : "Did you mean " + nearestName(pattern, distinct) + "? It has: " + listed(distinct, kNamed) + ".");
   }
   std::sort(found.begin(), found.end());
   found.erase(std::unique(found.begin(), found.end()), found.end());

@@ -64,8 +64,7 @@ std::optional<Finding> unusedSettings(const Settings& given, std::span<const Rec
   Finding finding;
   finding.id = "settings-unused";
   finding.count = unused.size();
-  finding.message = counted(unused.size(), "setting says", "settings say") +
-                    " nothing with this recipe";
+  finding.message = counted(unused.size(), "setting says", "settings say") + " nothing with this recipe";
   for (const std::string& each : unused) finding.place += (finding.place.empty() ? "" : ", ") + each;
   finding.cure = "Leave it out, or set what it belongs to.";
   return finding;

@@ -274,8 +274,6 @@ class BodyClusters {
   const Settings& settings_;
 };
 
-}
-
 bool hangsTogether(const TetGraph& graph, const ClusterSource& cluster) {
   std::vector<std::uint8_t> inside(graph.first.size() - 1, 0);
   for (const std::uint32_t v : cluster.vertices) inside[v] = 1;

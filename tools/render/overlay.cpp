@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tools/render/page.h"
 #include "tools/render/text.h"
 
 namespace sinew::tools {
