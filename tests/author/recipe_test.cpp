@@ -62,6 +62,24 @@ TEST_F(RecipeFile, VersionOneMayNameASourceAnywhereAboveIt) {
   EXPECT_THROW(readRecipe(file), ToolError);
 }
 
+TEST_F(RecipeFile, UntilVersionTwoSettingsCouldBeTexts) {
+  const std::string rest = R"("source": "x.obj",
+    "settings": {"package.groups": "off", "clusters.grid": "2,3,4", "tetrahedra.vertices": "700"},
+    "clusters": [{"name": "a", "from": {"all": true}, "settings": {"stretch_hz": "20"}}]})";
+  const Recipe recipe = readRecipe(write(R"({"sinew_recipe": 2, )" + rest));
+  EXPECT_FALSE(recipe.settings.package.groups);
+  EXPECT_EQ(recipe.settings.clusters.grid, (std::array<std::uint32_t, 3>{2, 3, 4}));
+  EXPECT_EQ(recipe.settings.tetrahedra.target_vertices, 700U);
+  EXPECT_EQ(recipe.clusters[0].settings[0].second, 20);
+  EXPECT_FALSE(
+      readRecipe(write(R"({"sinew_recipe": 2, "source": "x.obj", "settings": {"clusters.overlap_metres": "0"}})"))
+          .settings.clusters.overlap);
+  EXPECT_NE(
+      errorOf(R"({"sinew_recipe": 2, "source": "x.obj", "settings": {"package.groups": "maybe"}})").find("groups"),
+      std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 3, )" + rest).find("package.groups"), std::string::npos);
+}
+
 TEST_F(RecipeFile, FaultsNameThePlace) {
   EXPECT_NE(errorOf("{\n\"sinew_recipe\": 1,\n\"source\" \"x\"}").find("line 3"), std::string::npos);
   EXPECT_NE(errorOf(R"({"sinew_recipe": 9, "source": "x.obj"})").find("version 9"), std::string::npos);

@@ -101,6 +101,13 @@ TEST(Settings, ARecipesValuesHaveTheirTypes) {
   EXPECT_EQ(settings.recipeValue("clusters.grid"), nlohmann::ordered_json({2, 3, 4}));
   settings.setJson("import.unit", 0.5);
   EXPECT_EQ(settings.import.unit, "0.5");
+  EXPECT_THROW(settings.setJson("clusters.overlap", "0.02"), ToolError);
+  settings.setJson("clusters.overlap", 0.02);
+  EXPECT_EQ(settings.clusters.overlap, 0.02);
+  EXPECT_EQ(settings.recipeValue("clusters.overlap"), 0.02);
+  settings.setJson("clusters.overlap", "auto");
+  EXPECT_EQ(settings.clusters.overlap, std::nullopt);
+  EXPECT_EQ(settings.recipeValue("clusters.overlap"), "auto");
 }
 
 TEST(Settings, ValuesArriveWhereTheToolsReadThem) {

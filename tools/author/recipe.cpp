@@ -244,9 +244,14 @@ void takeProject(const Json& json, Recipe& recipe) {
   recipe.project = recipe.folder / steps;
 }
 
-// Until version 2 the overlap had three names: in boxes for grids, in metres (0: automatic) for authored clusters, and
-// a cluster's own key.
-Json withOneOverlap(Json json, std::vector<Finding>& findings) {
+void typeSettings(Json& owner, std::string_view prefix) {
+  if (!owner.contains("settings") || !owner["settings"].is_object()) return;
+  for (auto& [key, value] : owner["settings"].items()) value = typedSetting(std::string(prefix) + key, value);
+}
+
+// Until version 2 a setting's value could be a text of any type ("off"), and the overlap had three names: in boxes for
+// grids, in metres (0: automatic) for authored clusters, and a cluster's own key.
+Json asVersion3(Json json, std::vector<Finding>& findings) {
   json["sinew_recipe"] = Recipe::kVersion;
   const auto say = [&](const std::string& message, Severity severity) {
     Finding finding;
@@ -260,8 +265,11 @@ Json withOneOverlap(Json json, std::vector<Finding>& findings) {
   };
   if (json.contains("settings") && json["settings"].is_object()) {
     Json& settings = json["settings"];
-    const Json boxes = settings.value("clusters.overlap", Json());
-    const Json metres = settings.value("clusters.overlap_metres", Json());
+    const auto overlapAt = [&](const char* key) {
+      return typedSetting("clusters.overlap", settings.value(key, Json()));
+    };
+    const Json boxes = overlapAt("clusters.overlap");
+    const Json metres = overlapAt("clusters.overlap_metres");
     settings.erase("clusters.overlap");
     settings.erase("clusters.overlap_metres");
     if (!boxes.is_null() && boxes != 0.5) {
@@ -275,10 +283,13 @@ Json withOneOverlap(Json json, std::vector<Finding>& findings) {
           Severity::info);
     }
   }
+  typeSettings(json, "");
   std::size_t moved = 0;
   if (json.contains("clusters") && json["clusters"].is_array()) {
     for (Json& cluster : json["clusters"]) {
-      if (!cluster.is_object() || !cluster.contains("overlap")) continue;
+      if (!cluster.is_object()) continue;
+      typeSettings(cluster, kClusterPrefix);
+      if (!cluster.contains("overlap")) continue;
       if (cluster.contains("settings") && !cluster["settings"].is_object()) continue;  // told when it is read
       cluster["settings"]["overlap"] = cluster["overlap"];
       cluster.erase("overlap");
@@ -303,7 +314,7 @@ Json migratedRecipe(const JsonText& text, const fs::path& file, std::vector<Find
                     R"(A recipe looks like {"sinew_recipe": 3, "source": "mesh.obj", "settings": {}}.)");
   }
   if (json["sinew_recipe"] == Recipe::kVersion) return json;
-  if (json["sinew_recipe"] == 2) return withOneOverlap(json, findings);
+  if (json["sinew_recipe"] == 2) return asVersion3(json, findings);
   if (json["sinew_recipe"] != 1) {
     text.fail("/sinew_recipe",
               "is a recipe of version " + json["sinew_recipe"].dump() + ", this program reads versions 1 to " +
@@ -317,7 +328,7 @@ Json migratedRecipe(const JsonText& text, const fs::path& file, std::vector<Find
     }
   }
   // Version 1 had no project folder: take the nearest one that holds the source.
-  Json migrated = withOneOverlap(json, findings);
+  Json migrated = asVersion3(json, findings);
   if (json.contains("source") && json["source"].is_string()) {
     const fs::path folder = folderOf(file);
     const fs::path source = folder / json["source"].get<std::string>();

@@ -77,23 +77,6 @@ Json valueOf(const std::string& text) {
   return json.is_discarded() ? Json(text) : json;
 }
 
-// A setting's value as the command line has it, in the type that a recipe has it: "on" is true, "2,2,1" a list.
-Json settingOf(const std::string& key, const std::string& text) {
-  Json value = valueOf(text);
-  Settings trial;
-  try {
-    trial.setJson(key, value);
-    return value;
-  } catch (const ToolError&) {
-  }
-  try {
-    trial.set(key, text);
-  } catch (const ToolError&) {
-    return value;  // the recipe's own check says what is wrong with it
-  }
-  return trial.recipeValue(key);
-}
-
 Json selectionOf(const std::string& text) {
   Json json = valueOf(text);
   if (json.is_string() && !text.empty() && (text.front() == '{' || text.front() == '[')) {
@@ -366,7 +349,7 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
                               const std::string& place) {
     Json& settings = owner["settings"];
     if (settings.is_null()) settings = Json::object();
-    put(settings, name, settingOf(setting, value), place);
+    put(settings, name, typedSetting(setting, valueOf(value)), place);
     if (settings.empty()) owner.erase("settings");
   };
   if (!key.empty() && key.front() == '/') {

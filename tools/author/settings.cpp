@@ -126,6 +126,10 @@ bool setFromText(Settings& settings, const Settings::Declaration& d, std::string
   return std::visit(visitor, d.type);
 }
 
+std::string textOf(const nlohmann::ordered_json& value) {
+  return value.is_string() ? value.get<std::string>() : value.dump();
+}
+
 // Whether a recipe's value has the type that the schema says.
 bool hasType(const Settings::Declaration& d, const nlohmann::ordered_json& value) {
   struct Visitor {
@@ -351,9 +355,8 @@ void Settings::set(std::string_view key, std::string_view text) {
 void Settings::setJson(std::string_view key, const nlohmann::ordered_json& value) {
   const auto all = declarations(*this);
   const Declaration& d = declarationOf(all, key);
-  const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
   if (!hasType(d, value)) badValue(d, value.dump());
-  if (!setFromText(*this, d, text)) badValue(d, text);
+  if (!setFromText(*this, d, textOf(value))) badValue(d, textOf(value));
 }
 
 nlohmann::ordered_json Settings::recipeValue(std::string_view key) const {
@@ -378,6 +381,21 @@ nlohmann::ordered_json Settings::toJson() const {
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
   for (const Declaration& d : declarations(copy)) json[std::string(d.key)] = jsonOf(copy, d);
   return json;
+}
+
+nlohmann::ordered_json typedSetting(std::string_view key, nlohmann::ordered_json value) {
+  Settings trial;
+  try {
+    trial.setJson(key, value);
+    return value;
+  } catch (const ToolError&) {
+  }
+  try {
+    trial.set(key, textOf(value));
+  } catch (const ToolError&) {
+    return value;  // told where it is read
+  }
+  return trial.recipeValue(key);
 }
 
 std::string legalText(const Settings::Declaration& d) {

@@ -108,6 +108,9 @@ struct Settings {
 /// The points of a response curve "phi:f,phi:f,..."; none where the text is not a legal curve (formats::CurvePoint).
 std::vector<formats::CurvePoint> curvePoints(std::string_view text);
 
+/// A setting's value in the type that a recipe has: "on" is true, "2,2,1" a list; itself where it is no value of it.
+nlohmann::ordered_json typedSetting(std::string_view key, nlohmann::ordered_json value);
+
 /// The legal values of a setting in words ("0 .. 1", "auto | grid | stuffing | delaunay").
 std::string legalText(const Settings::Declaration& declaration);
 /// What a setting's choice may be, in the order of its enumeration ("clusters.mode": rigid, linear, quadratic).
