@@ -13,9 +13,10 @@
 namespace sinew::internal {
 namespace {
 
-/// Turns of more than this a step are about the axis of the momentum: about the velocity's, a long body would gain
-/// energy (docs/method.md).
+/// Turns of more than this, rad, are taken in parts, three rounds of the midpoint each: what those leave is of fourth
+/// order in the part. A two-step formula does not reach across them (docs/method.md).
 constexpr double kLargeTurn = 0.1;
+/// Bounded work: a turn of a revolution, beyond which no step of a second looks like one.
 constexpr double kMostParts = 64;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
