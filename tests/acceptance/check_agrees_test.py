@@ -53,6 +53,10 @@ def number(draw, low, high, default):
 def value(draw, key, declared):
     if "enum" in declared:
         return draw.choice(declared["enum"])
+    if "const" in declared:
+        return declared["const"]
+    if "anyOf" in declared:
+        return value(draw, key, draw.choice(declared["anyOf"]))
     if declared.get("type") == "boolean":
         return draw.random() < 0.5
     if "minimum" in declared:
