@@ -22,7 +22,7 @@ SINEW = None
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 TESTS = pathlib.Path(__file__).resolve().parent.parent
 MODELS = TESTS / "assets" / "models"
-TABLE = None  # where to write docs/authoring.md's table, for people
+TABLE = None  # a table of what was measured, for people
 
 
 def run(*arguments):
@@ -673,7 +673,7 @@ class Others(Folder):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--sinew", required=True)
-    parser.add_argument("--table", help="where to write the figures of docs/authoring.md")
+    parser.add_argument("--table", help="where to write a table of all figures")
     options, rest = parser.parse_known_args()
     SINEW, TABLE = options.sinew, options.table
     unittest.main(argv=[sys.argv[0], *rest])

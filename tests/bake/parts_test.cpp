@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
@@ -209,6 +210,24 @@ TEST_F(Parts, ARigidPartKeepsItsShapeWhileItsHostStretches) {
     const Vector3d moved = s.now[under] - s.rest[under];
     EXPECT_GT(moved[0], 0.05) << method;
     EXPECT_LT(((after - before) - moved).norm(), 0.3 * moved.norm()) << method;
+  }
+}
+
+// Corners that had been computed with before they were floats left weights off by 2e-7.
+TEST_F(Parts, ARigidPartHangsByTheNearestFloats) {
+  const BakeResult result = baked(recipe(kStone));
+  const auto asset = *Asset::fromMemory(result.package);
+  const formats::PackageView& package = asset->package();
+  const auto wide = [](const formats::Float3& x) { return Vector3d(double(x[0]), double(x[1]), double(x[2])); };
+  for (const std::uint32_t v : package.partVertices()) {
+    const formats::BarycentricAttachment& attachment = package.barycentric()[v];
+    const auto corner = [&](std::size_t k) {
+      return wide(package.physicalVertices()[package.tetrahedra()[attachment.tetrahedron].vertex[k]].rest_position);
+    };
+    Eigen::Matrix3d edges;
+    for (std::size_t k = 0; k < 3; ++k) edges.col(Eigen::Index(k)) = corner(k) - corner(3);
+    const Vector3d exact = edges.inverse() * (wide(package.visualPositions()[v]) - corner(3));
+    for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(double(attachment.weight[k]), exact[Eigen::Index(k)], 0x1p-24) << v;
   }
 }
 

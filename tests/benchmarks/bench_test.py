@@ -114,9 +114,12 @@ class Usage(unittest.TestCase):
     def test_tables(self):
         result = run("--quick", "--markdown", "--filter", "open")
         self.assertEqual(result.returncode, 0, result.stderr)
-        rows = [line.split("|") for line in result.stdout.splitlines()]
-        self.assertEqual([row[1].strip() for row in rows], ["open", "---", "open and check a package", "add an instance"])
-        self.assertEqual({len(row) for row in rows}, {7})
+        head, _, *table = result.stdout.splitlines()
+        self.assertRegex(head, r", \d+ threads, \w+, \d+ GFLOP/s .*; 20\d\d-\d\d-\d\d\.$")
+        rows = [line.split("|") for line in table]
+        self.assertEqual([row[2].strip() for row in rows], ["measured", "---", "open and check a package", "add an instance"])
+        self.assertEqual({row[1].strip() for row in rows}, {"group", "---", "open"})
+        self.assertEqual({len(row) for row in rows}, {8})
 
     def test_without_meshes(self):
         result = subprocess.run([SINEW, "bench", "--quick", "--json", "--filter", "step"], capture_output=True, text=True,

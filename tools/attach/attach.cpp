@@ -106,7 +106,7 @@ class TetrahedronTree {
   geometry::BoxTree tree_;
 };
 
-// Tetrahedra around each vertex, but for those that only tie pieces together.
+// Tetrahedra around each vertex, without the ties between pieces.
 class Neighbourhood {
  public:
   explicit Neighbourhood(const PhysicalMesh& mesh) : mesh_(mesh), first_(mesh.positions.size() + 1, 0) {

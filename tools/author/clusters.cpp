@@ -220,14 +220,10 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
     }
   }
   if (merged > 0) {
-    Finding finding;
-    finding.id = "clusters-merged";
-    finding.severity = Severity::info;
-    finding.count = merged;
-    finding.message = std::to_string(merged) + " cluster" + (merged == 1 ? "" : "s") + " of fewer than " +
-                      std::to_string(kMinimumMembers) + " vertices joined a neighbour";
-    finding.cure = "Nothing to do; a coarser clusters.grid makes fewer of them.";
-    findings.push_back(finding);
+    const std::string what = counted(merged, "cluster", "clusters") + " of fewer than " +
+                             std::to_string(kMinimumMembers) + " vertices joined a neighbour";
+    const char* const cure = "Nothing to do; a coarser clusters.grid makes fewer of them.";
+    findings.push_back({"clusters-merged", Severity::info, what, merged, "", {}, "", cure});
   }
   return clusters;
 }

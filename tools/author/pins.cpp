@@ -69,14 +69,10 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
       }
     }
     if (by.size() < 2) continue;
-    Finding finding;
-    finding.id = "cluster-held-by-several";
-    finding.count = by.size();
-    finding.message = "the rigid cluster '" + clusters[c].name + "' is held by pins " + listed(sets, by) +
-                      ": it moves with none of them as a whole, and bends between them";
-    finding.place = clusters[c].name;
-    finding.cure = "Let one set hold it, or make a rigid cluster for each.";
-    findings.push_back(finding);
+    const std::string what = "the rigid cluster '" + clusters[c].name + "' is held by pins " + listed(sets, by) +
+                             ": it moves with none of them as a whole, and bends between them";
+    const char* const cure = "Let one set hold it, or make a rigid cluster for each.";
+    findings.push_back({"cluster-held-by-several", Severity::warning, what, by.size(), "", {}, clusters[c].name, cure});
   }
   for (std::uint32_t s = 0; s < sets.size(); ++s) {
     std::size_t selected = 0;

@@ -59,7 +59,7 @@ struct RecipePart {
   std::string pointer;
   SelectionText from;
   bool rigid = true;  ///< false: each vertex follows the nearest surface
-  SelectionText to;   ///< what carries it; null: what is nearest
+  SelectionText to;   ///< its carrier; null: the nearest physical vertices, or surface
 };
 
 /// What was authored: the source, every setting that differs from its default, and the artist's masks, clusters, pins.
@@ -98,8 +98,7 @@ Recipe parseRecipe(std::string_view text, const std::filesystem::path& file);
 /// The recipe of a bare source: its path and the defaults; of a recipe: its content.
 Recipe recipeFor(const std::filesystem::path& source_or_recipe);
 
-/// The selections of `after` that `before` has not, or has otherwise: masks, and those of clusters, pins, parts and
-/// factors.
+/// Selections of `after` that are new or differ from `before`: of masks, clusters, pins, accessories and factors.
 std::vector<SelectionText> newSelections(const Recipe& before, const Recipe& after);
 
 /// A recipe's JSON in the present version. Throws ToolError(bad_input) where it is of a version that is not known.

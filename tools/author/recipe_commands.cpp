@@ -392,7 +392,8 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
     for (const auto& [list, object] : {std::pair{"clusters", "cluster"}, {"pins", "pin"}, {"parts", "part"}}) {
       if (!document.contains(list)) continue;
       const bool is_setting = std::string_view(list) == "clusters" && isSetting(std::string(kClusterPrefix) + name);
-      // One name is one entry, and its key is judged with the recipe; several are those that have such a key.
+      // A plain name is one entry, whose key is checked with the recipe; a pattern matches the entries that have the
+      // key.
       if (pattern ? !is_setting && !isKeyOf(object, name) : found) continue;
       for (Json& entry : document[list]) {
         const auto own = entry["name"].get<std::string>();

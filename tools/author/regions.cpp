@@ -33,7 +33,7 @@ class Regions {
     }
     centers_ = {nearestTo(center, [](std::uint32_t) { return true; })};
     nearest_ = distances(centers_);
-    // What no centre reaches needs one of its own, whatever the count.
+    // A vertex that no centre reaches becomes a centre, whatever the count.
     while (!std::isfinite(nearest_.distance[farthest()]) && centers_.size() < kMostRegions) add();
     least_ = centers_.size();
   }

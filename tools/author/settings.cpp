@@ -219,15 +219,15 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Choice{{"auto", "grid", "stuffing", "delaunay", "shell"},
               [](const Settings& x) { return int(x.tetrahedra.method); },
               [](Settings& x, int v) { x.tetrahedra.method = TetrahedraMethod(v); }}},
-      {"tetrahedra.vertices", "", "Physical vertices wanted, over all bodies; more cost more and bend finer.",
+      {"tetrahedra.vertices", "", "Physical vertices wanted, over all pieces; more cost more and bend finer.",
        Count{&s.tetrahedra.target_vertices, 8, 1000000}},
       {"tetrahedra.thickness", "m",
        "Thickness of a shell; 0 = half of the mean edge of its tetrahedra. Shortened at creases.",
        Number{&s.tetrahedra.shell_thickness, 0, 1e6}},
       {"tetrahedra.join", "diagonals",
-       "Parts closer than this move as one body; parts further apart are separate bodies.",
+       "Parts closer than this move as one piece; parts further apart are separate pieces.",
        Number{&s.tetrahedra.join_distance, 0, 1}},
-      {"clusters.grid", "", "Boxes along x, y and z that each body is cut into; auto chooses by size and shape.",
+      {"clusters.grid", "", "Boxes along x, y and z that each piece is cut into; auto chooses by size and shape.",
        Grid{&s.clusters.grid, 64}},
       {"clusters.overlap", "m",
        "How far a cluster reaches into its neighbours: over so much their materials blend. auto: half a box of a grid, "
@@ -325,6 +325,11 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
       {"field.points", "", "Points of each piece's surface that may touch something, spread over it.",
        Count{&s.field.points, 0, 4096}},
+      {"field.distances", "",
+       "Cells along the longest side of each piece's grid of distances to its surface, by which other bodies touch it. "
+       "0 "
+       "leaves it out: other bodies pass through.",
+       Count{&s.field.distances, 0, 200}},
       {"attachment.method", "",
        "How visual vertices follow: barycentric in their tetrahedron (exact contacts and pins), or blended cluster "
        "transforms (smoothest).",

@@ -27,7 +27,7 @@ struct TetDistances {
 };
 
 /// From all `sources` at once.
-/// \param limit metres; what is further stays infinite.
+/// \param limit metres; distances beyond it stay infinite.
 /// \param inside empty, or per vertex whether ways may pass there.
 TetDistances tetDistances(const TetGraph& graph, std::span<const std::uint32_t> sources, double limit,
                           std::span<const std::uint8_t> inside = {});

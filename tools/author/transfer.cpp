@@ -490,7 +490,7 @@ class Carrier {
   void mask(Json& document, const std::string& name) {
     if (!done_.insert(name).second) return;
     const SelectionText& old = *old_recipe_.mask(name);
-    // What it needs first; recipes have no cycles.
+    // Masks that it names first; recipes have no cycles.
     visitNames(old.json, [&](const std::string& needed) { mask(document, needed); });
     // "rest" has a meaning within clusters only: judged there.
     if (usesRest(old_recipe_, old.json)) return;

@@ -9,7 +9,7 @@
 namespace sinew::tools {
 namespace {
 
-// Of clusters that nobody authored, and of those that somebody did.
+// Settings that act on automatic clusters alone; on authored ones alone.
 constexpr std::array<std::string_view, 3> kOfAutomatic = {"clusters.method", "clusters.grid", "clusters.size"};
 constexpr std::string_view kOfAuthored = "clusters.soften_metres";
 

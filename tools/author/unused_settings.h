@@ -9,9 +9,8 @@
 
 namespace sinew::tools {
 
-/// What settings differ from their defaults and say nothing: those of automatic clusters where all are authored, those
-/// of authored ones where none is, those that every cluster has a value of its own for, and those of a choice that no
-/// cluster takes.
+/// Settings that differ from their defaults without effect: of automatic clusters where all are authored, of authored
+/// ones where none is, with a value of its own in every cluster, of a choice that no cluster takes.
 /// \param clusters with the source's cluster meshes. \param automatic whether bodies without authored clusters may be
 /// left.
 std::optional<Finding> unusedSettings(const Settings& settings, std::span<const RecipeCluster> clusters,

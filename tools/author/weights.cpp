@@ -12,6 +12,7 @@
 
 #include "tools/author/regions.h"
 #include "tools/core/ramp.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -41,6 +42,11 @@ constexpr double kLeastVolume = 1e-6;
 // A triangle wider than this, of the tetrahedra's edges, is looked at in pieces so small; at most so many a side.
 constexpr double kSampleStep = 0.5;
 constexpr double kMostPieces = 32;
+// A triangle narrower than such a piece has so many points at most, or for each square of a piece's side in area.
+constexpr double kSliverSamples = 16;
+// Of all triangles: more than this, and slivers have fewer.
+constexpr double kMostSamples = 5e5;
+constexpr double kGoldenSection = 0.618033988749895;
 constexpr int kMostSteps = 64;
 
 // Weights of one piece of one cluster in one body.
@@ -354,23 +360,16 @@ class TetWalk {
   std::vector<std::array<std::uint32_t, 4>> across_;
 };
 
-std::size_t bodyOf(const PhysicalMesh& mesh, std::uint32_t tetrahedron) {
-  std::size_t b = 0;
-  while (b + 1 < mesh.bodies.size() && tetrahedron >= mesh.bodies[b + 1].first_tetrahedron) ++b;
-  return b;
-}
-
 // What an artist did not mean.
 void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clusters,
-           std::span<const RecipeCluster> recipe_clusters, const std::vector<std::uint32_t>& names,
-           std::vector<Finding>& findings) {
+           std::span<const RecipeCluster> recipe_clusters, std::vector<Finding>& findings) {
   std::vector<std::string> small;
   std::vector<std::string> apart;
   std::vector<std::string> identical;
   std::vector<std::string> idle;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const ClusterSource& cluster = clusters[c];
-    if (names[c] == kNoIndex) continue;
+    if (cluster.recipe_cluster == kNoIndex) continue;
     if (cluster.vertices.size() < kFewMembers) small.push_back(cluster.name);
     if (!hangsTogether(transfer.graph(), cluster)) apart.push_back(cluster.name);
     for (std::size_t other = 0; other < c; ++other) {
@@ -383,7 +382,8 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
     }
   }
   for (std::uint32_t c = 0; c < recipe_clusters.size(); ++c) {
-    if (std::find(names.begin(), names.end(), c) == names.end()) idle.push_back(recipe_clusters[c].name);
+    const auto is = [c](const ClusterSource& cluster) { return cluster.recipe_cluster == c; };
+    if (std::none_of(clusters.begin(), clusters.end(), is)) idle.push_back(recipe_clusters[c].name);
   }
   const auto have = [](const std::vector<std::string>& several) {
     return std::string(several.size() == 1 ? "of the recipe has " : "of the recipe have ");
@@ -406,13 +406,10 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
         looseRuns(std::span(clusters).subspan(from, to - from), transfer.physical().positions.size());
     from = to;
     if (runs < 2) continue;
-    Finding finding;
-    finding.id = "clusters-unconnected";
-    finding.count = runs;
-    finding.message = "the clusters of body " + transfer.physical().bodies[b].name + " form " + std::to_string(runs) +
-                      " sets that share no vertex: it falls apart between them";
-    finding.cure = "Raise clusters.overlap, of all or of the clusters beside the gap.";
-    findings.push_back(finding);
+    const std::string what = "the clusters of body " + transfer.physical().bodies[b].name + " form " +
+                             std::to_string(runs) + " sets that share no vertex: it falls apart between them";
+    const char* const cure = "Raise clusters.overlap, of all or of the clusters beside the gap.";
+    findings.push_back({"clusters-unconnected", Severity::warning, what, runs, "", {}, "", cure});
   }
 }
 
@@ -443,21 +440,54 @@ WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physi
   // do not depend on how finely the artist divided the surface.
   std::vector<double> area(mesh.positions.size(), 0);
   std::optional<TetWalk> walk;
+  const auto stepAt = [&](const Triangle& t) {
+    return kSampleStep * graph_.mean_edge[physical.bodyOf(places[t[0]].tetrahedron)];
+  };
+  const auto longestSide = [&](const Triangle& t) {
+    const auto &a = mesh.positions[t[0]], &b = mesh.positions[t[1]], &c = mesh.positions[t[2]];
+    return std::sqrt(std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()}));
+  };
+  const auto piecesOf = [&](const Triangle& t) {
+    const double step = stepAt(t);
+    return step > 0 ? int(std::clamp(std::ceil(longestSide(t) / step), 1.0, kMostPieces)) : 1;
+  };
+  double samples = 0;
+  for (const Triangle& t : mesh.triangles) samples += std::pow(piecesOf(t), 2);
+  double slivers = 0;
   for (const Triangle& t : mesh.triangles) {
     const std::array<Vector3d, 3> x = {mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
     const double whole = (x[1] - x[0]).cross(x[2] - x[0]).norm() / 2;
-    const double longest =
-        std::sqrt(std::max({(x[1] - x[0]).squaredNorm(), (x[2] - x[1]).squaredNorm(), (x[0] - x[2]).squaredNorm()}));
-    const double edge = graph_.mean_edge[bodyOf(physical, places[t[0]].tetrahedron)];
-    const int pieces = edge > 0 ? int(std::clamp(std::ceil(longest / (kSampleStep * edge)), 1.0, kMostPieces)) : 1;
+    const double step = stepAt(t), longest = longestSide(t);
+    const int pieces = piecesOf(t);
     if (pieces == 1 || !(whole > 0)) {
       for (const std::uint32_t v : t) area[v] += whole / 3;
       continue;
     }
     if (!walk) walk.emplace(physical);
+    const double by_area = kSliverSamples * whole / (step * step);
+    if (samples > kMostSamples && 2 * whole <= step * longest && pieces * pieces > std::max(kSliverSamples, by_area)) {
+      // A sliver, no wider than a step, of too many: by area, on the middle line over the longest side, and elsewhere
+      // than its neighbours. All have then so many points a triangle and a square of steps, not the product.
+      const auto length = [&](std::size_t i) { return (x[(i + 1) % 3] - x[i]).squaredNorm(); };
+      const std::size_t p = length(0) >= std::max(length(1), length(2)) ? 0 : length(1) >= length(2) ? 1 : 2;
+      const std::size_t q = (p + 1) % 3, r = (p + 2) % 3;
+      const double foot = std::clamp((x[r] - x[p]).dot(x[q] - x[p]) / length(p), 0.0, 1.0);
+      const double count = std::clamp(std::ceil(by_area), 1.0, double(pieces));
+      for (double s = std::fmod(kGoldenSection * ++slivers, 1) / count; s < 1; s += 1 / count) {
+        const double width = s < foot ? s / foot : (1 - s) / (1 - foot);  // there, of the height
+        std::array<double, 3> corner{};
+        corner[p] = (1 - s + (s < foot ? 1 - width : 0)) / 2;
+        corner[r] = width / 2;
+        corner[q] = 1 - corner[p] - corner[r];
+        const TetrahedronPlace place =
+            (*walk)(corner[0] * x[0] + corner[1] * x[1] + corner[2] * x[2], places[t[s < 0.5 ? p : q]].tetrahedron);
+        for (std::size_t k = 0; k < 3; ++k) hang(place, t[k], corner[k] * 2 * width * whole / count);
+      }
+      continue;
+    }
     for (int i = 0; i < pieces; ++i) {
       for (int j = 0; j < 2 * (pieces - i) - 1; ++j) {
-        // Centres of the small triangles of a row, those that stand and those that hang by turns.
+        // Centres of the small triangles of a row, upright and inverted by turns.
         const double a = (i + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
         const int cell = j / 2;
         const double b = (cell + (j % 2 == 0 ? 1.0 : 2.0) / 3) / pieces;
@@ -497,7 +527,7 @@ std::vector<double> WeightTransfer::operator()(std::span<const double> visual) c
 std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
                                             std::span<const RecipeCluster> recipe_clusters,
                                             std::span<const VisualWeights> visual, const Settings& settings,
-                                            std::vector<Finding>& findings, std::vector<std::uint32_t>& names) {
+                                            std::vector<Finding>& findings) {
   const PhysicalMesh& mesh = transfer.physical();
   std::vector<std::vector<double>> weights;
   weights.reserve(visual.size());
@@ -522,15 +552,12 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
   }
   std::vector<ClusterSource> automatic = automaticClusters(mesh, settings.clusters, authored, findings);
   std::vector<ClusterSource> clusters;
-  names.clear();
   std::size_t uncovered = 0;
   std::size_t strays = 0;
   for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
     if (authored[b] == 0) {
       for (ClusterSource& cluster : automatic) {
-        if (cluster.body != b) continue;
-        clusters.push_back(std::move(cluster));
-        names.push_back(kNoIndex);
+        if (cluster.body == b) clusters.push_back(std::move(cluster));
       }
       continue;
     }
@@ -539,6 +566,7 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
       ClusterSource cluster;
       cluster.name = bodies_of[piece.cluster] > 1 ? piece.name + "@" + mesh.bodies[b].name : piece.name;
       cluster.body = b;
+      cluster.recipe_cluster = piece.cluster;
       cluster.options = optionsOf(recipe_clusters[piece.cluster], settings);
       cluster.mode = cluster.options->mode;
       for (std::uint32_t v = 0; v < piece.weight.size(); ++v) {
@@ -546,38 +574,30 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
         cluster.vertices.push_back(mesh.bodies[b].first_vertex + v);
         cluster.weights.push_back(piece.weight[v]);
       }
-      if (cluster.vertices.empty()) continue;
-      clusters.push_back(std::move(cluster));
-      names.push_back(piece.cluster);
+      if (!cluster.vertices.empty()) clusters.push_back(std::move(cluster));
     }
   }
   if (strays > 0) {
-    Finding finding;
-    finding.id = "cluster-strays";
-    finding.severity = Severity::info;
-    finding.count = strays;
-    finding.message = std::to_string(strays) + (strays == 1 ? " membership" : " memberships") +
-                      " in small pieces apart from the rest of their cluster were left to the other clusters there";
-    finding.cure = "Make a cluster of each piece where they are meant.";
-    findings.push_back(finding);
+    const std::string what =
+        counted(strays, "membership", "memberships") +
+        " in small pieces apart from the rest of their cluster were left to the other clusters there";
+    const char* const cure = "Make a cluster of each piece where they are meant.";
+    findings.push_back({"cluster-strays", Severity::info, what, strays, "", {}, "", cure});
   }
   if (uncovered > 0) {
-    Finding finding;
-    finding.id = "cluster-uncovered";
-    finding.severity = Severity::info;
-    finding.count = uncovered;
-    finding.message = std::to_string(uncovered) + " of " + std::to_string(mesh.positions.size()) +
-                      " physical vertices lie in no cluster of the recipe and went to the nearest one";
-    finding.cure = R"(Add {"name": "rest", "from": {"rest": true}, "split": SIZE} to give them clusters of their own.)";
-    findings.push_back(finding);
+    const std::string what = std::to_string(uncovered) + " of " + std::to_string(mesh.positions.size()) +
+                             " physical vertices lie in no cluster of the recipe and went to the nearest one";
+    const char* const cure =
+        R"(Add {"name": "rest", "from": {"rest": true}, "split": SIZE} to give them clusters of their own.)";
+    findings.push_back({"cluster-uncovered", Severity::info, what, uncovered, "", {}, "", cure});
   }
-  judge(transfer, clusters, recipe_clusters, names, findings);
+  judge(transfer, clusters, recipe_clusters, findings);
   return clusters;
 }
 
 Vector3d longestAxis(const PhysicalMesh& mesh, const TetGraph& graph, const ClusterSource& cluster) {
   std::vector<std::uint8_t> inside(mesh.positions.size(), 0);
-  // The cluster's own region, not what it shares with neighbours.
+  // The cluster's own region, without the overlap into its neighbours.
   const double largest = *std::max_element(cluster.weights.begin(), cluster.weights.end());
   std::uint32_t at = cluster.vertices.front();
   for (std::size_t i = 0; i < cluster.vertices.size(); ++i) {

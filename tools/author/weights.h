@@ -45,11 +45,10 @@ ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings)
 /// cuts those that ask for it, and splits those that span bodies. Bodies that no cluster touches get automatic ones.
 /// Every physical vertex is in a cluster; clusters are ordered by body, then as in the recipe.
 /// \param recipe_clusters with cluster meshes; \param weights one for each.
-/// \param names out: for each cluster the number of its recipe cluster, kNoIndex for automatic ones.
 std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
                                             std::span<const RecipeCluster> recipe_clusters,
                                             std::span<const VisualWeights> weights, const Settings& settings,
-                                            std::vector<Finding>& findings, std::vector<std::uint32_t>& names);
+                                            std::vector<Finding>& findings);
 
 /// The longest way within a cluster along the tetrahedra, as a unit direction; its sign such that the largest component
 /// is positive. Zero for a cluster of one vertex.

@@ -41,8 +41,8 @@ Vector3d fibreOf(const RecipeCluster& cluster, const VisualWeights& origin, cons
 }
 
 void addChannels(const AuthoredWeights& authored, const WeightTransfer& transfer,
-                 const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
-                 const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
+                 const std::vector<ClusterSource>& sources, const VisualMesh& mesh, formats::PackageContent& content,
+                 std::vector<Finding>& findings) {
   std::map<std::string, std::uint32_t> channels;
   for (const RecipeCluster& cluster : authored.clusters) {
     if (cluster.channel.empty() || channels.contains(cluster.channel)) continue;
@@ -52,19 +52,20 @@ void addChannels(const AuthoredWeights& authored, const WeightTransfer& transfer
   if (channels.empty()) return;
   if (content.mechanics.empty()) content.mechanics.assign(content.clusters.size(), formats::kPlainMechanics);
   for (std::size_t c = 0; c < sources.size(); ++c) {
-    if (recipe_cluster[c] == kNoIndex) continue;
-    const RecipeCluster& cluster = authored.clusters[recipe_cluster[c]];
-    if (cluster.channel.empty()) continue;
-    const Vector3d fibre = fibreOf(cluster, authored.origins[recipe_cluster[c]], authored.insertions[recipe_cluster[c]],
-                                   sources[c], transfer, mesh);
+    const std::uint32_t number = sources[c].recipe_cluster;
+    if (number == kNoIndex || authored.clusters[number].channel.empty()) continue;
+    const RecipeCluster& cluster = authored.clusters[number];
+    const Vector3d fibre =
+        fibreOf(cluster, authored.origins[number], authored.insertions[number], sources[c], transfer, mesh);
     if (!(fibre.norm() > 0)) {
-      Finding finding;
-      finding.id = "cluster-no-fibre";
-      finding.count = 1;
-      finding.message = "cluster " + sources[c].name + " has a channel but no direction to contract in";
-      finding.place = sources[c].name;
-      finding.cure = "Give it a fibre, or more physical vertices.";
-      findings.push_back(finding);
+      findings.push_back({"cluster-no-fibre",
+                          Severity::warning,
+                          "cluster " + sources[c].name + " has a channel but no direction to contract in",
+                          1,
+                          "",
+                          {},
+                          sources[c].name,
+                          "Give it a fibre, or more physical vertices."});
       continue;
     }
     formats::ClusterMechanics& mechanics = content.mechanics[c];
@@ -263,9 +264,9 @@ std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& au
 }
 
 void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
-                 const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
-                 const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings) {
-  addChannels(authored, transfer, sources, recipe_cluster, mesh, content, findings);
+                 const std::vector<ClusterSource>& sources, const VisualMesh& mesh, formats::PackageContent& content,
+                 std::vector<Finding>& findings) {
+  addChannels(authored, transfer, sources, mesh, content, findings);
   addPins(recipe, authored, transfer, sources, content, findings);
   addMasks(recipe, authored, content);
   addColors(recipe, authored, mesh, content);

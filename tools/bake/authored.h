@@ -43,9 +43,9 @@ std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& au
 
 /// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), the pin
 /// sets (PPIN, PSET, PSTV), the masks by name (MASK, MSKV), and colours painted over the source's.
-/// \param sources the clusters of content.clusters; \param recipe_cluster their numbers in authored.clusters.
+/// \param sources the clusters of content.clusters.
 void addAuthored(const Recipe& recipe, const AuthoredWeights& authored, const WeightTransfer& transfer,
-                 const std::vector<ClusterSource>& sources, const std::vector<std::uint32_t>& recipe_cluster,
-                 const VisualMesh& mesh, formats::PackageContent& content, std::vector<Finding>& findings);
+                 const std::vector<ClusterSource>& sources, const VisualMesh& mesh, formats::PackageContent& content,
+                 std::vector<Finding>& findings);
 
 }  // namespace sinew::tools

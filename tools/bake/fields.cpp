@@ -12,6 +12,7 @@
 
 #include "runtime/geometry/pseudo_inverse.h"
 #include "tools/author/pins.h"
+#include "tools/bake/distances.h"
 #include "tools/field/field.h"
 
 namespace sinew::tools {
@@ -831,6 +832,7 @@ ordered_json addFields(const Settings& settings, formats::PackageContent& conten
   for (std::uint32_t piece = 0; piece < content.bodies.size(); ++piece) {
     pieces.push_back(PieceFields(settings, piece, content).add());
   }
+  addDistances(settings.field.distances, content);
   return pieces;
 }
 
@@ -847,6 +849,8 @@ void removeFields(formats::PackageContent& content) {
   content.field_fibre_values.clear();
   content.field_tethers.clear();
   content.field_tether_values.clear();
+  content.distance_grids.clear();
+  content.distance_values.clear();
 }
 
 }  // namespace sinew::tools

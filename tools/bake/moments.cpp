@@ -74,12 +74,14 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
   ClusterConstants result;
   std::vector<double> total_weight(vertices.size(), 0);
   for (const ClusterSource& source : sources) {
+    if (source.rider != kNoIndex) continue;
     for (std::size_t i = 0; i < source.vertices.size(); ++i) total_weight[source.vertices[i]] += source.weights[i];
   }
   std::vector<std::string> flat;
   std::vector<std::string> poor;
   for (const ClusterSource& source : sources) {
     const ClusterOptions& own = source.options ? *source.options : options;
+    const bool rides = source.rider != kNoIndex;
     formats::Cluster cluster{};
     cluster.mode = source.mode;
     cluster.body = source.body;
@@ -100,7 +102,7 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
     Vector3d center = Vector3d::Zero();
     for (std::size_t i = 0; i < mu.size(); ++i) {
       const std::uint32_t v = source.vertices[i];
-      mu[i] = double(vertices[v].mass) * source.weights[i] / total_weight[v];
+      mu[i] = double(vertices[v].mass) * source.weights[i] / (rides ? source.weights[i] : total_weight[v]);
       mass += mu[i];
       center += mu[i] * position(i);
     }
@@ -160,7 +162,13 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
     }
     for (std::size_t i = 0; i < mu.size(); ++i) {
       const std::uint32_t v = source.vertices[i];
-      result.memberships.push_back({v, float(mu[i]), float(source.weights[i] / total_weight[v])});
+      result.memberships.push_back({v, float(mu[i]), rides ? 0 : float(source.weights[i] / total_weight[v])});
+    }
+    if (rides) {
+      // Matched to the host, which it does not move; it moves the four, which do not count in the match.
+      for (std::uint32_t k = 0; k < 4; ++k) result.memberships.push_back({source.rider + k, 0, 1});
+      cluster.member_count += 4;
+      cluster.mass = 4 * vertices[source.rider].mass;
     }
     result.clusters.push_back(cluster);
   }

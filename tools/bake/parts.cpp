@@ -2,13 +2,13 @@
 #include "tools/bake/parts.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "runtime/geometry/rounded.h"
 #include "runtime/geometry/triangle_bvh.h"
-#include "tools/bake/moments.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -21,8 +21,6 @@ constexpr double kMostOfPart = 0.5;
 constexpr double kStray = 0.02;
 // Physical vertices that carry a part less than this do not count.
 constexpr double kLeastCarrier = 0.02;
-// Mass of a vertex that carries a rigid part, of the host's lightest one: the host's motion is its own.
-constexpr float kRiderMass = 1e-3F;
 // Fewer make a part nod with every tetrahedron: the ring around them carries it too.
 constexpr std::size_t kFewCarriers = 12;
 // More say no more of a rigid motion, and each costs as much as any membership.
@@ -35,9 +33,6 @@ double areaOf(const VisualMesh& mesh, std::uint32_t triangle) {
   const auto& x = mesh.positions;
   return (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm() / 2;
 }
-
-Vector3d wide(const formats::Float3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
-formats::Float3 narrow(const Vector3d& x) { return {float(x[0]), float(x[1]), float(x[2])}; }
 
 // Of many carriers, those that lie farthest apart.
 void thinOut(ClusterSource& host, const std::vector<Vector3d>& positions) {
@@ -58,56 +53,31 @@ void thinOut(ClusterSource& host, const std::vector<Vector3d>& positions) {
       distance[i] = std::min(distance[i], (positions[host.vertices[i]] - x).squaredNorm());
   }
   std::sort(chosen.begin(), chosen.end());
-  ClusterSource thin = host;
-  thin.vertices.clear();
-  thin.weights.clear();
-  for (const std::size_t i : chosen) {
-    thin.vertices.push_back(host.vertices[i]);
-    thin.weights.push_back(host.weights[i]);
+  for (std::size_t i = 0; i < chosen.size(); ++i) {
+    host.vertices[i] = host.vertices[chosen[i]];
+    host.weights[i] = host.weights[chosen[i]];
   }
-  host = std::move(thin);
+  host.vertices.resize(chosen.size());
+  host.weights.resize(chosen.size());
 }
 
-// Which physical vertices carry a part, all of one body.
-struct Carriers {
-  std::uint32_t body = 0;
-  ClusterSource host;
-};
-
-Carriers carriersOf(const RidingPart& part, const std::vector<TetrahedronPlace>& places,
-                    const WeightTransfer& transfer) {
+// Which physical vertices carry a part.
+ClusterSource carriersOf(const RidingPart& part, const Rider& rider, const WeightTransfer& transfer) {
   const PhysicalMesh& physical = transfer.physical();
   std::vector<double> weights(physical.positions.size(), 0);
-  if (!part.host.empty()) {
-    weights = transfer(part.host);
-  } else {
-    for (const std::uint32_t v : part.vertices) {
-      const TetrahedronPlace& place = places[v];
-      double sum = 0;
-      for (const double w : place.weights) sum += std::max(w, 0.0);
-      for (std::size_t k = 0; k < 4; ++k) {
-        weights[physical.tetrahedra[place.tetrahedron][k]] += std::max(place.weights[k], 0.0) / sum;
-      }
+  if (!part.host.empty()) weights = transfer(part.host);
+  for (const TetrahedronPlace& place : rider.on_host) {
+    double sum = 0;
+    for (const double w : place.weights) sum += std::max(w, 0.0);
+    for (std::size_t k = 0; k < 4; ++k) {
+      weights[physical.tetrahedra[place.tetrahedron][k]] += std::max(place.weights[k], 0.0) / sum;
     }
   }
-  Carriers result;
-  double most = -1;
-  for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
-    const PhysicalBody& body = physical.bodies[b];
-    double sum = 0;
-    for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) sum += weights[v];
-    if (sum <= most) continue;
-    most = sum;
-    result.body = b;
-  }
-  const PhysicalBody& body = physical.bodies[result.body];
+  const PhysicalBody& body = physical.bodies[rider.body];
   const auto begin = weights.begin() + body.first_vertex;
   const double largest = *std::max_element(begin, begin + body.vertex_count);
-  const auto carries = [&](std::uint32_t v) { return weights[v] > 0 && weights[v] >= kLeastCarrier * largest; };
-  std::size_t count = 0;
-  for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v)
-    count += carries(v) ? 1U : 0U;
-  if (count < kFewCarriers) {
+  const auto carries = [&](double weight) { return weight > 0 && weight >= kLeastCarrier * largest; };
+  if (std::size_t(std::count_if(begin, begin + body.vertex_count, carries)) < kFewCarriers) {
     std::vector<double> ring = weights;
     for (std::uint32_t t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
       const auto& corners = physical.tetrahedra[t];
@@ -117,204 +87,45 @@ Carriers carriersOf(const RidingPart& part, const std::vector<TetrahedronPlace>&
     }
     weights = std::move(ring);
   }
-  result.host.mode = formats::ClusterMode::rigid;
-  result.host.body = result.body;
+  ClusterSource host;
+  host.body = rider.body;
+  host.mode = formats::ClusterMode::rigid;
+  host.rider = physical.tetrahedra[rider.tetrahedron][0];
   for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
-    if (!carries(v)) continue;
-    result.host.vertices.push_back(v);
-    result.host.weights.push_back(weights[v]);
+    if (!carries(weights[v])) continue;
+    host.vertices.push_back(v);
+    host.weights.push_back(weights[v]);
   }
-  thinOut(result.host, physical.positions);
-  return result;
+  thinOut(host, physical.positions);
+  return host;
 }
 
-// A regular tetrahedron, positively oriented, whose sphere is that of the part's box.
-std::array<formats::Float3, 4> tetrahedronAround(const RidingPart& part, const formats::PackageContent& content) {
+// The body whose surface has most of a part's host, by area; of a part without host, most of the part's vertices.
+std::uint32_t carrierOf(const RidingPart& part, const VisualMesh& host, const PhysicalMesh& physical,
+                        const std::vector<TetrahedronPlace>& places) {
+  std::vector<double> carried(physical.bodies.size(), 0);
+  const auto add = [&](std::uint32_t v, double weight) { carried[physical.bodyOf(places[v].tetrahedron)] += weight; };
+  if (part.host.empty()) {
+    for (const std::uint32_t v : part.vertices) add(v, 1);
+  } else {
+    for (std::uint32_t t = 0; t < host.triangles.size(); ++t) {
+      for (const std::uint32_t v : host.triangles[t]) add(v, areaOf(host, t) * part.host[v]);
+    }
+  }
+  return std::uint32_t(std::max_element(carried.begin(), carried.end()) - carried.begin());
+}
+
+// A regular tetrahedron, positively oriented, whose sphere is that of the part's box; on floats.
+std::array<Vector3d, 4> tetrahedronAround(const RidingPart& part, const VisualMesh& mesh) {
   Eigen::AlignedBox3d box;
-  for (const std::uint32_t v : part.vertices) box.extend(wide(content.visual_positions[v]));
-  const Vector3d center = box.center();
-  const double reach = std::max(box.diagonal().norm() / 2, 1e-4 * double(content.info.diagonal));
-  const double s = reach / std::sqrt(3.0);
-  return {narrow(center + Vector3d(s, s, s)), narrow(center + Vector3d(-s, s, -s)),
-          narrow(center + Vector3d(s, -s, -s)), narrow(center + Vector3d(-s, -s, s))};
+  for (const std::uint32_t v : part.vertices) box.extend(mesh.positions[v]);
+  const double s = std::max(box.diagonal().norm() / 2, 1e-4 * mesh.diagonal) / std::sqrt(3.0);
+  const std::array<Vector3d, 4> corners = {Vector3d(s, s, s), Vector3d(-s, s, -s), Vector3d(s, -s, -s),
+                                           Vector3d(-s, -s, s)};
+  std::array<Vector3d, 4> rounded;
+  for (std::size_t k = 0; k < 4; ++k) rounded[k] = geometry::roundedToFloat(box.center() + corners[k]);
+  return rounded;
 }
-
-// Moves the run of one body apart so that `added` more elements fit behind it; the same for vertices, tetrahedra,
-// clusters. Returns where each old element is now.
-template <class T>
-std::vector<std::uint32_t> spread(std::vector<T>& items, std::vector<formats::BodyRange>& bodies,
-                                  std::uint32_t formats::BodyRange::*first, std::uint32_t formats::BodyRange::*count,
-                                  const std::vector<std::uint32_t>& added, const T& filler) {
-  std::vector<std::uint32_t> now(items.size());
-  std::vector<T> moved;
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const std::uint32_t begin = bodies[b].*first;
-    bodies[b].*first = std::uint32_t(moved.size());
-    for (std::uint32_t i = begin; i < begin + bodies[b].*count; ++i) {
-      now[i] = std::uint32_t(moved.size());
-      moved.push_back(items[i]);
-    }
-    moved.resize(moved.size() + added[b], filler);
-    bodies[b].*count += added[b];
-  }
-  items = std::move(moved);
-  return now;
-}
-
-template <class T>
-void follow(std::vector<T>& items, const std::vector<std::uint32_t>& now, std::size_t size, T filler) {
-  if (items.empty()) return;
-  std::vector<T> moved(size, filler);
-  for (std::size_t i = 0; i < now.size(); ++i) moved[now[i]] = items[i];
-  items = std::move(moved);
-}
-
-// A body's number of the next vertex, tetrahedron and cluster to be filled in.
-struct Cursor {
-  std::uint32_t vertex, tetrahedron, cluster;
-};
-
-class PartWriter {
- public:
-  PartWriter(const std::vector<RidingPart>& parts, const std::vector<TetrahedronPlace>& places,
-             const WeightTransfer& transfer, formats::PackageContent& content)
-      : content_(content) {
-    const std::vector<formats::BodyRange> before = content.bodies;
-    std::vector<std::uint32_t> rigid(content.bodies.size(), 0);
-    for (const RidingPart& part : parts) {
-      if (!part.rigid) continue;
-      carriers_.push_back(carriersOf(part, places, transfer));
-      ++rigid[carriers_.back().body];
-    }
-    if (!carriers_.empty()) makeRoom(rigid);
-    for (std::size_t b = 0; b < content.bodies.size(); ++b) {
-      const formats::BodyRange& now = content.bodies[b];
-      cursors_.push_back({now.first_vertex + before[b].vertex_count,
-                          now.first_tetrahedron + before[b].tetrahedron_count,
-                          now.first_cluster + before[b].cluster_count});
-    }
-    std::size_t next = 0;
-    for (const RidingPart& part : parts) {
-      const std::uint32_t cluster = part.rigid ? carry(part, carriers_[next++]) : formats::kNone;
-      content.parts.push_back({content.addText(part.name), cluster, std::uint32_t(content.part_vertices.size()),
-                               std::uint32_t(part.vertices.size()), 0});
-      content.part_vertices.insert(content.part_vertices.end(), part.vertices.begin(), part.vertices.end());
-    }
-    if (!carriers_.empty()) joinMemberships();
-  }
-
- private:
-  void makeRoom(const std::vector<std::uint32_t>& rigid) {
-    formats::PackageContent& c = content_;
-    std::vector<std::uint32_t> vertices;
-    vertices.reserve(rigid.size());
-    for (const std::uint32_t count : rigid) vertices.push_back(4 * count);
-    // Members are taken apart cluster by cluster, and put together again at the end.
-    for (const formats::Cluster& cluster : c.clusters) {
-      const auto begin = c.memberships.begin() + cluster.first_member;
-      members_.emplace_back(begin, begin + cluster.member_count);
-    }
-    using Range = formats::BodyRange;
-    std::vector<Range> bodies = c.bodies;
-    now_ = spread(c.physical_vertices, bodies, &Range::first_vertex, &Range::vertex_count, vertices, {});
-    const auto tetrahedra =
-        spread(c.tetrahedra, bodies, &Range::first_tetrahedron, &Range::tetrahedron_count, rigid, {});
-    const auto clusters = spread(c.clusters, bodies, &Range::first_cluster, &Range::cluster_count, rigid, {});
-    c.bodies = bodies;
-    follow(members_, clusters, c.clusters.size(), {});
-    follow(c.mechanics, clusters, c.clusters.size(), formats::kPlainMechanics);
-    follow(c.vertex_stiffness, now_, c.physical_vertices.size(), 1.0F);
-    follow(c.pin_weights, now_, c.physical_vertices.size(), 0.0F);
-    for (auto& list : members_) {
-      for (formats::Membership& member : list) member.vertex = now_[member.vertex];
-    }
-    for (std::size_t t = 0; t < tetrahedra.size(); ++t) {
-      for (std::uint32_t& v : c.tetrahedra[tetrahedra[t]].vertex) v = now_[v];
-    }
-    for (std::uint32_t& v : c.pin_set_vertices) v = now_[v];
-    for (auto& attachment : c.barycentric) attachment.tetrahedron = tetrahedra[attachment.tetrahedron];
-    for (auto& attachment : c.cluster_attachments) attachment.cluster = clusters[attachment.cluster];
-  }
-
-  // Returns the part's cluster.
-  std::uint32_t carry(const RidingPart& part, Carriers& carriers) {
-    formats::PackageContent& c = content_;
-    Cursor& cursor = cursors_[carriers.body];
-    for (std::uint32_t& v : carriers.host.vertices) v = now_[v];
-    float lightest = std::numeric_limits<float>::infinity();
-    for (const std::uint32_t v : carriers.host.vertices) lightest = std::min(lightest, c.physical_vertices[v].mass);
-    const auto corners = tetrahedronAround(part, c);
-    for (std::uint32_t k = 0; k < 4; ++k) c.physical_vertices[cursor.vertex + k] = {corners[k], kRiderMass * lightest};
-
-    ClusterOptions firm;
-    firm.mode = formats::ClusterMode::rigid;
-    firm.alpha = 1;
-    firm.stretch_hz = firm.bend_hz = firm.twist_hz = std::numeric_limits<double>::infinity();
-    std::vector<Finding> none;
-    ClusterConstants constants = clusterConstants({&carriers.host, 1}, c.physical_vertices, firm, none);
-    formats::Cluster cluster = constants.clusters.front();
-    cluster.name = c.addText(part.name);
-    cluster.mass = 4 * kRiderMass * lightest;
-    c.clusters[cursor.cluster] = cluster;
-    // Matched to the host, whose vertices it does not move; it moves the four, which do not count in the match.
-    std::vector<formats::Membership>& members = members_[cursor.cluster];
-    members = std::move(constants.memberships);
-    for (formats::Membership& member : members) member.share = 0;
-    for (std::uint32_t k = 0; k < 4; ++k) members.push_back({cursor.vertex + k, 0, 1});
-
-    c.tetrahedra[cursor.tetrahedron] = {{cursor.vertex, cursor.vertex + 1, cursor.vertex + 2, cursor.vertex + 3}};
-    hang(part, corners, cursor);
-    cursor.vertex += 4;
-    ++cursor.tetrahedron;
-    return cursor.cluster++;
-  }
-
-  void hang(const RidingPart& part, const std::array<formats::Float3, 4>& corners, const Cursor& cursor) {
-    formats::PackageContent& c = content_;
-    if (c.barycentric.empty()) {
-      hangOnCluster(part, cursor.cluster);
-      return;
-    }
-    const Vector3d last = wide(corners[3]);
-    Eigen::Matrix3d edges;
-    for (int k = 0; k < 3; ++k) edges.col(k) = wide(corners[std::size_t(k)]) - last;
-    const Eigen::Matrix3d inverse = edges.inverse();
-    for (const std::uint32_t v : part.vertices) {
-      c.barycentric[v] = {cursor.tetrahedron, narrow(inverse * (wide(c.visual_positions[v]) - last))};
-    }
-  }
-
-  // The runs of all vertices, in order, with one attachment for each of the part's.
-  void hangOnCluster(const RidingPart& part, std::uint32_t cluster) {
-    std::vector<formats::ClusterAttachment> attachments;
-    for (std::uint32_t v = 0; v < content_.cluster_attachment_ranges.size(); ++v) {
-      formats::ClusterAttachmentRange& range = content_.cluster_attachment_ranges[v];
-      const auto old = content_.cluster_attachments.begin() + range.first;
-      const std::uint32_t first = std::uint32_t(attachments.size());
-      if (std::binary_search(part.vertices.begin(), part.vertices.end(), v))
-        attachments.push_back({cluster, 1});
-      else
-        attachments.insert(attachments.end(), old, old + range.count);
-      range = {first, std::uint32_t(attachments.size()) - first};
-    }
-    content_.cluster_attachments = std::move(attachments);
-  }
-
-  void joinMemberships() {
-    content_.memberships.clear();
-    for (std::size_t i = 0; i < members_.size(); ++i) {
-      content_.clusters[i].first_member = std::uint32_t(content_.memberships.size());
-      content_.clusters[i].member_count = std::uint32_t(members_[i].size());
-      content_.memberships.insert(content_.memberships.end(), members_[i].begin(), members_[i].end());
-    }
-  }
-
-  formats::PackageContent& content_;
-  std::vector<Carriers> carriers_;  // of the rigid parts
-  std::vector<std::uint32_t> now_;  // physical vertices
-  std::vector<std::vector<formats::Membership>> members_;
-  std::vector<Cursor> cursors_;
-};
 
 }  // namespace
 
@@ -356,18 +167,14 @@ std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& a
                         "Select all of a piece that hangs together by itself; `sinew check` lists them.");
     }
     if (!cut.empty()) {
-      Finding finding;
-      finding.id = "part-cut";
-      finding.count = cut.size();
-      finding.message = "part " + source.name + " selects only some of " + std::to_string(cut.size()) +
-                        (cut.size() == 1 ? " loose part; it was" : " loose parts; they were") +
-                        " taken whole, or left, by the larger share";
-      finding.place_kind = "face";
-      for (const std::uint32_t t : cut) {
-        if (finding.places.size() < Finding::kMaxPlaces) finding.places.push_back(mesh.triangle_face[t]);
-      }
-      finding.cure = "Select whole loose parts, as by {\"part\": NUMBER}.";
-      findings.push_back(finding);
+      std::vector<std::uint32_t> places;
+      for (std::size_t i = 0; i < std::min(cut.size(), Finding::kMaxPlaces); ++i)
+        places.push_back(mesh.triangle_face[cut[i]]);
+      findings.push_back({"part-cut", Severity::warning,
+                          "part " + source.name + " selects only some of " +
+                              counted(cut.size(), "loose part; it was", "loose parts; they were") +
+                              " taken whole, or left, by the larger share",
+                          cut.size(), "face", places, "", "Select whole loose parts, as by {\"part\": NUMBER}."});
     }
     parts.push_back(std::move(part));
   }
@@ -435,9 +242,83 @@ void followHost(const std::vector<RidingPart>& parts, const VisualMesh& host, co
   }
 }
 
-void addParts(const std::vector<RidingPart>& parts, const std::vector<TetrahedronPlace>& places,
-              const WeightTransfer& transfer, formats::PackageContent& content) {
-  if (!parts.empty()) PartWriter(parts, places, transfer, content);
+std::vector<Rider> joinRigidParts(const std::vector<RidingPart>& parts, const VisualMesh& host, PhysicalMesh& physical,
+                                  std::vector<TetrahedronPlace>& places) {
+  std::vector<Rider> riders;
+  for (std::uint32_t p = 0; p < parts.size(); ++p) {
+    if (!parts[p].rigid) continue;
+    riders.push_back({p, carrierOf(parts[p], host, physical, places), 0, {}});
+    if (!parts[p].host.empty()) continue;
+    for (const std::uint32_t v : parts[p].vertices) riders.back().on_host.push_back(places[v]);
+  }
+  if (riders.empty()) return riders;
+  const PhysicalMesh alone = physical;
+  physical.positions.clear();
+  physical.tetrahedra.clear();
+  physical.fill.clear();
+  physical.home.clear();
+  std::vector<std::uint32_t> now;  // by the number that a tetrahedron had
+  for (std::uint32_t b = 0; b < alone.bodies.size(); ++b) {
+    PhysicalBody& body = physical.bodies[b];
+    const auto first = alone.positions.begin() + body.first_vertex;
+    const std::uint32_t moved = std::uint32_t(physical.positions.size()) - body.first_vertex;
+    body.first_vertex += moved;
+    physical.positions.insert(physical.positions.end(), first, first + body.vertex_count);
+    for (std::uint32_t t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+      now.push_back(std::uint32_t(physical.tetrahedra.size()));
+      physical.tetrahedra.push_back(alone.tetrahedra[t]);
+      for (std::uint32_t& v : physical.tetrahedra.back()) v += moved;
+      physical.fill.push_back(alone.fill[t]);
+    }
+    body.first_tetrahedron = std::uint32_t(physical.tetrahedra.size()) - body.tetrahedron_count;
+    for (Rider& rider : riders) {
+      if (rider.body != b) continue;
+      rider.tetrahedron = std::uint32_t(physical.tetrahedra.size());
+      const auto v = std::uint32_t(physical.positions.size());
+      const std::array<Vector3d, 4> corners = tetrahedronAround(parts[rider.part], host);
+      physical.positions.insert(physical.positions.end(), corners.begin(), corners.end());
+      physical.tetrahedra.push_back({v, v + 1, v + 2, v + 3});
+      physical.fill.push_back(0);
+    }
+  }
+  for (TetrahedronPlace& place : places) place.tetrahedron = now[place.tetrahedron];
+  for (Rider& rider : riders) {
+    for (TetrahedronPlace& place : rider.on_host) place.tetrahedron = now[place.tetrahedron];
+    for (const std::uint32_t v : parts[rider.part].vertices) {
+      places[v] = placeIn(rider.tetrahedron, host.positions[v], physical);
+      places[v].distance = 0;  // of a part no vertex is far from what carries it
+    }
+  }
+  return riders;
+}
+
+std::vector<ClusterSource> riderClusters(const std::vector<RidingPart>& parts, const std::vector<Rider>& riders,
+                                         const WeightTransfer& transfer) {
+  ClusterOptions firm;
+  firm.stretch_hz = firm.bend_hz = firm.twist_hz = std::numeric_limits<double>::infinity();
+  firm.limit = formats::LimitMethod::none;
+  firm.volume = formats::VolumeMethod::none;
+  std::vector<ClusterSource> clusters;
+  for (const Rider& rider : riders) {
+    clusters.push_back(carriersOf(parts[rider.part], rider, transfer));
+    clusters.back().options = firm;
+  }
+  return clusters;
+}
+
+void addParts(const std::vector<RidingPart>& parts, const std::vector<Rider>& riders,
+              std::span<const ClusterSource> clusters, const PhysicalMesh& physical, formats::PackageContent& content) {
+  for (const RidingPart& part : parts) {
+    content.parts.push_back({content.addText(part.name), formats::kNone, std::uint32_t(content.part_vertices.size()),
+                             std::uint32_t(part.vertices.size()), 0});
+    content.part_vertices.insert(content.part_vertices.end(), part.vertices.begin(), part.vertices.end());
+  }
+  for (const Rider& rider : riders) {
+    const auto moves = [&](const ClusterSource& c) { return c.rider == physical.tetrahedra[rider.tetrahedron][0]; };
+    formats::AttachedPart& part = content.parts[rider.part];
+    part.cluster = std::uint32_t(std::find_if(clusters.begin(), clusters.end(), moves) - clusters.begin());
+    content.clusters[part.cluster].name = part.name;
+  }
 }
 
 }  // namespace sinew::tools

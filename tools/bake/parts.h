@@ -36,12 +36,27 @@ VisualMesh withoutParts(const VisualMesh& mesh, const std::vector<RidingPart>& p
 void followHost(const std::vector<RidingPart>& parts, const VisualMesh& host, const PhysicalMesh& physical,
                 std::vector<TetrahedronPlace>& places);
 
-/// Records the parts (sections PART, PRTV) and gives each rigid one what carries it: a rigid cluster that is matched to
-/// the host's vertices but moves only four light vertices of one tetrahedron around the part, on which its visual
-/// vertices hang. So a part moves exactly as the best-fitting rigid motion of its host, the host does not feel it, and
-/// the runtime knows nothing of parts. \param places of all visual vertices on the host. \param content in and out,
-/// with bodies, clusters and attachments in place.
-void addParts(const std::vector<RidingPart>& parts, const std::vector<TetrahedronPlace>& places,
-              const WeightTransfer& transfer, formats::PackageContent& content);
+/// What a rigid part rides on: four light vertices of a tetrahedron around it.
+struct Rider {
+  std::uint32_t part = 0;                 ///< of the parts
+  std::uint32_t body = 0;                 ///< that carries it
+  std::uint32_t tetrahedron = 0;          ///< of the physical mesh, behind the body's own
+  std::vector<TetrahedronPlace> on_host;  ///< where the nearest carries it: of its vertices, on the host
+};
+
+/// Gives each rigid part its tetrahedron, behind those of the body that carries it, and hangs its vertices there.
+/// \param host the mesh without parts; \param physical, places in and out: numbered as in the package from here on.
+std::vector<Rider> joinRigidParts(const std::vector<RidingPart>& parts, const VisualMesh& host, PhysicalMesh& physical,
+                                  std::vector<TetrahedronPlace>& places);
+
+/// The rigid cluster of each rider: matched to the vertices of the host that carry the part, it moves only the rider's
+/// four. So a part moves exactly as the best-fitting rigid motion of its host, the host does not feel it, and the
+/// runtime knows nothing of parts.
+std::vector<ClusterSource> riderClusters(const std::vector<RidingPart>& parts, const std::vector<Rider>& riders,
+                                         const WeightTransfer& transfer);
+
+/// Records the parts (sections PART, PRTV). \param clusters of the content, in order.
+void addParts(const std::vector<RidingPart>& parts, const std::vector<Rider>& riders,
+              std::span<const ClusterSource> clusters, const PhysicalMesh& physical, formats::PackageContent& content);
 
 }  // namespace sinew::tools

@@ -57,13 +57,7 @@ std::optional<Finding> suggestUp(const VisualMesh& mesh) {
   std::snprintf(text, sizeof text,
                 "the model seems to lie on its side: %.0f %% of what is seen along z is a flat base, along y %.0f %%",
                 100 * z.base, 100 * y.base);
-  Finding finding;
-  finding.id = "lies-on-its-side";
-  finding.severity = Severity::info;
-  finding.count = 1;
-  finding.message = text;
-  finding.cure = "If z is up, say so: import.up=z.";
-  return finding;
+  return Finding{"lies-on-its-side", Severity::info, text, 1, "", {}, "", "If z is up, say so: import.up=z."};
 }
 
 }  // namespace sinew::tools

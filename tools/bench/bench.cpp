@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 
 #include "tools/core/error.h"
 
@@ -149,13 +151,19 @@ std::string benchMarkdown(const BenchReport& report) {
     if (std::abs(rounded) >= 1000) std::snprintf(text, sizeof text, "%.0f", rounded);
     return std::string(std::isfinite(value) ? text : "");
   };
-  std::string text, group;
+  const MachineLimits& machine = report.machine;
+  const auto today = std::chrono::floor<std::chrono::days>(std::chrono::system_clock::now());
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(today);
+  std::tm date = {};
+  gmtime_r(&seconds, &date);
+  char head[256];
+  std::snprintf(head, sizeof head,
+                "%s, %u threads, %s, %.0f GFLOP/s of fused multiply-adds on one thread; %04d-%02d-%02d.\n\n",
+                machine.processor.c_str(), machine.processors, machine.instruction_set.c_str(), machine.fma_flops / 1e9,
+                date.tm_year + 1900, date.tm_mon + 1, date.tm_mday);
+  std::string text = head;
+  text += "| group | measured | figure | beside | limit | |\n|---|---|---|---|---|---|\n";
   for (const BenchLine& line : report.lines) {
-    if (line.group != group) {
-      group = line.group;
-      text += (text.empty() ? "" : "\n") + std::string("| ") + group +
-              " | figure | beside | limit | |\n|---|---|---|---|---|\n";
-    }
     std::string beside;
     if (!line.reference_name.empty()) {
       beside = line.reference_name + ": " + number(line.reference) + ", " + number(line.ratio) + " x";
@@ -164,8 +172,8 @@ std::string benchMarkdown(const BenchReport& report) {
     }
     const auto passed = line.passed();
     const char* const verdict = line.limit.empty() ? "" : !passed ? "not measured" : *passed ? "met" : "**missed**";
-    text += "| " + line.name + " | " + number(line.value) + " " + line.unit + " | " + beside + " | " + line.limit +
-            " | " + verdict + " |\n";
+    text += "| " + line.group + " | " + line.name + " | " + number(line.value) + " " + line.unit + " | " + beside +
+            " | " + line.limit + " | " + verdict + " |\n";
   }
   return text;
 }

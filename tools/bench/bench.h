@@ -67,7 +67,7 @@ BenchReport runBench(const BenchOptions& options, const std::function<void(const
 /// a result of its own, named "peer/group/name, library".
 nlohmann::ordered_json benchJson(const BenchReport& report);
 
-/// The lines as tables of Markdown, one a group.
+/// The machine, the date, and the lines as one table of Markdown.
 std::string benchMarkdown(const BenchReport& report);
 
 /// Hash (XXH3-64 is not needed: FNV-1a, 64 bits) of the state after the determinism scene, with so many threads (0: no

@@ -21,7 +21,7 @@ namespace {
 
 constexpr float kStep = 1.0F / 60;
 constexpr unsigned kSteps = 60;         // in a sample
-constexpr unsigned kStepsToRest = 900;  // what is dropped rests behind so many
+constexpr unsigned kStepsToRest = 900;  // after which a dropped body rests
 constexpr double kAirMicroseconds = 30, kGroundTimes = 2, kHeldTimes = 1.2, kSizeTimes = 1.1;
 constexpr double kFaceMicroseconds = 200, kTimesCheaper = 10;
 
@@ -206,9 +206,9 @@ void emitFace(const BenchContext& context) {
                     "Bake samples/gallery/face/recipe.json anew.");
   }
   const std::shared_ptr<const Asset> asset = *opened;
-  for (const std::uint32_t passes : {WorldSettings{}.iterations, 1U}) {
+  for (const std::uint32_t iterations : {WorldSettings{}.iterations, 1U}) {
     WorldSettings settings;
-    settings.iterations = passes;
+    settings.iterations = iterations;
     World world(settings);
     const BodyId id = *world.addBody(asset);
     unsigned frame = 0;
@@ -227,9 +227,9 @@ void emitFace(const BenchContext& context) {
                          },
                          [] {}, kSteps};
     context.emitBest([&] {
-      BenchLine line = stepLine(passes == 1 ? "face, smiling, 1 iteration" : "face, smiling", *asset,
+      BenchLine line = stepLine(iterations == 1 ? "face, smiling, 1 iteration" : "face, smiling", *asset,
                                 measure(call, context.timing()));
-      if (passes > 1) {
+      if (iterations > 1) {
         line.limit = "<= 200 us";
         line.margin = kFaceMicroseconds / line.value;
       }

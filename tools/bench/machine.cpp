@@ -5,7 +5,9 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <memory>
+#include <string>
 #include <thread>
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -151,6 +153,14 @@ double together(unsigned threads, unsigned calls, ClockKind clock, const Work& w
   return sum / threads;
 }
 
+std::string processorName() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
+  }
+  return {};
+}
+
 }  // namespace
 
 double MachineLimits::bandwidth(std::size_t working_set_bytes) const {
@@ -162,6 +172,8 @@ double MachineLimits::bandwidth(std::size_t working_set_bytes) const {
 
 MachineLimits measureMachine(bool quick) {
   MachineLimits limits;
+  limits.processor = processorName();
+  limits.processors = std::thread::hardware_concurrency();
   const TimingOptions options{quick ? 1e-4 : 3e-4, quick ? 1e-3 : 5e-3, ClockKind::thread_cpu};
   const std::vector<Width> all = widths();
   limits.instruction_set = all.front().name;

@@ -18,6 +18,8 @@ struct CopyBandwidth {
 
 /// What the machine can do at most, measured.
 struct MachineLimits {
+  std::string processor;        ///< its name, as the system tells it; empty where it does not
+  unsigned processors = 0;      ///< threads that run at once
   std::string instruction_set;  ///< widest with FMA: "avx512", "avx2", else "compiler" (what the build assumes)
   double fma_flops = 0;         ///< float multiply-adds in registers, the fastest width, flops/s of one thread
   unsigned fma_bits = 0;        ///< that width

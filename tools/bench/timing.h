@@ -32,7 +32,7 @@ struct TimingOptions {
   ClockKind clock = ClockKind::thread_cpu;
 };
 
-/// What is timed: `call` is, `prepare` (may be empty) runs before each sample and is not. With `prepare`, a sample is
+/// `call` is timed; `prepare` (may be empty) runs before each sample, untimed. With `prepare`, a sample is
 /// `calls_per_sample` calls, or as many as `sample_seconds` need where that is 0.
 struct TimedCall {
   std::function<void()> call;

@@ -15,8 +15,8 @@ namespace sinew::tools {
 
 enum class Output : std::uint8_t { package, picture, picture_or_video, mesh, report };
 
-/// Throws ToolError where `file` cannot be written (requireWritable), or its name or what lies there says that it is
-/// something else: a package or a report named like a mesh or a picture, a picture that does not end in .png, a package
+/// Throws ToolError where `file` cannot be written (requireWritable), or its name or the file there shows a mistake: a
+/// package or a report named like a mesh or a picture, a picture that does not end in .png, a package
 /// over a file that is none. To be called before any work.
 void requireOutput(Output what, const std::filesystem::path& file,
                    std::initializer_list<std::filesystem::path> inputs = {});

@@ -81,7 +81,7 @@ void addBenchVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--filter", command->options.filter, "Only groups with this in their name: " + names);
   verb->add_flag("--quick", command->options.quick, "Small sizes and few samples: to see that it runs, not to quote");
   verb->add_flag("--json", command->json, "Print the figures as JSON");
-  verb->add_flag("--markdown", command->markdown, "Print the figures as tables, as docs/performance.md has them");
+  verb->add_flag("--markdown", command->markdown, "Print the figures as the table of docs/performance.md");
   verb->add_option("--models", command->options.models,
                    "Where tests/assets/models is; else it is looked for under the working folder");
   verb->add_option("--face", command->options.face, "The baked samples/gallery/face, to be measured too");

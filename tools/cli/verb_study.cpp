@@ -24,7 +24,7 @@ void addSteps(CLI::App& study, int& exit_code) {
     std::string solver = "coupled";
     std::vector<std::string> packages;
     std::uint32_t minutes = 0;
-    bool quick = false, full = false, json = false, all = false;
+    bool quick = false, full = false, json = false, markdown = false, all = false;
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = study.add_subcommand(
@@ -45,6 +45,7 @@ void addSteps(CLI::App& study, int& exit_code) {
       ->check(CLI::Range(1, 10000));
   verb->add_option("--threads", command->options.threads, "Threads; 0 = all")->check(CLI::Range(0, 1024));
   verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->add_flag("--markdown", command->markdown, "Print the table of docs/stability.md");
   verb->add_flag("--all", command->all, "Every cell (--json), or every cell that fails");
   verb->callback([command, &exit_code] {
     StepsOptions& options = command->options;
@@ -72,8 +73,9 @@ void addSteps(CLI::App& study, int& exit_code) {
       const std::vector<StepsResult> results = runSteps(options, bodies);
       any = !results.empty();
       for (const StepsResult& result : results) passed = passed && result.passed();
-      text = command->json ? stepsJson(results, options, bodies, command->all).dump(2) + "\n"
-                           : stepsText(results, bodies, command->all);
+      text = command->json       ? stepsJson(results, options, bodies, command->all).dump(2) + "\n"
+             : command->markdown ? stepsMarkdown(results, bodies)
+                                 : stepsText(results, bodies, command->all);
     }
     progress.finish();
     if (!any) {

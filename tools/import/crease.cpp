@@ -43,7 +43,7 @@ std::vector<std::uint32_t> smoothFans(const VisualMesh& mesh, double crease_degr
   tbb::parallel_sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
     return std::tie(a.low, a.high, a.corner) < std::tie(b.low, b.high, b.corner);
   });
-  // Without an area a triangle has no say: what it lies between goes by its other neighbours.
+  // A triangle without an area has no normal, so no say: its neighbours are compared across their other edges.
   const double least = crease_degrees >= 180 ? -2 : std::cos(crease_degrees * std::numbers::pi / 180);
   const auto is_smooth = [&](std::uint32_t a, std::uint32_t b) {
     const Eigen::Vector3d &m = normals[a / 3], &n = normals[b / 3];

@@ -91,7 +91,7 @@ std::string probe(const std::filesystem::path& file, const ImportOptions& option
               std::string("Supported are ") + kFormatList + "; export it as one of these.");
   if (format != "glb" && format != "fbx" && format != "mesh" && isUtf16({head, std::size_t(held)}))
     throw bad("is text in UTF-16", "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 does it, and so do most text editors.");
-  // A reader holds the file and what it becomes.
+  // A reader holds the file and the scene that it makes of it at the same time.
   const std::uint64_t most = (std::uint64_t(options.memory_megabytes) << 20) / 2;
   if (std::uint64_t(facts.st_size) > most)
     throw bad("is " + std::to_string(std::uint64_t(facts.st_size) >> 20) + " MB, more than the " +

@@ -36,7 +36,7 @@ struct ImportOptions {
 /// faces; (system) where the machine fails. Seams are recorded, never cracked.
 VisualMesh importVisualMesh(const std::filesystem::path& file, const ImportOptions& options, Progress& progress);
 
-/// Whether the name ends as those of one of these formats do, in any case of letters.
+/// Whether the name has the ending of one of these formats, in any case of letters.
 bool isMeshName(const std::filesystem::path& file);
 
 /// The child's side: reads `file`, writes its serialized scene to file descriptor `output`. Called by main() for

@@ -38,7 +38,7 @@ class SideSets {
     }
     return root;
   }
-  /// \return false where the two are in one set already and disagree with what is asked.
+  /// \return false where the two are in one set already and `opposite` contradicts it.
   bool join(std::uint32_t a, std::uint32_t b, std::uint8_t opposite) {
     std::uint8_t side_a = 0;
     std::uint8_t side_b = 0;

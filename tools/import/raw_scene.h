@@ -118,7 +118,7 @@ void writeRawScene(const RawScene& scene, ByteSink& sink);
 void readRawScene(ByteSource& source, RawScene& scene);
 
 /// Checks all counts, indices and numbers of a scene that a stranger gave. Throws ReadError: "the reader returned ..."
-/// for what no reader may return, and a message that names the vertex for a position that is not finite.
+/// where a count or index is wrong, and a message that names the vertex where a position is not finite.
 void validateRawScene(const RawScene& scene);
 
 /// `text` where it is valid UTF-8, else its bytes taken as Latin-1 (what old exporters write), as UTF-8.

@@ -1027,7 +1027,7 @@ class GltfReader {
     scene_.meshes.push_back(std::move(mesh));
   }
 
-  // Weights of a node stand in for those of its mesh. The base shape is what morphs as clusters refer to.
+  // Weights of a node replace the weights of its mesh. Clusters of morphs refer to the base shape.
   void notePosedMorphs(const Value& node, const Value& source, const std::map<std::size_t, RawMorph>& morphs,
                        const std::string& name) {
     const Value weights = node.get("weights") ? node.get("weights") : source.get("weights");

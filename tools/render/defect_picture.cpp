@@ -132,8 +132,8 @@ void renderDefects(const VisualMesh& mesh, const std::vector<Finding>& findings,
   const DrawModel model = makeDrawModel(mesh);
   const HeadlessContext context;
   Renderer renderer(model);
-  // Marks the places of one finding, or of all warnings and errors, the gravest on top. What is only information (parts
-  // counted, settings chosen) stays in the legend: it would bury what needs a look.
+  // Marks the places of one finding, or of all warnings and errors, the gravest on top. Information (parts counted,
+  // settings chosen) stays in the legend: marks of it would bury the defects.
   const auto show = [&](const Mark* only) {
     std::vector<Renderer::Highlight> highlights;
     Annotation annotation;

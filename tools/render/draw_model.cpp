@@ -12,7 +12,7 @@ namespace sinew::tools {
 namespace {
 
 constexpr int kMaxTextureSize = 4096;
-const Eigen::Vector3f kPlainColor(0.56F, 0.53F, 0.49F);  // of what has neither material nor colours: unfired clay
+const Eigen::Vector3f kPlainColor(0.56F, 0.53F, 0.49F);  // of a mesh without materials and colours: unfired clay
 
 Eigen::Vector3f toVector(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
 

@@ -12,7 +12,7 @@
 namespace sinew::tools {
 namespace {
 
-constexpr float kPlate = 0.82F;  // opacity: what lies under a text shows through, and does not compete with it
+constexpr float kPlate = 0.82F;  // opacity: the picture under a text shows through without competing with it
 constexpr float kScaleText = 14;
 constexpr double kLongestBar = 0.35;  // of the picture's width
 constexpr float kAxis = 14;           // pixels
@@ -37,7 +37,7 @@ void drawAxes(Image& image, const Camera& camera) {
   const int size = int(2 * kAxis) + 26;
   plate(image, 4, image.height - size - 4, size, size);
   const float cx = 4 + float(size) / 2, cy = float(image.height) - 4 - float(size) / 2;
-  // Those that point away first.
+  // Axes that point away first.
   std::array<int, 3> order = {0, 1, 2};
   std::sort(order.begin(), order.end(), [&](int a, int b) { return camera.back()[a] < camera.back()[b]; });
   for (const int axis : order) {

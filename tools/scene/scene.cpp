@@ -120,8 +120,8 @@ void Scene::reset() {
   world.ground.enabled = hasGround();
   if (options_.scene.kind == SceneKind::drop) world.damping = kDropDamping;
 
-  // Damping is towards the rigid motion that all pins together leave a part: where they move apart (jaw and skull,
-  // lids) it would drag along what is between them.
+  // Damping is towards the rigid motion of all pin sets together: where sets move apart (jaw and skull, lids) it would
+  // drag the skin between them along.
   if (script_) world.deformation_damping_ratio = 0;
 
   BodySettings placement;

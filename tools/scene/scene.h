@@ -30,7 +30,7 @@ struct SceneChoice {
   /// By name, or the file of a name that ends in .json. Throws ToolError.
   static SceneChoice byName(const std::string& name);
   std::string name() const;
-  double seconds() const;  ///< in which what it shows happens
+  double seconds() const;  ///< its own length, s
   bool operator==(const SceneChoice&) const = default;
 };
 

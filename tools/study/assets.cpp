@@ -46,7 +46,7 @@ HeldRegion endOf(const PackageSolid& solid, const Extent& extent, Eigen::Index a
   return region;
 }
 
-// What is held in part is free in the reference.
+// Whether the reference holds a vertex too: only at a pin weight of kHeldWhole.
 bool heldWhole(const formats::PackageView& package, std::uint32_t vertex) {
   return package.pinWeights().empty() || package.pinWeights()[vertex] >= kHeldWhole;
 }
@@ -65,7 +65,7 @@ std::vector<HeldRegion> pinnedRegions(const formats::PackageView& package) {
   return regions;
 }
 
-// Of text and JSON: what is the matter with a row, in a few words.
+// The doubt about a row, in a few words, for text and JSON.
 std::string noteOf(const AssetsRow& row, const AssetsOptions& options) {
   std::string note;
   const auto add = [&](const std::string& text) { note += (note.empty() ? "" : "; ") + text; };

@@ -27,7 +27,7 @@ constexpr double kBall = 0.25, kNeck = 0.05, kNeckLength = 0.3, kFoot = 0.03;
 constexpr double kEarth = 9.81;
 constexpr double kNeckTarget = 0.05;  // of the diagonal
 constexpr double kRestSpeed = 1e-5;   // diagonals/s
-constexpr double kFace = 1e-4;        // m: what is that near to a face is on it
+constexpr double kFace = 1e-4;        // m: tolerance of a vertex on a face
 constexpr double kSwingGravity = 0.1 * kEarth;
 constexpr double kSettleSeconds = 10, kSwingSeconds = 4;
 constexpr double kAuthoredDamping = 2;  // 1/s
@@ -121,7 +121,7 @@ std::string objOf(BeamBody body) {
   return {};
 }
 
-// What is held, in the source's coordinates.
+// The box of held vertices, in the source's coordinates.
 nlohmann::ordered_json heldBox(BeamBody body) {
   switch (body) {
     case BeamBody::beam:
@@ -156,7 +156,7 @@ class TemporaryFolder {
   fs::path path_;
 };
 
-// Sets those of the keys that there are: a bake may know a material by other names than this study was written with.
+// Sets the keys that exist: a recipe baked elsewhere may name a material otherwise.
 void setKnown(Settings& settings, std::initializer_list<std::string_view> keys, const std::string& value) {
   for (const std::string_view key : keys) {
     for (const Settings::Declaration& declared : Settings::declarations(settings)) {

@@ -67,15 +67,15 @@ std::array<float, 4> weightsOf(const formats::BarycentricAttachment& a) {
 
 Vector3d point(const std::array<float, 3>& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 
-// What is done to the body, in numbers of its physical vertices. The same for all clusters: the tetrahedra are.
+// Held and pulled physical vertices by number. All packages of a study share them, as they share tetrahedra.
 struct Load {
   std::vector<std::uint32_t> held, pulled;
   bool own_pins = false;  // held by the package's pin sets
   Vector3d pull;
 };
 
-// A shell lies on both sides of its surface: what lies against the normals of the visual vertices that hang on it, or
-// of the nearest one where none does.
+// Of a shell, which lies on both sides of its surface: physical vertices against the normals of the visual vertices on
+// them, or of the nearest visual vertex where there is none.
 std::vector<std::uint32_t> underSide(const formats::PackageView& package) {
   const auto vertices = package.physicalVertices();
   std::vector<double> above(vertices.size(), 0);
@@ -110,7 +110,7 @@ std::vector<std::uint32_t> underSide(const formats::PackageView& package) {
   return side;
 }
 
-// What it would stand on.
+// The lowest tenth of a solid: it stands on these vertices.
 std::vector<std::uint32_t> lowest(const formats::PackageView& package) {
   const auto vertices = package.physicalVertices();
   const auto height = [](const auto& v) { return v.rest_position[1]; };

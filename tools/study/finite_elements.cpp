@@ -166,7 +166,7 @@ constexpr Eigen::Index kMostFactorized = 40000;
 constexpr double kGradientTolerance = 1e-8;
 constexpr int kMostHalvings = 40;
 constexpr int kMostInverse = 200;
-// Of 2 mu: what is left of a tetrahedron's negative eigenvalues.
+// Share of 2 mu that replaces negative eigenvalues of a tetrahedron.
 constexpr double kLeastStiffness = 1e-8;
 
 // Energy, forces and second derivative of a loaded solid, the latter as one matrix over the free vertices.
@@ -445,7 +445,7 @@ Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Vector3d> start, 
   Vectors& x = result.positions;
   Elasticity elasticity(solid, poisson);
   Vectors f(x.size()), next(x.size());
-  // The first step moves what is held; the rest follows by the derivative at the start.
+  // The first step moves held vertices; the others follow by the derivative at the start.
   elasticity.forces(x, f);
   Vectors step(x.size(), Vector3d::Zero());
   for (std::size_t v = 0; v < x.size(); ++v) {
@@ -478,7 +478,7 @@ Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, cons
   LoadedSolid loaded(solid, load);
   NewtonSolver solver(loaded);
   VectorXd f = loaded.forces(x);
-  // What is held moves first; the rest follows by the derivative at the start.
+  // Held vertices move first; the others follow by the derivative at the start.
   Vectors step(x.size(), Vector3d::Zero());
   double held = 0;
   for (std::size_t v = 0; v < x.size(); ++v) {

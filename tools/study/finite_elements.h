@@ -12,7 +12,7 @@
 
 namespace sinew::tools {
 
-/// A solid of tetrahedra (positive volume) at rest, with what is prescribed of it.
+/// A solid of tetrahedra (positive volume) at rest, with the prescribed places of its held vertices.
 struct ElasticSolid {
   std::vector<Eigen::Vector3d> rest;  ///< metres
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;

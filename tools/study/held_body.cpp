@@ -93,7 +93,7 @@ bool holds(const Vectors& points, double diagonal) {
   return off(furthest(off)) > kInLine * diagonal;
 }
 
-// The finite elements of what is held, in numbers of their own.
+// The finite elements of the held pieces, numbered from 0.
 struct Problem {
   ElasticSolid solid;
   ElasticLoad load;                    // materials; forces of a gravity of 1

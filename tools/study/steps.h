@@ -134,6 +134,9 @@ nlohmann::ordered_json stepsJson(const std::vector<StepsResult>& results, const 
                                  const std::vector<StepsBody>& bodies, bool all);
 /// The same for a person. \param all every cell that fails, not only the worst 40.
 std::string stepsText(const std::vector<StepsResult>& results, const std::vector<StepsBody>& bodies, bool all);
+/// A table of Markdown, scene by body: failing of all cells, with the criteria that failed; then failures by the other
+/// factors.
+std::string stepsMarkdown(const std::vector<StepsResult>& results, const std::vector<StepsBody>& bodies);
 
 nlohmann::ordered_json longJson(const std::vector<LongRun>& runs, const std::vector<StepsBody>& bodies);
 std::string longText(const std::vector<LongRun>& runs, const std::vector<StepsBody>& bodies);

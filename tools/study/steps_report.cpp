@@ -3,7 +3,9 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <optional>
 #include <sstream>
+#include <utility>
 
 #include "tools/study/steps.h"
 
@@ -31,10 +33,13 @@ struct LevelTotal {
   std::map<std::string, std::size_t> criteria;  // a cell counts with each one that it fails
 };
 
-LevelTotal totalOf(const std::vector<StepsResult>& results, std::size_t factor, std::size_t level) {
+// Of the cells that have a level of a factor, and another of another factor if one is given.
+LevelTotal totalOf(const std::vector<StepsResult>& results, std::size_t factor, std::size_t level,
+                   std::optional<std::pair<StepsFactor, std::size_t>> also = {}) {
   LevelTotal total;
   for (const StepsResult& result : results) {
     if (result.cell[factor] != level) continue;
+    if (also && result.cell[std::size_t(also->first)] != also->second) continue;
     ++total.cells;
     total.worst = std::max(total.worst, result.worst().ratio());
     if (result.passed()) continue;
@@ -138,6 +143,36 @@ std::string stepsText(const std::vector<StepsResult>& results, const std::vector
   for (const StepsResult& result : results) seconds += result.seconds;
   std::snprintf(line, sizeof line, "%zu cells, %zu failed, %.0f s\n", results.size(), failed.size(), seconds);
   text << line;
+  return text.str();
+}
+
+std::string stepsMarkdown(const std::vector<StepsResult>& results, const std::vector<StepsBody>& bodies) {
+  std::ostringstream text;
+  text << results.size() << " cells, " << failures(results).size() << " fail.\n\n| scene |";
+  for (const StepsBody& body : bodies) text << " " << body.name << " |";
+  text << "\n|---|";
+  for (std::size_t b = 0; b < bodies.size(); ++b) text << "---|";
+  const std::vector<std::string> scenes = levelsOf(StepsFactor::scene, bodies);
+  for (std::size_t scene = 0; scene < scenes.size(); ++scene) {
+    text << "\n| " << scenes[scene] << " |";
+    for (std::size_t b = 0; b < bodies.size(); ++b) {
+      const LevelTotal total =
+          totalOf(results, std::size_t(StepsFactor::scene), scene, std::pair{StepsFactor::body, b});
+      text << " " << total.failed << "/" << total.cells;
+      for (const auto& [criterion, count] : total.criteria) text << " " << criterion;
+      text << " |";
+    }
+  }
+  text << "\n";
+  for (const StepsFactor factor : {StepsFactor::material, StepsFactor::steps, StepsFactor::place}) {
+    text << "\nBy " << nameOf(factor) << ":";
+    const std::vector<std::string> levels = levelsOf(factor, bodies);
+    for (std::size_t level = 0; level < levels.size(); ++level) {
+      const LevelTotal total = totalOf(results, std::size_t(factor), level);
+      text << (level == 0 ? " " : ", ") << levels[level] << " " << total.failed << "/" << total.cells;
+    }
+    text << ".\n";
+  }
   return text.str();
 }
 

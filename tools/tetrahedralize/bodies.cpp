@@ -120,8 +120,8 @@ Enclosure measure(const Frame& frame, std::span<const Triangle> triangles) {
   return e;
 }
 
-// Where an edge has three faces, one of them is a wall through the inside or a fin outside. What lies on both sides of
-// it tells: the mean of the winding numbers is 1/2 at a surface, 1 at a wall, 0 at a fin. They are left out if that
+// Where an edge has three faces, one of them is a wall through the inside or a fin outside. The mean of the winding
+// numbers on its two sides decides: 1/2 at a surface, 1 at a wall, 0 at a fin. They are left out if that
 // leaves no open edge.
 std::vector<Triangle> withoutWallsAndFins(const Frame& frame, std::vector<Triangle> triangles) {
   const WindingNumber winding(frame.points, triangles, false);
@@ -429,7 +429,7 @@ void joinNestedGroups(const Frame& frame, std::vector<Group>& groups, Sets& sets
       if (std::abs(groups[b].enclosure.volume) <= std::abs(groups[a].enclosure.volume)) continue;
       double mean = 0;
       for (const Vector3d& p : points) mean += groups[b].winding.at(p) / double(points.size());
-      // A group that is inside out as a whole, lying in nothing, is turned below: count what it will be.
+      // A group inside out as a whole, within no other, is turned below, so its sign counts as turned.
       around += std::round(mean);
       if (std::abs(mean) > 0.5 && (innermost == kNoIndex || std::abs(groups[b].enclosure.volume) <
                                                                 std::abs(groups[innermost].enclosure.volume))) {

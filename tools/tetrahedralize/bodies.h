@@ -15,13 +15,13 @@
 
 namespace sinew::tools {
 
-/// One separate body of the source before it has tetrahedra. Coordinates are relative to `center`, so that a body far
+/// A piece of the source before it has tetrahedra. Coordinates are relative to `center`, so that a body far
 /// from the origin loses no digits.
 struct SolidBody {
   std::string name;
   std::string title;                                 ///< for messages: the name, numbered where several share it
   std::vector<std::uint32_t> parts;                  ///< of the surface, ascending, loose sheets included
-  std::vector<std::uint32_t> sheets;                 ///< those of `parts` that enclose nothing
+  std::vector<std::uint32_t> sheets;                 ///< `parts` that enclose nothing
   bool encloses = false;                             ///< false: all its parts are sheets
   bool balanced = false;                             ///< its surface has no open edge: winding numbers are whole
   Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< metres, world
@@ -35,7 +35,7 @@ struct SolidBody {
   bool volume_exact = false;  ///< by the divergence theorem; else sampled
 };
 
-/// What check and bake say of a source that has no bodies.
+/// Message and cure of check and bake for a source without pieces.
 inline constexpr const char* kNoArea = "no triangle has an area, so there is nothing to fill";
 inline constexpr const char* kNoAreaCure = "Export a mesh with faces that have an area.";
 
@@ -47,17 +47,17 @@ struct BodySet {
   std::vector<std::uint32_t> turned_parts;     ///< open parts around a solid, taken as if they faced the other way
 };
 
-/// Groups surface parts into bodies. Parts within `join_distance` metres (or piercing) are one; a part inside the solid
-/// of another belongs to it, and turned inwards makes a cavity; parts that enclose nothing join the nearest body, or
-/// are bodies themselves where nothing encloses anything.
+/// Groups surface parts into pieces. Parts within `join_distance` metres (or piercing) are one; a part inside the solid
+/// of another belongs to it, and turned inwards makes a cavity; parts that enclose nothing join the nearest piece, or
+/// are pieces themselves where nothing encloses anything.
 BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
                    const geometry::ParallelFor& parallel_for);
 
-/// What a person should know of these bodies: some nearly touch, large sheets ride along, covers are inside out.
+/// Findings on these pieces: some nearly touch, large sheets ride along, covers are inside out.
 std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
                                   double join_distance);
 
-/// The names, with numbers behind those that occur more than once.
+/// The names, numbered where several are equal.
 std::vector<std::string> distinctNames(const std::vector<std::string>& names);
 
 }  // namespace sinew::tools

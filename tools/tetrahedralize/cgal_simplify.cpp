@@ -61,12 +61,65 @@ void addNormals(const Mesh& mesh, Mesh::Vertex_index v, const std::array<Mesh::V
   }
 }
 
+constexpr double kFolded = 360;
+
+// What the faces around a vertex say, until one of them changes: a collapse asks again for every edge near it, about
+// forty, but changes the faces of about eight vertices.
+class Surroundings {
+ public:
+  explicit Surroundings(const Mesh& mesh) : mesh_(mesh), known_(mesh.number_of_vertices()) {}
+  // The angle between the normals of two faces that lie far apart (the one farthest from any, and the one farthest from
+  // that), degrees; kFolded where the surface folds.
+  double creaseTurn(Mesh::Vertex_index v) {
+    double& turn = known_[v.idx()].turn;
+    if (turn >= 0) return turn;
+    look(v);
+    double least = 1;
+    Eigen::Vector3d from = normals_.empty() ? Eigen::Vector3d::Zero() : normals_.front();
+    for (int sweep = 0; sweep < 2 && !normals_.empty(); ++sweep) {
+      const auto far = std::min_element(normals_.begin(), normals_.end(),
+                                        [&](const auto& a, const auto& b) { return from.dot(a) < from.dot(b); });
+      least = from.dot(*far);
+      from = *far;
+    }
+    const bool folds = least < 0 && leansOver(normals_, LayerNormal::kLeastLean);
+    return turn = folds ? kFolded : std::acos(std::clamp(least, -1.0, 1.0)) * 57.295779513082321;
+  }
+  // Whether no normal leaves room for a layer.
+  bool leans(Mesh::Vertex_index v) {
+    int& leans = known_[v.idx()].leans;
+    if (leans >= 0) return leans != 0;
+    look(v);
+    return (leans = leansOver(normals_, kLean) ? 1 : 0) != 0;
+  }
+  void forgetAround(Mesh::Vertex_index v) {
+    known_[v.idx()] = {};
+    for (const auto u : mesh_.vertices_around_target(mesh_.halfedge(v))) known_[u.idx()] = {};
+  }
+  // More room than a layer of prisms needs at least (LayerNormal::kLeastLean): they are thin and lean there. Two faces
+  // at 30 degrees to each other have 0.259.
+  static constexpr double kLean = 0.25;
+
+ private:
+  void look(Mesh::Vertex_index v) {
+    normals_.clear();
+    addNormals(mesh_, v, {v, v}, nullptr, normals_);
+  }
+  struct Known {
+    double turn = -1;
+    int leans = -1;
+  };
+  const Mesh& mesh_;
+  std::vector<Known> known_;              // by vertex; negative: not looked at
+  std::vector<Eigen::Vector3d> normals_;  // scratch
+};
+
 // The middle of an edge; but a corner of the border or a vertex of a crease stays, and what hangs on the border by one
 // end is drawn onto it. Nothing where the surface would be pinched together between two borders, or at a vertex that is
 // to be kept.
 class KeepOutline {
  public:
-  explicit KeepOutline(std::span<const char> keep) : keep_(keep) {}
+  KeepOutline(std::span<const char> keep, Surroundings& around) : keep_(keep), around_(&around) {}
   template <typename Profile>
   boost::optional<Kernel::Point_3> operator()(const Profile& profile) const {
     const Mesh& mesh = profile.surface_mesh();
@@ -76,7 +129,7 @@ class KeepOutline {
     const bool along = mesh.is_border(mesh.edge(profile.v0_v1()));
     if (border0 && border1 && !along) return boost::none;
     if (border0 != border1) return border0 ? profile.p0() : profile.p1();
-    const double crease0 = creaseTurn(mesh, v0), crease1 = creaseTurn(mesh, v1);
+    const double crease0 = around_->creaseTurn(v0), crease1 = around_->creaseTurn(v1);
     if ((crease0 == kFolded) != (crease1 == kFolded)) return crease0 == kFolded ? profile.p1() : profile.p0();
     const double sharp0 = along ? borderTurn(mesh, v0) : crease0, sharp1 = along ? borderTurn(mesh, v1) : crease1;
     if (std::max(sharp0, sharp1) > kSharp && std::abs(sharp0 - sharp1) > kSharp / 2) {
@@ -86,7 +139,7 @@ class KeepOutline {
   }
 
  private:
-  static constexpr double kSharp = 30, kFolded = 360;  // degrees
+  static constexpr double kSharp = 30;  // degrees
   static double angle(const Kernel::Vector_3& a, const Kernel::Vector_3& b) {
     const double lengths = std::sqrt(a.squared_length() * b.squared_length());
     return lengths > 0 ? std::acos(std::clamp(a * b / lengths, -1.0, 1.0)) * 57.295779513082321 : 0;
@@ -99,29 +152,15 @@ class KeepOutline {
     }
     return 0;
   }
-  // The angle between the normals of two faces around a vertex that lie far apart (the one farthest from any, and the
-  // one farthest from that); kFolded where the surface folds.
-  static double creaseTurn(const Mesh& mesh, Mesh::Vertex_index v) {
-    std::vector<Eigen::Vector3d> normals;
-    addNormals(mesh, v, {v, v}, nullptr, normals);
-    double least = 1;
-    Eigen::Vector3d from = normals.empty() ? Eigen::Vector3d::Zero() : normals.front();
-    for (int sweep = 0; sweep < 2 && !normals.empty(); ++sweep) {
-      const auto far = std::min_element(normals.begin(), normals.end(),
-                                        [&](const auto& a, const auto& b) { return from.dot(a) < from.dot(b); });
-      least = from.dot(*far);
-      from = *far;
-    }
-    if (least < 0 && leansOver(normals, LayerNormal::kLeastLean)) return kFolded;
-    return std::acos(std::clamp(least, -1.0, 1.0)) * 57.295779513082321;
-  }
   std::span<const char> keep_;
+  Surroundings* around_;
 };
 
 // No collapse that adds to the vertices at which the surface folds, counted over the merged vertex and its neighbours,
 // nor one that turns a face over without merging such a vertex away.
 class NoNewFold {
  public:
+  explicit NoNewFold(Surroundings& around) : around_(&around) {}
   template <typename Profile>
   boost::optional<Kernel::Point_3> operator()(const Profile& profile,
                                               const boost::optional<Kernel::Point_3>& placement) const {
@@ -129,39 +168,38 @@ class NoNewFold {
     const bool turns = !turned_(profile, placement);
     const Mesh& mesh = profile.surface_mesh();
     const std::array<Mesh::Vertex_index, 2> ends = {profile.v0(), profile.v1()};
-    const auto count = [&](Mesh::Vertex_index v, const Kernel::Point_3* moved) {
-      normals_.clear();
-      addNormals(mesh, v, ends, moved, normals_);
-      return leansOver(normals_, kLean) ? 1 : 0;
-    };
     normals_.clear();
     for (const Mesh::Vertex_index v : ends) addNormals(mesh, v, ends, &*placement, normals_);
-    int after = leansOver(normals_, kLean) ? 1 : 0;
-    for (const Mesh::Vertex_index v : profile.link()) after += count(v, &*placement);
+    int after = leansOver(normals_, Surroundings::kLean) ? 1 : 0;
+    for (const Mesh::Vertex_index v : profile.link()) {
+      normals_.clear();
+      addNormals(mesh, v, ends, &*placement, normals_);
+      after += leansOver(normals_, Surroundings::kLean) ? 1 : 0;
+    }
     if (after == 0 && !turns) return placement;
     int before = 0;
-    for (const Mesh::Vertex_index v : ends) before += count(v, nullptr);
-    for (const Mesh::Vertex_index v : profile.link()) before += count(v, nullptr);
+    for (const Mesh::Vertex_index v : ends) before += around_->leans(v) ? 1 : 0;
+    for (const Mesh::Vertex_index v : profile.link()) before += around_->leans(v) ? 1 : 0;
     return after < before || (after == before && !turns) ? placement : boost::none;
   }
 
  private:
-  // More room than a layer of prisms needs at least (LayerNormal::kLeastLean): they are thin and lean there. Two faces
-  // at 30 degrees to each other have 0.259.
-  static constexpr double kLean = 0.25;
   simplification::Bounded_normal_change_filter<> turned_;
+  Surroundings* around_;
   mutable std::vector<Eigen::Vector3d> normals_;  // scratch
 };
 
 struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
-  explicit Follow(std::vector<std::uint32_t>& into) : into_(&into) {}
+  Follow(std::vector<std::uint32_t>& into, Surroundings& around) : into_(&into), around_(&around) {}
   void OnCollapsed(const Profile& profile, Mesh::Vertex_index vertex) {
     (*into_)[profile.v0().idx()] = vertex.idx();
     (*into_)[profile.v1().idx()] = vertex.idx();
+    around_->forgetAround(vertex);
   }
 
  private:
   std::vector<std::uint32_t>* into_;
+  Surroundings* around_;
 };
 
 }  // namespace
@@ -181,11 +219,12 @@ SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t ver
     if (manifold) {
       std::vector<std::uint32_t> into(surface.positions.size());
       std::iota(into.begin(), into.end(), 0U);
+      Surroundings around(mesh);
       simplification::edge_collapse(mesh, StopAtVertices(mesh, vertices),
-                                    CGAL::parameters::visitor(Follow(into))
+                                    CGAL::parameters::visitor(Follow(into, around))
                                         .get_cost(simplification::Edge_length_cost<Mesh>())
-                                        .get_placement(KeepOutline(keep))
-                                        .filter(NoNewFold()));
+                                        .get_placement(KeepOutline(keep, around))
+                                        .filter(NoNewFold(around)));
       std::vector<std::uint32_t> number(into.size(), 0);
       for (const auto v : mesh.vertices()) {
         const auto& p = mesh.point(v);

@@ -220,7 +220,7 @@ FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target, const P
   };
   const double least = finestSpacing(body.bounds, target);
   FilledBody filled = searchSpacing(std::max(firstSpacing(body, target, 2), least), least, target, build);
-  // What lies half a cell outside would follow the body stiffly, by extrapolation: thicken it.
+  // Triangles half a cell outside would follow stiffly, by extrapolation: they are thickened.
   const std::size_t every = body.triangles.size();
   const Outside lost = findOutside(body, filled.mesh, filled.spacing / 2, every, parallel_for);
   if (lost.fraction > 1e-3) {

@@ -19,12 +19,12 @@ namespace {
 using Eigen::Vector3d;
 using geometry::TetMesh;
 
-// The least part of an offset, or of what it would be without a factor above 1, that is left at a crease.
+// Least offset left at a crease, of the whole one without factors above 1.
 constexpr double kLeastOffset = 0.005;
 // Roundings to a float in half of the thickness that is left where nothing else helps: a flat tetrahedron of that
 // height survives() from sqrt(3) on, one whose edges lean as far as normals may from sqrt(3) / LayerNormal::kLeastLean.
 constexpr double kLeastRoundings = 40;
-// The least volume of a prism's tetrahedron, of what it has over a flat triangle with the same offsets.
+// Least volume of a prism's tetrahedron, of that over a flat triangle with the same offsets.
 constexpr double kLeastVolume = 0.02;
 // Of the mean edge, where no thickness is given: thinner skins have flat tetrahedra, thicker ones fill creases.
 constexpr double kAutomaticThickness = 0.5;

@@ -150,7 +150,8 @@ class CellCutter {
     sample_set_.fill(kAir);
     if (countPieces(cell, sets) > 1) {
       cell.doubtful = pierced(cell, sets);
-      // Where solids of one part overlap, what lies between two sheets joins them only if it is solid once.
+      // Where solids of one part overlap, a sample between two sheets joins them only if its winding number is
+      // below 1.5.
       most_winding_ = cell.doubtful ? 1.5 : std::numeric_limits<double>::infinity();
       if (body_.encloses) joinThroughSolid(cell, sets);
       if (countPieces(cell, sets) > 1) joinNearParts(cell, sets);
@@ -449,7 +450,7 @@ class CellCutter {
           sets.join(m, n);
         }
       }
-      // Straight inwards: what it meets from behind is the other side of the same solid.
+      // Straight inwards: a triangle met from behind is the other side of the same solid.
       const Vector3d inwards = mine.middle - length * mine.normal.normalized();
       double at = 1;
       const std::uint32_t n = firstCrossing(cell, mine.middle, inwards, at);

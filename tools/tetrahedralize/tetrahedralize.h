@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <string>
@@ -47,7 +48,8 @@ struct TetrahedraQuality {
 
 /// The coarse mesh that is simulated. Vertices, tetrahedra grouped by body. Every tetrahedron has positive volume.
 /// Where near but separate pieces of a body pass through one cell of its lattice (lips, fingers), the cell has a copy
-/// for each: these tetrahedra lie over one another.
+/// for each: these tetrahedra lie over one another. Behind a body's vertices and tetrahedra may be those of its
+/// accessories (bake/parts.h), which its counts leave out.
 struct PhysicalMesh {
   std::vector<Eigen::Vector3d> positions;  ///< metres, world
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
@@ -62,6 +64,12 @@ struct PhysicalMesh {
   /// points of loose sheets and of bodies filled by delaunay. May be empty: nothing is known.
   std::vector<std::uint32_t> home;
   std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
+
+  /// The body of a tetrahedron.
+  std::size_t bodyOf(std::uint32_t tetrahedron) const {
+    const auto behind = [](std::uint32_t t, const PhysicalBody& body) { return t < body.first_tetrahedron; };
+    return std::size_t(std::upper_bound(bodies.begin(), bodies.end(), tetrahedron, behind) - bodies.begin()) - 1;
+  }
 };
 
 /// Fills a visual mesh with tetrahedra. Throws ToolError(bad_input) where the asked method cannot serve this mesh.
