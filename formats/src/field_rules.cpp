@@ -70,7 +70,7 @@ class FieldRules {
         return {kRuns[r].id, FieldFault::kWhole, "has elements of no field"};
       }
     }
-    if (checkFibres()) checkTethers();
+    if (checkFibres() && checkTethers()) checkDistances();
     return fault_;
   }
 
@@ -422,6 +422,35 @@ class FieldRules {
     }
     return values == view_.fieldFibreValues().size() ||
            refuse(section::field_fibre_values, FieldFault::kWhole, "has elements of no fibre");
+  }
+
+  bool checkDistances() {
+    std::size_t values = 0;
+    const auto grids = view_.distanceGrids();
+    for (std::size_t i = 0; i < grids.size(); ++i) {
+      const DistanceGrid& grid = grids[i];
+      const auto bad = [&](const char* what) { return refuse(section::distance_grids, i, what); };
+      if (grid.piece >= view_.bodies().size() || (i > 0 && grid.piece <= grids[i - 1].piece)) {
+        return bad("names a body that there is not, or not in their order");
+      }
+      std::size_t count = 1;
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        if (grid.nodes[axis] < 2 || grid.nodes[axis] > kMostDistanceNodes)
+          return bad("has fewer than 2 or more than 256 nodes along an axis");
+        if (reach_.beyond(grid.origin[axis], axis) != 0) return bad("origin is too far from the bounds");
+        count *= grid.nodes[axis];
+      }
+      if (!(grid.spacing > 0 && grid.spacing <= view_.info().diagonal) ||
+          !(grid.unit > 0 && grid.unit <= grid.spacing)) {
+        return bad("spacing is not above 0 and at most the diagonal, or unit not above 0 and at most spacing");
+      }
+      if (grid.first_value != values || count > view_.distanceValues().size() - values) {
+        return bad("its run of DVAL does not start where the one before ends, or reaches too far");
+      }
+      values += count;
+    }
+    return values == view_.distanceValues().size() ||
+           refuse(section::distance_values, FieldFault::kWhole, "has elements of no grid");
   }
 
   /// Tethers pull at nothing at rest, nor where all is moved or stretched alike. T = sum kappa r r^T: where its terms

@@ -240,7 +240,7 @@ class PackageReader {
       }
     }
     // What the first is about is in the second.
-    constexpr std::array<std::array<std::uint32_t, 2>, 24> kNeeds = {{
+    constexpr std::array<std::array<std::uint32_t, 2>, 26> kNeeds = {{
         {section::visual_normals, section::visual_positions},
         {section::visual_uv, section::visual_positions},
         {section::visual_colors, section::visual_positions},
@@ -265,6 +265,8 @@ class PackageReader {
         {section::field_fibre_values, section::field_fibres},
         {section::field_tethers, section::fields},
         {section::field_tether_values, section::field_tethers},
+        {section::distance_grids, section::field_points},
+        {section::distance_values, section::distance_grids},
     }};
     for (const auto& [id, needed] : kNeeds) {
       if (has(id) && !has(needed)) {

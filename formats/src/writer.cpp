@@ -125,6 +125,10 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return payload(content.field_tethers);
     case section::field_tether_values:
       return payload(content.field_tether_values);
+    case section::distance_grids:
+      return payload(content.distance_grids);
+    case section::distance_values:
+      return payload(content.distance_values);
     default:
       return {};
   }

@@ -69,7 +69,7 @@ class VisualPool {
     Lease(const Lease&) = delete;
     Lease& operator=(const Lease&) = delete;
     VisualScratch* operator->() const { return &slot_->scratch; }
-    /// What it computed is whole; else it is forgotten.
+    /// The scratch holds a whole result; without this call it is forgotten.
     void keep() { whole_ = true; }
 
    private:
@@ -81,7 +81,7 @@ class VisualPool {
  private:
   std::pmr::memory_resource* memory_;
   std::mutex mutex_;
-  Slot first_;  // and those that calls at the same time have needed
+  Slot first_;  // of a list: one slot for each call that ran at the same time as others
 };
 
 /// Notes where a body is, before a step; nothing unless it keeps its history.

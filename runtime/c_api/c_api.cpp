@@ -157,6 +157,7 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.support_damping = s.support_damping;
   result.substep_seconds = s.substep_seconds;
   result.most_substeps = s.most_substeps;
+  result.collisions = s.collisions ? 1 : 0;
   return result;
 }
 
@@ -172,6 +173,7 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.support_damping = s.support_damping;
   result.substep_seconds = s.substep_seconds;
   result.most_substeps = s.most_substeps;
+  result.collisions = s.collisions != 0;
 }
 
 sinew_body_settings fromCpp(const sinew::BodySettings& s) {

@@ -23,7 +23,7 @@ class BoxTree {
   };
 
   BoxTree() = default;
-  /// Splits across the longest side of the bounds of what `spread` gives.
+  /// Splits across the longest side of the bounds of all spread(i).
   /// \param box box(i) of item i. \param centre centre(i), or any multiple of it. \param leaf most items of a leaf.
   /// \param spread spread(i), a point or a box of item i.
   template <class Box, class Centre, class Spread>

@@ -79,27 +79,6 @@ double segmentCrossing(const Vector3d& a, const Vector3d& direction, const Trian
 
 }  // namespace
 
-Vector3d closestPointOnTriangle(const Vector3d& p, const Vector3d& a, const Vector3d& b, const Vector3d& c) {
-  const Vector3d ab = b - a, ac = c - a, ap = p - a;
-  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
-  if (d1 <= 0 && d2 <= 0) return a;
-  const Vector3d bp = p - b;
-  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
-  if (d3 >= 0 && d4 <= d3) return b;
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return d1 - d3 > 0 ? Vector3d(a + ab * (d1 / (d1 - d3))) : a;
-  const Vector3d cp = p - c;
-  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
-  if (d6 >= 0 && d5 <= d6) return c;
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return d2 - d6 > 0 ? Vector3d(a + ac * (d2 / (d2 - d6))) : a;
-  const double va = d3 * d6 - d5 * d4;
-  const double along = (d4 - d3) + (d5 - d6);
-  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return along > 0 ? Vector3d(b + (c - b) * ((d4 - d3) / along)) : b;
-  const double sum = va + vb + vc;
-  return a + ab * (vb / sum) + ac * (vc / sum);
-}
-
 double squaredDistance(const TriangleBvh::Corners& s, const TriangleBvh::Corners& t) {
   for (std::size_t i = 0; i < 3; ++i) {
     if (segmentCrossing(s[i], s[(i + 1) % 3] - s[i], t) >= 0) return 0;

@@ -10,14 +10,10 @@
 
 #include "runtime/geometry/box_tree.h"
 #include "runtime/geometry/tet_mesh.h"
+#include "runtime/geometry/triangle.h"
 #include "sinew/formats/sections.h"
 
 namespace sinew::geometry {
-
-/// Nearest point of a triangle to p (Ericson 2005, Real-Time Collision Detection, 5.1.5). Degenerate triangles are
-/// treated as the segment or point they are.
-Eigen::Vector3d closestPointOnTriangle(const Eigen::Vector3d& p, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                                       const Eigen::Vector3d& c);
 
 /// Squared distance between two triangles; 0 where they cross.
 double squaredDistance(const std::array<Eigen::Vector3d, 3>& s, const std::array<Eigen::Vector3d, 3>& t);

@@ -26,7 +26,7 @@ class WindingNumber {
 
   double at(const Eigen::Vector3d& point) const;
   bool inside(const Eigen::Vector3d& point) const { return at(point) > 0.5; }
-  /// The same bits for many points, several times as fast where those that follow one another are close together.
+  /// The same bits for many points, several times as fast where each point is close to the one before.
   /// \param result as many as points.
   void at(std::span<const Eigen::Vector3d> points, std::span<double> result) const;
   /// \param result 0 or 1, as many as points.

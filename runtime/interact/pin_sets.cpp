@@ -78,7 +78,6 @@ void moveHolds(Body& body, double share) {
     set.at = between(set.at, set.target, share);
     set.force_sum.setZero();
     set.torque_sum.setZero();
-    set.passes = 1;
   }
 }
 

@@ -11,7 +11,7 @@
 
 namespace sinew::internal::SINEW_KERNELS {
 
-/// From the one volume down to the other a sample passes over from its own rotation to the piece's (docs/method.md).
+/// Volumes det F between which a sample passes over from its own rotation to the piece's (docs/method.md §3).
 inline constexpr float kSqueezed = 0.5F, kInverted = 0.02F;
 /// Stiffness beyond a limit, of 2 mu + lambda.
 inline constexpr float kLimitStiffness = 10;
@@ -153,7 +153,7 @@ SINEW_INLINE Mat3Of<Float8> cofactor(const Mat3Of<Float8>& f) {
 }
 
 /// Psi = mu |F - R|^2 + lambda / 2 g^2(det F), summed with the samples' volumes. \return the energy, J.
-/// Where something is permanent F stands for F S^-1. F and R are 1 and a rest each, so that what is rounded is relative
+/// Where a sample has a permanent shape S, F stands for F S^-1. F and R are kept less 1, so that rounding is relative
 /// to the deformation.
 [[gnu::noinline]] static double fieldEnergy(const FieldEnergyArguments& a) {
   const std::uint32_t k = a.functions;
@@ -236,9 +236,9 @@ constexpr std::uint32_t ofNine(std::uint32_t i, std::uint32_t j) {
   return m;
 }
 
-/// d^2 Psi / dF^2 of eight samples times their volumes: 2 mu of all that does not turn R, what is left of 2 mu where F
-/// turns it (McAdams 2011; its size, Chen 2024: negative where F is squeezed), and lambda (dg/dF)^2 (Gauss and
-/// Newton: the pressure's own bend is left out). Limits add those of principal stretches.
+/// d^2 Psi / dF^2 of eight samples times their volumes: 2 mu for directions of F that do not turn
+/// R, 2 mu |1 - 2 / (sigma_i + sigma_j)| for those that do (McAdams 2011; absolute values: Chen 2024), and lambda
+/// (dg/dF)^2 (Gauss-Newton: no second derivative of g). Limits of principal stretches add theirs.
 [[gnu::noinline]] static void sampleStiffness(const FieldStiffnessArguments& a, std::uint32_t s, float* out) {
   const SamplePack& pack = a.packs[s];
   const Mat3Of<Float8> one = identity<Float8>();

@@ -76,8 +76,8 @@ struct FieldModesArguments {
   float* parts;            ///< scratch, 3 n rounded up to eight: the parts of the modes
 };
 
-/// A symmetric positive matrix, or its Cholesky factor: the lower triangle row by row. What lies right of the diagonal
-/// is scratch.
+/// A symmetric positive matrix, or its Cholesky factor: the lower triangle row by row. Entries right of the diagonal
+/// are scratch.
 struct FactorArguments {
   std::uint32_t size;
   std::uint32_t stride;  ///< floats a row: size rounded up to eight

@@ -32,7 +32,7 @@ struct Kernels {
   const AttachKernels& attach;
 };
 
-/// Those of the widest instruction set that this processor has, or of the one that SINEW_INSTRUCTION_SET names.
+/// The kernels of the widest instruction set that this processor has, or of the one that SINEW_INSTRUCTION_SET names.
 const Kernels& kernels();
 
 /// Whether this build has kernels that this processor runs; without them kernels() must not be used.

@@ -43,7 +43,7 @@ inline constexpr std::uint32_t kLanes = 8;
 using Float8 = float __attribute__((vector_size(32)));
 using Int8 = std::int32_t __attribute__((vector_size(32)));  ///< also masks: -1 where true
 #else
-// Two halves: compilers take what is wider than a register apart into scalars where comparisons and shuffles come in.
+// Two halves: compilers split vectors wider than a register into scalars at comparisons and shuffles.
 struct Float8 {
   Float4 low, high;
 };
@@ -144,7 +144,7 @@ SINEW_INLINE void store(void* p, const V& value) {
   __builtin_memcpy(p, &value, sizeof value);
 }
 #if !defined(__AVX__)
-// Half by half: what is copied as 32 bytes never becomes a pair of registers.
+// Half by half: a copy of 32 bytes never becomes a pair of registers.
 template <>
 SINEW_INLINE Float8 load<Float8>(const void* p) {
   return {load<Float4>(p), load<Float4>(static_cast<const float*>(p) + 4)};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// The proper rotations nearest to eight matrices: the lanes' form of runtime/geometry/rotation.h, which says what is
-// guaranteed and why. For kernel files only, see lanes.h.
+// The proper rotations nearest to eight matrices: the lanes' form of runtime/geometry/rotation.h, which has the
+// guarantees and their reasons. For kernel files only, see lanes.h.
 #pragma once
 
 #include "runtime/kernels/kernels.h"

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/contact/depth_map.h"
 #include "runtime/memory/array.h"
 #include "runtime/solver/field.h"
 #include "sinew/formats/package.h"
@@ -33,6 +34,7 @@ struct RestConstants {
   Array<float> field_stiffness;      ///< Field::stiffness
   Array<SampleLimits> field_limits;  ///< Field::limits
   Array<Field> fields;               ///< in which pieces move
+  OwningArray<DepthMap> depths;      ///< of the pieces that have one, in their order
 };
 
 /// One pass over the memberships, sums in double.

@@ -23,7 +23,7 @@ class ArrayBytes {
   std::size_t size() const { return size_; }
   bool empty() const { return size_ == 0; }
   void clear() { size_ = 0; }
-  /// Drops elements from the end. \param count of those that stay, at most size().
+  /// Drops elements from the end. \param count elements that stay, at most size().
   void truncate(std::size_t count) { size_ = count; }
   std::pmr::memory_resource* memory() const { return memory_; }
 
@@ -89,7 +89,7 @@ class Array : public ArrayBytes {
   const T& operator[](std::size_t index) const { return data()[index]; }
   T& back() { return data()[size_ - 1]; }
 
-  /// Throws std::bad_alloc, as all that grow; the array is what it was then.
+  /// Throws std::bad_alloc, as all calls that grow do, and leaves the array unchanged.
   void reserve(std::size_t count) { ArrayBytes::reserve(kElement, count); }
   /// New elements are as T{} makes them, vectors and matrices zero.
   void resize(std::size_t count) {
@@ -122,7 +122,8 @@ template <class T>
 class OwningArray : public ArrayBytes {
  public:
   /// \param memory where elements live; outlives the array.
-  explicit OwningArray(std::pmr::memory_resource* memory) : ArrayBytes(memory) {}
+  explicit OwningArray(std::pmr::memory_resource* memory = std::pmr::new_delete_resource()) : ArrayBytes(memory) {}
+  OwningArray(OwningArray&& other) noexcept : ArrayBytes(static_cast<ArrayBytes&&>(other)) {}
   ~OwningArray() {
     clear();
     release(kElement);
@@ -140,7 +141,7 @@ class OwningArray : public ArrayBytes {
   void clear() {
     while (size_ > 0) pop_back();
   }
-  /// A new last element, made of these arguments. Throws as Array does, or as they do; the array is what it was then.
+  /// A new last element, made of these arguments. Throws as Array or the element does, and leaves the array unchanged.
   template <class... Arguments>
   T& emplace_back(Arguments&&... arguments) {
     grow(kElement);

@@ -11,7 +11,7 @@
 namespace sinew::internal {
 
 /// A / |det A|^(1/3): volume preservation (Müller et al. 2005, linear deformations), by the absolute value, so that
-/// what is mirrored stays so (Henriques 2006, 4.2.1). A itself where it has no volume.
+/// a mirrored A stays mirrored (Henriques 2006, 4.2.1). A itself where |det A| is next to 0.
 Eigen::Matrix3f volumeKept(const Eigen::Matrix3f& a);
 
 /// Each row at most `longest` long (Henriques 2006, 4.1.2, method 1).

@@ -13,7 +13,7 @@
 
 namespace sinew::internal {
 
-/// What is constant of a cluster while its body stays as it is.
+/// Constants of a cluster, made when its body is added.
 struct ClusterConstants {
   Square<9> a_qq = Square<9>::Zero();  ///< pseudo-inverse of the moment of the rest shape
   Square<9> root_a_qq = Square<9>::Zero();

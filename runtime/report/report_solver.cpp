@@ -49,9 +49,9 @@ class ReportSolver final : public BodySolver {
   }
   void activationChanged() override {}
   Eigen::Matrix3f restShape(std::uint32_t) const override { return Eigen::Matrix3f::Identity(); }
-  bool touchesGround() const override { return false; }  // its vertices are put back themselves
 
-  void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) override {
+  void step(const StepWorld& world, double seconds, SolverScratch& scratch) override {
+    const WorldSettings& settings = world.settings;
     const float h = float(seconds);
     holdVertices(h);
     // Where clusters overlap, the goals of a vertex are averaged (Müller et al. 2005, cluster based deformation).
@@ -134,7 +134,7 @@ class ReportSolver final : public BodySolver {
     }
   }
 
-  // Those that weigh less than 1 are brought that part of the way.
+  // Pinned vertices of weight w < 1 go the part w of the way to their places.
   void holdSoftly(float h) {
     for (const PinSet& set : body_.pin_sets) {
       for (const PinnedVertex& vertex : set.vertices) {
@@ -209,7 +209,7 @@ class ReportSolver final : public BodySolver {
     }
   }
 
-  // What is below the ground is put back on it; friction takes of the velocity along it what Coulomb's law allows.
+  // A vertex below the ground is put on it; friction takes velocity along it up to the bound of Coulomb's law.
   void putBack(const GroundPlane& ground, std::uint32_t i) {
     const Vector3 normal = asVector(ground.normal);
     auto x = asVector(body_.x[i]);

@@ -20,7 +20,14 @@
 namespace sinew::internal {
 
 struct Body;
+struct Collider;
 struct SolverScratch;
+
+/// What all bodies of a step see.
+struct StepWorld {
+  const WorldSettings& settings;
+  std::span<const Collider* const> colliders;  ///< ids ascending, the ground first
+};
 
 /// Moves one body. Body::x and v are its physical vertices, which refresh() brings up to date; all else that its motion
 /// depends on is the solver's own. Only what says so may throw std::bad_alloc.
@@ -34,7 +41,7 @@ class BodySolver {
   virtual void rest() = 0;
   /// Advances by one step, at whose end pins and pin sets are where `at` says. Sets Body::repaired. \param scratch
   /// reserved for it.
-  virtual void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) = 0;
+  virtual void step(const StepWorld& world, double seconds, SolverScratch& scratch) = 0;
   /// Brings Body::x and v up to date. \param part of the last step that has passed, 0..1, for what is drawn between
   /// two states; a solver that keeps no earlier state shows the last one.
   virtual void refresh(double part) = 0;
@@ -49,8 +56,6 @@ class BodySolver {
   /// What has become permanent and what is activated of a cluster's rest shape (World::clusterRestShape).
   virtual Eigen::Matrix3f restShape(std::uint32_t cluster) const = 0;
   virtual BodyEnergy energy(SolverScratch& scratch) = 0;
-  /// Whether the ground carried the body in the last step.
-  virtual bool touchesGround() const = 0;
 
   /// What the motion depends on beside Body's own members, as bytes.
   virtual std::size_t stateBytes() const = 0;

@@ -12,6 +12,8 @@ namespace {
 constexpr std::uint32_t kPairs = 5;
 /// Times that a step is cut before the matrix of the shape at hand is made: that costs as much as ten tries.
 constexpr std::uint32_t kCuts = 2;
+/// Pieces of an island that one job takes.
+constexpr std::uint32_t kPiecesAJob = 8;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
@@ -92,6 +94,29 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external}) grow(*array, k);
 }
 
+void MinimizeScratch::reserveVectors(std::size_t size) {
+  for (Array<float>* array : {&base, &d, &next, &gradient, &next_gradient, &direction}) {
+    if (array->size() < size) array->resize(size);
+  }
+  if (pairs.size() < 2 * kPairs * size) pairs.resize(2 * kPairs * size);
+}
+
+PushForce pushForce(const Push& push, const Eigen::Vector3f& way) {
+  const Eigen::Vector3f& normal = push.normal;
+  const float rise = normal.dot(way), gap = push.gap + rise;
+  PushForce force = {push.kappa * gap * normal, 0.5 * double(push.kappa) * double(gap) * double(gap)};
+  const Eigen::Vector3f slide = push.slide + (way - rise * normal);
+  const float length = slide.norm(), most = push.friction * push.pressed;
+  if (push.kappa * length <= most) {
+    force.pull += push.kappa * slide;
+    force.energy += 0.5 * double(push.kappa) * double(length) * double(length);
+  } else if (most > 0) {
+    force.pull += (most / length) * slide;
+    force.energy += double(most) * (double(length) - 0.5 * double(most) / double(push.kappa));
+  }
+  return force;
+}
+
 double Objective::external(const float* d, float* gradient) const {
   const std::uint32_t k = field->k;
   double total = 0;
@@ -124,19 +149,9 @@ double Objective::external(const float* d, float* gradient) const {
       for (std::uint32_t c = 0; c < 4; ++c) moved[c] += contact.phi[j] * d[4 * j + c];
     }
     const Eigen::Vector3f way(moved[0], moved[1], moved[2]);
-    const float rise = normal.dot(way), gap = contact.gap + rise;
-    if (gap >= 0) continue;
-    Eigen::Vector3f pull = contact.kappa * gap * normal;
-    total += 0.5 * double(contact.kappa) * double(gap) * double(gap);
-    const Eigen::Vector3f slide = contact.slide + (way - rise * normal);
-    const float length = slide.norm(), most = friction * contact.pressed;
-    if (contact.kappa * length <= most) {
-      pull += contact.kappa * slide;
-      total += 0.5 * double(contact.kappa) * double(length) * double(length);
-    } else if (most > 0) {
-      pull += (most / length) * slide;
-      total += double(most) * (double(length) - 0.5 * double(most) / double(contact.kappa));
-    }
+    if (contact.gap + contact.normal.dot(way) >= 0) continue;
+    const auto [pull, energy] = pushForce(contact, way);
+    total += energy;
     if (gradient == nullptr) continue;
     for (std::uint32_t j = field->driven; j < k; ++j) {
       for (std::uint32_t c = 0; c < 3; ++c) gradient[4 * j + c] += contact.phi[j] * pull[c];
@@ -262,6 +277,7 @@ Objective::Value Objective::at(const float* d, float* gradient, bool mark) const
 
 void Objective::press(const float* d) const {
   for (Contact& contact : scratch->contacts) {
+    const Eigen::Vector3f& normal = contact.normal;
     float rise = 0;
     for (std::uint32_t j = 0; j < field->k; ++j) {
       rise += contact.phi[j] * (normal[0] * d[4 * j] + (normal[1] * d[4 * j + 1] + normal[2] * d[4 * j + 2]));
@@ -301,12 +317,107 @@ double Objective::roughStiffness() const {
 
 namespace {
 
+/// sum row_j rows_j of k x 4.
+Four sumOf(const float* row, const float* rows, std::uint32_t k) {
+  Four sum = Four::Zero();
+  for (std::uint32_t j = 0; j < k; ++j) sum += row[j] * Four::Map(rows + 4 * j);
+  return sum;
+}
+
+void addTo(float* rows, const float* row, const Four& pull, std::uint32_t k) {
+  for (std::uint32_t j = 0; j < k; ++j) Four::Map(rows + 4 * j) += row[j] * pull;
+}
+
+}  // namespace
+
+Eigen::Vector3f Minimand::wayOf(const Touch& touch, const float* d) const {
+  const Four way = sumOf(touch.phi_a, d + first[touch.a], pieces[touch.a]->field->k) -
+                   sumOf(touch.phi_b, d + first[touch.b], pieces[touch.b]->field->k);
+  return way.matrix().head<3>();
+}
+
+double Minimand::touching(const float* d, float* gradient) const {
+  double total = 0;
+  for (const Touch& touch : touches) {
+    const Eigen::Vector3f way = wayOf(touch, d);
+    if (!(touch.gap + touch.normal.dot(way) < 0)) continue;
+    const PushForce force = pushForce(touch, way);
+    total += force.energy;
+    if (gradient == nullptr) continue;
+    const Four padded(force.pull[0], force.pull[1], force.pull[2], 0);
+    addTo(gradient + first[touch.a], touch.phi_a, padded, pieces[touch.a]->field->k);
+    addTo(gradient + first[touch.b], touch.phi_b, -padded, pieces[touch.b]->field->k);
+  }
+  return total;
+}
+
+void Minimand::forEachPiece(const std::function<void(std::uint32_t)>& visit) const {
+  const auto count = std::uint32_t(pieces.size());
+  if (jobs == nullptr || count < 2 * kPiecesAJob) {
+    for (std::uint32_t i = 0; i < count; ++i) visit(i);
+    return;
+  }
+  jobs->parallelFor(count, kPiecesAJob, [&visit](std::uint32_t begin, std::uint32_t end) {
+    for (std::uint32_t i = begin; i < end; ++i) visit(i);
+  });
+}
+
+Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const {
+  if (pieces.size() == 1) return pieces[0]->at(d, gradient, mark);
+  const auto work = [&](std::uint32_t i) { values[i] = pieces[i]->at(d + first[i], gradient + first[i], mark); };
+  forEachPiece([&work](std::uint32_t i) { work(i); });
+  Objective::Value value;
+  for (const Objective::Value& one : values) {
+    value.total += one.total;
+    value.elastic += one.elastic;
+  }
+  value.total += touching(d, gradient);
+  return value;
+}
+
+double Minimand::external(const float* d, float* gradient) const {
+  double total = touching(d, gradient);
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    total += pieces[i]->external(d + first[i], gradient != nullptr ? gradient + first[i] : nullptr);
+  }
+  return total;
+}
+
+void Minimand::press(const float* d) const {
+  for (std::size_t i = 0; i < pieces.size(); ++i) pieces[i]->press(d + first[i]);
+  for (Touch& touch : touches) {
+    touch.pressed = touch.kappa * std::max(0.0F, -(touch.gap + touch.normal.dot(wayOf(touch, d))));
+  }
+}
+
+void Minimand::precondition(float* g) const {
+  const auto work = [this, g](std::uint32_t i) {
+    std::fill_n(g + first[i], 4 * pieces[i]->field->driven, 0.0F);
+    pieces[i]->precondition(g + first[i]);
+  };
+  forEachPiece([&work](std::uint32_t i) { work(i); });
+}
+
+bool Minimand::hasFriction() const {
+  const auto slows = [](const Push& push) { return push.friction > 0; };
+  const auto rubs = [&slows](const Objective* piece) {
+    const auto& contacts = piece->scratch->contacts;
+    return std::any_of(contacts.begin(), contacts.end(), slows);
+  };
+  return std::any_of(touches.begin(), touches.end(), slows) || std::any_of(pieces.begin(), pieces.end(), rubs);
+}
+
+namespace {
+
+double squaredSize(const Objective& objective) {
+  return dot(objective.scratch->base.data(), objective.scratch->base.data(), 4 * objective.field->k);
+}
+
 /// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
 /// way from the prediction.
 double settledWay2(const Objective& objective, double way2) {
-  const MinimizeScratch& s = *objective.scratch;
   const double moves = kRounding * std::min(1.0, objective.h * objective.h * objective.roughStiffness());
-  return kSettled * kSettled * way2 + moves * moves * dot(s.base.data(), s.base.data(), 4 * objective.field->k);
+  return kSettled * kSettled * way2 + moves * moves * squaredSize(objective);
 }
 
 }  // namespace
@@ -321,21 +432,39 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
 
 Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations,
                           Objective::Value value) {
-  MinimizeScratch& s = *objective.scratch;
-  // Pins decide the driven coefficients: all below is of the others.
-  const std::uint32_t all = 4 * objective.field->k, first = 4 * objective.field->driven, n = all - first;
-  float *const d = s.d.data() + first, *const gradient = s.gradient.data() + first;
-  float *const direction = s.direction.data() + first, *const trial = s.next.data() + first;
-  const float* const next_gradient = s.next_gradient.data() + first;
+  Objective* const pieces[] = {&objective};
+  SystemFactor* const systems[] = {&system};
+  const std::uint32_t first[] = {0};
+  Minimand minimand;
+  minimand.pieces = pieces;
+  minimand.systems = systems;
+  minimand.first = first;
+  minimand.size = 4 * objective.field->k;
+  minimand.vectors = objective.scratch;
+  return minimize(minimand, iterations, value);
+}
+
+Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objective::Value value) {
+  MinimizeScratch& s = *minimand.vectors;
+  // Pins decide the driven coefficients: precondition() leaves them where they are.
+  const std::uint32_t n = minimand.size;
+  float *const d = s.d.data(), *const gradient = s.gradient.data(), *const direction = s.direction.data();
+  float* const trial = s.next.data();
+  const float* const next_gradient = s.next_gradient.data();
   std::array<double, kPairs> curvature = {}, alpha = {};
   std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
   bool renewed = false;                 // the matrix is that of this shape
-  float scale = 1;                      // of the inverse of the first matrix: what had to be cut was too soft
+  const bool has_friction = minimand.hasFriction();
+  float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
   const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
   const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
-  const double size2 = dot(s.base.data(), s.base.data(), all), rough = objective.roughStiffness();
-  const double rounded2 = settledWay2(objective, 0);
-  const double energy_noise = kRounding * kRounding * rough * size2;
+  double rounded2 = 0, energy_noise = 0;
+  for (std::size_t i = 0; i < minimand.pieces.size(); ++i) {
+    const Objective& piece = *minimand.pieces[i];
+    const double size2 = squaredSize(piece), rough = piece.roughStiffness();
+    rounded2 += settledWay2(piece, 0);
+    energy_noise += kRounding * kRounding * rough * size2;
+  }
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);
     for (std::uint32_t i = 0; i < pairs; ++i) {
@@ -343,7 +472,7 @@ Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint3
       alpha[slot] = dot(offsetOf(slot), direction, n) / curvature[slot];
       add(float(-alpha[slot]), changeOf(slot), direction, n);
     }
-    objective.precondition(s.direction.data());
+    minimand.precondition(direction);
     for (std::uint32_t i = 0; i < n; ++i) direction[i] *= scale;
     for (std::uint32_t i = pairs; i-- > 0;) {
       const std::uint32_t slot = (newest + kPairs - i) % kPairs;
@@ -364,7 +493,7 @@ Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint3
     Objective::Value next;
     for (std::uint32_t tries = 0; tries < 6 && !taken; ++tries) {
       for (std::uint32_t i = 0; i < n; ++i) trial[i] = d[i] - part * direction[i];
-      next = objective.at(s.next.data(), s.next_gradient.data(), false);
+      next = minimand.at(s.next.data(), s.next_gradient.data(), false);
       const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
       const double wanted = value.total - kSufficient * double(part) * slope;
       // Where energies say nothing any more slopes do (Hager and Zhang 2005, the approximate Wolfe condition).
@@ -378,7 +507,9 @@ Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint3
     ++iteration;
     if (!taken) {
       if (renewed) break;
-      useSystemAt(objective, system, s.d.data());
+      for (std::size_t i = 0; i < minimand.pieces.size(); ++i) {
+        useSystemAt(*minimand.pieces[i], *minimand.systems[i], d + minimand.first[i]);
+      }
       renewed = true;
       pairs = 0;
       scale = 1;
@@ -399,16 +530,15 @@ Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint3
       pairs = std::min(pairs + 1, kPairs);
     }
     std::copy_n(trial, n, d);
-    std::copy_n(s.next_gradient.data(), all, s.gradient.data());
+    std::copy_n(s.next_gradient.data(), n, s.gradient.data());
     value = next;
-    if (!s.contacts.empty() && objective.friction > 0) {
+    if (has_friction) {
       // Friction's bound follows the load: the objective of the next iteration is another one.
-      const double before = objective.external(s.d.data(), nullptr);
-      std::fill_n(s.next_gradient.begin(), all, 0.0F);
-      objective.external(s.d.data(), s.next_gradient.data());
+      std::fill_n(s.next_gradient.begin(), n, 0.0F);
+      const double before = minimand.external(d, s.next_gradient.data());
       add(-1, next_gradient, gradient, n);
-      objective.press(s.d.data());
-      value.total += objective.external(s.d.data(), s.gradient.data()) - before;
+      minimand.press(d);
+      value.total += minimand.external(d, gradient) - before;
     }
   }
   return value;

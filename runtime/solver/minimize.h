@@ -1,29 +1,60 @@
 // SPDX-License-Identifier: MIT
 //
 // One implicit step of a piece as a minimization (docs/method.md): the inertia about a prediction, the elastic energy
-// at samples, springs of pins and picks, and contacts with a plane, all functions of the same coefficients.
+// at samples, springs of pins and picks, and contacts, all functions of the same coefficients.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <span>
 
 #include "runtime/kernels/kernels.h"
 #include "runtime/memory/array.h"
 #include "runtime/solver/piece.h"
 #include "runtime/solver/system.h"
+#include "sinew/runtime/settings.h"
 
 namespace sinew::internal {
 
-/// A point that a plane may push. Its compliance is the local one that a field of few functions lacks: 1 / (E a).
-struct Contact {
-  std::uint32_t point;    ///< of the field
-  float gap;              ///< height above its floor at the prediction, m
-  float floor;            ///< height over the plane that it is pushed to, m: see TouchingPoint
-  Eigen::Vector3f slide;  ///< way along the plane from where friction holds it, at the prediction, m
-  float kappa;            ///< N/m
-  float pressed;          ///< N, that friction sees
-  const float* phi;       ///< its row, k
+/// A push along a normal, held by friction across it: of a contact and of a touch alike.
+struct Push {
+  Eigen::Vector3f normal;  ///< unit, away from what pushes
+  float gap;               ///< height above its floor at the prediction, m
+  float floor;             ///< height that it is pushed to, m: see TouchingPoint
+  Eigen::Vector3f slide;   ///< way across the normal from where friction holds it, at the prediction, m
+  float kappa;             ///< N/m
+  float friction;          ///< Coulomb coefficient
+  float pressed;           ///< N, that friction sees
+};
+
+/// What a push does where its point has moved `way` from the prediction. \pre its gap is negative there.
+struct PushForce {
+  Eigen::Vector3f pull;  ///< the energy's derivative: the force on what pushes, N
+  double energy;         ///< J
+};
+PushForce pushForce(const Push& push, const Eigen::Vector3f& way);
+
+/// A point that a collider may push out over a plane. Its compliance is the local one that a field of few functions
+/// lacks: 1 / (E a).
+struct Contact : Push {
+  std::uint32_t point;     ///< of the field
+  std::uint32_t collider;  ///< its number among those of the step
+  float give;              ///< part of 1 / kappa that is the collider's own: it gives way, m/N
+  const float* phi;        ///< its row, k
+};
+
+/// Two points of different pieces that push each other apart, out of b. What pulls one pulls the other back.
+struct Touch : Push {
+  std::uint32_t a, b;          ///< pieces of a Minimand
+  const float *phi_a, *phi_b;  ///< their rows
+};
+
+/// A row of the first matrix that a Touch adds on its side.
+struct TouchRow {
+  const float* phi;
+  float kappa;
+  std::uint32_t key;  ///< of what touches: rows of one key are alike from step to step
 };
 
 /// Memory of a minimization, for one piece after the other. Arrays of coefficients are k x 4 floats.
@@ -31,6 +62,8 @@ struct MinimizeScratch {
   explicit MinimizeScratch(std::pmr::memory_resource* memory);
   /// Grows to what a field needs with so many contacts.
   void reserve(const Field& field, std::size_t contacts);
+  /// The same of what minimize() takes for so many floats of coefficients.
+  void reserveVectors(std::size_t size);
 
   Array<float> base;    ///< the prediction, relative to its centre
   Array<float> offset;  ///< from there to the base
@@ -54,10 +87,9 @@ struct Objective {
   std::span<const float> tensions;     ///< Piece::tensions
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
-  float friction = 0;                  ///< Coulomb coefficient
-  Eigen::Vector3f normal = {0, 1, 0};  ///< of the plane
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
   const float* system = nullptr;  ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
+  std::span<const TouchRow> touch_rows;  ///< of what couples it to other pieces
   MinimizeScratch* scratch = nullptr;
 
   struct Value {
@@ -91,9 +123,38 @@ struct Objective {
   double roughStiffness() const;
 };
 
+/// Pieces that are minimized together, and what couples them.
+struct Minimand {
+  std::span<Objective* const> pieces;
+  std::span<SystemFactor* const> systems;
+  std::span<const std::uint32_t> first;  ///< of each piece's coefficients in the vectors, floats
+  std::uint32_t size = 0;                ///< of the vectors, floats
+  std::span<Touch> touches;
+  MinimizeScratch* vectors = nullptr;  ///< base, d, next, gradient, next_gradient, direction and pairs count
+  std::span<Objective::Value> values;  ///< of the pieces at the last at(); not of one piece alone
+  JobSystem* jobs = nullptr;           ///< that shares the work; null: none
+
+  /// What a touch's points move apart.
+  Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
+  void forEachPiece(const std::function<void(std::uint32_t)>& visit) const;
+
+  Objective::Value at(const float* d, float* gradient, bool mark) const;
+  /// What friction sees is that at d.
+  void press(const float* d) const;
+  /// Objective::external of all, and the touches'.
+  double external(const float* d, float* gradient) const;
+  /// The touches' alone; adds to the gradient.
+  double touching(const float* d, float* gradient) const;
+  /// The first matrices' inverses times g, in place; 0 where pins drive.
+  void precondition(float* g) const;
+  bool hasFriction() const;
+};
+
 /// L-BFGS(5) about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where
 /// the matrix is no guide that of the shape at hand takes its place. \return the value at the offset that scratch.d
 /// then holds, whose gradient scratch.gradient holds.
+Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objective::Value start);
+/// The same of one piece.
 Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations, Objective::Value start);
 
 /// Whether minimize() would stop at once at an offset with this gradient.

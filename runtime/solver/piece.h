@@ -18,11 +18,15 @@ using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using CoefficientMap = Eigen::Map<Coefficients>;
 using ConstCoefficientMap = Eigen::Map<const Coefficients>;
 
-/// A contact point that was touching when the last step ended.
+/// A contact point that was touching when the last step ended. In the coordinates of its collider (the ground's are the
+/// world's).
 struct TouchingPoint {
   std::uint32_t point;           ///< of the field
+  std::uint32_t collider;        ///< ColliderId
   float floor;                   ///< height over the plane that it is pushed to: 0, or below where it started inside, m
-  std::array<double, 3> anchor;  ///< where friction holds it, metres, world
+  float depth;                   ///< below that floor, m
+  std::array<double, 3> anchor;  ///< where friction holds it, m
+  std::array<double, 3> normal;  ///< of the plane, unit
 };
 
 /// All that the further motion of a piece depends on: this is saved.
@@ -37,9 +41,10 @@ struct PieceState {
   Vector3d turn = Vector3d::Zero();    ///< that the frame made in the last step, rad
   Vector3d omega = Vector3d::Zero();   ///< angular velocity when it began, rad/s
   double elastic = -1;                 ///< energy that the shape stores, J; negative: not known
-  Array<TouchingPoint> touching;
-  Array<float> plastic;  ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
-  double budget = -1;    ///< what a free piece may have of energy about its centre, J; negative: what it has
+  bool leaning = false;                ///< on other pieces, of which one is held
+  Array<TouchingPoint> touching;       ///< by collider, then by point
+  Array<float> plastic;                ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
+  double budget = -1;  ///< what a free piece may have of energy about its centre, J; negative: what it has
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
@@ -52,9 +57,12 @@ struct Piece {
         tensions(memory),
         springs(memory),
         row(memory),
+        reach_free(memory),
+        reach_fixed(memory),
         system(memory) {}
 
   const Field& field() const { return state.held ? *fixed : *free; }
+  const Array<float>& reach() const { return state.held ? reach_fixed : reach_free; }
   CoefficientMap z() { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
   CoefficientMap v() { return {state.v.data()->data(), Eigen::Index(state.v.size()), 3}; }
   ConstCoefficientMap z() const { return {state.z.data()->data(), Eigen::Index(state.z.size()), 3}; }
@@ -67,9 +75,10 @@ struct Piece {
   Array<float> rest_change;  ///< of state.plastic, as the energy wants it
   Array<float> tensions;     ///< of the field's fibres, J; empty: none is active
 
-  Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
-  double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew
-  Array<double> row;         ///< scratch, k
+  Array<double> springs;                 ///< k x k: sum kappa phi phi^T of pins and picks
+  double springs_firm = -1;              ///< kappa of pins that they were made with, N/m; negative: to be made anew
+  Array<double> row;                     ///< scratch, k
+  Array<float> reach_free, reach_fixed;  ///< findReach() of the fields
   SystemFactor system;
 };
 

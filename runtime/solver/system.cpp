@@ -14,7 +14,7 @@ constexpr float kRoundings[] = {3e-7F, 3e-5F, 3e-3F};
 void addSprings(const Objective& objective, float* matrix) {
   const Field& field = *objective.field;
   const MinimizeScratch& s = *objective.scratch;
-  if (!objective.has_springs && s.contacts.empty()) return;
+  if (!objective.has_springs && s.contacts.empty() && objective.touch_rows.empty()) return;
   const std::uint32_t k = field.k, driven = field.driven;
   float* const row = objective.scratch->parts.data();
   for (std::uint32_t i = driven; i < k; ++i) {
@@ -26,6 +26,10 @@ void addSprings(const Objective& objective, float* matrix) {
     for (const Contact& c : s.contacts) {
       const float firm = c.kappa * c.phi[i];
       for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * c.phi[j];
+    }
+    for (const TouchRow& t : objective.touch_rows) {
+      const float firm = t.kappa * t.phi[i];
+      for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * t.phi[j];
     }
     for (std::uint32_t j = driven; j <= i; ++j) {
       for (std::uint32_t axis = 0; axis < 3; ++axis) {
@@ -65,20 +69,27 @@ void make(Objective& objective, SystemFactor& system, const float* offset) {
 void useRestSystem(Objective& objective, SystemFactor& system) {
   const auto& contacts = objective.scratch->contacts;
   objective.system = nullptr;
-  if (!objective.has_springs && contacts.empty()) return;
-  const float kappa = contacts.empty() ? 0 : contacts[0].kappa;
-  const bool same = system.h == objective.h && system.kappa == kappa &&
-                    std::equal(system.points.begin(), system.points.end(), contacts.begin(), contacts.end(),
-                               [](std::uint32_t point, const Contact& c) { return point == c.point; });
+  const auto& touches = objective.touch_rows;
+  if (!objective.has_springs && contacts.empty() && touches.empty()) return;
+  const auto split = system.points.begin() + std::min(contacts.size(), system.points.size());
+  const bool same = system.h == objective.h &&
+                    std::equal(system.points.begin(), split, contacts.begin(), contacts.end(),
+                               [](const SystemFactor::Point& p, const Contact& c) {
+                                 return p.point == c.point && p.kappa == c.kappa;
+                               }) &&
+                    std::equal(split, system.points.end(), touches.begin(), touches.end(),
+                               [](const SystemFactor::Point& p, const TouchRow& t) {
+                                 return p.point == t.key && p.kappa == t.kappa;
+                               });
   if (same) {
     objective.system = system.factor.data();
     return;
   }
   make(objective, system, nullptr);
   system.h = objective.system != nullptr ? objective.h : 0;
-  system.kappa = kappa;
   system.points.clear();
-  for (const Contact& contact : contacts) system.points.push_back(contact.point);
+  for (const Contact& contact : contacts) system.points.push_back({contact.point, contact.kappa});
+  for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.kappa});
 }
 
 void useSystemAt(Objective& objective, SystemFactor& system, const float* offset) {

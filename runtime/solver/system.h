@@ -15,11 +15,15 @@ struct Objective;
 /// the piece.
 struct SystemFactor {
   explicit SystemFactor(std::pmr::memory_resource* memory) : factor(memory), points(memory) {}
+  /// A contact among it.
+  struct Point {
+    std::uint32_t point;
+    float kappa;  ///< N/m
+  };
 
-  Array<float> factor;          ///< 3 n rows of `stride` floats; the lower triangle
-  Array<std::uint32_t> points;  ///< contacts among it
-  float kappa = 0;              ///< of the first of them, N/m
-  double h = 0;                 ///< of the inertia, s; 0: not that of the rest shape with these springs
+  Array<float> factor;  ///< 3 n rows of `stride` floats; the lower triangle
+  Array<Point> points;  ///< contacts among it, then touches by their keys
+  double h = 0;         ///< of the inertia, s; 0: not that of the rest shape with these springs
 };
 
 /// The rest shape's stiffness: through its modes, or where springs or contacts act a factor, made anew where they or

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "runtime/contact/plane.h"
+#include "runtime/contact/contacts.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/solver/plasticity.h"
 #include "runtime/step/piece_step.h"
@@ -15,10 +15,11 @@
 namespace sinew::internal {
 namespace {
 
-/// A PieceState without its arrays, which follow: z, v, those of one step earlier, what touches,
-/// what is permanent.
+constexpr std::uint32_t kHeld = 1, kLeaning = 2;  ///< of SavedPiece::flags
+
+/// A PieceState without its arrays, which follow: z, v, z_before, v_before, touching, plastic.
 struct SavedPiece {
-  std::uint32_t held, functions, touching, plastic;
+  std::uint32_t flags, functions, touching, plastic;
   double h_before, elastic, budget;
   std::array<double, 3> turn, omega;
 };
@@ -45,6 +46,8 @@ class CoupledSolver final : public BodySolver {
       piece.system.factor.reserve(3 * k * (3 * k + 7));
       piece.springs.reserve(k * k);
       piece.row.reserve(k);
+      findReach(*free, piece.reach_free);
+      if (fixed != nullptr) findReach(*fixed, piece.reach_fixed);
       most_functions = std::max(most_functions, std::uint32_t(k));
       most_vertices = std::max(most_vertices, free->vertex_count);
     }
@@ -63,8 +66,8 @@ class CoupledSolver final : public BodySolver {
     body_.outdated = false;
     body_.shown = 1;
   }
-  void step(const WorldSettings& settings, double seconds, SolverScratch& scratch) override {
-    stepPieces(body_, settings, seconds, scratch.pieces);
+  void step(const StepWorld& world, double seconds, SolverScratch& scratch) override {
+    stepPieces(body_, world, seconds, scratch.pieces);
   }
   void refresh(double part) override { internal::refresh(body_, part); }
   void takeState() override {
@@ -88,10 +91,6 @@ class CoupledSolver final : public BodySolver {
   BodyEnergy energy(SolverScratch& scratch) override {
     return {kineticEnergy(body_), elasticEnergy(body_, scratch.pieces)};
   }
-  bool touchesGround() const override {
-    const auto touches = [](const Piece& piece) { return !piece.state.touching.empty(); };
-    return std::any_of(body_.pieces.begin(), body_.pieces.end(), touches);
-  }
 
   void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) override {
     for (Piece& piece : body_.pieces) {
@@ -104,6 +103,7 @@ class CoupledSolver final : public BodySolver {
       state.turn = rotation * state.turn;
       state.omega = rotation * state.omega;
       for (TouchingPoint& point : state.touching) {
+        if (point.collider != kGroundCollider.value) continue;  // theirs go with the colliders
         Eigen::Map<Eigen::Vector3d> anchor(point.anchor.data());
         anchor = rotation * anchor + translation;
       }
@@ -127,7 +127,7 @@ class CoupledSolver final : public BodySolver {
     };
     for (const Piece& piece : body_.pieces) {
       const PieceState& state = piece.state;
-      const SavedPiece saved = {state.held ? 1U : 0U,
+      const SavedPiece saved = {(state.held ? kHeld : 0U) | (state.leaning ? kLeaning : 0U),
                                 std::uint32_t(state.z.size()),
                                 std::uint32_t(state.touching.size()),
                                 std::uint32_t(state.plastic.size()),
@@ -150,19 +150,20 @@ class CoupledSolver final : public BodySolver {
       SavedPiece saved;
       if (bytes.size() < sizeof saved) return false;
       std::memcpy(&saved, bytes.data(), sizeof saved);
-      const Field* const field = saved.held != 0 ? piece.fixed : piece.free;
-      if (field == nullptr || saved.functions != field->k || saved.touching > kMostContacts || saved.held > 1 ||
-          saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
+      const Field* const field = (saved.flags & kHeld) != 0 ? piece.fixed : piece.free;
+      if (field == nullptr || saved.functions != field->k || saved.touching > kMostContacts ||
+          saved.flags > (kHeld | kLeaning) || saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
           !(saved.h_before >= 0 && std::isfinite(saved.h_before)) ||
           bytes.size() < pieceBytes(saved.functions, saved.touching, saved.plastic)) {
         return false;
       }
-      std::uint32_t next = 0;
+      std::uint64_t next = 0;
       for (std::uint32_t t = 0; t < saved.touching; ++t) {
         TouchingPoint point;
         std::memcpy(&point, bytes.data() + pieceBytes(saved.functions, t, 0), sizeof point);
-        if (point.point < next || point.point >= field->points.size() || !(point.floor <= 0)) return false;
-        next = point.point + 1;
+        const std::uint64_t place = std::uint64_t(point.collider) << 32 | point.point;
+        if (place < next || point.point >= field->points.size() || !(point.floor <= 0)) return false;
+        next = place + 1;
       }
       for (std::uint32_t i = 0; i < saved.plastic; ++i) {
         float value = 0;
@@ -185,7 +186,8 @@ class CoupledSolver final : public BodySolver {
       PieceState& state = piece.state;
       SavedPiece saved;
       get(&saved, sizeof saved);
-      state.held = saved.held != 0;
+      state.held = (saved.flags & kHeld) != 0;
+      state.leaning = (saved.flags & kLeaning) != 0;
       state.h_before = saved.h_before;
       state.elastic = saved.elastic;
       state.budget = saved.budget;

@@ -3,7 +3,7 @@
 // One step of a piece: predict, solve, settle (docs/method.md).
 #pragma once
 
-#include "runtime/contact/plane.h"
+#include "runtime/contact/contacts.h"
 #include "runtime/solver/minimize.h"
 #include "runtime/world/body.h"
 
@@ -11,15 +11,15 @@ namespace sinew::internal {
 
 /// Memory that stepping one piece takes, lent to it.
 struct PieceScratch {
-  explicit PieceScratch(std::pmr::memory_resource* memory) : minimize(memory), heights(memory) {}
+  explicit PieceScratch(std::pmr::memory_resource* memory) : minimize(memory), contacts(memory) {}
   void reserve(const Piece& piece);
 
   MinimizeScratch minimize;
-  Array<float> heights;
+  ContactScratch contacts;
 };
 
 /// Advances all pieces of a body by one step, at whose end its pins and pin sets are where `at` says.
-void stepPieces(Body& body, const WorldSettings& settings, double seconds, PieceScratch& scratch);
+void stepPieces(Body& body, const StepWorld& world, double seconds, PieceScratch& scratch);
 
 /// Puts a piece at rest where the body was added.
 void restPiece(const Body& body, Piece& piece);

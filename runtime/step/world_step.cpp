@@ -11,36 +11,51 @@
 
 namespace sinew::internal {
 
-void growScratch(const BodyList& bodies, StepScratch& scratch, const JobSystem* jobs) {
+void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scratch, const JobSystem* jobs) {
   const std::size_t at_once = jobs != nullptr ? std::clamp<std::size_t>(jobs->concurrency(), 1, 64) : 1;
   while (scratch.size() < std::min(at_once, std::max<std::size_t>(bodies.size(), 1))) {
     scratch.emplace_back(scratch.memory());
   }
   for (SolverScratch& lane : scratch) {
     for (const BodyPointer& body : bodies) body->solver->reserve(lane);
+    lane.pieces.contacts.near.reserve(colliders);
+  }
+  const std::size_t most = std::min<std::size_t>(colliders, kMostContacts);
+  for (const BodyPointer& body : bodies) {
+    body->touches.reserve(body->pieces.size() * most);
+    body->touched.reserve(most);
   }
 }
 
-void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, double seconds,
-               double share) {
-  growScratch(bodies, scratch, jobs);
-  // Each lane takes the next body that nobody has taken. Bodies share nothing, so it does not matter which.
+void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world, JobSystem* jobs,
+               double seconds, double share) {
+  growScratch(bodies, world.colliders.size(), scratch, jobs);
+  findPairs(bodies, world.settings, seconds, together);
+  // Each lane takes the next body that nobody has taken. Bodies that touch no other share nothing, so it does not
+  // matter which.
   std::atomic<std::size_t> next = 0;
   const auto run = [&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t lane = begin; lane < end; ++lane) {
       for (std::size_t i = next++; i < bodies.size(); i = next++) {
         moveHolds(*bodies[i], share);
-        bodies[i]->solver->step(settings, seconds, scratch[lane]);
+        bodies[i]->touches.clear();
+        if (together.busy[i] != 0) continue;
+        bodies[i]->solver->step(world, seconds, scratch[lane]);
       }
     }
   };
   if (jobs == nullptr || scratch.size() == 1 || bodies.size() == 1) {
     run(0, 1);
-    return;
+  } else {
+    // One reference is all that is captured, which std::function stores in place: no allocation.
+    jobs->parallelFor(std::uint32_t(scratch.size()), 1,
+                      [&run](std::uint32_t begin, std::uint32_t end) { run(begin, end); });
   }
-  // One reference is all that is captured, which std::function stores in place: no allocation.
-  jobs->parallelFor(std::uint32_t(scratch.size()), 1,
-                    [&run](std::uint32_t begin, std::uint32_t end) { run(begin, end); });
+  if (together.pairs.empty()) {
+    together.touching.clear();
+  } else {
+    stepTogether(bodies, world, seconds, together, jobs);
+  }
 }
 
 }  // namespace sinew::internal

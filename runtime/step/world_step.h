@@ -5,6 +5,7 @@
 
 #include "runtime/memory/array.h"
 #include "runtime/step/piece_step.h"
+#include "runtime/step/together.h"
 #include "runtime/world/body.h"
 #include "sinew/runtime/settings.h"
 
@@ -21,12 +22,12 @@ struct SolverScratch {
 /// Scratch of a world: one for each body that may be stepped at the same time, each large enough for every body.
 using StepScratch = OwningArray<SolverScratch>;
 
-/// Grows the scratch to what all bodies take, so that steps do not allocate, nor jobs at any time.
-void growScratch(const BodyList& bodies, StepScratch& scratch, const JobSystem* jobs);
+/// Grows the scratch to what all bodies and colliders take, so that steps do not allocate, nor jobs at any time.
+void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scratch, const JobSystem* jobs);
 
 /// Advances all bodies by one step, side by side. \param share of the way to their targets that holds go. \param
 /// scratch grown where bodies have come. \param jobs may be null.
-void stepWorld(BodyList& bodies, StepScratch& scratch, const WorldSettings& settings, JobSystem* jobs, double seconds,
-               double share);
+void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world, JobSystem* jobs,
+               double seconds, double share);
 
 }  // namespace sinew::internal

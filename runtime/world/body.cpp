@@ -23,6 +23,8 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       coefficients(memory),
       field_values(memory),
       residuals(memory),
+      touches(memory),
+      touched(memory),
       history(memory) {
   solver = factory.make(*this, memory);
 }
@@ -42,6 +44,16 @@ void Body::reset() {
     v[i] = {};
   }
   solver->rest();
+}
+
+void findTouched(const Body& body, Array<std::uint32_t>& ids) {
+  ids.clear();
+  for (const Piece& piece : body.pieces) {
+    for (const TouchingPoint& point : piece.state.touching) {
+      const auto* const place = std::lower_bound(ids.begin(), ids.end(), point.collider);
+      if (place == ids.end() || *place != point.collider) ids.insert(std::size_t(place - ids.begin()), point.collider);
+    }
+  }
 }
 
 RigidTransform rigidMotionOf(const Body& body, VertexRun run) {

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "runtime/attach/history.h"
+#include "runtime/contact/collider.h"
 #include "runtime/load/rest_constants.h"
 #include "runtime/memory/array.h"
 #include "runtime/solver/cluster_solver.h"
@@ -41,9 +42,8 @@ struct PinSet {
   RigidTransform at;      ///< where it is
   RigidTransform target;  ///< where it is to go
   Array<PinnedVertex> vertices;
-  // Reactions, summed over `passes` parts of the step; means are taken over them.
+  // Reaction of the last step, a sum over vertices and functions: N, and N m about `at`.
   Eigen::Vector3d force_sum = Eigen::Vector3d::Zero(), torque_sum = Eigen::Vector3d::Zero();
-  std::uint32_t passes = 0;
 
   explicit PinSet(std::pmr::memory_resource* memory) : vertices(memory) {}
   PinSet(PinSet&& other) noexcept = default;
@@ -101,6 +101,9 @@ struct Body {
   Array<float> coefficients, field_values;
   Array<Vector3d> residuals;
 
+  Array<ColliderTouch> touches;  ///< of the last step, piece by piece
+  Array<std::uint32_t> touched;  ///< colliders that events have said it touches
+
   std::uint32_t repaired = 0;  ///< vertices whose state was lost in the last step
 
   History history;  ///< for motion vectors
@@ -128,11 +131,14 @@ using BodyList = OwningArray<BodyPointer>;
 RigidTransform rigidMotionOf(const Body& body, VertexRun run);
 inline RigidTransform rigidMotionOf(const Body& body) { return rigidMotionOf(body, {0, body.vertexCount()}); }
 
+/// Colliders that the body touched as the last step ended, ids ascending, in place of what `ids` holds. May throw.
+void findTouched(const Body& body, Array<std::uint32_t>& ids);
+
 /// Vertices that are not usable move along with the others of their piece, as the rest shape has them. \return how many
 /// there are.
 std::uint32_t replaceUnusable(Body& body);
 
-/// What is further away (m) or faster (m/s) counts as lost: floats could no longer square or difference it.
+/// Largest position (m) and velocity (m/s) of a state that is not lost: the square of more is no float.
 inline constexpr float kLargestPosition = formats::kMostMetres, kLargestVelocity = 1e17F;
 
 /// Whether a vertex can be stepped: position and velocity finite and not lost.

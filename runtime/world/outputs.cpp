@@ -5,6 +5,7 @@
 #include <atomic>
 #include <new>
 
+#include "runtime/interact/pin_sets.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -18,9 +19,6 @@ template <class Stream>
 bool streamIsSound(const Stream& stream, std::uint32_t least_stride) {
   return stream.data == nullptr || (stream.stride >= least_stride && stream.stride % 4 == 0);
 }
-
-// What lies deeper below the ground has not been pressed there. Diagonals.
-constexpr float kPressedIn = 0.02F;
 
 // Marks the bodies that a call draws, so that none is drawn twice.
 class Listed {
@@ -113,17 +111,25 @@ void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput&
   });
 }
 
-void World::Impl::liftFromGround(const Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const {
-  const GroundPlane& ground = settings.ground;
-  if (!ground.enabled || out.data == nullptr || !body.solver->touchesGround()) return;
-  const Vec3& n = ground.normal;
-  const float deepest = kPressedIn * body.package().info().diagonal;
-  for (const VertexRun& run : runs) {
-    for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
-      float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
-      const float height = n[0] * x[0] + (n[1] * x[1] + n[2] * x[2]) - ground.offset;
-      if (!(height < 0 && height > -deepest)) continue;
-      for (std::size_t c = 0; c < 3; ++c) x[c] -= height * n[c];
+void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const {
+  if (out.data == nullptr) return;
+  internal::Array<std::uint32_t> ids(memory);
+  findTouched(body, ids);
+  const double deepest = internal::kPressedIn * double(body.package().info().diagonal);
+  for (const std::uint32_t id : ids) {
+    const internal::Collider* const collider = colliderOf(id);
+    if (collider == nullptr) continue;
+    const internal::Pose pose(internal::between(collider->before, collider->at, shown));
+    for (const VertexRun& run : runs) {
+      for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
+        float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
+        const Eigen::Vector3d at = Eigen::Map<const Eigen::Vector3f>(x).cast<double>();
+        if (!collider->bounds().contains(at)) continue;
+        const internal::NearPlace near = collider->shape.near(pose.toLocal(at), deepest);
+        if (!(near.distance < 0 && near.distance > -deepest)) continue;
+        const Eigen::Vector3d out_of = at - near.distance * (pose.rotation * near.normal);
+        for (std::size_t c = 0; c < 3; ++c) x[c] = float(out_of[int(c)]);
+      }
     }
   }
 }
@@ -145,7 +151,7 @@ void World::Impl::draw(const Body& body, std::span<const VertexRun> runs, const 
   if (copies) wanted.previous_positions.data = nullptr;
   internal::VisualPool::Lease scratch(visual, body);
   scratch->write(body, runs, wanted, with);
-  liftFromGround(body, runs, wanted.positions);
+  liftFromColliders(body, runs, wanted.positions);
   if (copies) {
     VisualOutput again;
     again.positions = output.previous_positions;

@@ -20,7 +20,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 11;
+constexpr std::uint32_t kStateVersion = 12;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -49,7 +49,7 @@ struct SavedPinSet {
   std::uint32_t id;
   PinMethod method;
   RigidTransform before, at, target;
-  std::uint32_t passes, vertices, source, reserved;
+  std::uint32_t vertices, source;
   std::array<double, 3> force_sum, torque_sum;
 };
 
@@ -213,7 +213,6 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
     saved.before = set.before;
     saved.at = set.at;
     saved.target = set.target;
-    saved.passes = set.passes;
     saved.vertices = std::uint32_t(set.vertices.size());
     std::copy(set.force_sum.data(), set.force_sum.data() + 3, saved.force_sum.begin());
     std::copy(set.torque_sum.data(), set.torque_sum.data() + 3, saved.torque_sum.begin());
@@ -251,7 +250,6 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
       set.before = saved.before;
       set.at = saved.at;
       set.target = saved.target;
-      set.passes = saved.passes;
       std::copy(saved.force_sum.begin(), saved.force_sum.end(), set.force_sum.data());
       std::copy(saved.torque_sum.begin(), saved.torque_sum.end(), set.torque_sum.data());
     }

@@ -26,6 +26,12 @@ World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& res
       log(resources.log),
       bodies(memory),
       step_scratch(memory),
+      together(memory),
+      ground(kGroundCollider.value, PlaneShape{}, {}, memory),
+      colliders(memory),
+      met(memory),
+      events(memory),
+      touched(memory),
       visual(memory) {}
 
 std::pair<Body*, std::size_t> World::Impl::locate(BodyId id) const {
@@ -155,10 +161,13 @@ namespace {
 // Whether a body may be at a place, or be pulled there.
 bool usable(const Vec3& place) { return internal::stateIsUsable(place, {}); }
 
+// Events a body that a step has room for from the start.
+constexpr std::size_t kEvents = 4;
+
 // s. Nobody means a longer one.
 constexpr float kLongestStep = 1e6F;
 
-// The settings that a step is to use, all in range, and what it made of those that were not.
+// Settings with every value in range, and a text for each value that was replaced.
 struct CheckedSettings {
   WorldSettings settings;
   std::uint32_t wrong = 0;     // a bit each
@@ -241,6 +250,7 @@ const char* faultOf(const Asset* asset, const BodySettings& settings) {
   if (!internal::kernelsRun()) return "addBody: this build has no kernels for this processor";
   if (!usable(settings.position)) return "addBody: BodySettings::position is not finite, or beyond 1e15 m";
   if (!internal::isProper(settings.rotation)) return "addBody: BodySettings::rotation is not a proper rotation";
+  if (!(settings.friction <= 1e4F)) return "addBody: BodySettings::friction must be at most 1e4";
   if (!(settings.stiffness_scale >= 0 && settings.stiffness_scale <= 1e6F)) {
     return "addBody: BodySettings::stiffness_scale must be 0 to 1e6";
   }
@@ -319,8 +329,69 @@ void World::Impl::keepDrawn() {
   }
 }
 
+std::pair<internal::Collider*, std::size_t> World::Impl::locate(ColliderId id) {
+  const auto comes_before = [](const internal::Collider& collider, std::uint32_t value) { return collider.id < value; };
+  internal::Collider* const place = std::lower_bound(colliders.begin(), colliders.end(), id.value, comes_before);
+  const bool there = place != colliders.end() && place->id == id.value;
+  return {there ? place : nullptr, std::size_t(place - colliders.begin())};
+}
+
+internal::Collider* World::Impl::find(ColliderId id, const char* call) {
+  if (isStepping(call)) return nullptr;
+  internal::Collider* const collider = locate(id).first;
+  if (collider == nullptr) tell(LogSeverity::error, "%s: there is no collider %u in this world", call, id.value);
+  return collider;
+}
+
+const internal::Collider* World::Impl::colliderOf(std::uint32_t id) const {
+  if (id == kGroundCollider.value) return &ground;
+  return const_cast<Impl*>(this)->locate(ColliderId{id}).first;
+}
+
+void World::Impl::forgetTouches() {
+  events.clear();
+  for (internal::Collider* collider = colliders.begin(); collider != colliders.end(); ++collider) {
+    collider->impulse.setZero();
+    collider->torque.setZero();
+  }
+  ground.impulse.setZero();
+  ground.torque.setZero();
+}
+
+void World::Impl::gatherTouches() {
+  for (const internal::BodyPointer& body : bodies) {
+    for (const internal::ColliderTouch& touch : body->touches) {
+      auto& collider = const_cast<internal::Collider&>(*colliderOf(touch.collider));
+      collider.impulse += touch.impulse;
+      collider.torque += touch.torque;
+    }
+    findTouched(*body, touched);
+    const auto missing = [&](const internal::Array<std::uint32_t>& from, const internal::Array<std::uint32_t>& in,
+                             bool began) {
+      for (const std::uint32_t id : from) {
+        if (!std::binary_search(in.begin(), in.end(), id)) events.push_back({body->id, ColliderId{id}, began});
+      }
+    };
+    missing(body->touched, touched, false);
+    missing(touched, body->touched, true);
+    body->touched.assign({touched.data(), touched.size()});
+  }
+}
+
 void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double share) {
-  internal::stepWorld(bodies, step_scratch, sound, jobs, seconds, share);
+  for (internal::Collider& collider : colliders) collider.move(share);
+  met.clear();
+  met.reserve(colliders.size() + 1);
+  touched.reserve(colliders.size() + 1);
+  events.reserve(kEvents * bodies.size());
+  if (sound.ground.enabled) {
+    ground.shape = internal::Shape(PlaneShape{sound.ground.normal, sound.ground.offset}, memory);
+    ground.settings.friction = sound.ground.friction;
+    met.push_back(&ground);
+  }
+  for (const internal::Collider& collider : colliders) met.push_back(&collider);
+  internal::stepWorld(bodies, step_scratch, together, {sound, {met.data(), met.size()}}, jobs, seconds, share);
+  gatherTouches();
   for (const internal::BodyPointer& body : bodies) {
     if (body->repaired == 0) continue;
     tell(LogSeverity::warning,
@@ -339,6 +410,7 @@ void World::step(float seconds) {
   const WorldSettings settings = impl_->soundSettings("step");
   impl_->guarded("step", false, [&] {
     impl_->keepDrawn();
+    impl_->forgetTouches();
     impl_->shown = 1;
     impl_->stepOnce(settings, double(seconds), 1);
     return true;
@@ -359,6 +431,7 @@ std::uint32_t World::advance(float seconds) {
   const std::uint32_t steps = std::uint32_t(std::min(whole, double(settings.most_substeps)));
   return impl_->guarded("advance", 0U, [&] {
     impl_->keepDrawn();
+    if (steps > 0) impl_->forgetTouches();
     for (std::uint32_t i = 0; i < steps; ++i) impl_->stepOnce(settings, h, 1.0 / (steps - i));
     impl_->left_over = std::max(0.0, time - whole * h);
     impl_->shown = impl_->left_over / h;
@@ -536,12 +609,11 @@ std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const Rig
 PinReaction World::pinReaction(PinSetId id) const {
   const auto [body, index] = impl_->findPinSet(id, "pinReaction");
   PinReaction reaction;
-  if (body == nullptr || body->pin_sets[index].passes == 0) return reaction;
+  if (body == nullptr) return reaction;
   const internal::PinSet& set = body->pin_sets[index];
-  const double passes = double(set.passes);
   for (int k = 0; k < 3; ++k) {
-    reaction.force[std::size_t(k)] = float(set.force_sum[k] / passes);
-    reaction.torque[std::size_t(k)] = float(set.torque_sum[k] / passes);
+    reaction.force[std::size_t(k)] = float(set.force_sum[k]);
+    reaction.torque[std::size_t(k)] = float(set.torque_sum[k]);
   }
   return reaction;
 }
@@ -568,6 +640,58 @@ bool World::setActivation(BodyId id, std::string_view channel, float value) {
   }
   return false;
 }
+
+Result<ColliderId> World::addCollider(const ColliderShape& shape, const ColliderSettings& settings) {
+  if (impl_->isStepping("addCollider")) return Error{"addCollider: another thread steps this world"};
+  return impl_->guarded(
+      "addCollider", Result<ColliderId>(Error{"addCollider: out of memory"}), [&]() -> Result<ColliderId> {
+        if (const char* fault = internal::Shape::faultOf(shape)) return impl_->refuse("addCollider: %s", fault);
+        if (!internal::isProper(settings.at)) {
+          return impl_->refuse("addCollider: the transform is not finite, or its rotation not proper");
+        }
+        if (!(settings.friction >= 0 && settings.friction <= 1e4F)) {
+          return impl_->refuse("addCollider: ColliderSettings::friction must be 0 to 1e4");
+        }
+        if (!(settings.restitution >= 0 && settings.restitution <= 1)) {
+          return impl_->refuse("addCollider: ColliderSettings::restitution must be 0 to 1");
+        }
+        const auto isWeight = [](float value) { return value >= 0 && std::isfinite(value); };
+        if (!(isWeight(settings.mass) && std::all_of(settings.inertia.begin(), settings.inertia.end(), isWeight))) {
+          return impl_->refuse("addCollider: mass and inertia must be 0 or more, and finite");
+        }
+        impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
+        return ColliderId{impl_->next_collider++};
+      });
+}
+
+void World::moveCollider(ColliderId id, const RigidTransform& to) {
+  internal::Collider* const collider = impl_->find(id, "moveCollider");
+  if (collider == nullptr) return;
+  if (!internal::isProper(to)) {
+    impl_->tell(LogSeverity::error, "moveCollider: the transform is not finite and proper");
+    return;
+  }
+  collider->target = to;
+}
+
+void World::removeCollider(ColliderId id) {
+  if (impl_->find(id, "removeCollider") == nullptr) return;
+  impl_->colliders.erase(impl_->locate(id).second);
+}
+
+ColliderReaction World::colliderReaction(ColliderId id) const {
+  const internal::Collider* const collider =
+      id == kGroundCollider ? &impl_->ground : impl_->find(id, "colliderReaction");
+  ColliderReaction reaction;
+  if (collider == nullptr) return reaction;
+  for (int k = 0; k < 3; ++k) {
+    reaction.impulse[std::size_t(k)] = float(collider->impulse[k]);
+    reaction.torque_impulse[std::size_t(k)] = float(collider->torque[k]);
+  }
+  return reaction;
+}
+
+std::span<const ContactEvent> World::contactEvents() const { return {impl_->events.data(), impl_->events.size()}; }
 
 PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz, float most_force) {
   Body* body = impl_->find(id, "pick");
@@ -635,6 +759,7 @@ void World::shiftOrigin(Vec3 by) {
   for (const internal::BodyPointer& body : impl_->bodies) {
     teleport({body->id}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {-by[0], -by[1], -by[2]});
   }
+  for (internal::Collider& collider : impl_->colliders) collider.shift(-asVector(by));
   GroundPlane& ground = impl_->settings.ground;
   ground.offset -= asVector(ground.normal).dot(asVector(by));
 }

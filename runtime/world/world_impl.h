@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <memory_resource>
 #include <new>
@@ -67,8 +68,8 @@ struct SINEW_HIDDEN World::Impl {
     return otherwise;
   }
 
-  /// What touches the ground is drawn on it: contacts give way by the compliance that a field of few functions lacks.
-  void liftFromGround(const internal::Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const;
+  /// What touches a collider is drawn on it: contacts give way by the compliance that a field of few functions lacks.
+  void liftFromColliders(const internal::Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const;
   /// \param with that share the work; null: none. May throw std::bad_alloc.
   void draw(const internal::Body& body, std::span<const VertexRun> runs, const VisualOutput& output,
             JobSystem* with) const;
@@ -96,10 +97,31 @@ struct SINEW_HIDDEN World::Impl {
     bool entered_ = false;
   };
 
-  /// The settings with all values legal; tells the log of those that were not.
+  /// The settings with every value legal; the log names each value that was replaced.
   WorldSettings soundSettings(const char* call);
   /// A step begins: what is drawn becomes the previous positions. May throw std::bad_alloc.
   void keepDrawn();
+  /// A collider and its place in `colliders`; (nullptr, its place if it were there) of one that is not in this world.
+  std::pair<internal::Collider*, std::size_t> locate(ColliderId id);
+  internal::Collider* find(ColliderId id, const char* call);
+  /// The collider of a number, the ground's too; null where there is none.
+  const internal::Collider* colliderOf(std::uint32_t id) const;
+  /// A step, or a call of advance(), begins: nothing has touched in it.
+  void forgetTouches();
+  /// Reactions and events of a step. May throw std::bad_alloc.
+  void gatherTouches();
+
+  /// Calls visit with the visual vertices of each body that a filter lets through. May throw.
+  void forEachDrawn(const QueryFilter& filter,
+                    const std::function<void(const internal::Body&, std::span<const Vec3>)>& visit) const;
+  void forEachCollider(const QueryFilter& filter, const std::function<void(const internal::Collider&)>& visit) const;
+  /// \param radius of a ball; 0: a ray.
+  std::optional<CastHit> cast(const char* call, Vec3 origin, double radius, Vec3 direction, float distance,
+                              const QueryFilter& filter) const;
+  /// \param radius of a ball; 0: a box of these half sizes.
+  std::size_t overlaps(const RigidTransform& at, const Vec3& half, float radius, std::span<QueryObject> out,
+                       const QueryFilter& filter) const;
+
   /// One step, all settings sound. \param share of the way to their targets that holds go. May throw std::bad_alloc.
   void stepOnce(const WorldSettings& sound, double seconds, double share);
 
@@ -113,11 +135,18 @@ struct SINEW_HIDDEN World::Impl {
   internal::BodyList bodies;
   std::uint32_t next_body = 0;  ///< ids are never used again
   internal::StepScratch step_scratch;
+  internal::TogetherScratch together;
   std::uint32_t next_pick = 0;
   std::uint32_t next_pin_set = 0;
-  double left_over = 0;             ///< time that advance() was given and no inner step has taken yet, s
-  double shown = 1;                 ///< part of the last step that is drawn
-  std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
+  std::uint32_t next_collider = kGroundCollider.value + 1;
+  internal::Collider ground;
+  internal::OwningArray<internal::Collider> colliders;  ///< ids ascending
+  internal::Array<const internal::Collider*> met;       ///< by a step: the ground and they
+  internal::Array<ContactEvent> events;
+  internal::Array<std::uint32_t> touched;  ///< scratch
+  double left_over = 0;                    ///< time that advance() was given and no inner step has taken yet, s
+  double shown = 1;                        ///< part of the last step that is drawn
+  std::uint32_t settings_told = 0;         ///< bits of the settings that were told to be out of range
   mutable internal::VisualPool visual;
   mutable std::atomic<std::int32_t> present{0};  ///< calls that draw; -1: a step
 };

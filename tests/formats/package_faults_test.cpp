@@ -746,6 +746,19 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FFIB, element 0: its values", [](auto& c) { c.mechanics[0].fibre = {0, 0.8F, 0.6F}; }},
     {"FFIB, element 1: its values", [](auto& c) { c.mechanics[1].fibre = {-1, 0, 0}; }},
     // FTHR, FTHV
+    {"DIST, element 0: names a body", [](auto& c) { c.distance_grids[0].piece = 99; }},
+    {"DIST, element 1: names a body", [](auto& c) { c.distance_grids.push_back(c.distance_grids[0]); }},
+    {"DIST, element 0: has fewer than 2", [](auto& c) { c.distance_grids[0].nodes[1] = 1; }},
+    {"DIST, element 0: has fewer than 2", [](auto& c) { c.distance_grids[0].nodes[2] = 257; }},
+    {"DIST, element 0: origin", [](auto& c) { c.distance_grids[0].origin[1] = kNan; }},
+    {"DIST, element 0: origin", [](auto& c) { c.distance_grids[0].origin[2] = 1e6F; }},
+    {"DIST, element 0: spacing", [](auto& c) { c.distance_grids[0].spacing = 0; }},
+    {"DIST, element 0: spacing", [](auto& c) { c.distance_grids[0].spacing = kInfinity; }},
+    {"DIST, element 0: spacing", [](auto& c) { c.distance_grids[0].unit = kNan; }},
+    {"DIST, element 0: spacing", [](auto& c) { c.distance_grids[0].unit = 2 * c.distance_grids[0].spacing; }},
+    {"DIST, element 0: its run of DVAL", [](auto& c) { c.distance_grids[0].first_value = 1; }},
+    {"DIST, element 0: its run of DVAL", [](auto& c) { c.distance_values.pop_back(); }},
+    {"DVAL: has elements of no grid", [](auto& c) { c.distance_values.push_back(0); }},
     {"FTHR, element 0: names a field", [](auto& c) { c.field_tethers[0].field = 2; }},
     {"FTHR, element 0: names a field", [](auto& c) { c.field_tethers[0].field = kNone; }},
     {"FTHR, element 0: names a field", [](auto& c) { c.field_tethers[0].field = 0; }},  // not held
@@ -856,6 +869,12 @@ TEST(PackageFaults, WhatTheFormatAllowsOfFieldsOpens) {
         for (Field& f : c.fields) f.first_point = f.point_count = f.first_point_value = 0;
         c.field_points.clear();
         c.field_point_values.clear();
+        c.distance_grids.clear();
+        c.distance_values.clear();
+      },
+      [](auto& c) {  // no distances
+        c.distance_grids.clear();
+        c.distance_values.clear();
       },
       [](auto& c) {  // not held
         c.fields.resize(1);

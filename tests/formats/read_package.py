@@ -202,13 +202,15 @@ SECTIONS = {
     "FFBV": ("<f", 1, False, None),
     "FTHR": ("<2I", 1, False, None),
     "FTHV": ("<f", 1, False, None),
+    "DIST": ("<5I5f", 0, False, None),
+    "DVAL": ("<h", 0, False, None),
 }
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights",
             "fields"]
 NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("PRTV", "PART"), ("PART", "VPOS"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP"), ("MASK", "VPOS"),
-         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT"), ("FFIB", "FELD"), ("FFBV", "FFIB"), ("FTHR", "FELD"), ("FTHV", "FTHR")]
+         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT"), ("FFIB", "FELD"), ("FFBV", "FFIB"), ("FTHR", "FELD"), ("FTHV", "FTHR"), ("DIST", "FPNT"), ("DVAL", "DIST")]
 
 
 def f32(value):
@@ -573,6 +575,17 @@ class Package:
             self.check_modes(f[12], 3 * (k - driven))
         self.check_fibres()
         self.check_tethers()
+        self.check_distances()
+
+    def check_distances(self):
+        grids = self.records["DIST"]
+        need(ascending([g[0] for g in grids]) and all(g[0] < len(self.records["BODY"]) for g in grids), "section DIST: piece")
+        tile("DIST", [(g[4], g[1] * g[2] * g[3]) for g in grids], len(self.records["DVAL"]))
+        for i, g in enumerate(grids):
+            where = f"section DIST, element {i}: "
+            need(all(2 <= n <= 256 for n in g[1:4]), where + "nodes")
+            need(self.near(g[5:8]), where + "origin")
+            need(0 < g[8] <= self.records["INFO"][0][10] and 0 < g[9] <= g[8], where + "spacing or unit")
 
     def check_functions(self, first, k, driven):
         sets = []

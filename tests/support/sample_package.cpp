@@ -522,6 +522,8 @@ formats::PackageContent fieldPackage() {
   held.push_back(inner);
   maker.add(held, 4, 1, points, 1);
   maker.addTethers(held, {{3, 40}, {4, 90}});
+  content.distance_grids.push_back({0, {2, 2, 3}, 0, {0.0F, 0.0F, 0.0F}, 0.25F, 0.001F});
+  for (int i = 0; i < 12; ++i) content.distance_values.push_back(std::int16_t(50 * i - 300));
   return content;
 }
 
@@ -601,6 +603,10 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
     t.field += k * n(once.fields), t.first_value += k * n(once.field_tether_values);
   });
   repeat(c.field_tether_values, copies, same);
+  repeat(c.distance_grids, copies, [&](auto& g, std::uint32_t k) {
+    g.piece += k * n(once.bodies), g.first_value += k * n(once.distance_values);
+  });
+  repeat(c.distance_values, copies, same);
   return c;
 }
 

@@ -147,6 +147,7 @@ typedef struct sinew_world_settings {
   float support_damping;           /* of turning on supports, 1/s; 4 */
   float substep_seconds;           /* inner step of sinew_world_advance(), s, 1e-5..1; 1/60 */
   uint32_t most_substeps;          /* that one call of it takes, 1..1000; 8 */
+  uint32_t collisions;             /* 0 or 1: bodies touch each other, where their packages have distances; 0 */
 } sinew_world_settings;
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);

@@ -21,12 +21,10 @@ enum class VertexKind : std::uint8_t {
   physical  ///< as simulated: PVTX
 };
 
-/// The visual vertices that a vertex became, or that hang on it, ascending: of a source vertex and of a welded point
-/// what it became, of a visual vertex itself, of a physical vertex those whose tetrahedron it is a corner of (none in a
-/// package whose visual vertices hang on clusters).
-/// \param number from 0, counted as `kind` says.
-/// \return nullopt where there is no such vertex; empty for a source vertex that no face uses. A package without
-/// section VSRC has no source and no welded vertices.
+/// Visual vertices of a vertex, ascending. Source vertex, welded point: all that it became. Visual vertex: itself.
+/// Physical vertex: all that hang on a tetrahedron of which it is a corner (none in a package whose visual vertices
+/// hang on clusters). \param number from 0, counted as `kind` says. \return nullopt where there is no such vertex;
+/// empty for a source vertex that no face uses. A package without section VSRC has no source and no welded vertices.
 /// Cost: source and visual vertices one lookup, the others one pass over the visual vertices.
 std::optional<std::vector<std::uint32_t>> visualVerticesOf(const PackageView& package, VertexKind kind,
                                                            std::uint32_t number);

@@ -367,6 +367,20 @@ struct FieldPoint {
 };
 static_assert(sizeof(FieldPoint) == 16);
 
+/// DIST: how deep places of a piece are under its drawn surface, on a regular grid around its rest shape: what other
+/// bodies' contact points ask. By piece, at most one each.
+struct DistanceGrid {
+  std::uint32_t piece;                 ///< into BODY, ascending
+  std::array<std::uint32_t, 3> nodes;  ///< along x, y, z, each 2..kMostDistanceNodes
+  std::uint32_t first_value;           ///< into DVAL: x fastest, then y
+  std::array<float, 3> origin;         ///< rest position of the first node, metres
+  float spacing;                       ///< of nodes, metres, > 0
+  float unit;                          ///< of the values, metres, > 0
+};
+static_assert(sizeof(DistanceGrid) == 40);
+inline constexpr std::uint32_t kMostDistanceNodes = 256;
+// DVAL: std::int16_t; times DistanceGrid::unit the distance to the drawn surface, metres, negative inside.
+
 // Visual mesh. Element i of VPOS, VNRM, VUV0, VCOL, VSRC, ATBC, ATCR is visual vertex i.
 using Float3 = std::array<float, 3>;            ///< VPOS (metres, relative to origin), VNRM (unit)
 using Float2 = std::array<float, 2>;            ///< VUV0: u right, v up (0,0 = bottom left of the picture)
@@ -494,7 +508,8 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                field_values = fourcc("FVAL"), field_points = fourcc("FPNT"),
                                field_point_values = fourcc("FPTV"), field_modes = fourcc("FMOD"),
                                field_fibres = fourcc("FFIB"), field_fibre_values = fourcc("FFBV"),
-                               field_tethers = fourcc("FTHR"), field_tether_values = fourcc("FTHV");
+                               field_tethers = fourcc("FTHR"), field_tether_values = fourcc("FTHV"),
+                               distance_grids = fourcc("DIST"), distance_values = fourcc("DVAL");
 
 /// All of them, in the order in which the writer lays sections out.
 inline constexpr std::array kAll = {info,
@@ -545,7 +560,9 @@ inline constexpr std::array kAll = {info,
                                     field_fibres,
                                     field_fibre_values,
                                     field_tethers,
-                                    field_tether_values};
+                                    field_tether_values,
+                                    distance_grids,
+                                    distance_values};
 
 /// Place of an id in kAll, or kAll.size() for an id this software does not know.
 constexpr std::size_t indexOf(std::uint32_t id) {

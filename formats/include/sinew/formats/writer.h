@@ -61,10 +61,12 @@ struct PackageContent {
   std::vector<float> field_fibre_values;
   std::vector<FieldTethers> field_tethers;
   std::vector<float> field_tether_values;
+  std::vector<DistanceGrid> distance_grids;
+  std::vector<std::int16_t> distance_values;
 
   /// Appends text to `strings` (equal texts are stored once) and returns its reference.
   StringRef addText(std::string_view text);
-  /// For addText alone: the texts that end beyond what it searches.
+  /// Index of addText(): texts that end behind the range of `strings` that it searches.
   std::map<std::string, StringRef, std::less<>> texts_behind;
 };
 

@@ -35,7 +35,7 @@ struct VertexRun {
 struct VisualOutput {
   StridedFloat3 positions;  ///< metres, world
   /// Unit in any state, also of a collapsed body. They follow the cofactor of the gradient of the transforms that best
-  /// fit the clusters, of which none mirrors: what is turned inside out is lit as the rest shape.
+  /// fit the clusters, of which none mirrors: a body turned inside out is lit as the rest shape.
   StridedFloat3 normals;
   /// xyz unit, orthogonal to the normal, where texture coordinate u grows; w is +1 or -1: cross(normal, tangent) * w
   /// points where v grows (as in glTF). From the package's texture coordinates; any direction in the surface where

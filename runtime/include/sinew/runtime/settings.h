@@ -61,6 +61,9 @@ class JobSystem {
 struct WorldSettings {
   Vec3 gravity = {0.0F, -9.81F, 0.0F};  ///< m/s^2
   GroundPlane ground;
+  /// Whether bodies touch each other, where their packages have distance grids (section DIST, `field.distances`);
+  /// docs/method.md says how. What touches is no part of a saved state: friction starts anew where it is restored.
+  bool collisions = false;
   /// How much work a step may take, 1..16: twice as many iterations of a piece's solver at most, fewer once it has
   /// settled; not a stiffness (docs/method.md).
   std::uint32_t iterations = 4;
@@ -72,10 +75,10 @@ struct WorldSettings {
   /// Rate at which turning on supports decays (a piece that stands, hangs or leans): soft things do not roll or swing
   /// for ever. 1/s, 0..1e4.
   float support_damping = 4.0F;
-  /// Length of the inner steps that World::advance() takes. s, 1e-5..1
+  /// Length of the substeps that World::advance() takes. s, 1e-5..1
   float substep_seconds = 1.0F / 60;
-  /// Inner steps that one call of World::advance() takes at most, 1..1000: of what is longer the rest is left out, so
-  /// that a world that falls behind runs slow and does not fall behind further.
+  /// Substeps that one call of World::advance() takes at most, 1..1000: the rest of a longer frame is left out, so that
+  /// a world that falls behind runs slow and does not fall behind further.
   std::uint32_t most_substeps = 8;
 };
 
@@ -90,7 +93,11 @@ struct BodySettings {
   float stiffness_scale = 1.0F;                 ///< multiplies all frequencies, 0..1e6
   bool keep_previous = false;  ///< keeps the positions before each step, for VisualOutput::previous_positions; costs
                                ///< 12 bytes a physical vertex and their copy
-  bool package_pins = true;    ///< the body starts held by the pin sets of its package (World::pinSet)
+  float friction = -1;         ///< Coulomb coefficient, 0..1e4: of a pair that touches the geometric mean counts; below
+                               ///< 0: the collider's, or the ground's
+  std::uint32_t layers = 1;    ///< bits, as ColliderSettings::layers. The ground is in layer 1 and touches all
+  std::uint32_t touches = 0xFFFFFFFFU;
+  bool package_pins = true;  ///< the body starts held by the pin sets of its package (World::pinSet)
   /// What moves the body; null: its fields, one energy for each piece (docs/method.md). The other is reportSolver() of
   /// sinew/runtime/report.h. Outlives the body.
   const SolverFactory* solver = nullptr;

@@ -8,13 +8,16 @@
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
+#include <optional>
 #include <span>
 #include <string_view>
 
 #include "sinew/runtime/asset.h"
+#include "sinew/runtime/collider.h"
 #include "sinew/runtime/export.h"
 #include "sinew/runtime/log.h"
 #include "sinew/runtime/output.h"
+#include "sinew/runtime/query.h"
 #include "sinew/runtime/result.h"
 #include "sinew/runtime/settings.h"
 
@@ -165,6 +168,31 @@ class SINEW_API World {
   /// and nothing is done, where the package has no such channel or the value is not a number.
   bool setActivation(BodyId body, std::uint32_t channel, float value);
   bool setActivation(BodyId body, std::string_view channel, float value);
+
+  /// Adds what bodies collide with (docs/runtime.md). \return an error that says which argument is wrong.
+  Result<ColliderId> addCollider(const ColliderShape& shape, const ColliderSettings& settings = {});
+  /// Moves it: reached at the end of the next step, or call of advance() that takes one, so that its speed is known and
+  /// takes bodies along. What jumps is removed and added. Ignored where `to` is not finite or not a proper rotation.
+  void moveCollider(ColliderId collider, const RigidTransform& to);
+  /// Bodies that touched it have an event of the end in the next step.
+  void removeCollider(ColliderId collider);
+  /// What bodies did to it in the last step, or call of advance(). \param collider kGroundCollider too.
+  ColliderReaction colliderReaction(ColliderId collider) const;
+  /// Which pairs of a body and a collider began or ceased to touch in the last step, or call of advance(), in order;
+  /// those of bodies that were removed are left out. Valid until the next call that is not const.
+  std::span<const ContactEvent> contactEvents() const;
+
+  /// What a ray meets first, from outside: what it begins in is passed over. Costs a body what drawing it does, so ask
+  /// for bodies where they are near. \param direction unit. \param distance m, how far the ray goes.
+  std::optional<CastHit> rayCast(Vec3 origin, Vec3 direction, float distance, const QueryFilter& filter = {}) const;
+  /// The same of a ball, within 1e-4 of its radius. What it touches at the start is met at once. \param radius m, > 0.
+  std::optional<CastHit> sphereCast(Vec3 origin, float radius, Vec3 direction, float distance,
+                                    const QueryFilter& filter = {}) const;
+  /// What touches a ball or a box, or has it inside, into `found`, as many as fit: bodies by their ids, then colliders.
+  /// \param at of the box. \return how many there are.
+  std::size_t overlaps(Vec3 center, float radius, std::span<QueryObject> found, const QueryFilter& filter = {}) const;
+  std::size_t overlaps(const BoxShape& box, const RigidTransform& at, std::span<QueryObject> found,
+                       const QueryFilter& filter = {}) const;
 
   /// Starts pulling the point that visual vertex `visual_vertex` is attached to towards `target`.
   /// \param frequency_hz of the spring for the part of the body it moves; 0.1 .. 100, critically damped.

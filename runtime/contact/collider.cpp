@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/contact/collider.h"
+
+#include "runtime/interact/pin_sets.h"
+
+namespace sinew::internal {
+
+Pose::Pose(const RigidTransform& t) : position(asVector(t.position).cast<double>()) {
+  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(t.rotation[std::size_t(i)]);
+}
+
+Collider::Collider(std::uint32_t number, const ColliderShape& collider_shape, const ColliderSettings& given,
+                   std::pmr::memory_resource* memory)
+    : id(number), shape(collider_shape, memory), settings(given), before(given.at), at(given.at), target(given.at) {
+  place();
+}
+
+void Collider::move(double share) {
+  before = at;
+  at = between(at, target, share);
+  place();
+}
+
+void Collider::shift(const Eigen::Vector3f& by) {
+  for (RigidTransform* t : {&before, &at, &target}) asVector(t->position) += by;
+  place();
+}
+
+void Collider::place() {
+  pose_before = Pose(before);
+  pose = Pose(at);
+  if (shape.isPlane()) {
+    bounds_ = shape.bounds();
+    return;
+  }
+  const Vector3d middle = shape.bounds().center(), half = 0.5 * shape.bounds().sizes();
+  bounds_.setEmpty();
+  for (const Pose* p : {&pose_before, &pose}) {
+    const Vector3d reach = p->rotation.cwiseAbs() * half, there = p->toWorld(middle);
+    bounds_.extend(Eigen::AlignedBox3d(there - reach, there + reach));
+  }
+}
+
+double Collider::inverseMassAt(const Vector3d& spot, const Vector3d& direction) const {
+  if (!(settings.mass > 0)) return 0;
+  const Vector3d lever = pose.rotation.transpose() * (spot - pose.position).cross(direction);
+  double inverse = 1 / double(settings.mass);
+  for (int c = 0; c < 3; ++c) {
+    const double moment = double(settings.inertia[std::size_t(c)]);
+    if (moment > 0) inverse += lever[c] * lever[c] / moment;
+  }
+  return inverse;
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <memory_resource>
+
+#include "runtime/contact/shapes.h"
+#include "sinew/runtime/collider.h"
+
+namespace sinew::internal {
+
+/// A rigid transform in doubles: world = rotation local + position.
+struct Pose {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Vector3d position = Vector3d::Zero();
+
+  explicit Pose(const RigidTransform& t = {});
+  Vector3d toWorld(const Vector3d& local) const { return rotation * local + position; }
+  Vector3d toLocal(const Vector3d& world) const { return rotation.transpose() * (world - position); }
+};
+
+/// What a body did to a collider in a step.
+struct ColliderTouch {
+  std::uint32_t collider;    ///< ColliderId
+  Vector3d impulse, torque;  ///< on the collider; N s, and N m s about its origin
+  Vector3d place;            ///< sum of the contacts' loads times their places, N m
+  double load;               ///< N
+};
+
+/// A collider as steps see it.
+struct Collider {
+  /// \pre Shape::faultOf() of the shape is null. May throw.
+  Collider(std::uint32_t number, const ColliderShape& collider_shape, const ColliderSettings& given,
+           std::pmr::memory_resource* memory);
+
+  /// A step begins: it goes `share` of the way to its target.
+  void move(double share);
+  /// The origin moves: all places are `by` off.
+  void shift(const Eigen::Vector3f& by);
+  /// Box of its places in this step, world.
+  const Eigen::AlignedBox3d& bounds() const { return bounds_; }
+  /// How far a push at a place along a unit direction moves what has its mass and inertia, 1/kg; 0: nothing moves it.
+  double inverseMassAt(const Vector3d& place, const Vector3d& direction) const;
+
+  std::uint32_t id;  ///< ColliderId
+  Shape shape;
+  ColliderSettings settings;          ///< `at` as it was added
+  RigidTransform before, at, target;  ///< before the last step, now, to go to
+  Pose pose_before, pose;
+  Vector3d impulse = Vector3d::Zero(), torque = Vector3d::Zero();  ///< ColliderReaction
+
+ private:
+  void place();
+  Eigen::AlignedBox3d bounds_;
+};
+
+}  // namespace sinew::internal

@@ -1,0 +1,411 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/contact/contacts.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sinew::internal {
+namespace {
+
+/// Points so close to a collider at the prediction are looked at: the minimization may press them in. Diagonals.
+constexpr double kMargin = 2e-3;
+/// Speed at which what starts inside comes out, diagonals per second.
+constexpr double kRecoverySpeed = 1;
+/// Depths in kappa = weight / (kFew depth), which bound a point's own E sqrt(area) (docs/method.md §4). Where a piece
+/// is too soft to carry its weight, diagonals:
+constexpr double kSinking = 2e-3;
+/// And at least, where it is stiff: a hundred times what floats resolve of a place. Diagonals.
+constexpr double kResolved = 2e-5;
+/// Points that are taken to share the weight there; more press in less.
+constexpr double kFew = 8;
+/// What counts as weight at least, diagonals per second squared.
+constexpr double kLeastGravity = 1;
+/// Candidates a contact point at most, on average.
+constexpr std::size_t kCandidates = 2;
+
+/// About a place near the piece: functions add up to 1 to the digits of floats only.
+Vector3d positionOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& z, const Vector3d& center) {
+  Vector3d x = center;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    x += double(field.valueAtPoint(point, j)) * (z.row(j).transpose() - double(field.functions[j].one) * center);
+  }
+  return x;
+}
+
+/// The same of velocities.
+Vector3d velocityOf(const Field& field, std::uint32_t point, const ConstCoefficientMap& v) {
+  Vector3d sum = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) sum += double(field.valueAtPoint(point, j)) * v.row(j).transpose();
+  return sum;
+}
+
+/// sqrt(mu_a mu_b), or that of the collider alone.
+float frictionOf(const BodySettings& body, const Collider& collider) {
+  const float own = collider.settings.friction;
+  return body.friction >= 0 ? std::sqrt(body.friction * own) : own;
+}
+
+class Search {
+ public:
+  Search(const Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+         ContactScratch& lent, MinimizeScratch& scratch)
+      : piece_(piece),
+        field_(piece.field()),
+        step_(step),
+        y_(y),
+        center_(center),
+        lent_(lent),
+        scratch_(scratch),
+        count_(std::uint32_t(field_.points.size())),
+        blocks_((count_ + 7) / 8),
+        margin_(kMargin * step.diagonal) {}
+
+  void run() {
+    bool placed = false;
+    for (std::uint32_t c = 0; c < step_.colliders.size(); ++c) {
+      const Collider& collider = *step_.colliders[c];
+      if (collider.shape.isPlane()) {
+        lookAtPlane(c, collider);
+        placed = false;
+      } else {
+        if (!placed) findPlaces();
+        placed = true;
+        lookAtShape(c, collider);
+      }
+    }
+    choose();
+  }
+
+ private:
+  bool isFull() const { return lent_.candidates.size() >= kCandidates * count_; }
+
+  void lookAtPlane(std::uint32_t number, const Collider& collider) {
+    const NearPlace plane = collider.shape.near(Vector3d::Zero(), 0);
+    const std::span<float> heights(lent_.places.data(), 8 * blocks_),
+        old_heights(heights.data() + 8 * blocks_, 8 * blocks_);
+    const Vector3d normal = collider.pose.rotation * plane.normal,
+                   old_normal = collider.pose_before.rotation * plane.normal;
+    for (std::uint32_t j = 0; j < field_.k; ++j) {
+      const Vector3d arm = y_.row(j).transpose() - double(field_.functions[j].one) * center_;
+      const Vector3d old = piece_.z().row(j).transpose() - double(field_.functions[j].one) * center_;
+      scratch_.x[j] = float(normal.dot(arm));
+      scratch_.next[j] = float(old_normal.dot(old));
+    }
+    kernels().field_heights({field_.k, blocks_, field_.point_values, scratch_.x.data(), heights.data()});
+    kernels().field_heights({field_.k, blocks_, field_.point_values, scratch_.next.data(), old_heights.data()});
+    const auto marginOf = [&](const Vector3d& n, const Vector3d& position) {
+      return float(-plane.distance + n.dot(position) - n.dot(center_) + margin_);
+    };
+    const float margin = marginOf(normal, collider.pose.position);
+    const float old_margin = marginOf(old_normal, collider.pose_before.position);
+    for (std::uint32_t p = 0; p < count_ && !isFull(); ++p) {
+      const bool near_before = old_heights[p] < old_margin;
+      if (heights[p] < margin || near_before) {
+        lent_.candidates.push_back({p, number, near_before, plane.normal, -plane.distance});
+      }
+    }
+  }
+
+  /// Places of the points at the prediction and before, relative to the centre.
+  void findPlaces() {
+    float* const places = lent_.places.data();
+    for (std::uint32_t j = 0; j < field_.k; ++j) {
+      const double one = double(field_.functions[j].one);
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        scratch_.x[4 * j + c] = float(y_(j, c) - one * center_[c]);
+        scratch_.next[4 * j + c] = float(piece_.z()(j, c) - one * center_[c]);
+      }
+    }
+    kernels().field_values({field_.k, blocks_, field_.point_values, scratch_.x.data(), places});
+    kernels().field_values({field_.k, blocks_, field_.point_values, scratch_.next.data(), places + 24 * blocks_});
+  }
+  Eigen::Vector3f placeOf(std::uint32_t p, bool before) const {
+    const float* const block = lent_.places.data() + 24 * (p / 8 + (before ? blocks_ : 0)) + p % 8;
+    return {block[0], block[8], block[16]};
+  }
+
+  void lookAtShape(std::uint32_t number, const Collider& collider) {
+    const Eigen::AlignedBox3d& bounds = collider.bounds();
+    const Eigen::AlignedBox3f box((bounds.min() - center_).cast<float>().array() - float(margin_),
+                                  (bounds.max() - center_).cast<float>().array() + float(margin_));
+    for (std::uint32_t p = 0; p < count_ && !isFull(); ++p) {
+      const Eigen::Vector3f now = placeOf(p, false), before = placeOf(p, true);
+      const TouchingPoint* const touched = touchedBefore(piece_, collider.id, p);
+      // What touched may have been pressed through what is thin.
+      if (touched == nullptr && !box.intersects(Eigen::AlignedBox3f(now.cwiseMin(before), now.cwiseMax(before)))) {
+        continue;
+      }
+      const Vector3d to = collider.pose.toLocal(center_ + now.cast<double>());
+      const Vector3d from = collider.pose_before.toLocal(center_ + before.cast<double>());
+      lookAtPath(number, collider, p, touched, from, to);
+    }
+  }
+
+  /// A point's path as its collider sees it, which is at rest there.
+  void lookAtPath(std::uint32_t number, const Collider& collider, std::uint32_t p, const TouchingPoint* touched,
+                  const Vector3d& from, const Vector3d& to) {
+    // Springs let points in a little: what touched begins where the surface was.
+    Vector3d start = from;
+    double height = 0;
+    if (touched != nullptr) {
+      height = std::min(0.0, double(touched->floor - touched->depth));
+      start += (kResolved * step_.diagonal - height) * Eigen::Map<const Vector3d>(touched->normal.data());
+    }
+    Candidate found = {p, number, touched != nullptr, Vector3d::Zero(), 0};
+    if (PathHit hit; collider.shape.enters(start, to, hit)) {
+      found.normal = hit.normal;
+      found.offset = hit.normal.dot(start + hit.part * (to - start));
+    } else {
+      const NearPlace place = collider.shape.near(to, margin_ + (to - start).norm());
+      if (!(place.distance < margin_)) return;
+      if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
+      found.normal = place.normal;
+      found.offset = place.normal.dot(to) - place.distance;
+    }
+    found.near_before = found.normal.dot(from) - found.offset < margin_;
+    lent_.candidates.push_back(found);
+  }
+
+  /// Of many those carry that are near before the step, for which do must not depend on its length; then the others.
+  void choose() {
+    std::size_t near_before = 0;
+    for (const Candidate& candidate : lent_.candidates) near_before += candidate.near_before ? 1U : 0U;
+    std::size_t first = kMostContacts, others = kMostContacts - std::min<std::size_t>(near_before, first);
+    for (const Candidate& candidate : lent_.candidates) {
+      std::size_t& left = candidate.near_before ? first : others;
+      if (left == 0) continue;
+      --left;
+      add(candidate);
+    }
+    for (std::size_t i = 0; i < scratch_.contacts.size(); ++i) {
+      Contact& contact = scratch_.contacts[i];
+      float* const row = scratch_.rows.data() + std::size_t(field_.k) * i;
+      for (std::uint32_t j = 0; j < field_.k; ++j) row[j] = field_.valueAtPoint(contact.point, j);
+      contact.phi = row;
+    }
+    giveWay();
+  }
+
+  void add(const Candidate& candidate) {
+    const Collider& collider = *step_.colliders[candidate.collider];
+    const TouchingPoint* const touched = touchedBefore(piece_, collider.id, candidate.point);
+    const Vector3d at = positionOf(field_, candidate.point, y_, center_);
+    const Vector3d before = collider.pose_before.toLocal(positionOf(field_, candidate.point, piece_.z(), center_));
+    const Vector3d local = collider.pose.toLocal(at), normal = collider.pose.rotation * candidate.normal;
+    const double gap = candidate.normal.dot(local) - candidate.offset;
+    const double gap_before = candidate.normal.dot(before) - candidate.offset;
+    Contact contact = {};
+    contact.point = candidate.point;
+    contact.collider = candidate.collider;
+    contact.normal = normal.cast<float>();
+    contact.friction = frictionOf(*step_.body, collider);
+    // What starts inside finds the plane lower, and rising, so that it comes out at a bounded speed. What touched is
+    // pressed in no deeper than it was where its plane is another one.
+    double low = gap_before;
+    if (touched != nullptr) {
+      low = double(touched->floor);
+      if (!collider.shape.isPlane()) low = std::min(low, gap_before + double(touched->depth));
+    }
+    contact.floor = float(std::min(0.0, low + kRecoverySpeed * step_.h * step_.diagonal));
+    const double coming = touched == nullptr && gap < 0 ? comingOf(candidate, collider, before, normal) : 0;
+    contact.floor += bounceOf(collider, normal, coming, gap_before);
+    contact.gap = float(gap - double(contact.floor));
+    // A constant of the point, whatever else touches: else what rests would be a spring that changes.
+    const double shared = kFew * step_.diagonal;
+    const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal) / shared;
+    const double own = double(step_.stiffness) * field_.young * std::sqrt(double(field_.points[contact.point].area));
+    double kappa = std::clamp(own, weight / kSinking, weight / kResolved);
+    // But what could pass to the other side is stopped in the step in which it arrives.
+    if (!collider.shape.isPlane() && coming > 0) {
+      kappa = std::max(kappa, field_.mass * coming / (step_.h * shared * kPressedIn));
+    }
+    contact.kappa = float(kappa);
+    Vector3d anchor = before;
+    if (touched != nullptr) {
+      anchor = Eigen::Map<const Vector3d>(touched->anchor.data());
+    } else if (gap < 0 && gap_before > 0) {
+      anchor += gap_before / (gap_before - gap) * (local - before);  // where it touched
+    }
+    const Vector3d slide = at - collider.pose.toWorld(anchor);
+    contact.slide = (slide - normal.dot(slide) * normal).cast<float>();
+    scratch_.contacts.push_back(contact);
+  }
+
+  /// Speed at which a point comes, m/s.
+  double comingOf(const Candidate& candidate, const Collider& collider, const Vector3d& before,
+                  const Vector3d& normal) const {
+    const Vector3d carried = (collider.pose.toWorld(before) - collider.pose_before.toWorld(before)) / step_.h;
+    return normal.dot(carried - velocityOf(field_, candidate.point, piece_.v()));
+  }
+
+  /// How much higher the plane lies that a point is pushed to which comes with speed a and leaves with v: after the
+  /// step it has of its energy v^2 / 2 + g v h = e^2 a^2 / 2, with its weight g into the plane (docs/method.md §4).
+  float bounceOf(const Collider& collider, const Vector3d& normal, double coming, double gap_before) const {
+    const double restitution = double(collider.settings.restitution);
+    if (!(restitution > 0) || !(coming > 0)) return 0;
+    const double fall = step_.h * std::max(0.0, -normal.dot(step_.gravity));
+    const double leaving = std::sqrt(fall * fall + restitution * restitution * coming * coming) - fall;
+    return float(std::max(0.0, gap_before) + leaving * step_.h);
+  }
+
+  /// A collider that has a mass gives way in the step by h^2 / m for each force, so that its springs and it are in
+  /// series: 1/kappa + n h^2 / m, where n share the load.
+  void giveWay() {
+    for (std::uint32_t c = 0; c < step_.colliders.size(); ++c) {
+      const Collider& collider = *step_.colliders[c];
+      if (!(collider.settings.mass > 0)) continue;
+      const auto carries = [c](const Contact& contact) { return contact.collider == c && contact.gap < 0; };
+      const auto sharing =
+          std::max<std::ptrdiff_t>(1, std::count_if(scratch_.contacts.begin(), scratch_.contacts.end(), carries));
+      for (Contact& contact : scratch_.contacts) {
+        if (contact.collider != c) continue;
+        const Vector3d at = positionOf(field_, contact.point, y_, center_);
+        const double yields =
+            double(sharing) * step_.h * step_.h * collider.inverseMassAt(at, contact.normal.cast<double>());
+        contact.give = float(yields);
+        contact.kappa = float(1 / (1 / double(contact.kappa) + yields));
+      }
+    }
+  }
+
+  const Piece& piece_;
+  const Field& field_;
+  const ContactStep& step_;
+  const ConstCoefficientMap& y_;
+  const Vector3d& center_;
+  ContactScratch& lent_;
+  MinimizeScratch& scratch_;
+  const std::uint32_t count_, blocks_;
+  const double margin_;
+};
+
+}  // namespace
+
+const TouchingPoint* touchedBefore(const Piece& piece, std::uint32_t collider, std::uint32_t point) {
+  const auto& touching = piece.state.touching;
+  const auto before = [](const TouchingPoint& t, const std::pair<std::uint32_t, std::uint32_t>& key) {
+    return std::pair(t.collider, t.point) < key;
+  };
+  const auto* const found = std::lower_bound(touching.begin(), touching.end(), std::pair(collider, point), before);
+  return found != touching.end() && found->collider == collider && found->point == point ? found : nullptr;
+}
+
+void ContactScratch::reserve(const Field& field) {
+  const std::size_t points = field.points.size(), floats = (points + 7) / 8 * 48;
+  if (places.size() < floats) places.resize(floats);
+  candidates.reserve(kCandidates * points);
+}
+
+void findReach(const Field& field, Array<float>& reach) {
+  reach.resize(field.k);
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    for (std::uint32_t p = 0; p < field.points.size(); ++p) {
+      reach[j] = std::max(reach[j], std::abs(field.valueAtPoint(p, j)));
+    }
+  }
+}
+
+void findNear(const Piece& piece, std::span<const Collider* const> all, const ContactStep& step,
+              const ConstCoefficientMap& y, const Vector3d& center, ContactScratch& scratch) {
+  const Field& field = piece.field();
+  scratch.near.clear();
+  if (field.points.empty() || all.empty()) return;
+  // |x - c| <= sum_j max |phi_j| |z_j - one_j c|, at the prediction and before.
+  Vector3d reach = Vector3d::Constant(kMargin * step.diagonal);
+  bool bounded = false;
+  for (const Collider* collider : all) {
+    const ColliderSettings& other = collider->settings;
+    if ((other.layers & step.body->touches) == 0 || (step.body->layers & other.touches) == 0) continue;
+    if (!collider->shape.isPlane()) {
+      if (!bounded) {
+        for (std::uint32_t j = 0; j < field.k; ++j) {
+          const Vector3d middle = double(field.functions[j].one) * center;
+          const Vector3d now = y.row(j).transpose() - middle, before = piece.z().row(j).transpose() - middle;
+          reach += double(piece.reach()[j]) * now.cwiseAbs().cwiseMax(before.cwiseAbs());
+        }
+      }
+      bounded = true;
+      const auto touches = [collider](const TouchingPoint& point) { return point.collider == collider->id; };
+      const auto& touching = piece.state.touching;
+      if (!collider->bounds().intersects(Eigen::AlignedBox3d(center - reach, center + reach)) &&
+          std::none_of(touching.begin(), touching.end(), touches)) {
+        continue;
+      }
+    }
+    scratch.near.push_back(collider);
+  }
+}
+
+void findContacts(const Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                  ContactScratch& lent, MinimizeScratch& scratch) {
+  scratch.contacts.clear();
+  lent.candidates.clear();
+  if (!step.colliders.empty()) Search(piece, step, y, center, lent, scratch).run();
+}
+
+void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                      double seconds, const Vector3d* given, const MinimizeScratch& scratch,
+                      Array<ColliderTouch>& touches) {
+  const Field& field = piece.field();
+  piece.state.touching.clear();
+  const std::size_t first = touches.size();
+  for (const Contact& contact : scratch.contacts) {
+    Eigen::Vector3f moved = Eigen::Vector3f::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      moved += contact.phi[j] * Eigen::Map<const Eigen::Vector3f>(scratch.d.data() + 4 * j);
+    }
+    const float rise = contact.normal.dot(moved), gap = contact.gap + rise;
+    if (!(gap < 0)) continue;
+    const Collider& collider = *step.colliders[contact.collider];
+    const Vector3d at = positionOf(field, contact.point, y, center) + moved.cast<double>();
+    Vector3d slide = (contact.slide + (moved - rise * contact.normal)).cast<double>();
+    // Friction holds at most its bound: beyond it the point it holds at comes along.
+    const double length = slide.norm(), most = double(contact.friction) * -double(gap);
+    if (length > most) slide *= most / length;
+    const Vector3d anchor = collider.pose.toLocal(at - slide);
+    const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
+    // What bounces off has no floor any more, and where the collider gave way it is off by that.
+    const float given_way = contact.give * contact.kappa * -gap;
+    const float floor = std::min(0.0F, contact.floor) - given_way;
+    const float depth = std::max(0.0F, floor - (contact.floor + gap));
+    piece.state.touching.push_back({contact.point,
+                                    collider.id,
+                                    floor,
+                                    depth,
+                                    {anchor[0], anchor[1], anchor[2]},
+                                    {normal[0], normal[1], normal[2]}});
+    if (touches.size() == first || touches.back().collider != collider.id) {
+      const Vector3d none = Vector3d::Zero();
+      touches.push_back({collider.id, none, none, none, 0});
+    }
+    const Vector3d impulse = seconds * pushForce(contact, moved).pull.cast<double>();
+    const double load = double(contact.kappa) * -double(gap);
+    ColliderTouch& touch = touches.back();
+    touch.impulse += impulse;
+    touch.torque += (at - collider.pose.position).cross(impulse);
+    touch.place += load * (at - collider.pose.position);
+    touch.load += load;
+  }
+  if (given == nullptr || scratch.contacts.empty()) return;
+  if (touches.size() == first) {
+    // What pressed as the minimization went on may not press at its end.
+    const auto deeper = [](const Contact& a, const Contact& b) { return a.gap < b.gap; };
+    const Contact& deepest = *std::min_element(scratch.contacts.begin(), scratch.contacts.end(), deeper);
+    const Collider& collider = *step.colliders[deepest.collider];
+    const Vector3d place = positionOf(field, deepest.point, y, center) - collider.pose.position;
+    touches.push_back({collider.id, Vector3d::Zero(), Vector3d::Zero(), place, 1});
+  }
+  // What minimizing left of the momentum, by load.
+  Vector3d left = *given;
+  double load = 0;
+  for (std::size_t i = first; i < touches.size(); ++i) {
+    left -= touches[i].impulse;
+    load += touches[i].load;
+  }
+  for (std::size_t i = first; i < touches.size(); ++i) {
+    touches[i].impulse += touches[i].load / load * left;
+    touches[i].torque += (touches[i].place / load).cross(left);
+  }
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: MIT
+//
+// Contacts of a piece with colliders, the ground among them: which of its contact points a step has to look at, and the
+// plane that each is pushed out over.
+#pragma once
+
+#include "runtime/contact/collider.h"
+#include "runtime/solver/minimize.h"
+#include "runtime/solver/piece.h"
+#include "sinew/runtime/settings.h"
+
+namespace sinew::internal {
+
+/// Contact points that one piece keeps at most; of more that touch, the first in the package's order, which spreads
+/// them over the surface, carry for all.
+inline constexpr std::uint32_t kMostContacts = 96;
+
+/// Depth that springs let points in: what comes in is stopped there, what is drawn is lifted out of it, and what lies
+/// deeper has not been pressed there. Diagonals.
+inline constexpr double kPressedIn = 0.02;
+
+/// What a step asks of colliders.
+struct ContactStep {
+  std::span<const Collider* const> colliders;  ///< ids ascending
+  const BodySettings* body;
+  double h;          ///< s
+  double diagonal;   ///< of the package, m
+  Vector3d gravity;  ///< m/s^2
+  double weight;     ///< of the piece: its mass times gravity, N
+  float stiffness;   ///< factor on the moduli
+};
+
+/// Contact points that a plane may push, before the few that carry are chosen.
+struct Candidate {
+  std::uint32_t point, collider;  ///< of the field; number among those of the step
+  bool near_before;               ///< near it before the step
+  Vector3d normal;                ///< of the plane, in the collider's coordinates, unit
+  double offset;                  ///< of the plane along it, m
+};
+
+/// What looking for contacts needs of memory.
+struct ContactScratch {
+  explicit ContactScratch(std::pmr::memory_resource* memory) : places(memory), candidates(memory), near(memory) {}
+  void reserve(const Field& field);
+
+  Array<float> places;  ///< of the contact points: at the prediction, before
+  Array<Candidate> candidates;
+  Array<const Collider*> near;
+};
+
+/// What is remembered of a point and a collider from the last step; null where they did not touch.
+const TouchingPoint* touchedBefore(const Piece& piece, std::uint32_t collider, std::uint32_t point);
+
+/// max over the contact points of |phi_j|, by function: what a bound of them is made of.
+void findReach(const Field& field, Array<float>& reach);
+
+/// Those colliders that the piece may reach in a step into scratch.near. \param all of the world. \param y predicted
+/// coefficients. \param center near the piece.
+void findNear(const Piece& piece, std::span<const Collider* const> all, const ContactStep& step,
+              const ConstCoefficientMap& y, const Vector3d& center, ContactScratch& scratch);
+
+/// Fills scratch.contacts and scratch.rows. \param y predicted coefficients. \param center what scratch.base is
+/// relative to.
+void findContacts(const Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                  ContactScratch& lent, MinimizeScratch& scratch);
+
+/// What touches at offset scratch.d becomes PieceState::touching, and the forces there times `seconds` what the
+/// colliders get. \param given what the piece gave away of its momentum, if contacts alone took it, N s: what
+/// minimizing leaves of it is shared out by load. \param[out] touches grows by the colliders touched.
+void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
+                      double seconds, const Vector3d* given, const MinimizeScratch& scratch,
+                      Array<ColliderTouch>& touches);
+
+}  // namespace sinew::internal

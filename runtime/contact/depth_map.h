@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+//
+// Places of a piece at rest: how deep they are under its drawn surface, and which tetrahedron has them. What touches a
+// piece is asked about there, so that depth and direction do not depend on how it is bent (docs/method.md §5).
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "runtime/memory/array.h"
+#include "sinew/formats/package.h"
+
+namespace sinew::internal {
+
+/// A material point: vertices of its tetrahedron and their weights, which add up to 1; negative ones outside.
+struct MaterialPoint {
+  std::array<std::uint32_t, 4> vertex;
+  std::array<float, 4> weight;
+};
+
+/// One piece's distances (DIST) and tetrahedra (TETS).
+class DepthMap {
+ public:
+  DepthMap() = default;
+  explicit DepthMap(const formats::PackageView& package, const formats::DistanceGrid& grid);
+
+  /// Distance to the drawn surface, metres, negative inside; beyond the grid at least that to the grid.
+  /// \param gradient null: not asked for.
+  float distance(const Eigen::Vector3f& place, Eigen::Vector3f* gradient) const;
+  /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \return false where
+  /// none is near.
+  bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
+
+  std::uint32_t piece() const { return grid_->piece; }
+  const formats::PackageView& package() const { return *package_; }
+
+ private:
+  std::uint32_t cellOf(const Eigen::Vector3f& place) const;
+
+  const formats::PackageView* package_ = nullptr;
+  const formats::DistanceGrid* grid_ = nullptr;
+  std::span<const std::int16_t> values_;
+  // A regular grid over the tetrahedra: those of cell i are list_[first_[i] .. first_[i + 1]).
+  Eigen::Vector3f low_ = Eigen::Vector3f::Zero();
+  float cell_ = 1;
+  std::array<std::uint32_t, 3> cells_ = {1, 1, 1};
+  Array<std::uint32_t> first_, list_;
+  std::uint32_t first_tetrahedron_ = 0;
+  Array<Eigen::Matrix3f> inverse_;  ///< of each tetrahedron's sides from its last corner
+};
+
+}  // namespace sinew::internal

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: MIT
+//
+// Shapes of colliders in their own coordinates: distances, paths, bounds. Exact but for rounding.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cstdint>
+#include <memory_resource>
+
+#include "runtime/memory/array.h"
+#include "sinew/runtime/collider.h"
+
+namespace sinew::internal {
+
+using Vector3d = Eigen::Vector3d;
+
+/// The place of a surface that is nearest to a point p: it lies at p - distance normal.
+struct NearPlace {
+  double distance;  ///< m, negative inside
+  Vector3d normal;  ///< unit, the way out
+};
+
+/// Where a path meets a surface from outside.
+struct PathHit {
+  double part;      ///< of the path, 0..1
+  Vector3d normal;  ///< unit, of the surface there
+};
+
+/// Corners of a triangle, counter-clockwise from outside.
+struct Corners {
+  Vector3d at[3];
+};
+
+/// Part of the path from `from` along `way` at which it goes through a triangle from the front; infinity where it does
+/// not. No path leaks through where two triangles meet.
+double entryOf(const Vector3d& from, const Vector3d& way, const Corners& triangle);
+
+class Shape {
+ public:
+  /// Why a shape cannot be made; null if it can.
+  static const char* faultOf(const ColliderShape& shape);
+  /// \pre faultOf() is null. May throw std::bad_alloc.
+  Shape(const ColliderShape& shape, std::pmr::memory_resource* memory);
+
+  bool isPlane() const { return kind_ == Kind::plane; }
+  /// Whether it has an inside: all but meshes with a border.
+  bool isSolid() const { return solid_; }
+  /// Infinite for a plane.
+  const Eigen::AlignedBox3d& bounds() const { return bounds_; }
+
+  /// \param reach how far a mesh's surface is looked for, m; beyond it the distance is infinity. Nothing lies behind a
+  /// sheet but what is nearest to a place within its border.
+  NearPlace near(const Vector3d& p, double reach) const;
+  /// Whether a path crosses the surface from outside, and where it does first.
+  bool enters(const Vector3d& from, const Vector3d& to, PathHit& hit) const;
+
+  bool isBox() const { return kind_ == Kind::box; }
+  /// Half of a box's sides, and of a capsule's segment; the capsule's radius.
+  const Vector3d& half() const { return size_; }
+  double radius() const { return radius_; }
+  bool hasTriangles() const { return kind_ >= Kind::mesh; }
+  /// Calls visit(Corners, triangle) for the triangles of a hull, mesh or height field whose boxes meet a box.
+  template <class Visit>
+  void forEachTriangle(const Eigen::AlignedBox3d& box, const Visit& visit) const {
+    if (kind_ == Kind::grid) {
+      forEachCell(box, [&](std::uint32_t cell) {
+        visit(cornersOf(2 * cell), 2 * cell);
+        visit(cornersOf(2 * cell + 1), 2 * cell + 1);
+      });
+      return;
+    }
+    const Eigen::AlignedBox3f wanted(box.min().cast<float>().array() - slack_,
+                                     box.max().cast<float>().array() + slack_);
+    descend([&](const Node& node) { return boxOf(node).intersects(wanted); },
+            [&](std::uint32_t triangle) { visit(cornersOf(triangle), triangle); });
+  }
+
+ private:
+  enum class Kind : std::uint8_t {
+    plane,
+    round,
+    box,
+    mesh,
+    grid
+  };  // round: a capsule, or a sphere, which has no length
+  struct Node {
+    Eigen::Vector3f low, high;   // corners of its box
+    std::uint32_t first, count;  // run of triangles below it
+    std::uint32_t right;         // 0 for a leaf; the left child is the next node
+  };
+
+  static Eigen::AlignedBox3f boxOf(const Node& node) { return {node.low, node.high}; }
+  void makeMesh(std::span<const Vec3> positions);
+  void makeTree();
+  void findNeighbours();
+  Corners cornersOf(std::uint32_t triangle) const;
+  Vector3d pseudoNormal(std::uint32_t triangle, std::uint32_t part, bool& border) const;
+  NearPlace nearTriangles(const Vector3d& p, double reach) const;
+  bool isBelow(const Vector3d& p, double& depth) const;
+
+  template <class Visit>
+  void forEachCell(const Eigen::AlignedBox3d& box, const Visit& visit) const {
+    const auto place = [](double x, double least, double most) { return std::uint32_t(std::clamp(x, least, most)); };
+    const double cell = size_.x();
+    if (box.max().x() < 0 || box.max().z() < 0 || box.min().x() > bounds_.max().x() ||
+        box.min().z() > bounds_.max().z()) {
+      return;
+    }
+    const std::uint32_t first = place(box.min().x() / cell, 0, columns_ - 2),
+                        last_row = place(box.max().z() / cell, 0, rows_ - 2);
+    const std::uint32_t last = place(box.max().x() / cell, 0, columns_ - 2);
+    for (std::uint32_t row = place(box.min().z() / cell, 0, rows_ - 2); row <= last_row; ++row) {
+      for (std::uint32_t column = first; column <= last; ++column) visit(row * (columns_ - 1) + column);
+    }
+  }
+  template <class Enter, class Visit>
+  void descend(const Enter& enter, const Visit& visit) const {
+    std::uint32_t stack[kDeepest], depth = 0;
+    if (!nodes_.empty()) stack[depth++] = 0;
+    while (depth > 0) {
+      const std::uint32_t index = stack[--depth];
+      const Node& node = nodes_[index];
+      if (!enter(node)) continue;
+      if (node.right == 0) {
+        for (std::uint32_t t = node.first; t < node.first + node.count; ++t) visit(t);
+      } else {
+        stack[depth++] = node.right;
+        stack[depth++] = index + 1;
+      }
+    }
+  }
+
+  // Halves of at most 2^24 triangles, one waiting on each level.
+  static constexpr std::uint32_t kDeepest = 64;
+
+  Kind kind_ = Kind::plane;
+  bool solid_ = true;
+  double radius_ = 0;  ///< of a capsule; a plane's offset
+  Vector3d size_ =
+      Vector3d::Zero();  ///< half of a box's sides and of a capsule's segment; a plane's normal; a cell's side
+  float slack_ = 0;      ///< what floats round of the boxes, m
+  std::uint32_t columns_ = 0, rows_ = 0;
+  Eigen::AlignedBox3d bounds_;
+  Array<float> heights_;
+  Array<Vec3> positions_;                // welded where they are the same
+  Array<formats::Triangle> triangles_;   // in the tree's order
+  Array<formats::Triangle> neighbours_;  // the triangle behind the edge from each corner to the next; kNone at a border
+  Array<Node> nodes_;
+};
+
+}  // namespace sinew::internal

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: MIT
+//
+// Contacts between pieces: contact points of one that are under the drawn surface of another.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+
+#include "runtime/contact/depth_map.h"
+#include "runtime/memory/array.h"
+#include "runtime/solver/minimize.h"
+
+namespace sinew::internal {
+
+/// Points of one piece that another one keeps at most; of more the first in the package's order, which spreads them
+/// over the surface, carry for all.
+inline constexpr std::uint32_t kMostTouches = 24;
+
+/// A piece as contacts see it in a step.
+struct TouchingPiece {
+  std::uint32_t body = 0, piece = 0;  ///< BodyId, BODY record
+  const Field* field = nullptr;
+  const DepthMap* map = nullptr;  ///< null: only its own points touch
+  const float* base = nullptr;    ///< predicted coefficients relative to the centre, k x 4
+  const float* before = nullptr;  ///< those before the step, relative to the same place
+  Vector3d center = Vector3d::Zero();
+  Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();  ///< of the prediction
+  Eigen::Vector3f rest_center = Eigen::Vector3f::Zero();
+  double weight = 0;  ///< N, no less than what counts as one
+  double diagonal = 0;
+  float stiffness = 1, friction = 0;
+  // By placePoints():
+  std::span<float> points;  ///< x of all, y of all, z of all, relative to the centre
+  Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = Eigen::Vector3f::Zero();
+  float bent = 0;  ///< how far they are from where a rigid motion has them, at most
+};
+
+/// What a touch leaves for the next step.
+struct TouchMemory {
+  std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
+  float floor;
+  std::array<float, 3> anchor;  ///< rest place of b where friction holds it, metres
+};
+
+/// What touches are sorted by.
+inline std::array<std::uint32_t, 5> touchOrder(const TouchMemory& m) {
+  return {m.body_a, m.piece_a, m.body_b, m.piece_b, m.point};
+}
+
+/// A touch as it is found: its rows are places in TouchList::rows.
+struct FoundTouch {
+  Touch touch;  ///< pieces as they were given to findTouches()
+  std::uint32_t row_a, row_b;
+  TouchMemory memory;
+  Eigen::Vector3f place;  ///< rest place of b that it pushes at, metres
+  Eigen::Vector3f over;   ///< from there to a's point, at the prediction, metres
+};
+
+struct TouchList {
+  explicit TouchList(std::pmr::memory_resource* memory) : touches(memory), rows(memory) {}
+  Array<FoundTouch> touches;
+  Array<float> rows;
+};
+
+/// Places a piece's points at the prediction. \param memory room for three floats a point, rounded up to eight.
+void placePoints(TouchingPiece& piece, std::span<float> memory);
+/// Floats that placePoints() takes.
+std::size_t pointFloats(const Field& field);
+
+/// Adds the touches of a's points with b. \param index_a, index_b what Touch names the pieces by. \param h of the step,
+/// s. \param known of the last step, sorted.
+void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
+                 std::span<const TouchMemory> known, TouchList& list);
+
+/// What is left of a touch whose pieces' coefficients moved by d_a, d_b (k x 4) from the prediction. \return whether it
+/// touches.
+bool rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
+                   const float* d_b, std::span<const float> rows, TouchMemory& memory);
+
+}  // namespace sinew::internal

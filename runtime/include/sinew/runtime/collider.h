@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: MIT
+//
+// What bodies collide with beside the ground: shapes that a game places and moves (World::addCollider).
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <variant>
+
+#include "sinew/formats/sections.h"
+#include "sinew/runtime/settings.h"
+
+namespace sinew {
+
+/// Names a collider of one world; never reused within it.
+struct ColliderId {
+  std::uint32_t value = formats::kNone;
+  bool operator==(const ColliderId&) const = default;
+};
+
+/// The ground of WorldSettings, where a collider is asked for or named.
+inline constexpr ColliderId kGroundCollider = {0};
+
+/// Points x with normal . x < offset are inside. In the collider's own coordinates, metres, as all shapes.
+struct PlaneShape {
+  Vec3 normal = {0, 1, 0};  ///< unit
+  float offset = 0;         ///< m
+};
+
+struct SphereShape {
+  float radius = 0.5F;  ///< m, > 0
+};
+
+/// Points nearer than `radius` to the segment from -half_length to half_length on the y axis.
+struct CapsuleShape {
+  float radius = 0.25F;      ///< m, > 0
+  float half_length = 0.5F;  ///< m, > 0
+};
+
+struct BoxShape {
+  Vec3 half_size = {0.5F, 0.5F, 0.5F};  ///< m, > 0
+};
+
+/// The convex hull of points.
+struct HullShape {
+  std::span<const Vec3> points;  ///< 4 .. 1024, not all in one plane
+};
+
+/// Triangles, counter-clockwise from outside. What is closed is solid; what has a border is a sheet that stops what
+/// comes from the front and lets through what comes from behind.
+struct MeshShape {
+  std::span<const Vec3> positions;
+  std::span<const formats::Triangle> triangles;  ///< 1 .. 2^24
+};
+
+/// Heights (y) on a grid, solid below. Corner (column, row) lies at x = column cell, z = row cell; each cell is two
+/// triangles, divided from (column, row + 1) to (column + 1, row).
+struct HeightFieldShape {
+  std::span<const float> heights;  ///< columns a row, m
+  std::uint32_t columns = 0;       ///< 2 .. 4096, and as many rows as there are
+  float cell = 1;                  ///< m, > 0
+};
+
+/// What an engine hands in of a collider; copied where it is added.
+using ColliderShape =
+    std::variant<PlaneShape, SphereShape, CapsuleShape, BoxShape, HullShape, MeshShape, HeightFieldShape>;
+
+/// What a collider is like beside its shape.
+struct ColliderSettings {
+  RigidTransform at;         ///< where it is
+  float friction = 0.6F;     ///< Coulomb coefficient, 0..1e4; of a pair: BodySettings::friction
+  float restitution = 0;     ///< part of the speed that a point of a body has into it and leaves with, 0..1
+  std::uint32_t layers = 1;  ///< bits: a pair touches where each has a layer that the other one's `touches` has
+  std::uint32_t touches = 0xFFFFFFFFU;
+  /// Of the engine's rigid body that this is, kg: its impulse is that on a body that gives way (docs/method.md). 0: it
+  /// moves as it is told, whatever pushes it.
+  float mass = 0;
+  /// Moments of inertia about the origin of `at`, its centre of mass, along its axes, kg m^2; 0 about an axis: it does
+  /// not turn about that.
+  Vec3 inertia = {0, 0, 0};
+};
+
+/// What the bodies did to a collider in the last step, or call of advance(): sum of the contact forces times the step,
+/// opposite to what the bodies got of it.
+struct ColliderReaction {
+  Vec3 impulse = {0, 0, 0};         ///< N s
+  Vec3 torque_impulse = {0, 0, 0};  ///< N m s, about the origin of the collider's transform
+};
+
+/// A body and a collider began or ceased to touch in the last step, or call of advance().
+struct ContactEvent {
+  std::uint32_t body = formats::kNone;  ///< BodyId
+  ColliderId collider;                  ///< kGroundCollider: the ground
+  bool began = false;                   ///< else ended
+};
+
+}  // namespace sinew

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+//
+// Bodies that may touch: pairs whose boxes meet, their contacts, and islands of pieces that are minimized as one
+// (docs/method.md §5).
+#pragma once
+
+#include "runtime/contact/touch.h"
+#include "runtime/step/piece_step.h"
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// A box around a piece's contact points over a step, metres, world.
+struct PieceBox {
+  std::uint32_t body, piece;  ///< places in BodyList and Body::pieces
+  std::array<double, 3> low, high;
+};
+
+/// What stays from step to step (touching), and memory that steps use again.
+struct TogetherScratch {
+  explicit TogetherScratch(std::pmr::memory_resource* memory)
+      : touching(memory),
+        boxes(memory),
+        order(memory),
+        pairs(memory),
+        busy(memory),
+        places(memory),
+        pieces(memory),
+        vectors(memory),
+        found(memory),
+        before(memory),
+        points(memory),
+        rows(memory),
+        parent(memory),
+        next_touching(memory) {}
+
+  Array<TouchMemory> touching;  ///< sorted
+
+  Array<PieceBox> boxes;
+  Array<std::uint64_t> order, pairs;
+  Array<std::uint8_t> busy;          ///< by body: its box meets another's
+  Array<std::uint32_t> places;       ///< of boxes among what is stepped together
+  OwningArray<PieceScratch> pieces;  ///< one for each of these
+  MinimizeScratch vectors;
+  TouchList found;
+  Array<float> before, points;
+  Array<TouchRow> rows;
+  Array<std::uint32_t> parent;
+  Array<TouchMemory> next_touching;
+};
+
+/// Finds the bodies whose boxes meet those of others in a step: TogetherScratch::busy, boxes and pairs.
+void findPairs(const BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
+
+/// Advances the bodies that findPairs() found. \pre their holds have moved.
+void stepTogether(BodyList& bodies, const StepWorld& world, double seconds, TogetherScratch& scratch, JobSystem* jobs);
+
+}  // namespace sinew::internal

@@ -1,0 +1,451 @@
+// SPDX-License-Identifier: MIT
+//
+// Bodies against the shapes that a game hands in.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/runtime/world_state.h"
+#include "tests/support/box_package.h"
+
+namespace sinew::test {
+namespace {
+
+using Eigen::Vector3d;
+
+/// A cube of 0.3 m, whose diagonal is 0.52 m.
+BoxOptions cube() {
+  BoxOptions box;
+  box.size = {0.3, 0.3, 0.3};
+  box.stretch_hz = box.bend_hz = box.twist_hz = 15;
+  return box;
+}
+
+struct Surface {
+  std::vector<Vec3> positions;
+  std::vector<formats::Triangle> triangles;
+};
+
+/// y over a square about the origin, of 2 x side metres and n x n cells, its front above.
+template <class Height>
+Surface surface(double side, std::uint32_t n, const Height& height) {
+  Surface s;
+  for (std::uint32_t i = 0; i <= n; ++i) {
+    for (std::uint32_t j = 0; j <= n; ++j) {
+      const double x = side * (2.0 * j / n - 1), z = side * (2.0 * i / n - 1);
+      s.positions.push_back({float(x), float(height(x, z)), float(z)});
+    }
+  }
+  for (std::uint32_t i = 0; i < n; ++i) {
+    for (std::uint32_t j = 0; j < n; ++j) {
+      const std::uint32_t a = i * (n + 1) + j, c = a + n + 1;
+      s.triangles.push_back({a, c, a + 1});
+      s.triangles.push_back({a + 1, c, c + 1});
+    }
+  }
+  return s;
+}
+
+double bowl(double x, double z) { return 0.5 * (x * x + z * z); }
+
+struct Named {
+  const char* name;
+  ColliderShape shape;
+  RigidTransform at;
+};
+
+/// Each kind, its top at y = 0 about the origin (the bowl's bottom, the hills' valley).
+struct Shapes {
+  Shapes() {
+    for (int i = 0; i < 8; ++i) {
+      corners.push_back({i % 2 != 0 ? 1.0F : -1.0F, i / 2 % 2 != 0 ? 0.0F : -0.5F, i / 4 != 0 ? 1.0F : -1.0F});
+    }
+    for (int i = 0; i < 21 * 21; ++i) heights.push_back(float(bowl(0.1 * (i % 21 - 10), 0.1 * (i / 21 - 10))));
+    all = {{"plane", PlaneShape{}, {}},
+           {"sphere", SphereShape{1}, {{0, -1, 0}}},
+           {"capsule", CapsuleShape{0.5F, 1}, {{0, -0.5F, 0}, {0, 1, 0, -1, 0, 0, 0, 0, 1}}},
+           {"box", BoxShape{{1, 0.5F, 1}}, {{0, -0.5F, 0}}},
+           {"hull", HullShape{corners}, {}},
+           {"mesh", MeshShape{dish.positions, dish.triangles}, {}},
+           {"height field", HeightFieldShape{heights, 21, 0.1F}, {{-1, 0, -1}}}};
+  }
+  std::vector<Vec3> corners;
+  Surface dish = surface(1, 20, bowl);
+  std::vector<float> heights;
+  std::vector<Named> all;
+};
+
+Mat3 turned(double angle, const Vector3d& axis) {
+  const Eigen::Matrix3d r = Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
+  Mat3 result;
+  for (int i = 0; i < 9; ++i) result[std::size_t(i)] = float(r(i / 3, i % 3));
+  return result;
+}
+
+BodySettings placed(double x, double y, double z, const Mat3& rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}) {
+  BodySettings settings;
+  settings.position = {float(x), float(y), float(z)};
+  settings.rotation = rotation;
+  return settings;
+}
+
+void throwBody(World& world, BodyId body, const Vector3d& velocity, const Vector3d& spin = Vector3d::Zero()) {
+  const std::vector<Vec3> x(world.positions(body).begin(), world.positions(body).end());
+  const Vector3d center = motionOf(world, body).center;
+  std::vector<Vec3> v;
+  for (const Vec3& p : x) {
+    const Vector3d own = velocity + spin.cross(wide(p) - center);
+    v.push_back({float(own[0]), float(own[1]), float(own[2])});
+  }
+  world.setState(body, x, v);
+}
+
+TEST(Colliders, APlaneIsTheGround) {
+  const auto asset = boxAsset(cube());
+  WorldSettings grounded;
+  grounded.ground.enabled = true;
+  World ground(grounded), plane;
+  ASSERT_TRUE(plane.addCollider(PlaneShape{}));
+  const BodyId a = *ground.addBody(asset, placed(0, 0.5, 0, turned(0.4, {1, 0, 1})));
+  const BodyId b = *plane.addBody(asset, placed(0, 0.5, 0, turned(0.4, {1, 0, 1})));
+  for (int i = 0; i < 120; ++i) {
+    ground.step(1.0F / 60);
+    plane.step(1.0F / 60);
+    ASSERT_TRUE(std::ranges::equal(ground.positions(a), plane.positions(b))) << i;
+  }
+  EXPECT_NE(ground.colliderReaction(kGroundCollider).impulse[1], 0);
+}
+
+TEST(Colliders, ABodyComesToRestOnEachShape) {
+  const Shapes shapes;
+  const auto asset = boxAsset(cube());
+  for (const Named& shape : shapes.all) {
+    SCOPED_TRACE(shape.name);
+    World world;
+    ColliderSettings settings;
+    settings.at = shape.at;
+    const ColliderId collider = *world.addCollider(shape.shape, settings);
+    const BodyId body = *world.addBody(asset, placed(0, 0.3, 0));
+    run(world, 5);
+    EXPECT_LT(rmsSpeed(world, body), 1e-3);
+    const Motion m = motionOf(world, body);
+    EXPECT_NEAR(m.center[0], 0, 0.03);
+    EXPECT_NEAR(m.center[2], 0, 0.03);
+    // What carries it is its weight.
+    const ColliderReaction reaction = world.colliderReaction(collider);
+    EXPECT_NEAR(reaction.impulse[1] * 60, -9.81 * m.mass, 0.01 * 9.81 * m.mass);
+    EXPECT_NEAR(reaction.impulse[0] * 60, 0, 0.01 * 9.81 * m.mass);
+  }
+}
+
+TEST(Colliders, NothingPassesAt100MetresASecond) {
+  const auto asset = boxAsset(cube());
+  // A wall of two triangles across z, its front towards +z.
+  const Surface wall = {{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}}, {{0, 1, 2}, {0, 2, 3}}};
+  const std::vector<float> flat(41 * 41, 0.0F);
+  const Mat3 upright = turned(M_PI / 2, {1, 0, 0});  // y becomes z
+  const std::vector<Named> shapes = {{"box", BoxShape{{1, 1, 0.005F}}, {}},
+                                     {"mesh", MeshShape{wall.positions, wall.triangles}, {}},
+                                     {"height field", HeightFieldShape{flat, 41, 0.05F}, {{-1, 1, 0}, upright}}};
+  for (const Named& shape : shapes) {
+    for (int way = 0; way < 12; ++way) {
+      SCOPED_TRACE(testing::Message() << shape.name << " " << way);
+      World world(weightless());
+      ColliderSettings settings;
+      settings.at = shape.at;
+      ASSERT_TRUE(world.addCollider(shape.shape, settings));
+      // From anywhere within a step's reach, turned anyhow, and a little aslant at what is wide.
+      const BodyId body = *world.addBody(asset, placed(0, 0, 0.4 + 0.13 * way, turned(0.5 * way, {1, 0.3 * way, 0.2})));
+      const double aslant = shape.shape.index() == 1 ? 0 : 4 * (way % 3);
+      throwBody(world, body, {aslant, 0, -100});
+      for (int i = 0; i < 40; ++i) {
+        world.step(1.0F / 60);
+        ASSERT_TRUE(allFinite(world, body));
+      }
+      const Motion m = motionOf(world, body);
+      EXPECT_GT(m.center[2], 0) << "passed";
+    }
+  }
+}
+
+TEST(Colliders, MomentumGoesIntoTheCollider) {
+  const Shapes shapes;
+  const auto asset = boxAsset(cube());
+  for (const Named& shape : shapes.all) {
+    SCOPED_TRACE(shape.name);
+    WorldSettings settings = weightless();
+    settings.damping = 0;
+    World world(settings);
+    ColliderSettings collider_settings;
+    collider_settings.at = shape.at;
+    const ColliderId collider = *world.addCollider(shape.shape, collider_settings);
+    const BodyId body = *world.addBody(asset, placed(0.05, 0.4, 0.02, turned(0.5, {1, 0, 1})));
+    throwBody(world, body, {1, -3, 0.5}, {2, 1, 0});
+    double passed = 0;
+    for (int i = 0; i < 60; ++i) {
+      const Vector3d before = motionOf(world, body).momentum;
+      world.step(1.0F / 60);
+      const Vector3d impulse = wide(world.colliderReaction(collider).impulse);
+      ASSERT_LT((motionOf(world, body).momentum - before + impulse).norm(), 1e-6 * (before.norm() + impulse.norm()))
+          << i;
+      passed += impulse.norm();
+    }
+    EXPECT_GT(passed, 10);
+  }
+}
+
+TEST(Colliders, EnergyNeverGrows) {
+  const Shapes shapes;
+  const auto asset = boxAsset(cube());
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> in(-1, 1);
+  for (const Named& shape : shapes.all) {
+    double worst = -1;
+    WorldSettings still;
+    still.damping = 0;
+    World world(still);
+    ColliderSettings settings;
+    settings.at = shape.at;
+    ASSERT_TRUE(world.addCollider(shape.shape, settings));
+    for (int t = 0; t < 143; ++t) {
+      const BodyId body = *world.addBody(asset, placed(0.3 * in(random), 0.6, 0.3 * in(random),
+                                                       turned(3 * in(random), {in(random), in(random), in(random)})));
+      throwBody(world, body, Vector3d(2 * in(random), -5 + 5 * in(random), 2 * in(random)),
+                5 * Vector3d(in(random), in(random), in(random)));
+      const auto energy = [&] {
+        const Motion m = motionOf(world, body);
+        const BodyEnergy e = world.energy(body);
+        return e.kinetic + e.elastic + 9.81 * m.mass * (m.center[1] + 2);
+      };
+      // Its contacts' springs may give back what they took.
+      const double start = energy();
+      for (int i = 0; i < 30; ++i) {
+        world.step(1.0F / 60);
+        worst = std::max(worst, energy() / start - 1);
+      }
+      world.removeBody(body);
+    }
+    EXPECT_LT(worst, 1e-5) << shape.name;
+  }
+}
+
+TEST(Colliders, AMovingFloorTakesABodyAlong) {
+  const auto asset = boxAsset(cube());
+  World world;
+  const ColliderId floor = *world.addCollider(BoxShape{{2, 0.5F, 2}}, {{{0, -0.5F, 0}}});
+  const BodyId body = *world.addBody(asset, placed(0, 0.151, 0));
+  run(world, 1);
+  // A turntable, then a sledge: both begin gently.
+  double angle = 0, x = 0;
+  for (int i = 0; i < 90; ++i) {
+    angle += 0.01 * std::min(i, 30) / 30;
+    world.moveCollider(floor, {{0, -0.5F, 0}, turned(angle, {0, 1, 0})});
+    world.step(1.0F / 60);
+  }
+  Mat3 rotation;
+  Vec3 translation;
+  world.rigidMotion(body, rotation, translation);
+  EXPECT_NEAR(std::atan2(rotation[2], rotation[0]), angle, 0.01);
+  for (int i = 0; i < 120; ++i) {
+    x += std::min(i, 60) / 60.0 / 60;
+    world.moveCollider(floor, {{float(x), -0.5F, 0}, turned(angle, {0, 1, 0})});
+    world.step(1.0F / 60);
+  }
+  EXPECT_NEAR(motionOf(world, body).center[0], x, 2e-3);
+  EXPECT_NEAR(motionOf(world, body).momentum[0] / motionOf(world, body).mass, 1, 1e-2);
+}
+
+TEST(Colliders, RestitutionIsThePartOfTheSpeedThatIsLeft) {
+  BoxOptions hard = cube();
+  hard.stretch_hz = hard.bend_hz = hard.twist_hz = 200;
+  const auto asset = boxAsset(hard);
+  for (const float e : {0.0F, 0.5F, 1.0F}) {
+    for (const double height : {0.2, 0.3, 0.4}) {
+      WorldSettings settings;
+      settings.damping = 0;
+      World world(settings);
+      ColliderSettings floor;
+      floor.at.position = {0, -0.5F, 0};
+      floor.restitution = e;
+      ASSERT_TRUE(world.addCollider(BoxShape{{2, 0.5F, 2}}, floor));
+      const BodyId body = *world.addBody(asset, placed(0, 0.15 + height, 0));
+      double fastest = 0, left = 0;
+      for (int i = 0; i < 40; ++i) {
+        world.step(1.0F / 60);
+        const double up = motionOf(world, body).momentum[1] / motionOf(world, body).mass;
+        fastest = std::min(fastest, up);
+        left = std::max(left, up);
+      }
+      // A step's weight goes into the floor as well.
+      const double fall = 9.81 / 60, a = -fastest;
+      EXPECT_NEAR(left, std::sqrt(fall * fall + double(e * e) * a * a) - fall, 0.03 * a);
+    }
+  }
+}
+
+TEST(Colliders, AColliderWithAMassGivesWay) {
+  const auto asset = boxAsset(cube());
+  // Thrown at a wall, at a block of its own mass (as an engine would: the impulse moves it after the step), at a
+  // feather.
+  for (const float mass : {0.0F, 1.0F, 0.01F}) {
+    WorldSettings settings = weightless();
+    settings.damping = 0;
+    World world(settings);
+    ColliderSettings block;
+    const BodyId body = *world.addBody(asset, placed(0, 0.3, 0));
+    const double m = motionOf(world, body).mass;
+    block.mass = mass * float(m);
+    const ColliderId collider = *world.addCollider(BoxShape{{0.15F, 0.15F, 0.15F}}, block);
+    throwBody(world, body, {0, -1, 0});
+    double velocity = 0, place = 0;
+    for (int i = 0; i < 60; ++i) {
+      place += velocity / 60;
+      world.moveCollider(collider, {{0, float(place), 0}});
+      world.step(1.0F / 60);
+      const double impulse = double(world.colliderReaction(collider).impulse[1]);
+      if (mass > 0) velocity += impulse / double(block.mass);
+    }
+    const double left = motionOf(world, body).momentum[1] / m;
+    if (mass == 0) {
+      EXPECT_GT(left, 0);
+    } else {
+      EXPECT_NEAR(double(mass) * velocity + left, -1, 1e-3);
+      EXPECT_LE(double(mass) * velocity * velocity + left * left, 1.001);
+      EXPECT_LE(velocity, -1 / (1 + double(mass)));  // no less than what sticks
+    }
+  }
+}
+
+TEST(Colliders, LayersAndFrictionOfPairs) {
+  const auto asset = boxAsset(cube());
+  World world;
+  ColliderSettings floor;
+  floor.at.position = {0, -0.5F, 0};
+  floor.layers = 2;
+  floor.friction = 0.9F;
+  ASSERT_TRUE(world.addCollider(BoxShape{{20, 0.5F, 20}}, floor));
+  BodySettings falls = placed(0, 0.2, 0), slides = placed(3, 0.15, 0), sticks = placed(6, 0.15, 0);
+  falls.touches = 1;
+  slides.friction = 0.1F;  // 0.3 with the floor's
+  const BodyId a = *world.addBody(asset, falls), b = *world.addBody(asset, slides), c = *world.addBody(asset, sticks);
+  for (const BodyId body : {b, c}) throwBody(world, body, {1, 0, 0});
+  run(world, 0.5);
+  EXPECT_LT(motionOf(world, a).center[1], -0.5);
+  EXPECT_NEAR(motionOf(world, b).center[0], 3 + 0.5 / (0.3 * 9.81), 0.03);
+  EXPECT_NEAR(motionOf(world, c).center[0], 6 + 0.5 / (0.9 * 9.81), 0.05);
+}
+
+TEST(Colliders, EventsSayWhatBeganAndEnded) {
+  const auto asset = boxAsset(cube());
+  WorldSettings settings;
+  settings.ground.enabled = true;
+  World world(settings);
+  const ColliderId table = *world.addCollider(BoxShape{{1, 0.1F, 1}}, {{{0, 0.5F, 0}}});
+  const BodyId body = *world.addBody(asset, placed(0, 0.9, 0));
+  std::vector<ContactEvent> events;
+  const auto watch = [&](double seconds) {
+    for (double t = 0; t < seconds; t += 1.0 / 60) {
+      world.step(1.0F / 60);
+      events.insert(events.end(), world.contactEvents().begin(), world.contactEvents().end());
+    }
+  };
+  watch(2);
+  ASSERT_FALSE(events.empty());
+  EXPECT_EQ(events.back().collider, table);
+  EXPECT_TRUE(events.back().began);
+  events.clear();
+  world.removeCollider(table);
+  watch(1.5);
+  ASSERT_GE(events.size(), 2U);
+  EXPECT_EQ(events[0].collider, table);
+  EXPECT_FALSE(events[0].began);
+  EXPECT_EQ(events.back().collider, kGroundCollider);
+  EXPECT_TRUE(events.back().began);
+  EXPECT_EQ(events.back().body, body.value);
+  EXPECT_EQ(world.colliderReaction(table).impulse, (Vec3{0, 0, 0}));
+}
+
+TEST(Queries, RaysAndBallsMeetWhatIsThere) {
+  const Shapes shapes;
+  const auto asset = boxAsset(cube());
+  for (const Named& shape : shapes.all) {
+    SCOPED_TRACE(shape.name);
+    World world;
+    ColliderSettings settings;
+    settings.at = shape.at;
+    const ColliderId collider = *world.addCollider(shape.shape, settings);
+    const auto ray = world.rayCast({0, 2, 0}, {0, -1, 0}, 10);
+    ASSERT_TRUE(ray);
+    EXPECT_EQ(ray->object.collider, collider);
+    EXPECT_NEAR(ray->distance, 2, 1e-4);
+    EXPECT_NEAR(ray->normal[1], 1, 0.02);
+    EXPECT_FALSE(world.rayCast({0, 2, 0}, {0, -1, 0}, 1.9F));
+    EXPECT_FALSE(world.rayCast({0, 2, 0}, {0, 1, 0}, 10));
+    const auto ball = world.sphereCast({0, 2, 0}, 0.2F, {0, -1, 0}, 10);
+    ASSERT_TRUE(ball);
+    EXPECT_NEAR(ball->distance, 1.8, 1e-3);
+    EXPECT_NEAR(ball->point[1], 0, 1e-3);
+    // Bodies by what is drawn of them.
+    const BodyId body = *world.addBody(asset, placed(0, 1, 0));
+    const auto met = world.rayCast({0.01F, 2, 0.02F}, {0, -1, 0}, 10);
+    ASSERT_TRUE(met);
+    EXPECT_EQ(met->object.body, body.value);
+    EXPECT_NEAR(met->distance, 0.85, 1e-4);
+    EXPECT_LT(met->triangle, world.asset(body).package().visualTriangles().size());
+    QueryFilter others;
+    others.bodies = false;
+    EXPECT_NEAR(world.rayCast({0, 2, 0}, {0, -1, 0}, 10, others)->distance, 2, 1e-4);
+    EXPECT_NEAR(world.sphereCast({0.01F, 2, 0.02F}, 0.1F, {0, -1, 0}, 10)->distance, 0.75, 1e-3);
+  }
+}
+
+TEST(Queries, OverlapsAreThoseOfSamples) {
+  const Shapes shapes;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> in(-1, 1);
+  for (const Named& shape : shapes.all) {
+    SCOPED_TRACE(shape.name);
+    World world;
+    ColliderSettings settings;
+    settings.at = shape.at;
+    ASSERT_TRUE(world.addCollider(shape.shape, settings));
+    const bool sheet = shape.shape.index() == 5;
+    for (int i = 0; i < 60; ++i) {
+      const Vec3 center = {float(in(random)), float(0.6 * in(random)), float(in(random))};
+      const RigidTransform at = {center, turned(3 * in(random), {in(random), in(random), in(random)})};
+      const BoxShape box = {{0.3F, 0.1F, 0.2F}};
+      // A small ball overlaps where its centre is nearer than its radius: many of them fill the box.
+      bool filled = false;
+      for (int p = 0; p < 11 * 11 * 11; ++p) {
+        const Vector3d part(p % 11 / 5.0 - 1, p / 11 % 11 / 5.0 - 1, p / 121 / 5.0 - 1);
+        const Vector3d local = part.cwiseProduct(wide(box.half_size));
+        Vec3 place = center;
+        for (std::size_t r = 0; r < 3; ++r) {
+          for (std::size_t c = 0; c < 3; ++c) place[r] += at.rotation[3 * r + c] * float(local[int(c)]);
+        }
+        filled = filled || world.overlaps(place, sheet ? 0.035F : 1e-5F, {}) > 0;
+      }
+      const bool found = world.overlaps(box, at, {}) > 0;
+      if (filled && !sheet) {
+        EXPECT_TRUE(found) << i;
+      }
+      if (found && sheet) {
+        EXPECT_TRUE(filled) << i;
+      }
+      if (!found) {
+        EXPECT_FALSE(filled && !sheet) << i;
+      }
+    }
+  }
+  World world;
+  const BodyId body = *world.addBody(boxAsset(cube()), placed(0, 0, 0));
+  std::vector<QueryObject> objects(2);
+  EXPECT_EQ(world.overlaps({0, 0, 0}, 0.01F, objects), 1U);  // inside
+  EXPECT_EQ(objects[0].body, body.value);
+  EXPECT_EQ(world.overlaps({0, 0.16F, 0}, 0.02F, objects), 1U);
+  EXPECT_EQ(world.overlaps({0, 0.18F, 0}, 0.02F, objects), 0U);
+  EXPECT_EQ(world.overlaps(BoxShape{{0.01F, 0.03F, 0.01F}}, {{0, 0.17F, 0}}, objects), 1U);
+}
+
+}  // namespace
+}  // namespace sinew::test

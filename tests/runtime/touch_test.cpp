@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: MIT
+//
+// Bodies that touch each other.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "sinew/runtime/thread_pool.h"
+#include "sinew/runtime/world.h"
+#include "tests/support/box_package.h"
+
+namespace sinew::test {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr float kStep = 1.0F / 60;
+
+/// A box with the distance grid of its own sides.
+std::shared_ptr<const Asset> touchingBox(const std::array<double, 3>& size) {
+  BoxOptions options;
+  options.cells = {3, 3, 3};
+  options.size = size;
+  formats::PackageContent content = boxContent(options);
+  formats::DistanceGrid grid = {};
+  const double longest = *std::max_element(size.begin(), size.end());
+  grid.spacing = float(longest / 16);
+  grid.unit = float(longest / 30000);
+  for (std::size_t a = 0; a < 3; ++a) {
+    grid.nodes[a] = std::uint32_t(std::ceil(size[a] / double(grid.spacing))) + 5;
+    grid.origin[a] = -0.5F * float(grid.nodes[a] - 1) * grid.spacing;
+  }
+  for (std::uint32_t z = 0; z < grid.nodes[2]; ++z) {
+    for (std::uint32_t y = 0; y < grid.nodes[1]; ++y) {
+      for (std::uint32_t x = 0; x < grid.nodes[0]; ++x) {
+        const std::array<std::uint32_t, 3> node = {x, y, z};
+        Vector3d beyond;
+        for (std::size_t a = 0; a < 3; ++a) {
+          const double at = double(grid.origin[a]) + node[a] * double(grid.spacing);
+          beyond[Eigen::Index(a)] = std::abs(at) - 0.5 * size[a];
+        }
+        const double inside = std::min(0.0, beyond.maxCoeff());
+        const double distance = beyond.cwiseMax(0.0).norm() + inside;
+        content.distance_values.push_back(std::int16_t(std::lround(distance / double(grid.unit))));
+      }
+    }
+  }
+  content.distance_grids.push_back(grid);
+  return makeAsset(std::move(content));
+}
+
+struct Motion {
+  Vector3d momentum = Vector3d::Zero(), spin = Vector3d::Zero(), center = Vector3d::Zero();
+  double mass = 0, energy = 0, speed = 0;
+  double low = 1e30, high = -1e30;
+};
+
+Motion motionOf(const World& world, const std::vector<BodyId>& bodies) {
+  Motion result;
+  double squared = 0;
+  for (const BodyId body : bodies) {
+    const auto x = world.positions(body), v = world.velocities(body);
+    const auto vertices = world.asset(body).package().physicalVertices();
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const Vector3d at(double(x[i][0]), double(x[i][1]), double(x[i][2]));
+      const Vector3d moving(double(v[i][0]), double(v[i][1]), double(v[i][2]));
+      const double m = double(vertices[i].mass);
+      result.mass += m;
+      result.center += m * at;
+      result.momentum += m * moving;
+      result.spin += m * at.cross(moving);
+      squared += m * moving.squaredNorm();
+      result.low = std::min(result.low, at[1]);
+      result.high = std::max(result.high, at[1]);
+    }
+    const BodyEnergy energy = world.energy(body);
+    result.energy += energy.kinetic + energy.elastic;
+  }
+  result.center /= result.mass;
+  result.speed = std::sqrt(squared / result.mass);
+  return result;
+}
+
+WorldSettings inSpace() {
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.gravity = {0, 0, 0};
+  settings.damping = 0;
+  return settings;
+}
+
+BodyId addMoving(World& world, const std::shared_ptr<const Asset>& asset, const Vec3& position, const Vec3& velocity) {
+  BodySettings settings;
+  settings.position = position;
+  const BodyId body = *world.addBody(asset, settings);
+  const auto x = world.positions(body);
+  const std::vector<Vec3> at(x.begin(), x.end()), moving(x.size(), velocity);
+  world.setState(body, at, moving);
+  return body;
+}
+
+TEST(Touch, KeepsMomentumAndGainsNoEnergy) {
+  const auto asset = touchingBox({1, 1, 1});
+  World world(inSpace());
+  const std::vector<BodyId> bodies = {addMoving(world, asset, {-0.9F, 0.2F, 0}, {2, 0, 0}),
+                                      addMoving(world, asset, {0.9F, 0, 0.1F}, {-1, 0, 0})};
+  const Motion before = motionOf(world, bodies);
+  double most = before.energy;
+  for (int i = 0; i < 120; ++i) {
+    world.step(kStep);
+    const Motion now = motionOf(world, bodies);
+    EXPECT_LT((now.momentum - before.momentum).norm(), 1e-5 * before.momentum.norm()) << i;
+    EXPECT_LT((now.spin - before.spin).norm(), 1e-4 * before.spin.norm()) << i;
+    EXPECT_LE(now.energy, most * (1 + 1e-5)) << i;
+    most = std::min(most, now.energy);
+  }
+  // They have met and part.
+  const Motion first = motionOf(world, {bodies[0]}), second = motionOf(world, {bodies[1]});
+  EXPECT_LT(first.center[0], second.center[0]);
+  EXPECT_LE(first.momentum[0] / first.mass, second.momentum[0] / second.mass + 1e-3);
+  EXPECT_LT(first.momentum[0] / first.mass, 1.5);
+}
+
+TEST(Touch, LeavesWhatIsFarAsItIs) {
+  const auto asset = touchingBox({1, 1, 1});
+  for (const bool collisions : {false, true}) {
+    WorldSettings settings = inSpace();
+    settings.collisions = collisions;
+    World pair(settings), alone(settings);
+    const BodyId one = addMoving(pair, asset, {0, 0, 0}, {0.5F, 0, 0}),
+                 same = addMoving(alone, asset, {0, 0, 0}, {0.5F, 0, 0});
+    addMoving(pair, asset, {0, 3, 0}, {0, 1, 0});
+    for (int i = 0; i < 30; ++i) {
+      pair.step(kStep);
+      alone.step(kStep);
+    }
+    const auto x = pair.positions(one), y = alone.positions(same);
+    EXPECT_TRUE(std::equal(x.begin(), x.end(), y.begin(), y.end())) << collisions;
+  }
+}
+
+TEST(Touch, StacksComeToRest) {
+  const auto asset = touchingBox({1, 0.6, 1});
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  World world(settings);
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < 4; ++i) {
+    BodySettings at;
+    at.position = {i % 2 == 0 ? 0.05F : -0.05F, 0.3F + 0.61F * float(i), 0.02F * float(i)};
+    at.stiffness_scale = 8;
+    bodies.push_back(*world.addBody(asset, at));
+  }
+  // Steps as games have them, a hitch among them.
+  for (int i = 0; i < 420; ++i) world.step(i == 100 ? 0.5F : i % 3 == 0 ? 0.02F : kStep);
+  const Motion at_rest = motionOf(world, bodies);
+  EXPECT_LT(at_rest.speed, 1e-3);
+  EXPECT_GT(at_rest.high, 0.98 * 4 * 0.6);
+  for (int i = 1; i < 4; ++i) {
+    const double lower = motionOf(world, {bodies[std::size_t(i) - 1]}).center[1];
+    EXPECT_NEAR(motionOf(world, {bodies[std::size_t(i)]}).center[1] - lower, 0.6, 0.02) << i;
+  }
+}
+
+TEST(Touch, PartsWhatStartedInside) {
+  const auto asset = touchingBox({1, 1, 1});
+  World world(inSpace());
+  const std::vector<BodyId> bodies = {addMoving(world, asset, {0, 0, 0}, {0, 0, 0}),
+                                      addMoving(world, asset, {0.1F, 0.75F, -0.1F}, {0, 0, 0})};
+  for (int i = 0; i < 180; ++i) {
+    world.step(kStep);
+    // A recovery speed of one diagonal per second, of both.
+    EXPECT_LT(motionOf(world, bodies).energy, 2 * 0.5 * 1000 * 3) << i;
+  }
+  EXPECT_GT(motionOf(world, {bodies[1]}).center[1] - motionOf(world, {bodies[0]}).center[1], 0.98);
+}
+
+TEST(Touch, IsTheSameForAnyThreads) {
+  const auto asset = touchingBox({1, 1, 1});
+  std::vector<Vec3> expected;
+  for (const unsigned threads : {0U, 2U, 5U}) {
+    ThreadPool pool(std::max(1U, threads));
+    WorldSettings settings;
+    settings.collisions = true;
+    settings.ground.enabled = true;
+    World world(settings, threads > 0 ? &pool : nullptr);
+    std::vector<BodyId> bodies;
+    // A row whose neighbours overlap a little: one island of twenty.
+    for (int i = 0; i < 20; ++i) {
+      BodySettings at;
+      at.position = {0.999F * float(i), 0.5F + 0.02F * float(i % 3), 0};
+      bodies.push_back(*world.addBody(asset, at));
+    }
+    for (int i = 0; i < 40; ++i) world.step(kStep);
+    std::vector<Vec3> found;
+    for (const BodyId body : bodies) {
+      const auto x = world.positions(body);
+      found.insert(found.end(), x.begin(), x.end());
+    }
+    if (threads == 0) expected = found;
+    EXPECT_EQ(found, expected) << threads;
+  }
+}
+
+}  // namespace
+}  // namespace sinew::test

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/distances.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "runtime/geometry/winding_number.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Cells around the surface's box: contact points are looked at before they are inside.
+constexpr double kBorder = 2;
+/// Cells of the package's diagonal at most: small pieces take as many as they need of that.
+constexpr double kMostCells = 4;
+
+/// The visual triangles that hang whole on a piece.
+std::vector<geometry::Triangle> trianglesOf(const formats::PackageContent& content, const formats::BodyRange& body) {
+  std::vector<geometry::Triangle> result;
+  const auto in_piece = [&](std::uint32_t v) {
+    const std::uint32_t t = content.barycentric[v].tetrahedron;
+    return t >= body.first_tetrahedron && t - body.first_tetrahedron < body.tetrahedron_count;
+  };
+  for (const auto& triangle : content.visual_triangles) {
+    if (std::all_of(triangle.begin(), triangle.end(), in_piece)) result.push_back(triangle);
+  }
+  return result;
+}
+
+void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3d>& positions,
+             const std::vector<geometry::Triangle>& triangles, formats::PackageContent& content) {
+  Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (const auto& triangle : triangles) {
+    for (const std::uint32_t v : triangle) {
+      low = low.cwiseMin(positions[v]);
+      high = high.cwiseMax(positions[v]);
+    }
+  }
+  const double spacing =
+      std::max((high - low).maxCoeff() / cells, double(content.info.diagonal) / (kMostCells * cells));
+  if (!(spacing > 0)) return;
+  formats::DistanceGrid grid = {};
+  grid.piece = piece;
+  grid.spacing = float(spacing);
+  grid.first_value = std::uint32_t(content.distance_values.size());
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    const auto at = std::size_t(axis);
+    grid.nodes[at] = std::uint32_t(std::ceil((high - low)[axis] / spacing + 2 * kBorder)) + 1;
+    const double middle = 0.5 * (low + high)[axis];
+    grid.origin[at] = float(middle - 0.5 * (grid.nodes[at] - 1) * spacing);
+  }
+  std::vector<Vector3d> nodes;
+  for (std::uint32_t z = 0; z < grid.nodes[2]; ++z) {
+    for (std::uint32_t y = 0; y < grid.nodes[1]; ++y) {
+      for (std::uint32_t x = 0; x < grid.nodes[0]; ++x) {
+        nodes.emplace_back(double(grid.origin[0]) + x * double(grid.spacing),
+                           double(grid.origin[1]) + y * double(grid.spacing),
+                           double(grid.origin[2]) + z * double(grid.spacing));
+      }
+    }
+  }
+  const geometry::WindingNumber winding(positions, triangles, false);
+  std::vector<char> inside(nodes.size());
+  winding.inside(nodes, inside);
+  std::vector<double> distance;
+  double largest = spacing;
+  for (const Vector3d& node : nodes) {
+    distance.push_back(std::sqrt(winding.bvh().closest(node).squared_distance));
+    largest = std::max(largest, distance.back());
+  }
+  grid.unit = float(largest / std::numeric_limits<std::int16_t>::max());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const double value = std::round(distance[i] / double(grid.unit));
+    content.distance_values.push_back(std::int16_t(inside[i] != 0 ? -value : value));
+  }
+  content.distance_grids.push_back(grid);
+}
+
+}  // namespace
+
+void addDistances(std::uint32_t cells, formats::PackageContent& content) {
+  if (cells == 0 || content.barycentric.empty() || content.field_points.empty()) return;
+  std::vector<Vector3d> positions;
+  for (const auto& x : content.visual_positions) positions.emplace_back(double(x[0]), double(x[1]), double(x[2]));
+  for (std::uint32_t piece = 0; piece < content.bodies.size(); ++piece) {
+    const auto triangles = trianglesOf(content, content.bodies[piece]);
+    if (!triangles.empty()) addGrid(piece, cells, positions, triangles, content);
+  }
+}
+
+}  // namespace sinew::tools
