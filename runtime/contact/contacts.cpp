@@ -4,22 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/contact/firmness.h"
+
 namespace sinew::internal {
 namespace {
 
-/// Points so close to a collider at the prediction are looked at: the minimization may press them in. Diagonals.
-constexpr double kMargin = 2e-3;
-/// Speed at which what starts inside comes out, diagonals per second.
-constexpr double kRecoverySpeed = 1;
-/// Depths in kappa = weight / (kFew depth), which bound a point's own E sqrt(area) (docs/method.md §4). Where a piece
-/// is too soft to carry its weight, diagonals:
-constexpr double kSinking = 2e-3;
-/// And at least, where it is stiff: a hundred times what floats resolve of a place. Diagonals.
-constexpr double kResolved = 2e-5;
-/// Points that are taken to share the weight there; more press in less.
-constexpr double kFew = 8;
-/// What counts as weight at least, diagonals per second squared.
-constexpr double kLeastGravity = 1;
 /// Candidates a contact point at most, on average.
 constexpr std::size_t kCandidates = 2;
 
@@ -211,13 +200,12 @@ class Search {
     contact.floor += bounceOf(collider, normal, coming, gap_before);
     contact.gap = float(gap - double(contact.floor));
     // A constant of the point, whatever else touches: else what rests would be a spring that changes.
-    const double shared = kFew * step_.diagonal;
-    const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal) / shared;
-    const double own = double(step_.stiffness) * field_.young * std::sqrt(double(field_.points[contact.point].area));
-    double kappa = std::clamp(own, weight / kSinking, weight / kResolved);
+    const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal);
+    double kappa = pointFirmness(double(step_.stiffness) * field_.young, double(field_.points[contact.point].area),
+                                 weight, step_.diagonal);
     // But what could pass to the other side is stopped in the step in which it arrives.
     if (!collider.shape.isPlane() && coming > 0) {
-      kappa = std::max(kappa, field_.mass * coming / (step_.h * shared * kPressedIn));
+      kappa = std::max(kappa, field_.mass * coming / (step_.h * kFew * step_.diagonal * kPressedIn));
     }
     contact.kappa = float(kappa);
     Vector3d anchor = before;

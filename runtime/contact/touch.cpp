@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "runtime/clusters/algebra.h"
+#include "runtime/contact/firmness.h"
 #include "runtime/kernels/kernels.h"
 
 namespace sinew::internal {
@@ -14,8 +15,6 @@ namespace {
 using Eigen::Matrix3f;
 using Eigen::Vector3f;
 
-// As of contacts with a plane (contact/plane.cpp).
-constexpr double kMargin = 2e-3, kRecoverySpeed = 1, kSinking = 2e-3, kResolved = 2e-5, kFew = 8;
 /// Rounds in which a place's material point is found, and how near, diagonals.
 constexpr int kRounds = 4;
 constexpr double kNear = 2e-4;
@@ -71,9 +70,7 @@ bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, doubl
 }
 
 double firmness(const TouchingPiece& piece, double area) {
-  const double weight = piece.weight / (kFew * piece.diagonal);
-  const double local = double(piece.stiffness) * piece.field->young * std::sqrt(area);
-  return std::clamp(local, weight / kSinking, weight / kResolved);
+  return pointFirmness(double(piece.stiffness) * piece.field->young, area, piece.weight, piece.diagonal);
 }
 
 }  // namespace

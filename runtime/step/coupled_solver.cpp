@@ -8,7 +8,7 @@
 #include "runtime/contact/contacts.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/solver/plasticity.h"
-#include "runtime/step/piece_step.h"
+#include "runtime/step/body_state.h"
 #include "runtime/step/world_step.h"
 #include "runtime/world/body.h"
 

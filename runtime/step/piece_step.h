@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT
 //
-// One step of a piece: predict, solve, settle (docs/method.md).
+// One step of a piece: predict, solve, settle (docs/method.md §3).
 #pragma once
 
 #include "runtime/contact/contacts.h"
+#include "runtime/contact/touch.h"
+#include "runtime/solver/cluster_solver.h"
 #include "runtime/solver/minimize.h"
+#include "runtime/solver/springs.h"
 #include "runtime/world/body.h"
 
 namespace sinew::internal {
@@ -18,28 +21,141 @@ struct PieceScratch {
   ContactScratch contacts;
 };
 
+/// The rigid motion of a piece: centre, velocity of the centre, angular velocity.
+struct Rigid {
+  Vector3d center = Vector3d::Zero(), velocity = Vector3d::Zero(), omega = Vector3d::Zero();
+};
+
+/// The step of a piece: begin() up to where it is a minimization, then its end, alone or together with what it touches.
+class PieceStep {
+ public:
+  PieceStep(Body& body, Piece& piece, const StepWorld& world, double seconds, PieceScratch& scratch)
+      : body_(body),
+        piece_(piece),
+        field_(piece.field()),
+        settings_(world.settings),
+        colliders_(world.colliders),
+        h_(seconds),
+        scratch_(scratch),
+        s_(scratch.minimize),
+        k_(field_.k),
+        stiffness_(body.settings.stiffness_scale * body.settings.stiffness_scale),
+        gravity_(asVector(world.settings.gravity).cast<double>()) {}
+
+  void run();
+
+  void begin();
+
+  /// The end of a step that touches nothing else.
+  void finishAlone();
+  void setTogether() { together_ = true; }
+
+  /// The same near other pieces: a two-step formula does not reach across contacts.
+  void useEuler();
+
+  /// What contacts with other pieces see. \param before room for the coefficients before the step, k x 4.
+  TouchingPiece touchingPiece(std::span<float> before) const;
+
+  Objective& objective() { return objective_; }
+  SystemFactor& system() { return piece_.system; }
+  MinimizeScratch& scratch() { return s_; }
+  const Field& field() const { return field_; }
+  bool isSupported() const { return springs_ || field_.driven > 0 || !s_.contacts.empty(); }
+  bool leaned() const { return piece_.state.leaning || !piece_.state.touching.empty(); }
+
+  /// The objective with its touches: its first matrix and its frame.
+  void prepareTogether(std::span<const TouchRow> rows);
+  /// Where it was, from the prediction. \param d k x 4.
+  void oldPlace(float* d) const;
+  /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held.
+  void finishTogether(bool leaning);
+
+  /// Mass, centre and motion as a whole: before the step, as predicted, and after it.
+  struct Whole {
+    double mass;
+    Vector3d before, velocity_before, spin_before, predicted, velocity_predicted, after, velocity, spin;
+    Matrix3d inertia;
+  };
+  Whole whole() const;
+  /// Moved as a whole: by a way, and by a motion about a point.
+  void add(const Vector3d& way, const Vector3d& velocity, const Vector3d& omega, const Vector3d& about);
+
+ private:
+  ConstCoefficientMap y() const { return {s_.prediction.data()->data(), Eigen::Index(k_), 3}; }
+  std::span<const Collider* const> nearby() const;
+  ContactStep contactStep() const;
+  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, center_}; }
+
+  /// What moves as one: of a piece that the field holds, its pin sets; of another its mass.
+  void findMotion();
+
+  bool mayContinue() const;
+
+  Vector3d targetOf(std::uint32_t j) const;
+
+  /// y, the predicted velocity, and what the inertia is about: BDF2 or implicit Euler, in a frame that turns with the
+  /// piece.
+  void predict();
+
+  void setBase();
+
+  void findExternal();
+
+  /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
+  /// where it is from where it should be, which floats hold only where both are near.
+  void rebase();
+
+  bool touches() const;
+
+  /// Whether all that push at the prediction touched at the end of the last step.
+  bool touchesAsBefore() const;
+
+  void solve();
+
+  void settle();
+
+  /// What is deformed beyond its yield stays so: the shape stores less then.
+  void becomePermanent();
+
+  /// The rigid motion that minimizing, in floats, has lost is put back: a minimum has the prediction's centre.
+  void keepMomentum(CoefficientMap& z, CoefficientMap& v) const;
+
+  Vector3d angularMomentumBefore() const;
+
+  /// A free piece never has more energy than when something last acted on it.
+  void keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free);
+
+  void react();
+
+  Body& body_;
+  Piece& piece_;
+  const Field& field_;
+  const WorldSettings& settings_;
+  const std::span<const Collider* const> colliders_;
+  const double h_;
+  PieceScratch& scratch_;
+  MinimizeScratch& s_;
+  const std::uint32_t k_;
+  const float stiffness_;
+  const Vector3d gravity_;
+  bool springs_ = false, two_step_ = false, together_ = false;
+  Rigid rigid_;
+  Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
+  Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s
+  double effective_h_ = 0;
+  Vector3d center_ = Vector3d::Zero();  ///< that floats are relative to
+  Vector3d rigid_velocity_ = Vector3d::Zero(), rigid_omega_ = Vector3d::Zero();
+  Objective objective_;
+  Objective::Value value_;
+};
+
+/// Whether a piece's state can be stepped: finite and not lost.
+bool isUsable(const Piece& piece);
+
+/// What the energy of a piece depends on beside its coefficients: permanent shapes and tensions.
+void setMaterial(const Piece& piece, Objective& objective);
+
 /// Advances all pieces of a body by one step, at whose end its pins and pin sets are where `at` says.
 void stepPieces(Body& body, const StepWorld& world, double seconds, PieceScratch& scratch);
-
-/// Puts a piece at rest where the body was added.
-void restPiece(const Body& body, Piece& piece);
-
-/// Positions and velocities of a body's physical vertices from its pieces' coefficients, where they are outdated.
-/// \param part of the last step that they are to show: between its two states, in the frame that turns with the piece.
-void refresh(Body& body, double part);
-
-/// Coefficients that come nearest to the positions and velocities in Body::x and v.
-void project(Body& body);
-
-/// The tensions of fibres as the body's channels are activated. \param changed the shapes' energies are others now.
-void updateFibres(Body& body, bool changed = true);
-
-/// Chooses the field of each piece: the held one where all of the package's pin sets on it hold. \return whether one
-/// changed.
-bool chooseFields(Body& body);
-
-/// Kinetic energy, and the elastic energy of the shape (made anew where it is not known), J.
-double kineticEnergy(const Body& body);
-double elasticEnergy(Body& body, PieceScratch& scratch);
 
 }  // namespace sinew::internal

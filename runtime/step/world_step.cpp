@@ -27,8 +27,8 @@ void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scr
   }
 }
 
-void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world, JobSystem* jobs,
-               double seconds, double share) {
+void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world,
+               JobSystem* jobs, double seconds, double share) {
   growScratch(bodies, world.colliders.size(), scratch, jobs);
   findPairs(bodies, world.settings, seconds, together);
   // Each lane takes the next body that nobody has taken. Bodies that touch no other share nothing, so it does not

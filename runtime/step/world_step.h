@@ -27,7 +27,7 @@ void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scr
 
 /// Advances all bodies by one step, side by side. \param share of the way to their targets that holds go. \param
 /// scratch grown where bodies have come. \param jobs may be null.
-void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world, JobSystem* jobs,
-               double seconds, double share);
+void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world,
+               JobSystem* jobs, double seconds, double share);
 
 }  // namespace sinew::internal

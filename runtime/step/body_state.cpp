@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/step/body_state.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/geometry/rotation.h"
+#include "runtime/interact/pin_sets.h"
+#include "runtime/solver/plasticity.h"
+#include "runtime/step/rigid.h"
+
+namespace sinew::internal {
+namespace {
+
+/// The four vertices that carry a rigid part: as their rest shape, turned and moved to where they are.
+void stiffen(Body& body, const formats::Cluster& cluster) {
+  std::array<std::uint32_t, 4> corner = {};
+  std::size_t found = 0;
+  for (const formats::Membership& member :
+       body.package().memberships().subspan(cluster.first_member, cluster.member_count)) {
+    if (member.share > 0 && found < 4) corner[found++] = member.vertex;
+  }
+  if (found < 4) return;
+  Vector3 rest_middle = Vector3::Zero(), middle = Vector3::Zero();
+  for (const std::uint32_t v : corner) {
+    rest_middle += 0.25F * asVector(body.vertices()[v].rest_position);
+    middle += 0.25F * asVector(body.x[v]);
+  }
+  Matrix3 moment = Matrix3::Zero();
+  for (const std::uint32_t v : corner) {
+    moment += Vector3(asVector(body.x[v]) - middle) *
+              Vector3(asVector(body.vertices()[v].rest_position) - rest_middle).transpose();
+  }
+  const Matrix3 rotation = geometry::nearestRotation(moment);
+  for (const std::uint32_t v : corner) {
+    body.x[v] = asArray(middle + rotation * (asVector(body.vertices()[v].rest_position) - rest_middle));
+  }
+}
+
+void resizeState(Piece& piece) {
+  const std::size_t k = piece.field().k;
+  for (Array<Vector3d>* array : {&piece.state.z, &piece.state.v, &piece.state.z_before, &piece.state.v_before}) {
+    array->resize(k);
+  }
+  piece.springs_firm = -1;
+  piece.system.h = 0;
+}
+
+/// There was no step before.
+void standStill(PieceState& state) {
+  std::copy(state.z.begin(), state.z.end(), state.z_before.begin());
+  std::copy(state.v.begin(), state.v.end(), state.v_before.begin());
+  state.turn.setZero();
+  state.h_before = 0;
+}
+
+}  // namespace
+
+void restPiece(const Body& body, Piece& piece) {
+  resizeState(piece);
+  const Field& field = piece.field();
+  Matrix3d rotation;
+  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(body.settings.rotation[std::size_t(i)]);
+  const Vector3d position = asVector(body.settings.position).cast<double>();
+  PieceState& state = piece.state;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    state.z[j] = rotation * restOf(field, j) + oneOf(field, j) * position;
+    state.v[j].setZero();
+  }
+  standStill(state);
+  state.elastic = state.budget = piece.tensions.empty() ? 0 : -1;
+  state.touching.clear();
+  resetPlasticity(field, state.plastic);
+  invertPlasticity(state.plastic, piece.rest_change);
+}
+
+void updateFibres(Body& body, bool changed) {
+  const auto& activation = body.activation;
+  const float stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
+  const bool active = std::any_of(activation.begin(), activation.end(), [](float value) { return value > 0; });
+  for (Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    piece.tensions.resize(active ? field.fibres.size() : 0);
+    for (std::size_t i = 0; i < piece.tensions.size(); ++i) {
+      const formats::FieldFibre& fibre = field.fibres[i];
+      const std::uint32_t channel = body.package().mechanics()[fibre.cluster].channel;
+      piece.tensions[i] = stiffness * activation[channel] * fibre.tension;
+    }
+    if (field.fibres.empty() || !changed) continue;
+    piece.state.elastic = piece.state.budget = -1;
+  }
+}
+
+void refresh(Body& body, double part) {
+  if (!body.outdated && body.shown == part) return;
+  body.outdated = false;
+  body.shown = part;
+  const double left = 1 - part;
+  for (const Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    const std::uint32_t blocks = (field.vertex_count + 7) / 8;
+    Array<float>&coefficients = body.coefficients, &out = body.field_values;
+    coefficients.resize(4 * std::size_t(field.k));
+    out.resize(24 * std::size_t(blocks));
+    const PieceState& state = piece.state;
+    const Vector3d now = meanOf(field, piece.z());
+    const Vector3d before = meanOf(field, {state.z_before.data()->data(), Eigen::Index(field.k), 3});
+    const Vector3d center = left * before + part * now;
+    const Matrix3d onward = turnBy(part * state.turn), back = turnBy(-left * state.turn);
+    for (const bool moving : {false, true}) {
+      for (std::uint32_t j = 0; j < field.k; ++j) {
+        const double one = oneOf(field, j);
+        const Vector3d row = moving ? Vector3d(left * state.v_before[j] + part * state.v[j])
+                                    : Vector3d(left * (onward * (state.z_before[j] - one * before)) +
+                                               part * (back * (state.z[j] - one * now)));
+        for (std::uint32_t c = 0; c < 3; ++c) coefficients[4 * j + c] = float(row[int(c)]);
+      }
+      kernels().field_values({field.k, blocks, field.values, coefficients.data(), out.data()});
+      Array<Vec3>& to = moving ? body.v : body.x;
+      for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+        for (std::size_t c = 0; c < 3; ++c) {
+          const float value = out[24 * (i / 8) + 8 * c + i % 8];
+          to[field.first_vertex + i][c] = moving ? value : float(double(value) + center[int(c)]);
+        }
+      }
+    }
+  }
+  // What rides along rigidly keeps its shape.
+  for (const formats::AttachedPart& rider : body.package().parts()) {
+    if (rider.cluster != formats::kNone) stiffen(body, body.package().clusters()[rider.cluster]);
+  }
+  // What is held is drawn where it is held: springs leave the local give to the vertex itself.
+  for (const Pin& pin : body.pins) {
+    body.x[pin.vertex] = asArray(Vector3(float(left) * asVector(pin.before) + float(part) * asVector(pin.at)));
+  }
+  for (const PinSet& set : body.pin_sets) {
+    const RigidTransform at = between(set.before, set.at, part);
+    for (const PinnedVertex& vertex : set.vertices) {
+      const auto to = asVector(body.x[vertex.vertex]);
+      const Vector3 place = placeOf(at, vertex.local).cast<float>();
+      body.x[vertex.vertex] = asArray(to + vertex.weight * (place - to));
+    }
+  }
+}
+
+void project(Body& body) {
+  for (Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    PieceState& state = piece.state;
+    resizeState(piece);
+    Vector3d center = Vector3d::Zero();
+    double mass = 0;
+    for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+      const double m = double(body.vertices()[field.first_vertex + i].mass);
+      center += m * asVector(body.x[field.first_vertex + i]).cast<double>();
+      mass += m;
+    }
+    center /= mass;
+    for (const bool moving : {false, true}) {
+      Array<Vector3d>& to = moving ? state.v : state.z;
+      std::fill(to.begin(), to.end(), Vector3d::Zero());
+      if (field.driven > 0) {
+        // The pin sets prescribe these.
+        for (std::uint32_t j = 0; j < field.driven && !moving; ++j) {
+          for (const PinSet& set : body.pin_sets) {
+            if (set.source != field.functions[j].pin_set) continue;
+            const std::uint32_t monomial = field.functions[j].monomial;
+            for (std::size_t c = 0; c < 3; ++c) {
+              to[j][int(c)] = double(monomial == 0 ? set.at.position[c] : set.at.rotation[3 * c + monomial - 1]);
+            }
+            if (monomial == 0) to[j] -= center;
+          }
+        }
+      }
+      // The functions are orthonormal but for rounding: a second round takes what the first has left.
+      for (int round = 0; round < 2; ++round) {
+        for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+          const std::uint32_t vertex = field.first_vertex + i;
+          Vector3d left = asVector(moving ? body.v[vertex] : body.x[vertex]).cast<double>();
+          if (!left.allFinite()) continue;
+          if (!moving) left -= center;
+          body.residuals[vertex] = left;
+          for (std::uint32_t j = 0; j < field.k; ++j) {
+            body.residuals[vertex] -= double(field.valueAt(i, j)) * to[j];
+          }
+        }
+        for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+          const std::uint32_t vertex = field.first_vertex + i;
+          const Vector3d weighed = double(body.vertices()[vertex].mass) * body.residuals[vertex];
+          for (std::uint32_t j = field.driven; j < field.k; ++j) to[j] += double(field.valueAt(i, j)) * weighed;
+        }
+      }
+      if (moving) continue;
+      for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;
+    }
+    standStill(state);
+    state.elastic = -1;
+    state.budget = -1;
+    state.touching.clear();
+  }
+  body.outdated = true;
+}
+
+bool chooseFields(Body& body) {
+  bool changed = false;
+  for (Piece& piece : body.pieces) {
+    bool held = piece.fixed != nullptr;
+    if (held) {
+      for (std::uint32_t j = 0; j < piece.fixed->driven; ++j) {
+        const std::uint32_t source = piece.fixed->functions[j].pin_set;
+        held = held && std::any_of(body.pin_sets.begin(), body.pin_sets.end(),
+                                   [source](const PinSet& set) { return set.source == source; });
+      }
+    }
+    piece.springs_firm = -1;
+    piece.system.h = 0;
+    if (held == piece.state.held) continue;
+    const Field& before = piece.field();
+    piece.state.held = held;
+    movePlasticity(before, piece.field(), piece.state.plastic);
+    invertPlasticity(piece.state.plastic, piece.rest_change);
+    changed = true;
+  }
+  if (changed) updateFibres(body);
+  return changed;
+}
+
+double kineticEnergy(const Body& body) {
+  double energy = 0;
+  for (const Piece& piece : body.pieces) {
+    for (const Vector3d& row : piece.state.v) energy += 0.5 * row.squaredNorm();
+  }
+  return energy;
+}
+
+double elasticEnergy(Body& body, PieceScratch& scratch) {
+  double energy = 0;
+  for (Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    MinimizeScratch& s = scratch.minimize;
+    scratch.reserve(piece);
+    const Vector3d center = meanOf(field, std::as_const(piece).z());
+    Objective objective;
+    objective.field = &field;
+    objective.h = 1;
+    objective.stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
+    objective.scratch = &s;
+    setMaterial(piece, objective);
+    s.contacts.clear();
+    std::fill_n(s.d.begin(), 4 * field.k, 0.0F);
+    objective.setFrame({piece.state.z.data(), field.k}, center, restCenterOf(field),
+                       rotationOf(field, std::as_const(piece).z(), center));
+    energy += objective.elastic(s.d.data(), s.next_gradient.data(), true);
+  }
+  return energy;
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+//
+// Bodies whose pieces move in fields: at rest, as vertices, as energy.
+#pragma once
+
+#include "runtime/step/piece_step.h"
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// Puts a piece at rest where the body was added.
+void restPiece(const Body& body, Piece& piece);
+
+/// Positions and velocities of a body's physical vertices from its pieces' coefficients, where they are outdated.
+/// \param part of the last step that they are to show: between its two states, in the frame that turns with the piece.
+void refresh(Body& body, double part);
+
+/// Coefficients that come nearest to the positions and velocities in Body::x and v.
+void project(Body& body);
+
+/// The tensions of fibres as the body's channels are activated. \param changed the shapes' energies are others now.
+void updateFibres(Body& body, bool changed = true);
+
+/// Chooses the field of each piece: the held one where all of the package's pin sets on it hold. \return whether one
+/// changed.
+bool chooseFields(Body& body);
+
+/// Kinetic energy, and the elastic energy of the shape (made anew where it is not known), J.
+double kineticEnergy(const Body& body);
+double elasticEnergy(Body& body, PieceScratch& scratch);
+
+}  // namespace sinew::internal

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/step/rigid.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "runtime/geometry/rotation.h"
+
+namespace sinew::internal {
+
+Matrix3d turnBy(const Vector3d& angle) {
+  const double length = angle.norm();
+  return length > 0 ? Eigen::AngleAxisd(length, angle / length).toRotationMatrix() : Matrix3d::Identity();
+}
+
+Vector3d meanOf(const Field& field, const ConstCoefficientMap& z) {
+  Vector3d sum = Vector3d::Zero();
+  double mass = 0;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    sum += oneOf(field, j) * z.row(j).transpose();
+    mass += oneOf(field, j) * oneOf(field, j);
+  }
+  return sum / mass;
+}
+
+Vector3d angularMomentum(const Field& field, const ConstCoefficientMap& z, const ConstCoefficientMap& v,
+                         const Vector3d& center, const Vector3d& velocity) {
+  Vector3d sum = Vector3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
+    sum += arm.cross(Vector3d(v.row(j).transpose() - oneOf(field, j) * velocity));
+  }
+  return sum;
+}
+
+Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
+  Matrix3d moment = Matrix3d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const Vector3d arm = z.row(j).transpose() - oneOf(field, j) * center;
+    moment += arm * arm.transpose();
+  }
+  const double trace = moment.trace();
+  // What is straight has no inertia about its line.
+  return (trace * (1 + 1e-9)) * Matrix3d::Identity() - moment;
+}
+
+Vector3d solved(const Matrix3d& a, const Vector3d& b) {
+  const Matrix3d inverse = a.inverse();
+  const Vector3d x = inverse * b;
+  return x.allFinite() ? x : Vector3d::Zero();
+}
+
+Vector3d restCenterOf(const Field& field) {
+  Vector3d center = Vector3d::Zero();
+  double mass = 0;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    center += oneOf(field, j) * restOf(field, j);
+    mass += oneOf(field, j) * oneOf(field, j);
+  }
+  return center / mass;
+}
+
+Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vector3d& center) {
+  Matrix3d sum = Matrix3d::Zero();
+  const Vector3d rest_center = restCenterOf(field);
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    sum += Vector3d(z.row(j).transpose() - oneOf(field, j) * center) *
+           (restOf(field, j) - oneOf(field, j) * rest_center).transpose();
+  }
+  const double scale = sum.cwiseAbs().maxCoeff();
+  if (!(scale > 0) || !std::isfinite(scale)) return Matrix3d::Identity();
+  geometry::Quaternion q = geometry::kIdentityQuaternion;
+  geometry::nearestRotation(Eigen::Matrix3f((sum / scale).cast<float>()), q);
+  return Eigen::Quaterniond(double(q[0]), double(q[1]), double(q[2]), double(q[3])).normalized().toRotationMatrix();
+}
+
+}  // namespace sinew::internal
