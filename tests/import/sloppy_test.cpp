@@ -169,7 +169,7 @@ TEST_F(Sloppy, Ply) {
          {"floats.ply", head + "property list uchar float vertex_index\n" + body}});
   refused({{"names.ply", head + "property list uchar int corners\n" + body,
             "has faces without a list vertex_indices (their lists: corners)"},
-           {"comma.ply", head + "property list uchar int vertex_indices\nend_header\n0,5 0 0\n",
+           {"comma.ply", head + "property list uchar int vertex_indices\nend_header\n0,5 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n",
             "has \"0,5\" where a number belongs. Export it with decimal points"}});
 }
 
@@ -212,7 +212,7 @@ TEST_F(Sloppy, Gltf) {
                 "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAA\r\nAAAAAAAAgD8AAAAAAAAAAAAAAAAA"
                 "AIA/\nAAACAAEAAAABAAMAAAADAAIAAQACAAMAAAABAA==";
           })}});
-  refused({{"comma.gltf", "{\"asset\": {\"version\": \"2.0\"},\n \"scenes\": [],,}", "malformed (line 2, byte 47"},
+  refused({{"comma.gltf", "{\"asset\": {\"version\": \"2.0\"},\n \"scenes\": [],,}", "malformed (line 2, byte 45"},
            {"old.gltf", changed([](json& d) { d["asset"]["version"] = 1.0; }), "version \"1.0\""},
            {"none.gltf", changed([](json& d) { d.erase("asset"); }), "lacks a required entry (at /asset)"}});
 }
