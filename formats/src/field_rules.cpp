@@ -38,8 +38,8 @@ void takeLargest(Lanes& largest, const Lanes& values) {
   }
 }
 
-bool hasCluster(const BodyRange& body, std::uint32_t cluster) {
-  return cluster >= body.first_cluster && cluster - body.first_cluster < body.cluster_count;
+bool hasCluster(const PieceRange& piece, std::uint32_t cluster) {
+  return cluster >= piece.first_cluster && cluster - piece.first_cluster < piece.cluster_count;
 }
 
 /// A place that a field is evaluated at: PVTX (weight: mass) and FPNT (weight: area).
@@ -62,8 +62,8 @@ class FieldRules {
         return fault_;
       }
     }
-    if (!view_.fields().empty() && pieces_ != view_.bodies().size()) {
-      return {section::fields, FieldFault::kWhole, "a body without its free field"};
+    if (!view_.fields().empty() && pieces_ != view_.pieces().size()) {
+      return {section::fields, FieldFault::kWhole, "a piece without its free field"};
     }
     for (std::size_t r = 0; r < ends_.size(); ++r) {
       if (ends_[r] != view_.sectionData(kRuns[r].id).count) {
@@ -87,10 +87,10 @@ class FieldRules {
     const Field& f = field();
     if (f.held > 1) return refuse("held is not 0 or 1");
     if (f.held == 0) {
-      if (f.piece != pieces_ || f.piece >= view_.bodies().size()) return refuse("not the free field of the next body");
+      if (f.piece != pieces_ || f.piece >= view_.pieces().size()) return refuse("not the free field of the next piece");
       ++pieces_;
     } else if (index_ == 0 || view_.fields()[index_ - 1].held != 0 || view_.fields()[index_ - 1].piece != f.piece) {
-      return refuse("held, but not behind the free field of its body");
+      return refuse("held, but not behind the free field of its piece");
     }
     if (f.function_count == 0 || f.function_count > kMostFunctions)
       return refuse("function_count is outside 1 to 1024");
@@ -121,7 +121,7 @@ class FieldRules {
 
   bool checkRuns() {
     const Field& f = field();
-    const std::uint64_t k = f.function_count, vertices = view_.bodies()[f.piece].vertex_count, points = f.point_count;
+    const std::uint64_t k = f.function_count, vertices = view_.pieces()[f.piece].vertex_count, points = f.point_count;
     const std::uint64_t unknowns = 3 * (k - f.driven_count);
     const std::array<std::uint64_t, 7> firsts = {f.first_function, f.first_pack,        f.first_gradient, f.first_value,
                                                  f.first_point,    f.first_point_value, f.first_mode};
@@ -186,10 +186,10 @@ class FieldRules {
                       "outside the bounds of section INFO");
       }
       for (const float volume : pack.volume) any = any || volume > 0;
-      const BodyRange& body = view_.bodies()[f.piece];
+      const PieceRange& piece = view_.pieces()[f.piece];
       for (const std::uint32_t cluster : pack.cluster) {
-        if (cluster != kNone && (view_.mechanics().empty() || !hasCluster(body, cluster))) {
-          return refuse(section::field_packs, p, "names a cluster of another body, or one without mechanics");
+        if (cluster != kNone && (view_.mechanics().empty() || !hasCluster(piece, cluster))) {
+          return refuse(section::field_packs, p, "names a cluster of another piece, or one without mechanics");
         }
       }
       const std::size_t first = f.first_gradient + 3 * k * (p - f.first_pack);
@@ -285,8 +285,8 @@ class FieldRules {
 
   bool checkVertices() {
     const Field& f = field();
-    const BodyRange& body = view_.bodies()[f.piece];
-    const auto vertices = view_.physicalVertices().subspan(body.first_vertex, body.vertex_count);
+    const PieceRange& piece = view_.pieces()[f.piece];
+    const auto vertices = view_.physicalVertices().subspan(piece.first_vertex, piece.vertex_count);
     if (!checkPlaces(section::field_values, f.first_value, view_.fieldValues(), vertices.data(), vertices.size())) {
       return false;
     }
@@ -388,11 +388,11 @@ class FieldRules {
       const auto bad = [&](const char* what) { return refuse(section::field_fibres, i, what); };
       if (fibre.field >= view_.fields().size()) return bad("names a field that is not there");
       const Field& f = view_.fields()[fibre.field];
-      const BodyRange& body = view_.bodies()[f.piece];
-      if (view_.mechanics().empty() || !hasCluster(body, fibre.cluster) ||
+      const PieceRange& piece = view_.pieces()[f.piece];
+      if (view_.mechanics().empty() || !hasCluster(piece, fibre.cluster) ||
           view_.mechanics()[fibre.cluster].channel == kNone ||
           view_.mechanics()[fibre.cluster].fibre == std::array<float, 3>{}) {
-        return bad("names a cluster of another body, or one without a fibre that something activates");
+        return bad("names a cluster of another piece, or one without a fibre that something activates");
       }
       if (i > 0) {
         const FieldFibre& last = view_.fieldFibres()[i - 1];
@@ -430,8 +430,8 @@ class FieldRules {
     for (std::size_t i = 0; i < grids.size(); ++i) {
       const DistanceGrid& grid = grids[i];
       const auto bad = [&](const char* what) { return refuse(section::distance_grids, i, what); };
-      if (grid.piece >= view_.bodies().size() || (i > 0 && grid.piece <= grids[i - 1].piece)) {
-        return bad("names a body that there is not, or not in their order");
+      if (grid.piece >= view_.pieces().size() || (i > 0 && grid.piece <= grids[i - 1].piece)) {
+        return bad("names a piece that there is not, or not in their order");
       }
       std::size_t count = 1;
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -454,7 +454,7 @@ class FieldRules {
   }
 
   /// Tethers pull at nothing at rest, nor where all is moved or stretched alike. T = sum kappa r r^T: where its terms
-  /// cancel, as in a body that is symmetric, a value is rounding alone, so what a pull is measured by is the diagonal.
+  /// cancel, as in a piece that is symmetric, a value is rounding alone, so what a pull is measured by is the diagonal.
   bool checkTethers() {
     std::size_t values = 0;
     for (std::size_t i = 0; i < view_.fieldTethers().size(); ++i) {

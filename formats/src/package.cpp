@@ -305,12 +305,12 @@ class PackageReader {
   }
 
   bool checkTexts() {
-    const BodyInfo& info = view_.info();
+    const PackageInfo& info = view_.info();
     for (const StringRef ref : {info.name, info.tool_version, info.source_file, info.unit_source, info.settings_json}) {
       if (badText(ref) != 0) return refuse(section::info, "a text lies outside section STRS");
     }
     constexpr std::array<std::array<std::uint32_t, 2>, 11> kNames = {{
-        {section::bodies, offsetof(BodyRange, name)},
+        {section::pieces, offsetof(PieceRange, name)},
         {section::clusters, offsetof(Cluster, name)},
         {section::channels, offsetof(ActivationChannel, name)},
         {section::pin_sets, offsetof(PinSet, name)},
@@ -329,7 +329,7 @@ class PackageReader {
   }
 
   bool checkInfo() {
-    const BodyInfo& info = view_.info();
+    const PackageInfo& info = view_.info();
     const auto bad = [this](const char* what) { return refuse(section::info, what); };
     for (const double value : info.origin) {
       if (!(std::abs(value) <= double(kMostMetres))) return bad("origin is not finite or beyond 1e15");
@@ -365,25 +365,25 @@ class PackageReader {
 
   bool checkBodies() {
     std::uint64_t vertices = 0, tetrahedra = 0, clusters = 0;
-    for (std::size_t i = 0; i < view_.bodies().size(); ++i) {
-      const BodyRange& body = view_.bodies()[i];
-      if (body.first_vertex != vertices || body.first_tetrahedron != tetrahedra || body.first_cluster != clusters) {
-        return refuse(section::bodies, i, "a run does not start where the body before it ends");
+    for (std::size_t i = 0; i < view_.pieces().size(); ++i) {
+      const PieceRange& piece = view_.pieces()[i];
+      if (piece.first_vertex != vertices || piece.first_tetrahedron != tetrahedra || piece.first_cluster != clusters) {
+        return refuse(section::pieces, i, "a run does not start where the piece before it ends");
       }
-      if (body.vertex_count == 0 || body.cluster_count == 0) {
-        return refuse(section::bodies, i, "has no vertices or no clusters");
+      if (piece.vertex_count == 0 || piece.cluster_count == 0) {
+        return refuse(section::pieces, i, "has no vertices or no clusters");
       }
-      vertices += body.vertex_count;
-      tetrahedra += body.tetrahedron_count;
-      clusters += body.cluster_count;
+      vertices += piece.vertex_count;
+      tetrahedra += piece.tetrahedron_count;
+      clusters += piece.cluster_count;
       if (vertices > view_.physicalVertices().size() || tetrahedra > view_.tetrahedra().size() ||
           clusters > view_.clusters().size()) {
-        return refuse(section::bodies, i, "reaches beyond the vertices, tetrahedra or clusters that there are");
+        return refuse(section::pieces, i, "reaches beyond the vertices, tetrahedra or clusters that there are");
       }
     }
     if (vertices != view_.physicalVertices().size() || tetrahedra != view_.tetrahedra().size() ||
         clusters != view_.clusters().size()) {
-      return refuse(section::bodies, "the bodies do not cover all vertices, tetrahedra and clusters");
+      return refuse(section::pieces, "the pieces do not cover all vertices, tetrahedra and clusters");
     }
     return true;
   }
@@ -404,10 +404,10 @@ class PackageReader {
   }
 
   bool checkTetrahedra() {
-    for (const BodyRange& body : view_.bodies()) {
-      const std::uint32_t first = body.first_vertex, count = body.vertex_count;
+    for (const PieceRange& piece : view_.pieces()) {
+      const std::uint32_t first = piece.first_vertex, count = piece.vertex_count;
       const std::size_t index = firstBad(
-          view_.tetrahedra().subspan(body.first_tetrahedron, body.tetrahedron_count), [=](const Tetrahedron& t) {
+          view_.tetrahedra().subspan(piece.first_tetrahedron, piece.tetrahedron_count), [=](const Tetrahedron& t) {
             const auto [a, b, c, d] = t.vertex;
             // v - first wraps to a large number where v < first, so one comparison tests both ends.
             return unsigned(a - first >= count) | unsigned(b - first >= count) | unsigned(c - first >= count) |
@@ -415,8 +415,8 @@ class PackageReader {
                    unsigned(b == c) | unsigned(b == d) | unsigned(c == d);
           });
       if (index != kAllGood) {
-        return refuse(section::tetrahedra, body.first_tetrahedron + index,
-                      "a vertex outside its body, or the same vertex twice");
+        return refuse(section::tetrahedra, piece.first_tetrahedron + index,
+                      "a vertex outside its piece, or the same vertex twice");
       }
     }
     return true;
@@ -425,14 +425,14 @@ class PackageReader {
   bool checkClusters() {
     std::uint64_t member = 0;
     std::uint32_t quadratic = 0;
-    for (std::size_t b = 0; b < view_.bodies().size(); ++b) {
-      const BodyRange& body = view_.bodies()[b];
-      for (std::size_t i = body.first_cluster; i < std::size_t{body.first_cluster} + body.cluster_count; ++i) {
+    for (std::size_t b = 0; b < view_.pieces().size(); ++b) {
+      const PieceRange& piece = view_.pieces()[b];
+      for (std::size_t i = piece.first_cluster; i < std::size_t{piece.first_cluster} + piece.cluster_count; ++i) {
         const Cluster& c = view_.clusters()[i];
         const auto bad = [&](const char* what) { return refuse(section::clusters, i, what); };
         const auto mode = static_cast<std::uint32_t>(c.mode);
         if (mode > static_cast<std::uint32_t>(ClusterMode::quadratic)) return bad("unknown mode");
-        if (c.body != b) return bad("is listed by another body than the one it names");
+        if (c.piece != b) return bad("is listed by another piece than the one it names");
         if (c.first_member != member) return bad("its members do not start where those of the cluster before end");
         if (c.member_count == 0) return bad("has no members");
         member += c.member_count;
@@ -480,7 +480,7 @@ class PackageReader {
     return !(std::sqrt(squared) <= 1.001 * double(cluster.radius) + 1e-6 * double(view_.info().diagonal));
   }
 
-  /// What is wrong with a cluster's quadratic_mean and pseudo-inverses of moments; null if nothing. Fitting multiplies
+  /// What is wrong with the pseudo-inverses of a cluster's moments; null if nothing. Fitting multiplies
   /// sums over the members by the inverse: what makes more than 1 of the moment would throw them anywhere.
   const char* faultOfMoments(const Cluster& cluster) const {
     std::array<double, 9> mean = {};
@@ -499,11 +499,6 @@ class PackageReader {
       for (std::size_t row = 0; row < 9; ++row) mean[row] += double(m.mu) * q[row];
       for (std::size_t row = 0; row < terms; ++row) {
         for (std::size_t column = 0; column < terms; ++column) moment[row][column] += double(m.mu) * q[row] * q[column];
-      }
-    }
-    for (std::size_t k = 0; k < 6; ++k) {
-      if (!(std::abs(mean[3 + k] - double(cluster.quadratic_mean[k])) <= kSumTolerance)) {
-        return "quadratic_mean is not that of its members";
       }
     }
     for (std::size_t row = 0; row < terms; ++row) {
@@ -541,14 +536,14 @@ class PackageReader {
     std::vector<float> shares(view_.physicalVertices().size(), 0.0F);
     for (std::size_t i = 0; i < view_.clusters().size(); ++i) {
       const Cluster& cluster = view_.clusters()[i];
-      const BodyRange& body = view_.bodies()[cluster.body];
-      const std::uint64_t end = std::uint64_t{body.first_vertex} + body.vertex_count;
-      std::uint64_t lowest = body.first_vertex;
+      const PieceRange& piece = view_.pieces()[cluster.piece];
+      const std::uint64_t end = std::uint64_t{piece.first_vertex} + piece.vertex_count;
+      std::uint64_t lowest = piece.first_vertex;
       double mu = 0;
       for (std::size_t k = cluster.first_member; k < std::size_t{cluster.first_member} + cluster.member_count; ++k) {
         const Membership& m = view_.memberships()[k];
         if (m.vertex < lowest || m.vertex >= end) {
-          return refuse(section::memberships, k, "vertex not ascending, or outside the body of its cluster");
+          return refuse(section::memberships, k, "vertex not ascending, or outside the piece of its cluster");
         }
         lowest = std::uint64_t{m.vertex} + 1;
         if ((outsideUnit(m.mu) | outsideUnit(m.share)) != 0) {

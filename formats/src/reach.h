@@ -12,7 +12,7 @@ namespace sinew::formats {
 class Reach {
  public:
   Reach() = default;
-  explicit Reach(const BodyInfo& info) {
+  explicit Reach(const PackageInfo& info) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       low_[axis] = info.bounds_min[axis] - info.diagonal;
       high_[axis] = info.bounds_max[axis] + info.diagonal;

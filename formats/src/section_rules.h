@@ -20,9 +20,9 @@ struct SectionRule {
 
 /// In the order of section::kAll.
 inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {{
-    {section::info, sizeof(BodyInfo), kSectionRequired, true, 0},
+    {section::info, sizeof(PackageInfo), kSectionRequired, true, 0},
     {section::strings, 1, kSectionRequired, false, 0},
-    {section::bodies, sizeof(BodyRange), kSectionRequired, true, 0},
+    {section::pieces, sizeof(PieceRange), kSectionRequired, true, 0},
     {section::physical_vertices, sizeof(PhysicalVertex), kSectionRequired, true, 0},
     {section::tetrahedra, sizeof(Tetrahedron), kSectionRequired, false, kFeatureTetrahedra},
     {section::clusters, sizeof(Cluster), kSectionRequired, true, 0},

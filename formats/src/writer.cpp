@@ -31,8 +31,8 @@ Payload payloadOf(const PackageContent& content, std::uint32_t id) {
       return {&content.info, 1};
     case section::strings:
       return payload(content.strings);
-    case section::bodies:
-      return payload(content.bodies);
+    case section::pieces:
+      return payload(content.pieces);
     case section::physical_vertices:
       return payload(content.physical_vertices);
     case section::tetrahedra:

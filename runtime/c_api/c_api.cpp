@@ -354,9 +354,9 @@ void sinew_asset_release(sinew_asset* asset) { delete asset; }
 sinew_status sinew_asset_get_info(const sinew_asset* asset, sinew_asset_info* info) {
   if (asset == nullptr || info == nullptr) return failNull("sinew_asset_get_info");
   const sinew::formats::PackageView& package = asset->asset->package();
-  const sinew::formats::BodyInfo& from = package.info();
+  const sinew::formats::PackageInfo& from = package.info();
   sinew_asset_info result = {};
-  result.parts = std::uint32_t(package.bodies().size());
+  result.pieces = std::uint32_t(package.pieces().size());
   result.physical_vertices = std::uint32_t(package.physicalVertices().size());
   result.tetrahedra = std::uint32_t(package.tetrahedra().size());
   result.clusters = std::uint32_t(package.clusters().size());

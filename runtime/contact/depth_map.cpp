@@ -28,7 +28,7 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
     : package_(&package), grid_(&grid) {
   values_ =
       package.distanceValues().subspan(grid.first_value, std::size_t(grid.nodes[0]) * grid.nodes[1] * grid.nodes[2]);
-  const formats::BodyRange& body = package.bodies()[grid.piece];
+  const formats::PieceRange& body = package.pieces()[grid.piece];
   const auto tetrahedra = package.tetrahedra().subspan(body.first_tetrahedron, body.tetrahedron_count);
   if (tetrahedra.empty()) return;
   Vector3f high = cornerOf(package, tetrahedra[0], 0);

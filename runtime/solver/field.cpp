@@ -123,7 +123,7 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
   Array<Field> fields(package.fields().size());
   for (std::size_t i = 0; i < fields.size(); ++i) {
     const formats::Field& record = package.fields()[i];
-    const formats::BodyRange& piece = package.bodies()[record.piece];
+    const formats::PieceRange& piece = package.pieces()[record.piece];
     Field& field = fields[i];
     field.piece = record.piece;
     field.held = record.held != 0;

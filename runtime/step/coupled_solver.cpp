@@ -33,7 +33,7 @@ class CoupledSolver final : public BodySolver {
  public:
   CoupledSolver(Body& body, std::pmr::memory_resource* memory) : body_(body) {
     std::uint32_t most_functions = 0, most_vertices = 0;
-    for (std::uint32_t p = 0; p < body.package().bodies().size(); ++p) {
+    for (std::uint32_t p = 0; p < body.package().pieces().size(); ++p) {
       const Field *const free = fieldOf(body.rest().fields, p, false), *const fixed =
                                                                            fieldOf(body.rest().fields, p, true);
       Piece& piece = body.pieces.emplace_back(free, fixed, memory);
@@ -83,7 +83,7 @@ class CoupledSolver final : public BodySolver {
   Eigen::Matrix3f restShape(std::uint32_t cluster) const override {
     const formats::PackageView& package = body_.package();
     if (package.mechanics().empty()) return Eigen::Matrix3f::Identity();
-    const Piece& piece = body_.pieces[package.clusters()[cluster].body];
+    const Piece& piece = body_.pieces[package.clusters()[cluster].piece];
     const formats::ClusterMechanics& mechanics = package.mechanics()[cluster];
     const float active = mechanics.channel == formats::kNone ? 0.0F : body_.activation[mechanics.channel];
     return activationStretch(mechanics, active) * plasticShapeOf(piece.field(), cluster, piece.state.plastic);
@@ -218,7 +218,7 @@ class CoupledFactory final : public SolverFactory {
  public:
   const char* faultOf(const Asset& asset) const override {
     const RestConstants& rest = asset.constants();
-    for (std::uint32_t p = 0; p < asset.package().bodies().size(); ++p) {
+    for (std::uint32_t p = 0; p < asset.package().pieces().size(); ++p) {
       if (fieldOf(rest.fields, p, false) == nullptr) {
         return "this package has no fields (it was baked by an older version, or with field.functions=0): bake it "
                "again "

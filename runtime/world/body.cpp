@@ -117,7 +117,7 @@ std::uint32_t replaceUnusable(Body& body, VertexRun run) {
 
 std::uint32_t replaceUnusable(Body& body) {
   std::uint32_t lost = 0;
-  for (const formats::BodyRange& piece : body.package().bodies()) {
+  for (const formats::PieceRange& piece : body.package().pieces()) {
     lost += replaceUnusable(body, {piece.first_vertex, piece.vertex_count});
   }
   return lost;

@@ -75,7 +75,7 @@ def check_model(sinew, file, folder, quick):
         fail(name, f"{quality['inverted']} inverted tetrahedra")
     if not inspect["attachment"]["max_rest_error"] <= 1e-6:
         fail(name, f"rest error {inspect['attachment']['max_rest_error']}")
-    methods = {body["method"] for body in report["bodies"]}
+    methods = {piece["method"] for piece in report["pieces"]}
     least = min({"stuffing": 8.9, "delaunay": 10.0, "grid": 30.0, "shell": 0.1}[m] for m in methods)
     if quality["min_dihedral_deg"] < least:
         fail(name, f"smallest dihedral angle {quality['min_dihedral_deg']:.2f} with {methods}")
@@ -97,7 +97,7 @@ def check_model(sinew, file, folder, quick):
         if not result["seam_gap"] < 1e-4:
             fail(name, f"{scene}: a seam opens by {result['seam_gap']:.1e}")
     show = lambda scene, *keys: "-" if scene not in row else "%.1e" % value(row[scene], keys)
-    print(f"  {name:32s} {wall:6.2f} s {peak:6.0f} MB  {len(report['bodies']):2d} bodies {'+'.join(sorted(methods)):14s} "
+    print(f"  {name:32s} {wall:6.2f} s {peak:6.0f} MB  {len(report['pieces']):2d} pieces {'+'.join(sorted(methods)):14s} "
           f"{inspect['physical_vertices']:6d} v {quality['min_dihedral_deg']:5.1f} deg  {len(inspect['clusters']):3d} clusters"
           f"  squash {show('squash', 'rest_error', 'rms')}  stretch {show('stretch', 'rest_error', 'rms')}"
           f"  drop {show('drop', 'rms_speed')}  {row.get('squash', {}).get('microseconds_per_step', {}).get('median', 0):6.0f} us/step",

@@ -171,7 +171,7 @@ class Sweep:
             stages = sorted(report["stages"], key=lambda stage: -stage["seconds"])
             total = sum(stage["seconds"] for stage in stages) or 1
             row["stages"] = ", ".join(f"{s['name']} {100 * s['seconds'] / total:.0f} %" for s in stages[:2])
-            row["method"] = "+".join(sorted({body["method"] for body in report["bodies"]}))
+            row["method"] = "+".join(sorted({piece["method"] for piece in report["pieces"]}))
         self.rows.append(row)
         print(f"  {name:22s} {row['triangles']:7d} triangles {row['seconds']:6.2f} s  {row.get('method', verdict):14s} "
               f"{row.get('stages', '')}  {about}", flush=True)

@@ -39,7 +39,7 @@ TEST(Attach, InsideAndOutsidePointsAreReproduced) {
   for (int i = 0; i < 300; ++i) points.emplace_back(range(random), range(random), range(random));
   const VisualMesh mesh = trianglesAt(points);
   const Topology topology = analyzeTopology(mesh);
-  physical.part_body.assign(topology.parts.size(), 0);
+  physical.part_piece.assign(topology.parts.size(), 0);
   const auto places = placeVisualVertices(mesh, topology, physical);
   ASSERT_EQ(places.size(), mesh.positions.size());
   for (std::size_t v = 0; v < places.size(); ++v) {
@@ -57,7 +57,7 @@ TEST(Attach, APointNeverHangsOnAnotherBody) {
   // Two bodies side by side; the visual part of the second lies nearer to the first.
   PhysicalMesh physical = latticeMesh({2, 2, 2}, 1);
   const PhysicalMesh other = latticeMesh({2, 2, 2}, 1);
-  PhysicalBody body = other.bodies[0];
+  PhysicalPiece body = other.pieces[0];
   body.first_vertex = std::uint32_t(physical.positions.size());
   body.first_tetrahedron = std::uint32_t(physical.tetrahedra.size());
   for (const auto& x : other.positions) physical.positions.push_back(x + Eigen::Vector3d(10, 0, 0));
@@ -65,11 +65,11 @@ TEST(Attach, APointNeverHangsOnAnotherBody) {
     for (auto& v : tet) v += body.first_vertex;
     physical.tetrahedra.push_back(tet);
   }
-  physical.bodies.push_back(body);
+  physical.pieces.push_back(body);
   const VisualMesh mesh = trianglesAt({{1, 1, 1}, {3, 1, 1}});
   const Topology topology = analyzeTopology(mesh);
   ASSERT_EQ(topology.parts.size(), 2U);
-  physical.part_body = {0, 1};
+  physical.part_piece = {0, 1};
   const auto places = placeVisualVertices(mesh, topology, physical);
   for (std::size_t v = 0; v < 3; ++v) EXPECT_LT(places[v].tetrahedron, body.first_tetrahedron);
   for (std::size_t v = 3; v < 6; ++v) EXPECT_GE(places[v].tetrahedron, body.first_tetrahedron);
@@ -81,7 +81,7 @@ TEST(Attach, SeamVerticesShareATetrahedron) {
   for (std::size_t v = 3; v < 6; ++v) mesh.welded[v] = std::uint32_t(v - 3);
   mesh.welded_positions.resize(3);
   const Topology topology = analyzeTopology(mesh);
-  physical.part_body.assign(topology.parts.size(), 0);
+  physical.part_piece.assign(topology.parts.size(), 0);
   const auto places = placeVisualVertices(mesh, topology, physical);
   for (std::size_t v = 0; v < 3; ++v) {
     EXPECT_EQ(places[v].tetrahedron, places[v + 3].tetrahedron);

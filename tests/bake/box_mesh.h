@@ -45,11 +45,11 @@ inline PhysicalMesh latticeMesh(
     }
   }
   mesh.fill.assign(mesh.tetrahedra.size(), 1.0);
-  PhysicalBody body;
+  PhysicalPiece body;
   body.name = "lattice";
   body.vertex_count = std::uint32_t(mesh.positions.size());
   body.tetrahedron_count = std::uint32_t(mesh.tetrahedra.size());
-  mesh.bodies.push_back(body);
+  mesh.pieces.push_back(body);
   return mesh;
 }
 

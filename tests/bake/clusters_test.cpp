@@ -22,7 +22,7 @@ void expectSound(const PhysicalMesh& mesh, const std::vector<ClusterSource>& clu
     ASSERT_FALSE(cluster.vertices.empty());
     EXPECT_TRUE(std::is_sorted(cluster.vertices.begin(), cluster.vertices.end()));
     EXPECT_EQ(std::adjacent_find(cluster.vertices.begin(), cluster.vertices.end()), cluster.vertices.end());
-    const PhysicalBody& body = mesh.bodies[cluster.body];
+    const PhysicalPiece& body = mesh.pieces[cluster.piece];
     for (std::size_t i = 0; i < cluster.vertices.size(); ++i) {
       EXPECT_GE(cluster.vertices[i], body.first_vertex);
       EXPECT_LT(cluster.vertices[i], body.first_vertex + body.vertex_count);

@@ -54,21 +54,18 @@ TEST(Moments, TheQuadraticInverseInvertsItsMoment) {
   const formats::Cluster& cluster = constants.clusters[0];
   ASSERT_EQ(cluster.mode, formats::ClusterMode::quadratic);
   Eigen::Matrix<double, 9, 9> moment = Eigen::Matrix<double, 9, 9>::Zero();
+  Eigen::Matrix<double, 9, 1> mean = Eigen::Matrix<double, 9, 1>::Zero();
   for (const auto& member : constants.memberships) {
     Eigen::Matrix<double, 9, 1> q;
     for (int k = 0; k < 3; ++k) {
       q[k] = double(vertices[member.vertex].rest_position[std::size_t(k)] - cluster.rest_center[std::size_t(k)]) /
              double(cluster.radius);
     }
-    q[3] = q[0] * q[0];
-    q[4] = q[1] * q[1];
-    q[5] = q[2] * q[2];
-    q[6] = q[0] * q[1];
-    q[7] = q[1] * q[2];
-    q[8] = q[2] * q[0];
-    for (int k = 0; k < 6; ++k) q[k + 3] -= double(cluster.quadratic_mean[std::size_t(k)]);
+    q.tail<6>() << q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];
     moment += double(member.mu) * q * q.transpose();
+    mean += double(member.mu) * q;
   }
+  moment -= mean * mean.transpose();
   Eigen::Matrix<double, 9, 9> inverse;
   std::size_t at = 0;
   for (int row = 0; row < 9; ++row) {

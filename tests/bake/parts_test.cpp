@@ -246,7 +246,7 @@ TEST_F(Parts, AFollowingPartStaysOnTheSurfaceAndHasNoTetrahedra) {
   EXPECT_GE(feet, 3U);
   // One tetrahedron and four vertices are the stone's, none is the ribbon's.
   const BakeResult alone = baked(recipe(kStone));
-  EXPECT_EQ(with.report["bodies"].size(), 1U);
+  EXPECT_EQ(with.report["pieces"].size(), 1U);
   EXPECT_EQ(s.asset->package().clusters()[s.asset->package().parts()[0].cluster].mode, formats::ClusterMode::rigid);
   EXPECT_LE(with.report["tetrahedra"].get<int>(), alone.report["tetrahedra"].get<int>());
 }

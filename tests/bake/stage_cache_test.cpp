@@ -31,11 +31,11 @@ class StageCacheTest : public ::testing::Test {
 
 PhysicalMesh someMesh() {
   PhysicalMesh mesh = latticeMesh({2, 3, 4}, 0.5);
-  mesh.bodies[0].method = TetrahedraMethod::stuffing;
-  mesh.bodies[0].parts = {3, 1};
-  mesh.bodies[0].source_volume = 2.5;
+  mesh.pieces[0].method = TetrahedraMethod::stuffing;
+  mesh.pieces[0].parts = {3, 1};
+  mesh.pieces[0].source_volume = 2.5;
   mesh.quality = {10, 120, 0};
-  mesh.part_body = {0, 0, 0, 0};
+  mesh.part_piece = {0, 0, 0, 0};
   mesh.home = {5, kNoIndex};
   Finding finding;
   finding.id = "thin";
@@ -64,14 +64,14 @@ TEST_F(StageCacheTest, AStageComesBackAsItWas) {
   EXPECT_EQ(back.positions, mesh.positions);
   EXPECT_EQ(back.tetrahedra, mesh.tetrahedra);
   EXPECT_EQ(back.fill, mesh.fill);
-  EXPECT_EQ(back.part_body, mesh.part_body);
+  EXPECT_EQ(back.part_piece, mesh.part_piece);
   EXPECT_EQ(back.home, mesh.home);
   EXPECT_EQ(back.quality.max_dihedral_deg, 120);
-  ASSERT_EQ(back.bodies.size(), 1U);
-  EXPECT_EQ(back.bodies[0].name, "lattice");
-  EXPECT_EQ(back.bodies[0].method, TetrahedraMethod::stuffing);
-  EXPECT_EQ(back.bodies[0].parts, mesh.bodies[0].parts);
-  EXPECT_EQ(back.bodies[0].source_volume, 2.5);
+  ASSERT_EQ(back.pieces.size(), 1U);
+  EXPECT_EQ(back.pieces[0].name, "lattice");
+  EXPECT_EQ(back.pieces[0].method, TetrahedraMethod::stuffing);
+  EXPECT_EQ(back.pieces[0].parts, mesh.pieces[0].parts);
+  EXPECT_EQ(back.pieces[0].source_volume, 2.5);
   ASSERT_EQ(back.findings.size(), 1U);
   EXPECT_EQ(back.findings[0].severity, Severity::info);
   EXPECT_EQ(back.findings[0].places, mesh.findings[0].places);

@@ -99,7 +99,7 @@ static void testAsset(const char* path, sinew_asset** asset) {
 
   info.struct_size = sizeof info;
   CHECK_OK(sinew_asset_get_info(*asset, &info));
-  CHECK(info.physical_vertices > 0 && info.clusters > 0 && info.visual_vertices > 0 && info.parts == 1);
+  CHECK(info.physical_vertices > 0 && info.clusters > 0 && info.visual_vertices > 0 && info.pieces == 1);
   CHECK(info.diagonal > 0 && info.total_mass > 0 && info.bounds_max[0] > info.bounds_min[0]);
   {
     /* A struct from before the later fields: nothing behind struct_size is touched. */

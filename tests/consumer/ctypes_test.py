@@ -11,7 +11,7 @@ from ctypes import POINTER, Structure, byref, c_float, c_int32, c_size_t, c_uint
 
 
 class Info(Structure):
-    _fields_ = [("struct_size", c_uint32), ("parts", c_uint32), ("physical_vertices", c_uint32), ("tetrahedra", c_uint32),
+    _fields_ = [("struct_size", c_uint32), ("pieces", c_uint32), ("physical_vertices", c_uint32), ("tetrahedra", c_uint32),
                 ("clusters", c_uint32), ("memberships", c_uint32), ("visual_vertices", c_uint32),
                 ("visual_triangles", c_uint32), ("sub_meshes", c_uint32), ("diagonal", c_float)]
 

@@ -15,7 +15,7 @@ sys.path.insert(0, HERE)
 import read_package  # noqa: E402
 import read_package_test  # noqa: E402
 
-GOLDEN = [os.path.join(HERE, "golden", name + "_v2.sinew") for name in ("sample", "mechanics", "fields")]
+GOLDEN = [os.path.join(HERE, "golden", name + "_v3.sinew") for name in ("sample", "mechanics", "fields")]
 
 
 def changed(data, random_):

@@ -97,7 +97,7 @@ double followFields(const PackageView& view) {
     }
   };
   for (const Field& field : view.fields()) {
-    const BodyRange& body = view.bodies()[field.piece];
+    const PieceRange& body = view.pieces()[field.piece];
     const std::size_t k = field.function_count;
     for (const FieldFunction& f : view.fieldFunctions().subspan(field.first_function, k)) {
       take(double(f.stiffness) + double(f.damping_hz) + double(f.decay) + double(f.one) + double(f.rest[2]));
@@ -109,7 +109,7 @@ double followFields(const PackageView& view) {
         if (pack.cluster[l] == kNone) continue;
         const ClusterMechanics& laws = view.mechanics()[pack.cluster[l]];
         take(double(laws.stretch_max) + double(laws.plastic_yield));
-        EXPECT_EQ(view.clusters()[pack.cluster[l]].body, field.piece);
+        EXPECT_EQ(view.clusters()[pack.cluster[l]].piece, field.piece);
       }
     }
     lanes(view.fieldGradients(), field.first_gradient, 3 * k * field.pack_count);
@@ -157,7 +157,7 @@ double follow(const PackageView& view) {
   };
   text(view.info().name);
   text(view.info().settings_json);
-  for (const BodyRange& body : view.bodies()) {
+  for (const PieceRange& body : view.pieces()) {
     text(body.name);
     for (const Tetrahedron& t : view.tetrahedra().subspan(body.first_tetrahedron, body.tetrahedron_count)) {
       for (const std::uint32_t v : t.vertex) sum += double(view.physicalVertices()[v].rest_position[0]);

@@ -148,7 +148,7 @@ class Refused(Exception):
 HEADER = struct.Struct("<8sIIQQIIQ2Q")
 ENTRY = struct.Struct("<IIQQQIIQ2Q")
 MAGIC = b"SINEW\r\n\x1a"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 REQUIRED = 1
 
 # id: (layout of a record, required flag, always present, feature bit or None)
@@ -158,7 +158,7 @@ SECTIONS = {
     "BODY": ("<6I2I", 1, True, None),
     "PVTX": ("<3ff", 1, True, None),
     "TETS": ("<4I", 1, False, 0),
-    "CLUS": ("<2I4I3f6fI6f6f", 1, True, None),
+    "CLUS": ("<2I4I3f6fI6f", 1, True, None),
     "MEMB": ("<Iff", 1, True, None),
     "AQQ9": ("<45f", 1, False, 1),
     "CMEC": ("<I3f3fI4f2II3f3fIfI", 1, False, 8),
@@ -368,37 +368,37 @@ class Package:
             need(self.near(v[:3]) and 0 < v[3] <= MOST, f"section PVTX, element {i}: rest_position or mass")
         mass = sum(v[3] for v in r["PVTX"])
         need(abs(mass - r["INFO"][0][11]) <= 1e-3 * mass, "section PVTX: the masses do not sum to total_mass")
-        for i, body in enumerate(r["BODY"]):
-            need(body[1] > 0 and body[5] > 0, f"section BODY, element {i}: no vertices or clusters")
-            end = body[0] + body[1]
-            for k in range(body[2], body[2] + body[3]):
+        for i, piece in enumerate(r["BODY"]):
+            need(piece[1] > 0 and piece[5] > 0, f"section BODY, element {i}: no vertices or clusters")
+            end = piece[0] + piece[1]
+            for k in range(piece[2], piece[2] + piece[3]):
                 t = r["TETS"][k]
-                need(min(t) >= body[0] and max(t) < end and len(set(t)) == 4, f"section TETS, element {k}: bad vertex")
+                need(min(t) >= piece[0] and max(t) < end and len(set(t)) == 4, f"section TETS, element {k}: bad vertex")
 
     def check_clusters(self):
         r = self.records
         tile("CLUS", [(c[4], c[5]) for c in r["CLUS"]], len(r["MEMB"]))
         shares = [0.0] * len(r["PVTX"])
         quadratic = 0
-        for b, body in enumerate(r["BODY"]):
-            for i in range(body[4], body[4] + body[5]):
+        for b, piece in enumerate(r["BODY"]):
+            for i in range(piece[4], piece[4] + piece[5]):
                 c = r["CLUS"][i]
                 where = f"section CLUS, element {i}: "
                 mode, of_body, first, count = c[2:6]
                 center, radius, mass, alpha, frequencies, moment = c[6:9], c[9], c[10], c[11], c[12:15], c[15]
-                need(mode <= 2 and of_body == b and count > 0, where + "mode, body or member_count")
+                need(mode <= 2 and of_body == b and count > 0, where + "mode, piece or member_count")
                 need(moment == (quadratic if mode == 2 else NONE), where + "quadratic")
                 quadratic += mode == 2
                 diagonal, total = r["INFO"][0][10:12]
                 need(1e-9 * diagonal <= radius <= max(3 * diagonal, 1), where + "radius")
                 need(self.near(center) and 0 < mass <= 1.001 * total and 0 <= alpha <= 1, where + "rest_center, mass or alpha")
                 need(all(0 <= f <= MOST or f == math.inf for f in frequencies), where + "frequency")
-                need(all(abs(x) <= f32(1e12) for x in c[22:28]), where + "a_qq")
+                need(all(abs(x) <= f32(1e12) for x in c[16:22]), where + "a_qq")
                 members = r["MEMB"][first:first + count]
                 vertices = [m[0] for m in members]
                 where = f"section MEMB, cluster {i}: "
                 need(ascending(vertices), where + "vertices not ascending")
-                need(vertices[0] >= body[0] and vertices[-1] < body[0] + body[1], where + "vertex of another body")
+                need(vertices[0] >= piece[0] and vertices[-1] < piece[0] + piece[1], where + "vertex of another piece")
                 need(all(0 <= m[1] <= 1 and 0 <= m[2] <= 1 for m in members), where + "mu or share outside 0 to 1")
                 need(abs(sum(m[1] for m in members) - 1) <= 1e-3, where + "mu does not sum to 1")
                 for vertex, mu, share in members:
@@ -421,8 +421,7 @@ class Package:
             terms.append((x, y, z, x * x, y * y, z * z, x * y, y * z, z * x))
             mus.append(mu)
         mean = [sum(mu * q[k] for mu, q in zip(mus, terms)) for k in range(9)]
-        need(all(abs(a - b) <= 1e-3 for a, b in zip(mean[3:], c[16:22])), where + "quadratic_mean")
-        xx, yy, zz, xy, yz, zx = c[22:28]
+        xx, yy, zz, xy, yz, zx = c[16:22]
         inverses = [[[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]]
         if c[2] == 2 and c[15] < len(r["AQQ9"]):
             packed = r["AQQ9"][c[15]]
@@ -540,10 +539,10 @@ class Package:
         r = self.records
         fields = r["FELD"]
         order = [(f[0], f[1]) for f in fields]
-        need(order == sorted(set(order)), "section FELD: not by body, the free field before the held one")
-        need(all(body < len(r["BODY"]) for body, _ in order), "section FELD: no such body")
+        need(order == sorted(set(order)), "section FELD: not by piece, the free field before the held one")
+        need(all(piece < len(r["BODY"]) for piece, _ in order), "section FELD: no such piece")
         need([b for b, held in order if held == 0] == (list(range(len(r["BODY"]))) if fields else []),
-             "section FELD: not one free field for each body")
+             "section FELD: not one free field for each piece")
         need(all(f[3] <= f[2] for f in fields), "section FELD: driven_count above function_count")
         # first in FELD's record, and how many elements a field takes
         runs = {"FFUN": (4, lambda k, f: k), "FPAK": (5, lambda k, f: f[6]), "FGRD": (7, lambda k, f: 3 * k * f[6]),
@@ -554,7 +553,7 @@ class Package:
             tile(f"FELD ({name})", [(f[at], count(f[2], f)) for f in fields], len(r[name]))
         for i, f in enumerate(fields):
             where = f"section FELD, element {i}: "
-            body, held, k, driven, packs, hz, error, eigenvalue = *f[:4], f[6], *f[13:]
+            piece, held, k, driven, packs, hz, error, eigenvalue = *f[:4], f[6], *f[13:]
             need(held <= 1, where + "held")
             need(1 <= k <= 1024 and packs > 0, where + "function_count or pack_count")
             need(driven % 4 == 0 and driven <= k and (driven > 0) == (held == 1), where + "driven_count")
@@ -562,8 +561,8 @@ class Package:
             self.check_functions(f[4], k, driven)
             functions = r["FFUN"][f[4]:f[4] + k]
             self.check_samples(where, f, functions)
-            first = r["BODY"][body][0]
-            vertices = r["PVTX"][first:first + r["BODY"][body][1]]
+            first = r["BODY"][piece][0]
+            vertices = r["PVTX"][first:first + r["BODY"][piece][1]]
             norms = self.check_places("FVAL", f[8], functions, vertices)
             need(all(abs(n - 1) <= 1e-3 for n in norms[driven:]), where + "a function's norm is not 1")
             if held == 0:
@@ -615,8 +614,8 @@ class Package:
                 steps = [g[lane] for g in gradients]
                 need(all(abs(g) <= MOST for g in steps), here + "a gradient")
                 total += volume
-                body = self.records["BODY"][field[0]]
-                need(cluster == NONE or (0 <= cluster - body[4] < body[5] and self.records["CMEC"]), here + "cluster")
+                piece = self.records["BODY"][field[0]]
+                need(cluster == NONE or (0 <= cluster - piece[4] < piece[5] and self.records["CMEC"]), here + "cluster")
                 if volume == 0:
                     need(cluster == NONE and not any([mu, lam, *at, *steps]), here + "no volume, but other numbers")
                     continue
@@ -663,8 +662,8 @@ class Package:
         tile("FFIB", [(f[2], r["FELD"][f[0]][2]) for f in r["FFIB"]], len(r["FFBV"]))
         for i, (field, cluster, first, tension) in enumerate(r["FFIB"]):
             where = f"section FFIB, element {i}: "
-            body = r["BODY"][r["FELD"][field][0]]
-            need(0 <= cluster - body[4] < body[5] and r["CMEC"], where + "cluster")
+            piece = r["BODY"][r["FELD"][field][0]]
+            need(0 <= cluster - piece[4] < piece[5] and r["CMEC"], where + "cluster")
             need(r["CMEC"][cluster][21] != NONE and any(r["CMEC"][cluster][18:21]), where + "nothing activates a fibre")
             need(0 <= tension <= MOST, where + "tension")
             functions = r["FFUN"][r["FELD"][field][4]:][:r["FELD"][field][2]]
@@ -730,7 +729,7 @@ class Package:
 
     def field_summary(self, f):
         samples = sum(volume > 0 for pack in self.records["FPAK"][f[5]:f[5] + f[6]] for volume in pack[:8])
-        return {"body": self.text(*self.records["BODY"][f[0]][6:8]), "held": f[1] == 1, "functions": f[2], "driven": f[3],
+        return {"piece": self.text(*self.records["BODY"][f[0]][6:8]), "held": f[1] == 1, "functions": f[2], "driven": f[3],
                 "samples": samples, "contact_points": f[10], "lowest_hz": f[13], "static_error": f[14],
                 "least_eigenvalue": f[15]}
 

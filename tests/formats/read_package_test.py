@@ -13,11 +13,11 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 import read_package  # noqa: E402
 
-GOLDEN = os.path.join(HERE, "golden", "sample_v2.sinew")
-MECHANICS = os.path.join(HERE, "golden", "mechanics_v2.sinew")
-FIELDS = os.path.join(HERE, "golden", "fields_v2.sinew")
-OLD = os.path.join(HERE, "golden", "sample_v1.sinew")  # as version 1 of the format had it
-EXPECTED = os.path.join(HERE, "golden", "sample_v2.json")
+GOLDEN = os.path.join(HERE, "golden", "sample_v3.sinew")
+MECHANICS = os.path.join(HERE, "golden", "mechanics_v3.sinew")
+FIELDS = os.path.join(HERE, "golden", "fields_v3.sinew")
+OLD = [os.path.join(HERE, "golden", f"sample_v{version}.sinew") for version in (1, 2)]  # as those versions had it
+EXPECTED = os.path.join(HERE, "golden", "sample_v3.json")
 
 
 def golden():
@@ -104,18 +104,19 @@ class Reader(unittest.TestCase):
     def test_program_refuses_with_exit_3_and_one_line(self):
         cut, flipped, appended, version = golden()[:-1], golden(), golden() + b"\0", golden()
         flipped[2000] ^= 1
-        version[8] = 3
+        version[8] = 4
         for data in (b"", cut, flipped, appended, version):
             result = self.run_reader(data)
             self.assertEqual(result.returncode, 3)
             self.assertEqual(result.stdout, "")
             self.assertEqual(result.stderr.count("\n"), 1, result.stderr)
 
-    def test_refuses_version_1(self):
-        with open(OLD, "rb") as file:
-            old = file.read()
-        self.assertEqual(struct.unpack_from("<I", old, 8)[0], 1)
-        self.assertEqual(reason_of(old), "format version 1, this reader reads version 2: bake the package again")
+    def test_refuses_older_versions(self):
+        for version, name in enumerate(OLD, 1):
+            with open(name, "rb") as file:
+                old = file.read()
+            self.assertEqual(struct.unpack_from("<I", old, 8)[0], version)
+            self.assertEqual(reason_of(old), f"format version {version}, this reader reads version 3: bake the package again")
 
     def test_refuses_every_cut(self):
         data = golden()
@@ -161,8 +162,8 @@ class Reader(unittest.TestCase):
             ("INFO", 68, "f", 1.1e18, "physical_volume"), ("INFO", 72, "f", -1.1e18, "source_volume"),
             ("INFO", 76, "f", 1.1e18, "max_rest_error"), ("PVTX", 0, "f", 1e20, "rest_position"), ("PVTX", 12, "f", 1e3, "total_mass"),
             ("CLUS", 24, "f", 1e3, "rest_center"), ("CLUS", 36, "f", 1e3, "radius"), ("CLUS", 36, "f", 0.1, "outside the radius"),
-            ("CLUS", 40, "f", 1e3, "mass"), ("CLUS", 52, "f", 1.1e18, "frequency"), ("CLUS", 64, "f", 0.9, "quadratic_mean"),
-            ("CLUS", 88, "f", 1.1e12, "a_qq"), ("CLUS", 88, "f", 1e5, "inverse"), ("AQQ9", 176, "f", 1.1e12, "inverse"),
+            ("CLUS", 40, "f", 1e3, "mass"), ("CLUS", 52, "f", 1.1e18, "frequency"), 
+            ("CLUS", 64, "f", 1.1e12, "a_qq"), ("CLUS", 64, "f", 1e5, "inverse"), ("AQQ9", 176, "f", 1.1e12, "inverse"),
             ("AQQ9", 176, "f", 1e6, "inverse"), ("VPOS", 4, "f", -1e3, "VPOS"), ("VNRM", 4, "f", 1.01, "VNRM"), ("VUV0", 4, "f", 1.1e9, "VUV0"),
             ("ATBC", 8, "f", 1.1e6, "ATBC"), ("ATCW", 4, "f", -0.1, "ATCW"),
         ]

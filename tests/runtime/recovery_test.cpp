@@ -235,7 +235,7 @@ std::uint32_t twoPieces(std::shared_ptr<const Asset>& asset) {
   box.center = {3, 0, 0};
   appendBody(content, boxContent(box));
   asset = makeAsset(content);
-  return asset->package().bodies()[1].first_vertex;
+  return asset->package().pieces()[1].first_vertex;
 }
 
 /// What may become of the first box.

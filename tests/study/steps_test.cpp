@@ -397,7 +397,7 @@ TEST(StepsBodies, AreBakedAndStandOnTheGround) {
   ASSERT_EQ(bodies.size(), 7U);
   for (const StepsBody& body : bodies) {
     const formats::PackageView& package = body.asset->package();
-    EXPECT_EQ(package.bodies().size(), body.name == "uneven" ? 2U : 1U) << body.name;
+    EXPECT_EQ(package.pieces().size(), body.name == "uneven" ? 2U : 1U) << body.name;
     EXPECT_LT(package.physicalVertices().size(), 1000U) << body.name;
     EXPECT_FALSE(package.visualPositions().empty()) << body.name;
     EXPECT_NEAR(package.info().origin[1] + double(package.info().bounds_min[1]), 0, 1e-6) << body.name;

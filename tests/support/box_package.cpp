@@ -75,7 +75,6 @@ void computeClusterConstants(formats::PackageContent& content, const std::vector
       const Vector9d q = monomialsOf((restOf(content, member.vertex) - rounded) / double(cluster.radius)) - mean;
       moment += double(member.mu) * q * q.transpose();
     }
-    for (std::size_t j = 0; j < 6; ++j) cluster.quadratic_mean[j] = float(mean[Eigen::Index(j) + 3]);
     const Eigen::Matrix3d spread = moment.topLeftCorner<3, 3>();
     const Eigen::Matrix3d a = geometry::pseudoInverse<3>(spread);
     cluster.a_qq = {float(a(0, 0)), float(a(1, 1)), float(a(2, 2)), float(a(0, 1)), float(a(1, 2)), float(a(2, 0))};
@@ -200,7 +199,7 @@ formats::PackageContent boxContent(const BoxOptions& o) {
     }
   }
   computeClusterConstants(content, weights);
-  content.bodies.push_back({0, std::uint32_t(grid.size()), 0, std::uint32_t(content.tetrahedra.size()), 0,
+  content.pieces.push_back({0, std::uint32_t(grid.size()), 0, std::uint32_t(content.tetrahedra.size()), 0,
                             std::uint32_t(content.clusters.size()), name});
 
   // Visual mesh: the surface, with a normal per vertex averaged by area.
@@ -264,7 +263,7 @@ void appendBody(formats::PackageContent& content, const formats::PackageContent&
   const std::uint32_t moments = std::uint32_t(content.quadratic_moments.size());
   const std::uint32_t visual = std::uint32_t(content.visual_positions.size());
   const std::uint32_t triangles = std::uint32_t(content.visual_triangles.size());
-  const std::uint32_t bodies = std::uint32_t(content.bodies.size());
+  const std::uint32_t pieces = std::uint32_t(content.pieces.size());
   const formats::StringRef name = content.addText("part");
   const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
   append(content.physical_vertices, other.physical_vertices);
@@ -277,7 +276,7 @@ void appendBody(formats::PackageContent& content, const formats::PackageContent&
   }
   for (formats::Cluster c : other.clusters) {
     c.name = name;
-    c.body += bodies;
+    c.piece += pieces;
     c.first_member += members;
     if (c.quadratic != formats::kNone) c.quadratic += moments;
     content.clusters.push_back(c);
@@ -299,12 +298,12 @@ void appendBody(formats::PackageContent& content, const formats::PackageContent&
     a.tetrahedron += tetrahedra;
     content.barycentric.push_back(a);
   }
-  for (formats::BodyRange b : other.bodies) {
+  for (formats::PieceRange b : other.pieces) {
     b.first_vertex += vertices;
     b.first_tetrahedron += tetrahedra;
     b.first_cluster += clusters;
     b.name = name;
-    content.bodies.push_back(b);
+    content.pieces.push_back(b);
   }
   float diagonal2 = 0;
   for (std::size_t k = 0; k < 3; ++k) {

@@ -56,7 +56,7 @@ struct Sample {
 class BodyField {
  public:
   BodyField(formats::PackageContent& content, std::uint32_t body)
-      : content_(content), body_(content.bodies[body]), index_(body) {
+      : content_(content), body_(content.pieces[body]), index_(body) {
     findBasis();
     findMaterial();
     findSamples();
@@ -242,7 +242,7 @@ class BodyField {
   }
 
   formats::PackageContent& content_;
-  const formats::BodyRange body_;
+  const formats::PieceRange body_;
   const std::uint32_t index_;
   MatrixXd positions_, monomials_, basis_;
   Eigen::VectorXd masses_, stiffness_;
@@ -254,7 +254,7 @@ class BodyField {
 }  // namespace
 
 void addFields(formats::PackageContent& content) {
-  for (std::uint32_t body = 0; body < content.bodies.size(); ++body) BodyField(content, body).append();
+  for (std::uint32_t body = 0; body < content.pieces.size(); ++body) BodyField(content, body).append();
 }
 
 }  // namespace sinew::test

@@ -113,7 +113,6 @@ void addCluster(formats::PackageContent& content, std::string_view name, formats
   const Matrix<3> inverse3 = pseudoInverse(moment3);
   cluster.a_qq = {float(inverse3[0][0]), float(inverse3[1][1]), float(inverse3[2][2]),
                   float(inverse3[0][1]), float(inverse3[1][2]), float(inverse3[2][0])};
-  for (std::size_t k = 0; k < 6; ++k) cluster.quadratic_mean[k] = float(mean[k]);
   if (mode == formats::ClusterMode::quadratic) {
     Matrix<9> moment9{};
     for (std::size_t i = 0; i < q.size(); ++i) {
@@ -417,7 +416,7 @@ formats::PackageContent samplePackage() {
   content.tetrahedra = {{{0, 1, 2, 3}}, {{1, 2, 3, 4}}};
   addCluster(content, "lower", formats::ClusterMode::linear, {2.0F / 3, 2.0F / 3, 2.0F / 3, 2.0F / 3});
   addCluster(content, "whole", formats::ClusterMode::quadratic, {1.0F / 3, 1.0F / 3, 1.0F / 3, 1.0F / 3, 1});
-  content.bodies = {{0, 5, 0, 2, 0, 2, content.addText("corner")}};
+  content.pieces = {{0, 5, 0, 2, 0, 2, content.addText("corner")}};
 
   content.visual_positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}, {1, 1, 1}};
   const float third = float(1 / std::sqrt(3.0));
@@ -450,7 +449,7 @@ formats::PackageContent samplePackage() {
   content.groups = {{content.addText("tip"), 0, 2}, {content.addText("nobody"), 2, 0}, {content.addText("base"), 2, 3}};
   content.group_vertices = {4, 5, 0, 1, 2};
 
-  formats::BodyInfo& info = content.info;
+  formats::PackageInfo& info = content.info;
   info.origin = {10, 0.5, -2};
   info.metres_per_unit = 0.01;
   info.bounds_min = {0, 0, 0};
@@ -536,7 +535,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
   const std::uint32_t triangles = n(c.visual_triangles), weights = n(c.cluster_attachments);
   const std::uint32_t sources = n(c.source_identity), grouped = n(c.group_vertices);
   const auto same = [](auto&, std::uint32_t) {};
-  repeat(c.bodies, copies, [&](auto& b, std::uint32_t k) {
+  repeat(c.pieces, copies, [&](auto& b, std::uint32_t k) {
     b.first_vertex += k * vertices, b.first_tetrahedron += k * tets, b.first_cluster += k * clusters;
   });
   repeat(c.physical_vertices, copies, same);
@@ -544,7 +543,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
     for (auto& v : t.vertex) v += k * vertices;
   });
   repeat(c.clusters, copies, [&](auto& cluster, std::uint32_t k) {
-    cluster.body = k;
+    cluster.piece = k;
     cluster.first_member += k * members;
     if (cluster.quadratic != kNone) cluster.quadratic += k * moments;
   });
@@ -572,7 +571,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
   repeat(c.source_meshes, copies, [&](auto& m, std::uint32_t k) { m.first_source_vertex += k * sources; });
   repeat(c.groups, copies, [&](auto& g, std::uint32_t k) { g.first += k * grouped; });
   repeat(c.group_vertices, copies, [&](auto& v, std::uint32_t k) { v += k * visuals; });
-  const std::uint32_t bodies = n(once.bodies), sets = n(once.pin_sets), held = n(once.pin_set_vertices);
+  const std::uint32_t bodies = n(once.pieces), sets = n(once.pin_sets), held = n(once.pin_set_vertices);
   repeat(c.pin_sets, copies, [&](auto& s, std::uint32_t k) { s.first += k * held; });
   repeat(c.pin_set_vertices, copies, [&](auto& v, std::uint32_t k) { v += k * vertices; });
   repeat(c.fields, copies, [&](auto& f, std::uint32_t k) {
@@ -604,7 +603,7 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
   });
   repeat(c.field_tether_values, copies, same);
   repeat(c.distance_grids, copies, [&](auto& g, std::uint32_t k) {
-    g.piece += k * n(once.bodies), g.first_value += k * n(once.distance_values);
+    g.piece += k * n(once.pieces), g.first_value += k * n(once.distance_values);
   });
   repeat(c.distance_values, copies, same);
   return c;

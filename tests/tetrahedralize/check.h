@@ -30,7 +30,7 @@ inline tools::PhysicalMesh fill(const tools::VisualMesh& mesh, tools::Tetrahedra
   return tools::tetrahedralize(mesh, tools::analyzeTopology(mesh), options, progress);
 }
 
-inline geometry::TetMesh bodyMesh(const tools::PhysicalMesh& mesh, const tools::PhysicalBody& body) {
+inline geometry::TetMesh bodyMesh(const tools::PhysicalMesh& mesh, const tools::PhysicalPiece& body) {
   geometry::TetMesh one;
   for (std::uint32_t v = 0; v < body.vertex_count; ++v) one.positions.push_back(mesh.positions[body.first_vertex + v]);
   for (std::uint32_t t = 0; t < body.tetrahedron_count; ++t) {
@@ -61,10 +61,10 @@ inline double spaceTaken(const geometry::TetMesh& mesh) {
 /// piece a body, the angles of the method, the quality it claims, fills that add up.
 inline void checkPhysicalMesh(const tools::PhysicalMesh& mesh, const std::string& what) {
   std::uint32_t vertex = 0, tetrahedron = 0;
-  ASSERT_FALSE(mesh.bodies.empty()) << what;
+  ASSERT_FALSE(mesh.pieces.empty()) << what;
   ASSERT_EQ(mesh.fill.size(), mesh.tetrahedra.size()) << what;
   double smallest = 180;
-  for (const auto& body : mesh.bodies) {
+  for (const auto& body : mesh.pieces) {
     ASSERT_EQ(body.first_vertex, vertex) << what;
     ASSERT_EQ(body.first_tetrahedron, tetrahedron) << what;
     vertex += body.vertex_count;
@@ -102,7 +102,7 @@ inline void checkPhysicalMesh(const tools::PhysicalMesh& mesh, const std::string
     EXPECT_TRUE(std::isfinite(f)) << what;
   }
   // Masses add up to the source's, whatever the cage.
-  for (const auto& body : mesh.bodies) {
+  for (const auto& body : mesh.pieces) {
     double filled = 0;
     const geometry::TetMesh one = bodyMesh(mesh, body);
     for (std::uint32_t t = 0; t < body.tetrahedron_count; ++t) {

@@ -276,7 +276,7 @@ TEST(Separation, LinksOfAChain) {
   const VisualMesh mesh = testing::readObj(std::filesystem::path(SINEW_TEST_ASSETS) / "generated" / "chain.obj");
   for (const std::uint32_t target : {100U, 1500U}) {
     const PhysicalMesh physical = fill(mesh, automatic, target);
-    ASSERT_EQ(physical.bodies.size(), 3U);
+    ASSERT_EQ(physical.pieces.size(), 3U);
     EXPECT_EQ(euler(physical), 0);  // three rings
   }
 }

@@ -71,10 +71,10 @@ VisualMesh asset(const std::string& name) { return testing::readObj(std::filesys
 // Every point of the surface lies in the skin or within `reach` of it.
 void expectCovered(const VisualMesh& mesh, const PhysicalMesh& physical, double reach, const std::string& what) {
   double farthest = 0;
-  for (const PhysicalBody& body : physical.bodies) {
+  for (const PhysicalPiece& body : physical.pieces) {
     const geometry::TetMesh one = testing::bodyMesh(physical, body);
     const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
-    if (physical.bodies.size() > 1) return;
+    if (physical.pieces.size() > 1) return;
     for (const Vector3d& p : mesh.positions) {
       if (!cage.inside(p)) farthest = std::max(farthest, std::sqrt(cage.bvh().closest(p).squared_distance));
     }
@@ -88,8 +88,8 @@ TEST(Shell, SkinPatchAtSeveralBudgets) {
     const std::string what = "skin patch " + std::to_string(target);
     const PhysicalMesh physical = fill(mesh, automatic, target);
     checkPhysicalMesh(physical, what);
-    ASSERT_EQ(physical.bodies.size(), 1U);
-    EXPECT_EQ(physical.bodies[0].method, shell) << what;
+    ASSERT_EQ(physical.pieces.size(), 1U);
+    EXPECT_EQ(physical.pieces[0].method, shell) << what;
     EXPECT_LE(physical.positions.size(), 1.2 * target) << what;
     EXPECT_GE(physical.positions.size(), 0.8 * std::min(target, 1250U)) << what;
     EXPECT_GT(physical.quality.min_dihedral_deg, 5) << what;
@@ -105,7 +105,7 @@ TEST(Shell, CoarseningKeepsTheBorder) {
   const PhysicalMesh physical = shellOf(mesh, 100, 0.02);
   checkPhysicalMesh(physical, "square");
   // All of the square's area, at its thickness.
-  EXPECT_NEAR(physical.bodies[0].volume, 0.02, 1e-9);
+  EXPECT_NEAR(physical.pieces[0].volume, 0.02, 1e-9);
 }
 
 TEST(Shell, ThicknessIsWhatWasAsked) {
@@ -115,8 +115,8 @@ TEST(Shell, ThicknessIsWhatWasAsked) {
             16, true);
   const PhysicalMesh physical = shellOf(tube, 4000, 0.01);
   checkPhysicalMesh(physical, "tube");
-  EXPECT_NEAR(physical.bodies[0].volume / (2 * kPi * r * 0.01), 1, 0.01);
-  EXPECT_LT(physical.bodies[0].source_volume, 0);
+  EXPECT_NEAR(physical.pieces[0].volume / (2 * kPi * r * 0.01), 1, 0.01);
+  EXPECT_LT(physical.pieces[0].source_volume, 0);
   EXPECT_EQ(findingOf(physical, "tetrahedra-volume"), nullptr);
 }
 
@@ -124,7 +124,7 @@ TEST(Shell, ThicknessIsWhatWasAsked) {
 // Points count whose surroundings, as wide as a coarse triangle, are as flat as cos(10 degrees) and asked for alike.
 std::vector<double> measuredThickness(const VisualMesh& mesh, const PhysicalMesh& physical, double thickness,
                                       const std::function<double(const Vector3d&)>& factor, double reach) {
-  const geometry::TetMesh one = testing::bodyMesh(physical, physical.bodies[0]);
+  const geometry::TetMesh one = testing::bodyMesh(physical, physical.pieces[0]);
   const geometry::TriangleBvh cage(one.positions, geometry::boundaryFaces(one));
   std::vector<Vector3d> normals(mesh.positions.size(), Vector3d::Zero());
   for (const auto& t : mesh.triangles) {
@@ -194,7 +194,7 @@ TEST(Shell, FactorsOnAHeadDoNotFoldOver) {
     for (const int axis : {0, 2}) {
       const double middle = (head.bounds_min[axis] + head.bounds_max[axis]) / 2;
       const PhysicalMesh physical = shellOf(head, 3000, 0.02, ramp(axis, middle, middle + 0.1, most));
-      EXPECT_EQ(physical.bodies[0].method, shell);
+      EXPECT_EQ(physical.pieces[0].method, shell);
       EXPECT_EQ(physical.quality.inverted, 0U);
       for (const auto& t : physical.tetrahedra) {
         const auto& x = physical.positions;
@@ -233,16 +233,16 @@ TEST(Shell, FoldsAreCutApart) {
     const std::string what = std::to_string(thickness) + " m";
     const PhysicalMesh physical = shellOf(folded, 1000, thickness);
     checkPhysicalMesh(physical, what);
-    ASSERT_EQ(physical.bodies.size(), 1U);
-    EXPECT_GT(physical.bodies[0].tie_count, 0U) << what;
+    ASSERT_EQ(physical.pieces.size(), 1U);
+    EXPECT_GT(physical.pieces[0].tie_count, 0U) << what;
     const Finding* finding = findingOf(physical, "tetrahedra-fold");
     ASSERT_NE(finding, nullptr) << what;
     EXPECT_NE(finding->message.find("(11 vertices near ("), std::string::npos) << finding->message;
   }
   const PhysicalMesh thin = shellOf(folded, 1000, 0.001);
-  const geometry::TetMesh one = testing::bodyMesh(thin, thin.bodies[0]);
+  const geometry::TetMesh one = testing::bodyMesh(thin, thin.pieces[0]);
   double prisms = 0;
-  for (std::size_t t = 0; t < one.tetrahedra.size() - thin.bodies[0].tie_count; ++t) {
+  for (std::size_t t = 0; t < one.tetrahedra.size() - thin.pieces[0].tie_count; ++t) {
     prisms += geometry::volume(one, one.tetrahedra[t]);
   }
   EXPECT_NEAR(prisms / (2 * 0.001), 1, 0.01);
@@ -254,7 +254,7 @@ TEST(Shell, TheFoldsOfAModelDoNotRefuseIt) {
   const VisualMesh penguin = asset("models/penguin_control.obj");
   for (const double thickness : {1e-4, 0.01, 0.5}) {
     const PhysicalMesh physical = shellOf(penguin, 9000, thickness);
-    EXPECT_EQ(physical.bodies[0].method, shell) << thickness;
+    EXPECT_EQ(physical.pieces[0].method, shell) << thickness;
     EXPECT_EQ(physical.quality.inverted, 0U) << thickness;
     EXPECT_NE(findingOf(physical, "tetrahedra-fold"), nullptr) << thickness;
   }
@@ -276,7 +276,7 @@ TEST(Shell, MaskOfAFaceAndFins) {
   for (const std::uint32_t target : {800U, 3000U}) {
     const PhysicalMesh physical = shellOf(mask, target, 0);
     checkPhysicalMesh(physical, "mask");
-    EXPECT_EQ(physical.bodies[0].method, shell);
+    EXPECT_EQ(physical.pieces[0].method, shell);
   }
 
   const VisualMesh fish = asset("models/trout/trout.obj");
@@ -301,8 +301,8 @@ TEST(Shell, RoughReliefKeepsToItsBudget) {
       sheet([&](double u, double v) { return Vector3d(u, 0.1 * std::sin(9 * u + 4 * v) + 0.04 * noise(u, v), v); }, 150,
             150, false);
   const PhysicalMesh physical = shellOf(rough, 1000, 0);
-  ASSERT_EQ(physical.bodies.size(), 1U);
-  EXPECT_EQ(physical.bodies[0].method, shell);
+  ASSERT_EQ(physical.pieces.size(), 1U);
+  EXPECT_EQ(physical.pieces[0].method, shell);
   EXPECT_LE(physical.positions.size(), 1100U);
   EXPECT_EQ(physical.quality.inverted, 0U);
 }
@@ -317,7 +317,7 @@ TEST(Shell, HubsBecomeGrid) {
     faces.push_back({0, 1 + i, 1 + (i + 1) % n});
   }
   const PhysicalMesh physical = fill(testing::makeMesh(positions, faces), automatic, 400);
-  EXPECT_EQ(physical.bodies[0].method, grid);
+  EXPECT_EQ(physical.pieces[0].method, grid);
   const Finding* const method = findingOf(physical, "tetrahedra-method");
   ASSERT_NE(method, nullptr);
   EXPECT_NE(method->message.find("more than 500 faces"), std::string::npos);
@@ -337,10 +337,10 @@ TEST(Shell, SheetsThatCrossHoldTogether) {
   for (const std::uint32_t target : {150U, 2000U}) {
     const PhysicalMesh physical = shellOf(mesh, target, 0.02);
     checkPhysicalMesh(physical, "crossed");
-    ASSERT_EQ(physical.bodies.size(), 1U);
-    EXPECT_EQ(physical.bodies[0].method, shell);
+    ASSERT_EQ(physical.pieces.size(), 1U);
+    EXPECT_EQ(physical.pieces[0].method, shell);
     // All along the line where they cross, not by one tetrahedron: the skins have three a triangle.
-    EXPECT_GT(physical.bodies[0].tie_count, 0U);
+    EXPECT_GT(physical.pieces[0].tie_count, 0U);
     if (target == 2000) {
       EXPECT_GT(physical.tetrahedra.size(), 3 * mesh.triangles.size() + 16);
     }
@@ -350,7 +350,7 @@ TEST(Shell, SheetsThatCrossHoldTogether) {
   // Eyeballs lie in the head without touching it.
   const PhysicalMesh head = shellOf(asset("models/makehuman_head.obj"), 3000, 0.02);
   std::vector<std::uint32_t> component;
-  EXPECT_EQ(geometry::connectedComponents(testing::bodyMesh(head, head.bodies[0]), component), 1U);
+  EXPECT_EQ(geometry::connectedComponents(testing::bodyMesh(head, head.pieces[0]), component), 1U);
 }
 
 TEST(Shell, AClosedSurfaceBecomesHollowWhereAShellIsAsked) {
@@ -359,7 +359,7 @@ TEST(Shell, AClosedSurfaceBecomesHollowWhereAShellIsAsked) {
   for (const auto& t : ball.triangles) faces.push_back({t[0], t[1], t[2]});
   const PhysicalMesh physical = shellOf(testing::makeMesh(ball.positions, faces), 4000, 0.05);
   checkPhysicalMesh(physical, "ball");
-  EXPECT_NEAR(physical.bodies[0].volume / (4 * kPi * 0.05), 1, 0.03);
+  EXPECT_NEAR(physical.pieces[0].volume / (4 * kPi * 0.05), 1, 0.03);
 }
 
 // A Moebius band of radius 1.
@@ -393,8 +393,8 @@ TEST(Shell, OneSidedSheetsAreNoSolidUnderAuto) {
   for (const double width : {0.2, 0.6, 1.6}) {
     const PhysicalMesh physical = testing::fill(moebiusBand(width), TetrahedraMethod::automatic, 600);
     const std::string what = "width " + std::to_string(width);
-    ASSERT_EQ(physical.bodies.size(), 1U) << what;
-    EXPECT_LT(physical.bodies[0].source_volume, 0) << what;
+    ASSERT_EQ(physical.pieces.size(), 1U) << what;
+    EXPECT_LT(physical.pieces[0].source_volume, 0) << what;
     const Finding* finding = testing::findingOf(physical, "tetrahedra-method");
     ASSERT_NE(finding, nullptr) << what;
     EXPECT_NE(finding->message.find("only one side"), std::string::npos) << finding->message;
@@ -423,7 +423,7 @@ TEST(Shell, OneSidedAndBranchingSheetsAreRefusedWithPlaceAndCure) {
   // Left to itself the bake goes on with cells.
   const PhysicalMesh cells = fill(wings, automatic, 200);
   checkPhysicalMesh(cells, "wings");
-  EXPECT_EQ(cells.bodies[0].method, grid);
+  EXPECT_EQ(cells.pieces[0].method, grid);
   ASSERT_NE(findingOf(cells, "tetrahedra-method"), nullptr);
   EXPECT_EQ(findingOf(cells, "tetrahedra-method")->severity, Severity::warning);
 }

@@ -13,8 +13,8 @@
 #include "tests/support/obj_reader.h"
 #include "tests/tetrahedralize/check.h"
 #include "tools/core/error.h"
-#include "tools/tetrahedralize/bodies.h"
 #include "tools/tetrahedralize/fill.h"
+#include "tools/tetrahedralize/pieces.h"
 
 namespace sinew::tools {
 namespace {
@@ -54,7 +54,7 @@ Surface patch(double size, double height, std::uint32_t n) {
 
 double ratio(const PhysicalMesh& mesh) {
   double volume = 0, source = 0;
-  for (const auto& body : mesh.bodies) {
+  for (const auto& body : mesh.pieces) {
     volume += body.volume;
     source += body.source_volume;
   }
@@ -79,11 +79,11 @@ TEST(Tetrahedralize, ClosedShapesByEveryMethod) {
       const std::string what = name + " " + testing::name(method);
       const PhysicalMesh mesh = fill(visual(surface), method, 800);
       checkPhysicalMesh(mesh, what);
-      ASSERT_EQ(mesh.bodies.size(), 1U) << what;
+      ASSERT_EQ(mesh.pieces.size(), 1U) << what;
       EXPECT_NEAR(double(mesh.positions.size()), 800, 240) << what;
-      EXPECT_NEAR(mesh.bodies[0].source_volume, surface.volume(), 1e-9 * surface.volume()) << what;
+      EXPECT_NEAR(mesh.pieces[0].source_volume, surface.volume(), 1e-9 * surface.volume()) << what;
       if (method != automatic) {
-        EXPECT_EQ(mesh.bodies[0].method, method) << what;
+        EXPECT_EQ(mesh.pieces[0].method, method) << what;
       }
       if (method != grid) {
         EXPECT_NEAR(ratio(mesh), 1, 0.06) << what;
@@ -112,8 +112,8 @@ TEST(Tetrahedralize, LinkedRingsStayThreeBodies) {
     for (const TetrahedraMethod method : kMethods) {
       const PhysicalMesh mesh = fill(visual(chain), method, target);
       checkPhysicalMesh(mesh, "chain");
-      EXPECT_EQ(mesh.bodies.size(), 3U);
-      EXPECT_EQ(mesh.part_body, (std::vector<std::uint32_t>{0, 1, 2}));
+      EXPECT_EQ(mesh.pieces.size(), 3U);
+      EXPECT_EQ(mesh.part_piece, (std::vector<std::uint32_t>{0, 1, 2}));
     }
   }
 }
@@ -122,8 +122,8 @@ TEST(Tetrahedralize, CavityStaysEmpty) {
   for (const TetrahedraMethod method : kMethods) {
     const PhysicalMesh mesh = fill(visual(hollowSphere()), method, 1500);
     checkPhysicalMesh(mesh, testing::name(method));
-    ASSERT_EQ(mesh.bodies.size(), 1U);
-    EXPECT_EQ(mesh.bodies[0].parts.size(), 2U);
+    ASSERT_EQ(mesh.pieces.size(), 1U);
+    EXPECT_EQ(mesh.pieces[0].parts.size(), 2U);
     double nearest = 1e300;
     for (const auto& t : mesh.tetrahedra) {
       Vector3d middle = Vector3d::Zero();
@@ -141,12 +141,12 @@ TEST(Tetrahedralize, CavityStaysEmpty) {
 TEST(Tetrahedralize, BallInACavityIsItsOwnBodyAndInSolidIsNot) {
   Surface cavity = hollowSphere();
   cavity.append(testing::sphere(0.3, 12));
-  EXPECT_EQ(fill(visual(cavity), automatic, 800).bodies.size(), 2U);
+  EXPECT_EQ(fill(visual(cavity), automatic, 800).pieces.size(), 2U);
   Surface solid = testing::sphere(1, 24);
   solid.append(testing::sphere(0.3, 12));
   const PhysicalMesh mesh = fill(visual(solid), automatic, 800);
-  ASSERT_EQ(mesh.bodies.size(), 1U);
-  EXPECT_EQ(mesh.bodies[0].parts.size(), 2U);
+  ASSERT_EQ(mesh.pieces.size(), 1U);
+  EXPECT_EQ(mesh.pieces[0].parts.size(), 2U);
   EXPECT_NEAR(ratio(mesh), 1, 0.06);
 }
 
@@ -160,13 +160,13 @@ TEST(Tetrahedralize, OverlappingPartsAreFilledOnce) {
   for (const TetrahedraMethod method : kMethods) {
     const PhysicalMesh mesh = fill(visual(two), method, 1200);
     checkPhysicalMesh(mesh, testing::name(method));
-    ASSERT_EQ(mesh.bodies.size(), 1U);
-    EXPECT_NEAR(mesh.bodies[0].source_volume / expected, 1, 0.01);
+    ASSERT_EQ(mesh.pieces.size(), 1U);
+    EXPECT_NEAR(mesh.pieces[0].source_volume / expected, 1, 0.01);
     if (method != grid) {
       EXPECT_NEAR(ratio(mesh), 1, 0.06) << testing::name(method);
     }
     // Every tetrahedron is inside the other's complement: the border's volume is the sum of volumes.
-    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.bodies[0]);
+    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
     double border = 0;
     for (const auto& f : geometry::boundaryFaces(one)) {
       border += one.positions[f[0]].dot(one.positions[f[1]].cross(one.positions[f[2]])) / 6;
@@ -181,7 +181,7 @@ TEST(Tetrahedralize, PartsApartAreBodiesPartsNearAreOne) {
     two.append(testing::box({1, 1, 1}, 4), {1 + gap, 0, 0});
     const PhysicalMesh mesh = fill(visual(two), automatic, 800);
     checkPhysicalMesh(mesh, "two boxes");
-    EXPECT_EQ(mesh.bodies.size(), gap < 0.01 ? 1U : 2U);
+    EXPECT_EQ(mesh.pieces.size(), gap < 0.01 ? 1U : 2U);
     EXPECT_NEAR(ratio(mesh), 1, 0.06);
   }
 }
@@ -216,8 +216,8 @@ TEST(Tetrahedralize, ReentrantCornerIsNotFilled) {
   for (const TetrahedraMethod method : kMethods) {
     const PhysicalMesh mesh = fill(visual(bar), method, 800);
     checkPhysicalMesh(mesh, testing::name(method));
-    EXPECT_NEAR(mesh.bodies.at(0).source_volume, exact, 0.02 * exact);
-    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.bodies[0]);
+    EXPECT_NEAR(mesh.pieces.at(0).source_volume, exact, 0.02 * exact);
+    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
     const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
     EXPECT_FALSE(cage.inside({0.2, 0.45, 0})) << testing::name(method);
     EXPECT_TRUE(cage.inside({-0.25, 0, 0})) << testing::name(method);
@@ -229,10 +229,10 @@ TEST(Tetrahedralize, ASkinAloneBecomesALayer) {
   for (const TetrahedraMethod method : kMethods) {
     const PhysicalMesh mesh = fill(visual(skin), method, 600);
     checkPhysicalMesh(mesh, testing::name(method));
-    ASSERT_EQ(mesh.bodies.size(), 1U);
-    EXPECT_LT(mesh.bodies[0].source_volume, 0);
+    ASSERT_EQ(mesh.pieces.size(), 1U);
+    EXPECT_LT(mesh.pieces[0].source_volume, 0);
     EXPECT_NE(findingOf(mesh, "tetrahedra-method"), nullptr);
-    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.bodies[0]);
+    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
     const geometry::WindingNumber cage(one.positions, geometry::boundaryFaces(one), true);
     for (const auto& p : skin.positions) {
       EXPECT_TRUE(cage.inside(p) || cage.bvh().closest(p).squared_distance < 1e-6);
@@ -247,8 +247,8 @@ TEST(Tetrahedralize, LooseSheetsFollowTheNearestBody) {
   scene.append(patch(0.4, 0, 4), {0, 1, 0});    // pierces the first
   const PhysicalMesh mesh = fill(visual(scene), automatic, 800);
   checkPhysicalMesh(mesh, "sheets");
-  ASSERT_EQ(mesh.bodies.size(), 2U);
-  EXPECT_EQ(mesh.part_body, (std::vector<std::uint32_t>{0, 1, 1, 0}));
+  ASSERT_EQ(mesh.pieces.size(), 2U);
+  EXPECT_EQ(mesh.part_piece, (std::vector<std::uint32_t>{0, 1, 1, 0}));
   EXPECT_NEAR(ratio(mesh), 1, 0.06);
   const Finding* finding = findingOf(mesh, "tetrahedra-loose-sheets");
   ASSERT_NE(finding, nullptr);
@@ -263,8 +263,8 @@ TEST(Tetrahedralize, BodiesThatNearlyTouchAreReportedWithWhatJoinsThem) {
     pair.append(testing::box({1, 1, 1}, 4), {1 + gap * diagonal, 0, 0});
     const VisualMesh mesh = visual(pair);
     const PhysicalMesh physical = fill(mesh, automatic, 300);
-    ASSERT_EQ(physical.bodies.size(), 2U);
-    const Finding* finding = findingOf(physical, "near-bodies");
+    ASSERT_EQ(physical.pieces.size(), 2U);
+    const Finding* finding = findingOf(physical, "near-pieces");
     ASSERT_EQ(finding != nullptr, gap < 4e-3) << gap;
     if (finding == nullptr) continue;
     EXPECT_EQ(finding->severity, Severity::warning);
@@ -279,7 +279,7 @@ TEST(Tetrahedralize, BodiesThatNearlyTouchAreReportedWithWhatJoinsThem) {
     options.join_distance = std::stod(finding->cure.substr(at + key.size()));
     EXPECT_LT(options.join_distance, 1.15 * gap);
     Progress progress(false);
-    EXPECT_EQ(tetrahedralize(mesh, analyzeTopology(mesh), options, progress).bodies.size(), 1U) << finding->cure;
+    EXPECT_EQ(tetrahedralize(mesh, analyzeTopology(mesh), options, progress).pieces.size(), 1U) << finding->cure;
   }
 }
 
@@ -289,7 +289,7 @@ TEST(Tetrahedralize, LargeSheetsDoNotRideAlongUnsaid) {
     Surface pole = testing::box({0.1, 3, 0.1}, 6);
     pole.append(patch(size, 0, 8), {0.05 + size / 2, 0, 0});
     const PhysicalMesh mesh = fill(visual(pole), automatic, 300);
-    ASSERT_EQ(mesh.bodies.size(), 1U);
+    ASSERT_EQ(mesh.pieces.size(), 1U);
     const Finding* finding = findingOf(mesh, "large-sheets");
     ASSERT_EQ(finding != nullptr, size > 0.5) << size;
     if (finding == nullptr) continue;
@@ -322,8 +322,8 @@ TEST(Tetrahedralize, InvertedCoversDoNotHollowOutTheBody) {
     dressed.append(tube);
     const PhysicalMesh mesh = fill(visual(dressed), automatic, 800);
     checkPhysicalMesh(mesh, "dressed");
-    ASSERT_EQ(mesh.bodies.size(), 1U);
-    volume[inwards ? 1 : 0] = mesh.bodies[0].source_volume;
+    ASSERT_EQ(mesh.pieces.size(), 1U);
+    volume[inwards ? 1 : 0] = mesh.pieces[0].source_volume;
     EXPECT_EQ(findingOf(mesh, "cover-inside-out") != nullptr, inwards);
   }
   EXPECT_GT(volume[0], testing::sphere(1.03, 24).volume());
@@ -341,7 +341,7 @@ TEST(Tetrahedralize, OpenCavitiesStay) {
   ball.append(bag, {0, 0.4999, 0});
   const PhysicalMesh mesh = fill(visual(ball), automatic, 1500);
   EXPECT_EQ(findingOf(mesh, "cover-inside-out"), nullptr);
-  EXPECT_LT(mesh.bodies[0].source_volume, 0.93 * solid);
+  EXPECT_LT(mesh.pieces[0].source_volume, 0.93 * solid);
 }
 
 TEST(Tetrahedralize, PatchesThatEncloseSomethingTogether) {
@@ -360,8 +360,8 @@ TEST(Tetrahedralize, PatchesThatEncloseSomethingTogether) {
   halves.append(patch(0.8, 0, 6), {1.2, 0, 0});
   const PhysicalMesh mesh = fill(visual(halves), automatic, 800);
   checkPhysicalMesh(mesh, "halves");
-  ASSERT_EQ(mesh.bodies.size(), 1U);
-  EXPECT_NEAR(mesh.bodies[0].source_volume / ball.volume(), 1, 0.02);
+  ASSERT_EQ(mesh.pieces.size(), 1U);
+  EXPECT_NEAR(mesh.pieces[0].source_volume / ball.volume(), 1, 0.02);
   EXPECT_NEAR(ratio(mesh), 1, 0.08);
 }
 
@@ -395,9 +395,9 @@ TEST(Tetrahedralize, LidsThatShareNoEdgeBelongToTheSolid) {
     }
     const PhysicalMesh mesh = fill(testing::makeMesh(positions, faces), automatic, 800);
     checkPhysicalMesh(mesh, "letter");
-    ASSERT_EQ(mesh.bodies.size(), 1U);
-    EXPECT_NEAR(mesh.bodies[0].source_volume, 6 * 0.8, 0.02 * 6 * 0.8);
-    EXPECT_NEAR(mesh.bodies[0].volume, 6 * 0.8, 0.15 * 6 * 0.8);
+    ASSERT_EQ(mesh.pieces.size(), 1U);
+    EXPECT_NEAR(mesh.pieces[0].source_volume, 6 * 0.8, 0.02 * 6 * 0.8);
+    EXPECT_NEAR(mesh.pieces[0].volume, 6 * 0.8, 0.15 * 6 * 0.8);
   }
 }
 
@@ -407,7 +407,7 @@ TEST(Tetrahedralize, HolesDoNotMatterToStuffingAndAreSealedForDelaunay) {
   for (const TetrahedraMethod method : kMethods) {
     const PhysicalMesh mesh = fill(visual(open), method, 800);
     checkPhysicalMesh(mesh, testing::name(method));
-    EXPECT_NEAR(mesh.bodies.at(0).source_volume, 1, 0.05);
+    EXPECT_NEAR(mesh.pieces.at(0).source_volume, 1, 0.05);
     EXPECT_NEAR(ratio(mesh), 1, method == grid ? 0.35 : 0.1) << testing::name(method);
   }
 }
@@ -420,7 +420,7 @@ TEST(Tetrahedralize, DelaunayNeverReturnsTheShellOfAWrapThatWentInside) {
     const PhysicalMesh mesh = fill(visual(open), delaunay, 800);
     checkPhysicalMesh(mesh, "open box");
     EXPECT_GT(ratio(mesh), 0.8);
-    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.bodies[0]);
+    const geometry::TetMesh one = testing::bodyMesh(mesh, mesh.pieces[0]);
     EXPECT_TRUE(geometry::WindingNumber(one.positions, geometry::boundaryFaces(one), true).inside({0.1, 0, 0}));
   } catch (const ToolError& error) {
     EXPECT_EQ(error.code(), ExitCode::bad_input);
@@ -448,7 +448,7 @@ TEST(Tetrahedralize, InsideOutTurnedFacesWallsAndFins) {
   for (std::size_t i = 0; i < turned.triangles.size(); i += 7)
     std::swap(turned.triangles[i][0], turned.triangles[i][1]);
   const PhysicalMesh mesh = fill(visual(turned), automatic, 600);
-  EXPECT_NEAR(mesh.bodies.at(0).source_volume, ball.volume(), 0.01);
+  EXPECT_NEAR(mesh.pieces.at(0).source_volume, ball.volume(), 0.01);
   EXPECT_NEAR(ratio(mesh), 1, 0.06);
 
   // A wall across the inside, sharing the points of its rim, and a fin on the outside.
@@ -463,8 +463,8 @@ TEST(Tetrahedralize, InsideOutTurnedFacesWallsAndFins) {
   box.triangles.push_back({base, base + 1, base + 2});
   const PhysicalMesh walled = fill(visual(box), automatic, 600);
   checkPhysicalMesh(walled, "walled");
-  ASSERT_EQ(walled.bodies.size(), 1U);
-  EXPECT_NEAR(walled.bodies[0].source_volume, 1, 1e-9);
+  ASSERT_EQ(walled.pieces.size(), 1U);
+  EXPECT_NEAR(walled.pieces[0].source_volume, 1, 1e-9);
   EXPECT_NEAR(ratio(walled), 1, 0.06);
 }
 
@@ -491,9 +491,9 @@ TEST(Tetrahedralize, ManyBodiesShareTheTarget) {
     beads.append(testing::sphere(i % 5 == 0 ? 0.4 : 0.1, 8), {double(i % 8), double(i / 8), 0});
   const PhysicalMesh mesh = fill(visual(beads), automatic, 1500);
   checkPhysicalMesh(mesh, "beads");
-  EXPECT_EQ(mesh.bodies.size(), 40U);
+  EXPECT_EQ(mesh.pieces.size(), 40U);
   EXPECT_NEAR(double(mesh.positions.size()), 1500, 450);
-  for (const auto& body : mesh.bodies) EXPECT_GE(body.vertex_count, 8U);
+  for (const auto& body : mesh.pieces) EXPECT_GE(body.vertex_count, 8U);
 }
 
 TEST(Tetrahedralize, SameBytesForAnyThreadsAndTwice) {
@@ -513,11 +513,11 @@ TEST(Tetrahedralize, TheLatticeOfStuffingIsBoundedHoweverFarAVertexLies) {
   ball.positions[100] = {500, 200, 0};
   const VisualMesh mesh = visual(ball);
   const Topology topology = analyzeTopology(mesh);
-  const BodySet set = findBodies(mesh, topology, 1e-3 * mesh.diagonal, geometry::serialFor);
-  ASSERT_EQ(set.bodies.size(), 1U);
+  const PieceSet set = findPieces(mesh, topology, 1e-3 * mesh.diagonal, geometry::serialFor);
+  ASSERT_EQ(set.pieces.size(), 1U);
   // Lattices are only counted: what is not asked is outside.
   std::size_t largest = 0;
-  fillWithStuffing(set.bodies[0], 1500, [&](std::size_t count, std::size_t grain, const auto& body) {
+  fillWithStuffing(set.pieces[0], 1500, [&](std::size_t count, std::size_t grain, const auto& body) {
     largest = std::max(largest, count);
     if (count < 100000) geometry::serialFor(count, grain, body);
   });

@@ -69,8 +69,8 @@ TEST(CheckPackage, ASoundOneHasFactsOnly) {
   EXPECT_EQ(find(findings, "small-clusters")->place, "clusters whole");
   ASSERT_NE(find(findings, "attachment-rest-error"), nullptr);
   EXPECT_EQ(find(findings, "attachment-rest-error")->count, 6U);
-  ASSERT_NE(find(findings, "bodies"), nullptr);
-  EXPECT_EQ(find(findings, "bodies")->place, "corner");
+  ASSERT_NE(find(findings, "pieces"), nullptr);
+  EXPECT_EQ(find(findings, "pieces")->place, "corner");
   EXPECT_EQ(packageVerdict(findings), "1 warning: it can be simulated");
 }
 
@@ -129,7 +129,7 @@ INSTANTIATE_TEST_SUITE_P(
                 c.clusters.insert(c.clusters.begin(), c.clusters[0]);
                 c.clusters[1].first_member = 4;
                 c.clusters[2].first_member = 8;
-                c.bodies[0].cluster_count = 3;
+                c.pieces[0].cluster_count = 3;
                 for (auto& use : c.cluster_attachments) use.cluster += use.cluster == 1 ? 1 : 0;
               },
               {"identical-clusters"},

@@ -191,9 +191,9 @@ TEST(CheckSource, PartsFarApartBecomeBodies) {
   const auto findings = check(makeMesh(positions, faces));
   EXPECT_TRUE(warnings(findings).empty());
   ASSERT_NE(find(findings, "several-parts"), nullptr);
-  ASSERT_NE(find(findings, "several-bodies"), nullptr);
-  EXPECT_EQ(find(findings, "several-bodies")->count, 2U);
-  expectKnownSettings(find(findings, "several-bodies")->cure);
+  ASSERT_NE(find(findings, "several-pieces"), nullptr);
+  EXPECT_EQ(find(findings, "several-pieces")->count, 2U);
+  expectKnownSettings(find(findings, "several-pieces")->cure);
   EXPECT_EQ(sourceVerdict(findings), "sound: it can be baked");
 }
 
@@ -203,8 +203,8 @@ TEST(CheckSource, PartsThatNearlyShareABodyAreAWarning) {
   addBox(positions, faces, {0, 0, 0}, {1, 1, 1});
   addBox(positions, faces, {1.005, 0, 0}, {2, 1, 1});
   const auto findings = check(makeMesh(positions, faces));
-  EXPECT_EQ(warnings(findings), (std::set<std::string>{"near-bodies"}));
-  const Finding* f = find(findings, "near-bodies");
+  EXPECT_EQ(warnings(findings), (std::set<std::string>{"near-pieces"}));
+  const Finding* f = find(findings, "near-pieces");
   EXPECT_EQ(f->count, 2U);
   EXPECT_NE(f->message.find("the smallest gap is 5 mm"), std::string::npos) << f->message;
   EXPECT_NE(f->cure.find("--set tetrahedra.join=0.0021"), std::string::npos) << f->cure;

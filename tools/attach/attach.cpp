@@ -111,8 +111,9 @@ class Neighbourhood {
  public:
   explicit Neighbourhood(const PhysicalMesh& mesh) : mesh_(mesh), first_(mesh.positions.size() + 1, 0) {
     const auto forCarrying = [&](auto&& visit) {
-      for (const PhysicalBody& body : mesh.bodies) {
-        for (std::uint32_t i = 0; i < body.tetrahedron_count - body.tie_count; ++i) visit(body.first_tetrahedron + i);
+      for (const PhysicalPiece& piece : mesh.pieces) {
+        for (std::uint32_t i = 0; i < piece.tetrahedron_count - piece.tie_count; ++i)
+          visit(piece.first_tetrahedron + i);
       }
     };
     forCarrying([&](std::uint32_t t) {
@@ -286,20 +287,20 @@ TetrahedronPlace placeIn(std::uint32_t tetrahedron, const Vector3d& point, const
 
 std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const Topology& topology,
                                                   const PhysicalMesh& physical) {
-  // A point's body is that of the first part that uses it; a point of no part (unused, or only of degenerate faces)
+  // A point's piece is that of the first part that uses it; a point of no part (unused, or only of degenerate faces)
   // takes whatever is nearest.
-  std::vector<std::uint32_t> body_of(mesh.welded_positions.size(), kNoIndex);
+  std::vector<std::uint32_t> piece_of(mesh.welded_positions.size(), kNoIndex);
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const std::uint32_t part = topology.part_of_triangle[t];
     if (part == kNoIndex) continue;
     for (std::uint32_t p : mesh.weldedTriangle(t)) {
-      if (body_of[p] == kNoIndex) body_of[p] = physical.part_body[part];
+      if (piece_of[p] == kNoIndex) piece_of[p] = physical.part_piece[part];
     }
   }
   std::vector<TetrahedronTree> trees;
-  trees.reserve(physical.bodies.size());
-  for (const PhysicalBody& body : physical.bodies)
-    trees.emplace_back(physical, body.first_tetrahedron, body.tetrahedron_count - body.tie_count);
+  trees.reserve(physical.pieces.size());
+  for (const PhysicalPiece& piece : physical.pieces)
+    trees.emplace_back(physical, piece.first_tetrahedron, piece.tetrahedron_count - piece.tie_count);
 
   const Neighbourhood neighbourhood(physical);
   const std::vector<std::uint32_t> start = startingPlaces(mesh, physical);
@@ -314,7 +315,7 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
       double best = std::numeric_limits<double>::infinity();
       std::uint32_t best_tetrahedron = kNoIndex;
       for (std::uint32_t b = 0; b < trees.size(); ++b) {
-        if (body_of[p] != kNoIndex && body_of[p] != b) continue;
+        if (piece_of[p] != kNoIndex && piece_of[p] != b) continue;
         double d = 0;
         const std::uint32_t t = trees[b].nearest(x, d);
         if (d < best) {

@@ -66,7 +66,7 @@ struct TetrahedronPlace {
 /// A point's place on a given tetrahedron, wherever it lies.
 TetrahedronPlace placeIn(std::uint32_t tetrahedron, const Eigen::Vector3d& point, const PhysicalMesh& physical);
 
-/// Finds for each visual vertex the tetrahedron of its body that holds it, or else the nearest one. A vertex never
+/// Finds for each visual vertex the tetrahedron of its piece that holds it, or else the nearest one. A vertex never
 /// hangs on the far side of a gap that its own surface leads round: of tetrahedra that lie over one another it takes
 /// its own (PhysicalMesh::home), and the nearest one counts only beside the place where its surface next enters the
 /// tetrahedra.

@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t kMinimumMembers = 8;
 // Members that weigh less than this cost time and change nothing.
 constexpr double kMinimumWeight = 0.02;
-// Physical vertices per box that the automatic resolution aims at, and the most boxes it makes of one body.
+// Physical vertices per box that the automatic resolution aims at, and the most boxes it makes of one piece.
 constexpr std::uint32_t kVerticesPerBox = 100;
 constexpr std::uint32_t kMaximumBoxes = 48;
 // And the most along one axis. Where the report's solver moves them a push passes from box to box once a step, so a
@@ -95,8 +95,8 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
   std::vector<ClusterSource> clusters;
   std::size_t merged = 0;
   const TetGraph graph = makeTetGraph(mesh);
-  for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
-    const PhysicalBody& body = mesh.bodies[b];
+  for (std::uint32_t b = 0; b < mesh.pieces.size(); ++b) {
+    const PhysicalPiece& body = mesh.pieces[b];
     const std::span<const Eigen::Vector3d> positions(mesh.positions.data() + body.first_vertex, body.vertex_count);
     Eigen::Vector3d low = positions[0];
     Eigen::Vector3d high = positions[0];
@@ -196,7 +196,7 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
           best = q;
         }
       }
-      if (best == kNoIndex) continue;  // a whole body of so few vertices
+      if (best == kNoIndex) continue;  // a whole piece of so few vertices
       auto& target = pieces[best].members;
       for (const auto& member : piece.members) {
         const auto at = std::lower_bound(target.begin(), target.end(), std::pair(member.first, 0.0));
@@ -209,8 +209,8 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
     for (const Piece& piece : pieces) {
       if (piece.members.empty()) continue;
       ClusterSource cluster;
-      cluster.name = mesh.bodies.size() == 1 ? piece.name : body.name + "/" + piece.name;
-      cluster.body = b;
+      cluster.name = mesh.pieces.size() == 1 ? piece.name : body.name + "/" + piece.name;
+      cluster.piece = b;
       cluster.mode = options.mode;
       for (const auto& [v, w] : piece.members) {
         cluster.vertices.push_back(v + body.first_vertex);

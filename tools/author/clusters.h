@@ -20,7 +20,7 @@ enum class ClusterMethod { grid, kmeans };
 struct ClusterOptions {
   ClusterMethod method = ClusterMethod::grid;
   std::array<std::uint32_t, 3> grid = {0, 0,
-                                       0};  ///< boxes along x, y, z of each body; all 0 = chosen by size and shape
+                                       0};  ///< boxes along x, y, z of each piece; all 0 = chosen by size and shape
   /// m, how far a cluster reaches into its neighbours; none = half a box of a grid, else 1.5 edges of the tetrahedra
   std::optional<double> overlap;
   double size = 0;           ///< m, width of a cluster of kmeans; 0 = chosen
@@ -48,7 +48,7 @@ struct ClusterOptions {
   double plastic_limit = 0.5;                   ///< most that stays
 };
 
-/// How far a cluster that is no box of a grid reaches into its neighbours, m. \param mean_edge of its body's
+/// How far a cluster that is no box of a grid reaches into its neighbours, m. \param mean_edge of its piece's
 /// tetrahedra, m.
 inline double overlapOf(const ClusterOptions& options, double mean_edge) {
   constexpr double kAutomaticEdges = 1.5;
@@ -58,7 +58,7 @@ inline double overlapOf(const ClusterOptions& options, double mean_edge) {
 /// A named, weighted set of physical vertices: a region with a material of its own.
 struct ClusterSource {
   std::string name;
-  std::uint32_t body = 0;
+  std::uint32_t piece = 0;
   formats::ClusterMode mode = formats::ClusterMode::linear;
   std::vector<std::uint32_t> vertices;      ///< physical, ascending
   std::vector<double> weights;              ///< w_ic, > 0
@@ -72,9 +72,9 @@ struct ClusterSource {
 void reportClusters(std::vector<Finding>& findings, const char* id, const std::vector<std::string>& names,
                     const std::string& what, const std::string& cure, Severity severity);
 
-/// Cuts every body into a regular grid of overlapping boxes. A box whose vertices fall into several pieces of the
+/// Cuts every piece into a regular grid of overlapping boxes. A box whose vertices fall into several pieces of the
 /// tetrahedra becomes one cluster a piece; pieces too small to carry their mode join the neighbour they share most
-/// edges with. Every vertex is in at least one cluster; no cluster spans two bodies.
+/// edges with. Every vertex is in at least one cluster; no cluster spans two pieces.
 std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterOptions& options,
                                         std::vector<Finding>& findings);
 

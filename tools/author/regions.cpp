@@ -16,7 +16,7 @@ constexpr std::size_t kMostRegions = 256;
 constexpr int kLloydRounds = 6;
 // Fewer vertices cannot turn, let alone bend.
 constexpr std::size_t kFewMembers = 8;
-// What an automatic region holds (as the automatic grid's boxes), and the most of them in a body.
+// What an automatic region holds (as the automatic grid's boxes), and the most of them in a piece.
 constexpr std::uint32_t kVerticesPerRegion = 100;
 constexpr std::size_t kMostAutomatic = 48;
 constexpr double kMinimumWeight = 0.02;
@@ -162,7 +162,7 @@ std::vector<std::uint8_t> crumbsOf(const TetGraph& graph, std::span<const std::u
 
 std::vector<ClusterSource> kmeansClusters(const PhysicalMesh& mesh, const TetGraph& graph, std::uint32_t b,
                                           const ClusterOptions& options) {
-  const PhysicalBody& body = mesh.bodies[b];
+  const PhysicalPiece& body = mesh.pieces[b];
   std::vector<std::uint32_t> members(body.vertex_count);
   std::iota(members.begin(), members.end(), body.first_vertex);
   const std::size_t wanted =
@@ -180,8 +180,8 @@ std::vector<ClusterSource> kmeansClusters(const PhysicalMesh& mesh, const TetGra
     if (core.empty()) continue;
     const TetDistances reach = tetDistances(graph, core, overlap);
     ClusterSource cluster;
-    cluster.name = (mesh.bodies.size() == 1 ? "" : body.name + "/") + "k" + std::to_string(r);
-    cluster.body = b;
+    cluster.name = (mesh.pieces.size() == 1 ? "" : body.name + "/") + "k" + std::to_string(r);
+    cluster.piece = b;
     cluster.mode = options.mode;
     for (const std::uint32_t v : members) {
       const double weight = reach.distance[v] > 0 ? smoothstep(1 - reach.distance[v] / overlap) : 1;
@@ -242,12 +242,12 @@ std::vector<ClusterSource> automaticClusters(const PhysicalMesh& mesh, const Clu
   if (!authored.empty() && std::find(authored.begin(), authored.end(), 0) == authored.end()) return {};
   if (options.method == ClusterMethod::grid) {
     std::vector<ClusterSource> clusters = gridClusters(mesh, options, findings);
-    if (!authored.empty()) std::erase_if(clusters, [&](const ClusterSource& c) { return authored[c.body] != 0; });
+    if (!authored.empty()) std::erase_if(clusters, [&](const ClusterSource& c) { return authored[c.piece] != 0; });
     return clusters;
   }
   const TetGraph graph = makeTetGraph(mesh);
   std::vector<ClusterSource> clusters;
-  for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
+  for (std::uint32_t b = 0; b < mesh.pieces.size(); ++b) {
     if (!authored.empty() && authored[b] != 0) continue;
     for (ClusterSource& cluster : kmeansClusters(mesh, graph, b, options)) clusters.push_back(std::move(cluster));
   }

@@ -18,8 +18,8 @@ namespace sinew::tools {
 std::vector<std::uint32_t> regionsOfSize(const PhysicalMesh& mesh, const TetGraph& graph,
                                          std::span<const std::uint32_t> members, double size);
 
-/// The clusters of bodies that nobody authored, by options.method.
-/// \param authored per body: not 0 where it has clusters already; empty: none has.
+/// The clusters of pieces that nobody authored, by options.method.
+/// \param authored per piece: not 0 where it has clusters already; empty: none has.
 std::vector<ClusterSource> automaticClusters(const PhysicalMesh& mesh, const ClusterOptions& options,
                                              std::span<const std::uint8_t> authored, std::vector<Finding>& findings);
 

@@ -29,7 +29,7 @@ TetGraph makeTetGraph(const PhysicalMesh& mesh) {
     graph.neighbour.push_back(b);
     graph.length.push_back((mesh.positions[a] - mesh.positions[b]).norm());
   }
-  for (const PhysicalBody& body : mesh.bodies) {
+  for (const PhysicalPiece& body : mesh.pieces) {
     const std::uint32_t from = graph.first[body.first_vertex];
     const std::uint32_t to = graph.first[body.first_vertex + body.vertex_count];
     const double sum = std::accumulate(graph.length.begin() + from, graph.length.begin() + to, 0.0);

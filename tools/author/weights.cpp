@@ -56,13 +56,13 @@ struct Piece {
   std::vector<double> weight;  // per vertex of the body
 };
 
-class BodyClusters {
+class PieceClusters {
  public:
-  BodyClusters(const WeightTransfer& transfer, std::uint32_t body, std::span<const RecipeCluster> clusters,
-               const Settings& settings)
+  PieceClusters(const WeightTransfer& transfer, std::uint32_t body, std::span<const RecipeCluster> clusters,
+                const Settings& settings)
       : graph_(transfer.graph()),
         mesh_(transfer.physical()),
-        body_(transfer.physical().bodies[body]),
+        body_(transfer.physical().pieces[body]),
         number_(body),
         clusters_(clusters),
         settings_(settings) {}
@@ -274,7 +274,7 @@ class BodyClusters {
 
   const TetGraph& graph_;
   const PhysicalMesh& mesh_;
-  const PhysicalBody& body_;
+  const PhysicalPiece& body_;
   std::uint32_t number_;
   std::span<const RecipeCluster> clusters_;
   const Settings& settings_;
@@ -399,14 +399,14 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
                  "Others cover the same region with far larger weights; make it larger, or remove it.",
                  Severity::warning);
   std::size_t from = 0;
-  for (std::uint32_t b = 0; b < transfer.physical().bodies.size(); ++b) {
+  for (std::uint32_t b = 0; b < transfer.physical().pieces.size(); ++b) {
     std::size_t to = from;
-    while (to < clusters.size() && clusters[to].body == b) ++to;
+    while (to < clusters.size() && clusters[to].piece == b) ++to;
     const std::size_t runs =
         looseRuns(std::span(clusters).subspan(from, to - from), transfer.physical().positions.size());
     from = to;
     if (runs < 2) continue;
-    const std::string what = "the clusters of body " + transfer.physical().bodies[b].name + " form " +
+    const std::string what = "the clusters of piece " + transfer.physical().pieces[b].name + " form " +
                              std::to_string(runs) + " sets that share no vertex: it falls apart between them";
     const char* const cure = "Raise clusters.overlap, of all or of the clusters beside the gap.";
     findings.push_back({"clusters-unconnected", Severity::warning, what, runs, "", {}, "", cure});
@@ -441,7 +441,7 @@ WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physi
   std::vector<double> area(mesh.positions.size(), 0);
   std::optional<TetWalk> walk;
   const auto stepAt = [&](const Triangle& t) {
-    return kSampleStep * graph_.mean_edge[physical.bodyOf(places[t[0]].tetrahedron)];
+    return kSampleStep * graph_.mean_edge[physical.pieceOf(places[t[0]].tetrahedron)];
   };
   const auto longestSide = [&](const Triangle& t) {
     const auto &a = mesh.positions[t[0]], &b = mesh.positions[t[1]], &c = mesh.positions[t[2]];
@@ -536,10 +536,10 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
   std::vector<double> largest(weights.size(), 0);
   for (std::size_t c = 0; c < weights.size(); ++c) largest[c] = *std::max_element(weights[c].begin(), weights[c].end());
   std::vector<std::uint32_t> bodies_of(weights.size(), 0);
-  std::vector<std::vector<std::uint8_t>> takes_part(mesh.bodies.size());
-  std::vector<std::uint8_t> authored(mesh.bodies.size(), 0);
-  for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
-    const PhysicalBody& body = mesh.bodies[b];
+  std::vector<std::vector<std::uint8_t>> takes_part(mesh.pieces.size());
+  std::vector<std::uint8_t> authored(mesh.pieces.size(), 0);
+  for (std::uint32_t b = 0; b < mesh.pieces.size(); ++b) {
+    const PhysicalPiece& body = mesh.pieces[b];
     takes_part[b].assign(weights.size(), 0);
     for (std::size_t c = 0; c < weights.size(); ++c) {
       const auto begin = weights[c].begin() + body.first_vertex;
@@ -554,24 +554,24 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
   std::vector<ClusterSource> clusters;
   std::size_t uncovered = 0;
   std::size_t strays = 0;
-  for (std::uint32_t b = 0; b < mesh.bodies.size(); ++b) {
+  for (std::uint32_t b = 0; b < mesh.pieces.size(); ++b) {
     if (authored[b] == 0) {
       for (ClusterSource& cluster : automatic) {
-        if (cluster.body == b) clusters.push_back(std::move(cluster));
+        if (cluster.piece == b) clusters.push_back(std::move(cluster));
       }
       continue;
     }
-    BodyClusters in_body(transfer, b, recipe_clusters, settings);
+    PieceClusters in_body(transfer, b, recipe_clusters, settings);
     for (const Piece& piece : in_body.run(weights, takes_part[b], uncovered, strays)) {
       ClusterSource cluster;
-      cluster.name = bodies_of[piece.cluster] > 1 ? piece.name + "@" + mesh.bodies[b].name : piece.name;
-      cluster.body = b;
+      cluster.name = bodies_of[piece.cluster] > 1 ? piece.name + "@" + mesh.pieces[b].name : piece.name;
+      cluster.piece = b;
       cluster.recipe_cluster = piece.cluster;
       cluster.options = optionsOf(recipe_clusters[piece.cluster], settings);
       cluster.mode = cluster.options->mode;
       for (std::uint32_t v = 0; v < piece.weight.size(); ++v) {
         if (!(piece.weight[v] > 0)) continue;
-        cluster.vertices.push_back(mesh.bodies[b].first_vertex + v);
+        cluster.vertices.push_back(mesh.pieces[b].first_vertex + v);
         cluster.weights.push_back(piece.weight[v]);
       }
       if (!cluster.vertices.empty()) clusters.push_back(std::move(cluster));

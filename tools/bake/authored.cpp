@@ -178,7 +178,7 @@ void addColors(const Recipe& recipe, const AuthoredWeights& authored, const Visu
 
 void sayUnusedSettings(const Recipe& recipe, const AuthoredWeights& authored, const Topology& topology,
                        const VisualMesh& mesh, std::vector<Finding>& findings) {
-  // A loose part that no cluster touches may become a body of automatic clusters.
+  // A loose part that no cluster touches may become a piece of automatic clusters.
   std::vector<std::uint8_t> touched(topology.parts.size(), 0);
   for (const VisualWeights& weights : authored.cluster_weights) {
     for (std::size_t p = 0; p < touched.size(); ++p) {

@@ -105,8 +105,8 @@ Clustered clusterSource(const Settings& settings, const Solid& solid, const Plac
                                                           authored.cluster_weights, settings, clustered.findings);
   for (ClusterSource& rider : riderClusters(solid.source.parts, placed.riders, clustered.transfer))
     clusters.push_back(std::move(rider));
-  const auto by_body = [](const ClusterSource& a, const ClusterSource& b) { return a.body < b.body; };
-  std::stable_sort(clusters.begin(), clusters.end(), by_body);
+  const auto by_piece = [](const ClusterSource& a, const ClusterSource& b) { return a.piece < b.piece; };
+  std::stable_sort(clusters.begin(), clusters.end(), by_piece);
   return clustered;
 }
 

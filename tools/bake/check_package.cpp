@@ -83,7 +83,7 @@ class PackageCheck {
     masses();
     fields();
     volume();
-    bodies();
+    pieces();
     textures();
     return std::move(findings_);
   }
@@ -201,7 +201,7 @@ class PackageCheck {
             thin, "");
       }
     }
-    const formats::BodyInfo& info = package_.info();
+    const formats::PackageInfo& info = package_.info();
     if (std::abs(double(info.min_dihedral_deg) - least) > kAngleAgreementDeg ||
         std::abs(double(info.max_dihedral_deg) - largest) > kAngleAgreementDeg || info.inverted_tetrahedra != 0) {
       add("wrong-quality-record", Severity::warning,
@@ -428,7 +428,7 @@ class PackageCheck {
 
   void fields() {
     if (!package_.fields().empty()) return;
-    add("no-fields", Severity::warning, "the bodies have no fields: only the report's solver can move them", 1,
+    add("no-fields", Severity::warning, "the pieces have no fields: only the report's solver can move them", 1,
         "Bake it again without field.functions=0, or use --solver report.");
   }
 
@@ -474,10 +474,10 @@ class PackageCheck {
         far ? "Use tetrahedra.method=stuffing or delaunay, or more physical vertices, if thin parts matter." : "");
   }
 
-  void bodies() {
-    const auto list = package_.bodies();
-    Finding& f = add("bodies", Severity::info,
-                     counted(list.size(), "body", "bodies") + " with " +
+  void pieces() {
+    const auto list = package_.pieces();
+    Finding& f = add("pieces", Severity::info,
+                     counted(list.size(), "piece", "pieces") + " with " +
                          counted(package_.physicalVertices().size(), "physical vertex", "physical vertices") + ", " +
                          counted(package_.tetrahedra().size(), "tetrahedron", "tetrahedra") + " and " +
                          counted(package_.clusters().size(), "cluster", "clusters"),

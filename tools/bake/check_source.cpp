@@ -15,7 +15,7 @@
 
 #include "runtime/geometry/triangle_bvh.h"
 #include "tools/core/text.h"
-#include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/pieces.h"
 
 namespace sinew::tools {
 namespace {
@@ -212,13 +212,13 @@ class SourceCheck {
       tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, grain),
                         [&](const tbb::blocked_range<std::size_t>& r) { body(r.begin(), r.end()); });
     };
-    bodies_ = findBodies(mesh_, topology_, options_.join_distance * mesh_.diagonal, parallel);
+    pieces_ = findPieces(mesh_, topology_, options_.join_distance * mesh_.diagonal, parallel);
     is_sheet_.assign(topology_.parts.size(), 0);
     std::vector<std::uint32_t> loose;
     std::size_t enclosing = 0;
-    for (const SolidBody& body : bodies_.bodies) {
-      enclosing += body.encloses;
-      const auto& sheets = body.encloses ? body.sheets : body.parts;
+    for (const SolidPiece& piece : pieces_.pieces) {
+      enclosing += piece.encloses;
+      const auto& sheets = piece.encloses ? piece.sheets : piece.parts;
       for (const std::uint32_t p : sheets) is_sheet_[p] = 1;
       loose.insert(loose.end(), sheets.begin(), sheets.end());
     }
@@ -239,26 +239,26 @@ class SourceCheck {
           add(nothing ? "encloses-nothing" : "loose-sheets", Severity::warning,
               nothing ? "no part of the surface encloses anything: the body will be a layer of tetrahedra around it"
                       : counted(loose.size(), "part is a sheet that encloses", "parts are sheets that enclose") +
-                            " nothing (" + share + "); they follow the nearest body",
+                            " nothing (" + share + "); they follow the nearest piece",
               loose.size(),
               nothing ? "Close the surface or give it thickness if it is meant to be solid."
                       : "Nothing to do for fins, hair and lashes; close a part that is meant to be solid.");
       placeFaces(f, triangles);
       f.place = partNames(loose);
     }
-    if (bodies_.bodies.size() > 1) {
-      const std::size_t n = bodies_.bodies.size();
-      Finding& f = add("several-bodies", Severity::info,
-                       "the parts lie apart and become " + std::to_string(n) + " bodies that move on their own", n,
+    if (pieces_.pieces.size() > 1) {
+      const std::size_t n = pieces_.pieces.size();
+      Finding& f = add("several-pieces", Severity::info,
+                       "the parts lie apart and become " + std::to_string(n) + " pieces that move on their own", n,
                        "Raise tetrahedra.join, or join the parts, if they belong together.");
       std::vector<std::uint32_t> triangles;
-      for (const SolidBody& body : bodies_.bodies)
-        triangles.push_back(topology_.parts[body.parts.front()].triangles.front());
+      for (const SolidPiece& piece : pieces_.pieces)
+        triangles.push_back(topology_.parts[piece.parts.front()].triangles.front());
       placeFaces(f, triangles);
-      for (std::size_t i = 0; i < n && i < 6; ++i) f.place += (i == 0 ? "" : ", ") + bodies_.bodies[i].title;
+      for (std::size_t i = 0; i < n && i < 6; ++i) f.place += (i == 0 ? "" : ", ") + pieces_.pieces[i].title;
       if (n > 6) f.place += ", ...";
     }
-    for (Finding& f : bodyFindings(mesh_, topology_, bodies_, options_.join_distance * mesh_.diagonal)) {
+    for (Finding& f : pieceFindings(mesh_, topology_, pieces_, options_.join_distance * mesh_.diagonal)) {
       findings_.push_back(std::move(f));
     }
   }
@@ -406,7 +406,7 @@ class SourceCheck {
             counted(pairs.size(), "pair of parts runs", "pairs of parts run") + " along each other closer than " +
                 lengthText(reach) + " (" + rounded(100 * kNear) + " % of the size)",
             pairs.size(),
-            "Move the sheets apart, or join them: they flicker when drawn, and share one body within "
+            "Move the sheets apart, or join them: they flicker when drawn, and share one piece within "
             "tetrahedra.join.");
     placeFaces(f, triangles);
     f.place = partNames(parts);
@@ -457,7 +457,7 @@ class SourceCheck {
   std::vector<Finding> findings_;
   std::vector<std::uint32_t> source_at_;  // per welded point
   std::vector<std::uint8_t> is_sheet_;    // per part
-  BodySet bodies_;
+  PieceSet pieces_;
 };
 
 }  // namespace

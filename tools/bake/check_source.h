@@ -11,7 +11,7 @@
 namespace sinew::tools {
 
 struct CheckOptions {
-  /// Parts closer than this share a body; of the diagonal, 0..1. The bake's own value (tetrahedra.join).
+  /// Parts closer than this share a piece; of the diagonal, 0..1. The bake's own value (tetrahedra.join).
   double join_distance = 1e-3;
   /// Stop looking for faces that cross each other after so many pairs.
   std::size_t self_intersection_limit = 100'000;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// The package's content: what is simulated (bodies, masses, clusters, mechanics), what is drawn, and where that hangs.
+// The package's content: what is simulated (pieces, masses, clusters, mechanics), what is drawn, and where that hangs.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -20,7 +20,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Every vertex keeps some mass, also where its tetrahedra hardly touch the solid: this part of the body's mean.
+// Every vertex keeps some mass, also where its tetrahedra hardly touch the solid: this part of the piece's mean.
 constexpr double kLightestVertex = 0.05;
 // Mass of a vertex that carries a rigid part, of the host's lightest one: the host's motion is its own.
 constexpr float kRiderMass = 1e-3F;
@@ -42,12 +42,12 @@ std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, 
     const double quarter = density * volumeOf(mesh, t) * mesh.fill[t] / 4;
     for (std::uint32_t v : mesh.tetrahedra[t]) mass[v] += quarter;
   }
-  for (const PhysicalBody& body : mesh.bodies) {
-    const auto own = mass.begin() + body.first_vertex;
-    const double total = std::accumulate(own, own + body.vertex_count, 0.0);
-    double floor = kLightestVertex * total / body.vertex_count;
-    if (!(floor > 0)) floor = density * std::max(body.volume, 1e-30) / body.vertex_count;
-    std::for_each(own, own + body.vertex_count, [floor](double& m) { m = std::max(m, floor); });
+  for (const PhysicalPiece& piece : mesh.pieces) {
+    const auto own = mass.begin() + piece.first_vertex;
+    const double total = std::accumulate(own, own + piece.vertex_count, 0.0);
+    double floor = kLightestVertex * total / piece.vertex_count;
+    if (!(floor > 0)) floor = density * std::max(piece.volume, 1e-30) / piece.vertex_count;
+    std::for_each(own, own + piece.vertex_count, [floor](double& m) { m = std::max(m, floor); });
   }
   std::vector<formats::PhysicalVertex> vertices(mass.size());
   for (std::size_t v = 0; v < mass.size(); ++v) vertices[v] = {toFloat(mesh.positions[v]), float(mass[v])};
@@ -89,13 +89,13 @@ formats::ClusterMechanics mechanicsOf(const ClusterOptions& options, bool sheet)
 
 // CMEC and CURV, where a cluster's settings say more than frequencies.
 void addMechanics(const std::vector<ClusterSource>& sources, const ClusterOptions& of_all,
-                  const std::vector<PhysicalBody>& bodies, formats::PackageContent& content) {
+                  const std::vector<PhysicalPiece>& pieces, formats::PackageContent& content) {
   bool plain = true;
   std::vector<formats::ClusterMechanics> mechanics;
   std::map<std::string, std::pair<std::uint32_t, std::uint32_t>> curves;  // first point and count, by text
   for (const ClusterSource& source : sources) {
     const ClusterOptions& options = source.options ? *source.options : of_all;
-    mechanics.push_back(mechanicsOf(options, bodies[source.body].source_volume < 0));
+    mechanics.push_back(mechanicsOf(options, pieces[source.piece].source_volume < 0));
     plain = plain && options.stiffness == formats::StiffnessModel::frequency && !(options.damping > 0) &&
             options.limit == formats::LimitMethod::none && mechanics.back().volume == formats::VolumeMethod::none &&
             !(options.plastic_creep > 0);
@@ -120,16 +120,16 @@ void addMechanics(const std::vector<ClusterSource>& sources, const ClusterOption
 void addBodies(const PhysicalMesh& physical, std::span<const ClusterSource> clusters,
                formats::PackageContent& content) {
   std::uint32_t first = 0;
-  for (std::uint32_t b = 0; b < physical.bodies.size(); ++b) {
-    const PhysicalBody& body = physical.bodies[b];
-    const bool last = b + 1 == physical.bodies.size();
-    const std::size_t vertices = last ? physical.positions.size() : physical.bodies[b + 1].first_vertex;
-    const std::size_t tetrahedra = last ? physical.tetrahedra.size() : physical.bodies[b + 1].first_tetrahedron;
+  for (std::uint32_t b = 0; b < physical.pieces.size(); ++b) {
+    const PhysicalPiece& piece = physical.pieces[b];
+    const bool last = b + 1 == physical.pieces.size();
+    const std::size_t vertices = last ? physical.positions.size() : physical.pieces[b + 1].first_vertex;
+    const std::size_t tetrahedra = last ? physical.tetrahedra.size() : physical.pieces[b + 1].first_tetrahedron;
     std::uint32_t end = first;
-    while (end < clusters.size() && clusters[end].body == b) ++end;
-    content.bodies.push_back({body.first_vertex, std::uint32_t(vertices) - body.first_vertex, body.first_tetrahedron,
-                              std::uint32_t(tetrahedra) - body.first_tetrahedron, first, end - first,
-                              content.addText(body.name)});
+    while (end < clusters.size() && clusters[end].piece == b) ++end;
+    content.pieces.push_back({piece.first_vertex, std::uint32_t(vertices) - piece.first_vertex, piece.first_tetrahedron,
+                              std::uint32_t(tetrahedra) - piece.first_tetrahedron, first, end - first,
+                              content.addText(piece.name)});
     first = end;
   }
 }
@@ -258,11 +258,11 @@ double restError(const VisualMesh& mesh, const formats::PackageContent& content)
                   "use --set attachment.method=clusters, or remove the stray part.");
 }
 
-// BODY's record of the whole (BodyInfo).
+// INFO.
 void addInfo(const Settings& settings, const Solid& solid, Content& result) {
   const VisualMesh& mesh = solid.source.mesh;
   formats::PackageContent& content = result.package;
-  formats::BodyInfo& info = content.info;
+  formats::PackageInfo& info = content.info;
   info.origin = {solid.origin[0], solid.origin[1], solid.origin[2]};
   info.metres_per_unit = mesh.metres_per_unit;
   info.bounds_min = toFloat(mesh.bounds_min);
@@ -272,10 +272,10 @@ void addInfo(const Settings& settings, const Solid& solid, Content& result) {
   info.density = float(settings.material.density);
   double volume = 0, source_volume = 0;
   bool volume_defined = true;
-  for (const PhysicalBody& body : solid.physical.bodies) {
-    volume_defined = volume_defined && body.source_volume >= 0;
-    source_volume += body.source_volume;
-    volume += body.volume;
+  for (const PhysicalPiece& piece : solid.physical.pieces) {
+    volume_defined = volume_defined && piece.source_volume >= 0;
+    source_volume += piece.source_volume;
+    volume += piece.volume;
   }
   info.physical_volume = float(volume);
   info.source_volume = volume_defined ? float(source_volume) : -1.0F;
@@ -306,7 +306,7 @@ Content contentOf(const Recipe& recipe, const Solid& solid, const Placed& placed
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   content.quadratic_moments = std::move(constants.quadratic_moments);
-  addMechanics(clusters, settings.clusters, placed.physical.bodies, content);
+  addMechanics(clusters, settings.clusters, placed.physical.pieces, content);
   addAuthored(recipe, solid.source.authored, clustered.transfer, clusters, mesh, content, result.findings);
   addBodies(placed.physical, clusters, content);
   for (const formats::PhysicalVertex& vertex : content.physical_vertices) result.mass += double(vertex.mass);

@@ -20,11 +20,11 @@ constexpr double kBorder = 2;
 constexpr double kMostCells = 4;
 
 /// The visual triangles that hang whole on a piece.
-std::vector<geometry::Triangle> trianglesOf(const formats::PackageContent& content, const formats::BodyRange& body) {
+std::vector<geometry::Triangle> trianglesOf(const formats::PackageContent& content, const formats::PieceRange& piece) {
   std::vector<geometry::Triangle> result;
   const auto in_piece = [&](std::uint32_t v) {
     const std::uint32_t t = content.barycentric[v].tetrahedron;
-    return t >= body.first_tetrahedron && t - body.first_tetrahedron < body.tetrahedron_count;
+    return t >= piece.first_tetrahedron && t - piece.first_tetrahedron < piece.tetrahedron_count;
   };
   for (const auto& triangle : content.visual_triangles) {
     if (std::all_of(triangle.begin(), triangle.end(), in_piece)) result.push_back(triangle);
@@ -87,8 +87,8 @@ void addDistances(std::uint32_t cells, formats::PackageContent& content) {
   if (cells == 0 || content.barycentric.empty() || content.field_points.empty()) return;
   std::vector<Vector3d> positions;
   for (const auto& x : content.visual_positions) positions.emplace_back(double(x[0]), double(x[1]), double(x[2]));
-  for (std::uint32_t piece = 0; piece < content.bodies.size(); ++piece) {
-    const auto triangles = trianglesOf(content, content.bodies[piece]);
+  for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
+    const auto triangles = trianglesOf(content, content.pieces[piece]);
     if (!triangles.empty()) addGrid(piece, cells, positions, triangles, content);
   }
 }

@@ -187,7 +187,7 @@ std::pair<Eigen::VectorXd, Eigen::MatrixXd> modesOf(const FieldSpace& space) {
 class PieceFields {
  public:
   PieceFields(const Settings& settings, std::uint32_t piece, formats::PackageContent& content)
-      : content_(content), piece_(piece), body_(content.bodies[piece]) {
+      : content_(content), piece_(piece), body_(content.pieces[piece]) {
     findRiders();
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
       if (host_[v] == formats::kNone) continue;
@@ -238,7 +238,7 @@ class PieceFields {
     for (const formats::AttachedPart& part : content_.parts) {
       if (part.cluster == formats::kNone) continue;
       const formats::Cluster& cluster = content_.clusters[part.cluster];
-      if (cluster.body != piece_) continue;
+      if (cluster.piece != piece_) continue;
       riders_.push_back(part.cluster);
       for (std::uint32_t m = cluster.first_member; m < cluster.first_member + cluster.member_count; ++m) {
         const formats::Membership& member = content_.memberships[m];
@@ -805,7 +805,7 @@ class PieceFields {
   };
   formats::PackageContent& content_;
   const std::uint32_t piece_;
-  const formats::BodyRange body_;
+  const formats::PieceRange body_;
   std::vector<std::uint32_t> host_;  // of each vertex of the piece: its number among the host's; kNone: it rides along
   std::vector<std::uint32_t> riders_;  // clusters of rigid accessories
   std::vector<Vector3d> positions_;
@@ -829,7 +829,7 @@ class PieceFields {
 ordered_json addFields(const Settings& settings, formats::PackageContent& content) {
   if (settings.field.functions == 0) return {{"left_out", "field.functions is 0"}};
   ordered_json pieces = ordered_json::array();
-  for (std::uint32_t piece = 0; piece < content.bodies.size(); ++piece) {
+  for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
     pieces.push_back(PieceFields(settings, piece, content).add());
   }
   addDistances(settings.field.distances, content);

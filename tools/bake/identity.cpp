@@ -214,7 +214,7 @@ ordered_json inspectName(const PackageView& package, const std::string& file, co
   });
   each("clusters", package.clusters(), [&](const formats::Cluster& c) {
     ordered_json record = {{"number", &c - package.clusters().data()},
-                           {"body", package.text(package.bodies()[c.body].name)},
+                           {"piece", package.text(package.pieces()[c.piece].name)},
                            {"physical", ordered_json::array()},
                            {"shares", ordered_json::array()}};
     for (const auto& m : package.memberships().subspan(c.first_member, c.member_count)) {
@@ -238,7 +238,7 @@ ordered_json inspectName(const PackageView& package, const std::string& file, co
     }
     return record;
   });
-  each("bodies", package.bodies(), [&](const formats::BodyRange& b) {
+  each("pieces", package.pieces(), [&](const formats::PieceRange& b) {
     return ordered_json{{"physical", run(b.first_vertex, b.vertex_count)},
                         {"clusters", run(b.first_cluster, b.cluster_count)}};
   });

@@ -65,7 +65,7 @@ ordered_json fieldJson(const formats::PackageView& package, const formats::Field
   for (const auto& pack : package.fieldPacks().subspan(field.first_pack, field.pack_count)) {
     for (const float volume : pack.volume) samples += volume > 0 ? 1 : 0;
   }
-  return {{"body", package.text(package.bodies()[field.piece].name)},
+  return {{"piece", package.text(package.pieces()[field.piece].name)},
           {"held", field.held != 0},
           {"functions", field.function_count},
           {"driven", field.driven_count},
@@ -79,7 +79,7 @@ ordered_json fieldJson(const formats::PackageView& package, const formats::Field
 }  // namespace
 
 ordered_json inspectPackage(const formats::PackageView& package) {
-  const formats::BodyInfo& info = package.info();
+  const formats::PackageInfo& info = package.info();
   ordered_json json;
   json["format_version"] = package.formatVersion();
   json["bytes"] = package.totalBytes();
@@ -118,12 +118,12 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   json["source_volume"] = info.source_volume >= 0 ? ordered_json(info.source_volume) : ordered_json(nullptr);
   json["physical_vertices"] = package.physicalVertices().size();
   json["tetrahedra"] = package.tetrahedra().size();
-  json["bodies"] = ordered_json::array();
-  for (const auto& body : package.bodies()) {
-    json["bodies"].push_back({{"name", package.text(body.name)},
-                              {"physical_vertices", body.vertex_count},
-                              {"tetrahedra", body.tetrahedron_count},
-                              {"clusters", body.cluster_count}});
+  json["pieces"] = ordered_json::array();
+  for (const auto& piece : package.pieces()) {
+    json["pieces"].push_back({{"name", package.text(piece.name)},
+                              {"physical_vertices", piece.vertex_count},
+                              {"tetrahedra", piece.tetrahedron_count},
+                              {"clusters", piece.cluster_count}});
   }
   json["clusters"] = ordered_json::array();
   const std::vector<std::string> modes = choicesOf("clusters.mode");

@@ -19,8 +19,8 @@ nlohmann::ordered_json inspectPackage(const formats::PackageView& package);
 nlohmann::ordered_json inspectVertex(const formats::PackageView& package, const std::string& file,
                                      const std::string& asked);
 
-/// `inspect --name --json`: every group, mask, cluster, pin set, channel, mesh and body of that name with its vertices.
-/// Throws ToolError(usage), naming the nearest name, where there is none.
+/// `inspect --name --json`: every group, mask, cluster, pin set, channel, mesh and piece of that name with its
+/// vertices. Throws ToolError(usage), naming the nearest name, where there is none.
 nlohmann::ordered_json inspectName(const formats::PackageView& package, const std::string& file,
                                    const std::string& name);
 

@@ -84,7 +84,7 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
     const bool rides = source.rider != kNoIndex;
     formats::Cluster cluster{};
     cluster.mode = source.mode;
-    cluster.body = source.body;
+    cluster.piece = source.piece;
     cluster.first_member = std::uint32_t(result.memberships.size());
     cluster.member_count = std::uint32_t(source.vertices.size());
     cluster.alpha = float(own.alpha);
@@ -134,7 +134,6 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
     const Eigen::Matrix3d inverse = pseudoInverse(moment, rank);
     cluster.a_qq = {float(inverse(0, 0)), float(inverse(1, 1)), float(inverse(2, 2)),
                     float(inverse(0, 1)), float(inverse(1, 2)), float(inverse(2, 0))};
-    for (std::size_t k = 0; k < 6; ++k) cluster.quadratic_mean[k] = float(mean[Eigen::Index(k)]);
     if (rank < 3 && cluster.mode != formats::ClusterMode::rigid) {
       cluster.mode = formats::ClusterMode::rigid;
       flat.push_back(source.name);

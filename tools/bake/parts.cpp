@@ -73,13 +73,13 @@ ClusterSource carriersOf(const RidingPart& part, const Rider& rider, const Weigh
       weights[physical.tetrahedra[place.tetrahedron][k]] += std::max(place.weights[k], 0.0) / sum;
     }
   }
-  const PhysicalBody& body = physical.bodies[rider.body];
-  const auto begin = weights.begin() + body.first_vertex;
-  const double largest = *std::max_element(begin, begin + body.vertex_count);
+  const PhysicalPiece& piece = physical.pieces[rider.piece];
+  const auto begin = weights.begin() + piece.first_vertex;
+  const double largest = *std::max_element(begin, begin + piece.vertex_count);
   const auto carries = [&](double weight) { return weight > 0 && weight >= kLeastCarrier * largest; };
-  if (std::size_t(std::count_if(begin, begin + body.vertex_count, carries)) < kFewCarriers) {
+  if (std::size_t(std::count_if(begin, begin + piece.vertex_count, carries)) < kFewCarriers) {
     std::vector<double> ring = weights;
-    for (std::uint32_t t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+    for (std::uint32_t t = piece.first_tetrahedron; t < piece.first_tetrahedron + piece.tetrahedron_count; ++t) {
       const auto& corners = physical.tetrahedra[t];
       double here = 0;
       for (const std::uint32_t v : corners) here = std::max(here, weights[v]);
@@ -88,10 +88,10 @@ ClusterSource carriersOf(const RidingPart& part, const Rider& rider, const Weigh
     weights = std::move(ring);
   }
   ClusterSource host;
-  host.body = rider.body;
+  host.piece = rider.piece;
   host.mode = formats::ClusterMode::rigid;
   host.rider = physical.tetrahedra[rider.tetrahedron][0];
-  for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
+  for (std::uint32_t v = piece.first_vertex; v < piece.first_vertex + piece.vertex_count; ++v) {
     if (!carries(weights[v])) continue;
     host.vertices.push_back(v);
     host.weights.push_back(weights[v]);
@@ -100,11 +100,11 @@ ClusterSource carriersOf(const RidingPart& part, const Rider& rider, const Weigh
   return host;
 }
 
-// The body whose surface has most of a part's host, by area; of a part without host, most of the part's vertices.
+// The piece whose surface has most of a part's host, by area; of a part without host, most of the part's vertices.
 std::uint32_t carrierOf(const RidingPart& part, const VisualMesh& host, const PhysicalMesh& physical,
                         const std::vector<TetrahedronPlace>& places) {
-  std::vector<double> carried(physical.bodies.size(), 0);
-  const auto add = [&](std::uint32_t v, double weight) { carried[physical.bodyOf(places[v].tetrahedron)] += weight; };
+  std::vector<double> carried(physical.pieces.size(), 0);
+  const auto add = [&](std::uint32_t v, double weight) { carried[physical.pieceOf(places[v].tetrahedron)] += weight; };
   if (part.host.empty()) {
     for (const std::uint32_t v : part.vertices) add(v, 1);
   } else {
@@ -258,21 +258,21 @@ std::vector<Rider> joinRigidParts(const std::vector<RidingPart>& parts, const Vi
   physical.fill.clear();
   physical.home.clear();
   std::vector<std::uint32_t> now;  // by the number that a tetrahedron had
-  for (std::uint32_t b = 0; b < alone.bodies.size(); ++b) {
-    PhysicalBody& body = physical.bodies[b];
-    const auto first = alone.positions.begin() + body.first_vertex;
-    const std::uint32_t moved = std::uint32_t(physical.positions.size()) - body.first_vertex;
-    body.first_vertex += moved;
-    physical.positions.insert(physical.positions.end(), first, first + body.vertex_count);
-    for (std::uint32_t t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+  for (std::uint32_t b = 0; b < alone.pieces.size(); ++b) {
+    PhysicalPiece& piece = physical.pieces[b];
+    const auto first = alone.positions.begin() + piece.first_vertex;
+    const std::uint32_t moved = std::uint32_t(physical.positions.size()) - piece.first_vertex;
+    piece.first_vertex += moved;
+    physical.positions.insert(physical.positions.end(), first, first + piece.vertex_count);
+    for (std::uint32_t t = piece.first_tetrahedron; t < piece.first_tetrahedron + piece.tetrahedron_count; ++t) {
       now.push_back(std::uint32_t(physical.tetrahedra.size()));
       physical.tetrahedra.push_back(alone.tetrahedra[t]);
       for (std::uint32_t& v : physical.tetrahedra.back()) v += moved;
       physical.fill.push_back(alone.fill[t]);
     }
-    body.first_tetrahedron = std::uint32_t(physical.tetrahedra.size()) - body.tetrahedron_count;
+    piece.first_tetrahedron = std::uint32_t(physical.tetrahedra.size()) - piece.tetrahedron_count;
     for (Rider& rider : riders) {
-      if (rider.body != b) continue;
+      if (rider.piece != b) continue;
       rider.tetrahedron = std::uint32_t(physical.tetrahedra.size());
       const auto v = std::uint32_t(physical.positions.size());
       const std::array<Vector3d, 4> corners = tetrahedronAround(parts[rider.part], host);

@@ -39,12 +39,12 @@ void followHost(const std::vector<RidingPart>& parts, const VisualMesh& host, co
 /// What a rigid part rides on: four light vertices of a tetrahedron around it.
 struct Rider {
   std::uint32_t part = 0;                 ///< of the parts
-  std::uint32_t body = 0;                 ///< that carries it
-  std::uint32_t tetrahedron = 0;          ///< of the physical mesh, behind the body's own
+  std::uint32_t piece = 0;                ///< that carries it
+  std::uint32_t tetrahedron = 0;          ///< of the physical mesh, behind the piece's own
   std::vector<TetrahedronPlace> on_host;  ///< where the nearest carries it: of its vertices, on the host
 };
 
-/// Gives each rigid part its tetrahedron, behind those of the body that carries it, and hangs its vertices there.
+/// Gives each rigid part its tetrahedron, behind those of the piece that carries it, and hangs its vertices there.
 /// \param host the mesh without parts; \param physical, places in and out: numbered as in the package from here on.
 std::vector<Rider> joinRigidParts(const std::vector<RidingPart>& parts, const VisualMesh& host, PhysicalMesh& physical,
                                   std::vector<TetrahedronPlace>& places);

@@ -13,23 +13,23 @@ namespace {
 using Eigen::Vector3d;
 using nlohmann::ordered_json;
 
-ordered_json bodiesJson(std::span<const PhysicalBody> bodies, std::span<const formats::BodyRange> ranges) {
+ordered_json piecesJson(std::span<const PhysicalPiece> pieces, std::span<const formats::PieceRange> ranges) {
   ordered_json all = ordered_json::array();
   Settings used;
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const PhysicalBody& body = bodies[b];
-    used.tetrahedra.method = body.method;
-    ordered_json entry = {{"name", body.name},
+  for (std::size_t b = 0; b < pieces.size(); ++b) {
+    const PhysicalPiece& piece = pieces[b];
+    used.tetrahedra.method = piece.method;
+    ordered_json entry = {{"name", piece.name},
                           {"method", used.toJson()["tetrahedra.method"]},
-                          {"parts", body.parts.size()},
+                          {"parts", piece.parts.size()},
                           {"physical_vertices", ranges[b].vertex_count},
                           {"tetrahedra", ranges[b].tetrahedron_count},
                           {"clusters", ranges[b].cluster_count},
-                          {"volume", body.volume},
+                          {"volume", piece.volume},
                           {"source_volume", nullptr}};
-    if (body.source_volume >= 0) {
-      entry["source_volume"] = body.source_volume;
-      entry["volume_ratio"] = body.volume / body.source_volume;
+    if (piece.source_volume >= 0) {
+      entry["source_volume"] = piece.source_volume;
+      entry["volume_ratio"] = piece.volume / piece.source_volume;
     }
     all.push_back(entry);
   }
@@ -88,7 +88,7 @@ ordered_json reportOf(const Settings& settings, const Solid& solid, const Placed
                       {"closed", topology.closed},
                       {"boundary_edges", topology.boundary_edges.size()},
                       {"non_manifold_edges", topology.non_manifold_edges.size()}};
-  report["bodies"] = bodiesJson(solid.physical.bodies, content.bodies);
+  report["pieces"] = piecesJson(solid.physical.pieces, content.pieces);
   report["physical_vertices"] = content.physical_vertices.size();
   report["tetrahedra"] = content.tetrahedra.size();
   report["tetrahedra_quality"] = {{"min_dihedral_deg", quality.min_dihedral_deg},

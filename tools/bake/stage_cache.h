@@ -164,7 +164,7 @@ void fields(Archive& archive, Finding& value) {
   archive(place), archive(cure);
 }
 template <class Archive>
-void fields(Archive& archive, PhysicalBody& value) {
+void fields(Archive& archive, PhysicalPiece& value) {
   auto& [name, method, parts, first_vertex, vertex_count, first_tetrahedron, tetrahedron_count, volume, source, ties] =
       value;
   archive(name), archive(method), archive(parts), archive(first_vertex), archive(vertex_count);
@@ -178,8 +178,8 @@ void fields(Archive& archive, TetrahedraQuality& value) {
 }
 template <class Archive>
 void fields(Archive& archive, PhysicalMesh& value) {
-  auto& [positions, tetrahedra, fill, bodies, quality, part_body, home, findings] = value;
-  archive(positions), archive(tetrahedra), archive(fill), archive(bodies), archive(quality), archive(part_body);
+  auto& [positions, tetrahedra, fill, pieces, quality, part_piece, home, findings] = value;
+  archive(positions), archive(tetrahedra), archive(fill), archive(pieces), archive(quality), archive(part_piece);
   archive(home), archive(findings);
 }
 template <class Archive>

@@ -30,7 +30,7 @@ struct Solid {
 
 /// Where what is drawn hangs, on tetrahedra that are numbered as the package numbers them.
 struct Placed {
-  PhysicalMesh physical;                 ///< with the rigid parts' own behind each body's
+  PhysicalMesh physical;                 ///< with the rigid parts' own behind each piece's
   std::vector<TetrahedronPlace> places;  ///< per visual vertex
   std::vector<Rider> riders;
 };
@@ -38,7 +38,7 @@ struct Placed {
 /// What moves it. \warning refers to the stages before.
 struct Clustered {
   WeightTransfer transfer;
-  std::vector<ClusterSource> clusters;  ///< by body, those of its parts behind its own
+  std::vector<ClusterSource> clusters;  ///< by piece, those of its parts behind its own
   std::vector<Finding> findings;
 };
 

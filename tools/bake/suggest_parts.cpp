@@ -16,7 +16,7 @@ constexpr std::size_t kMostParts = 256;
 constexpr std::size_t kMostLines = 8;
 // A part of at most this part of the host's area rides on it.
 constexpr double kSmall = 0.2;
-// Farther than this of its own diagonal from the host's surface, a part is a body of its own.
+// Farther than this of its own diagonal from the host's surface, a part is a piece of its own.
 constexpr double kFar = 0.5;
 // It may stick out of the host's box by this much of its own diagonal.
 constexpr double kSticksOut = 1.0;

@@ -50,7 +50,7 @@ bool isOnGround(Place place) { return place == Place::falling_on_the_ground || p
 class Scene {
  public:
   Scene(const std::shared_ptr<const Asset>& asset, Place place, bool report = false) : place_(place) {
-    const formats::BodyInfo& info = asset->package().info();
+    const formats::PackageInfo& info = asset->package().info();
     WorldSettings settings;
     settings.ground.enabled = isOnGround(place);
     const float above = place == Place::falling_on_the_ground ? 0.1F : 1e-3F;
@@ -160,7 +160,7 @@ void emitPeers([[maybe_unused]] const BenchContext& context, [[maybe_unused]] co
                [[maybe_unused]] const std::shared_ptr<const Asset>& asset) {
 #if SINEW_WITH_BULLET
   const ClosedSurface surface = surfaceOf(*asset);
-  const formats::BodyInfo& info = asset->package().info();
+  const formats::PackageInfo& info = asset->package().info();
   std::vector<std::uint8_t> pinned(surface.vertices.size() / 3);
   for (std::size_t i = 0; i < pinned.size(); ++i) {
     double beyond = 0;

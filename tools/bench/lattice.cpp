@@ -237,9 +237,9 @@ LatticeBody makeLattice(const LatticeOptions& o) {
   addTetrahedra(o, low, spacing, numbers, content);
   const formats::StringRef name = content.addText("lattice");
   for (formats::Cluster& cluster : content.clusters) cluster.name = name;
-  content.bodies.push_back({0, std::uint32_t(content.physical_vertices.size()), 0,
+  content.pieces.push_back({0, std::uint32_t(content.physical_vertices.size()), 0,
                             std::uint32_t(content.tetrahedra.size()), 0, std::uint32_t(content.clusters.size()), name});
-  formats::BodyInfo& info = content.info;
+  formats::PackageInfo& info = content.info;
   info.metres_per_unit = 1;
   info.bounds_min = toFloat(low);
   info.bounds_max = toFloat(-low);
@@ -268,7 +268,7 @@ LatticeBody makeLattice(const LatticeOptions& o) {
 
 MovingState movingState(const Asset& asset) {
   MovingState state;
-  const formats::BodyInfo& info = asset.package().info();
+  const formats::PackageInfo& info = asset.package().info();
   const Vector3d low = toDouble(info.bounds_min), high = toDouble(info.bounds_max), middle = 0.5 * (low + high);
   const double size = (high - low).maxCoeff();
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Vector3d(1, 2, -1).normalized()).toRotationMatrix();

@@ -12,16 +12,13 @@
 #include "tools/core/atomic_file.h"
 #include "tools/core/command_line.h"
 #include "tools/core/error.h"
+#include "tools/core/text.h"
 #include "tools/import/import.h"
 
 namespace sinew::tools {
 namespace {
 
-std::string endingOf(const std::filesystem::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  return ending;
-}
+std::string endingOf(const std::filesystem::path& file) { return lowerCase(file.extension().string()); }
 
 bool isPictureName(const std::filesystem::path& file) {
   constexpr std::string_view kEndings[] = {".png", ".jpg",  ".jpeg", ".tga", ".bmp", ".gif", ".tif", ".tiff",

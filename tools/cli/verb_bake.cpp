@@ -11,7 +11,7 @@
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/units.h"
-#include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/pieces.h"
 
 namespace sinew::tools {
 namespace {
@@ -50,22 +50,23 @@ void printSummary(const BakeCommand& command, const nlohmann::ordered_json& repo
               count(report["physical_vertices"], "vertex").c_str(), count(report["tetrahedra"], "tetrahedron").c_str(),
               report["tetrahedra_quality"]["min_dihedral_deg"].get<double>(),
               report["tetrahedra_quality"]["max_dihedral_deg"].get<double>());
-  const auto& bodies = report["bodies"];
+  const auto& pieces = report["pieces"];
   std::vector<std::string> names;
-  for (const auto& body : bodies) names.push_back(body["name"].get<std::string>());
+  for (const auto& piece : pieces) names.push_back(piece["name"].get<std::string>());
   names = distinctNames(names);
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    if (b == 4 && bodies.size() > 5) {
-      std::printf("  ...        and %zu more bodies\n", bodies.size() - b);
+  for (std::size_t b = 0; b < pieces.size(); ++b) {
+    if (b == 4 && pieces.size() > 5) {
+      std::printf("  ...        and %zu more pieces\n", pieces.size() - b);
       break;
     }
-    const auto& body = bodies[b];
-    const std::string volume = body.contains("volume_ratio")
-                                   ? ", " + std::to_string(int(std::lround(100 * body["volume_ratio"].get<double>()))) +
+    const auto& piece = pieces[b];
+    const std::string volume = piece.contains("volume_ratio")
+                                   ? ", " +
+                                         std::to_string(int(std::lround(100 * piece["volume_ratio"].get<double>()))) +
                                          " % of the source's volume"
                                    : ", encloses no volume";
-    std::printf("  body       %s: %s, %s%s\n", names[b].c_str(), body["method"].get<std::string>().c_str(),
-                count(body["clusters"], "cluster").c_str(), volume.c_str());
+    std::printf("  piece      %s: %s, %s%s\n", names[b].c_str(), piece["method"].get<std::string>().c_str(),
+                count(piece["clusters"], "cluster").c_str(), volume.c_str());
   }
   std::printf("  attachment rest error %.1e of the diagonal\n", report["attachment"]["max_rest_error"].get<double>());
   std::fflush(stdout);

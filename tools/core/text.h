@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <span>
 #include <string>
+#include <string_view>
 
 namespace sinew::tools {
 
@@ -36,6 +37,13 @@ inline std::string lengthText(double metres) {
   if (size >= 0.01) return rounded(metres * 100) + " cm";
   if (size >= 1e-4) return rounded(metres * 1e3) + " mm";
   return rounded(metres * 1e6) + " um";
+}
+
+/// Latin letters A to Z as small ones, all else as it is.
+inline std::string lowerCase(std::string_view text) {
+  std::string lower(text);
+  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c;
+  return lower;
 }
 
 /// "1 face", "3 faces".

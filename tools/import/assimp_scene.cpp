@@ -155,6 +155,17 @@ void checkColladaArrays(const std::string& text) {
   }
 }
 
+/// What assimp reads as nothing at all, without a reason.
+void checkColladaFrame(const std::string& text) {
+  if (text.find("<COLLADA") == text.npos)
+    throw ReadError(text.find(":COLLADA") == text.npos ? "is no Collada: it has no element COLLADA"
+                                                       : "has XML names with prefixes (x:COLLADA), which are not read",
+                    "Export it again as Collada 1.4.1.");
+  if (text.find("<instance_visual_scene") == text.npos)
+    throw ReadError("has no scene: nothing in it names a visual_scene to show",
+                    "Export it again with its objects in a scene.");
+}
+
 /// An importer that knows the one format only: by itself assimp would try others when the content looks like theirs.
 const aiScene* loadFile(const std::filesystem::path& file, const std::string& format) {
   // Both are left to the end of the process; taking a broken scene apart is one more way to crash.
@@ -168,8 +179,11 @@ const aiScene* loadFile(const std::filesystem::path& file, const std::string& fo
   importer->SetPropertyBool(AI_CONFIG_IMPORT_FBX_PRESERVE_PIVOTS, false);
   importer->SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_USE_COLLADA_NAMES, true);
   const aiScene* scene = importer->ReadFile(file.string(), 0);
-  if (!scene || !scene->mRootNode)
-    throw ReadError("cannot be read as " + format + " (" + std::string(importer->GetErrorString()) + ")");
+  if (!scene || !scene->mRootNode) {
+    const std::string why = importer->GetErrorString();
+    throw ReadError("cannot be read as " + format + " (" + why + ")",
+                    why.find("old format version") != why.npos ? "Convert it to FBX 2013 or later." : "");
+  }
   return scene;
 }
 
@@ -248,6 +262,16 @@ class AssimpConverter {
       if (value && std::isfinite(*value) && *value > 0 && *value < 1e9) {
         scene_.metres_per_unit = *value;
         scene_.unit_source = "the Collada file says meter=\"" + number.substr(0, 32) + "\"";
+      } else {
+        scene_.unit_source = "the Collada file says meter=\"" + number.substr(0, 32) + "\", no length; taken as metres";
+        scene_.findings.push_back({"unit-not-read",
+                                   Severity::warning,
+                                   scene_.unit_source,
+                                   1,
+                                   "",
+                                   {},
+                                   "",
+                                   "Say the unit with --set import.unit=cm, or export the file again."});
       }
     }
     const std::string_view head = std::string_view(text).substr(0, text.find("<library_"));
@@ -532,7 +556,11 @@ class AssimpConverter {
 }  // namespace
 
 RawScene readWithAssimp(const std::filesystem::path& file, const std::string& format) {
-  if (format == "dae") checkColladaArrays(fileText(file));
+  if (format == "dae") {
+    const std::string text = fileText(file);
+    checkColladaFrame(text);
+    checkColladaArrays(text);
+  }
   return AssimpConverter(*loadFile(file, format), file, format).convert();
 }
 

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -22,16 +21,12 @@ namespace sinew::tools {
 namespace {
 
 constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "gltf", "glb", "fbx", "dae", "mesh"};
-constexpr const char* kFormatList = "OBJ, PLY, STL, OFF, glTF, GLB, FBX, DAE and OGRE .mesh";
-
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  return text;
-}
+constexpr const char* kFormatList = "OBJ, PLY, STL, OFF, glTF, GLB, FBX, DAE and OGRE .mesh or .mesh.xml";
 
 /// The format that the name ends with; empty where it is none of kFormats.
 std::string formatByName(const std::filesystem::path& file) {
-  const std::string extension = lower(file.extension().string());
+  const std::string extension = lowerCase(file.extension().string());
+  if (lowerCase(file.filename().string()).ends_with(".mesh.xml")) return "mesh";
   for (const std::string_view format : kFormats)
     if (extension.size() == format.size() + 1 && extension.ends_with(format)) return std::string(format);
   return "";
@@ -87,10 +82,13 @@ std::string probe(const std::filesystem::path& file, const ImportOptions& option
   const std::string extension = file.extension().string();
   if (format.empty())
     throw bad(extension.empty() ? "has no extension, so its format is unknown"
-                                : "has the unsupported format \"" + lower(extension.substr(1)) + "\"",
+                                : "has the unsupported format \"" + lowerCase(extension.substr(1)) + "\"",
               std::string("Supported are ") + kFormatList + "; export it as one of these.");
   if (format != "glb" && format != "fbx" && format != "mesh" && isUtf16({head, std::size_t(held)}))
     throw bad("is text in UTF-16", "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 does it, and so do most text editors.");
+  if (format == "mesh" &&
+      std::string_view(head, std::size_t(held)).find("MeshVersionFormatted") != std::string_view::npos)
+    throw bad("is a mesh of MEDIT (as of Gmsh, TetGen, Mmg), not of OGRE", "Export its surface as OBJ, PLY or STL.");
   // A reader holds the file and the scene that it makes of it at the same time.
   const std::uint64_t most = (std::uint64_t(options.memory_megabytes) << 20) / 2;
   if (std::uint64_t(facts.st_size) > most)

@@ -31,7 +31,7 @@ struct ImportOptions {
 };
 
 /// Reads an artist's file in a child process and checks all that it gives back.
-/// Formats: OBJ, PLY, STL, OFF, glTF, GLB, FBX, DAE, OGRE .mesh (by extension, then by content).
+/// Formats: OBJ, PLY, STL, OFF, glTF, GLB, FBX, DAE, OGRE .mesh and .mesh.xml (by extension, then by content).
 /// Throws ToolError(bad_input) for a file that is missing, unsupported, broken, too large for the bounds, or without
 /// faces; (system) where the machine fails. Seams are recorded, never cracked.
 VisualMesh importVisualMesh(const std::filesystem::path& file, const ImportOptions& options, Progress& progress);

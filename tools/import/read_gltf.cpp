@@ -11,6 +11,7 @@
 #include <optional>
 #include <set>
 
+#include "tools/core/text.h"
 #include "tools/import/readers.h"
 
 namespace sinew::tools {
@@ -35,12 +36,12 @@ class Value {
   [[noreturn]] void fail(const std::string& what) const {
     throw ReadError(what + " (at " + (path_.empty() ? "the top" : path_) + ")");
   }
-  /// A member, or a Value that is false.
+  /// A member, or a Value that is false where there is none or it is null.
   Value get(const char* key) const {
     if (!json_) return {nullptr, path_ + "/" + key};
     if (!json_->is_object()) fail("the JSON has no object where one belongs");
     const auto at = json_->find(key);
-    return {at == json_->end() ? nullptr : &*at, path_ + "/" + key};
+    return {at == json_->end() || at->is_null() ? nullptr : &*at, path_ + "/" + key};
   }
   Value need(const char* key) const {
     Value value = get(key);
@@ -152,6 +153,8 @@ std::optional<std::string> dataUri(std::string_view uri) {
       six = 63;
     } else if (c == '=') {
       break;
+    } else if (c == ' ' || c == '\n' || c == '\r' || c == '\t') {
+      continue;  // as from encoders that break lines
     } else {
       return std::nullopt;
     }
@@ -186,10 +189,10 @@ bool tooDeep(std::string_view text) {
 
 const std::set<std::string, std::less<>>& supportedExtensions() {
   static const std::set<std::string, std::less<>> kNames = {
-      "KHR_mesh_quantization", "KHR_texture_transform", "KHR_lights_punctual",
-      "EXT_texture_webp",      "KHR_texture_basisu",    "KHR_materials_pbrSpecularGlossiness",
-      "KHR_xmp_json_ld",       "KHR_animation_pointer", "KHR_materials_variants",
-      "KHR_node_visibility"};
+      "KHR_mesh_quantization", "KHR_texture_transform",  "KHR_lights_punctual",
+      "EXT_texture_webp",      "KHR_texture_basisu",     "KHR_materials_pbrSpecularGlossiness",
+      "EXT_texture_avif",      "MSFT_texture_dds",       "KHR_xmp_json_ld",
+      "KHR_animation_pointer", "KHR_materials_variants", "KHR_node_visibility"};
   return kNames;
 }
 
@@ -201,8 +204,14 @@ class GltfReader {
     if (bytes.starts_with("glTF")) text = openGlb(bytes);
     if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
     if (tooDeep(text)) throw ReadError("holds JSON nested deeper than " + std::to_string(kMaxDepth) + " levels");
-    json_ = json::parse(text, nullptr, false);
-    if (json_.is_discarded()) throw ReadError("is no glTF: its JSON is malformed");
+    try {
+      json_ = json::parse(text);
+    } catch (const json::parse_error& error) {
+      const std::string_view before = text.substr(0, error.byte);
+      const std::size_t line = std::size_t(std::count(before.begin(), before.end(), '\n')) + 1;
+      throw ReadError("is no glTF: its JSON is malformed (line " + std::to_string(line) + ", byte " +
+                      std::to_string(error.byte) + " of the JSON)");
+    }
     if (!json_.is_object()) throw ReadError("is no glTF: its JSON is no object");
     top_ = Value(&json_, "");
   }
@@ -225,6 +234,12 @@ class GltfReader {
     if (dropped_primitives_ > 0)
       info("dropped-primitives", dropped_primitives_,
            std::to_string(dropped_primitives_) + " point or line primitives were left out; only faces are used");
+    if (zero_rotations_ > 0)
+      warn("zero-rotations", zero_rotations_,
+           counted(zero_rotations_, "node has", "nodes have") + " a rotation of four zeros; taken as none");
+    if (loose_indices_ > 0)
+      warn("loose-indices", loose_indices_,
+           counted(loose_indices_, "index", "indices") + " behind the last whole triangle of a list were left out");
     if (!posed_morphs_.empty())
       scene_.findings.push_back(
           {"unapplied-morphs",
@@ -264,6 +279,10 @@ class GltfReader {
     scene_.findings.push_back({id, Severity::info, message, count, "", {}, "", ""});
   }
 
+  void warn(const char* id, std::size_t count, const std::string& message) {
+    scene_.findings.push_back({id, Severity::warning, message, count, "", {}, "", "Export the file again."});
+  }
+
   static std::uint32_t word(std::string_view bytes, std::size_t at) {
     std::uint32_t value = 0;
     std::memcpy(&value, bytes.data() + at, sizeof value);
@@ -300,7 +319,10 @@ class GltfReader {
 
   void checkVersionAndExtensions() {
     const Value asset = top_.need("asset");
-    const std::string version = asset.text("version", "");
+    const Value stated = asset.get("version");
+    // A number where the specification wants a text.
+    const std::string version =
+        stated && stated.raw().is_number() ? rounded(stated.number(), 2) + ".0" : asset.text("version", "");
     if (!version.starts_with("2."))
       throw ReadError("is glTF of version \"" + version.substr(0, 20) + "\"; only 2.x is supported (at /asset/version)",
                       "Export it as glTF 2.0.");
@@ -396,7 +418,7 @@ class GltfReader {
     return name.empty() ? "node " + std::to_string(n) : name;
   }
 
-  Eigen::Matrix4d localTransform(const Value& node) const {
+  Eigen::Matrix4d localTransform(const Value& node) {
     if (node.get("matrix")) {
       const auto m = node.numbers<16>("matrix", {});
       Eigen::Matrix4d out;
@@ -410,7 +432,10 @@ class GltfReader {
     const auto r = node.numbers<4>("rotation", {0, 0, 0, 1});
     const auto s = node.numbers<3>("scale", {1, 1, 1});
     Eigen::Quaterniond q(r[3], r[0], r[1], r[2]);
-    if (q.norm() < 1e-12) node.get("rotation").fail("a rotation is the zero quaternion");
+    if (q.norm() < 1e-12) {
+      ++zero_rotations_;
+      q.setIdentity();
+    }
     q.normalize();
     Eigen::Matrix4d out = Eigen::Matrix4d::Identity();
     out.topLeftCorner<3, 3>() = q.toRotationMatrix() * Eigen::Vector3d(s[0], s[1], s[2]).asDiagonal();
@@ -765,7 +790,7 @@ class GltfReader {
     const Value texture = list.at(index);
     Value source = texture.get("source");
     if (const Value extensions = texture.get("extensions"); !source && extensions)
-      for (const char* name : {"EXT_texture_webp", "KHR_texture_basisu"})
+      for (const char* name : {"EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"})
         if (const Value own = extensions.get(name); own && !source) source = own.get("source");
     if (!source) return kNoIndex;
     const std::uint64_t image_index = source.integer();
@@ -820,8 +845,8 @@ class GltfReader {
     }
     const std::uint64_t mode = primitive.integer("mode", 4);
     if (mode == 4) {
-      if (indices.size() % 3 != 0)
-        primitive.fail("a triangle list has " + std::to_string(indices.size()) + " indices, no multiple of 3");
+      loose_indices_ += indices.size() % 3;
+      indices.resize(indices.size() / 3 * 3);
       return indices;
     }
     std::vector<std::uint32_t> out;
@@ -1196,6 +1221,8 @@ class GltfReader {
   std::map<std::uint64_t, std::uint32_t> texture_of_image_;
   std::map<std::uint64_t, std::uint32_t> joint_of_node_;
   std::size_t dropped_primitives_ = 0;
+  std::size_t zero_rotations_ = 0;
+  std::size_t loose_indices_ = 0;
   std::vector<std::string> posed_morphs_;  // where, and by how much
 };
 

@@ -3,6 +3,7 @@
 #include <map>
 #include <unordered_map>
 
+#include "tools/core/text.h"
 #include "tools/import/readers.h"
 #include "tools/import/text_cursor.h"
 
@@ -43,7 +44,9 @@ std::string textureName(std::string_view rest) {
 class ObjReader {
  public:
   ObjReader(std::string_view text, const std::filesystem::path& folder, const std::string& stem)
-      : cursor_(text, true), folder_(folder), stem_(stem) {
+      // Zero bytes may fill up the end.
+      : cursor_(text.substr(0, text.find_last_not_of('\0') + 1), true), folder_(folder), stem_(stem) {
+    text = cursor_.rest();
     if (text.substr(0, 4096).find('\0') != text.npos)
       throw ReadError("is no OBJ: it holds zero bytes where text belongs");
     mesh_.name = stem;
@@ -61,15 +64,16 @@ class ObjReader {
  private:
   void statement() {
     const std::string_view key = cursor_.word();
+    if (key == "#MRGB") return paint();
     if (key.empty() || key.front() == '#') return;
     if (key == "v") {
       position();
     } else if (key == "vt") {
-      const std::size_t n = numbers(3);
+      const std::size_t n = numbers(3, true);
       uvs_.push_back(n >= 1 ? Eigen::Vector2f(float(number_[0]), n >= 2 ? float(number_[1]) : 0.0F)
                             : Eigen::Vector2f(0, 0));
     } else if (key == "vn") {
-      const std::size_t n = numbers(3);
+      const std::size_t n = numbers(3, true);
       normals_.push_back(n == 3 ? Eigen::Vector3d(number_[0], number_[1], number_[2]).cast<float>()
                                 : Eigen::Vector3f(0, 0, 0));
     } else if (key == "f" || key == "fo") {
@@ -90,20 +94,30 @@ class ObjReader {
     }
   }
 
-  /// Reads the numbers up to the line's end into number_; what is no number ends the list.
-  std::size_t numbers(std::size_t most) {
+  /// Reads the numbers up to the line's end into number_.
+  /// \param forgive what is no number is NaN, as of normals and UVs, which are made anew where they are not finite.
+  std::size_t numbers(std::size_t most, bool forgive = false) {
     std::size_t n = 0;
-    while (n < most && !cursor_.atLineEnd()) {
-      const std::string_view word = cursor_.word();
+    while (n < most) {
+      const std::string_view word = cursor_.wordBeforeComment();
+      if (word.empty()) break;
       const auto value = parseNumber(word);
-      if (!value) {
-        if (word.front() == '#') break;
-        throw ReadError("has \"" + std::string(word.substr(0, 40)) + "\" where a number belongs (" + lineOf(cursor_) +
-                        ")");
-      }
-      number_[n++] = *value;
+      if (!value && !forgive) throw noNumber("", word, " (" + lineOf(cursor_) + ")");
+      number_[n++] = value.value_or(std::numeric_limits<double>::quiet_NaN());
     }
     return n;
+  }
+
+  /// ZBrush's colours of vertices: eight hexadecimal digits each, MMRRGGBB, 64 in a line.
+  void paint() {
+    std::string_view digits = cursor_.word();
+    for (; digits.size() >= 8; digits.remove_prefix(8)) {
+      std::uint32_t rgb = 0;
+      const auto [stop, error] = std::from_chars(digits.data() + 2, digits.data() + 8, rgb, 16);
+      if (error != std::errc() || stop != digits.data() + 8) return;
+      const auto channel = [&](int shift) { return float(rgb >> shift & 255U) / 255; };
+      painted_.push_back({channel(16), channel(8), channel(0), 1.0F});
+    }
   }
 
   void position() {
@@ -130,9 +144,9 @@ class ObjReader {
 
   void face() {
     const std::size_t start = corners_.size();
-    while (!cursor_.atLineEnd()) {
-      const std::string_view word = cursor_.word();
-      if (word.front() == '#') break;
+    while (true) {
+      const std::string_view word = cursor_.wordBeforeComment();
+      if (word.empty()) break;
       std::array<std::int64_t, 3> index = {0, 0, 0};
       std::size_t field = 0;
       for (std::string_view left = word; field < 3; ++field) {
@@ -285,11 +299,11 @@ class ObjReader {
     TextCursor lines(text, true);
     std::uint32_t current = kNoIndex;
     for (; !lines.atEnd(); lines.nextLine()) {
-      const std::string_view key = lines.word();
+      const std::string key = lowerCase(lines.word());
       if (key == "newmtl") {
         current = materialNumber(std::string(lines.lineRest()));
         if (current != kNoIndex) material_known_[current] = true;
-      } else if (current != kNoIndex && key == "Kd") {
+      } else if (current != kNoIndex && key == "kd") {
         std::array<double, 3> rgb = {0.8, 0.8, 0.8};
         std::size_t n = 0;
         while (n < 3 && !lines.atLineEnd()) {
@@ -299,11 +313,11 @@ class ObjReader {
         }
         if (n == 1) rgb[1] = rgb[2] = rgb[0];
         for (std::size_t k = 0; k < 3 && n > 0; ++k) scene_.materials[current].base_color[k] = float(rgb[k]);
-      } else if (current != kNoIndex && (key == "d" || key == "Tr")) {
+      } else if (current != kNoIndex && (key == "d" || key == "tr")) {
         const auto value = parseNumber(lines.word());
         if (value && std::isfinite(*value))
           scene_.materials[current].base_color[3] = float(key == "d" ? *value : 1.0 - *value);
-      } else if (current != kNoIndex && key == "map_Kd") {
+      } else if (current != kNoIndex && key == "map_kd") {
         const std::string path = textureName(lines.lineRest());
         if (path.empty()) continue;
         const auto [at, fresh] = texture_by_path_.try_emplace(path, std::uint32_t(scene_.textures.size()));
@@ -336,6 +350,8 @@ class ObjReader {
            "",
            "Export the file again."});
     joinCorners(corners_, uvs_, normals_, mesh_);
+    colorsFromBytes(colors_);
+    if (colors_.empty() && painted_.size() == mesh_.points.size()) colors_ = std::move(painted_);
     if (!colors_.empty()) {
       mesh_.colors.resize(mesh_.vertex_point.size());
       for (std::size_t v = 0; v < mesh_.colors.size(); ++v) mesh_.colors[v] = colors_[mesh_.vertex_point[v]];
@@ -412,6 +428,7 @@ class ObjReader {
   std::vector<Eigen::Vector2f> uvs_;
   std::vector<Eigen::Vector3f> normals_;
   std::vector<std::array<float, 4>> colors_;
+  std::vector<std::array<float, 4>> painted_;
   std::vector<RawCorner> corners_;
   std::vector<std::string> group_names_;
   std::vector<std::uint32_t> small_faces_;

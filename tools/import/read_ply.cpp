@@ -67,10 +67,8 @@ class Body {
     if (text_) {
       const std::string_view word = cursor_.wordAnywhere();
       const auto value = parseNumber(word);
-      if (!value)
-        throw ReadError(word.empty()
-                            ? place() + " is missing: the file ends too early"
-                            : place() + " has \"" + std::string(word.substr(0, 40)) + "\" where a number belongs");
+      if (word.empty()) throw ReadError(place() + " is missing: the file ends too early");
+      if (!value) throw noNumber(place(), word, "");
       return *value;
     }
     const std::size_t size = kScalarSize[std::size_t(type)];
@@ -172,6 +170,7 @@ class PlyReader {
 
  private:
   void header(std::string_view bytes) {
+    if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
     if (!bytes.starts_with("ply")) throw ReadError("is no PLY: it does not begin with \"ply\"");
     TextCursor lines(bytes);
     lines.nextLine();
@@ -242,6 +241,10 @@ class PlyReader {
       }
     }
     throw ReadError("has a header without an end");
+  }
+
+  static bool isCorners(const Property& p) {
+    return p.list && (p.name == "vertex_indices" || p.name == "vertex_index");
   }
 
   static std::string printable(std::string_view text) {
@@ -366,12 +369,19 @@ class PlyReader {
     mesh_.face_size.reserve(mesh_.face_size.size() + element.count);
     corners_.reserve(corners_.size() + 3 * element.count);
     std::vector<float> wedge;
+    std::string lists;
+    for (const Property& p : element.properties)
+      if (p.list) lists += (lists.empty() ? "" : ", ") + printable(p.name);
+    if (element.count > 0 && std::none_of(element.properties.begin(), element.properties.end(), isCorners))
+      throw ReadError(
+          "has faces without a list vertex_indices" + (lists.empty() ? "" : " (their lists: " + lists + ")"),
+          "If another list holds the corners, name it vertex_indices in the header.");
     for (std::uint64_t i = 0; i < element.count; ++i) {
       body.setPlace(&element.name, i);
       const std::size_t start = corners_.size();
       wedge.clear();
       for (const Property& p : element.properties) {
-        if (p.list && (p.name == "vertex_indices" || p.name == "vertex_index")) {
+        if (isCorners(p)) {
           const std::uint64_t count = body.listCount(p.count_type);
           for (std::uint64_t k = 0; k < count; ++k) corners_.push_back(corner(body, body.number(p.type)));
         } else if (p.list && p.name == "texcoord") {
@@ -404,7 +414,7 @@ class PlyReader {
     for (std::uint64_t i = 0; i < element.count; ++i) {
       body.setPlace(&element.name, i);
       for (const Property& p : element.properties) {
-        if (!p.list || (p.name != "vertex_indices" && p.name != "vertex_index")) {
+        if (!isCorners(p)) {
           if (p.list) {
             skipList(body, p);
           } else {

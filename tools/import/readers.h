@@ -17,7 +17,16 @@
 /// attributes, extras and quantized positions; and it crashes on broken ones.
 namespace sinew::tools {
 
-/// A file that lies beside the source (material library, glTF buffer). Empty optional where it cannot be read.
+/// A complaint about a word that is no number; of a decimal comma the cure says so.
+/// \param of what has it, empty = the file.
+/// \param place where it stands, in brackets, with a blank before it; may be empty.
+ReadError noNumber(const std::string& of, std::string_view word, const std::string& place);
+
+/// Brings colours to 0..1 where any number is 2 or more: then all are of 0..255.
+void colorsFromBytes(std::vector<std::array<float, 4>>& colors);
+
+/// A file that lies beside the source (material library, glTF buffer): as written, else its last name in the folder,
+/// else the same without regard to case. Empty optional where it cannot be read.
 /// \param limit in bytes; a larger file counts as unreadable.
 std::optional<std::string> readCompanionFile(const std::filesystem::path& folder, const std::string& name,
                                              std::uint64_t limit);

@@ -50,6 +50,17 @@ class TextCursor {
       ++at_;
     return {start, std::size_t(at_ - start)};
   }
+  /// The next word of this line; empty at its end or at a comment, which may follow a number at once.
+  std::string_view wordBeforeComment() {
+    const std::string_view found = word();
+    const std::size_t at = found.find('#');
+    const std::string_view left = at == found.npos ? "" : found.substr(at);
+    // "1.#INF", "-1.#IND", "1.#QNAN", "1.#SNAN": as MSVC's printf writes what is not finite.
+    if (at == found.npos || left.starts_with("#IN") || left.starts_with("#QNAN") || left.starts_with("#SNAN"))
+      return found;
+    lineRest();
+    return found.substr(0, at);
+  }
   /// All that is left of this line, without blanks at its ends.
   std::string_view lineRest() {
     skipBlanks();

@@ -5,44 +5,21 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <fstream>
 #include <memory>
 #include <optional>
 #include <string_view>
+
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::string lower(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  return text;
-}
-
 bool isFile(const fs::path& path) {
   std::error_code error;
   return fs::is_regular_file(path, error);
-}
-
-/// `relative` below `folder`, each of its names without regard to case where it does not exist as written.
-std::optional<fs::path> below(const fs::path& folder, const fs::path& relative) {
-  if (isFile(folder / relative)) return folder / relative;
-  fs::path at = folder.empty() ? fs::path(".") : folder;
-  for (const fs::path& name : relative) {
-    std::error_code error;
-    if (fs::exists(at / name, error)) {
-      at /= name;
-      continue;
-    }
-    std::vector<fs::path> matches;
-    for (fs::directory_iterator it(at, error), end; !error && it != end; it.increment(error))
-      if (lower(it->path().filename().string()) == lower(name.string())) matches.push_back(it->path());
-    if (matches.empty()) return std::nullopt;
-    at = *std::min_element(matches.begin(), matches.end());
-  }
-  return isFile(at) ? std::optional(at) : std::nullopt;
 }
 
 // Size and shape by the head of a picture; false where it is none that stb knows, or too large a one.
@@ -66,6 +43,34 @@ bool canBeDrawn(std::span<const std::byte> bytes, const std::string& mime) {
 }
 
 }  // namespace
+
+CompanionPath::CompanionPath(std::string name) {
+  if (name.starts_with("file://")) name.erase(0, 7);
+  std::replace(name.begin(), name.end(), '\\', '/');
+  if (name.find('\0') != name.npos) name.clear();
+  written = fs::path(name).lexically_normal();
+  const bool drive = name.size() > 1 && name[1] == ':';
+  outside = drive || written.is_absolute() || written.empty() || *written.begin() == "..";
+}
+
+std::optional<fs::path> fileBelow(const fs::path& folder, const fs::path& relative) {
+  if (relative.empty()) return std::nullopt;
+  if (isFile(folder / relative)) return folder / relative;
+  fs::path at = folder.empty() ? fs::path(".") : folder;
+  for (const fs::path& name : relative) {
+    std::error_code error;
+    if (fs::exists(at / name, error)) {
+      at /= name;
+      continue;
+    }
+    std::vector<fs::path> matches;
+    for (fs::directory_iterator it(at, error), end; !error && it != end; it.increment(error))
+      if (lowerCase(it->path().filename().string()) == lowerCase(name.string())) matches.push_back(it->path());
+    if (matches.empty()) return std::nullopt;
+    at = *std::min_element(matches.begin(), matches.end());
+  }
+  return isFile(at) ? std::optional(at) : std::nullopt;
+}
 
 Texels decodeByStb(std::span<const std::byte> bytes) {
   Texels texels;
@@ -93,7 +98,7 @@ std::string pictureMime(const std::vector<std::byte>& bytes, const std::string& 
   if (begins("\xabKTX 20\xbb")) return "image/ktx2";
   if (begins("#?RADIANCE")) return "image/vnd.radiance";
   if (begins("v/1\x01")) return "image/x-exr";
-  if (lower(name).ends_with(".tga") && bytes.size() > 18) return "image/x-tga";
+  if (lowerCase(name).ends_with(".tga") && bytes.size() > 18) return "image/x-tga";
   return "";
 }
 
@@ -113,23 +118,16 @@ TextureSource loadTexture(const RawTexture& texture, const fs::path& folder, std
   if (texture.path.empty()) {
     out.bytes = texture.bytes;
   } else {
-    std::string plain = texture.path;
-    if (plain.starts_with("file://")) plain.erase(0, 7);
-    std::replace(plain.begin(), plain.end(), '\\', '/');
-    const fs::path written = fs::path(plain).lexically_normal();
-    const bool drive = plain.size() > 1 && plain[1] == ':';
-    const bool outside = drive || written.is_absolute() || written.empty() || *written.begin() == "..";
-    const fs::path last = written.filename();
+    const CompanionPath wanted(texture.path);
+    const fs::path last = wanted.written.filename();
     std::optional<fs::path> found;
-    if (plain.find('\0') == plain.npos && !last.empty()) {
-      if (!outside) found = below(folder, written);
-      if (!found) found = below(folder, last);
-      if (!found) found = below(folder, fs::path("textures") / last);
-    }
+    if (!wanted.outside) found = fileBelow(folder, wanted.written);
+    if (!found) found = fileBelow(folder, last);
+    if (!found && !last.empty()) found = fileBelow(folder, fs::path("textures") / last);
     if (!found) {
       complain("missing-texture",
                "the texture " + texture.path + " is missing; the material keeps its colour" +
-                   (outside ? " (a place outside the file's folder is not read)" : ""),
+                   (wanted.outside ? " (a place outside the file's folder is not read)" : ""),
                "Put " + (last.empty() ? std::string("the picture") : last.string()) + " beside the file.");
       return out;
     }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,6 +29,17 @@ Texels decodeByStb(std::span<const std::byte> bytes);
 
 /// "image/png", ... by a picture's first bytes; by the name's ending where bytes do not tell (TGA); else empty.
 std::string pictureMime(const std::vector<std::byte>& bytes, const std::string& name);
+
+/// A file's name as another file wrote it, with `\` as `/`.
+struct CompanionPath {
+  explicit CompanionPath(std::string name);
+  std::filesystem::path written;
+  bool outside = false;  ///< of the writer's folder, so not read: a file someone sent may not have the whole disk read
+};
+
+/// `relative` below `folder`, each of its names without regard to case where it does not exist as written.
+std::optional<std::filesystem::path> fileBelow(const std::filesystem::path& folder,
+                                               const std::filesystem::path& relative);
 
 /// Brings the picture of one texture: embedded bytes as they are; else the file below `folder`, looked for as written
 /// (with `\` as `/`), then by its last name in the folder and in its "textures", then the same without regard to case.

@@ -17,6 +17,7 @@
 #include "tools/import/import.h"
 #include "tools/import/readers.h"
 #include "tools/import/text_cursor.h"
+#include "tools/import/textures.h"
 #include "tools/import/worker_protocol.h"
 
 namespace sinew::tools {
@@ -126,18 +127,14 @@ void complain(int fd, const std::string& what, const std::string& cure) {
 
 std::optional<std::string> readCompanionFile(const std::filesystem::path& folder, const std::string& name,
                                              std::uint64_t most) {
-  std::string plain = name;
-  std::replace(plain.begin(), plain.end(), '\\', '/');
-  const std::filesystem::path relative = std::filesystem::path(plain).lexically_normal();
-  // Only the source's folder and what lies below it: a file someone sent may not make the tool read the whole disk.
-  if (plain.empty() || plain.find('\0') != plain.npos || relative.is_absolute() || *relative.begin() == "..")
-    return std::nullopt;
+  const CompanionPath wanted(name);
+  std::optional<std::filesystem::path> path;
+  if (!wanted.outside) path = fileBelow(folder, wanted.written);
+  if (!path) path = fileBelow(folder, wanted.written.filename());
   std::error_code error;
-  const std::filesystem::path path = folder / relative;
-  if (!std::filesystem::is_regular_file(path, error) || std::filesystem::file_size(path, error) > most)
-    return std::nullopt;
+  if (!path || std::filesystem::file_size(*path, error) > most || error) return std::nullopt;
   try {
-    return readFile(path);
+    return readFile(*path);
   } catch (const ReadError&) {
     return std::nullopt;
   }

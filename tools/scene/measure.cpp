@@ -21,10 +21,10 @@ Vector3d toDouble(const std::array<float, 3>& x) { return {double(x[0]), double(
 // The separate body that each visual vertex belongs to.
 std::vector<std::uint32_t> bodyOfVisual(const formats::PackageView& package) {
   std::vector<std::uint32_t> body(package.visualPositions().size(), 0);
-  if (package.bodies().size() == 1) return body;
+  if (package.pieces().size() == 1) return body;
   const auto bodyOfTetrahedron = [&](std::uint32_t t) {
     std::uint32_t b = 0;
-    while (t >= package.bodies()[b].first_tetrahedron + package.bodies()[b].tetrahedron_count) ++b;
+    while (t >= package.pieces()[b].first_tetrahedron + package.pieces()[b].tetrahedron_count) ++b;
     return b;
   };
   for (std::size_t v = 0; v < body.size(); ++v) {
@@ -32,7 +32,7 @@ std::vector<std::uint32_t> bodyOfVisual(const formats::PackageView& package) {
       body[v] = bodyOfTetrahedron(package.barycentric()[v].tetrahedron);
     } else if (!package.clusterAttachmentRanges().empty()) {
       body[v] =
-          package.clusters()[package.clusterAttachments()[package.clusterAttachmentRanges()[v].first].cluster].body;
+          package.clusters()[package.clusterAttachments()[package.clusterAttachmentRanges()[v].first].cluster].piece;
     }
   }
   return body;
@@ -139,7 +139,7 @@ BodyMeasure measureBody(const World& world, BodyId body) {
     double squared = 0;
     std::vector<Vector3d> rest;
     std::vector<Vector3d> now;
-    for (std::uint32_t b = 0; b < package.bodies().size(); ++b) {
+    for (std::uint32_t b = 0; b < package.pieces().size(); ++b) {
       rest.clear();
       now.clear();
       for (std::size_t v = 0; v < visual.size(); ++v) {

@@ -158,7 +158,7 @@ void Scene::reset() {
   const Bounds bounds = boundsOf(start_);
   if (options_.scene.kind == SceneKind::hang) {
     // Each separate body by its own top, or all but the highest would fall.
-    for (const auto& part : asset_->package().bodies()) {
+    for (const auto& part : asset_->package().pieces()) {
       const std::span<const Vec3> points = std::span(start_).subspan(part.first_vertex, part.vertex_count);
       const Bounds own = boundsOf(points);
       const float level = own.high[1] - kHeldTop * own.extent(1);

@@ -58,7 +58,7 @@ bool fieldMaterial(const View& package, std::uint32_t piece, PieceMaterial& out)
 }
 
 bool clusterMaterial(const formats::PackageView& package, std::uint32_t piece, PieceMaterial& out) {
-  const formats::BodyRange& body = package.bodies()[piece];
+  const formats::PieceRange& body = package.pieces()[piece];
   if (package.mechanics().empty() || body.cluster_count == 0) return false;
   double mass = 0, young = 0, poisson = 0;
   out.softest = 1e300;
@@ -218,7 +218,7 @@ std::string_view nameOf(StiffnessSource source) {
 }
 
 std::vector<PieceMaterial> materialsOf(const formats::PackageView& package) {
-  std::vector<PieceMaterial> materials(package.bodies().size());
+  std::vector<PieceMaterial> materials(package.pieces().size());
   for (std::uint32_t piece = 0; piece < materials.size(); ++piece) {
     PieceMaterial field, clusters;
     if (fieldMaterial(package, piece, field) || clusterMaterial(package, piece, clusters)) {
@@ -230,7 +230,7 @@ std::vector<PieceMaterial> materialsOf(const formats::PackageView& package) {
 
 PackageSolid packageSolid(const formats::PackageView& package) {
   PackageSolid solid;
-  solid.pieces = std::uint32_t(package.bodies().size());
+  solid.pieces = std::uint32_t(package.pieces().size());
   solid.diagonal = double(package.info().diagonal);
   for (const formats::PhysicalVertex& v : package.physicalVertices()) {
     solid.rest.push_back(point(v.rest_position));
@@ -239,7 +239,7 @@ PackageSolid packageSolid(const formats::PackageView& package) {
   solid.piece.assign(solid.rest.size(), 0);
   solid.kept.assign(solid.rest.size(), 0);
   for (std::uint32_t piece = 0; piece < solid.pieces; ++piece) {
-    const formats::BodyRange& body = package.bodies()[piece];
+    const formats::PieceRange& body = package.pieces()[piece];
     std::fill_n(solid.piece.begin() + body.first_vertex, body.vertex_count, piece);
     // Sets that are joined by faces: each tetrahedron points to an earlier one of its set.
     std::vector<std::uint32_t> parent(body.tetrahedron_count);

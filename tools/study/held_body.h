@@ -52,7 +52,7 @@ struct PackageSolid {
   std::vector<std::uint8_t> kept;                        ///< by vertex: 1 where a kept tetrahedron has it
   std::uint32_t pieces = 0;
   std::uint32_t left_out = 0;  ///< tetrahedra that are not kept
-  double diagonal = 0;         ///< BodyInfo::diagonal, metres
+  double diagonal = 0;         ///< PackageInfo::diagonal, metres
 };
 
 /// \pre the package has tetrahedra

@@ -39,11 +39,11 @@ std::vector<ClusterSource> gridOf(const TetMesh& mesh, const std::array<std::uin
   physical.positions = mesh.positions;
   physical.tetrahedra = mesh.tetrahedra;
   physical.fill.assign(mesh.tetrahedra.size(), 1.0);
-  PhysicalBody body;
+  PhysicalPiece body;
   body.name = "body";
   body.vertex_count = std::uint32_t(mesh.positions.size());
   body.tetrahedron_count = std::uint32_t(mesh.tetrahedra.size());
-  physical.bodies.push_back(body);
+  physical.pieces.push_back(body);
   ClusterOptions options;
   options.grid = grid;
   std::vector<Finding> findings;
@@ -114,11 +114,11 @@ std::shared_ptr<const Asset> assetOf(Draft draft, const StudyPackageOptions& opt
   content.clusters = std::move(constants.clusters);
   content.memberships = std::move(constants.memberships);
   for (formats::Cluster& cluster : content.clusters) cluster.name = name;
-  content.bodies.push_back({0, std::uint32_t(mass.size()), 0, std::uint32_t(content.tetrahedra.size()), 0,
+  content.pieces.push_back({0, std::uint32_t(mass.size()), 0, std::uint32_t(content.tetrahedra.size()), 0,
                             std::uint32_t(content.clusters.size()), name});
   if (options.mechanics) content.mechanics.assign(content.clusters.size(), *options.mechanics);
   if (options.surface) addSurface(draft.mesh, name, content);
-  formats::BodyInfo& info = content.info;
+  formats::PackageInfo& info = content.info;
   info.metres_per_unit = 1;
   info.bounds_min = {float(low[0]), float(low[1]), float(low[2])};
   info.bounds_max = {float(high[0]), float(high[1]), float(high[2])};

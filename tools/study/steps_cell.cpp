@@ -209,7 +209,7 @@ class CellRun {
     std::vector<std::uint32_t> held;
     const auto x = state().positions;
     held_at_.position = {0, 0, 0};
-    for (const formats::BodyRange& part : package_.bodies()) {
+    for (const formats::PieceRange& part : package_.pieces()) {
       const auto own = x.subspan(part.first_vertex, part.vertex_count);
       const auto lower = [](const Vec3& one, const Vec3& other) { return one[1] < other[1]; };
       const auto [low, high] = std::minmax_element(own.begin(), own.end(), lower);
@@ -228,7 +228,7 @@ class CellRun {
 
   void setStart() {
     std::vector<Vec3> x(state().positions.begin(), state().positions.end()), v(x.size(), Vec3{0, 0, 0});
-    for (const formats::BodyRange& part : package_.bodies()) {
+    for (const formats::PieceRange& part : package_.pieces()) {
       // Each part by itself: parts do not act on one another.
       Vector3d centre = Vector3d::Zero();
       Eigen::AlignedBox3d box;

@@ -24,7 +24,7 @@ struct PartShape {
   Vector3d centre = Vector3d::Zero();
 };
 
-PartShape restOf(const formats::PackageView& package, const formats::BodyRange& part) {
+PartShape restOf(const formats::PackageView& package, const formats::PieceRange& part) {
   PartShape shape;
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (const auto& vertex : package.physicalVertices().subspan(part.first_vertex, part.vertex_count)) {
@@ -40,7 +40,7 @@ PartShape restOf(const formats::PackageView& package, const formats::BodyRange& 
 }
 
 // Root mean square over the mass of what is left when the best rigid motion is removed.
-double shapeError(const formats::PackageView& package, const formats::BodyRange& part, const PartShape& rest,
+double shapeError(const formats::PackageView& package, const formats::PieceRange& part, const PartShape& rest,
                   std::span<const Vec3> positions) {
   const auto vertices = package.physicalVertices();
   const std::uint32_t end = part.first_vertex + part.vertex_count;
@@ -98,7 +98,7 @@ double PartMotion::speed() const { return std::sqrt(2 * kinetic / mass); }
 
 std::vector<PartMotion> motionOf(const formats::PackageView& package, const BodyState& state) {
   std::vector<PartMotion> parts;
-  for (const formats::BodyRange& body : package.bodies()) {
+  for (const formats::PieceRange& body : package.pieces()) {
     PartMotion part;
     const std::uint32_t end = body.first_vertex + body.vertex_count;
     for (std::uint32_t v = body.first_vertex; v < end; ++v) {
@@ -152,7 +152,7 @@ FreeJudge::FreeJudge(const formats::PackageView& package, const BodyState& start
     Part part;
     part.start = motion;
     // That of the rest shape: a body that starts as a point has none.
-    const formats::BodyRange& body = package.bodies()[parts_.size()];
+    const formats::PieceRange& body = package.pieces()[parts_.size()];
     const PartShape rest = restOf(package, body);
     double second = 0;
     for (const auto& vertex : package.physicalVertices().subspan(body.first_vertex, body.vertex_count)) {
@@ -172,7 +172,7 @@ void FreeJudge::keep(StepsCriterion criterion, double value, double limit) {
   if (!worst || found.ratio() > worst->ratio()) worst = found;
 }
 
-std::pair<double, double> FreeJudge::wayOf(const formats::BodyRange& body, const Vector3d& centre,
+std::pair<double, double> FreeJudge::wayOf(const formats::PieceRange& body, const Vector3d& centre,
                                            std::span<const Vec3> now, double rounding) const {
   double way = 0, turned = 0;
   for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
@@ -199,7 +199,7 @@ void FreeJudge::observe(const BodyState& now, double seconds) {
       keep(StepsCriterion::speed, m.speed(), kRestSpeed * diagonal_);
       continue;
     }
-    const auto [way, turned_way] = wayOf(package_->bodies()[p], m.centre, now.positions, place_rounding);
+    const auto [way, turned_way] = wayOf(package_->pieces()[p], m.centre, now.positions, place_rounding);
     part.scale = std::max({part.scale, m.momentum_scale, way / seconds});
     part.angular_scale = std::max({part.angular_scale, m.angular_scale, turned_way / seconds});
     part.way += seconds * part.scale / m.mass;
@@ -215,7 +215,7 @@ void FreeJudge::observe(const BodyState& now, double seconds) {
          (1 + kEnergyTolerance) * energy_ + 0.5 * mass_ * std::pow(kRestSpeed * diagonal_, 2));
   }
   if (moving_ || time_ < 1) return;
-  for (const formats::BodyRange& body : package_->bodies()) {
+  for (const formats::PieceRange& body : package_->pieces()) {
     double sum = 0, mass = 0;
     for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
       const auto m = double(package_->physicalVertices()[v].mass);
@@ -239,8 +239,8 @@ RestJudge::RestJudge(const formats::PackageView& package, const BodyState& start
     : package_(&package),
       start_(start.positions.begin(), start.positions.end()),
       now_(start_),
-      fastest_(package.bodies().size(), 0),
-      travelled_(package.bodies().size(), Vector3d::Zero()),
+      fastest_(package.pieces().size(), 0),
+      travelled_(package.pieces().size(), Vector3d::Zero()),
       speed_limit_(speed_limit),
       diagonal_(double(package.info().diagonal)) {
   if (slope) slope_ = wide(*slope).normalized();
@@ -264,8 +264,8 @@ std::vector<StepsFinding> RestJudge::findings() const {
   const double speed_rounding = 2 * kRoot3 * rounding / time_;
   const auto vertices = package_->physicalVertices();
   const auto along = [&](const Vector3d& way) { return (way - *slope_ * slope_->dot(way)).norm(); };
-  for (std::size_t p = 0; p < package_->bodies().size(); ++p) {
-    const formats::BodyRange& body = package_->bodies()[p];
+  for (std::size_t p = 0; p < package_->pieces().size(); ++p) {
+    const formats::PieceRange& body = package_->pieces()[p];
     double sum = 0, mass = 0;
     Vector3d way = Vector3d::Zero();
     for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
@@ -288,7 +288,7 @@ std::vector<StepsFinding> RestJudge::findings() const {
 StepsFinding shapeOf(const formats::PackageView& package, std::span<const Vec3> positions) {
   const double rounding = kRoot3 * coordinateRounding(positions);
   StepsFinding worst{StepsCriterion::shape, 0, kShapeTolerance * double(package.info().diagonal) + rounding};
-  for (const formats::BodyRange& part : package.bodies()) {
+  for (const formats::PieceRange& part : package.pieces()) {
     const PartShape rest = restOf(package, part);
     worst = worse(worst, {StepsCriterion::shape, shapeError(package, part, rest, positions),
                           kShapeTolerance * rest.diagonal + rounding});

@@ -63,7 +63,7 @@ inline constexpr double kCreepSpeed = 1e-5;         ///< m/s per metre of diagon
 /// largest coordinate. A reported place is off by √3 ε at most, 1e-3 m at 10 km; a difference of two by 2 √3 ε.
 double coordinateRounding(std::span<const Vec3> positions);
 
-/// Sums over a separate part of a package (formats::BodyRange), about its centre of mass.
+/// Sums over a separate part of a package (formats::PieceRange), about its centre of mass.
 struct PartMotion {
   double mass = 0;                                     ///< kg
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();    ///< metres
@@ -116,7 +116,7 @@ class FreeJudge {
   };
   void keep(StepsCriterion criterion, double value, double limit);
   /// Σ m |x - x before| and Σ m |x - x before| |x - centre| over a part; ways up to `rounding` are none.
-  std::pair<double, double> wayOf(const formats::BodyRange& body, const Eigen::Vector3d& centre,
+  std::pair<double, double> wayOf(const formats::PieceRange& body, const Eigen::Vector3d& centre,
                                   std::span<const Vec3> now, double rounding) const;
   const formats::PackageView* package_;
   std::vector<Part> parts_;

@@ -69,7 +69,7 @@ geometry::TetMesh delaunayTetrahedra(const PlainSurface& plain, double cell_size
     if (!buildSurface(plain, surface) || !CGAL::is_closed(surface)) {
       reason = "the surface is not closed and manifold";
     } else {
-      // Initial points and perturbation draw from these: the same numbers for every body and every run.
+      // Initial points and perturbation draw from these: the same numbers for every piece and every run.
       CGAL::get_default_random() = CGAL::Random(1);
       CGAL::Random random(1);
       const Domain domain(surface, &random);

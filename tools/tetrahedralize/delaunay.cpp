@@ -49,9 +49,9 @@ double starAngle(const TetMesh& mesh, const std::vector<std::uint32_t>& star) {
 }
 
 // A closed surface around the solid, finest first: an alpha that fits through no hole keeps the volume.
-PlainSurface seal(const SolidBody& body, const PlainSurface& soup, double cell, std::string& reason,
+PlainSurface seal(const SolidPiece& piece, const PlainSurface& soup, double cell, std::string& reason,
                   std::string& note) {
-  const double diagonal = body.bounds.sizes().norm();
+  const double diagonal = piece.bounds.sizes().norm();
   double alpha = std::clamp(cell / 2, diagonal / 100, diagonal / 10);
   std::string volumes;
   for (int attempt = 0; attempt < 4 && alpha < diagonal; ++attempt, alpha *= 2.2) {
@@ -61,7 +61,7 @@ PlainSurface seal(const SolidBody& body, const PlainSurface& soup, double cell, 
       reason = "the alpha wrap failed: " + failure;
       return {};
     }
-    const double ratio = enclosedVolume(wrap) / body.volume;
+    const double ratio = enclosedVolume(wrap) / piece.volume;
     char text[96];
     std::snprintf(text, sizeof text, "%s%.2f", volumes.empty() ? "" : ", ", ratio);
     volumes += text;
@@ -122,19 +122,19 @@ void smoothBadTetrahedra(TetMesh& mesh, double wanted, double reach) {
   }
 }
 
-FilledBody fillWithDelaunay(const SolidBody& body, std::uint32_t target, bool crosses_itself,
-                            const ParallelFor& parallel_for, DelaunayOutcome& outcome) {
-  FilledBody result;
+FilledPiece fillWithDelaunay(const SolidPiece& piece, std::uint32_t target, bool crosses_itself,
+                             const ParallelFor& parallel_for, DelaunayOutcome& outcome) {
+  FilledPiece result;
   // Edge length of a mesh of about this many vertices: nearly equilateral tetrahedra inside, triangles on the surface.
-  double low = 1e-6 * std::sqrt(body.area), high = 10 * std::sqrt(body.area);
+  double low = 1e-6 * std::sqrt(piece.area), high = 10 * std::sqrt(piece.area);
   for (int i = 0; i < 60; ++i) {
     const double h = std::sqrt(low * high);
-    (1.2 * body.volume / (h * h * h) + 0.7 * body.area / (h * h) > target ? low : high) = h;
+    (1.2 * piece.volume / (h * h * h) + 0.7 * piece.area / (h * h) > target ? low : high) = h;
   }
   double size = high;
   // Refinement must go down to the thickness. A plate far thinner than the cells would take very many of them.
-  const double thickness = 2 * body.volume / body.area;
-  const double needed = body.area / (4 * thickness * thickness);
+  const double thickness = 2 * piece.volume / piece.area;
+  const double needed = piece.area / (4 * thickness * thickness);
   if (thickness < size / 4 && needed > 4.0 * target) {
     char text[160];
     std::snprintf(text, sizeof text, "it is about %.2g m thick, which would take some %.0f vertices instead of %u",
@@ -142,9 +142,9 @@ FilledBody fillWithDelaunay(const SolidBody& body, std::uint32_t target, bool cr
     outcome.reason = text;
     return result;
   }
-  PlainSurface surface{body.positions, body.triangles};
-  if (crosses_itself || !body.balanced || !isClosedManifold(surface)) {
-    surface = seal(body, surface, size, outcome.reason, outcome.note);
+  PlainSurface surface{piece.positions, piece.triangles};
+  if (crosses_itself || !piece.balanced || !isClosedManifold(surface)) {
+    surface = seal(piece, surface, size, outcome.reason, outcome.note);
     if (surface.triangles.empty()) return result;
   }
   double best_error = std::numeric_limits<double>::infinity(), best_angle = 0;
@@ -156,7 +156,7 @@ FilledBody fillWithDelaunay(const SolidBody& body, std::uint32_t target, bool cr
       size *= 0.7;
       continue;
     }
-    // The complex may hold crumbs of its own; the largest piece is the body.
+    // The complex may hold crumbs of its own; the largest piece is the piece.
     std::vector<std::uint32_t> component;
     if (geometry::connectedComponents(mesh, component) > 1) {
       std::vector<std::size_t> count;
@@ -199,7 +199,7 @@ FilledBody fillWithDelaunay(const SolidBody& body, std::uint32_t target, bool cr
     result.mesh = {};
     return result;
   }
-  measureFill(body, result, parallel_for);
+  measureFill(piece, result, parallel_for);
   return result;
 }
 

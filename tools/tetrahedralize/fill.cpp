@@ -41,16 +41,16 @@ double finestSpacing(const AlignedBox3d& bounds, std::uint32_t target) {
 // Spacing at which `build` gives about `target` vertices: a few steps of the secant method on logarithms, the best one
 // met is kept. Counts jump with the spacing, so an exact hit is neither possible nor needed.
 // \param least spacing to try.
-FilledBody searchSpacing(double spacing, double least, std::uint32_t target,
-                         const std::function<FilledBody(double)>& build) {
-  FilledBody best;
+FilledPiece searchSpacing(double spacing, double least, std::uint32_t target,
+                          const std::function<FilledPiece(double)>& build) {
+  FilledPiece best;
   double best_error = std::numeric_limits<double>::infinity();
   double last_log_spacing = 0, last_log_count = 0, slope = -2.5;
-  // What the estimate of the spacing is trusted to: thin bodies that a lattice misses must not be chased down to
+  // What the estimate of the spacing is trusted to: thin pieces that a lattice misses must not be chased down to
   // theirs.
   const double finest = std::max(0.55 * spacing, least), coarsest = 4 * spacing;
   for (int step = 0; step < 8; ++step) {
-    FilledBody filled = build(spacing);
+    FilledPiece filled = build(spacing);
     const double count = double(std::max<std::size_t>(filled.mesh.positions.size(), 1));
     const double log_count = std::log(count / target), log_spacing = std::log(spacing);
     if (step > 0 && log_spacing != last_log_spacing) {
@@ -73,8 +73,8 @@ FilledBody searchSpacing(double spacing, double least, std::uint32_t target,
 }
 
 // Cells that a solid of this volume and area takes: V/h^3 inside and a layer over half of the area.
-double firstSpacing(const SolidBody& body, double target, double vertices_per_cell) {
-  const double volume = std::max(body.volume, 0.0), area = body.area;
+double firstSpacing(const SolidPiece& piece, double target, double vertices_per_cell) {
+  const double volume = std::max(piece.volume, 0.0), area = piece.area;
   double low = 1e-6 * std::sqrt(area), high = 10 * std::sqrt(area);
   for (int i = 0; i < 60; ++i) {
     const double h = std::sqrt(low * high);
@@ -84,7 +84,7 @@ double firstSpacing(const SolidBody& body, double target, double vertices_per_ce
   return high;
 }
 
-// Every point of space has a lattice point within this many cells (the body-centred lattice's covering radius), so a
+// Every point of space has a lattice point within this many cells (the piece-centred lattice's covering radius), so a
 // feature with that much around it is caught.
 const double kCoveringRadius = std::sqrt(5.0) / 4;
 
@@ -94,19 +94,19 @@ struct Outside {
   double fraction = 0;                   // of the area
 };
 
-Outside findOutside(const SolidBody& body, const TetMesh& mesh, double reach, std::size_t limit,
+Outside findOutside(const SolidPiece& piece, const TetMesh& mesh, double reach, std::size_t limit,
                     const ParallelFor& parallel_for) {
   Outside outside;
   const std::vector<geometry::Triangle> border = geometry::boundaryFaces(mesh);
   const geometry::WindingNumber cage(mesh.positions, border, true);
   // At most `limit` triangles, evenly over their order.
-  const std::size_t step = std::max<std::size_t>(1, body.triangles.size() / limit);
-  const std::size_t samples = (body.triangles.size() + step - 1) / step;
+  const std::size_t step = std::max<std::size_t>(1, piece.triangles.size() / limit);
+  const std::size_t samples = (piece.triangles.size() + step - 1) / step;
   std::vector<double> missed(samples, 0), all(samples, 0);
   parallel_for(samples, 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t s = begin; s < end; ++s) {
-      const geometry::Triangle& t = body.triangles[s * step];
-      const Vector3d &a = body.positions[t[0]], &b = body.positions[t[1]], &c = body.positions[t[2]];
+      const geometry::Triangle& t = piece.triangles[s * step];
+      const Vector3d &a = piece.positions[t[0]], &b = piece.positions[t[1]], &c = piece.positions[t[2]];
       all[s] = (b - a).cross(c - a).norm();
       for (const Vector3d& p :
            {Vector3d((4 * a + b + c) / 6), Vector3d((a + 4 * b + c) / 6), Vector3d((a + b + 4 * c) / 6)}) {
@@ -127,19 +127,19 @@ Outside findOutside(const SolidBody& body, const TetMesh& mesh, double reach, st
 // The solid, thickened around some of its triangles.
 class ThickenedSolid {
  public:
-  explicit ThickenedSolid(const SolidBody& body) : body_(body) {}
+  explicit ThickenedSolid(const SolidPiece& piece) : piece_(piece) {}
 
   void thicken(const std::vector<std::uint32_t>& triangles) {
     std::vector<geometry::Triangle> thin;
-    for (const std::uint32_t t : triangles) thin.push_back(body_.triangles[t]);
-    thin_ = geometry::TriangleBvh(body_.positions, thin);
+    for (const std::uint32_t t : triangles) thin.push_back(piece_.triangles[t]);
+    thin_ = geometry::TriangleBvh(piece_.positions, thin);
   }
   geometry::StuffingDomain domain(double spacing) const {
     const double radius = kCoveringRadius * spacing;
     return {[this, radius](const Vector3d& p) { return inside(p, radius); },
             [this, radius](const Vector3d& a, const Vector3d& b) { return crossing(a, b, radius); },
             [this, radius](std::span<const Vector3d> points, std::span<char> inside) {
-              body_.winding.inside(points, inside);
+              piece_.winding.inside(points, inside);
               for (std::size_t i = 0; i < points.size() && !thin_.empty(); ++i) {
                 if (inside[i] == 0) inside[i] = thin_.closest(points[i], radius).triangle != kNoIndex ? 1 : 0;
               }
@@ -148,11 +148,11 @@ class ThickenedSolid {
 
  private:
   bool inside(const Vector3d& p, double radius) const {
-    return thin_.closest(p, radius).triangle != kNoIndex || body_.winding.inside(p);  // the cheap one first
+    return thin_.closest(p, radius).triangle != kNoIndex || piece_.winding.inside(p);  // the cheap one first
   }
   double crossing(const Vector3d& a, const Vector3d& b, double radius) const {
     // No point of the edge is further than its length from its end.
-    if (thin_.closest(a, radius + (b - a).norm()).triangle == kNoIndex) return body_.winding.crossing(a, b);
+    if (thin_.closest(a, radius + (b - a).norm()).triangle == kNoIndex) return piece_.winding.crossing(a, b);
     double low = 0, high = 1;
     for (int i = 0; i < 14; ++i) {
       const double middle = (low + high) / 2;
@@ -161,12 +161,12 @@ class ThickenedSolid {
     return (low + high) / 2;
   }
 
-  const SolidBody& body_;
+  const SolidPiece& piece_;
   geometry::TriangleBvh thin_;
 };
 
-// Drops pieces whose absence nothing shows: the surface near them is covered by the largest one.
-void dropCrumbs(const SolidBody& body, FilledBody& filled, const ParallelFor& parallel_for) {
+// Drops components whose absence nothing shows: the surface near them is covered by the largest one.
+void dropCrumbs(const SolidPiece& piece, FilledPiece& filled, const ParallelFor& parallel_for) {
   std::vector<std::uint32_t> component;
   const std::uint32_t count = geometry::connectedComponents(filled.mesh, component);
   if (count < 2) return;
@@ -177,19 +177,19 @@ void dropCrumbs(const SolidBody& body, FilledBody& filled, const ParallelFor& pa
   const auto largest = std::uint32_t(std::max_element(volumes.begin(), volumes.end()) - volumes.begin());
   std::vector<char> keep(component.size());
   for (std::size_t t = 0; t < component.size(); ++t) keep[t] = component[t] == largest ? 1 : 0;
-  FilledBody without = filled;
+  FilledPiece without = filled;
   without.mesh = geometry::compact(filled.mesh, keep);
-  measureFill(body, filled, parallel_for);
-  measureFill(body, without, parallel_for);
+  measureFill(piece, filled, parallel_for);
+  measureFill(piece, without, parallel_for);
   if (without.uncovered <= filled.uncovered + 1e-3) filled = std::move(without);
 }
 
 }  // namespace
 
-FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for) {
+FilledPiece fillWithGrid(const SolidPiece& piece, std::uint32_t target, const ParallelFor& parallel_for) {
   const auto build = [&](double spacing) {
-    FilledBody filled;
-    AlignedBox3d bounds = body.bounds;
+    FilledPiece filled;
+    AlignedBox3d bounds = piece.bounds;
     // A point or a line has no size of its own.
     const Vector3d least = Vector3d::Constant(std::max(1e-6 * bounds.sizes().maxCoeff(), 1e-300));
     bounds.extend(bounds.center() - least / 2);
@@ -200,50 +200,50 @@ FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target, const Paral
       const double extent = grid.spacing[axis] * grid.size[std::size_t(axis)];
       filled.widened = std::max(filled.widened, extent / bounds.sizes()[axis]);
     }
-    geometry::keepTouchedCells(grid, body.winding.bvh(), body.encloses ? &body.winding : nullptr, parallel_for);
+    geometry::keepTouchedCells(grid, piece.winding.bvh(), piece.encloses ? &piece.winding : nullptr, parallel_for);
     filled.bridges = static_cast<std::uint32_t>(geometry::bridgeCells(grid));
     filled.mesh = geometry::gridTetrahedra(grid);
     return filled;
   };
-  FilledBody filled = searchSpacing(firstSpacing(body, target, 1), 0, target, build);
-  measureFill(body, filled, parallel_for);
+  FilledPiece filled = searchSpacing(firstSpacing(piece, target, 1), 0, target, build);
+  measureFill(piece, filled, parallel_for);
   return filled;
 }
 
-FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target, const ParallelFor& parallel_for) {
-  ThickenedSolid solid(body);
+FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target, const ParallelFor& parallel_for) {
+  ThickenedSolid solid(piece);
   const auto build = [&](double spacing) {
-    FilledBody filled;
+    FilledPiece filled;
     filled.spacing = spacing;
-    filled.mesh = geometry::stuffIsosurface(solid.domain(spacing), body.bounds, spacing, parallel_for);
+    filled.mesh = geometry::stuffIsosurface(solid.domain(spacing), piece.bounds, spacing, parallel_for);
     return filled;
   };
-  const double least = finestSpacing(body.bounds, target);
-  FilledBody filled = searchSpacing(std::max(firstSpacing(body, target, 2), least), least, target, build);
+  const double least = finestSpacing(piece.bounds, target);
+  FilledPiece filled = searchSpacing(std::max(firstSpacing(piece, target, 2), least), least, target, build);
   // Triangles half a cell outside would follow stiffly, by extrapolation: they are thickened.
-  const std::size_t every = body.triangles.size();
-  const Outside lost = findOutside(body, filled.mesh, filled.spacing / 2, every, parallel_for);
+  const std::size_t every = piece.triangles.size();
+  const Outside lost = findOutside(piece, filled.mesh, filled.spacing / 2, every, parallel_for);
   if (lost.fraction > 1e-3) {
     solid.thicken(lost.triangles);
     filled = searchSpacing(filled.spacing, least, target, build);
     filled.thickened = lost.fraction;
   }
   if (filled.mesh.tetrahedra.empty()) return filled;
-  dropCrumbs(body, filled, parallel_for);
-  measureFill(body, filled, parallel_for);
+  dropCrumbs(piece, filled, parallel_for);
+  measureFill(piece, filled, parallel_for);
   return filled;
 }
 
-void measureFill(const SolidBody& body, FilledBody& filled, const ParallelFor& parallel_for) {
+void measureFill(const SolidPiece& piece, FilledPiece& filled, const ParallelFor& parallel_for) {
   std::vector<std::uint32_t> component;
   filled.components = geometry::connectedComponents(filled.mesh, component);
   filled.volume = geometry::volume(filled.mesh);
   filled.uncovered = 1;
   if (filled.mesh.tetrahedra.empty()) return;
-  filled.uncovered = findOutside(body, filled.mesh, filled.spacing, 20000, parallel_for).fraction;
+  filled.uncovered = findOutside(piece, filled.mesh, filled.spacing, 20000, parallel_for).fraction;
 }
 
-std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, std::span<const double> known,
+std::vector<double> fillFractions(const SolidPiece& piece, const TetMesh& mesh, std::span<const double> known,
                                   const ParallelFor& parallel_for) {
   std::vector<double> fill(mesh.tetrahedra.size(), 1);
   // Barycentric coordinates in positive sixths: 10 points inside.
@@ -264,9 +264,9 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, st
       AlignedBox3d box;
       for (const std::uint32_t v : t) box.extend(x[v]);
       std::size_t inside = 0;
-      const double middle = body.winding.at((x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4);
+      const double middle = piece.winding.at((x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) / 4);
       // Away from the triangles the winding number is whole, but for the neighbourhood of holes.
-      if ((body.balanced || std::abs(middle - 0.5) > 0.25) && !body.winding.bvh().touches(box)) {
+      if ((piece.balanced || std::abs(middle - 0.5) > 0.25) && !piece.winding.bvh().touches(box)) {
         inside = middle > 0.5 ? points.size() : 0;
       } else {
         std::array<Vector3d, 10> samples;
@@ -274,7 +274,7 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, st
         std::transform(points.begin(), points.end(), samples.begin(), [&](const auto& w) {
           return Vector3d(w[0] * x[t[0]] + w[1] * x[t[1]] + w[2] * x[t[2]] + w[3] * x[t[3]]);
         });
-        body.winding.inside(samples, answers);
+        piece.winding.inside(samples, answers);
         inside = std::size_t(std::count(answers.begin(), answers.end(), char(1)));
       }
       fill[i] = std::max(kLeastFill, double(inside) / double(points.size()));
@@ -282,7 +282,7 @@ std::vector<double> fillFractions(const SolidBody& body, const TetMesh& mesh, st
   });
   double sum = 0;
   for (std::size_t i = 0; i < fill.size(); ++i) sum += fill[i] * geometry::volume(mesh, mesh.tetrahedra[i]);
-  const double scale = sum > 0 && body.volume > 0 ? body.volume / sum : 1;
+  const double scale = sum > 0 && piece.volume > 0 ? piece.volume / sum : 1;
   for (double& f : fill) f *= scale;
   return fill;
 }

@@ -8,41 +8,42 @@
 
 #include "runtime/geometry/parallel.h"
 #include "runtime/geometry/tet_mesh.h"
-#include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/pieces.h"
 
 namespace sinew::tools {
 
-/// Tetrahedra of one body, relative to its centre.
-struct FilledBody {
+/// Tetrahedra of one piece, relative to its centre.
+struct FilledPiece {
   geometry::TetMesh mesh;
   double spacing = 0;            ///< size of a cell, metres
-  std::uint32_t components = 0;  ///< pieces that share no vertex
+  std::uint32_t components = 0;  ///< that share no vertex
   double volume = 0;             ///< m^3
   double uncovered = 0;          ///< fraction of the surface's area further than a cell outside the tetrahedra
-  std::uint32_t bridges = 0;     ///< cells added to join pieces
-  std::uint32_t ties = 0;        ///< shell: the last tetrahedra, which only hold its pieces together
+  std::uint32_t bridges = 0;     ///< cells added to join parts
+  std::uint32_t ties = 0;        ///< shell: the last tetrahedra, which only hold its parts together
   double widened = 1;            ///< grid: largest factor by which an axis was widened to keep the angles
   double thickened = 0;          ///< stuffing: fraction of the surface area that was thickened to a cell
 };
 
-/// A cage of boxes (method `grid`). Never empty, always one piece. Widens an axis where its cells would be too flat.
-FilledBody fillWithGrid(const SolidBody& body, std::uint32_t target_vertices,
-                        const geometry::ParallelFor& parallel_for);
+/// A cage of boxes (method `grid`). Never empty, always one component. Widens an axis where its cells would be too
+/// flat.
+FilledPiece fillWithGrid(const SolidPiece& piece, std::uint32_t target_vertices,
+                         const geometry::ParallelFor& parallel_for);
 
 /// Isosurface stuffing. Features that slip through the lattice are thickened until it catches them: points within the
 /// lattice's covering radius of the triangles that the first try left outside count as inside. The rest follows the
 /// surface. The caller still looks at volume, components and what is uncovered.
-FilledBody fillWithStuffing(const SolidBody& body, std::uint32_t target_vertices,
-                            const geometry::ParallelFor& parallel_for);
+FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target_vertices,
+                             const geometry::ParallelFor& parallel_for);
 
 /// Sets components, volume and uncovered.
-void measureFill(const SolidBody& body, FilledBody& filled, const geometry::ParallelFor& parallel_for);
+void measureFill(const SolidPiece& piece, FilledPiece& filled, const geometry::ParallelFor& parallel_for);
 
 /// Fraction of each tetrahedron inside the solid, from 10 points each where the surface passes, at least 0.02, so that
-/// no vertex is without mass; then scaled so that volume times fill adds up to the body's volume. So a cage that cuts
-/// corners has fills a little above 1. For bodies that enclose something.
+/// no vertex is without mass; then scaled so that volume times fill adds up to the piece's volume. So a cage that cuts
+/// corners has fills a little above 1. For pieces that enclose something.
 /// \param known what splitAtGaps says of tetrahedra that have copies, negative for the others; may be empty.
-std::vector<double> fillFractions(const SolidBody& body, const geometry::TetMesh& mesh, std::span<const double> known,
+std::vector<double> fillFractions(const SolidPiece& piece, const geometry::TetMesh& mesh, std::span<const double> known,
                                   const geometry::ParallelFor& parallel_for);
 
 }  // namespace sinew::tools

@@ -33,10 +33,10 @@ constexpr int kAttempts = 4;
 // Vertices of the surface that attempts start from, of those wanted: the source's own are visited once.
 constexpr double kFineness = 4;
 // Of a surface; each is joined to what lies nearest, so the work grows with their square.
-constexpr std::size_t kMostPieces = 1000;
+constexpr std::size_t kMostParts = 1000;
 // Faces around a point: each collapse there visits them all, so the work grows with their square.
 constexpr std::uint32_t kMostFaces = 500;
-// Points of a piece at most this part of the mean edge farther from another than its nearest one hold it there.
+// Points of a part at most this share of the mean edge farther from another than its nearest one hold it there.
 constexpr double kJoinedBand = 0.5;
 
 // Why a surface carries no layer of prisms, or nothing.
@@ -128,18 +128,18 @@ std::array<geometry::Tetrahedron, 3> prism(std::array<std::uint32_t, 3> t) {
 }
 
 // Points that triangles lead between.
-Sets piecesOf(const PlainSurface& surface) {
-  Sets pieces(surface.positions.size());
+Sets partsOf(const PlainSurface& surface) {
+  Sets parts(surface.positions.size());
   for (const auto& t : surface.triangles) {
-    pieces.join(t[0], t[1]);
-    pieces.join(t[0], t[2]);
+    parts.join(t[0], t[1]);
+    parts.join(t[0], t[2]);
   }
-  return pieces;
+  return parts;
 }
 
-std::vector<std::uint32_t> representatives(const PlainSurface& surface, Sets& pieces) {
+std::vector<std::uint32_t> representatives(const PlainSurface& surface, Sets& parts) {
   std::vector<std::uint32_t> list;
-  for (const auto& t : surface.triangles) list.push_back(pieces.find(t[0]));
+  for (const auto& t : surface.triangles) list.push_back(parts.find(t[0]));
   std::sort(list.begin(), list.end());
   list.erase(std::unique(list.begin(), list.end()), list.end());
   return list;
@@ -171,23 +171,23 @@ geometry::Tetrahedron between(const TetMesh& mesh, std::uint32_t point, const ge
   return best;
 }
 
-// Ties pieces that share no vertex to what lies nearest, by tetrahedra along where they cross or come closest: they
-// are one body, and would part at once. \return how many pieces there were; 0 where that is not possible.
-std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, double rounding, TetMesh& mesh) {
-  Sets pieces = piecesOf(surface);
-  std::vector<std::uint32_t> list = representatives(surface, pieces);
+// Ties parts that share no vertex to what lies nearest, by tetrahedra along where they cross or come closest: they
+// are one piece, and would part at once. \return how many parts there were; 0 where that is not possible.
+std::uint32_t joinParts(const PlainSurface& surface, double mean_edge, double rounding, TetMesh& mesh) {
+  Sets parts = partsOf(surface);
+  std::vector<std::uint32_t> list = representatives(surface, parts);
   const auto count = std::uint32_t(list.size());
   std::vector<char> tied(surface.positions.size(), 0);
   std::vector<std::array<std::uint32_t, 2>> joins;  // point, triangle
-  for (; list.size() > 1; list = representatives(surface, pieces)) {
+  for (; list.size() > 1; list = representatives(surface, parts)) {
     joins.clear();
-    for (const std::uint32_t piece : list) {
+    for (const std::uint32_t part : list) {
       std::vector<std::uint32_t> number;
       std::vector<geometry::Triangle> others;
       std::vector<std::uint32_t> points;
       for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
         const auto& corners = surface.triangles[t];
-        if (pieces.find(corners[0]) == piece) {
+        if (parts.find(corners[0]) == part) {
           points.insert(points.end(), corners.begin(), corners.end());
           continue;
         }
@@ -214,7 +214,7 @@ std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, double r
     for (const auto& [p, t] : joins) {
       const geometry::Tetrahedron tie = between(mesh, p, surface.triangles[t]);
       if (!survives(mesh, tie, rounding)) continue;
-      pieces.join(p, surface.triangles[t][0]);
+      parts.join(p, surface.triangles[t][0]);
       if (tied[p] == 0) mesh.tetrahedra.push_back(tie);
       tied[p] = 1;
       joined = true;
@@ -224,10 +224,10 @@ std::uint32_t joinPieces(const PlainSurface& surface, double mean_edge, double r
   return count;
 }
 
-// A body's surface as attempts coarsen it.
+// A piece's surface as attempts coarsen it.
 struct Prepared {
   PlainSurface surface;
-  std::vector<std::uint32_t> vertex_of;  // of each position of the body
+  std::vector<std::uint32_t> vertex_of;  // of each position of the piece
   std::vector<char> folded;              // per vertex: the surface folds there before any coarsening
 };
 
@@ -243,12 +243,12 @@ std::vector<std::vector<Vector3d>> normalsAround(const PlainSurface& surface) {
 
 // The surface without flat faces, at most `most` vertices where edges may be collapsed. False with a reason where it
 // carries no layer at any coarseness.
-bool prepare(const SolidBody& body, std::uint32_t most, Prepared& prepared, ShellOutcome& outcome) {
+bool prepare(const SolidPiece& piece, std::uint32_t most, Prepared& prepared, ShellOutcome& outcome) {
   PlainSurface fine;
-  fine.positions = body.positions;
-  std::vector<std::uint32_t> source;  // triangle of the body
-  for (std::uint32_t t = 0; t < body.triangles.size(); ++t) {
-    const auto& v = body.triangles[t];
+  fine.positions = piece.positions;
+  std::vector<std::uint32_t> source;  // triangle of the piece
+  for (std::uint32_t t = 0; t < piece.triangles.size(); ++t) {
+    const auto& v = piece.triangles[t];
     if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) continue;
     fine.triangles.push_back(v);
     source.push_back(t);
@@ -259,9 +259,9 @@ bool prepare(const SolidBody& body, std::uint32_t most, Prepared& prepared, Shel
     outcome.triangle = source[where];
     return false;
   }
-  Sets pieces = piecesOf(fine);
-  if (const std::size_t count = representatives(fine, pieces).size(); count > kMostPieces) {
-    outcome.reason = "has " + std::to_string(count) + " pieces, too many to tie to one another";
+  Sets parts = partsOf(fine);
+  if (const std::size_t count = representatives(fine, parts).size(); count > kMostParts) {
+    outcome.reason = "has " + std::to_string(count) + " parts, too many to tie to one another";
     return false;
   }
   if (fine.positions.size() > most) {
@@ -359,10 +359,10 @@ enum class Resort {
 
 // \param keep per prepared vertex: nonzero where it stays as fine as it is.
 // \param folds receives the prepared vertices that were brought to where the result folds.
-FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32_t wanted, std::span<const char> keep,
-                    double thickness, std::span<const double> factors, double rounding, Resort resort,
-                    ShellOutcome& outcome, std::vector<std::uint32_t>& folds) {
-  FilledBody filled;
+FilledPiece fillOnce(const SolidPiece& piece, const Prepared& prepared, std::uint32_t wanted,
+                     std::span<const char> keep, double thickness, std::span<const double> factors, double rounding,
+                     Resort resort, ShellOutcome& outcome, std::vector<std::uint32_t>& folds) {
+  FilledPiece filled;
 
   // 1. Coarsen.
   SimplifiedSurface coarse;
@@ -375,7 +375,7 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
     std::iota(coarse.vertex_of.begin(), coarse.vertex_of.end(), 0U);
   }
   PlainSurface& surface = coarse.surface;
-  std::vector<std::uint32_t> vertex_of;  // of each position of the body
+  std::vector<std::uint32_t> vertex_of;  // of each position of the piece
   for (const std::uint32_t v : prepared.vertex_of) vertex_of.push_back(coarse.vertex_of[v]);
 
   // 2. Normals.
@@ -387,9 +387,9 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
     for (std::uint32_t v = 0; v < coarse.vertex_of.size(); ++v) {
       if (folded[coarse.vertex_of[v]] != 0) folds.push_back(v);
     }
-    const auto at = std::find_if(body.triangles.begin(), body.triangles.end(),
+    const auto at = std::find_if(piece.triangles.begin(), piece.triangles.end(),
                                  [&](const auto& corners) { return folded[vertex_of[corners[0]]] != 0; });
-    if (at != body.triangles.end()) outcome.triangle = std::uint32_t(at - body.triangles.begin());
+    if (at != piece.triangles.end()) outcome.triangle = std::uint32_t(at - piece.triangles.begin());
   };
   if (folds_somewhere()) {
     note();
@@ -485,10 +485,10 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
     return {};
   }
 
-  // 5. One body, not several that fall apart.
-  outcome.pieces = joinPieces(surface, mean_edge, rounding, mesh);
-  if (outcome.pieces == 0) {
-    outcome.reason = "has pieces that no tetrahedron can tie to one another";
+  // 5. One piece, not several that fall apart.
+  outcome.parts = joinParts(surface, mean_edge, rounding, mesh);
+  if (outcome.parts == 0) {
+    outcome.reason = "has parts that no tetrahedron can tie to one another";
     return {};
   }
 
@@ -507,11 +507,11 @@ FilledBody fillOnce(const SolidBody& body, const Prepared& prepared, std::uint32
 
 }  // namespace
 
-FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thickness, std::span<const double> factors,
-                         double rounding, ShellOutcome& outcome) {
+FilledPiece fillWithShell(const SolidPiece& piece, std::uint32_t target, double thickness,
+                          std::span<const double> factors, double rounding, ShellOutcome& outcome) {
   const double least = target / 2.0;
   Prepared prepared;
-  if (!prepare(body, std::uint32_t(kFineness * least), prepared, outcome)) return {};
+  if (!prepare(piece, std::uint32_t(kFineness * least), prepared, outcome)) return {};
   const auto all = double(prepared.surface.positions.size());
   // What is too sharply creased where it is coarse stays fine; where that does not help, less of it is coarsened.
   for (double wanted = least;; wanted *= 2) {
@@ -524,7 +524,7 @@ FilledBody fillWithShell(const SolidBody& body, std::uint32_t target, double thi
       // What is not kept is made as coarse as it would be otherwise.
       const auto aim = std::uint32_t(std::max(4.0, kept < all ? kept + wanted * (all - kept) / all : all));
       const Resort resort = aim >= all ? Resort::thin : stuck || attempt + 1 == kAttempts ? Resort::cut : Resort::finer;
-      FilledBody filled = fillOnce(body, prepared, aim, keep, thickness, factors, rounding, resort, outcome, folds);
+      FilledPiece filled = fillOnce(piece, prepared, aim, keep, thickness, factors, rounding, resort, outcome, folds);
       if (!filled.mesh.tetrahedra.empty() || aim >= all) return filled;
       std::vector<char> around(keep.size(), 0);
       for (const std::uint32_t v : folds) around[v] = 1;

@@ -26,9 +26,9 @@ using geometry::Tetrahedron;
 constexpr double kTouch = 1e-9;
 // Triangles of a sheet, the largest in the cell, that look for others through the solid.
 constexpr std::size_t kLookouts = 10;
-// A part of at most this fraction of another's volume joins no two pieces of it.
+// A part of at most this fraction of another's volume joins no two fragments of it.
 constexpr double kSmallPart = 0.02;
-// Pieces of up to so many cells are not worth a join across a gap.
+// Fragments of up to so many cells are not worth a join across a gap.
 constexpr std::uint32_t kCrumb = 12;
 // The face opposite to each corner.
 constexpr std::array<std::array<std::size_t, 3>, 4> kFaces = {{{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}}};
@@ -56,15 +56,15 @@ constexpr std::int32_t kAir = -1, kUnknown = -2;
 // A tetrahedron of the lattice and what passes through it.
 struct Cell {
   std::vector<std::uint32_t> triangles;  // of the surface, ascending
-  std::vector<std::uint32_t> piece;      // of each
+  std::vector<std::uint32_t> fragment;   // of each
   std::vector<std::uint8_t> faces;       // of each: bits of the cell's faces that it reaches
-  std::uint32_t pieces = 1;
+  std::uint32_t fragments = 1;
   bool solid = true;      // its middle, where no triangle passes through
   bool doubtful = false;  // sheets of one part pierce each other
-  // Only where there are several pieces:
-  std::array<std::array<std::int32_t, kFaceSamples>, 4> face_piece{};  // piece of solid at each sample
-  std::vector<double> inside;                                          // of each piece
-  // Points of the surface in it, with their pieces.
+  // Only where there are several fragments:
+  std::array<std::array<std::int32_t, kFaceSamples>, 4> face_fragment{};  // fragment of solid at each sample
+  std::vector<double> inside;                                             // of each fragment
+  // Points of the surface in it, with their fragments.
   std::vector<std::array<std::uint32_t, 2>> points;
 };
 
@@ -108,15 +108,15 @@ struct SurfaceParts {
   std::vector<double> volume;  // enclosed, of each part, m^3
 };
 
-SurfaceParts surfaceParts(const SolidBody& body) {
-  Sets sets(body.positions.size());
-  for (const auto& t : body.triangles) {
+SurfaceParts surfaceParts(const SolidPiece& piece) {
+  Sets sets(piece.positions.size());
+  for (const auto& t : piece.triangles) {
     sets.join(t[0], t[1]);
     sets.join(t[0], t[2]);
   }
   SurfaceParts parts;
-  std::vector<std::uint32_t> number(body.positions.size(), kNoIndex);
-  for (const auto& t : body.triangles) {
+  std::vector<std::uint32_t> number(piece.positions.size(), kNoIndex);
+  for (const auto& t : piece.triangles) {
     std::uint32_t& n = number[sets.find(t[0])];
     if (n == kNoIndex) {
       n = std::uint32_t(parts.volume.size());
@@ -124,8 +124,8 @@ SurfaceParts surfaceParts(const SolidBody& body) {
     }
     parts.of_triangle.push_back(n);
     // About the part's first point, so that an open one counts as closed by a fan from there.
-    const Vector3d& apex = body.positions[sets.find(t[0])];
-    const Vector3d a = body.positions[t[0]] - apex, b = body.positions[t[1]] - apex, c = body.positions[t[2]] - apex;
+    const Vector3d& apex = piece.positions[sets.find(t[0])];
+    const Vector3d a = piece.positions[t[0]] - apex, b = piece.positions[t[1]] - apex, c = piece.positions[t[2]] - apex;
     parts.volume[n] += a.dot(b.cross(c)) / 6;
   }
   for (double& v : parts.volume) v = std::abs(v);
@@ -134,15 +134,15 @@ SurfaceParts surfaceParts(const SolidBody& body) {
 
 class CellCutter {
  public:
-  CellCutter(const SolidBody& body, const SurfaceParts& parts, const TetMesh& lattice, double join_distance)
-      : body_(body), parts_(parts), lattice_(lattice), join_(join_distance), samples_(cellSamples()) {}
+  CellCutter(const SolidPiece& piece, const SurfaceParts& parts, const TetMesh& lattice, double join_distance)
+      : piece_(piece), parts_(parts), lattice_(lattice), join_(join_distance), samples_(cellSamples()) {}
 
   Cell cut(std::uint32_t tetrahedron) {
     start(tetrahedron);
     Cell cell;
     findTriangles(cell);
     if (cell.triangles.empty()) {
-      cell.solid = !body_.encloses || body_.winding.inside(samplePosition(0));
+      cell.solid = !piece_.encloses || piece_.winding.inside(samplePosition(0));
       return cell;
     }
     Sets sets(cell.triangles.size());
@@ -153,14 +153,14 @@ class CellCutter {
       // Where solids of one part overlap, a sample between two sheets joins them only if its winding number is
       // below 1.5.
       most_winding_ = cell.doubtful ? 1.5 : std::numeric_limits<double>::infinity();
-      if (body_.encloses) joinThroughSolid(cell, sets);
+      if (piece_.encloses) joinThroughSolid(cell, sets);
       if (countPieces(cell, sets) > 1) joinNearParts(cell, sets);
     }
     numberPieces(cell, sets);
-    for (const auto& [point, triangle] : inside_points_) cell.points.push_back({point, cell.piece[triangle]});
+    for (const auto& [point, triangle] : inside_points_) cell.points.push_back({point, cell.fragment[triangle]});
     std::sort(cell.points.begin(), cell.points.end());
     cell.points.erase(std::unique(cell.points.begin(), cell.points.end()), cell.points.end());
-    if (cell.pieces > 1) labelSolid(cell, sets);
+    if (cell.fragments > 1) labelSolid(cell, sets);
     return cell;
   }
 
@@ -195,15 +195,15 @@ class CellCutter {
     for (const Vector3d& x : x_) box.extend(x);
     const double margin = 4 * kTouch * box.sizes().maxCoeff();
     box = AlignedBox3d(box.min().array() - margin, box.max().array() + margin);
-    const auto& bvh = body_.winding.bvh();
+    const auto& bvh = piece_.winding.bvh();
     candidates_.clear();
     bvh.tree().descend([&](const auto& node, std::uint32_t) { return node.box.intersects(box); },
                        [&](std::uint32_t i) { candidates_.push_back(bvh.order()[i]); });
     std::sort(candidates_.begin(), candidates_.end());
     for (const std::uint32_t t : candidates_) {
-      const auto& triangle = body_.triangles[t];
+      const auto& triangle = piece_.triangles[t];
       Local local;
-      for (std::size_t i = 0; i < 3; ++i) local.corners[i] = barycentric(body_.positions[triangle[i]]);
+      for (std::size_t i = 0; i < 3; ++i) local.corners[i] = barycentric(piece_.positions[triangle[i]]);
       const Vector4d highest = local.corners[0].cwiseMax(local.corners[1]).cwiseMax(local.corners[2]);
       if (highest.minCoeff() < -kTouch) continue;
       local.inside = clip(local.corners);
@@ -222,7 +222,7 @@ class CellCutter {
         const auto edge = [&](std::size_t k) { return (inside.corners[k] - inside.corners[0]).head<3>().eval(); };
         local.area += edge(i - 1).cross(edge(i)).norm();
       }
-      const auto& p = body_.positions;
+      const auto& p = piece_.positions;
       local.normal = (p[triangle[1]] - p[triangle[0]]).cross(p[triangle[2]] - p[triangle[0]]);
       const auto number = std::uint32_t(local_.size());
       for (std::size_t i = 0; i < 3; ++i) {
@@ -242,7 +242,7 @@ class CellCutter {
     // Edges that pass through without an end inside.
     edges_.clear();
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      const auto& triangle = body_.triangles[cell.triangles[n]];
+      const auto& triangle = piece_.triangles[cell.triangles[n]];
       const auto& corners = local_[n].corners;
       for (std::size_t i = 0; i < 3; ++i) {
         const std::size_t j = (i + 1) % 3;
@@ -356,8 +356,8 @@ class CellCutter {
     std::uint32_t first = kNoIndex;
     const Vector3d d = b - a;
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      const auto& t = body_.triangles[cell.triangles[n]];
-      const Vector3d &p = body_.positions[t[0]], &q = body_.positions[t[1]], &r = body_.positions[t[2]];
+      const auto& t = piece_.triangles[cell.triangles[n]];
+      const Vector3d &p = piece_.positions[t[0]], &q = piece_.positions[t[1]], &r = piece_.positions[t[2]];
       const Vector3d& normal = local_[n].normal;
       const double slope = normal.dot(d);
       if (slope == 0) continue;
@@ -377,7 +377,7 @@ class CellCutter {
 
   bool solidOnce(double winding) const { return winding > 0.5 && winding < most_winding_; }
   bool between(const Vector3d& a, const Vector3d& b) const {
-    return std::isinf(most_winding_) || solidOnce(body_.winding.at((a + b) / 2));
+    return std::isinf(most_winding_) || solidOnce(piece_.winding.at((a + b) / 2));
   }
   void chooseLookouts(const Cell& cell, Sets& sets) {
     lookouts_.clear();
@@ -408,7 +408,7 @@ class CellCutter {
     std::array<Vector3d, kSamples> points;
     std::array<double, kSamples> winding{};
     for (std::size_t s = 0; s < kSamples; ++s) points[s] = samplePosition(s);
-    body_.winding.at(points, winding);
+    piece_.winding.at(points, winding);
     for (std::size_t s = 0; s < kSamples; ++s) {
       if (solidOnce(winding[s])) sample_set_[s] = kUnknown;
     }
@@ -461,41 +461,41 @@ class CellCutter {
   }
 
   static void numberPieces(Cell& cell, Sets& sets) {
-    cell.pieces = 0;
-    cell.piece.assign(cell.triangles.size(), 0);
+    cell.fragments = 0;
+    cell.fragment.assign(cell.triangles.size(), 0);
     for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
       const std::uint32_t root = sets.find(n);
-      cell.piece[n] = root == n ? cell.pieces++ : cell.piece[root];
+      cell.fragment[n] = root == n ? cell.fragments++ : cell.fragment[root];
     }
   }
 
   void labelSolid(Cell& cell, Sets& sets) {
-    for (auto& face : cell.face_piece) face.fill(kAir);
-    cell.inside.assign(cell.pieces, -1);
-    if (!body_.encloses) return;
+    for (auto& face : cell.face_fragment) face.fill(kAir);
+    cell.inside.assign(cell.fragments, -1);
+    if (!piece_.encloses) return;
     chooseLookouts(cell, sets);
     std::fill(cell.inside.begin(), cell.inside.end(), 0);
     // The middle is one more point than the ten that fill fractions are made from.
     for (std::size_t s = 1; s < kSamples; ++s) {
-      if (sample_set_[s] >= 0) cell.inside[cell.piece[std::size_t(sample_set_[s])]] += 1.0 / (kSamples - 1);
+      if (sample_set_[s] >= 0) cell.inside[cell.fragment[std::size_t(sample_set_[s])]] += 1.0 / (kSamples - 1);
     }
     for (std::size_t f = 0; f < 4; ++f) {
       const auto points = facePoints(lattice_, tetrahedron_, f);
       std::array<double, kFaceSamples> winding{};
-      body_.winding.at(points, winding);
+      piece_.winding.at(points, winding);
       for (std::size_t k = 0; k < kFaceSamples; ++k) {
-        if (solidOnce(winding[k])) cell.face_piece[f][k] = pieceAt(cell, points[k]);
+        if (solidOnce(winding[k])) cell.face_fragment[f][k] = pieceAt(cell, points[k]);
       }
     }
   }
   std::int32_t pieceAt(const Cell& cell, const Vector3d& p) const {
     for (std::size_t s = 0; s < kSamples; ++s) {
       if (sample_set_[s] >= 0 && !blocked(cell, samplePosition(s), p)) {
-        return std::int32_t(cell.piece[std::size_t(sample_set_[s])]);
+        return std::int32_t(cell.fragment[std::size_t(sample_set_[s])]);
       }
     }
     for (const std::uint32_t n : lookouts_) {
-      if (sees(cell, n, p)) return std::int32_t(cell.piece[n]);
+      if (sees(cell, n, p)) return std::int32_t(cell.fragment[n]);
     }
     return kUnknown;
   }
@@ -516,7 +516,7 @@ class CellCutter {
   }
 
  private:
-  const SolidBody& body_;
+  const SolidPiece& piece_;
   const SurfaceParts& parts_;
   const TetMesh& lattice_;
   const double join_;
@@ -565,15 +565,15 @@ std::vector<InnerFace> innerFaces(const TetMesh& mesh) {
   return inner;
 }
 
-// Pairs of pieces of two neighbours that meet on their face.
-std::vector<std::array<std::uint32_t, 2>> meetings(const SolidBody& body, const TetMesh& lattice, const InnerFace& face,
-                                                   const Cell& first, const Cell& second) {
+// Pairs of fragments of two neighbours that meet on their face.
+std::vector<std::array<std::uint32_t, 2>> meetings(const SolidPiece& piece, const TetMesh& lattice,
+                                                   const InnerFace& face, const Cell& first, const Cell& second) {
   std::vector<std::array<std::uint32_t, 2>> pairs;
   const auto add = [&](std::uint32_t a, std::uint32_t b) {
     if (std::find(pairs.begin(), pairs.end(), std::array{a, b}) == pairs.end()) pairs.push_back({a, b});
   };
   if ((first.triangles.empty() && !first.solid) || (second.triangles.empty() && !second.solid)) return pairs;  // air
-  const bool simple = first.pieces == 1 && second.pieces == 1;
+  const bool simple = first.fragments == 1 && second.fragments == 1;
   // Where a neighbour is all solid, so is the face.
   if (simple && (first.triangles.empty() || second.triangles.empty())) return {{0, 0}};
   // A triangle that crosses the face.
@@ -584,25 +584,25 @@ std::vector<std::array<std::uint32_t, 2>> meetings(const SolidBody& body, const 
       ++j;
     } else {
       if ((first.faces[i] & 1U << face.first_face) != 0 || (second.faces[j] & 1U << face.second_face) != 0) {
-        add(first.piece[i], second.piece[j]);
+        add(first.fragment[i], second.fragment[j]);
         if (simple) return pairs;
       }
       ++i;
       ++j;
     }
   }
-  if (!body.encloses) return pairs;
+  if (!piece.encloses) return pairs;
   if (simple) {
     const auto points = CellCutter::facePoints(lattice, lattice.tetrahedra[face.first], face.first_face);
-    if (body.winding.inside(points[0])) return {{0, 0}};
+    if (piece.winding.inside(points[0])) return {{0, 0}};
     std::array<char, kFaceSamples - 1> inside{};
-    body.winding.inside(std::span(points).subspan(1), inside);
+    piece.winding.inside(std::span(points).subspan(1), inside);
     if (std::find(inside.begin(), inside.end(), char(1)) != inside.end()) return {{0, 0}};
     return pairs;
   }
   for (std::size_t k = 0; k < kFaceSamples; ++k) {
-    const std::int32_t a = first.pieces > 1 ? first.face_piece[face.first_face][k] : 0;
-    const std::int32_t b = second.pieces > 1 ? second.face_piece[face.second_face][k] : 0;
+    const std::int32_t a = first.fragments > 1 ? first.face_fragment[face.first_face][k] : 0;
+    const std::int32_t b = second.fragments > 1 ? second.face_fragment[face.second_face][k] : 0;
     if (a >= 0 && b >= 0) add(std::uint32_t(a), std::uint32_t(b));
   }
   return pairs;
@@ -610,28 +610,28 @@ std::vector<std::array<std::uint32_t, 2>> meetings(const SolidBody& body, const 
 
 }  // namespace
 
-SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join_distance,
+SplitMesh splitAtGaps(const SolidPiece& piece, const TetMesh& lattice, double join_distance,
                       const ParallelFor& parallel_for) {
   const auto count = std::uint32_t(lattice.tetrahedra.size());
-  const SurfaceParts parts = surfaceParts(body);
+  const SurfaceParts parts = surfaceParts(piece);
   std::vector<Cell> cells(count);
   parallel_for(count, 64, [&](std::size_t begin, std::size_t end) {
-    CellCutter cutter(body, parts, lattice, join_distance);
+    CellCutter cutter(piece, parts, lattice, join_distance);
     for (std::size_t t = begin; t < end; ++t) cells[t] = cutter.cut(std::uint32_t(t));
   });
   const std::vector<InnerFace> faces = innerFaces(lattice);
   std::vector<std::vector<std::array<std::uint32_t, 2>>> pairs(faces.size());
   parallel_for(faces.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
-      pairs[f] = meetings(body, lattice, faces[f], cells[faces[f].first], cells[faces[f].second]);
+      pairs[f] = meetings(piece, lattice, faces[f], cells[faces[f].first], cells[faces[f].second]);
     }
   });
 
-  // One copy a piece; corners of copies that meet across a face are one vertex.
+  // One copy a fragment; corners of copies that meet across a face are one vertex.
   std::vector<std::uint32_t> first_copy(count + 1, 0);
-  for (std::uint32_t t = 0; t < count; ++t) first_copy[t + 1] = first_copy[t] + cells[t].pieces;
+  for (std::uint32_t t = 0; t < count; ++t) first_copy[t + 1] = first_copy[t] + cells[t].fragments;
   const std::uint32_t copies = first_copy[count];
-  Sets corners(std::size_t(copies) * 4), bodies(copies);
+  Sets corners(std::size_t(copies) * 4), pieces(copies);
   const auto joinFace = [&](const InnerFace& face, std::uint32_t a, std::uint32_t b) {
     const Tetrahedron &s = lattice.tetrahedra[face.first], &t = lattice.tetrahedra[face.second];
     const std::uint32_t copy_a = first_copy[face.first] + a, copy_b = first_copy[face.second] + b;
@@ -639,17 +639,17 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
       const auto j = std::uint32_t(std::find(t.begin(), t.end(), s[i]) - t.begin());
       corners.join(4 * copy_a + std::uint32_t(i), 4 * copy_b + j);
     }
-    bodies.join(copy_a, copy_b);
+    pieces.join(copy_a, copy_b);
   };
   for (std::size_t f = 0; f < faces.size(); ++f) {
     for (const auto& pair : pairs[f]) joinFace(faces[f], pair[0], pair[1]);
   }
 
-  // Cells of air fall away, unless they hold the body together.
+  // Cells of air fall away, unless they hold the piece together.
   SplitMesh result;
   std::vector<char> air(count, 0);
   for (std::uint32_t t = 0; t < count; ++t) air[t] = cells[t].triangles.empty() && !cells[t].solid ? 1 : 0;
-  const auto pieces = [&] {
+  const auto fragments = [&] {
     std::vector<std::uint32_t> holder(std::size_t(copies) * 4, kNoIndex);
     for (std::uint32_t t = 0; t < count; ++t) {
       if (air[t] != 0) continue;
@@ -657,26 +657,26 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
         for (std::uint32_t k = 0; k < 4; ++k) {
           std::uint32_t& h = holder[corners.find(4 * copy + k)];
           if (h == kNoIndex) h = copy;
-          bodies.join(h, copy);
+          pieces.join(h, copy);
         }
       }
     }
     std::uint32_t number = 0;
     for (std::uint32_t t = 0; t < count; ++t) {
       for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1] && air[t] == 0; ++copy) {
-        number += std::uint32_t(bodies.find(copy) == copy);
+        number += std::uint32_t(pieces.find(copy) == copy);
       }
     }
     return number;
   };
-  std::uint32_t number = pieces();
+  std::uint32_t number = fragments();
   // What meets along the surface where the lattice has no cell: copies that share a point of the surface and a corner.
   if (number > 1) {
     std::vector<std::array<std::uint32_t, 3>> copies_at;  // point, copy, cell
     for (std::uint32_t t = 0; t < count; ++t) {
       for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
-        for (const std::uint32_t point : body.triangles[cells[t].triangles[n]]) {
-          copies_at.push_back({point, first_copy[t] + cells[t].piece[n], t});
+        for (const std::uint32_t point : piece.triangles[cells[t].triangles[n]]) {
+          copies_at.push_back({point, first_copy[t] + cells[t].fragment[n], t});
         }
       }
     }
@@ -685,17 +685,17 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     for (std::size_t i = 0; i < copies_at.size();) {
       std::size_t end = i + 1;
       while (end < copies_at.size() && copies_at[end][0] == copies_at[i][0]) ++end;
-      const auto apart = [&](std::size_t k) { return bodies.find(copies_at[k][1]) != bodies.find(copies_at[i][1]); };
+      const auto apart = [&](std::size_t k) { return pieces.find(copies_at[k][1]) != pieces.find(copies_at[i][1]); };
       for (std::size_t k = i + 1; k < end; ++k) {
         for (std::size_t m = i; m < k && apart(k); ++m) {
           const std::uint32_t a = copies_at[m][1], b = copies_at[k][1];
           const Tetrahedron &s = lattice.tetrahedra[copies_at[m][2]], &t = lattice.tetrahedra[copies_at[k][2]];
-          if (copies_at[m][2] == copies_at[k][2] || bodies.find(a) == bodies.find(b)) continue;
+          if (copies_at[m][2] == copies_at[k][2] || pieces.find(a) == pieces.find(b)) continue;
           for (std::uint32_t p = 0; p < 4; ++p) {
             const auto q = std::uint32_t(std::find(t.begin(), t.end(), s[p]) - t.begin());
             if (q == 4) continue;
             corners.join(4 * a + p, 4 * b + q);
-            if (bodies.join(a, b)) --number;
+            if (pieces.join(a, b)) --number;
           }
         }
       }
@@ -706,11 +706,11 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
   std::vector<char> dropped(copies, 0);
   if (number > 1) {
     std::vector<std::uint32_t> size(copies, 0);
-    for (std::uint32_t copy = 0; copy < copies; ++copy) ++size[bodies.find(copy)];
+    for (std::uint32_t copy = 0; copy < copies; ++copy) ++size[pieces.find(copy)];
     const std::uint32_t largest = *std::max_element(size.begin(), size.end());
     for (std::uint32_t t = 0; t < count; ++t) {
       for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1] && air[t] == 0; ++copy) {
-        const std::uint32_t root = bodies.find(copy);
+        const std::uint32_t root = pieces.find(copy);
         if (size[root] > kCrumb || size[root] == largest) continue;
         dropped[copy] = 1;
         if (root == copy) --number;
@@ -719,7 +719,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
   }
   for (std::uint32_t t = 0; t < count && number > 1; ++t) {
     for (std::uint32_t copy = first_copy[t] + 1; copy < first_copy[t + 1]; ++copy) {
-      if (dropped[copy] != 0 || dropped[copy - 1] != 0 || !bodies.join(copy - 1, copy)) continue;
+      if (dropped[copy] != 0 || dropped[copy - 1] != 0 || !pieces.join(copy - 1, copy)) continue;
       for (std::uint32_t k = 0; k < 4; ++k) corners.join(4 * (copy - 1) + k, 4 * copy + k);
       ++result.joined;
       --number;
@@ -729,7 +729,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     const InnerFace& face = faces[f];
     if (air[face.first] != 0 || air[face.second] != 0) continue;
     if (dropped[first_copy[face.first]] != 0 || dropped[first_copy[face.second]] != 0) continue;
-    if (bodies.find(first_copy[face.first]) == bodies.find(first_copy[face.second])) continue;
+    if (pieces.find(first_copy[face.first]) == pieces.find(first_copy[face.second])) continue;
     joinFace(face, 0, 0);
     ++result.joined;
     --number;
@@ -741,7 +741,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     if (air[t] != 0 || dropped[first_copy[t]] != 0) continue;
     std::uint32_t& held = holder[lattice.tetrahedra[t][k]];
     if (held == kNoIndex) held = 4 * first_copy[t] + k;
-    if (!bodies.join(held / 4, first_copy[t])) continue;
+    if (!pieces.join(held / 4, first_copy[t])) continue;
     corners.join(held, 4 * first_copy[t] + k);
     ++result.joined;
     --number;
@@ -766,7 +766,7 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
   for (std::uint32_t t = 0; t < count; ++t) {
     if (air[t] != 0) continue;
     const std::size_t begin = result.mesh.tetrahedra.size();
-    for (std::uint32_t p = 0; p < cells[t].pieces; ++p) {
+    for (std::uint32_t p = 0; p < cells[t].fragments; ++p) {
       const std::uint32_t copy = first_copy[t] + p;
       if (dropped[copy] != 0) continue;
       Tetrahedron tetrahedron{};
@@ -783,8 +783,8 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
         }
         tetrahedron[k] = v;
       }
-      const double inside = cells[t].pieces > 1 ? cells[t].inside[p] : -1;
-      // Pieces whose copies met all round are one again.
+      const double inside = cells[t].fragments > 1 ? cells[t].inside[p] : -1;
+      // Fragments whose copies met all round are one again.
       const auto same =
           std::find(result.mesh.tetrahedra.begin() + std::ptrdiff_t(begin), result.mesh.tetrahedra.end(), tetrahedron);
       tetrahedron_of[copy] = std::uint32_t(same - result.mesh.tetrahedra.begin());
@@ -798,36 +798,36 @@ SplitMesh splitAtGaps(const SolidBody& body, const TetMesh& lattice, double join
     const std::size_t made = result.mesh.tetrahedra.size() - begin;
     if (made > 0) result.volume += geometry::volume(lattice, lattice.tetrahedra[t]);
     if (made > 1) ++result.cells;
-    if (made == 1 && cells[t].pieces > 1 && !hasDropped(t)) result.inside[begin] = -1;
+    if (made == 1 && cells[t].fragments > 1 && !hasDropped(t)) result.inside[begin] = -1;
     if (cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());
   }
-  result.home.assign(body.positions.size(), kNoIndex);
+  result.home.assign(piece.positions.size(), kNoIndex);
   for (std::uint32_t t = 0; t < count; ++t) {
     if (air[t] != 0) continue;
-    for (const auto& [point, piece] : cells[t].points) {
-      if (result.home[point] == kNoIndex) result.home[point] = tetrahedron_of[first_copy[t] + piece];
+    for (const auto& [point, fragment] : cells[t].points) {
+      if (result.home[point] == kNoIndex) result.home[point] = tetrahedron_of[first_copy[t] + fragment];
     }
   }
   // Points outside: where their own triangles enter the cells, the nearest place.
-  std::vector<double> nearest(body.positions.size(), std::numeric_limits<double>::infinity());
+  std::vector<double> nearest(piece.positions.size(), std::numeric_limits<double>::infinity());
   for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = result.home[p] == kNoIndex ? nearest[p] : -1;
   for (std::uint32_t t = 0; t < count; ++t) {
     if (air[t] != 0) continue;
     const Tetrahedron& v = lattice.tetrahedra[t];
     for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
-      for (const std::uint32_t point : body.triangles[cells[t].triangles[n]]) {
+      for (const std::uint32_t point : piece.triangles[cells[t].triangles[n]]) {
         if (nearest[point] < 0) continue;
         double distance = std::numeric_limits<double>::infinity();
         for (const auto& f : kFaces) {
-          const Vector3d& p = body.positions[point];
+          const Vector3d& p = piece.positions[point];
           const Vector3d q = geometry::closestPointOnTriangle(p, lattice.positions[v[f[0]]], lattice.positions[v[f[1]]],
                                                               lattice.positions[v[f[2]]]);
           distance = std::min(distance, (q - p).squaredNorm());
         }
         if (distance >= nearest[point]) continue;
-        if (dropped[first_copy[t] + cells[t].piece[n]] != 0) continue;
+        if (dropped[first_copy[t] + cells[t].fragment[n]] != 0) continue;
         nearest[point] = distance;
-        result.home[point] = tetrahedron_of[first_copy[t] + cells[t].piece[n]];
+        result.home[point] = tetrahedron_of[first_copy[t] + cells[t].fragment[n]];
       }
     }
   }

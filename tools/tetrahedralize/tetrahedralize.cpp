@@ -11,9 +11,9 @@
 #include <optional>
 
 #include "tools/core/error.h"
-#include "tools/tetrahedralize/bodies.h"
 #include "tools/tetrahedralize/delaunay.h"
 #include "tools/tetrahedralize/fill.h"
+#include "tools/tetrahedralize/pieces.h"
 #include "tools/tetrahedralize/shell.h"
 #include "tools/tetrahedralize/split.h"
 
@@ -23,17 +23,17 @@ namespace {
 using Eigen::Vector3d;
 using geometry::TetMesh;
 
-constexpr std::uint32_t kLeastVertices = 12;  // of a body: the source's smallest cages have as many
+constexpr std::uint32_t kLeastVertices = 12;  // of a piece: the source's smallest cages have as many
 // What `auto` accepts from stuffing.
 constexpr std::uint32_t kLeastBudget = 64;  // below this every method overshoots
 constexpr double kLeastRatio = 0.85, kMostRatio = 1.15, kMostUncovered = 0.005;
 // A volume further off than this is reported.
 constexpr double kReportedRatio = 0.1;
-constexpr std::size_t kNamedBodies = 6;
+constexpr std::size_t kNamedPieces = 6;
 
-void parallelFor(std::size_t count, std::size_t grain, const std::function<void(std::size_t, std::size_t)>& body) {
+void parallelFor(std::size_t count, std::size_t grain, const std::function<void(std::size_t, std::size_t)>& piece) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, std::max<std::size_t>(grain, 1)),
-                    [&](const tbb::blocked_range<std::size_t>& range) { body(range.begin(), range.end()); });
+                    [&](const tbb::blocked_range<std::size_t>& range) { piece(range.begin(), range.end()); });
 }
 
 std::string text(const char* format, double value) {
@@ -42,37 +42,37 @@ std::string text(const char* format, double value) {
   return buffer;
 }
 
-// The same remark about several bodies is one finding.
+// The same remark about several pieces is one finding.
 struct Remark {
   std::string id;
   Severity severity;
   std::string about;  // "was filled by grid"
   std::string cure;
-  std::vector<std::string> bodies;  // name and detail of each
+  std::vector<std::string> pieces;  // name and detail of each
 };
 
 class Remarks {
  public:
-  void add(const std::string& id, Severity severity, const std::string& about, const std::string& body,
+  void add(const std::string& id, Severity severity, const std::string& about, const std::string& piece,
            const std::string& cure) {
     auto at = std::find_if(list_.begin(), list_.end(), [&](const Remark& r) { return r.id == id && r.about == about; });
     if (at == list_.end()) at = list_.insert(list_.end(), {id, severity, about, cure, {}});
-    at->bodies.push_back(body);
+    at->pieces.push_back(piece);
   }
   void report(std::vector<Finding>& findings) const {
     for (const Remark& r : list_) {
       Finding f;
       f.id = r.id;
       f.severity = r.severity;
-      f.count = r.bodies.size();
-      f.message = std::to_string(r.bodies.size()) + (r.bodies.size() == 1 ? " body " : " bodies ") + r.about + ": ";
-      for (std::size_t i = 0; i < r.bodies.size() && i < kNamedBodies; ++i)
-        f.message += (i > 0 ? "; " : "") + r.bodies[i];
-      if (r.bodies.size() > kNamedBodies) {
-        f.message += "; and " + std::to_string(r.bodies.size() - kNamedBodies) + " more";
+      f.count = r.pieces.size();
+      f.message = std::to_string(r.pieces.size()) + (r.pieces.size() == 1 ? " piece " : " pieces ") + r.about + ": ";
+      for (std::size_t i = 0; i < r.pieces.size() && i < kNamedPieces; ++i)
+        f.message += (i > 0 ? "; " : "") + r.pieces[i];
+      if (r.pieces.size() > kNamedPieces) {
+        f.message += "; and " + std::to_string(r.pieces.size() - kNamedPieces) + " more";
       }
       f.message += ".";
-      f.place = r.bodies.front();
+      f.place = r.pieces.front();
       f.cure = r.cure;
       findings.push_back(std::move(f));
     }
@@ -82,22 +82,22 @@ class Remarks {
   std::vector<Remark> list_;
 };
 
-// Shares the wanted vertices among the bodies: by the mean of surface and volume^(2/3), each at least a small cage.
-std::vector<std::uint32_t> shareVertices(const std::vector<SolidBody>& bodies, std::uint32_t target) {
-  std::vector<double> weight(bodies.size());
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const double from_volume = 6 * std::pow(std::max(bodies[b].volume, 0.0), 2.0 / 3.0);
-    weight[b] = bodies[b].encloses ? std::sqrt(from_volume * bodies[b].area) : bodies[b].area;
+// Shares the wanted vertices among the pieces: by the mean of surface and volume^(2/3), each at least a small cage.
+std::vector<std::uint32_t> shareVertices(const std::vector<SolidPiece>& pieces, std::uint32_t target) {
+  std::vector<double> weight(pieces.size());
+  for (std::size_t b = 0; b < pieces.size(); ++b) {
+    const double from_volume = 6 * std::pow(std::max(pieces[b].volume, 0.0), 2.0 / 3.0);
+    weight[b] = pieces[b].encloses ? std::sqrt(from_volume * pieces[b].area) : pieces[b].area;
   }
-  std::vector<std::uint32_t> share(bodies.size(), 0);
-  // Bodies that would fall below the least get it; the others share what remains.
+  std::vector<std::uint32_t> share(pieces.size(), 0);
+  // Pieces that would fall below the least get it; the others share what remains.
   double left = target;
-  std::vector<char> least(bodies.size(), 0);
+  std::vector<char> least(pieces.size(), 0);
   for (bool again = true; again;) {
     again = false;
     double sum = 0;
-    for (std::size_t b = 0; b < bodies.size(); ++b) sum += least[b] != 0 ? 0 : weight[b];
-    for (std::size_t b = 0; b < bodies.size(); ++b) {
+    for (std::size_t b = 0; b < pieces.size(); ++b) sum += least[b] != 0 ? 0 : weight[b];
+    for (std::size_t b = 0; b < pieces.size(); ++b) {
       if (least[b] != 0) continue;
       const double wanted = sum > 0 ? left * weight[b] / sum : 0;
       if (wanted >= kLeastVertices) {
@@ -115,27 +115,27 @@ std::vector<std::uint32_t> shareVertices(const std::vector<SolidBody>& bodies, s
 }
 
 struct Choice {
-  FilledBody filled;
+  FilledPiece filled;
   TetrahedraMethod method = TetrahedraMethod::grid;
-  std::vector<std::uint32_t> home;  // of a shell: per position of the body
+  std::vector<std::uint32_t> home;  // of a shell: per position of the piece
 };
 
 // The middle of a triangle, in the source's metres.
-std::string pointText(const SolidBody& body, std::uint32_t triangle) {
-  Vector3d middle = body.center;
-  for (const std::uint32_t v : body.triangles[triangle]) middle += body.positions[v] / 3;
+std::string pointText(const SolidPiece& piece, std::uint32_t triangle) {
+  Vector3d middle = piece.center;
+  for (const std::uint32_t v : piece.triangles[triangle]) middle += piece.positions[v] / 3;
   return "(" + text("%.4g", middle.x()) + ", " + text("%.4g", middle.y()) + ", " + text("%.4g", middle.z()) + ")";
 }
 
-double volumeRatio(const SolidBody& body, const FilledBody& filled) {
-  return body.volume > 0 ? filled.volume / body.volume : 1;
+double volumeRatio(const SolidPiece& piece, const FilledPiece& filled) {
+  return piece.volume > 0 ? filled.volume / piece.volume : 1;
 }
 
 // Why stuffing does not serve, or nothing if it does.
-std::string complaint(const SolidBody& body, const FilledBody& filled) {
+std::string complaint(const SolidPiece& piece, const FilledPiece& filled) {
   if (filled.mesh.tetrahedra.empty()) return "all of it is thinner than a cell of stuffing";
-  const double ratio = volumeRatio(body, filled);
-  if (filled.components > 1) return "stuffing breaks it into " + std::to_string(filled.components) + " pieces";
+  const double ratio = volumeRatio(piece, filled);
+  if (filled.components > 1) return "stuffing breaks it into " + std::to_string(filled.components) + " components";
   if (filled.uncovered > kMostUncovered) {
     return "stuffing loses thin features, " + text("%.1f", 100 * filled.uncovered) + " % of the surface";
   }
@@ -145,107 +145,109 @@ std::string complaint(const SolidBody& body, const FilledBody& filled) {
   return "";
 }
 
-// A body that encloses nothing, or that is to be hollow.
-Choice fillSheet(const SolidBody& body, TetrahedraMethod wanted, std::uint32_t target, const TetrahedraOptions& options,
-                 double rounding, const std::string& file, Remarks& remarks) {
+// A piece that encloses nothing, or that is to be hollow.
+Choice fillSheet(const SolidPiece& piece, TetrahedraMethod wanted, std::uint32_t target,
+                 const TetrahedraOptions& options, double rounding, const std::string& file, Remarks& remarks) {
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
-    remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", body.title,
+    remarks.add("tetrahedra-method", Severity::info, "enclosed nothing and became a layer of grid cells", piece.title,
                 "");
-    choice.filled = fillWithGrid(body, target, parallelFor);
+    choice.filled = fillWithGrid(piece, target, parallelFor);
     return choice;
   }
   ShellOutcome outcome;
   std::vector<double> factors;
-  for (std::size_t p = 0; p < body.points.size() && !options.shell_factors.empty(); ++p) {
-    factors.push_back(options.shell_factors[body.points[p]]);
+  for (std::size_t p = 0; p < piece.points.size() && !options.shell_factors.empty(); ++p) {
+    factors.push_back(options.shell_factors[piece.points[p]]);
   }
-  choice.filled = fillWithShell(body, target, options.shell_thickness, factors, rounding, outcome);
-  const std::string place = body.points.empty() ? "" : " near " + pointText(body, outcome.triangle);
+  choice.filled = fillWithShell(piece, target, options.shell_thickness, factors, rounding, outcome);
+  const std::string place = piece.points.empty() ? "" : " near " + pointText(piece, outcome.triangle);
   if (!choice.filled.mesh.tetrahedra.empty()) {
     choice.method = TetrahedraMethod::shell;
     choice.home = std::move(outcome.home);
     std::string detail = text("%.3g", outcome.thickness) + " m thick on average";
     if (outcome.thinned > 0) detail += ", thinner at " + std::to_string(outcome.thinned) + " vertices of creases";
-    if (outcome.pieces > 1) detail += ", of " + std::to_string(outcome.pieces) + " pieces tied to one another";
+    if (outcome.parts > 1) detail += ", of " + std::to_string(outcome.parts) + " parts tied to one another";
     if (outcome.cut > 0) {
       remarks.add(
           "tetrahedra-fold", Severity::info,
           "had folds, where a face lies back on its neighbour: the shell is cut apart there",
-          body.title + " (" + std::to_string(outcome.cut) + (outcome.cut == 1 ? " vertex" : " vertices") + place + ")",
+          piece.title + " (" + std::to_string(outcome.cut) + (outcome.cut == 1 ? " vertex" : " vertices") + place + ")",
           "Pull the faces apart there if the shell is to hang together across the fold.");
     }
     const bool other = wanted == TetrahedraMethod::stuffing || wanted == TetrahedraMethod::delaunay;
     remarks.add("tetrahedra-method", other ? Severity::warning : Severity::info,
-                body.encloses ? "became a hollow shell" : "enclosed nothing and became a shell",
-                body.title + " (" + detail + ")",
+                piece.encloses ? "became a hollow shell" : "enclosed nothing and became a shell",
+                piece.title + " (" + detail + ")",
                 other ? "Give the surface a volume, or close it, for other methods." : "");
     return choice;
   }
   if (wanted == TetrahedraMethod::shell) {
-    throw ToolError(ExitCode::bad_input, file, "body '" + body.title + "' " + outcome.reason + place,
+    throw ToolError(ExitCode::bad_input, file, "piece '" + piece.title + "' " + outcome.reason + place,
                     "Repair it there, change tetrahedra.thickness, or set tetrahedra.method=grid.");
   }
   remarks.add("tetrahedra-method", Severity::warning,
               "enclosed nothing and became a layer of grid cells because a shell was not possible",
-              body.title + " (" + outcome.reason + place + ")",
+              piece.title + " (" + outcome.reason + place + ")",
               "Repair it there for a shell that follows the surface.");
-  choice.filled = fillWithGrid(body, target, parallelFor);
+  choice.filled = fillWithGrid(piece, target, parallelFor);
   return choice;
 }
 
-Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, TetrahedraMethod wanted, std::uint32_t target,
-                bool crosses_itself, double rounding, const std::string& file, Remarks& remarks) {
-  if (!body.encloses || wanted == TetrahedraMethod::shell) {
-    return fillSheet(body, wanted, target, options, rounding, file, remarks);
+Choice fillPiece(const SolidPiece& piece, const TetrahedraOptions& options, TetrahedraMethod wanted,
+                 std::uint32_t target, bool crosses_itself, double rounding, const std::string& file,
+                 Remarks& remarks) {
+  if (!piece.encloses || wanted == TetrahedraMethod::shell) {
+    return fillSheet(piece, wanted, target, options, rounding, file, remarks);
   }
   Choice choice;
   if (wanted == TetrahedraMethod::grid) {
-    choice.filled = fillWithGrid(body, target, parallelFor);
+    choice.filled = fillWithGrid(piece, target, parallelFor);
     return choice;
   }
   if (wanted == TetrahedraMethod::delaunay) {
     DelaunayOutcome outcome;
-    choice.filled = fillWithDelaunay(body, target, crosses_itself, parallelFor, outcome);
+    choice.filled = fillWithDelaunay(piece, target, crosses_itself, parallelFor, outcome);
     if (!choice.filled.mesh.tetrahedra.empty()) {
       choice.method = TetrahedraMethod::delaunay;
       remarks.add("tetrahedra-method", Severity::info, "filled by delaunay",
-                  body.title + (outcome.note.empty() ? "" : " (" + outcome.note + ")"), "");
+                  piece.title + (outcome.note.empty() ? "" : " (" + outcome.note + ")"), "");
       if (choice.filled.uncovered > kMostUncovered) {
         remarks.add("tetrahedra-thin", Severity::warning, "lost something to delaunay",
-                    body.title + " (" + text("%.1f", 100 * choice.filled.uncovered) + " % of the surface)",
+                    piece.title + " (" + text("%.1f", 100 * choice.filled.uncovered) + " % of the surface)",
                     "Raise tetrahedra.vertices, or set tetrahedra.method=auto.");
       }
       return choice;
     }
     if (!outcome.only_angles) {
       throw ToolError(ExitCode::bad_input, file,
-                      "delaunay cannot fill body '" + body.title + "' (" + outcome.reason + ")",
+                      "delaunay cannot fill piece '" + piece.title + "' (" + outcome.reason + ")",
                       "Set tetrahedra.method=auto, or repair what sinew check reports.");
     }
     remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
-                body.title + " (" + outcome.reason + ")", "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
-    return fillBody(body, options, TetrahedraMethod::automatic, target, crosses_itself, rounding, file, remarks);
+                piece.title + " (" + outcome.reason + ")",
+                "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
+    return fillPiece(piece, options, TetrahedraMethod::automatic, target, crosses_itself, rounding, file, remarks);
   }
-  choice.filled = fillWithStuffing(body, target, parallelFor);
+  choice.filled = fillWithStuffing(piece, target, parallelFor);
   choice.method = TetrahedraMethod::stuffing;
-  const std::string fault = complaint(body, choice.filled);
+  const std::string fault = complaint(piece, choice.filled);
   if (wanted == TetrahedraMethod::automatic) {
-    FilledBody grid;
-    // A long thin body (a wire) forces the lattice far below the spacing that the budget allows.
+    FilledPiece grid;
+    // A long thin piece (a wire) forces the lattice far below the spacing that the budget allows.
     const std::size_t count = choice.filled.mesh.positions.size();
     const bool too_many = target >= kLeastBudget && count > 2 * std::size_t(target);
-    if (!fault.empty() || too_many) grid = fillWithGrid(body, target, parallelFor);
+    if (!fault.empty() || too_many) grid = fillWithGrid(piece, target, parallelFor);
     const bool grid_saves = too_many && !grid.mesh.tetrahedra.empty() && 2 * grid.mesh.positions.size() < count;
-    // Thin all over, a body gets too much volume either way: then the lesser evil.
+    // Thin all over, a piece gets too much volume either way: then the lesser evil.
     const bool stays =
         !grid_saves && (fault.empty() || (choice.filled.components == 1 && choice.filled.uncovered <= kMostUncovered &&
-                                          std::abs(std::log(volumeRatio(body, choice.filled))) <
-                                              std::abs(std::log(volumeRatio(body, grid)))));
+                                          std::abs(std::log(volumeRatio(piece, choice.filled))) <
+                                              std::abs(std::log(volumeRatio(piece, grid)))));
     std::string detail = fault;
     if (grid_saves)
       detail += (detail.empty() ? "" : ", ") + std::string("stuffing needs ") + std::to_string(count) + " vertices";
-    if (!fault.empty() && stays) detail += ", grid " + text("%.2f", volumeRatio(body, grid));
+    if (!fault.empty() && stays) detail += ", grid " + text("%.2f", volumeRatio(piece, grid));
     if (stays && choice.filled.thickened > 0) {
       detail += (detail.empty() ? "" : "; ") + text("%.1f", 100 * choice.filled.thickened) +
                 " % of the surface is thin and was thickened to a cell";
@@ -255,28 +257,28 @@ Choice fillBody(const SolidBody& body, const TetrahedraOptions& options, Tetrahe
       choice.method = TetrahedraMethod::grid;
     }
     remarks.add("tetrahedra-method", Severity::info, stays ? "filled by stuffing" : "filled by grid",
-                body.title + (detail.empty() ? "" : " (" + detail + ")"), "");
+                piece.title + (detail.empty() ? "" : " (" + detail + ")"), "");
     return choice;
   }
   if (choice.filled.mesh.tetrahedra.empty()) {
-    throw ToolError(ExitCode::bad_input, file, "stuffing finds nothing of body '" + body.title + "' (" + fault + ")",
+    throw ToolError(ExitCode::bad_input, file, "stuffing finds nothing of piece '" + piece.title + "' (" + fault + ")",
                     "Set tetrahedra.method=grid, or raise tetrahedra.vertices.");
   }
   if (!fault.empty()) {
-    remarks.add("tetrahedra-thin", Severity::warning, "lost something to stuffing", body.title + " (" + fault + ")",
+    remarks.add("tetrahedra-thin", Severity::warning, "lost something to stuffing", piece.title + " (" + fault + ")",
                 "Raise tetrahedra.vertices, or set tetrahedra.method=grid or auto.");
   }
   return choice;
 }
 
 // How many there are whose tetrahedra share no vertex.
-std::uint32_t piecesOf(const PhysicalMesh& mesh, const PhysicalBody& body) {
+std::uint32_t componentsOf(const PhysicalMesh& mesh, const PhysicalPiece& piece) {
   TetMesh one;
-  one.positions.assign(mesh.positions.begin() + body.first_vertex,
-                       mesh.positions.begin() + body.first_vertex + body.vertex_count);
-  for (std::uint32_t t = 0; t < body.tetrahedron_count; ++t) {
-    one.tetrahedra.push_back(mesh.tetrahedra[body.first_tetrahedron + t]);
-    for (std::uint32_t& v : one.tetrahedra.back()) v -= body.first_vertex;
+  one.positions.assign(mesh.positions.begin() + piece.first_vertex,
+                       mesh.positions.begin() + piece.first_vertex + piece.vertex_count);
+  for (std::uint32_t t = 0; t < piece.tetrahedron_count; ++t) {
+    one.tetrahedra.push_back(mesh.tetrahedra[piece.first_tetrahedron + t]);
+    for (std::uint32_t& v : one.tetrahedra.back()) v -= piece.first_vertex;
   }
   std::vector<std::uint32_t> component;
   return geometry::connectedComponents(one, component);
@@ -288,21 +290,22 @@ void validate(const PhysicalMesh& mesh, const std::string& file) {
     throw ToolError(ExitCode::bad_input, file, "the tetrahedra came out wrong: " + what,
                     "Set another tetrahedra.method or tetrahedra.vertices, and report this file.");
   };
-  for (const PhysicalBody& body : mesh.bodies) {
-    if (body.tetrahedron_count == 0) fail("body '" + body.name + "' has none");
-    std::vector<char> used(body.vertex_count, 0);
-    for (std::uint32_t t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+  for (const PhysicalPiece& piece : mesh.pieces) {
+    if (piece.tetrahedron_count == 0) fail("piece '" + piece.name + "' has none");
+    std::vector<char> used(piece.vertex_count, 0);
+    for (std::uint32_t t = piece.first_tetrahedron; t < piece.first_tetrahedron + piece.tetrahedron_count; ++t) {
       for (const std::uint32_t v : mesh.tetrahedra[t]) {
-        if (v < body.first_vertex || v >= body.first_vertex + body.vertex_count) fail("an index is out of its body");
-        used[v - body.first_vertex] = 1;
+        if (v < piece.first_vertex || v >= piece.first_vertex + piece.vertex_count)
+          fail("an index is out of its piece");
+        used[v - piece.first_vertex] = 1;
       }
     }
     if (std::find(used.begin(), used.end(), char(0)) != used.end()) fail("a vertex is unused");
-    if (const std::uint32_t pieces = piecesOf(mesh, body); pieces > 1) {
-      throw ToolError(
-          ExitCode::bad_input, file,
-          "the tetrahedra of body '" + body.name + "' are " + std::to_string(pieces) + " pieces that would fall apart",
-          "Set tetrahedra.method=grid, which joins them, or raise tetrahedra.vertices.");
+    if (const std::uint32_t components = componentsOf(mesh, piece); components > 1) {
+      throw ToolError(ExitCode::bad_input, file,
+                      "the tetrahedra of piece '" + piece.name + "' are " + std::to_string(components) +
+                          " components that would fall apart",
+                      "Set tetrahedra.method=grid, which joins them, or raise tetrahedra.vertices.");
     }
   }
   for (const Vector3d& p : mesh.positions) {
@@ -331,42 +334,42 @@ TetrahedraQuality measureQuality(const std::vector<Vector3d>& positions,
 
 PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, const TetrahedraOptions& options,
                             Progress& progress) {
-  BodySet set = findBodies(mesh, topology, options.join_distance * mesh.diagonal, parallelFor);
-  if (set.bodies.empty()) {
+  PieceSet set = findPieces(mesh, topology, options.join_distance * mesh.diagonal, parallelFor);
+  if (set.pieces.empty()) {
     throw ToolError(ExitCode::bad_input, mesh.file, kNoArea, kNoAreaCure);
   }
   PhysicalMesh result;
-  result.part_body = set.part_body;
+  result.part_piece = set.part_piece;
   result.home.assign(mesh.welded_positions.size(), kNoIndex);
   // Only delaunay works on the surface itself.
-  std::vector<char> crosses_itself(set.bodies.size(), 0);
+  std::vector<char> crosses_itself(set.pieces.size(), 0);
   if (options.method == TetrahedraMethod::delaunay) {
     constexpr std::size_t kMostPairs = 100000;
     const auto pairs = findSelfIntersections(mesh, topology, kMostPairs, false);
     for (const auto& pair : pairs) {
       const std::uint32_t part = topology.part_of_triangle[pair.first];
-      if (part != kNoIndex) crosses_itself[set.part_body[part]] = 1;
+      if (part != kNoIndex) crosses_itself[set.part_piece[part]] = 1;
     }
     if (pairs.size() >= kMostPairs) std::fill(crosses_itself.begin(), crosses_itself.end(), char(1));
   }
-  const std::vector<std::uint32_t> share = shareVertices(set.bodies, options.target_vertices);
+  const std::vector<std::uint32_t> share = shareVertices(set.pieces, options.target_vertices);
   // Of a coordinate, to a float, half a diagonal from the package's origin: at most half of the last place.
   const double rounding = 0x1p-25 * mesh.diagonal;
   Remarks remarks;
-  for (std::size_t b = 0; b < set.bodies.size(); ++b) {
-    const SolidBody& body = set.bodies[b];
-    progress.fraction(double(b) / double(set.bodies.size()));
+  for (std::size_t b = 0; b < set.pieces.size(); ++b) {
+    const SolidPiece& piece = set.pieces[b];
+    progress.fraction(double(b) / double(set.pieces.size()));
     Choice choice;
     SplitMesh split;
     const Remarks before = remarks;
     std::uint32_t target = share[b];
     TetrahedraMethod method = options.method;
     for (int round = 0; round < 3; ++round) {
-      if (round > 0 && !body.encloses) {  // a shell was not possible at the wanted number
-        choice.filled = fillWithGrid(body, target, parallelFor);
+      if (round > 0 && !piece.encloses) {  // a shell was not possible at the wanted number
+        choice.filled = fillWithGrid(piece, target, parallelFor);
       } else {
         remarks = before;
-        choice = fillBody(body, options, method, target, crosses_itself[b] != 0, rounding, mesh.file, remarks);
+        choice = fillPiece(piece, options, method, target, crosses_itself[b] != 0, rounding, mesh.file, remarks);
       }
       if (choice.method == TetrahedraMethod::shell) {
         split.home = choice.home;
@@ -374,13 +377,13 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       }
       geometry::sortForLocality(choice.filled.mesh);
       if (choice.method == TetrahedraMethod::delaunay) break;
-      split = splitAtGaps(body, choice.filled.mesh,
+      split = splitAtGaps(piece, choice.filled.mesh,
                           std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
       choice.filled.mesh = split.mesh;
       choice.filled.volume = split.volume;
       if (method != options.method) {
         remarks.add("tetrahedra-method", Severity::info, "filled by grid",
-                    body.title + " (stuffing holds thin parts only across gaps)", "");
+                    piece.title + " (stuffing holds thin parts only across gaps)", "");
       }
       // What hung together only across a gap, thinner than a cell elsewhere: a cage loses nothing.
       if (options.method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::stuffing &&
@@ -394,59 +397,59 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
       target = std::max(kLeastVertices, std::uint32_t(target * share[b] / count));
     }
     const TetMesh& tets = choice.filled.mesh;
-    const bool solid = body.encloses && choice.method != TetrahedraMethod::shell;
+    const bool solid = piece.encloses && choice.method != TetrahedraMethod::shell;
     const std::vector<double> fill =
-        solid ? fillFractions(body, tets, split.inside, parallelFor) : std::vector<double>(tets.tetrahedra.size(), 1);
+        solid ? fillFractions(piece, tets, split.inside, parallelFor) : std::vector<double>(tets.tetrahedra.size(), 1);
 
-    PhysicalBody physical;
-    physical.name = body.name;
+    PhysicalPiece physical;
+    physical.name = piece.name;
     physical.method = choice.method;
-    physical.parts = body.parts;
+    physical.parts = piece.parts;
     physical.first_vertex = static_cast<std::uint32_t>(result.positions.size());
     physical.vertex_count = static_cast<std::uint32_t>(tets.positions.size());
     physical.first_tetrahedron = static_cast<std::uint32_t>(result.tetrahedra.size());
     physical.tetrahedron_count = static_cast<std::uint32_t>(tets.tetrahedra.size());
     physical.tie_count = choice.filled.ties;
     physical.volume = choice.filled.volume;
-    physical.source_volume = solid ? body.volume : -1;
-    for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + body.center);
+    physical.source_volume = solid ? piece.volume : -1;
+    for (const Vector3d& p : tets.positions) result.positions.emplace_back(p + piece.center);
     for (auto t : tets.tetrahedra) {
       for (std::uint32_t& v : t) v += physical.first_vertex;
       result.tetrahedra.push_back(t);
     }
     result.fill.insert(result.fill.end(), fill.begin(), fill.end());
 
-    const double ratio = solid ? volumeRatio(body, choice.filled) : 1;
+    const double ratio = solid ? volumeRatio(piece, choice.filled) : 1;
     if (std::abs(ratio - 1) > kReportedRatio) {
       remarks.add("tetrahedra-volume", Severity::warning, "whose tetrahedra do not have the volume of the source",
-                  body.title + " (" + text("%.2f", ratio) + " times)",
+                  piece.title + " (" + text("%.2f", ratio) + " times)",
                   "Masses are made from the source's volume all the same; raise tetrahedra.vertices for a closer fit.");
     }
     if (choice.filled.bridges > 0) {
-      remarks.add("tetrahedra-bridged", Severity::warning, "had pieces joined by cells outside the surface",
-                  body.title + " (" + std::to_string(choice.filled.bridges) + " cells)",
-                  "Lower tetrahedra.join to make the pieces bodies of their own, or connect them in the source.");
+      remarks.add("tetrahedra-bridged", Severity::warning, "had parts joined by cells outside the surface",
+                  piece.title + " (" + std::to_string(choice.filled.bridges) + " cells)",
+                  "Lower tetrahedra.join to make the parts pieces of their own, or connect them in the source.");
     }
     if (split.cells > 0) {
       remarks.add("tetrahedra-split", Severity::info, "had cells split along gaps narrower than they are",
-                  body.title + " (" + std::to_string(split.cells) + " cells, " + std::to_string(split.vertices) +
+                  piece.title + " (" + std::to_string(split.cells) + " cells, " + std::to_string(split.vertices) +
                       " vertices more)",
                   "");
     }
     if (!split.doubtful.empty()) {
       remarks.add("tetrahedra-overlap", Severity::info,
                   "had sheets that pierce each other: each was taken for a surface of its own",
-                  body.title + " (" + std::to_string(split.doubtful.size()) + " cells)",
+                  piece.title + " (" + std::to_string(split.doubtful.size()) + " cells)",
                   "Move them apart, or join them by faces, where sinew check reports self-intersections.");
     }
     for (std::size_t p = 0; p < split.home.size(); ++p) {
-      if (split.home[p] != kNoIndex) result.home[body.points[p]] = physical.first_tetrahedron + split.home[p];
+      if (split.home[p] != kNoIndex) result.home[piece.points[p]] = physical.first_tetrahedron + split.home[p];
     }
-    result.bodies.push_back(std::move(physical));
+    result.pieces.push_back(std::move(physical));
   }
   progress.fraction(1);
   remarks.report(result.findings);
-  const std::vector<Finding> about = bodyFindings(mesh, topology, set, options.join_distance * mesh.diagonal);
+  const std::vector<Finding> about = pieceFindings(mesh, topology, set, options.join_distance * mesh.diagonal);
   result.findings.insert(result.findings.end(), about.begin(), about.end());
   const auto reportAttached = [&](const std::vector<std::uint32_t>& parts, const char* id, const std::string& one,
                                   const std::string& many, const char* cure) {
@@ -465,18 +468,18 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     result.findings.push_back(std::move(f));
   };
   reportAttached(set.attached_sheets, "tetrahedra-loose-sheets",
-                 "loose sheet that encloses nothing moves with the nearest body",
-                 "loose sheets that enclose nothing move with the nearest body",
-                 "Close them or give them a thickness if they are to be bodies of their own.");
+                 "loose sheet that encloses nothing moves with the nearest piece",
+                 "loose sheets that enclose nothing move with the nearest piece",
+                 "Close them or give them a thickness if they are to be pieces of their own.");
   reportAttached(set.attached_solids, "tetrahedra-small-parts", "small part close to a much larger one moves with it",
                  "small parts close to a much larger one move with it",
                  "Bake them as files of their own if they are to fall by themselves.");
-  const auto isShell = [](const PhysicalBody& body) { return body.method == TetrahedraMethod::shell; };
-  if (!options.shell_factors.empty() && std::none_of(result.bodies.begin(), result.bodies.end(), isShell)) {
+  const auto isShell = [](const PhysicalPiece& piece) { return piece.method == TetrahedraMethod::shell; };
+  if (!options.shell_factors.empty() && std::none_of(result.pieces.begin(), result.pieces.end(), isShell)) {
     Finding f;
     f.id = "thickness-unused";
     f.count = 1;
-    f.message = "the recipe's thickness changes nothing: no body is a shell";
+    f.message = "the recipe's thickness changes nothing: no piece is a shell";
     f.cure = "Set tetrahedra.method to shell, or remove the key thickness.";
     result.findings.push_back(std::move(f));
   }
@@ -487,9 +490,9 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     f.severity = Severity::info;
     f.count = result.positions.size();
     f.message = std::to_string(f.count) + " physical vertices instead of the " +
-                std::to_string(options.target_vertices) + " wanted: " + std::to_string(result.bodies.size()) +
-                (result.bodies.size() == 1 ? " body" : " bodies") + " of this shape cannot be cut closer to that.";
-    f.cure = "Set tetrahedra.vertices to what the bodies need, or join bodies with tetrahedra.join.";
+                std::to_string(options.target_vertices) + " wanted: " + std::to_string(result.pieces.size()) +
+                (result.pieces.size() == 1 ? " piece" : " pieces") + " of this shape cannot be cut closer to that.";
+    f.cure = "Set tetrahedra.vertices to what the pieces need, or join pieces with tetrahedra.join.";
     result.findings.push_back(std::move(f));
   }
   result.quality = measureQuality(result.positions, result.tetrahedra);

@@ -19,15 +19,15 @@ enum class TetrahedraMethod { automatic, grid, stuffing, delaunay, shell };
 
 struct TetrahedraOptions {
   TetrahedraMethod method = TetrahedraMethod::automatic;
-  std::uint32_t target_vertices = 1500;  ///< physical vertices over all bodies; the result is within about 30 %
-  double join_distance = 1e-3;           ///< parts closer than this share a body; of the diagonal
+  std::uint32_t target_vertices = 1500;  ///< physical vertices over all pieces; the result is within about 30 %
+  double join_distance = 1e-3;           ///< parts closer than this share a piece; of the diagonal
   double shell_thickness = 0;            ///< of a shell, metres; 0 = half of the mean edge of its coarse surface
   /// What multiplies that, per welded point, > 0; empty: 1 everywhere.
   std::vector<double> shell_factors;
 };
 
-/// One separate body of the source.
-struct PhysicalBody {
+/// One separate piece of the source.
+struct PhysicalPiece {
   std::string name;                                  ///< from its largest part's sub-mesh
   TetrahedraMethod method = TetrahedraMethod::grid;  ///< what was used
   std::vector<std::uint32_t> parts;                  ///< surface parts that belong to it (loose sheets included)
@@ -36,8 +36,7 @@ struct PhysicalBody {
   double volume = 0;  ///< of the space its tetrahedra take, m^3: copies of one cell count once
   double source_volume =
       -1;  ///< enclosed by its surface (winding number > 1/2), m^3; negative where it encloses nothing
-  std::uint32_t tie_count =
-      0;  ///< its last tetrahedra, which only hold pieces of a shell together: nothing hangs there
+  std::uint32_t tie_count = 0;  ///< its last tetrahedra, which only hold parts of a shell together: nothing hangs there
 };
 
 /// Tetrahedra over the angle between two faces, degrees.
@@ -46,29 +45,29 @@ struct TetrahedraQuality {
   std::uint32_t inverted = 0;
 };
 
-/// The coarse mesh that is simulated. Vertices, tetrahedra grouped by body. Every tetrahedron has positive volume.
-/// Where near but separate pieces of a body pass through one cell of its lattice (lips, fingers), the cell has a copy
-/// for each: these tetrahedra lie over one another. Behind a body's vertices and tetrahedra may be those of its
+/// The coarse mesh that is simulated. Vertices, tetrahedra grouped by piece. Every tetrahedron has positive volume.
+/// Where near but separate parts of a piece pass through one cell of its lattice (lips, fingers), the cell has a copy
+/// for each: these tetrahedra lie over one another. Behind a piece's vertices and tetrahedra may be those of its
 /// accessories (bake/parts.h), which its counts leave out.
 struct PhysicalMesh {
   std::vector<Eigen::Vector3d> positions;  ///< metres, world
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
   /// Per tetrahedron: fraction that lies in the solid, > 0, scaled a little so that volume times fill adds up to a
-  /// body's source_volume (so it can exceed 1 where the tetrahedra cut corners). 1 where the body encloses nothing.
+  /// piece's source_volume (so it can exceed 1 where the tetrahedra cut corners). 1 where the piece encloses nothing.
   std::vector<double> fill;
-  std::vector<PhysicalBody> bodies;
+  std::vector<PhysicalPiece> pieces;
   TetrahedraQuality quality;
-  std::vector<std::uint32_t> part_body;  ///< body of each surface part (loose sheets: the nearest body)
+  std::vector<std::uint32_t> part_piece;  ///< piece of each surface part (loose sheets: the nearest piece)
   /// Per welded point: the tetrahedron it lies in, of several copies in one place the one on its own side of the gap;
   /// outside all of them the nearest that one of its own triangles passes through. kNoIndex where there is none, for
-  /// points of loose sheets and of bodies filled by delaunay. May be empty: nothing is known.
+  /// points of loose sheets and of pieces filled by delaunay. May be empty: nothing is known.
   std::vector<std::uint32_t> home;
   std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
 
-  /// The body of a tetrahedron.
-  std::size_t bodyOf(std::uint32_t tetrahedron) const {
-    const auto behind = [](std::uint32_t t, const PhysicalBody& body) { return t < body.first_tetrahedron; };
-    return std::size_t(std::upper_bound(bodies.begin(), bodies.end(), tetrahedron, behind) - bodies.begin()) - 1;
+  /// The piece of a tetrahedron.
+  std::size_t pieceOf(std::uint32_t tetrahedron) const {
+    const auto behind = [](std::uint32_t t, const PhysicalPiece& piece) { return t < piece.first_tetrahedron; };
+    return std::size_t(std::upper_bound(pieces.begin(), pieces.end(), tetrahedron, behind) - pieces.begin()) - 1;
   }
 };
 

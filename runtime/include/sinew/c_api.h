@@ -65,7 +65,7 @@ SINEW_API void sinew_asset_release(sinew_asset* asset);
 
 typedef struct sinew_asset_info {
   uint32_t struct_size;
-  uint32_t parts; /* separate bodies of the source, which move together as one body here */
+  uint32_t pieces; /* separate solids of the package, which are one body here */
   uint32_t physical_vertices;
   uint32_t tetrahedra;
   uint32_t clusters;

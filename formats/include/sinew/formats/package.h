@@ -62,8 +62,8 @@ class PackageView {
   /// The elements of any section that this software knows; none of one that is absent, and 0 bytes each of others.
   SectionData sectionData(std::uint32_t id) const;
 
-  const BodyInfo& info() const { return list<BodyInfo, section::info>().front(); }
-  std::span<const BodyRange> bodies() const { return list<BodyRange, section::bodies>(); }
+  const PackageInfo& info() const { return list<PackageInfo, section::info>().front(); }
+  std::span<const PieceRange> pieces() const { return list<PieceRange, section::pieces>(); }
   std::span<const PhysicalVertex> physicalVertices() const {
     return list<PhysicalVertex, section::physical_vertices>();
   }

@@ -2,7 +2,7 @@
 //
 // The fixed-layout records of a package. One struct per section; docs/package-format.md describes the same bytes for
 // readers in other languages. Little-endian, IEEE 754, no implicit padding. SI units, right-handed, y up; positions
-// are relative to BodyInfo::origin.
+// are relative to PackageInfo::origin.
 #pragma once
 
 #include <array>
@@ -88,7 +88,7 @@ struct StringRef {
 static_assert(sizeof(StringRef) == 8);
 
 /// INFO, required, one record.
-struct BodyInfo {
+struct PackageInfo {
   std::array<double, 3> origin;     ///< metres, world position that all positions here are relative to
   double metres_per_unit;           ///< metres per unit of length of the source
   std::array<float, 3> bounds_min;  ///< of the visual vertices (physical ones where there is no visual mesh), metres
@@ -103,22 +103,23 @@ struct BodyInfo {
   float max_dihedral_deg;
   std::uint32_t inverted_tetrahedra;  ///< 0 in a package that `sinew bake` wrote
   std::uint32_t reserved0;
-  StringRef name;  ///< of the body
+  StringRef name;  ///< of the package
   StringRef tool_version;
   StringRef source_file;    ///< file name without folder
   StringRef unit_source;    ///< where metres_per_unit came from, one sentence
   StringRef settings_json;  ///< every setting of the bake as a JSON object
 };
-static_assert(sizeof(BodyInfo) == 136);
+static_assert(sizeof(PackageInfo) == 136);
 
-/// BODY, required: separate bodies of one source, in order; together they cover all vertices, tetrahedra and clusters.
-struct BodyRange {
+/// BODY, required: the pieces, separate solids of one source, in order; together they cover all vertices, tetrahedra
+/// and clusters.
+struct PieceRange {
   std::uint32_t first_vertex, vertex_count;
   std::uint32_t first_tetrahedron, tetrahedron_count;
   std::uint32_t first_cluster, cluster_count;
   StringRef name;
 };
-static_assert(sizeof(BodyRange) == 32);
+static_assert(sizeof(PieceRange) == 32);
 
 /// PVTX, required: physical vertices.
 struct PhysicalVertex {
@@ -140,7 +141,7 @@ enum class ClusterMode : std::uint32_t { rigid = 0, linear = 1, quadratic = 2 };
 struct Cluster {
   StringRef name;
   ClusterMode mode;
-  std::uint32_t body;          ///< index into BODY
+  std::uint32_t piece;         ///< index into BODY
   std::uint32_t first_member;  ///< into MEMB
   std::uint32_t member_count;
   std::array<float, 3> rest_center;  ///< c0, metres
@@ -151,11 +152,9 @@ struct Cluster {
   float bend_hz;                     ///< of the squares
   float twist_hz;                    ///< of the cross terms
   std::uint32_t quadratic;           ///< index into AQQ9, kNone unless mode is quadratic
-  std::array<float, 6>
-      quadratic_mean;         ///< mu-weighted means of qx^2 qy^2 qz^2 qxqy qyqz qzqx; redundant: goes with version 3
-  std::array<float, 6> a_qq;  ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
+  std::array<float, 6> a_qq;         ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
 };
-static_assert(sizeof(Cluster) == 112);
+static_assert(sizeof(Cluster) == 88);
 
 /// MEMB, required: the members of all clusters, cluster by cluster, vertices ascending within one.
 struct Membership {
@@ -487,7 +486,7 @@ struct MaskWeight {
 static_assert(sizeof(MaskWeight) == 8);
 
 namespace section {
-inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), bodies = fourcc("BODY"),
+inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), pieces = fourcc("BODY"),
                                physical_vertices = fourcc("PVTX"), tetrahedra = fourcc("TETS"),
                                clusters = fourcc("CLUS"), memberships = fourcc("MEMB"),
                                quadratic_moments = fourcc("AQQ9"), mechanics = fourcc("CMEC"),
@@ -514,7 +513,7 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
 /// All of them, in the order in which the writer lays sections out.
 inline constexpr std::array kAll = {info,
                                     strings,
-                                    bodies,
+                                    pieces,
                                     physical_vertices,
                                     tetrahedra,
                                     clusters,

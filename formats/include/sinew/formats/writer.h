@@ -16,9 +16,9 @@ namespace sinew::formats {
 
 /// Everything a package can hold; empty vectors become no section at all.
 struct PackageContent {
-  BodyInfo info{};
+  PackageInfo info{};
   std::vector<char> strings;
-  std::vector<BodyRange> bodies;
+  std::vector<PieceRange> pieces;
   std::vector<PhysicalVertex> physical_vertices;
   std::vector<Tetrahedron> tetrahedra;
   std::vector<Cluster> clusters;

@@ -15,9 +15,9 @@
 
 namespace sinew::tools {
 
-/// A piece of the source before it has tetrahedra. Coordinates are relative to `center`, so that a body far
+/// A piece of the source before it has tetrahedra. Coordinates are relative to `center`, so that a piece far
 /// from the origin loses no digits.
-struct SolidBody {
+struct SolidPiece {
   std::string name;
   std::string title;                                 ///< for messages: the name, numbered where several share it
   std::vector<std::uint32_t> parts;                  ///< of the surface, ascending, loose sheets included
@@ -39,23 +39,23 @@ struct SolidBody {
 inline constexpr const char* kNoArea = "no triangle has an area, so there is nothing to fill";
 inline constexpr const char* kNoAreaCure = "Export a mesh with faces that have an area.";
 
-struct BodySet {
-  std::vector<SolidBody> bodies;
-  std::vector<std::uint32_t> part_body;
+struct PieceSet {
+  std::vector<SolidPiece> pieces;
+  std::vector<std::uint32_t> part_piece;
   std::vector<std::uint32_t> attached_solids;  ///< parts of small solids that move with a much larger neighbour
-  std::vector<std::uint32_t> attached_sheets;  ///< parts that joined the nearest body though they do not touch it
+  std::vector<std::uint32_t> attached_sheets;  ///< parts that joined the nearest piece though they do not touch it
   std::vector<std::uint32_t> turned_parts;     ///< open parts around a solid, taken as if they faced the other way
 };
 
 /// Groups surface parts into pieces. Parts within `join_distance` metres (or piercing) are one; a part inside the solid
 /// of another belongs to it, and turned inwards makes a cavity; parts that enclose nothing join the nearest piece, or
 /// are pieces themselves where nothing encloses anything.
-BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
-                   const geometry::ParallelFor& parallel_for);
+PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double join_distance,
+                    const geometry::ParallelFor& parallel_for);
 
 /// Findings on these pieces: some nearly touch, large sheets ride along, covers are inside out.
-std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
-                                  double join_distance);
+std::vector<Finding> pieceFindings(const VisualMesh& mesh, const Topology& topology, const PieceSet& set,
+                                   double join_distance);
 
 /// The names, numbered where several are equal.
 std::vector<std::string> distinctNames(const std::vector<std::string>& names);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/tetrahedralize/bodies.h"
+#include "tools/tetrahedralize/pieces.h"
 
 #include <algorithm>
 #include <cmath>
@@ -28,10 +28,10 @@ constexpr double kLeastVolumeOpen = 3e-3;
 constexpr double kLeastVolumeClosed = 1e-7;
 // An open part that faces inwards is a cavity if more than this part of it lies within the others.
 constexpr double kCavityShare = 0.75;
-// Bodies within this multiple of the distance that would join them are reported.
-constexpr double kNearBodies = 4;
+// Pieces within this multiple of the distance that would join them are reported.
+constexpr double kNearPieces = 4;
 // A sheet that rides along is reported if it has this part of all area, or reaches this part of the model's diagonal
-// away from its body.
+// away from its piece.
 constexpr double kLargeSheet = 0.25;
 constexpr double kFarSheet = 0.15;
 
@@ -324,7 +324,7 @@ struct SolidPart {
   bool closed;
 };
 
-// Turns open parts that face inwards around the others (a shirt on a body): each would take from the body what it
+// Turns open parts that face inwards around the others (a shirt on a piece): each would take from the piece what it
 // covers. One that lies within them is a cavity and stays (the bag of a mouth).
 void turnCovers(const Frame& frame, const std::vector<SolidPart>& solids, Group& group) {
   if (solids.size() < 2) return;
@@ -381,7 +381,7 @@ Group makeGroup(const Topology& topology, const Frame& frame, const std::vector<
     group.triangles.insert(group.triangles.end(), triangles.begin(), triangles.end());
     solid_volume += std::abs(e.volume);
   }
-  // Patches that enclose something only together: halves of a body, a coat with its buttons.
+  // Patches that enclose something only together: halves of a piece, a coat with its buttons.
   gather(topology, frame, two_sided, triangles);
   const Enclosure all = measure(frame, triangles);
   if (group.solid_parts.size() < two_sided.size() && all.encloses && std::abs(all.volume) > 2 * solid_volume) {
@@ -453,14 +453,14 @@ std::uint32_t largestPart(const Topology& topology, const std::vector<std::uint3
   });
 }
 
-std::string bodyName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts) {
+std::string pieceName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts) {
   const std::uint32_t triangle = topology.parts[largestPart(topology, parts)].triangles.front();
   for (const SubMeshSource& sub : mesh.sub_meshes) {
     if (triangle < sub.first_triangle || triangle >= sub.first_triangle + sub.triangle_count) continue;
     if (!sub.mesh.empty()) return sub.mesh;
     if (!sub.node.empty()) return sub.node;
   }
-  return "body";
+  return "piece";
 }
 
 // What a person would call a part.
@@ -469,7 +469,7 @@ std::string partName(const VisualMesh& mesh, const Topology& topology, std::uint
   for (const GroupSource& group : mesh.groups) {
     if (group.triangles == triangles) return group.name;
   }
-  return "part " + std::to_string(part) + " of " + bodyName(mesh, topology, {part});
+  return "part " + std::to_string(part) + " of " + pieceName(mesh, topology, {part});
 }
 
 void placeParts(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts,
@@ -492,26 +492,26 @@ std::string joinText(double gap, double diagonal) {
   return rounded(std::ceil(value / digit) * digit);
 }
 
-// Bodies that the next larger tetrahedra.join would make one: more often the drawers of a chest than two things.
-void reportNearBodies(const VisualMesh& mesh, const Topology& topology, const BodySet& set, double join_distance,
+// Pieces that the next larger tetrahedra.join would make one: more often the drawers of a chest than two things.
+void reportNearPieces(const VisualMesh& mesh, const Topology& topology, const PieceSet& set, double join_distance,
                       std::vector<Finding>& findings) {
-  if (set.bodies.size() < 2) return;
+  if (set.pieces.size() < 2) return;
   const Vector3d center = (mesh.bounds_min + mesh.bounds_max) / 2;
   std::vector<Vector3d> points;
   std::vector<Triangle> triangles;
   std::vector<std::uint32_t> label;
-  for (std::uint32_t b = 0; b < set.bodies.size(); ++b) {
-    const SolidBody& body = set.bodies[b];
+  for (std::uint32_t b = 0; b < set.pieces.size(); ++b) {
+    const SolidPiece& piece = set.pieces[b];
     const auto first = std::uint32_t(points.size());
-    for (const Vector3d& p : body.positions) points.emplace_back(p + (body.center - center));
-    for (const Triangle& t : body.triangles) {
+    for (const Vector3d& p : piece.positions) points.emplace_back(p + (piece.center - center));
+    for (const Triangle& t : piece.triangles) {
       triangles.push_back({first + t[0], first + t[1], first + t[2]});
       label.push_back(b);
     }
   }
   std::map<std::array<std::uint32_t, 2>, double> squared;
   forNearTriangles(
-      points, triangles, label, kNearBodies * std::max(join_distance, mesh.weld_tolerance),
+      points, triangles, label, kNearPieces * std::max(join_distance, mesh.weld_tolerance),
       [](std::uint32_t a, std::uint32_t b) { return a == b; },
       [&](std::uint32_t a, std::uint32_t b, double d) {
         const auto [at, fresh] = squared.try_emplace({std::min(a, b), std::max(a, b)}, d);
@@ -522,7 +522,7 @@ void reportNearBodies(const VisualMesh& mesh, const Topology& topology, const Bo
   for (const auto& [pair, d] : squared) gaps.emplace_back(std::sqrt(d), pair);
   std::sort(gaps.begin(), gaps.end());
   // What joins all of them: the widest gap that is needed.
-  Sets sets(set.bodies.size());
+  Sets sets(set.pieces.size());
   double widest = 0;
   std::vector<std::uint32_t> near, parts;
   for (const auto& [gap, pair] : gaps) {
@@ -531,14 +531,14 @@ void reportNearBodies(const VisualMesh& mesh, const Topology& topology, const Bo
   }
   std::sort(near.begin(), near.end());
   near.erase(std::unique(near.begin(), near.end()), near.end());
-  for (const std::uint32_t b : near) parts.push_back(largestPart(topology, set.bodies[b].parts));
+  for (const std::uint32_t b : near) parts.push_back(largestPart(topology, set.pieces[b].parts));
   const auto& [smallest, closest] = gaps.front();
   Finding f;
-  f.id = "near-bodies";
+  f.id = "near-pieces";
   f.count = near.size();
-  f.message = std::to_string(near.size()) + " bodies that move on their own lie within " + rounded(kNearBodies) +
+  f.message = std::to_string(near.size()) + " pieces that move on their own lie within " + rounded(kNearPieces) +
               " times tetrahedra.join of another; the smallest gap is " + rounded(1000 * smallest) + " mm, from " +
-              set.bodies[closest[0]].title + " to " + set.bodies[closest[1]].title;
+              set.pieces[closest[0]].title + " to " + set.pieces[closest[1]].title;
   placeParts(mesh, topology, parts, f);
   const std::string first = joinText(smallest, mesh.diagonal), all = joinText(widest, mesh.diagonal);
   f.cure = "Nothing to do if they are to come apart; else --set tetrahedra.join=" + first +
@@ -547,24 +547,24 @@ void reportNearBodies(const VisualMesh& mesh, const Topology& topology, const Bo
   findings.push_back(std::move(f));
 }
 
-// Sheets that ride along are drawn where the body's motion would carry them, and touch nothing: that suits fins.
-void reportLargeSheets(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
+// Sheets that ride along are drawn where the piece's motion would carry them, and touch nothing: that suits fins.
+void reportLargeSheets(const VisualMesh& mesh, const Topology& topology, const PieceSet& set,
                        std::vector<Finding>& findings) {
   double all = 0;
   for (const SurfacePart& part : topology.parts) all += part.area;
   std::vector<std::uint32_t> parts;
   double area = 0, farthest = 0;
-  for (const SolidBody& body : set.bodies) {
-    if (!body.encloses) continue;
-    for (const std::uint32_t p : body.sheets) {
+  for (const SolidPiece& piece : set.pieces) {
+    if (!piece.encloses) continue;
+    for (const std::uint32_t p : piece.sheets) {
       const SurfacePart& part = topology.parts[p];
       constexpr std::size_t kSamples = 256;
       const std::size_t step = std::max<std::size_t>(1, part.triangles.size() / kSamples);
       double reach = 0;
       for (std::size_t i = 0; i < part.triangles.size(); i += step) {
         for (const std::uint32_t v : mesh.weldedTriangle(part.triangles[i])) {
-          const Vector3d local = mesh.welded_positions[v] - body.center;
-          reach = std::max(reach, std::sqrt(body.winding.bvh().closest(local).squared_distance));
+          const Vector3d local = mesh.welded_positions[v] - piece.center;
+          reach = std::max(reach, std::sqrt(piece.winding.bvh().closest(local).squared_distance));
         }
       }
       if (part.area < kLargeSheet * all && reach < kFarSheet * mesh.diagonal) continue;
@@ -579,8 +579,8 @@ void reportLargeSheets(const VisualMesh& mesh, const Topology& topology, const B
   f.count = parts.size();
   const bool one = parts.size() == 1;
   f.message = std::to_string(parts.size()) + (one ? " sheet, " : " sheets, ") + rounded(100 * area / all) +
-              " % of the area and up to " + rounded(farthest) + " m off the body nearest to " + (one ? "it" : "them") +
-              ", only " + (one ? "follows" : "follow") + " that body: nothing bends there or stops at the ground";
+              " % of the area and up to " + rounded(farthest) + " m off the piece nearest to " + (one ? "it" : "them") +
+              ", only " + (one ? "follows" : "follow") + " that piece: nothing bends there or stops at the ground";
   placeParts(mesh, topology, parts, f);
   f.cure =
       "Give a sheet two sides and a rim to have it filled, or bake it as a file of its own: alone it becomes a shell "
@@ -588,7 +588,7 @@ void reportLargeSheets(const VisualMesh& mesh, const Topology& topology, const B
   findings.push_back(std::move(f));
 }
 
-void reportTurned(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
+void reportTurned(const VisualMesh& mesh, const Topology& topology, const PieceSet& set,
                   std::vector<Finding>& findings) {
   if (set.turned_parts.empty()) return;
   Finding f;
@@ -603,9 +603,9 @@ void reportTurned(const VisualMesh& mesh, const Topology& topology, const BodySe
 }
 
 // Lengths of rays inside, over a grid of rays: exact along x, sampled in y and z.
-double rayVolume(const SolidBody& body, const ParallelFor& parallel_for) {
+double rayVolume(const SolidPiece& piece, const ParallelFor& parallel_for) {
   constexpr std::size_t kRays = 96;
-  AlignedBox3d box = body.bounds;
+  AlignedBox3d box = piece.bounds;
   const double margin = std::max(1e-3 * box.sizes().norm(), 1e-300);
   const double dy = box.sizes().y() / kRays, dz = box.sizes().z() / kRays;
   std::vector<double> row(kRays, 0);
@@ -616,7 +616,7 @@ double rayVolume(const SolidBody& body, const ParallelFor& parallel_for) {
         // Off the middle of the cells, so that rays miss the edges of regular meshes.
         const double y = box.min().y() + dy * (double(j) + 0.5137), z = box.min().z() + dz * (double(k) + 0.4893);
         const Vector3d a(box.min().x() - margin, y, z), b(box.max().x() + margin, y, z);
-        body.winding.bvh().crossings(a, b, crossings);
+        piece.winding.bvh().crossings(a, b, crossings);
         int winding = 0;
         double inside = 0;
         for (std::size_t i = 0; i < crossings.size(); ++i) {
@@ -630,9 +630,9 @@ double rayVolume(const SolidBody& body, const ParallelFor& parallel_for) {
   return std::accumulate(row.begin(), row.end(), 0.0);
 }
 
-double pointVolume(const SolidBody& body, const ParallelFor& parallel_for) {
+double pointVolume(const SolidPiece& piece, const ParallelFor& parallel_for) {
   constexpr std::size_t kLongest = 64;
-  const Vector3d extent = body.bounds.sizes();
+  const Vector3d extent = piece.bounds.sizes();
   std::array<std::size_t, 3> cells{};
   for (int axis = 0; axis < 3; ++axis) {
     const double share = extent.maxCoeff() > 0 ? extent[axis] / extent.maxCoeff() : 1;
@@ -647,34 +647,34 @@ double pointVolume(const SolidBody& body, const ParallelFor& parallel_for) {
         for (std::size_t i = 0; i < cells[0]; ++i) {
           const Vector3d unit((double(i) + 0.5) / double(cells[0]), (double(j) + 0.5) / double(cells[1]),
                               (double(k) + 0.5) / double(cells[2]));
-          row[i] = body.bounds.min() + extent.cwiseProduct(unit);
+          row[i] = piece.bounds.min() + extent.cwiseProduct(unit);
         }
-        body.winding.inside(row, answers);
+        piece.winding.inside(row, answers);
         inside[k] += std::size_t(std::count(answers.begin(), answers.end(), char(1)));
       }
     }
   });
   const std::size_t total = std::accumulate(inside.begin(), inside.end(), std::size_t(0));
-  return body.bounds.volume() * double(total) / double(cells[0] * cells[1] * cells[2]);
+  return piece.bounds.volume() * double(total) / double(cells[0] * cells[1] * cells[2]);
 }
 
-void measureVolume(SolidBody& body, double divergence_volume, const ParallelFor& parallel_for) {
-  if (!body.encloses) return;
-  body.volume = body.balanced ? rayVolume(body, parallel_for) : pointVolume(body, parallel_for);
+void measureVolume(SolidPiece& piece, double divergence_volume, const ParallelFor& parallel_for) {
+  if (!piece.encloses) return;
+  piece.volume = piece.balanced ? rayVolume(piece, parallel_for) : pointVolume(piece, parallel_for);
   // The divergence theorem counts overlaps twice. Where it agrees with the sampling, it is the exact one.
-  if (body.balanced && std::abs(divergence_volume - body.volume) <= 0.02 * std::abs(divergence_volume)) {
-    body.volume = divergence_volume;
-    body.volume_exact = true;
+  if (piece.balanced && std::abs(divergence_volume - piece.volume) <= 0.02 * std::abs(divergence_volume)) {
+    piece.volume = divergence_volume;
+    piece.volume_exact = true;
   }
 }
 
 }  // namespace
 
-BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join_distance,
-                   const ParallelFor& parallel_for) {
-  BodySet set;
+PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double join_distance,
+                    const ParallelFor& parallel_for) {
+  PieceSet set;
   const auto part_count = static_cast<std::uint32_t>(topology.parts.size());
-  set.part_body.assign(part_count, kNoIndex);
+  set.part_piece.assign(part_count, kNoIndex);
   if (part_count == 0) return set;
   const Frame frame = makeFrame(mesh, topology);
 
@@ -703,7 +703,7 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
   }
   joinNestedGroups(frame, groups, nested);
 
-  // 3. Small solids close to a much larger one (a tongue, a tooth, a button) move with it: as bodies of their own they
+  // 3. Small solids close to a much larger one (a tongue, a tooth, a button) move with it: as pieces of their own they
   // would fall off it.
   const auto enclosedVolume = [&](std::uint32_t g) { return std::abs(groups[g].enclosure.volume); };
   std::vector<std::uint32_t> small;
@@ -755,70 +755,70 @@ BodySet findBodies(const VisualMesh& mesh, const Topology& topology, double join
     }
   }
 
-  // 5. Bodies, in the order of their first part.
-  std::vector<std::vector<std::uint32_t>> body_groups(group_count);
-  for (std::uint32_t g = 0; g < group_count; ++g) body_groups[nested.find(g)].push_back(g);
-  std::vector<std::uint32_t> number(frame.points.size(), kNoIndex);  // of a point in its body; cleared after each
-  for (const auto& list : body_groups) {
+  // 5. Pieces, in the order of their first part.
+  std::vector<std::vector<std::uint32_t>> piece_groups(group_count);
+  for (std::uint32_t g = 0; g < group_count; ++g) piece_groups[nested.find(g)].push_back(g);
+  std::vector<std::uint32_t> number(frame.points.size(), kNoIndex);  // of a point in its piece; cleared after each
+  for (const auto& list : piece_groups) {
     if (list.empty()) continue;
-    SolidBody body;
+    SolidPiece piece;
     std::vector<Triangle> triangles;
     double divergence_volume = 0;
     for (const std::uint32_t g : list) {
       const Group& group = groups[g];
-      body.parts.insert(body.parts.end(), group.parts.begin(), group.parts.end());
+      piece.parts.insert(piece.parts.end(), group.parts.begin(), group.parts.end());
       for (const std::uint32_t p : group.parts) {
         if (std::find(group.solid_parts.begin(), group.solid_parts.end(), p) == group.solid_parts.end()) {
-          body.sheets.push_back(p);
+          piece.sheets.push_back(p);
         }
       }
       if (group.enclosure.encloses || !any) {
         triangles.insert(triangles.end(), group.triangles.begin(), group.triangles.end());
       }
       if (!group.enclosure.encloses) continue;
-      body.encloses = true;
+      piece.encloses = true;
       divergence_volume += group.enclosure.volume;
     }
-    std::sort(body.parts.begin(), body.parts.end());
-    std::sort(body.sheets.begin(), body.sheets.end());
-    body.name = bodyName(mesh, topology, body.parts);
-    body.balanced = body.encloses && unbalancedEdges(triangles).empty();
+    std::sort(piece.parts.begin(), piece.parts.end());
+    std::sort(piece.sheets.begin(), piece.sheets.end());
+    piece.name = pieceName(mesh, topology, piece.parts);
+    piece.balanced = piece.encloses && unbalancedEdges(triangles).empty();
 
     AlignedBox3d bounds;
     for (const Triangle& t : triangles) {
       for (const std::uint32_t v : t) bounds.extend(frame.points[v]);
     }
-    body.center = frame.center + bounds.center();
-    body.bounds = AlignedBox3d(bounds.min() - bounds.center(), bounds.max() - bounds.center());
+    piece.center = frame.center + bounds.center();
+    piece.bounds = AlignedBox3d(bounds.min() - bounds.center(), bounds.max() - bounds.center());
     for (const Triangle& t : triangles) {
       geometry::Triangle local{};
       for (std::size_t i = 0; i < 3; ++i) {
         std::uint32_t& n = number[t[i]];
         if (n == kNoIndex) {
-          n = static_cast<std::uint32_t>(body.positions.size());
-          body.positions.emplace_back(frame.points[t[i]] - bounds.center());
-          body.points.push_back(t[i]);
+          n = static_cast<std::uint32_t>(piece.positions.size());
+          piece.positions.emplace_back(frame.points[t[i]] - bounds.center());
+          piece.points.push_back(t[i]);
         }
         local[i] = n;
       }
-      body.triangles.push_back(local);
-      body.area += (body.positions[local[1]] - body.positions[local[0]])
-                       .cross(body.positions[local[2]] - body.positions[local[0]])
-                       .norm() /
-                   2;
+      piece.triangles.push_back(local);
+      piece.area += (piece.positions[local[1]] - piece.positions[local[0]])
+                        .cross(piece.positions[local[2]] - piece.positions[local[0]])
+                        .norm() /
+                    2;
     }
     for (const Triangle& t : triangles) {
       for (const std::uint32_t v : t) number[v] = kNoIndex;
     }
-    body.winding = WindingNumber(body.positions, body.triangles, body.balanced);
-    measureVolume(body, divergence_volume, parallel_for);
-    for (const std::uint32_t p : body.parts) set.part_body[p] = static_cast<std::uint32_t>(set.bodies.size());
-    set.bodies.push_back(std::move(body));
+    piece.winding = WindingNumber(piece.positions, piece.triangles, piece.balanced);
+    measureVolume(piece, divergence_volume, parallel_for);
+    for (const std::uint32_t p : piece.parts) set.part_piece[p] = static_cast<std::uint32_t>(set.pieces.size());
+    set.pieces.push_back(std::move(piece));
   }
   std::vector<std::string> names;
-  for (const SolidBody& body : set.bodies) names.push_back(body.name);
+  for (const SolidPiece& piece : set.pieces) names.push_back(piece.name);
   names = distinctNames(names);
-  for (std::size_t b = 0; b < names.size(); ++b) set.bodies[b].title = names[b];
+  for (std::size_t b = 0; b < names.size(); ++b) set.pieces[b].title = names[b];
   return set;
 }
 
@@ -832,10 +832,10 @@ std::vector<std::string> distinctNames(const std::vector<std::string>& names) {
   return distinct;
 }
 
-std::vector<Finding> bodyFindings(const VisualMesh& mesh, const Topology& topology, const BodySet& set,
-                                  double join_distance) {
+std::vector<Finding> pieceFindings(const VisualMesh& mesh, const Topology& topology, const PieceSet& set,
+                                   double join_distance) {
   std::vector<Finding> findings;
-  reportNearBodies(mesh, topology, set, join_distance, findings);
+  reportNearPieces(mesh, topology, set, join_distance, findings);
   reportLargeSheets(mesh, topology, set, findings);
   reportTurned(mesh, topology, set, findings);
   return findings;
