@@ -157,6 +157,7 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.support_damping = s.support_damping;
   result.substep_seconds = s.substep_seconds;
   result.most_substeps = s.most_substeps;
+  result.sleep_seconds = s.sleep_seconds;
   result.collisions = s.collisions ? 1 : 0;
   return result;
 }
@@ -173,6 +174,7 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.support_damping = s.support_damping;
   result.substep_seconds = s.substep_seconds;
   result.most_substeps = s.most_substeps;
+  result.sleep_seconds = s.sleep_seconds;
   result.collisions = s.collisions != 0;
 }
 
@@ -508,6 +510,14 @@ sinew_status sinew_body_remove(sinew_world* world, uint32_t body) {
 
 sinew_status sinew_body_reset(sinew_world* world, uint32_t body) {
   return onBody("sinew_body_reset", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.resetBody(id); });
+}
+
+uint32_t sinew_body_is_asleep(const sinew_world* world, uint32_t body) {
+  return world != nullptr && world->world->contains({body}) && world->world->isAsleep({body}) ? 1 : 0;
+}
+
+sinew_status sinew_body_wake(sinew_world* world, uint32_t body) {
+  return onBody("sinew_body_wake", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.wake(id); });
 }
 
 uint32_t sinew_body_exists(const sinew_world* world, uint32_t body) {

@@ -41,6 +41,8 @@ void Collider::place() {
   }
 }
 
+bool Collider::moves() const { return before.rotation != at.rotation || before.position != at.position; }
+
 double Collider::inverseMassAt(const Vector3d& spot, const Vector3d& direction) const {
   if (!(settings.mass > 0)) return 0;
   const Vector3d lever = pose.rotation.transpose() * (spot - pose.position).cross(direction);

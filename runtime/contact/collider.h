@@ -39,6 +39,8 @@ struct Collider {
   void move(double share);
   /// The origin moves: all places are `by` off.
   void shift(const Eigen::Vector3f& by);
+  /// Whether it has moved in this step.
+  bool moves() const;
   /// Box of its places in this step, world.
   const Eigen::AlignedBox3d& bounds() const { return bounds_; }
   /// How far a push at a place along a unit direction moves what has its mass and inertia, 1/kg; 0: nothing moves it.

@@ -10,45 +10,20 @@
 #include "runtime/step/body_state.h"
 #include "runtime/step/piece_step.h"
 #include "runtime/step/rigid.h"
+#include "runtime/step/sleep.h"
 
 namespace sinew::internal {
 namespace {
 
-std::uint32_t rootOf(Array<std::uint32_t>& parent, std::uint32_t i) {
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
-
 void addBox(const Body& body, std::uint32_t body_index, std::uint32_t piece_index, const Vector3d& gravity, double h,
             TogetherScratch& scratch) {
   const Piece& piece = body.pieces[piece_index];
-  const Field& field = piece.field();
-  if (field.points.empty()) return;
-  const std::uint32_t blocks = std::uint32_t((field.points.size() + 7) / 8);
-  const Vector3d center = meanOf(field, piece.z());
-  if (scratch.points.size() < 8 * std::size_t(blocks)) scratch.points.resize(8 * std::size_t(blocks));
-  PieceBox box = {body_index, piece_index, {}, {}};
-  const double margin = kMargin * double(body.package().info().diagonal);
-  for (int axis = 0; axis < 3; ++axis) {
-    float low = 1e30F, high = -1e30F;
-    for (const bool later : {false, true}) {
-      std::array<float, 1024> along;
-      for (std::uint32_t j = 0; j < field.k; ++j) {
-        const double one = oneOf(field, j);
-        double x = piece.state.z[j][axis] - one * center[axis];
-        if (later) x += h * (piece.state.v[j][axis] + one * h * gravity[axis]);
-        along[j] = float(x);
-      }
-      kernels().field_heights({field.k, blocks, field.point_values, along.data(), scratch.points.data()});
-      for (std::size_t p = 0; p < field.points.size(); ++p) {
-        low = std::min(low, scratch.points[p]);
-        high = std::max(high, scratch.points[p]);
-      }
-    }
-    box.low[std::size_t(axis)] = center[axis] + double(low) - margin;
-    box.high[std::size_t(axis)] = center[axis] + double(high) + margin;
-  }
-  scratch.boxes.push_back(box);
+  if (piece.field().points.empty()) return;
+  const Eigen::AlignedBox3d box = body.asleep() ? piece.box : boxOf(body, piece, gravity, h, scratch.points);
+  scratch.boxes.push_back({body_index,
+                           piece_index,
+                           {box.min()[0], box.min()[1], box.min()[2]},
+                           {box.max()[0], box.max()[1], box.max()[2]}});
 }
 
 bool mayTouch(const BodySettings& a, const BodySettings& b) {
@@ -235,7 +210,49 @@ class Island {
 
 }  // namespace
 
-void findPairs(const BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch) {
+std::uint32_t rootOf(Array<std::uint32_t>& parent, std::uint32_t i) {
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
+std::uint32_t placeOf(const BodyList& bodies, std::uint32_t id) {
+  const auto comes_before = [](const BodyPointer& body, std::uint32_t value) { return body->id < value; };
+  return std::uint32_t(std::lower_bound(bodies.begin(), bodies.end(), id, comes_before) - bodies.begin());
+}
+
+Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h,
+                          Array<float>& heights) {
+  const Field& field = piece.field();
+  const std::uint32_t blocks = std::uint32_t((field.points.size() + 7) / 8);
+  const Vector3d center = meanOf(field, piece.z());
+  if (heights.size() < 8 * std::size_t(blocks)) heights.resize(8 * std::size_t(blocks));
+  Eigen::AlignedBox3d box;
+  if (field.points.empty()) return box;
+  const double margin = kMargin * double(body.package().info().diagonal);
+  for (int axis = 0; axis < 3; ++axis) {
+    float low = 1e30F, high = -1e30F;
+    for (const bool later : {false, true}) {
+      if (later && !(h > 0)) break;
+      std::array<float, 1024> along;
+      for (std::uint32_t j = 0; j < field.k; ++j) {
+        const double one = oneOf(field, j);
+        double x = piece.state.z[j][axis] - one * center[axis];
+        if (later) x += h * (piece.state.v[j][axis] + one * h * gravity[axis]);
+        along[j] = float(x);
+      }
+      kernels().field_heights({field.k, blocks, field.point_values, along.data(), heights.data()});
+      for (std::size_t p = 0; p < field.points.size(); ++p) {
+        low = std::min(low, heights[p]);
+        high = std::max(high, heights[p]);
+      }
+    }
+    box.min()[axis] = center[axis] + double(low) - margin;
+    box.max()[axis] = center[axis] + double(high) + margin;
+  }
+  return box;
+}
+
+void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch) {
   scratch.boxes.clear();
   scratch.pairs.clear();
   scratch.order.clear();
@@ -268,10 +285,38 @@ void findPairs(const BodyList& bodies, const WorldSettings& settings, double sec
       if (!meet) continue;
       const std::uint32_t i = std::uint32_t(scratch.order[n]), j = std::uint32_t(scratch.order[m]);
       scratch.pairs.push_back(std::uint64_t(std::min(i, j)) << 32 | std::max(i, j));
-      scratch.busy[a.body] = scratch.busy[b.body] = 1;
     }
   }
   sortAscending({scratch.pairs.data(), scratch.pairs.size()});
+  // What moves wakes what it meets, and that what it meets.
+  const auto body_of = [&](std::uint32_t box) -> Body& { return *bodies[boxes[box].body]; };
+  for (bool woke = true; woke;) {
+    woke = false;
+    for (const std::uint64_t pair : scratch.pairs) {
+      Body *a = &body_of(std::uint32_t(pair >> 32)), *b = &body_of(std::uint32_t(pair));
+      if (a->asleep()) std::swap(a, b);
+      if (a->asleep() || !b->asleep() || a->still > 0) continue;
+      wake(bodies, *b);
+      woke = true;
+    }
+  }
+  std::size_t kept = 0;
+  for (const std::uint64_t pair : scratch.pairs) {
+    if (body_of(std::uint32_t(pair >> 32)).asleep() || body_of(std::uint32_t(pair)).asleep()) continue;
+    scratch.pairs[kept++] = pair;
+    scratch.busy[boxes[pair >> 32].body] = scratch.busy[boxes[std::uint32_t(pair)].body] = 1;
+  }
+  scratch.pairs.resize(kept);
+}
+
+void keepSleeping(const BodyList& bodies, TogetherScratch& scratch) {
+  for (const TouchMemory& touch : scratch.touching) {
+    const std::uint32_t a = placeOf(bodies, touch.body_a), b = placeOf(bodies, touch.body_b);
+    if (a >= bodies.size() || b >= bodies.size()) continue;
+    const Body &one = *bodies[a], &other = *bodies[b];
+    if (one.id != touch.body_a || other.id != touch.body_b || !one.asleep() || !other.asleep()) continue;
+    scratch.next_touching.push_back(touch);
+  }
 }
 
 void stepTogether(BodyList& bodies, const StepWorld& world, double seconds, TogetherScratch& scratch, JobSystem* jobs) {
@@ -362,6 +407,7 @@ void stepTogether(BodyList& bodies, const StepWorld& world, double seconds, Toge
     restPiece(body, piece);
     body.repaired += piece.field().vertex_count;
   }
+  keepSleeping(bodies, scratch);
   std::sort(scratch.next_touching.begin(), scratch.next_touching.end(),
             [](const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); });
   scratch.touching.swap(scratch.next_touching);

@@ -49,8 +49,20 @@ struct TogetherScratch {
   Array<TouchMemory> next_touching;
 };
 
-/// Finds the bodies whose boxes meet those of others in a step: TogetherScratch::busy, boxes and pairs.
-void findPairs(const BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
+/// Box around a piece's contact points now and, as it moves, after h seconds; world. \param heights scratch, grown.
+Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h,
+                          Array<float>& heights);
+/// Root of a tree in a forest of parents.
+std::uint32_t rootOf(Array<std::uint32_t>& parent, std::uint32_t i);
+/// Place of a BodyId in the list. \pre it is there
+std::uint32_t placeOf(const BodyList& bodies, std::uint32_t id);
+
+/// Finds the bodies whose boxes meet those of others in a step: TogetherScratch::busy, boxes and pairs. What moves
+/// wakes what it meets.
+void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
+
+/// Adds the touches between bodies that are asleep to TogetherScratch::next_touching.
+void keepSleeping(const BodyList& bodies, TogetherScratch& scratch);
 
 /// Advances the bodies that findPairs() found. \pre their holds have moved.
 void stepTogether(BodyList& bodies, const StepWorld& world, double seconds, TogetherScratch& scratch, JobSystem* jobs);

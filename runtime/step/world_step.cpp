@@ -8,6 +8,7 @@
 
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/cluster_solver.h"
+#include "runtime/step/sleep.h"
 
 namespace sinew::internal {
 
@@ -29,6 +30,7 @@ void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scr
 
 void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world,
                JobSystem* jobs, double seconds, double share) {
+  if (std::all_of(bodies.begin(), bodies.end(), [](const BodyPointer& body) { return body->asleep(); })) return;
   growScratch(bodies, world.colliders.size(), scratch, jobs);
   findPairs(bodies, world.settings, seconds, together);
   // Each lane takes the next body that nobody has taken. Bodies that touch no other share nothing, so it does not
@@ -37,6 +39,7 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together
   const auto run = [&](std::uint32_t begin, std::uint32_t end) {
     for (std::uint32_t lane = begin; lane < end; ++lane) {
       for (std::size_t i = next++; i < bodies.size(); i = next++) {
+        if (bodies[i]->asleep()) continue;
         moveHolds(*bodies[i], share);
         bodies[i]->touches.clear();
         if (together.busy[i] != 0) continue;
@@ -52,10 +55,13 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together
                       [&run](std::uint32_t begin, std::uint32_t end) { run(begin, end); });
   }
   if (together.pairs.empty()) {
-    together.touching.clear();
+    together.next_touching.clear();
+    keepSleeping(bodies, together);
+    together.touching.swap(together.next_touching);
   } else {
     stepTogether(bodies, world, seconds, together, jobs);
   }
+  letSleep(bodies, world.settings, seconds, together);
 }
 
 }  // namespace sinew::internal

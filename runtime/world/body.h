@@ -104,6 +104,10 @@ struct Body {
   Array<ColliderTouch> touches;  ///< of the last step, piece by piece
   Array<std::uint32_t> touched;  ///< colliders that events have said it touches
 
+  double still = 0;                            ///< how long it has rested, s
+  std::uint32_t sleeps_with = formats::kNone;  ///< the first body of those it fell asleep with; kNone: it is awake
+  bool asleep() const { return sleeps_with != formats::kNone; }
+
   std::uint32_t repaired = 0;  ///< vertices whose state was lost in the last step
 
   History history;  ///< for motion vectors

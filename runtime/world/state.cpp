@@ -20,7 +20,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 12;
+constexpr std::uint32_t kStateVersion = 13;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -30,11 +30,12 @@ struct StateHeader {
   std::uint32_t vertices, pins, picks;
   std::uint32_t history_positions, history_columns;
   std::uint32_t repaired;
-  std::uint32_t channels, pin_sets, pinned_vertices, reserved;
+  std::uint32_t channels, pin_sets, pinned_vertices, asleep;
+  double still;                ///< Body::still, s
   std::uint64_t solver_bytes;  ///< of the solver, behind all else
   std::uint64_t checksum;      ///< of all, with this field as 0
 };
-static_assert(sizeof(StateHeader) == 80);
+static_assert(sizeof(StateHeader) == 88);
 
 /// XXH3 as in packages. \param bytes of a whole state, header first.
 std::uint64_t checksumOf(std::span<const std::byte> bytes) {
@@ -76,6 +77,8 @@ StateHeader headerOf(const Body& body) {
   header.channels = std::uint32_t(body.activation.size());
   header.pin_sets = std::uint32_t(body.pin_sets.size());
   for (const internal::PinSet& set : body.pin_sets) header.pinned_vertices += std::uint32_t(set.vertices.size());
+  header.asleep = body.asleep() ? 1 : 0;
+  header.still = body.still;
   header.solver_bytes = body.solver->stateBytes();
   return header;
 }
@@ -136,7 +139,7 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
     return "saved from a body of another package";
   }
   const bool columns = h.history_columns == 0 || h.history_columns == body.clusterCount();
-  if (h.reserved != 0 || h.channels != body.activation.size() || h.pinned_vertices > h.vertices ||
+  if (h.asleep > 1 || !(h.still >= 0) || h.channels != body.activation.size() || h.pinned_vertices > h.vertices ||
       h.pin_sets > h.pinned_vertices || h.pins > h.vertices ||
       (h.history_positions != 0 && h.history_positions != h.vertices) || !columns || h.solver_bytes > h.bytes ||
       h.bytes != totalBytes(h)) {
@@ -272,6 +275,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     impl_->next_pick = std::max(impl_->next_pick, pick.id + 1);
     body->picks.push_back(pick);
   }
+  body->still = header.still;
   body->repaired = header.repaired;
   if (body->settings.keep_previous) keepHistory(*body);  // where the saved body kept none
   for (std::uint32_t i = 0; i < header.history_positions; ++i) {
@@ -292,6 +296,12 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     for (const internal::PinnedVertex& vertex : set.vertices) body->pinned[vertex.vertex] = 1;
   }
   body->solver->restore(bytes.subspan(header.bytes - header.solver_bytes, header.solver_bytes));
+  if (header.asleep != 0) {
+    impl_->guarded("restoreState", false, [&] {
+      internal::fallAsleep(*body, body->id, impl_->together.points);
+      return true;
+    });
+  }
   return std::size_t(header.bytes);
 }
 

@@ -82,6 +82,7 @@ Body* World::Impl::seen(BodyId id, const char* call, double part) const {
 }
 
 void World::Impl::holdsChanged(Body& body) {
+  internal::wake(bodies, body);
   body.solver->refresh(1);
   body.solver->holdsChanged();
 }
@@ -167,6 +168,15 @@ constexpr std::size_t kEvents = 4;
 // s. Nobody means a longer one.
 constexpr float kLongestStep = 1e6F;
 
+// Whether what rests under some settings rests under others.
+bool actsAlike(const WorldSettings& a, const WorldSettings& b) {
+  const GroundPlane &one = a.ground, &other = b.ground;
+  const bool same_ground = one.enabled == other.enabled && one.normal == other.normal && one.offset == other.offset &&
+                           one.friction == other.friction;
+  return a.gravity == b.gravity && same_ground && a.collisions == b.collisions &&
+         (a.sleep_seconds > 0) == (b.sleep_seconds > 0);
+}
+
 // Settings with every value in range, and a text for each value that was replaced.
 struct CheckedSettings {
   WorldSettings settings;
@@ -197,6 +207,7 @@ CheckedSettings checked(const WorldSettings& given) {
   check("deformation_damping_ratio", ratio >= 0 && ratio <= 1, s.deformation_damping_ratio, ratio > 1 ? 1.0F : 0.0F);
   in_range("support_damping", s.support_damping);
   in_range("ground.friction", s.ground.friction);
+  in_range("sleep_seconds", s.sleep_seconds);
   const float substep = s.substep_seconds > 1 ? 1.0F : 1e-5F;
   check("substep_seconds", s.substep_seconds >= 1e-5F && s.substep_seconds <= 1, s.substep_seconds, substep);
   check("most_substeps", s.most_substeps >= 1 && s.most_substeps <= 1000, s.most_substeps,
@@ -309,6 +320,15 @@ void World::resetBody(BodyId id) {
   });
 }
 
+bool World::isAsleep(BodyId id) const {
+  const Body* body = impl_->find(id, "isAsleep");
+  return body != nullptr && body->asleep();
+}
+
+void World::wake(BodyId id) {
+  if (Body* body = impl_->find(id, "wake")) internal::wake(impl_->bodies, *body);
+}
+
 const Asset& World::asset(BodyId id) const { return *impl_->find(id)->asset; }
 
 WorldSettings World::Impl::soundSettings(const char* call) {
@@ -379,7 +399,12 @@ void World::Impl::gatherTouches() {
 }
 
 void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double share) {
-  for (internal::Collider& collider : colliders) collider.move(share);
+  if (!actsAlike(sound, acting)) internal::wakeAll(bodies);
+  acting = sound;
+  for (internal::Collider& collider : colliders) {
+    collider.move(share);
+    if (collider.moves()) internal::wakeIn(bodies, collider.bounds());
+  }
   met.clear();
   met.reserve(colliders.size() + 1);
   touched.reserve(colliders.size() + 1);
@@ -495,6 +520,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
                                       [](const internal::Pin& pin, std::uint32_t v) { return pin.vertex < v; });
   if (place != body->pins.end() && place->vertex == vertex) {
     place->target = target;
+    internal::wake(impl_->bodies, *body);
     return;
   }
   impl_->guarded("pin", false, [&] {
@@ -569,6 +595,7 @@ void World::movePinSet(PinSetId id, const RigidTransform& to) {
     return;
   }
   body->pin_sets[index].target = to;
+  internal::wake(impl_->bodies, *body);
 }
 
 void World::removePinSet(PinSetId id) {
@@ -603,6 +630,7 @@ std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const Rig
     set.target = to;
     ++moved;
   }
+  if (moved > 0) internal::wake(impl_->bodies, *body);
   return moved;
 }
 
@@ -627,6 +655,7 @@ bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
   return impl_->guarded("setActivation", false, [&] {
     body->activation[channel] = wanted;
     body->solver->activationChanged();
+    internal::wake(impl_->bodies, *body);
     return true;
   });
 }
@@ -660,6 +689,7 @@ Result<ColliderId> World::addCollider(const ColliderShape& shape, const Collider
           return impl_->refuse("addCollider: mass and inertia must be 0 or more, and finite");
         }
         impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
+        internal::wakeAll(impl_->bodies);
         return ColliderId{impl_->next_collider++};
       });
 }
@@ -677,6 +707,7 @@ void World::moveCollider(ColliderId id, const RigidTransform& to) {
 void World::removeCollider(ColliderId id) {
   if (impl_->find(id, "removeCollider") == nullptr) return;
   impl_->colliders.erase(impl_->locate(id).second);
+  internal::wakeAll(impl_->bodies);
 }
 
 ColliderReaction World::colliderReaction(ColliderId id) const {
@@ -725,6 +756,7 @@ void World::movePick(PickId id, Vec3 target) {
     return;
   }
   body->picks[index].target = target;
+  internal::wake(impl_->bodies, *body);
 }
 
 void World::releasePick(PickId id) {

@@ -12,6 +12,7 @@
 
 #include "runtime/attach/visual.h"
 #include "runtime/solver/cluster_solver.h"
+#include "runtime/step/sleep.h"
 #include "runtime/step/world_step.h"
 #include "runtime/world/body.h"
 #include "sinew/runtime/world.h"
@@ -37,7 +38,7 @@ struct SINEW_HIDDEN World::Impl {
   /// The same, with its positions and velocities up to date, or as they were at a part of the last step.
   internal::Body* seen(BodyId id, const char* call, double part = 1) const;
   /// What holds or pulls a body has changed.
-  static void holdsChanged(internal::Body& body);
+  void holdsChanged(internal::Body& body);
 
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
@@ -126,9 +127,13 @@ struct SINEW_HIDDEN World::Impl {
   void stepOnce(const WorldSettings& sound, double seconds, double share);
 
   /// To be called whenever a body changes.
-  void changed(internal::Body&) { visual.invalidate(); }
+  void changed(internal::Body& body) {
+    visual.invalidate();
+    internal::wake(bodies, body);
+  }
 
   WorldSettings settings;
+  WorldSettings acting;  ///< of the last step
   std::pmr::memory_resource* memory;
   JobSystem* jobs;
   LogSink* log;

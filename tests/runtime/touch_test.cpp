@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Bodies that touch each other.
+// Bodies that touch each other, and what rests.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -204,6 +204,112 @@ TEST(Touch, IsTheSameForAnyThreads) {
     if (threads == 0) expected = found;
     EXPECT_EQ(found, expected) << threads;
   }
+}
+
+/// Two boxes on the ground, one on the other, after `seconds`.
+struct Pair {
+  World world;
+  std::vector<BodyId> bodies;
+
+  explicit Pair(float sleep_seconds) : world(settings(sleep_seconds)) {
+    const auto asset = touchingBox({1, 0.6, 1});
+    for (int i = 0; i < 2; ++i) {
+      BodySettings at;
+      at.position = {0.05F * float(i), 0.3F + 0.61F * float(i), 0};
+      at.stiffness_scale = 8;
+      bodies.push_back(*world.addBody(asset, at));
+    }
+  }
+  static WorldSettings settings(float sleep_seconds) {
+    WorldSettings result;
+    result.collisions = true;
+    result.ground.enabled = true;
+    result.sleep_seconds = sleep_seconds;
+    return result;
+  }
+  void run(int steps) {
+    for (int i = 0; i < steps; ++i) world.step(kStep);
+  }
+  std::vector<bool> asleep() const { return {world.isAsleep(bodies[0]), world.isAsleep(bodies[1])}; }
+};
+
+TEST(Sleep, WhatRestsFallsAsleepWhereItRestsAwake) {
+  Pair sleeping(0.5F), awake(0);
+  sleeping.run(400);
+  awake.run(400);
+  EXPECT_EQ(sleeping.asleep(), std::vector<bool>({true, true}));
+  EXPECT_EQ(awake.asleep(), std::vector<bool>({false, false}));
+  for (int b = 0; b < 2; ++b) {
+    const Motion one = motionOf(sleeping.world, {sleeping.bodies[std::size_t(b)]}),
+                 other = motionOf(awake.world, {awake.bodies[std::size_t(b)]});
+    EXPECT_LT((one.center - other.center).norm(), 1e-3) << b;
+    EXPECT_EQ(one.speed, 0) << b;
+  }
+  const auto x = sleeping.world.positions(sleeping.bodies[1]);
+  const std::vector<Vec3> before(x.begin(), x.end());
+  sleeping.run(100);
+  const auto y = sleeping.world.positions(sleeping.bodies[1]);
+  EXPECT_TRUE(std::equal(before.begin(), before.end(), y.begin(), y.end()));
+}
+
+TEST(Sleep, WakesWithAllThatItTouches) {
+  const auto wakes = [](const char* what, const auto& act) {
+    Pair pair(0.5F);
+    pair.run(400);
+    ASSERT_EQ(pair.asleep(), std::vector<bool>({true, true})) << what;
+    act(pair);
+    pair.run(1);
+    EXPECT_EQ(pair.asleep(), std::vector<bool>({false, false})) << what;
+  };
+  wakes("wake", [](Pair& p) { p.world.wake(p.bodies[0]); });
+  wakes("pick", [](Pair& p) { (void)p.world.pick(p.bodies[1], 0, {0, 2, 0}); });
+  wakes("pin", [](Pair& p) { p.world.pin(p.bodies[1], 0, {0, 2, 0}); });
+  wakes("teleport", [](Pair& p) { p.world.teleport(p.bodies[0], {1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 1, 0}); });
+  wakes("gravity", [](Pair& p) { p.world.settings().gravity = {0, -5, 0}; });
+  wakes("ground", [](Pair& p) { p.world.settings().ground.offset = -1; });
+  wakes("collider", [](Pair& p) { ASSERT_TRUE(p.world.addCollider(SphereShape{})); });
+  wakes("never", [](Pair& p) { p.world.settings().sleep_seconds = 0; });
+  Pair removed(0.5F);
+  removed.run(400);
+  removed.world.removeBody(removed.bodies[0]);
+  removed.run(20);
+  EXPECT_LT(motionOf(removed.world, {removed.bodies[1]}).center[1], 0.9);
+}
+
+TEST(Sleep, WhatFallsOntoItWakesIt) {
+  Pair pair(0.5F);
+  pair.run(400);
+  const auto asset = touchingBox({1, 0.6, 1});
+  BodySettings at;
+  at.position = {0, 4, 0};
+  at.stiffness_scale = 8;
+  pair.bodies.push_back(*pair.world.addBody(asset, at));
+  pair.run(10);
+  EXPECT_EQ(pair.asleep(), std::vector<bool>({true, true}));  // it is still far
+  pair.run(80);
+  EXPECT_EQ(pair.asleep(), std::vector<bool>({false, false}));
+  pair.run(420);
+  EXPECT_EQ(pair.asleep(), std::vector<bool>({true, true}));
+  EXPECT_GT(motionOf(pair.world, pair.bodies).high, 1.75);
+}
+
+TEST(Sleep, FloatingBodiesDriftAwake) {
+  WorldSettings settings = inSpace();
+  settings.sleep_seconds = 0.1F;
+  World world(settings);
+  const BodyId body = addMoving(world, touchingBox({1, 1, 1}), {0, 0, 0}, {2e-4F, 0, 0});
+  for (int i = 0; i < 600; ++i) world.step(kStep);
+  EXPECT_FALSE(world.isAsleep(body));
+  EXPECT_NEAR(motionOf(world, {body}).center[0], 2e-3, 1e-5);
+}
+
+TEST(Sleep, IsPartOfASavedState) {
+  Pair pair(0.5F), other(0.5F);
+  pair.run(400);
+  std::vector<std::byte> bytes(pair.world.stateBytes(pair.bodies[1]));
+  ASSERT_EQ(pair.world.saveState(pair.bodies[1], bytes), bytes.size());
+  ASSERT_TRUE(other.world.restoreState(other.bodies[1], bytes));
+  EXPECT_TRUE(other.world.isAsleep(other.bodies[1]));
 }
 
 }  // namespace

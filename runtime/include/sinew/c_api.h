@@ -147,6 +147,7 @@ typedef struct sinew_world_settings {
   float support_damping;           /* of turning on supports, 1/s; 4 */
   float substep_seconds;           /* inner step of sinew_world_advance(), s, 1e-5..1; 1/60 */
   uint32_t most_substeps;          /* that one call of it takes, 1..1000; 8 */
+  float sleep_seconds;             /* what rests so long falls asleep, s; 0 never; 0 */
   uint32_t collisions;             /* 0 or 1: bodies touch each other, where their packages have distances; 0 */
 } sinew_world_settings;
 
@@ -193,6 +194,9 @@ SINEW_API sinew_status sinew_body_add(sinew_world* world, const sinew_asset* ass
 SINEW_API sinew_status sinew_body_remove(sinew_world* world, uint32_t body);
 /* Back to the state in which it was added; pins and picks are let go, the package's pin sets hold again. */
 SINEW_API sinew_status sinew_body_reset(sinew_world* world, uint32_t body);
+/* 1: it rests and is not stepped (sleep_seconds). Calls that change it or what it touches wake it. */
+SINEW_API uint32_t sinew_body_is_asleep(const sinew_world* world, uint32_t body);
+SINEW_API sinew_status sinew_body_wake(sinew_world* world, uint32_t body);
 /* 1 if the world has it, else 0. */
 SINEW_API uint32_t sinew_body_exists(const sinew_world* world, uint32_t body);
 /* x becomes rotation x + translation; all else of the body's state turns along. */

@@ -64,6 +64,9 @@ struct WorldSettings {
   /// Whether bodies touch each other, where their packages have distance grids (section DIST, `field.distances`);
   /// docs/method.md says how. What touches is no part of a saved state: friction starts anew where it is restored.
   bool collisions = false;
+  /// After how long what rests falls asleep, with all that it touches, and costs nothing until something touches,
+  /// changes or moves it (docs/method.md). s, 0..1e4; 0: never.
+  float sleep_seconds = 0;
   /// How much work a step may take, 1..16: twice as many iterations of a piece's solver at most, fewer once it has
   /// settled; not a stiffness (docs/method.md).
   std::uint32_t iterations = 4;

@@ -97,6 +97,11 @@ class SINEW_API World {
   /// start, with new ids.
   void resetBody(BodyId body);
 
+  /// Whether it rests and is not stepped (WorldSettings::sleep_seconds). Every call that changes a body or what it may
+  /// touch wakes it, with all that fell asleep with it.
+  bool isAsleep(BodyId body) const;
+  void wake(BodyId body);
+
   /// Moves a body as it is: x becomes rotation x + translation; velocities, pins' and picks' targets, previous
   /// positions and all memory of forces turn along, so that it goes on as if it had always been there. \param rotation
   /// proper, within 1e-3 (made exact). \param translation metres, finite.

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/step/sleep.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/solver/springs.h"
+#include "runtime/step/piece_step.h"
+
+namespace sinew::internal {
+namespace {
+
+/// Speed below which a body rests, rms, diagonals per second: in half a second it goes less than 0.025 % of its size.
+constexpr double kResting = 5e-4;
+
+/// Whether something holds or carries every piece: what floats may drift as slowly as it likes.
+bool isSupported(const Body& body) {
+  return std::all_of(body.pieces.begin(), body.pieces.end(), [&body](const Piece& piece) {
+    const PieceState& state = piece.state;
+    return state.leaning || !state.touching.empty() || piece.field().driven > 0 || hasSprings(body, piece);
+  });
+}
+
+/// Whether all pieces are slow, and none still flows: plastic flow leaves no known energy.
+bool isStill(const Body& body) {
+  const double most = kResting * double(body.package().info().diagonal);
+  return std::all_of(body.pieces.begin(), body.pieces.end(), [most](const Piece& piece) {
+    double squared = 0;
+    for (const Vector3d& row : piece.state.v) squared += row.squaredNorm();
+    return squared < most * most * piece.field().mass && !(piece.field().plastic && piece.state.elastic < 0);
+  });
+}
+
+}  // namespace
+
+void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights) {
+  body.sleeps_with = group;
+  body.outdated = true;
+  for (Piece& piece : body.pieces) {
+    PieceState& state = piece.state;
+    std::copy(state.z.begin(), state.z.end(), state.z_before.begin());
+    for (Array<Vector3d>* array : {&state.v, &state.v_before})
+      std::fill(array->begin(), array->end(), Vector3d::Zero());
+    state.turn.setZero();
+    state.omega.setZero();
+    state.h_before = 0;
+    piece.box = boxOf(body, piece, Vector3d::Zero(), 0, heights);
+  }
+}
+
+void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch) {
+  if (!(settings.sleep_seconds > 0)) return;
+  bool ready = false;
+  for (const BodyPointer& body : bodies) {
+    if (body->asleep() || body->pieces.empty()) continue;
+    body->still = isStill(*body) && isSupported(*body) ? body->still + seconds : 0;
+    ready = ready || body->still >= double(settings.sleep_seconds);
+  }
+  if (!ready) return;
+  // Bodies that touch share a root, the first of them.
+  Array<std::uint32_t>& parent = scratch.parent;
+  parent.resize(bodies.size());
+  for (std::uint32_t i = 0; i < bodies.size(); ++i) parent[i] = i;
+  for (const TouchMemory& touch : scratch.touching) {
+    const std::uint32_t a = rootOf(parent, placeOf(bodies, touch.body_a)),
+                        b = rootOf(parent, placeOf(bodies, touch.body_b));
+    parent[std::max(a, b)] = std::min(a, b);
+  }
+  // A root is marked where one of its bodies has not rested long enough.
+  const auto rested = [&](const Body& body) {
+    return body.asleep() || (!body.pieces.empty() && body.still >= double(settings.sleep_seconds));
+  };
+  constexpr std::uint32_t kAwake = 0x80000000U;
+  for (std::uint32_t i = 0; i < bodies.size(); ++i) parent[i] = rootOf(parent, i);
+  for (std::uint32_t i = 0; i < bodies.size(); ++i) {
+    const std::uint32_t root = parent[i] & ~kAwake;
+    if (!rested(*bodies[i])) parent[root] |= kAwake;
+  }
+  for (std::uint32_t i = 0; i < bodies.size(); ++i) {
+    const std::uint32_t root = parent[i] & ~kAwake;
+    if ((parent[root] & kAwake) == 0 && !bodies[i]->asleep()) fallAsleep(*bodies[i], bodies[root]->id, scratch.points);
+  }
+}
+
+void wake(BodyList& bodies, Body& body) {
+  body.still = 0;
+  if (!body.asleep()) return;
+  const std::uint32_t group = body.sleeps_with;
+  for (const BodyPointer& other : bodies) {
+    if (other->sleeps_with != group) continue;
+    other->sleeps_with = formats::kNone;
+    other->still = 0;
+  }
+}
+
+void wakeAll(BodyList& bodies) {
+  for (const BodyPointer& body : bodies) {
+    body->sleeps_with = formats::kNone;
+    body->still = 0;
+  }
+}
+
+void wakeIn(BodyList& bodies, const Eigen::AlignedBox3d& box) {
+  for (const BodyPointer& body : bodies) {
+    if (!body->asleep()) continue;
+    const bool meets = std::any_of(body->pieces.begin(), body->pieces.end(),
+                                   [&box](const Piece& piece) { return piece.box.intersects(box); });
+    if (meets) wake(bodies, *body);
+  }
+}
+
+}  // namespace sinew::internal

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+//
+// Bodies that rest are not stepped (docs/method.md §3): they fall asleep with all that they touch, and wake with it.
+#pragma once
+
+#include "runtime/step/together.h"
+#include "runtime/world/body.h"
+
+namespace sinew::internal {
+
+/// After a step: counts how long each body has rested, and lets fall asleep what has rested for
+/// WorldSettings::sleep_seconds with all that it touches.
+void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
+
+/// \param group the first body of those it falls asleep with. \param heights scratch, grown.
+void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights);
+/// Wakes a body and all that fell asleep with it.
+void wake(BodyList& bodies, Body& body);
+void wakeAll(BodyList& bodies);
+/// Wakes what a box (world) meets.
+void wakeIn(BodyList& bodies, const Eigen::AlignedBox3d& box);
+
+}  // namespace sinew::internal
