@@ -80,7 +80,7 @@ struct Piece {
   double springs_firm = -1;              ///< kappa of pins that they were made with, N/m; negative: to be made anew
   Array<double> row;                     ///< scratch, k
   Array<float> reach_free, reach_fixed;  ///< findReach() of the fields
-  Eigen::AlignedBox3d box;  ///< around its contact points, world; of a body that is asleep
+  Eigen::AlignedBox3d box;               ///< around its contact points, world; of a body that is asleep
   SystemFactor system;
 };
 

@@ -72,15 +72,14 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   const auto& touches = objective.touch_rows;
   if (!objective.has_springs && contacts.empty() && touches.empty()) return;
   const auto split = system.points.begin() + std::min(contacts.size(), system.points.size());
-  const bool same = system.h == objective.h &&
-                    std::equal(system.points.begin(), split, contacts.begin(), contacts.end(),
-                               [](const SystemFactor::Point& p, const Contact& c) {
-                                 return p.point == c.point && p.kappa == c.kappa;
-                               }) &&
-                    std::equal(split, system.points.end(), touches.begin(), touches.end(),
-                               [](const SystemFactor::Point& p, const TouchRow& t) {
-                                 return p.point == t.key && p.kappa == t.kappa;
-                               });
+  const bool same =
+      system.h == objective.h &&
+      std::equal(
+          system.points.begin(), split, contacts.begin(), contacts.end(),
+          [](const SystemFactor::Point& p, const Contact& c) { return p.point == c.point && p.kappa == c.kappa; }) &&
+      std::equal(
+          split, system.points.end(), touches.begin(), touches.end(),
+          [](const SystemFactor::Point& p, const TouchRow& t) { return p.point == t.key && p.kappa == t.kappa; });
   if (same) {
     objective.system = system.factor.data();
     return;

@@ -113,7 +113,7 @@ static void testAsset(const char* path, sinew_asset** asset) {
   CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('V', 'T', 'R', 'I'), &data, &count, &bytes_each));
   CHECK(data != NULL && count == info.visual_triangles && bytes_each == 12);
   CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('C', 'L', 'U', 'S'), &data, &count, &bytes_each));
-  CHECK(data != NULL && count == info.clusters && bytes_each == 112);
+  CHECK(data != NULL && count == info.clusters && bytes_each == 88);
   CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('S', 'T', 'R', 'S'), &data, &count, &bytes_each));
   CHECK(data != NULL && count > 0 && bytes_each == 1);
   CHECK_OK(sinew_asset_section(*asset, SINEW_SECTION('N', 'O', 'N', 'E'), &data, &count, &bytes_each));

@@ -146,7 +146,7 @@ TEST(Shapes, DistancesAndPathsAgreeWithBruteForce) {
   Points points;
   for (int i = 0; i < 40; ++i) hull.push_back(narrow(points(1)));
   const std::vector<ColliderShape> shapes = {
-      PlaneShape{{0, 0, -1}, 0.3F},  SphereShape{0.7F}, CapsuleShape{0.4F, 0.8F},
+      PlaneShape{{0, 0, -1}, 0.3F},       SphereShape{0.7F}, CapsuleShape{0.4F, 0.8F},
       BoxShape{{0.3F, 0.9F, 0.6F}},       HullShape{hull},   ball.shape(),
       HeightFieldShape{heights, 11, 0.5F}};
   for (std::size_t s = 0; s < shapes.size(); ++s) {

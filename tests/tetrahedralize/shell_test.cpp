@@ -345,7 +345,7 @@ TEST(Shell, SheetsThatCrossHoldTogether) {
       EXPECT_GT(physical.tetrahedra.size(), 3 * mesh.triangles.size() + 16);
     }
     ASSERT_NE(findingOf(physical, "tetrahedra-method"), nullptr);
-    EXPECT_NE(findingOf(physical, "tetrahedra-method")->message.find("2 pieces tied"), std::string::npos);
+    EXPECT_NE(findingOf(physical, "tetrahedra-method")->message.find("2 parts tied"), std::string::npos);
   }
   // Eyeballs lie in the head without touching it.
   const PhysicalMesh head = shellOf(asset("models/makehuman_head.obj"), 3000, 0.02);
