@@ -324,6 +324,7 @@ TEST_F(Gltf, FaultsNameTheirPlaceInTheJson) {
   refused("view", "/accessors/0/bufferView", [](Builder& b) { b.doc["accessors"][0]["bufferView"] = 9; });
   refused("reach", "/accessors/0", [](Builder& b) { b.doc["accessors"][0]["count"] = 5; });
   refused("huge", "/accessors/0", [](Builder& b) { b.doc["accessors"][0]["count"] = 4'000'000'000ULL; });
+  expectRefusal(write("number.gltf", R"({"asset": {"version": "2.0"}, "extras": 1e999})"), "larger than any double");
   refused("offset", "/accessors/0",
           [](Builder& b) { b.doc["accessors"][0]["byteOffset"] = 18'446'744'073'709'551'615ULL; });
   refused("stride", "/accessors/0", [](Builder& b) { b.doc["bufferViews"][0]["byteStride"] = 8; });

@@ -211,6 +211,8 @@ class GltfReader {
       const std::size_t line = std::size_t(std::count(before.begin(), before.end(), '\n')) + 1;
       throw ReadError("is no glTF: its JSON is malformed (line " + std::to_string(line) + ", byte " +
                       std::to_string(error.byte) + " of the JSON)");
+    } catch (const json::out_of_range&) {
+      throw ReadError("is no glTF: its JSON has a number that is larger than any double");
     }
     if (!json_.is_object()) throw ReadError("is no glTF: its JSON is no object");
     top_ = Value(&json_, "");
