@@ -594,7 +594,7 @@ class Maker {
       if (cut_.piece_is_whole[piece.source] != 0) {
         addWholeFields(package_, piece, clusters_, pin_sets_, out_);
       } else {
-        addCutField(package_, cut_.sides, mesh_, piece, clusters_, label, part_, out_);
+        addCutField(package_, cut_.sides, mesh_, piece, cut_.nearest[piece.source], clusters_, label, part_, out_);
       }
     }
   }

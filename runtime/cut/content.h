@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "runtime/cut/fields.h"
 #include "runtime/cut/parts.h"
 #include "sinew/formats/writer.h"
 
@@ -21,6 +22,7 @@ struct Cut {
   const std::vector<Hung>& nodes;
   const Partition& partition;
   std::vector<std::uint8_t> piece_is_whole;  ///< by piece of the package: one part has it, and it is not cut
+  std::vector<Nearest> nearest;              ///< by piece; empty of whole ones
 };
 
 struct PartContent {

@@ -98,7 +98,12 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
       return Error{surface.vertices.empty() ? "the plane meets nothing, or only grazes it"
                                             : "the plane leaves what it cuts in one part"};
     }
-    const cutting::Cut cut = {package, settings, sides, surface, section, nodes, partition, whole};
+    std::vector<cutting::Nearest> nearest(whole.size());
+    for (std::uint32_t b = 0; b < whole.size(); ++b) {
+      if (whole[b] == 0) nearest[b] = cutting::findNearest(package, b);
+    }
+    watch.lap(result.times.fields);
+    const cutting::Cut cut = {package, settings, sides, surface, section, nodes, partition, whole, nearest};
     result.open_edges = std::uint32_t(closes ? section.open : surface.rim.size());
     for (const cutting::Polygon& polygon : section.polygons) result.rough_loops += polygon.plain ? 0U : 1U;
     for (std::uint32_t p = 0; p < partition.parts.size(); ++p) {

@@ -98,8 +98,9 @@ void addGrid(const Cut& cut, std::uint32_t part, const PartPiece& piece, const f
     made.nodes[a] = to[a] - from[a] + 1;
     made.origin[a] = grid.origin[a] + grid.spacing * float(from[a]);
   }
-  // A part far smaller than a cell has none: it does not stand for what touches it.
-  if (!(made.spacing <= content.info.diagonal)) return;
+  // A part smaller than a few cells has none: it does not stand for what touches it.
+  const Vector3d at_least = low.array() - double(content.info.diagonal);
+  if (!(2 * made.spacing <= content.info.diagonal) || (asVector(made.origin).array() < at_least.array()).any()) return;
   const bool cuts = piece.section.size() >= 3;
   const RestPlane plane = cuts ? planeOf(cut, mesh, piece) : RestPlane();
   const auto same_side = std::count_if(cut.partition.parts.begin(), cut.partition.parts.end(),

@@ -32,6 +32,31 @@ struct Sample {
   MatrixXd gradients;                      // k x 3, of the part's functions before they are turned
 };
 
+/// Places as floats about the first of them, side by side: distances of all to one.
+class Places {
+ public:
+  explicit Places(std::size_t count) : x_(count), y_(count), z_(count) {}
+  void set(std::size_t i, const Vector3d& at) {
+    if (i == 0) origin_ = at;
+    x_[i] = float(at[0] - origin_[0]);
+    y_[i] = float(at[1] - origin_[1]);
+    z_[i] = float(at[2] - origin_[2]);
+  }
+  void squaredDistances(const Vector3d& to, std::vector<float>& out) const {
+    const Vector3d from = to - origin_;
+    const float px = float(from[0]), py = float(from[1]), pz = float(from[2]);
+    const float *const x = x_.data(), *const y = y_.data(), *const z = z_.data();
+    float* const d = out.data();
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      d[i] = (x[i] - px) * (x[i] - px) + (y[i] - py) * (y[i] - py) + (z[i] - pz) * (z[i] - pz);
+    }
+  }
+
+ private:
+  Vector3d origin_ = Vector3d::Zero();
+  std::vector<float> x_, y_, z_;
+};
+
 /// Blocks of eight rows: element j of block b holds column j of rows 8 b .. 8 b + 7.
 void appendBlocks(const MatrixXd& rows, std::vector<formats::Lanes>& to) {
   for (Index block = 0; 8 * block < rows.rows(); ++block) {
@@ -47,12 +72,13 @@ void appendBlocks(const MatrixXd& rows, std::vector<formats::Lanes>& to) {
 class CutField {
  public:
   CutField(const formats::PackageView& package, const Sides& sides, const PartMesh& mesh, const PartPiece& piece,
-           const std::vector<std::uint32_t>& clusters, const std::vector<std::uint32_t>& label, std::uint32_t part,
-           formats::PackageContent& content)
+           const Nearest& nearest, const std::vector<std::uint32_t>& clusters, const std::vector<std::uint32_t>& label,
+           std::uint32_t part, formats::PackageContent& content)
       : package_(package),
         sides_(sides),
         mesh_(mesh),
         piece_(piece),
+        nearest_(nearest),
         clusters_(clusters),
         label_(label),
         part_(part),
@@ -170,16 +196,14 @@ class CutField {
       }
     }
     const std::size_t count = cells.size();
-    std::vector<double> x(count), y(count), z(count), distance(count, std::numeric_limits<double>::infinity());
+    Places places(count);
+    for (std::size_t i = 0; i < count; ++i) places.set(i, centers[i]);
+    std::vector<float> distance(count, std::numeric_limits<float>::infinity()), fresh(count);
     std::vector<std::uint32_t> nearest(count, 0);
-    for (std::size_t i = 0; i < count; ++i) x[i] = centers[i][0], y[i] = centers[i][1], z[i] = centers[i][2];
     const auto take = [&](const Vector3d& at, std::uint32_t sample) {
-      const double px = at[0], py = at[1], pz = at[2];
-      for (std::size_t i = 0; i < count; ++i) {
-        const double d = (x[i] - px) * (x[i] - px) + (y[i] - py) * (y[i] - py) + (z[i] - pz) * (z[i] - pz);
-        nearest[i] = d < distance[i] ? sample : nearest[i];
-        distance[i] = std::min(distance[i], d);
-      }
+      places.squaredDistances(at, fresh);
+      for (std::size_t i = 0; i < count; ++i) nearest[i] = fresh[i] < distance[i] ? sample : nearest[i];
+      for (std::size_t i = 0; i < count; ++i) distance[i] = fresh[i] < distance[i] ? fresh[i] : distance[i];
     };
     readParentSamples();
     for (const Parent& parent : parents_) {
@@ -229,7 +253,6 @@ class CutField {
     MatrixXd gradients;
   };
   void readParentSamples() {
-    const formats::BodyRange& body = package_.bodies()[piece_.source];
     for (std::uint32_t p = 0; p < parent_->pack_count; ++p) {
       const formats::FieldPack& pack = package_.fieldPacks()[parent_->first_pack + p];
       for (std::size_t lane = 0; lane < 8; ++lane) {
@@ -240,13 +263,7 @@ class CutField {
         parent.lambda = double(pack.lambda[lane]);
         parent.cluster = pack.cluster[lane] == formats::kNone ? formats::kNone : clusters_[pack.cluster[lane]];
         // It lies where its nearest vertex does.
-        std::uint32_t nearest = body.first_vertex;
-        double best = std::numeric_limits<double>::infinity();
-        for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
-          const double d = (restOf(v) - parent.at).squaredNorm();
-          if (d < best) best = d, nearest = v;
-        }
-        if (!isOwn(nearest)) continue;
+        if (!isOwn(nearest_.of_sample[8 * std::size_t(p) + lane])) continue;
         parent.gradients.resize(k_, 3);
         for (Index j = 0; j < k_; ++j) {
           for (Index a = 0; a < 3; ++a) {
@@ -348,25 +365,34 @@ class CutField {
 
   void findModes() {
     const Index k = values_.cols(), n = 3 * k;
-    // Strains of a unit of each unknown, in the root of its energy: xx, yy, zz, the shears, the trace.
-    MatrixXd strain = MatrixXd::Zero(n, 7 * Index(samples_.size()));
-    const double half = std::sqrt(0.5);
-    for (std::size_t s = 0; s < samples_.size(); ++s) {
-      const Sample& sample = samples_[s];
-      const double shear = std::sqrt(2 * sample.volume * sample.mu), bulk = std::sqrt(sample.volume * sample.lambda);
-      const Index column = 7 * Index(s);
-      for (Index j = 0; j < k; ++j) {
-        for (Index axis = 0; axis < 3; ++axis) {
-          const Index next = (axis + 1) % 3;
-          strain(3 * j + axis, column + axis) = shear * sample.gradients(j, axis);
-          strain(3 * j + axis, column + 3 + axis) += half * shear * sample.gradients(j, next);
-          strain(3 * j + next, column + 3 + axis) += half * shear * sample.gradients(j, axis);
-          strain(3 * j + axis, column + 6) = bulk * sample.gradients(j, axis);
-        }
+    // At rest: K_ij = V (mu (g_i . g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T), by axes: sums over samples of products.
+    const auto count = Index(samples_.size());
+    std::array<MatrixXd, 3> slope, shear, bulk;
+    for (int a = 0; a < 3; ++a) {
+      for (MatrixXd* m : {&slope[std::size_t(a)], &shear[std::size_t(a)], &bulk[std::size_t(a)]}) m->resize(k, count);
+      for (Index s = 0; s < count; ++s) {
+        const Sample& sample = samples_[std::size_t(s)];
+        slope[std::size_t(a)].col(s) = sample.gradients.col(a);
+        shear[std::size_t(a)].col(s) = sample.volume * sample.mu * sample.gradients.col(a);
+        bulk[std::size_t(a)].col(s) = sample.volume * sample.lambda * sample.gradients.col(a);
       }
     }
-    MatrixXd energy = MatrixXd::Zero(n, n);
-    energy.selfadjointView<Eigen::Lower>().rankUpdate(strain);
+    MatrixXd energy(n, n), dot = MatrixXd::Zero(k, k);
+    for (std::size_t a = 0; a < 3; ++a) {
+      for (std::size_t b = 0; b <= a; ++b) {
+        // Axis a of function i with axis b of function j.
+        const MatrixXd with_mu = shear[a] * slope[b].transpose(), with_lambda = bulk[a] * slope[b].transpose();
+        energy(Eigen::seqN(Index(a), k, 3), Eigen::seqN(Index(b), k, 3)) = with_mu.transpose() + with_lambda;
+        if (a == b) dot += with_mu;
+      }
+    }
+    for (Index a = 0; a < 3; ++a) energy(Eigen::seqN(a, k, 3), Eigen::seqN(a, k, 3)) += dot;
+    for (Index a = 0; a < 3; ++a) {
+      for (Index b = 0; b < a; ++b) {
+        energy(Eigen::seqN(b, k, 3), Eigen::seqN(a, k, 3)) =
+            energy(Eigen::seqN(a, k, 3), Eigen::seqN(b, k, 3)).transpose().eval();
+      }
+    }
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(energy);
     modes_ = eigen.eigenvectors();
     squares_ = eigen.eigenvalues().cwiseMax(0.0);
@@ -376,17 +402,10 @@ class CutField {
   void findPoints() {
     const auto points = package_.fieldPoints().subspan(parent_->first_point, parent_->point_count);
     if (points.empty()) return;
-    const formats::BodyRange& body = package_.bodies()[piece_.source];
     std::vector<VectorXd> rows;
     for (std::uint32_t i = 0; i < points.size(); ++i) {
       const Vector3d at = asVector(points[i].at);
-      std::uint32_t nearest = body.first_vertex;
-      double best = std::numeric_limits<double>::infinity();
-      for (std::uint32_t v = body.first_vertex; v < body.first_vertex + body.vertex_count; ++v) {
-        const double d = (restOf(v) - at).squaredNorm();
-        if (d < best) best = d, nearest = v;
-      }
-      if (!isOwn(nearest)) continue;
+      if (!isOwn(nearest_.of_point[i])) continue;
       VectorXd parent(k_);
       const std::size_t block = std::size_t(parent_->first_point_value) + std::size_t(k_) * (i / 8);
       for (Index j = 0; j < k_; ++j) {
@@ -573,6 +592,7 @@ class CutField {
   const Sides& sides_;
   const PartMesh& mesh_;
   const PartPiece& piece_;
+  const Nearest& nearest_;
   const std::vector<std::uint32_t>& clusters_;
   const std::vector<std::uint32_t>& label_;
   const std::uint32_t part_;
@@ -604,10 +624,37 @@ class CutField {
 
 }  // namespace
 
+Nearest findNearest(const formats::PackageView& package, std::uint32_t piece) {
+  Nearest result;
+  const formats::BodyRange& body = package.bodies()[piece];
+  Places places(body.vertex_count);
+  for (std::uint32_t i = 0; i < body.vertex_count; ++i) {
+    places.set(i, asVector(package.physicalVertices()[body.first_vertex + i].rest_position));
+  }
+  std::vector<float> distance(body.vertex_count);
+  const auto nearestTo = [&](const Vector3d& at) {
+    places.squaredDistances(at, distance);
+    return body.first_vertex + std::uint32_t(std::min_element(distance.begin(), distance.end()) - distance.begin());
+  };
+  for (const formats::Field& field : package.fields()) {
+    if (field.piece != piece || field.held != 0) continue;
+    for (const formats::FieldPack& pack : package.fieldPacks().subspan(field.first_pack, field.pack_count)) {
+      for (std::size_t lane = 0; lane < 8; ++lane) {
+        const Vector3d at(double(pack.at[0][lane]), double(pack.at[1][lane]), double(pack.at[2][lane]));
+        result.of_sample.push_back(pack.volume[lane] > 0 ? nearestTo(at) : body.first_vertex);
+      }
+    }
+    for (const formats::FieldPoint& point : package.fieldPoints().subspan(field.first_point, field.point_count)) {
+      result.of_point.push_back(nearestTo(asVector(point.at)));
+    }
+  }
+  return result;
+}
+
 void addCutField(const formats::PackageView& package, const Sides& sides, const PartMesh& mesh, const PartPiece& piece,
-                 const std::vector<std::uint32_t>& clusters, const std::vector<std::uint32_t>& label,
-                 std::uint32_t part, formats::PackageContent& content) {
-  CutField(package, sides, mesh, piece, clusters, label, part, content);
+                 const Nearest& nearest, const std::vector<std::uint32_t>& clusters,
+                 const std::vector<std::uint32_t>& label, std::uint32_t part, formats::PackageContent& content) {
+  CutField(package, sides, mesh, piece, nearest, clusters, label, part, content);
 }
 
 void addWholeFields(const formats::PackageView& package, const PartPiece& piece,

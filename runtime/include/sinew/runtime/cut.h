@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // Cuts a body along a plane (library sinew::cut): its parts are packages made in memory, and bodies of them that go on
-// as it moved. What never cuts does not link it. docs/runtime.md shows its use, docs/method.md §5 how it works.
+// as it moved. What never cuts does not link it. docs/runtime.md shows its use, docs/method.md §6 how it works.
 #pragma once
 
 #include <array>
