@@ -10,6 +10,7 @@
 #include "runtime/attach/visual_constants.h"
 #include "runtime/load/mapped_file.h"
 #include "runtime/load/rest_constants.h"
+#include "runtime/solver/hold.h"
 
 namespace sinew {
 
@@ -17,6 +18,7 @@ struct Asset::Lazy {
   std::once_flag visual_made, tangents_made;
   internal::VisualConstants visual;
   internal::Array<std::array<float, 4>> tangents;
+  internal::HoldShapes holds;
 };
 
 Asset::Asset() : lazy_(std::make_unique<Lazy>()) {}
@@ -92,6 +94,8 @@ const internal::VisualConstants& Asset::visualConstants() const {
   makeOnce(lazy_->visual_made, make, *this);
   return lazy_->visual;
 }
+
+const internal::HoldShapes& Asset::holdShapes() const { return lazy_->holds; }
 
 std::span<const Vec3> Asset::restNormals() const {
   return view_.visualNormals().empty() ? std::span<const Vec3>(visualConstants().made_normals) : view_.visualNormals();

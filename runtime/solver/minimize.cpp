@@ -143,6 +143,9 @@ double Objective::external(const float* d, float* gradient) const {
       }
     }
   }
+  if (has_springs) {
+    for (const Hold& hold : holds) total += holding(hold, d, gradient);
+  }
   for (const Contact& contact : scratch->contacts) {
     std::array<float, 4> moved = {};
     for (std::uint32_t j = 0; j < k; ++j) {
@@ -158,6 +161,44 @@ double Objective::external(const float* d, float* gradient) const {
     }
   }
   return total;
+}
+
+double Objective::holding(const Hold& hold, const float* d, float* gradient) const {
+  const HoldShape& shape = *hold.shape;
+  const std::uint32_t k = field->k, rank = shape.rank, count = 3 * rank;
+  const float* const r = hold.frame;
+  std::array<float, 3 * kMostPatterns> way, pull;
+  for (std::uint32_t q = 0; q < rank; ++q) {
+    std::array<float, 4> moved = {};
+    const float* const row = shape.rows.data() + std::size_t(k) * q;
+    for (std::uint32_t j = field->driven; j < k; ++j) {
+      for (std::uint32_t c = 0; c < 4; ++c) moved[c] += row[j] * d[4 * j + c];
+    }
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      way[3 * q + c] = r[3 * c] * moved[0] + (r[3 * c + 1] * moved[1] + r[3 * c + 2] * moved[2]);
+    }
+  }
+  pull.fill(0);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const float* const row = shape.stiffness.data() + std::size_t(count) * i;
+    for (std::uint32_t c = 0; c < count; ++c) pull[c] += row[c] * way[i];
+  }
+  double twice = 0;
+  for (std::uint32_t i = 0; i < count; ++i) twice += double(way[i]) * double(pull[i]);
+  if (gradient != nullptr) {
+    for (std::uint32_t q = 0; q < rank; ++q) {
+      const float* const p = pull.data() + 3 * q;
+      std::array<float, 4> turned = {};
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        turned[c] = stiffness * (r[c] * p[0] + (r[3 + c] * p[1] + r[6 + c] * p[2]));
+      }
+      const float* const row = shape.rows.data() + std::size_t(k) * q;
+      for (std::uint32_t j = field->driven; j < k; ++j) {
+        for (std::uint32_t c = 0; c < 4; ++c) gradient[4 * j + c] += row[j] * turned[c];
+      }
+    }
+  }
+  return 0.5 * double(stiffness) * twice;
 }
 
 double Objective::besideElastic(const float* d, float* gradient) const {

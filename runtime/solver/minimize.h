@@ -89,6 +89,7 @@ struct Objective {
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
   const float* system = nullptr;  ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
+  std::span<const Hold> holds;           ///< Piece::holds; count with the springs
   std::span<const TouchRow> touch_rows;  ///< of what couples it to other pieces
   MinimizeScratch* scratch = nullptr;
 
@@ -113,6 +114,8 @@ struct Objective {
   double besideElastic(const float* d, float* gradient) const;
   /// What springs and contacts add of it, alone.
   double external(const float* d, float* gradient) const;
+  /// What a hold adds of that beside its pull at the prediction, which residual has.
+  double holding(const Hold& hold, const float* d, float* gradient) const;
   /// What active fibres add of the elastic energy. \param local coefficients as toFrame() makes them.
   double fibres(const float* local, float* gradient) const;
   /// Normal forces of the contacts at d become what friction sees.

@@ -9,6 +9,7 @@
 
 #include "runtime/memory/array.h"
 #include "runtime/solver/field.h"
+#include "runtime/solver/hold.h"
 #include "runtime/solver/system.h"
 
 namespace sinew::internal {
@@ -57,6 +58,7 @@ struct Piece {
         tensions(memory),
         springs(memory),
         row(memory),
+        holds(memory),
         reach_free(memory),
         reach_fixed(memory),
         system(memory) {}
@@ -78,6 +80,7 @@ struct Piece {
   Array<double> springs;                 ///< k x k: sum kappa phi phi^T of pins and picks
   double springs_firm = -1;              ///< kappa of pins that they were made with, N/m; negative: to be made anew
   Array<double> row;                     ///< scratch, k
+  OwningArray<Hold> holds;               ///< the pin sets that hold it by shapes, ascending
   Array<float> reach_free, reach_fixed;  ///< findReach() of the fields
   SystemFactor system;
 };

@@ -2,8 +2,11 @@
 #include "runtime/solver/springs.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <new>
 
+#include "runtime/geometry/rotation.h"
 #include "runtime/interact/picked_point.h"
 
 namespace sinew::internal {
@@ -35,7 +38,15 @@ double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
   return sum;
 }
 
-/// Calls visit(vertex, weight, target, set) for each vertex of the piece that springs hold; set is the pin set's number
+/// The hold by which a set holds the piece; null: springs do.
+const Hold* holdOf(const Piece& piece, std::uint32_t set) {
+  for (const Hold& hold : piece.holds) {
+    if (hold.set == set) return &hold;
+  }
+  return nullptr;
+}
+
+/// Calls visit(vertex, weight, target, set) for each vertex of the piece that springs of one firmness hold; set is the pin set's number
 /// or kNone.
 template <class Visit>
 void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
@@ -46,7 +57,14 @@ void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
   for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
     const PinSet& set = body.pin_sets[s];
     if (isDriven(piece, set)) continue;
+    const Hold* const hold = holdOf(piece, s);
+    const std::uint32_t* next = hold != nullptr ? hold->shape->vertices.begin() : nullptr;
+    const std::uint32_t* const end = hold != nullptr ? hold->shape->vertices.end() : nullptr;
     for (const PinnedVertex& vertex : set.vertices) {
+      if (next != end && vertex.vertex - field.first_vertex == *next) {
+        ++next;
+        continue;
+      }
       if (isIn(field, vertex.vertex)) visit(vertex.vertex, double(vertex.weight), placeOf(set.at, vertex.local), s);
     }
   }
@@ -91,7 +109,108 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   }
 }
 
+/// Sets a hold's targets and its axes: those of the rotation by which its vertices come nearest to the rest shape.
+void aim(const Body& body, const PinSet& set, const Field& field, const HoldShape& shape, Hold& hold) {
+  const std::size_t held = shape.vertices.size();
+  hold.targets.resize(4 * std::size_t(shape.rank));
+  Vector3d mean = Vector3d::Zero(), rest_mean = Vector3d::Zero();
+  for (const bool summed : {false, true}) {
+    Matrix3d moment = Matrix3d::Zero();
+    std::size_t i = 0;
+    for (const PinnedVertex& vertex : set.vertices) {
+      if (i == held || vertex.vertex - field.first_vertex != shape.vertices[i]) continue;
+      const Vector3d local = asVector(vertex.local).cast<double>();
+      const Vector3d rest = asVector(body.vertices()[vertex.vertex].rest_position).cast<double>();
+      moment += (local - mean) * (rest - rest_mean).transpose();
+      if (!summed) {
+        mean += local;
+        rest_mean += rest;
+      }
+      for (std::uint32_t q = 0; q < shape.rank && summed; ++q) {
+        const double weight = shape.weights[held * q + i];
+        double* const target = hold.targets.data() + 4 * std::size_t(q);
+        target[0] += weight;
+        Eigen::Map<Vector3d>(target + 1) += weight * local;
+      }
+      ++i;
+    }
+    if (!summed) {
+      mean /= double(held);
+      rest_mean /= double(held);
+      continue;
+    }
+    const double scale = moment.cwiseAbs().maxCoeff();
+    if (!(scale > 0)) continue;
+    geometry::Quaternion q = geometry::kIdentityQuaternion;
+    geometry::nearestRotation(Matrix3((moment / scale).cast<float>()), q);
+    hold.material =
+        Eigen::Quaterniond(double(q[0]), double(q[1]), double(q[2]), double(q[3])).normalized().toRotationMatrix();
+  }
+}
+
+Matrix3d rotationOf(const RigidTransform& at) {
+  Matrix3d rotation;
+  for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(at.rotation[std::size_t(i)]);
+  return rotation;
+}
+
+/// Where a hold's patterns are off their targets, in the world. \param z coefficients.
+Vector3d offOf(const Hold& hold, const RigidTransform& at, const Field& field, std::uint32_t pattern,
+               const Vector3d& center, const ConstCoefficientMap& z) {
+  const Vector3d position = asVector(at.position).cast<double>();
+  Vector3d off = hold.one(pattern) * (center - position) - rotationOf(at) * hold.arm(pattern);
+  const float* const row = hold.shape->rows.data() + std::size_t(field.k) * pattern;
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    off += double(row[j]) * (z.row(j).transpose() - double(field.functions[j].one) * center);
+  }
+  return off;
+}
+
+/// What a hold pulls at its patterns. \param off 3 rank: where they are off, in; the pull, out; in the world.
+void pullOf(const Hold& hold, float stiffness, const Matrix3d& frame, std::span<Vector3d> off) {
+  const std::uint32_t rank = hold.shape->rank, count = 3 * rank;
+  std::array<double, 3 * kMostPatterns> way;
+  for (std::uint32_t q = 0; q < rank; ++q) Eigen::Map<Vector3d>(way.data() + 3 * q) = frame.transpose() * off[q];
+  for (std::uint32_t q = 0; q < rank; ++q) {
+    Vector3d pull = Vector3d::Zero();
+    for (std::uint32_t a = 0; a < 3; ++a) {
+      const float* const row = hold.shape->stiffness.data() + std::size_t(count) * (3 * q + a);
+      for (std::uint32_t i = 0; i < count; ++i) pull[int(a)] += double(row[i]) * way[i];
+    }
+    off[q] = double(stiffness) * (frame * pull);
+  }
+}
+
 }  // namespace
+
+void findHolds(Body& body) noexcept {
+  for (Piece& piece : body.pieces) {
+    piece.holds.clear();
+    piece.springs_firm = -1;
+    piece.system.h = 0;
+    const Field& field = piece.field();
+    for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
+      const PinSet& set = body.pin_sets[s];
+      if (isDriven(piece, set)) continue;
+      try {
+        Array<std::uint32_t> vertices(body.pin_sets.memory());
+        for (const PinnedVertex& vertex : set.vertices) {
+          if (vertex.weight == 1 && isIn(field, vertex.vertex)) vertices.push_back(vertex.vertex - field.first_vertex);
+        }
+        if (vertices.empty()) continue;
+        auto shape = body.asset->holdShapes().find(body.package(), field, {vertices.data(), vertices.size()});
+        if (shape->rank == 0) continue;
+        Hold hold(body.pin_sets.memory());
+        hold.set = s;
+        aim(body, set, field, *shape, hold);
+        hold.shape = std::move(shape);
+        piece.holds.push_back(std::move(hold));
+      } catch (const std::bad_alloc&) {
+        continue;
+      }
+    }
+  }
+}
 
 void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull) {
   std::fill(pull.begin(), pull.end(), Vector3d::Zero());
@@ -108,7 +227,7 @@ bool hasSprings(const Body& body, const Piece& piece) {
   if (piece.field().tethers != nullptr) return true;
   bool held = false;
   forEachHeld(body, piece, [&held](auto&&...) { held = true; });
-  if (held) return true;
+  if (held || piece.holds.size() > 0) return true;
   for (const Pick& pick : body.picks) {
     if (isIn(piece.field(), pickedPoint(body, pick.visual_vertex).vertex[0])) return true;
   }
@@ -145,6 +264,18 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     }
   });
   piece.springs_firm = firm;
+  for (Hold& hold : piece.holds) {
+    const RigidTransform& at = body.pin_sets[hold.set].at;
+    const Matrix3d frame = rotationOf(at) * hold.material;
+    for (int i = 0; i < 9; ++i) hold.frame[i] = float(frame.data()[i]);
+    std::array<Vector3d, kMostPatterns> pull;
+    for (std::uint32_t q = 0; q < hold.shape->rank; ++q) pull[q] = offOf(hold, at, field, q, step.center, y);
+    pullOf(hold, step.stiffness, frame, pull);
+    for (std::uint32_t q = 0; q < hold.shape->rank; ++q) {
+      const float* const weights = hold.shape->rows.data() + std::size_t(k) * q;
+      for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += double(weights[j]) * pull[q];
+    }
+  }
   for (std::uint32_t j = 0; j < k; ++j) {
     for (std::uint32_t c = 0; c < 3; ++c) scratch.residual[4 * j + c] = float(scratch.external[j][c]);
     scratch.residual[4 * j + 3] = 0;
@@ -170,12 +301,23 @@ void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::s
     };
     forEachSpring(body, piece, step, firm, react);
   }
+  for (const Hold& hold : piece.holds) {
+    PinSet& set = body.pin_sets[hold.set];
+    const Matrix3d rotation = rotationOf(set.at), frame = rotation * hold.material;
+    const ConstCoefficientMap z = piece.z();
+    std::array<Vector3d, kMostPatterns> pulls;
+    for (std::uint32_t q = 0; q < hold.shape->rank; ++q) pulls[q] = offOf(hold, set.at, field, q, step.center, z);
+    pullOf(hold, step.stiffness, frame, pulls);
+    for (std::uint32_t q = 0; q < hold.shape->rank; ++q) {
+      set.force_sum += hold.one(q) * pulls[q];
+      set.torque_sum += (rotation * hold.arm(q)).cross(pulls[q]);
+    }
+  }
   if (pull.empty()) return;
   for (PinSet& set : body.pin_sets) {
     if (!isDriven(piece, set)) continue;
     const Vector3d origin = asVector(set.at.position).cast<double>();
-    Matrix3d rotation;
-    for (int i = 0; i < 9; ++i) rotation(i / 3, i % 3) = double(set.at.rotation[std::size_t(i)]);
+    const Matrix3d rotation = rotationOf(set.at);
     for (std::uint32_t j = 0; j < field.driven; ++j) {
       if (field.functions[j].pin_set != set.source) continue;
       // x = ... + phi_j z_j, z = position for the first function, columns of the rotation for the others.

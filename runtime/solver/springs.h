@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Pins and picks of a piece as springs between points of its field and targets. What stays held for good is held by the
-// field itself (its driven functions).
+// Pins, picks and holds of a piece as springs between points of its field and targets. What stays held for good is held
+// by the field itself (its driven functions).
 #pragma once
 
 #include "runtime/solver/minimize.h"
@@ -17,6 +17,10 @@ struct SpringStep {
   float stiffness;  ///< factor on the moduli
   Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
+
+/// Makes Piece::holds of the pin sets that the pieces' fields do not hold by themselves. Where memory runs out springs of
+/// one firmness act in their place.
+void findHolds(Body& body) noexcept;
 
 /// Whether a spring acts on the piece.
 bool hasSprings(const Body& body, const Piece& piece);

@@ -16,6 +16,13 @@ void addSprings(const Objective& objective, float* matrix) {
   const MinimizeScratch& s = *objective.scratch;
   if (!objective.has_springs && s.contacts.empty() && objective.touch_rows.empty()) return;
   const std::uint32_t k = field.k, driven = field.driven;
+  if (objective.has_springs) {
+    // As the shapes lie at rest: a frame that turned on would make the factor depend on when it was made.
+    for (const Hold& hold : objective.holds) {
+      const Array<float>& own = hold.shape->matrix;
+      for (std::size_t i = 0; i < own.size(); ++i) matrix[i] += objective.stiffness * own[i];
+    }
+  }
   float* const row = objective.scratch->parts.data();
   for (std::uint32_t i = driven; i < k; ++i) {
     if (objective.has_springs) {

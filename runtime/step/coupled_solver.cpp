@@ -8,6 +8,7 @@
 #include "runtime/contact/contacts.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/solver/plasticity.h"
+#include "runtime/solver/springs.h"
 #include "runtime/step/piece_step.h"
 #include "runtime/step/world_step.h"
 #include "runtime/world/body.h"
@@ -61,6 +62,7 @@ class CoupledSolver final : public BodySolver {
   }
   void rest() override {
     chooseFields(body_);
+    findHolds(body_);
     updateFibres(body_);
     for (Piece& piece : body_.pieces) restPiece(body_, piece);
     body_.outdated = false;
@@ -76,6 +78,7 @@ class CoupledSolver final : public BodySolver {
   }
   void holdsChanged() override {
     if (chooseFields(body_)) project(body_);
+    findHolds(body_);
     // A two-step formula does not reach across what came or went: it would keep a part of its force.
     for (Piece& piece : body_.pieces) piece.state.h_before = 0;
   }
@@ -205,6 +208,7 @@ class CoupledSolver final : public BodySolver {
       get(state.plastic.data(), saved.plastic * sizeof(float));
       invertPlasticity(state.plastic, piece.rest_change);
     }
+    findHolds(body_);
     updateFibres(body_, false);
     body_.outdated = false;
     body_.shown = 1;

@@ -110,6 +110,7 @@ Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vect
 void setMaterial(const Piece& piece, Objective& objective) {
   if (!piece.rest_change.empty()) objective.rest_change = piece.rest_change.data();
   objective.tensions = {piece.tensions.data(), piece.tensions.size()};
+  objective.holds = {piece.holds.begin(), piece.holds.size()};
 }
 
 class PieceStep {

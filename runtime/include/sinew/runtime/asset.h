@@ -16,6 +16,7 @@
 namespace sinew {
 
 namespace internal {
+class HoldShapes;
 struct RestConstants;
 struct VisualConstants;
 }  // namespace internal
@@ -46,6 +47,7 @@ class SINEW_API Asset {
   /// For the runtime itself: constants made at load, and those of the outputs, made when first asked for.
   const internal::RestConstants& constants() const { return *constants_; }
   const internal::VisualConstants& visualConstants() const;
+  const internal::HoldShapes& holdShapes() const;
   std::span<const Vec3> restNormals() const;
   std::span<const std::array<float, 4>> restTangents() const;
 
