@@ -259,6 +259,7 @@ class Closing {
     }
     for (const Corners& t : triangles) polygon.triangles.push_back({name[t[0]], name[t[1]], name[t[2]]});
     for (const auto& t : folded) polygon.triangles.push_back(t);
+    splitTouching(polygon);
     section_.polygons.push_back(std::move(polygon));
   }
 
@@ -277,6 +278,37 @@ class Closing {
       }
     }
     return true;
+  }
+
+  /// Edges across the polygon that the surface has too get a point in their middle.
+  void splitTouching(Polygon& polygon) const {
+    if (surface_.touching.empty()) return;
+    const auto touches = [&](std::uint32_t u, std::uint32_t v) {
+      if (u >= polygon.nodes.size() || v >= polygon.nodes.size()) return false;
+      const std::uint32_t a = polygon.nodes[u], b = polygon.nodes[v];
+      return std::binary_search(surface_.touching.begin(), surface_.touching.end(),
+                                std::array<std::uint32_t, 2>{std::min(a, b), std::max(a, b)});
+    };
+    std::map<std::array<std::uint32_t, 2>, std::uint32_t> middles;
+    for (std::size_t t = 0; t < polygon.triangles.size(); ++t) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::array<std::uint32_t, 3> old = polygon.triangles[t];
+        const std::uint32_t u = old[k], v = old[(k + 1) % 3], w = old[(k + 2) % 3];
+        if (!touches(u, v)) continue;
+        const auto [found, added] = middles.try_emplace({std::min(u, v), std::max(u, v)}, formats::kNone);
+        if (added) {
+          const Vector3d &from = surface_.nodes[polygon.nodes[u]].at, &to = surface_.nodes[polygon.nodes[v]].at;
+          if (const std::optional<Interior> middle = locate_(0.5 * (from + to))) {
+            found->second = std::uint32_t(polygon.nodes.size() + polygon.interior.size());
+            polygon.interior.push_back(*middle);
+          }
+        }
+        if (found->second == formats::kNone) continue;
+        polygon.triangles[t] = {u, found->second, w};
+        polygon.triangles.push_back({found->second, v, w});
+        k = std::size_t(-1);  // the corner is another one: its sides anew
+      }
+    }
   }
 
   /// Points of a hexagonal grid that lie within the loops and away from their edges.

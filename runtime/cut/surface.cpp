@@ -82,12 +82,14 @@ class Clip {
   /// The sides of a polygon that lie on the plane.
   template <std::size_t kMost>
   void addEdges(const std::array<std::uint32_t, kMost>& polygon, std::size_t n, Side side) {
-    if (side > 0) return;  // what ends above ends below too, the other way round
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint32_t u = polygon[i], v = polygon[(i + 1) % n];
       if ((u < count_ && sideOf(u) != 0) || (v < count_ && sideOf(v) != 0)) continue;
       const std::uint32_t from = nodeOf(u), to = nodeOf(v);
-      if (from != to) surface_.rim.push_back({to, from});
+      if (from == to) continue;
+      // What ends above ends below too, the other way round.
+      if (side < 0) surface_.rim.push_back({to, from});
+      surface_.touching.push_back({std::min(from, to), std::max(from, to)});
     }
   }
 
@@ -149,6 +151,17 @@ class Clip {
       i = end;
     }
     rim = std::move(left);
+    auto& touching = surface_.touching;
+    std::sort(touching.begin(), touching.end());
+    touching.erase(std::unique(touching.begin(), touching.end()), touching.end());
+    // Both are in the order of their pairs.
+    std::vector<std::array<std::uint32_t, 2>> others;
+    auto next = rim.begin();
+    for (const auto& edge : touching) {
+      while (next != rim.end() && key(*next) < key(edge)) ++next;
+      if (next == rim.end() || key(*next) != key(edge)) others.push_back(edge);
+    }
+    touching = std::move(others);
   }
 
   const formats::PackageView& package_;

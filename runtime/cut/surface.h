@@ -40,6 +40,9 @@ struct Surface {
   /// Pairs of nodes: where the surface below ends at the plane, turned so that what closes it lies to the left, seen
   /// from above. The surface above ends there the other way round.
   std::vector<std::array<std::uint32_t, 2>> rim;
+  /// Other edges of the surface that lie in the plane: pairs of nodes, the lower first, ascending. What closes the rim
+  /// must not have them again, or four triangles would share an edge.
+  std::vector<std::array<std::uint32_t, 2>> touching;
 };
 
 /// A triangle that lies in the plane goes to the side on which what it bounds is: below where its front looks up.

@@ -67,7 +67,7 @@ double fastestOf(const World& world, BodyId body) {
 }
 
 TEST(Cut, BoxFallsIntoTwo) {
-  const auto asset = boxAsset({.cells = {4, 5, 3}, .size = {1, 1.25, 0.75}});
+  const auto asset = boxAsset({.cells = {4, 5, 3}, .size = {1, 1.25, 0.75}, .keep = {}});
   const CutResult cut = cutAtRest(*asset, {{0.03F, 0.11F, 0}, {0.2F, 1, 0.1F}});
   ASSERT_EQ(cut.parts.size(), 2U);
   EXPECT_FALSE(cut.parts[0].above);
@@ -84,7 +84,7 @@ TEST(Cut, BoxFallsIntoTwo) {
 }
 
 TEST(Cut, SectionHasTheAreaOfThePlaneInTheBox) {
-  const auto asset = boxAsset({.cells = {5, 5, 5}, .size = {1, 1, 1}});
+  const auto asset = boxAsset({.cells = {5, 5, 5}, .size = {1, 1, 1}, .keep = {}});
   const CutResult cut = cutAtRest(*asset, {{0, 0.07F, 0}, {0, 1, 0}});
   for (const CutPart& part : cut.parts) EXPECT_NEAR(sectionArea(part.asset->package()), 1, 1e-5);
   EXPECT_NEAR(cut.parts[1].volume, 0.43, 1e-5);
@@ -100,7 +100,7 @@ TEST(Cut, SectionHasTheAreaOfThePlaneInTheBox) {
 }
 
 TEST(Cut, DegeneratePlanesAreRightOrRefused) {
-  const auto asset = boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}});
+  const auto asset = boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}, .keep = {}});
   // Through vertices and along edges.
   for (const CutPlane& plane : {CutPlane{{0, 0, 0}, {0, 1, 0}}, CutPlane{{0, 0.25F, 0}, {0, -1, 0}},
                                 CutPlane{{0, 0, 0}, {1, 1, 0}}, CutPlane{{0, 0, 0}, {1, 1, 1}},
@@ -119,7 +119,7 @@ TEST(Cut, DegeneratePlanesAreRightOrRefused) {
 }
 
 TEST(Cut, WhatIsNoNumberIsRefused) {
-  const auto asset = boxAsset({.cells = {2, 2, 2}});
+  const auto asset = boxAsset({.cells = {2, 2, 2}, .keep = {}});
   const float nan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_NE(refusalOf(*asset, {{0, 0, 0}, {0, 0, 0}}), "");
   EXPECT_NE(refusalOf(*asset, {{nan, 0, 0}, {0, 1, 0}}), "");
@@ -173,7 +173,7 @@ TEST(Cut, RingFallsIntoOneOrTwo) {
 }
 
 TEST(Cut, CutsOfCuts) {
-  std::vector<std::shared_ptr<const Asset>> parts = {boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}})};
+  std::vector<std::shared_ptr<const Asset>> parts = {boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}, .keep = {}})};
   const double volume = surfaceOf(parts[0]->package()).volume;
   for (int round = 0; round < 5; ++round) {
     std::vector<std::shared_ptr<const Asset>> next;
@@ -201,8 +201,8 @@ TEST(Cut, CutsOfCuts) {
 }
 
 TEST(Cut, MotionGoesOn) {
-  const auto asset = boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}});
-  World world({.gravity = {0, 0, 0}});
+  const auto asset = boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}, .keep = {}});
+  World world({.gravity = {0, 0, 0}, .ground = {}});
   const BodyId body = *world.addBody(asset);
   std::vector<Vec3> positions, velocities;
   for (const Vec3& x : restOf(*asset)) {
@@ -232,7 +232,7 @@ TEST(Cut, MotionGoesOn) {
 }
 
 TEST(Cut, PartsComeToRest) {
-  const auto asset = boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}, .stretch_hz = 6});
+  const auto asset = boxAsset({.cells = {4, 4, 4}, .size = {1, 1, 1}, .stretch_hz = 6, .keep = {}});
   World world({.ground = {.enabled = true, .offset = -1}});
   const BodyId body = *world.addBody(asset);
   for (int i = 0; i < 20; ++i) world.step(1.0F / 60);
@@ -247,7 +247,7 @@ TEST(Cut, PartsComeToRest) {
 }
 
 TEST(Cut, HoldsStayWhereTheyAre) {
-  auto content = boxContent({.cells = {3, 4, 3}, .size = {1, 1.5, 1}});
+  auto content = boxContent({.cells = {3, 4, 3}, .size = {1, 1.5, 1}, .keep = {}});
   content.pin_sets.push_back({content.addText("top"), content.addText("world"), 3, 0, 0, 0});
   for (std::uint32_t v = 0; v < content.physical_vertices.size(); ++v) {
     if (content.physical_vertices[v].rest_position[1] > 0.74F) content.pin_set_vertices.push_back(v);
@@ -290,14 +290,14 @@ TEST(Cut, HoldsStayWhereTheyAre) {
 
 TEST(Cut, ReplacedBodyStaysOnRefusal) {
   World world;
-  const BodyId body = *world.addBody(boxAsset({.cells = {2, 2, 2}}));
+  const BodyId body = *world.addBody(boxAsset({.cells = {2, 2, 2}, .keep = {}}));
   EXPECT_FALSE(cutBody(world, body, {{0, 9, 0}, {0, 1, 0}}));
   EXPECT_TRUE(world.contains(body));
   EXPECT_FALSE(cutBody(world, {77}, {{0, 0, 0}, {0, 1, 0}}));
 }
 
 TEST(Cut, VerticesAreInterpolatedAndKeepTheirOrigin) {
-  auto content = boxContent({.cells = {3, 3, 3}, .size = {1, 1, 1}});
+  auto content = boxContent({.cells = {3, 3, 3}, .size = {1, 1, 1}, .keep = {}});
   const std::size_t count = content.visual_positions.size();
   content.masks.push_back({content.addText("height"), 0, std::uint32_t(count)});
   content.groups.push_back({content.addText("left"), 0, 0});
@@ -328,7 +328,9 @@ TEST(Cut, VerticesAreInterpolatedAndKeepTheirOrigin) {
       const CutOrigin& from = part.visual[v];
       EXPECT_NEAR(asVector(package.visualNormals()[v]).norm(), 1, 1e-5);
       const std::uint32_t source = package.visualIdentity()[v].source_vertex;
-      if (from.a == from.b && from.a != formats::kNone) EXPECT_EQ(source, from.a);
+      if (from.a == from.b && from.a != formats::kNone) {
+        EXPECT_EQ(source, from.a);
+      }
       if (from.a != from.b || from.a == formats::kNone) {
         EXPECT_GE(source, count);
         ++made;
@@ -350,8 +352,8 @@ TEST(Cut, VerticesAreInterpolatedAndKeepTheirOrigin) {
 TEST(Cut, RandomPlanesOverBentBodies) {
   const auto frame = [](std::uint32_t i, std::uint32_t j, std::uint32_t k) { return (i % 2) + (j % 2) + (k % 2) < 2; };
   const std::vector<std::shared_ptr<const Asset>> assets = {
-      boxAsset({.cells = {3, 3, 3}, .size = {1, 1, 1}}),
-      boxAsset({.cells = {3, 6, 2}, .size = {0.5, 1, 0.3}, .center = {50, 0, 0}}),
+      boxAsset({.cells = {3, 3, 3}, .size = {1, 1, 1}, .keep = {}}),
+      boxAsset({.cells = {3, 6, 2}, .size = {0.5, 1, 0.3}, .center = {50, 0, 0}, .keep = {}}),
       boxAsset({.cells = {5, 5, 5}, .size = {1, 1, 1}, .keep = frame})};
   for (const auto& asset : assets) {
     std::size_t done = 0;
@@ -373,7 +375,7 @@ TEST(Cut, RandomPlanesOverBentBodies) {
 }
 
 TEST(Cut, SameCutSameBytes) {
-  const auto asset = boxAsset({.cells = {3, 3, 3}});
+  const auto asset = boxAsset({.cells = {3, 3, 3}, .keep = {}});
   const CutPlane plane = {{0, 0.02F, 0}, {0.3F, 1, 0.2F}};
   const CutResult one = cutAtRest(*asset, plane), two = cutAtRest(*asset, plane);
   for (std::size_t p = 0; p < one.parts.size(); ++p) {
