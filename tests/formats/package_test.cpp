@@ -42,7 +42,7 @@ TEST(Package, RoundTripKeepsEverySection) {
                                  kFeatureClusterAttachment | kFeatureIdentity | kFeatureGroups | kFeatureTextures);
   EXPECT_EQ(view.sections().size(), 26U);
   EXPECT_EQ(std::memcmp(&view.info(), &content.info, sizeof(PackageInfo)), 0);
-  expectSameBytes(view.pieces(), content.pieces, "bodies");
+  expectSameBytes(view.pieces(), content.pieces, "pieces");
   expectSameBytes(view.physicalVertices(), content.physical_vertices, "physical vertices");
   expectSameBytes(view.tetrahedra(), content.tetrahedra, "tetrahedra");
   expectSameBytes(view.clusters(), content.clusters, "clusters");

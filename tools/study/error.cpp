@@ -51,7 +51,7 @@ std::shared_ptr<const Baked> bakeWith(Recipe recipe, const std::array<std::uint3
   Progress progress(false);
   BakeResult result = bake(recipe, progress);
   auto baked = std::make_shared<Baked>();
-  for (const auto& body : result.report["bodies"]) baked->sheet = baked->sheet || body["method"] == "shell";
+  for (const auto& piece : result.report.at("pieces")) baked->sheet = baked->sheet || piece.at("method") == "shell";
   const auto asset = Asset::fromMemory(result.package);
   if (!asset) {
     throw ToolError(ExitCode::system, recipe.source.string(), "the baked package does not load: " + asset.reason(),
