@@ -48,6 +48,15 @@ void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights) {
   }
 }
 
+void reserveSleep(const BodyList& bodies, TogetherScratch& scratch) {
+  scratch.parent.reserve(bodies.size());
+  std::size_t heights = scratch.points.size();
+  for (const BodyPointer& body : bodies) {
+    for (const Piece& piece : body->pieces) heights = std::max(heights, pointFloats(piece.field()));
+  }
+  if (heights > scratch.points.size()) scratch.points.resize(heights);
+}
+
 void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch) {
   if (!(settings.sleep_seconds > 0)) return;
   bool ready = false;

@@ -8,6 +8,9 @@
 
 namespace sinew::internal {
 
+/// Grows scratch to what letSleep() takes of it. May throw.
+void reserveSleep(const BodyList& bodies, TogetherScratch& scratch);
+
 /// After a step: counts how long each body has rested, and lets fall asleep what has rested for
 /// WorldSettings::sleep_seconds with all that it touches.
 void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);

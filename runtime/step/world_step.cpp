@@ -32,6 +32,7 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together
                JobSystem* jobs, double seconds, double share) {
   if (std::all_of(bodies.begin(), bodies.end(), [](const BodyPointer& body) { return body->asleep(); })) return;
   growScratch(bodies, world.colliders.size(), scratch, jobs);
+  if (world.settings.sleep_seconds > 0) reserveSleep(bodies, together);
   findPairs(bodies, world.settings, seconds, together);
   // Each lane takes the next body that nobody has taken. Bodies that touch no other share nothing, so it does not
   // matter which.

@@ -688,8 +688,8 @@ Result<ColliderId> World::addCollider(const ColliderShape& shape, const Collider
         if (!(isWeight(settings.mass) && std::all_of(settings.inertia.begin(), settings.inertia.end(), isWeight))) {
           return impl_->refuse("addCollider: mass and inertia must be 0 or more, and finite");
         }
-        impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
-        internal::wakeAll(impl_->bodies);
+        const auto& added = impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
+        internal::wakeIn(impl_->bodies, added.bounds());
         return ColliderId{impl_->next_collider++};
       });
 }
@@ -705,9 +705,10 @@ void World::moveCollider(ColliderId id, const RigidTransform& to) {
 }
 
 void World::removeCollider(ColliderId id) {
-  if (impl_->find(id, "removeCollider") == nullptr) return;
+  const internal::Collider* const collider = impl_->find(id, "removeCollider");
+  if (collider == nullptr) return;
+  internal::wakeIn(impl_->bodies, collider->bounds());
   impl_->colliders.erase(impl_->locate(id).second);
-  internal::wakeAll(impl_->bodies);
 }
 
 ColliderReaction World::colliderReaction(ColliderId id) const {

@@ -59,6 +59,22 @@ void expectNoAllocation(JobSystem* jobs) {
 
 TEST(Allocation, NoneInAStepAfterTheFirst) { expectNoAllocation(nullptr); }
 
+TEST(Allocation, NoneWhereBodiesFallAsleep) {
+  WorldSettings settings;
+  settings.ground.enabled = true;
+  settings.ground.offset = -1;
+  settings.sleep_seconds = 0.25F;
+  World world(settings);
+  const BodyId body = *world.addBody(makeAsset(boxContent({})));
+  world.step(1.0F / 60);
+  const std::size_t before = allocations;
+  for (int i = 0; i < 1200 && !world.isAsleep(body); ++i) world.step(1.0F / 60);
+  EXPECT_TRUE(world.isAsleep(body));
+  world.wake(body);
+  for (int i = 0; i < 60; ++i) world.step(1.0F / 60);
+  EXPECT_EQ(allocations, before);
+}
+
 TEST(Allocation, NoneWithMechanicsAndPinSets) {
   for (const PinMethod method :
        {PinMethod::hold, PinMethod::infinite_mass, PinMethod::matrix, PinMethod::constrained_fit}) {

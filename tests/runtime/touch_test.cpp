@@ -268,6 +268,13 @@ TEST(Sleep, WakesWithAllThatItTouches) {
   wakes("gravity", [](Pair& p) { p.world.settings().gravity = {0, -5, 0}; });
   wakes("ground", [](Pair& p) { p.world.settings().ground.offset = -1; });
   wakes("collider", [](Pair& p) { ASSERT_TRUE(p.world.addCollider(SphereShape{})); });
+  wakes("moved", [](Pair& p) {
+    const auto ball = p.world.addCollider(SphereShape{}, {.at = {.position = {0, 9, 0}}});
+    ASSERT_TRUE(ball);
+    p.run(1);
+    ASSERT_TRUE(p.world.isAsleep(p.bodies[1])) << "what is far lets sleep";
+    p.world.moveCollider(*ball, {.position = {0, 1.5F, 0}});
+  });
   wakes("never", [](Pair& p) { p.world.settings().sleep_seconds = 0; });
   Pair removed(0.5F);
   removed.run(400);
