@@ -388,7 +388,7 @@ Vector3d crossOf(const Corners& t) { return (t.at[1] - t.at[0]).cross(t.at[2] - 
 // The normal whose product with the way from a place of the surface has the sign of the distance (Baerentzen and Aanaes
 // 2005): that of the face, the sum of two faces at an edge, the sum by angles about a corner.
 Vector3d Shape::pseudoNormal(std::uint32_t triangle, std::uint32_t part, bool& border) const {
-  const Vector3d own = crossOf(cornersOf(triangle)).normalized();
+  Vector3d own = crossOf(cornersOf(triangle)).normalized();
   border = false;
   if (part == geometry::kTriangleInside) return own;
   if (part >= 3) {

@@ -292,14 +292,14 @@ class CommandLine(unittest.TestCase):
         self.assertGreaterEqual(averaged["lowest"], -1e-6)
         self.assertLess(averaged["lowest_visual"], -0.05)
 
-    def test_bodies_of_one_name_are_told_apart(self):
+    def test_pieces_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
         mesh = self.path / "chest.obj"
         mesh.write_text("".join("v %g %g %g\n" % (x + 3 * n, y, z) for n in (0, 1) for x, y, z in corners) +
                         "".join("f %d %d %d %d\n" % tuple(v + 8 * n for v in face) for n in (0, 1) for face in
                                 ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))))
         result = run("bake", mesh, "-o", self.path / "chest.sinew", "--no-cache")
-        lines = [line.split(":")[0].split(maxsplit=1)[1] for line in result.stdout.splitlines() if line.startswith("  body ")]
+        lines = [line.split(":")[0].split(maxsplit=1)[1] for line in result.stdout.splitlines() if line.startswith("  piece ")]
         self.assertEqual(lines, ["chest 1", "chest 2"])
 
     def test_sheets_keep_no_volume_unless_told_to(self):
