@@ -7,8 +7,10 @@
 #include <cmath>
 #include <cstring>
 #include <numbers>
+#include <numeric>
 
 #include "tests/bake/box_mesh.h"
+#include "tools/field/follow.h"
 
 namespace sinew::tools {
 namespace {
@@ -321,6 +323,38 @@ TEST(Field, WhatSharesLessThanAFaceDoesNotSwing) {
   EXPECT_LT(modes.eigenvalues()[5], 1e-9 * modes.eigenvalues()[6]);
   EXPECT_GT(modes.eigenvalues()[6], 1e-4 * modes.eigenvalues().tail(1)[0]);
   EXPECT_GT(space.lowest_hz, 1);
+}
+
+// Crumbs as folds of a noisy sheet leave them: flat, light, each at a vertex of the one before, away from its plane.
+TEST(Field, CrumbsThatHangOnFlatOnesFollowWhatIsNotFlat) {
+  Body body = beam(10);
+  std::uint32_t corner = 0;
+  while (body.positions[corner].norm() > 0) ++corner;
+  for (int crumb = 0; crumb < 5; ++crumb) {
+    const Vector3d at = body.positions[corner], step = (-0.02 + 0.001 * crumb) * Vector3d::Unit(crumb % 3);
+    const Vector3d up = 1e-6 * Vector3d::Unit((crumb + 1) % 3), across = 0.02 * Vector3d::Unit((crumb + 2) % 3);
+    const auto first = std::uint32_t(body.positions.size());
+    body.positions.insert(body.positions.end(), {at + step, at + step + across, at + across + up});
+    body.tetrahedra.push_back({corner, first, first + 1, first + 2});
+    corner = first + 1;
+  }
+  body.fill(1e6, 0.3);
+  std::vector<double> volumes(body.tetrahedra.size(), 1);
+  std::iota(volumes.rbegin(), volumes.rend(), 1.0);  // in the order of the list
+  const auto followers = field::findFollowers(body.positions, body.tetrahedra, volumes);
+  for (std::size_t v = body.positions.size() - 15; v < body.positions.size(); ++v) {
+    ASSERT_FALSE(followers[v].vertex.empty());
+    Vector3d place = Vector3d::Zero();
+    double sum = 0, size = 0;
+    for (std::size_t i = 0; i < followers[v].vertex.size(); ++i) {
+      place += followers[v].weight[i] * body.positions[followers[v].vertex[i]];
+      sum += followers[v].weight[i];
+      size += std::abs(followers[v].weight[i]);
+    }
+    EXPECT_NEAR(sum, 1, 1e-13);
+    EXPECT_LT((place - body.positions[v]).norm(), 1e-13);
+    EXPECT_LT(size, 20);
+  }
 }
 
 TEST(Field, APieceHeldAtOneVertexTurnsAboutIt) {

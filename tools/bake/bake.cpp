@@ -111,13 +111,17 @@ Clustered clusterSource(const Settings& settings, const Solid& solid, const Plac
 }
 
 // The package's bytes, which open. \param fields of the report: what is left out of the package is said there.
-std::vector<std::byte> openingPackage(formats::PackageContent& content, const std::string& file, ordered_json& fields) {
+std::vector<std::byte> openingPackage(formats::PackageContent& content, const std::string& file, ordered_json& fields,
+                                      std::vector<Finding>& findings) {
   std::vector<std::byte> package = formats::writePackage(content);
   std::string refusal = refusalOf(package);
   if (!refusal.empty() && !content.fields.empty()) {
     // Sizes at which numbers of fields leave their bounds, and pieces thinner than rounding: clusters move those.
     removeFields(content);
     fields = {{"left_out", refusal}};
+    findings.push_back({"no-fields", Severity::warning,
+                        "the package has no fields, which the default solver moves a body by (" + refusal + ")", 1, "", {},
+                        "", "Simulate it with --solver report, or give the source other units or a greater thickness."});
     package = formats::writePackage(content);
     refusal = refusalOf(package);
   }
@@ -143,7 +147,7 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& pro
   }
   progress.stage("package");
   BakeResult result;
-  result.package = openingPackage(content.package, solid.source.mesh.file, fields);
+  result.package = openingPackage(content.package, solid.source.mesh.file, fields, content.findings);
   result.findings = content.findings;
   result.report = reportOf(recipe.settings, solid, placed, content, fields, result.package.size());
   progress.finish();

@@ -86,7 +86,9 @@ MatrixXd enough(const Elastic& elastic, const MatrixXd& have, const MatrixXd& fu
   return functions;
 }
 
-// 1, X, Y, Z on vertices, M-orthonormal; less than four columns where the piece is flat.
+// 1, X, Y, Z on vertices, M-orthonormal; less than four columns where the piece is flat. Each row is the monomials'
+// times one matrix: an orthonormal basis over the roots of the masses would have its rounding divided by the root of a
+// vertex's own, and cells thinner than that would not be at rest.
 MatrixXd affine(const Elastic& elastic) {
   const VectorXd root = elastic.mass.cwiseSqrt();
   MatrixXd monomials = MatrixXd::Ones(elastic.mass.size(), 4);
@@ -96,8 +98,11 @@ MatrixXd affine(const Elastic& elastic) {
   if (size > 0) monomials.rightCols(3) /= size;
   Eigen::ColPivHouseholderQR<MatrixXd> qr(root.asDiagonal() * monomials);
   qr.setThreshold(1e-13);
-  const MatrixXd q = qr.householderQ() * MatrixXd::Identity(root.size(), qr.rank());
-  return root.cwiseInverse().asDiagonal() * q;
+  MatrixXd values = (monomials * qr.colsPermutation()).leftCols(qr.rank());
+  qr.matrixR().topLeftCorner(qr.rank(), qr.rank()).triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(values);
+  const Eigen::LLT<MatrixXd> again(MatrixXd(values.transpose() * elastic.mass.asDiagonal() * values));
+  again.matrixU().solveInPlace<Eigen::OnTheRight>(values);
+  return values;
 }
 
 // Turns M-orthonormal functions so that they diagonalize K_s; stiffness ascends, the largest value is positive.

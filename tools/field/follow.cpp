@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -18,6 +19,8 @@ constexpr std::size_t kTinyCount = 8;
 constexpr double kTinyVolume = 0.01;
 // Shared vertices lie on a line where their spread across it is less than so much of that along it.
 constexpr double kLine = 1e-3;
+// Rings of tetrahedra around a host that a follower may be hung on: about what a function shows as one strain.
+constexpr int kRings = 3;
 
 // Sets of tetrahedra joined by faces, largest volume first.
 std::vector<std::vector<std::size_t>> faceSets(std::span<const Tetrahedron> tetrahedra,
@@ -79,7 +82,13 @@ class Joiner {
         tetrahedra_(tetrahedra),
         volumes_(volumes),
         followers_(positions.size()),
-        placed_(positions.size(), false) {}
+        placed_(positions.size(), false),
+        tetrahedra_of_(positions.size()) {
+    for (std::size_t t = 0; t < tetrahedra.size(); ++t) {
+      if (volumes[t] == 0) continue;
+      for (const auto v : tetrahedra[t]) tetrahedra_of_[v].push_back(t);
+    }
+  }
 
   std::vector<Follower> run() {
     const double total = std::accumulate(volumes_.begin(), volumes_.end(), 0.0);
@@ -160,9 +169,27 @@ class Joiner {
     return best;
   }
 
-  // Barycentric coordinates in the host; a host's vertex that follows itself is replaced by what it follows.
+  // Barycentric coordinates in the host or, where they are smaller, in four vertices around it that span more: in a
+  // flat host they would multiply its strain by the distance over its height, and rounding with it.
   void follow(std::uint32_t v, std::size_t host) {
-    const auto& tet = tetrahedra_[host];
+    Follower best = inHost(v, tetrahedra_[host]);
+    std::vector<std::uint32_t> around = best.vertex;
+    for (int ring = 0; ring < kRings && sizeOf(best) > 1; ++ring) {
+      around = grown(around);
+      const Follower wider = inWidest(v, around);
+      if (wider.vertex.size() == 4 && sizeOf(wider) < sizeOf(best)) best = wider;
+    }
+    followers_[v] = std::move(best);
+  }
+
+  static double sizeOf(const Follower& follower) {
+    double sum = 0;
+    for (const double w : follower.weight) sum += std::abs(w);
+    return sum > 0 ? sum : std::numeric_limits<double>::infinity();
+  }
+
+  // A host's vertex that follows itself is replaced by what it follows.
+  Follower inHost(std::uint32_t v, const Tetrahedron& tet) const {
     Eigen::Matrix3d edges;
     for (int k = 0; k < 3; ++k) edges.col(k) = positions_[tet[std::size_t(k) + 1]] - positions_[tet[0]];
     const Vector3d b = edges.inverse() * (positions_[v] - positions_[tet[0]]);
@@ -173,10 +200,52 @@ class Joiner {
       if (up.vertex.empty()) sum[tet[k]] += weights[k];
       for (std::size_t i = 0; i < up.vertex.size(); ++i) sum[up.vertex[i]] += weights[k] * up.weight[i];
     }
+    Follower result;
     for (const auto& [u, w] : sum) {
-      followers_[v].vertex.push_back(u);
-      followers_[v].weight.push_back(w);
+      result.vertex.push_back(u);
+      result.weight.push_back(w);
     }
+    return result;
+  }
+
+  // In the four of these vertices that pivoting finds, those that move by themselves.
+  Follower inWidest(std::uint32_t v, const std::vector<std::uint32_t>& around) const {
+    std::vector<std::uint32_t> free;
+    double size = 0;
+    for (const auto u : around) {
+      if (u == v || !followers_[u].vertex.empty()) continue;
+      free.push_back(u);
+      size = std::max(size, (positions_[u] - positions_[v]).norm());
+    }
+    if (free.size() < 4 || !(size > 0)) return {};
+    Eigen::Matrix4Xd rows(4, Eigen::Index(free.size()));
+    for (std::size_t i = 0; i < free.size(); ++i)
+      rows.col(Eigen::Index(i)) << (positions_[free[i]] - positions_[v]) / size, 1;
+    const Eigen::ColPivHouseholderQR<Eigen::Matrix4Xd> qr(rows);
+    if (qr.rank() < 4) return {};
+    const Eigen::VectorXd weights = qr.solve(Eigen::Vector4d::UnitW());
+    Follower result;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      if (weights[Eigen::Index(i)] == 0) continue;
+      result.vertex.push_back(free[i]);
+      result.weight.push_back(weights[Eigen::Index(i)]);
+    }
+    return result;
+  }
+
+  // These vertices and all of the sets so far that share a tetrahedron with them.
+  std::vector<std::uint32_t> grown(const std::vector<std::uint32_t>& vertices) const {
+    std::vector<std::uint32_t> result = vertices;
+    for (const auto v : vertices) {
+      for (const auto t : tetrahedra_of_[v]) {
+        for (const auto u : tetrahedra_[t]) {
+          if (placed_[u]) result.push_back(u);
+        }
+      }
+    }
+    std::sort(result.begin(), result.end());
+    result.erase(std::unique(result.begin(), result.end()), result.end());
+    return result;
   }
 
   std::span<const Vector3d> positions_;
@@ -185,6 +254,7 @@ class Joiner {
   std::vector<Follower> followers_;
   std::vector<bool> placed_;        // vertices of the sets so far
   std::vector<std::size_t> hosts_;  // their tetrahedra
+  std::vector<std::vector<std::size_t>> tetrahedra_of_;
 };
 
 }  // namespace
