@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "runtime/clusters/algebra.h"
@@ -98,93 +99,151 @@ void placePoints(TouchingPiece& piece, std::span<float> memory) {
   piece.bent = std::sqrt(bent2);
 }
 
-void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
-                 std::span<const TouchMemory> known, TouchList& list) {
-  if (b.map == nullptr || a.points.empty()) return;
-  const Field &field_a = *a.field, &field_b = *b.field;
-  const std::size_t stride = a.points.size() / 3;
-  const float margin = float(kMargin * std::min(a.diagonal, b.diagonal));
-  const Vector3f apart = (a.center - b.center).cast<float>();
-  const Vector3f low = b.low.array() - margin, high = b.high.array() + margin;
-  if (((a.low + apart).array() > high.array()).any() || ((a.high + apart).array() < low.array()).any()) return;
-  const float near = float(kNear) * float(b.diagonal);
-  std::array<float, 1024> row;
-  TouchMemory key = {a.body, a.piece, b.body, b.piece, 0, 0, {}};
-  auto last = std::lower_bound(known.begin(), known.end(), key, [](const TouchMemory& x, const TouchMemory& y) {
-    return touchOrder(x) < touchOrder(y);
-  });
-  std::uint32_t left = kMostTouches;
-  for (std::uint32_t p = 0; p < field_a.points.size() && left > 0; ++p) {
-    const Vector3f at = Vector3f(a.points[p], a.points[stride + p], a.points[2 * stride + p]) + apart;
-    if ((at.array() > high.array()).any() || (at.array() < low.array()).any()) continue;
-    Vector3f place = b.turn.transpose() * at + b.rest_center;
-    if (b.map->distance(place, nullptr) > margin + 2 * b.bent) continue;
+namespace {
+
+/// Looks at points of a near b, one after the other.
+class TouchSearch {
+ public:
+  TouchSearch(const TouchingPiece& a, const TouchingPiece& b, double h, std::span<const TouchMemory> known,
+              TouchList& list)
+      : a_(a),
+        b_(b),
+        h_(h),
+        known_(known),
+        list_(list),
+        stride_(a.points.size() / 3),
+        margin_(float(kMargin * std::min(a.diagonal, b.diagonal))),
+        apart_((a.center - b.center).cast<float>()),
+        low_(b.low.array() - margin_),
+        high_(b.high.array() + margin_) {}
+
+  bool areNear() const {
+    return !((a_.low + apart_).array() > high_.array()).any() && !((a_.high + apart_).array() < low_.array()).any();
+  }
+
+  /// Adds the touch of a point, if it is one.
+  void look(std::uint32_t p) {
+    const Field &field_a = *a_.field, &field_b = *b_.field;
+    const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
+    if ((at.array() > high_.array()).any() || (at.array() < low_.array()).any()) return;
+    Vector3f place = b_.turn.transpose() * at + b_.rest_center;
+    if (b_.map->distance(place, nullptr) > margin_ + 2 * b_.bent) return;
     // The material point of b that is there.
     MaterialPoint material;
-    bool found = true;
-    for (int round = 0; found && round < kRounds; ++round) {
-      found = b.map->locate(place, material);
-      if (!found) break;
-      setRow(field_b, material, row.data());
-      const Vector3f left_over = at - sumOf(row.data(), b.base, field_b.k);
-      place += b.turn.transpose() * left_over;
+    const float near = float(kNear) * float(b_.diagonal);
+    for (int round = 0; round < kRounds; ++round) {
+      if (!b_.map->locate(place, material)) return;
+      setRow(field_b, material, row_.data());
+      const Vector3f left_over = at - sumOf(row_.data(), b_.base, field_b.k);
+      place += b_.turn.transpose() * left_over;
       if (left_over.squaredNorm() < near * near) break;
     }
-    if (!found) continue;
     Vector3f outward;
-    const float distance = b.map->distance(place, &outward);
-    if (distance > margin || !(outward.squaredNorm() > 0)) continue;
+    const float distance = b_.map->distance(place, &outward);
+    if (distance > margin_ || !(outward.squaredNorm() > 0)) return;
     outward.normalize();
     FoundTouch touch = {};
     touch.place = place - distance * outward;
-    // Surfaces that touch face each other: where the nearest way out does not, the way back into a does.
+    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, {}, {}};
+    const auto* const last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
+    const bool touched = last != known_.data() + known_.size() && touchOrder(*last) == touchOrder(key);
+    // What touched goes out as it came in: at an edge of b the nearest way out is another one in each step. Of others
+    // surfaces that touch face each other: where the nearest way out does not, the way back into a does.
     Vector3f facing;
-    if (a.map != nullptr) {
-      a.map->distance(asVector(field_a.points[p].at), &facing);
-      const Vector3f back = -(b.turn.transpose() * (a.turn * facing)).normalized();
-      if (outward.dot(back) < 0 && !leave(*b.map, place, back, b.diagonal, touch.place, outward)) continue;
+    if (touched && leave(*b_.map, place, Eigen::Map<const Vector3f>(last->outward.data()), b_.diagonal, touch.place, facing)) {
+      outward = facing;
+    } else if (a_.map != nullptr) {
+      a_.map->distance(asVector(field_a.points[p].at), &facing);
+      const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing)).normalized();
+      if (outward.dot(back) < 0 && !leave(*b_.map, place, back, b_.diagonal, touch.place, outward)) return;
     }
-    if (!b.map->locate(touch.place, material)) continue;
-    const Matrix3f gradient = gradientAt(b, b.map->package(), material);
+    if (!b_.map->locate(touch.place, material)) return;
+    const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
     const Vector3f normal =
-        gradient.determinant() > 0 ? Vector3f(gradient.inverse().transpose() * outward) : Vector3f(b.turn * outward);
-    if (!(normal.squaredNorm() > 0) || !normal.allFinite()) continue;
-    const std::size_t first = list.rows.size();
-    list.rows.resize(first + field_a.k + field_b.k);
+        gradient.determinant() > 0 ? Vector3f(gradient.inverse().transpose() * outward) : Vector3f(b_.turn * outward);
+    if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
+    const std::size_t first = list_.rows.size();
+    list_.rows.resize(first + field_a.k + field_b.k);
     touch.row_a = std::uint32_t(first);
     touch.row_b = std::uint32_t(first + field_a.k);
-    float *const row_a = list.rows.data() + first, *const row_b = row_a + field_a.k;
+    float *const row_a = list_.rows.data() + first, *const row_b = row_a + field_a.k;
     for (std::uint32_t j = 0; j < field_a.k; ++j) row_a[j] = field_a.valueAtPoint(p, j);
     setRow(field_b, material, row_b);
     Touch& t = touch.touch;
-    t.a = index_a;
-    t.b = index_b;
     t.normal = normal.normalized();
-    const Vector3f over = at - sumOf(row_b, b.base, field_b.k);
-    const Vector3f over_before = sumOf(row_a, a.before, field_a.k) + apart - sumOf(row_b, b.before, field_b.k);
+    const Vector3f over = at - sumOf(row_b, b_.base, field_b.k);
+    const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
     const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
-    key.point = p;
-    while (last != known.end() && touchOrder(*last) < touchOrder(key)) ++last;
-    const bool touched = last != known.end() && touchOrder(*last) == touchOrder(key);
     // As of a plane: what starts inside finds the surface lower, and rising.
     const double low_before = touched ? double(last->floor) : double(gap_before);
-    t.floor = float(std::min(0.0, low_before + kRecoverySpeed * h * std::min(a.diagonal, b.diagonal)));
+    t.floor = float(std::min(0.0, low_before + kRecoverySpeed * h_ * std::min(a_.diagonal, b_.diagonal)));
     t.gap = gap - t.floor;
     Vector3f slide = over - over_before;
-    if (touched && b.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
-      setRow(field_b, material, row.data());
-      slide = at - sumOf(row.data(), b.base, field_b.k);
+    if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
+      setRow(field_b, material, row_.data());
+      slide = at - sumOf(row_.data(), b_.base, field_b.k);
     } else if (gap < 0 && gap_before > 0) {
       slide *= gap / (gap - gap_before);  // since it touched
     }
     t.slide = slide - t.normal.dot(slide) * t.normal;
-    const double area = double(field_a.points[p].area);
-    t.kappa = float(1 / (1 / firmness(a, area) + 1 / firmness(b, area)));
-    t.friction = std::sqrt(a.friction * b.friction);
+    t.friction = std::sqrt(a_.friction * b_.friction);
     touch.memory = key;
+    touch.memory.outward = {outward[0], outward[1], outward[2]};
     touch.over = over;
-    list.touches.push_back(touch);
-    --left;
+    list_.touches.push_back(touch);
+  }
+
+  static bool comesBefore(const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); }
+
+ private:
+  const TouchingPiece &a_, &b_;
+  const double h_;
+  const std::span<const TouchMemory> known_;
+  TouchList& list_;
+  const std::size_t stride_;
+  const float margin_;
+  const Vector3f apart_, low_, high_;
+  std::array<float, 1024> row_;
+};
+
+}  // namespace
+
+// The package's order spreads points over the surface, each first part of it too. So many of it are looked at that few
+// enough touch, and all that touch carry: of a choice among these what rests would be other springs in each step. How
+// many were looked at before is known from the last that touched.
+void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
+                 std::span<const TouchMemory> known, TouchList& list) {
+  if (b.map == nullptr || a.points.empty()) return;
+  TouchSearch search(a, b, h, known, list);
+  if (!search.areNear()) return;
+  const auto all = std::uint32_t(a.field->points.size());
+  const std::size_t first = list.touches.size(), first_row = list.rows.size();
+  const TouchMemory end = {a.body, a.piece, b.body, b.piece + 1, 0, 0, {}, {}};
+  const auto after = std::lower_bound(known.begin(), known.end(), end, TouchSearch::comesBefore);
+  std::uint32_t looked_at = all;
+  if (after != known.begin()) {
+    const TouchMemory& last = *std::prev(after);
+    const bool same = last.body_a == a.body && last.piece_a == a.piece && last.body_b == b.body && last.piece_b == b.piece;
+    if (same) looked_at = std::min(all, std::bit_ceil(last.point + 1));
+  }
+  const auto found = [&] { return list.touches.size() - first; };
+  for (std::uint32_t p = 0; p < looked_at; ++p) {
+    search.look(p);
+    while (found() > kMostTouches) {
+      looked_at = std::bit_ceil(looked_at) / 2;
+      while (found() > 0 && list.touches.back().memory.point >= looked_at) list.touches.resize(list.touches.size() - 1);
+      list.rows.resize(found() > 0 ? list.touches.back().row_b + b.field->k : first_row);
+    }
+    if (p + 1 == looked_at && found() < kFewTouches) looked_at = std::min(all, 2 * looked_at);
+  }
+  // Each stands for the area of those that are not looked at as well.
+  const double share = double(all) / double(looked_at);
+  for (std::size_t i = first; i < list.touches.size(); ++i) {
+    Touch& touch = list.touches[i].touch;
+    touch.a = index_a;
+    touch.b = index_b;
+    const double area = share * double(a.field->points[list.touches[i].memory.point].area);
+    touch.kappa = float(1 / (1 / firmness(a, area) + 1 / firmness(b, area)));
   }
 }
 

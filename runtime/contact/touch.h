@@ -13,9 +13,8 @@
 
 namespace sinew::internal {
 
-/// Points of one piece that another one keeps at most; of more the first in the package's order, which spreads them
-/// over the surface, carry for all.
-inline constexpr std::uint32_t kMostTouches = 24;
+/// Points of one piece that another one keeps at most, and less of which make it look at more.
+inline constexpr std::uint32_t kMostTouches = 24, kFewTouches = 8;
 
 /// A piece as contacts see it in a step.
 struct TouchingPiece {
@@ -40,7 +39,8 @@ struct TouchingPiece {
 struct TouchMemory {
   std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
   float floor;
-  std::array<float, 3> anchor;  ///< rest place of b where friction holds it, metres
+  std::array<float, 3> anchor;   ///< rest place of b where friction holds it, metres
+  std::array<float, 3> outward;  ///< way out of b's rest shape there, unit
 };
 
 /// What touches are sorted by.
