@@ -147,10 +147,12 @@ class TouchSearch {
     const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, {}, {}};
     const auto* const last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
     const bool touched = last != known_.data() + known_.size() && touchOrder(*last) == touchOrder(key);
-    // What touched goes out as it came in: at an edge of b the nearest way out is another one in each step. Of others
-    // surfaces that touch face each other: where the nearest way out does not, the way back into a does.
+    // What touched goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
+    // a point that lies beyond the edge is carried still. Of others surfaces that touch face each other: where the
+    // nearest way out does not, the way back into a does.
     Vector3f facing;
-    if (touched && leave(*b_.map, place, Eigen::Map<const Vector3f>(last->outward.data()), b_.diagonal, touch.place, facing)) {
+    if (touched && leaveAsBefore(place, distance, outward, Eigen::Map<const Vector3f>(last->outward.data()), touch.place,
+                                 facing)) {
       outward = facing;
     } else if (a_.map != nullptr) {
       a_.map->distance(asVector(field_a.points[p].at), &facing);
@@ -159,8 +161,8 @@ class TouchSearch {
     }
     if (!b_.map->locate(touch.place, material)) return;
     const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
-    const Vector3f normal =
-        gradient.determinant() > 0 ? Vector3f(gradient.inverse().transpose() * outward) : Vector3f(b_.turn * outward);
+    touch.to_rest = gradient.determinant() > 0 ? Matrix3f(gradient.inverse()) : Matrix3f(b_.turn.transpose());
+    const Vector3f normal = touch.to_rest.transpose() * outward;
     if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
     const std::size_t first = list_.rows.size();
     list_.rows.resize(first + field_a.k + field_b.k);
@@ -182,15 +184,25 @@ class TouchSearch {
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
       setRow(field_b, material, row_.data());
       slide = at - sumOf(row_.data(), b_.base, field_b.k);
+      touch.held = true;
     } else if (gap < 0 && gap_before > 0) {
       slide *= gap / (gap - gap_before);  // since it touched
     }
     t.slide = slide - t.normal.dot(slide) * t.normal;
     t.friction = std::sqrt(a_.friction * b_.friction);
     touch.memory = key;
+    if (touch.held) touch.memory.anchor = last->anchor;
     touch.memory.outward = {outward[0], outward[1], outward[2]};
     touch.over = over;
     list_.touches.push_back(touch);
+  }
+
+  /// leave(), from below the edge what lies beside it. \param outward at `place`, whose distance is `distance`.
+  bool leaveAsBefore(const Vector3f& place, float distance, const Vector3f& outward, const Vector3f& way,
+                     Vector3f& left_at, Vector3f& facing) const {
+    Vector3f from = place;
+    if (distance > 0) from -= (distance + float(kNear * b_.diagonal)) * (outward - outward.dot(way) * way);
+    return leave(*b_.map, from, way, b_.diagonal, left_at, facing);
   }
 
   static bool comesBefore(const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); }
@@ -247,23 +259,23 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   }
 }
 
-bool rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
-                   const float* d_b, std::span<const float> rows, TouchMemory& memory) {
+TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
+                          const float* d_b, std::span<const float> rows) {
   const Touch& touch = found.touch;
   const Vector3f moved =
       sumOf(rows.data() + found.row_a, d_a, a.field->k) - sumOf(rows.data() + found.row_b, d_b, b.field->k);
   const float rise = touch.normal.dot(moved), gap = touch.gap + rise;
-  if (!(gap < 0)) return false;
   Vector3f slide = touch.slide + (moved - rise * touch.normal);
+  TouchMemory memory = found.memory;
+  memory.floor = gap < 0 ? touch.floor : 0;
   // Friction holds at most its bound: beyond it the point it holds at comes along.
-  const float length = slide.norm(), most = touch.friction * -gap;
+  const float length = slide.norm(), most = touch.friction * std::max(0.0F, -gap);
+  if (found.held && length <= most) return memory;
   if (length > most) slide *= most / length;
-  memory = found.memory;
-  memory.floor = touch.floor;
   const Vector3f over = found.over + moved;
-  const Vector3f anchor = found.place + b.turn.transpose() * (over - touch.normal.dot(over) * touch.normal - slide);
+  const Vector3f anchor = found.place + found.to_rest * (over - touch.normal.dot(over) * touch.normal - slide);
   memory.anchor = {anchor[0], anchor[1], anchor[2]};
-  return true;
+  return memory;
 }
 
 }  // namespace sinew::internal

@@ -53,6 +53,8 @@ struct FoundTouch {
   Touch touch;  ///< pieces as they were given to findTouches()
   std::uint32_t row_a, row_b;
   TouchMemory memory;
+  bool held;              ///< by friction, at memory.anchor
+  Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
   Eigen::Vector3f place;  ///< rest place of b that it pushes at, metres
   Eigen::Vector3f over;   ///< from there to a's point, at the prediction, metres
 };
@@ -73,9 +75,9 @@ std::size_t pointFloats(const Field& field);
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list);
 
-/// What is left of a touch whose pieces' coefficients moved by d_a, d_b (k x 4) from the prediction. \return whether it
-/// touches.
-bool rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
-                   const float* d_b, std::span<const float> rows, TouchMemory& memory);
+/// What the next step knows of a touch whose pieces' coefficients moved by d_a, d_b (k x 4) from the prediction: of one
+/// that does not push the way out and where it is.
+TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
+                          const float* d_b, std::span<const float> rows);
 
 }  // namespace sinew::internal

@@ -183,13 +183,10 @@ class Island {
   void remember() {
     for (std::size_t i = 0; i < touches_.size(); ++i) {
       const FoundTouch& found = found_[i];
-      TouchMemory memory;
-      if (rememberTouch(found, seen_[found.touch.a], seen_[found.touch.b],
-                        scratch_.vectors.d.data() + first_[touches_[i].a],
-                        scratch_.vectors.d.data() + first_[touches_[i].b],
-                        {scratch_.found.rows.data(), scratch_.found.rows.size()}, memory)) {
-        scratch_.next_touching.push_back(memory);
-      }
+      const std::span<const float> rows(scratch_.found.rows.data(), scratch_.found.rows.size());
+      scratch_.next_touching.push_back(rememberTouch(found, seen_[found.touch.a], seen_[found.touch.b],
+                                                     scratch_.vectors.d.data() + first_[touches_[i].a],
+                                                     scratch_.vectors.d.data() + first_[touches_[i].b], rows));
     }
   }
 

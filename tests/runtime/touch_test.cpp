@@ -20,9 +20,9 @@ using Eigen::Vector3d;
 constexpr float kStep = 1.0F / 60;
 
 /// A box with the distance grid of its own sides.
-std::shared_ptr<const Asset> touchingBox(const std::array<double, 3>& size) {
+std::shared_ptr<const Asset> touchingBox(const std::array<double, 3>& size, std::uint32_t cells = 3) {
   BoxOptions options;
-  options.cells = {3, 3, 3};
+  options.cells = {cells, cells, cells};
   options.size = size;
   formats::PackageContent content = boxContent(options);
   formats::DistanceGrid grid = {};
@@ -163,6 +163,34 @@ TEST(Touch, StacksComeToRest) {
   for (int i = 1; i < 4; ++i) {
     const double lower = motionOf(world, {bodies[std::size_t(i) - 1]}).center[1];
     EXPECT_NEAR(motionOf(world, {bodies[std::size_t(i)]}).center[1] - lower, 0.6, 0.02) << i;
+  }
+}
+
+// Sides in line and twice as many points on a face as carry: at edges the nearest way out is another one in each step.
+TEST(Touch, TenInLineRestAtAnyRate) {
+  const auto asset = touchingBox({1, 1, 1}, 6);
+  for (const auto& [even, odd] : {std::pair{60.0F, 60.0F}, {240.0F, 240.0F}, {60.0F, 240.0F}}) {
+    WorldSettings settings;
+    settings.collisions = true;
+    settings.ground.enabled = true;
+    World world(settings);
+    std::vector<BodyId> bodies;
+    for (int i = 0; i < 10; ++i) {
+      BodySettings at;
+      at.position = {0, 0.5F + 1.001F * float(i), 0};
+      at.stiffness_scale = 30;
+      bodies.push_back(*world.addBody(asset, at));
+    }
+    float seconds = 0;
+    for (int i = 0; seconds < 4; ++i) {
+      const float step = 1 / (i % 2 == 0 ? even : odd);
+      world.step(step);
+      seconds += step;
+    }
+    const Motion at_rest = motionOf(world, bodies);
+    EXPECT_LT(at_rest.speed, 1e-3) << even << " " << odd;
+    EXPECT_GT(at_rest.high, 0.98 * 10) << even << " " << odd;
+    EXPECT_LT(std::abs(at_rest.center[0]) + std::abs(at_rest.center[2]), 0.01) << even << " " << odd;
   }
 }
 
