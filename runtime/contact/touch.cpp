@@ -101,6 +101,21 @@ void placePoints(TouchingPiece& piece, std::span<float> memory) {
 
 namespace {
 
+bool comesBefore(const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); }
+
+std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> known, const TouchingPiece& a,
+                                       const TouchingPiece& b) {
+  const TouchMemory first = {a.body, a.piece, b.body, b.piece, 0, 0, 0, {}, {}};
+  const TouchMemory end = {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, {}, {}};
+  const auto begin = std::lower_bound(known.begin(), known.end(), first, comesBefore);
+  return {begin, std::lower_bound(begin, known.end(), end, comesBefore)};
+}
+
+Eigen::Map<const Vector3f> outwardOf(const TouchMemory& touch) {
+  return Eigen::Map<const Vector3f>(touch.outward.data());
+}
+float pushOf(const TouchMemory& touch) { return std::max(0.0F, touch.depth); }
+
 /// Looks at points of a near b, one after the other.
 class TouchSearch {
  public:
@@ -115,7 +130,13 @@ class TouchSearch {
         margin_(float(kMargin * std::min(a.diagonal, b.diagonal))),
         apart_((a.center - b.center).cast<float>()),
         low_(b.low.array() - margin_),
-        high_(b.high.array() + margin_) {}
+        high_(b.high.array() + margin_) {
+    // The way that the two pushed each other apart, by how deep they were.
+    Vector3f way = Vector3f::Zero();
+    for (const TouchMemory& touch : touchesOf(known, a, b)) way += pushOf(touch) * (b.turn * outwardOf(touch));
+    for (const TouchMemory& touch : touchesOf(known, b, a)) way -= pushOf(touch) * (a.turn * outwardOf(touch));
+    if (way.squaredNorm() > 0) way_ = b.turn.transpose() * way.normalized();
+  }
 
   bool areNear() const {
     return !((a_.low + apart_).array() > high_.array()).any() && !((a_.high + apart_).array() < low_.array()).any();
@@ -144,16 +165,22 @@ class TouchSearch {
     outward.normalize();
     FoundTouch touch = {};
     touch.place = place - distance * outward;
-    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, {}, {}};
+    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, {}, {}};
     const auto* const last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
-    const bool touched = last != known_.data() + known_.size() && touchOrder(*last) == touchOrder(key);
-    // What touched goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
-    // a point that lies beyond the edge is carried still. Of others surfaces that touch face each other: where the
-    // nearest way out does not, the way back into a does.
-    Vector3f facing;
-    if (touched && leaveAsBefore(place, distance, outward, Eigen::Map<const Vector3f>(last->outward.data()), touch.place,
-                                 facing)) {
+    const bool known = last != known_.data() + known_.size() && touchOrder(*last) == touchOrder(key);
+    const bool touched = known && last->floor <= 0;
+    // What came in goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
+    // a point that lies beyond the edge is carried still. What started deep inside goes out as the two were pushed
+    // apart: of many ways some would hold each other. Of others surfaces that touch face each other: where the nearest
+    // way out does not, the way back into a does.
+    Vector3f facing, left_at;
+    if (known && (last->floor >= 0 || distance >= -margin_) &&
+        leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing)) {
       outward = facing;
+      touch.place = left_at;
+    } else if (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing)) {
+      outward = facing;
+      touch.place = left_at;
     } else if (a_.map != nullptr) {
       a_.map->distance(asVector(field_a.points[p].at), &facing);
       const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing)).normalized();
@@ -176,9 +203,14 @@ class TouchSearch {
     const Vector3f over = at - sumOf(row_b, b_.base, field_b.k);
     const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
     const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
-    // As of a plane: what starts inside finds the surface lower, and rising.
-    const double low_before = touched ? double(last->floor) : double(gap_before);
-    t.floor = float(std::min(0.0, low_before + kRecoverySpeed * h_ * std::min(a_.diagonal, b_.diagonal)));
+    // What starts inside finds the surface where it is, and rising: as far as a step brings it out, so that what is
+    // stuck is no spring that winds up. What came in from outside is pressed in no deeper than it was where its way out
+    // is another one.
+    const double diagonal = std::min(a_.diagonal, b_.diagonal);
+    const bool came_in = touched ? last->floor == 0 : gap_before >= 0;
+    double low = double(gap_before);
+    if (touched && came_in) low = std::min(0.0, low + double(last->depth));
+    t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low + kRecoverySpeed * h_ * diagonal));
     t.gap = gap - t.floor;
     Vector3f slide = over - over_before;
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
@@ -197,15 +229,15 @@ class TouchSearch {
     list_.touches.push_back(touch);
   }
 
-  /// leave(), from below the edge what lies beside it. \param outward at `place`, whose distance is `distance`.
+  /// leave(), from below the edge what lies beside it, where that is hardly farther than the nearest way out. \param
+  /// outward at `place`, whose distance is `distance`.
   bool leaveAsBefore(const Vector3f& place, float distance, const Vector3f& outward, const Vector3f& way,
                      Vector3f& left_at, Vector3f& facing) const {
     Vector3f from = place;
     if (distance > 0) from -= (distance + float(kNear * b_.diagonal)) * (outward - outward.dot(way) * way);
-    return leave(*b_.map, from, way, b_.diagonal, left_at, facing);
+    return leave(*b_.map, from, way, b_.diagonal, left_at, facing) &&
+           (left_at - place).norm() <= std::abs(distance) + margin_;
   }
-
-  static bool comesBefore(const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); }
 
  private:
   const TouchingPiece &a_, &b_;
@@ -215,6 +247,7 @@ class TouchSearch {
   const std::size_t stride_;
   const float margin_;
   const Vector3f apart_, low_, high_;
+  Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   std::array<float, 1024> row_;
 };
 
@@ -230,14 +263,8 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   if (!search.areNear()) return;
   const auto all = std::uint32_t(a.field->points.size());
   const std::size_t first = list.touches.size(), first_row = list.rows.size();
-  const TouchMemory end = {a.body, a.piece, b.body, b.piece + 1, 0, 0, {}, {}};
-  const auto after = std::lower_bound(known.begin(), known.end(), end, TouchSearch::comesBefore);
-  std::uint32_t looked_at = all;
-  if (after != known.begin()) {
-    const TouchMemory& last = *std::prev(after);
-    const bool same = last.body_a == a.body && last.piece_a == a.piece && last.body_b == b.body && last.piece_b == b.piece;
-    if (same) looked_at = std::min(all, std::bit_ceil(last.point + 1));
-  }
+  const std::span<const TouchMemory> before = touchesOf(known, a, b);
+  std::uint32_t looked_at = before.empty() ? all : std::min(all, std::bit_ceil(before.back().point + 1));
   const auto found = [&] { return list.touches.size() - first; };
   for (std::uint32_t p = 0; p < looked_at; ++p) {
     search.look(p);
@@ -267,7 +294,8 @@ TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const
   const float rise = touch.normal.dot(moved), gap = touch.gap + rise;
   Vector3f slide = touch.slide + (moved - rise * touch.normal);
   TouchMemory memory = found.memory;
-  memory.floor = gap < 0 ? touch.floor : 0;
+  memory.floor = gap < 0 ? touch.floor : 1;
+  memory.depth = -gap;
   // Friction holds at most its bound: beyond it the point it holds at comes along.
   const float length = slide.norm(), most = touch.friction * std::max(0.0F, -gap);
   if (found.held && length <= most) return memory;

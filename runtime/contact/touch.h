@@ -38,9 +38,10 @@ struct TouchingPiece {
 /// What a touch leaves for the next step.
 struct TouchMemory {
   std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
-  float floor;
-  std::array<float, 3> anchor;   ///< rest place of b where friction holds it, metres
-  std::array<float, 3> outward;  ///< way out of b's rest shape there, unit
+  float floor;                                            ///< Push::floor; above 0: it did not push
+  float depth;                                            ///< below that, m
+  std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
+  std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
 };
 
 /// What touches are sorted by.
@@ -53,10 +54,10 @@ struct FoundTouch {
   Touch touch;  ///< pieces as they were given to findTouches()
   std::uint32_t row_a, row_b;
   TouchMemory memory;
-  bool held;              ///< by friction, at memory.anchor
+  bool held;                ///< by friction, at memory.anchor
   Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
-  Eigen::Vector3f place;  ///< rest place of b that it pushes at, metres
-  Eigen::Vector3f over;   ///< from there to a's point, at the prediction, metres
+  Eigen::Vector3f place;    ///< rest place of b that it pushes at, metres
+  Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
 };
 
 struct TouchList {

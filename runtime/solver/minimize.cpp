@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "runtime/solver/rigid_coupling.h"
+
 namespace sinew::internal {
 namespace {
 
@@ -395,7 +397,9 @@ void Minimand::precondition(float* g) const {
     std::fill_n(g + first[i], 4 * pieces[i]->field->driven, 0.0F);
     pieces[i]->precondition(g + first[i]);
   };
+  if (rigid != nullptr) rigid->take(*this, g);
   forEachPiece([&work](std::uint32_t i) { work(i); });
+  if (rigid != nullptr) rigid->give(*this, g);
 }
 
 bool Minimand::hasFriction() const {

@@ -123,6 +123,8 @@ struct Objective {
   double roughStiffness() const;
 };
 
+class RigidCoupling;
+
 /// Pieces that are minimized together, and what couples them.
 struct Minimand {
   std::span<Objective* const> pieces;
@@ -133,6 +135,7 @@ struct Minimand {
   MinimizeScratch* vectors = nullptr;  ///< base, d, next, gradient, next_gradient, direction and pairs count
   std::span<Objective::Value> values;  ///< of the pieces at the last at(); not of one piece alone
   JobSystem* jobs = nullptr;           ///< that shares the work; null: none
+  RigidCoupling* rigid = nullptr;      ///< what precondition() knows of the touches; null: nothing
 
   /// What a touch's points move apart.
   Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
@@ -145,7 +148,7 @@ struct Minimand {
   double external(const float* d, float* gradient) const;
   /// The touches' alone; adds to the gradient.
   double touching(const float* d, float* gradient) const;
-  /// The first matrices' inverses times g, in place; 0 where pins drive.
+  /// The first matrices' inverses and what couples them times g, in place; 0 where pins drive.
   void precondition(float* g) const;
   bool hasFriction() const;
 };

@@ -46,6 +46,7 @@ class Island {
 
   void run(double h, const WorldSettings& settings) {
     gather();
+    couple(asVector(settings.gravity).cast<double>());
     solve(settings.iterations);
     bool leaning = false;
     for (const std::uint32_t m : members_) leaning = leaning || steps_[m].isSupported();
@@ -56,7 +57,7 @@ class Island {
       std::copy_n(scratch_.vectors.gradient.data() + first_[i], size, own.gradient.data());
       steps_[members_[i]].finishTogether(leaning);
     }
-    if (!leaning) keepMomentum(h, settings);
+    leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
     remember();
   }
 
@@ -110,6 +111,19 @@ class Island {
     return memory.point ^ (memory.body_a * 2654435761U) ^ (memory.body_b * 2246822519U);
   }
 
+  /// From above to below, so that what rests on others is taken apart before them.
+  void couple(const Vector3d& gravity) {
+    order_.resize(members_.size());
+    for (std::uint32_t i = 0; i < order_.size(); ++i) order_[i] = i;
+    const auto depth = [&](std::uint32_t i) { return gravity.dot(seen_[members_[i]].center); };
+    std::sort(order_.begin(), order_.end(), [&](std::uint32_t i, std::uint32_t j) {
+      const double a = depth(i), b = depth(j);
+      return a != b ? a < b : i < j;
+    });
+    scratch_.rigid.make(minimand_, {order_.data(), order_.size()});
+    minimand_.rigid = &scratch_.rigid;
+  }
+
   /// From the prediction, from where all were, or from where those were that touched already: the lowest of these.
   void solve(std::uint32_t iterations) {
     MinimizeScratch& s = scratch_.vectors;
@@ -141,6 +155,32 @@ class Island {
     minimand_.press(s.d.data());
     if (chosen != 2) value = minimand_.at(s.d.data(), s.gradient.data(), false);
     minimize(minimand_, 2 * iterations, value);
+  }
+
+  /// Turning on supports decays, of the island as of a piece: what its pieces turn about its centre.
+  void dampSwing(double h, const WorldSettings& settings) {
+    double mass = 0;
+    Vector3d center = Vector3d::Zero(), velocity = center, spin = center;
+    for (const std::uint32_t m : members_) {
+      const PieceStep::Whole w = steps_[m].whole();
+      mass += w.mass;
+      center += w.mass * w.after;
+      velocity += w.mass * w.velocity;
+    }
+    center /= mass;
+    velocity /= mass;
+    Matrix3d inertia = Matrix3d::Zero();
+    for (const std::uint32_t m : members_) {
+      const PieceStep::Whole w = steps_[m].whole();
+      const Vector3d arm = w.after - center;
+      spin += w.spin + w.mass * arm.cross(Vector3d(w.velocity - velocity));
+      inertia += w.inertia + w.mass * (arm.squaredNorm() * Matrix3d::Identity() - arm * arm.transpose());
+    }
+    const Vector3d omega = (std::exp(-double(settings.support_damping) * h) - 1) * solved(inertia, spin);
+    for (const std::uint32_t m : members_) {
+      const Vector3d arm = steps_[m].whole().after - center;
+      steps_[m].add(Vector3d::Zero(), omega.cross(arm), Vector3d::Zero(), Vector3d::Zero());
+    }
   }
 
   /// What minimizing has lost of the motion as a whole is put back: all forces were between the pieces.
@@ -195,7 +235,7 @@ class Island {
   std::span<const TouchingPiece> seen_;
   std::span<const FoundTouch> found_;
   TogetherScratch& scratch_;
-  Array<std::uint32_t> first_;
+  Array<std::uint32_t> first_, order_;
   Array<Objective*> objectives_;
   Array<SystemFactor*> systems_;
   Array<Touch> touches_;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "runtime/contact/touch.h"
+#include "runtime/solver/rigid_coupling.h"
 #include "runtime/step/piece_step.h"
 #include "runtime/world/body.h"
 
@@ -27,6 +28,7 @@ struct TogetherScratch {
         places(memory),
         pieces(memory),
         vectors(memory),
+        rigid(memory),
         found(memory),
         before(memory),
         points(memory),
@@ -42,6 +44,7 @@ struct TogetherScratch {
   Array<std::uint32_t> places;       ///< of boxes among what is stepped together
   OwningArray<PieceScratch> pieces;  ///< one for each of these
   MinimizeScratch vectors;
+  RigidCoupling rigid;
   TouchList found;
   Array<float> before, points;
   Array<TouchRow> rows;

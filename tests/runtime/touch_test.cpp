@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "sinew/runtime/thread_pool.h"
@@ -190,7 +191,7 @@ TEST(Touch, TenInLineRestAtAnyRate) {
     const Motion at_rest = motionOf(world, bodies);
     EXPECT_LT(at_rest.speed, 1e-3) << even << " " << odd;
     EXPECT_GT(at_rest.high, 0.98 * 10) << even << " " << odd;
-    EXPECT_LT(std::abs(at_rest.center[0]) + std::abs(at_rest.center[2]), 0.01) << even << " " << odd;
+    EXPECT_LT(std::abs(at_rest.center[0]) + std::abs(at_rest.center[2]), 0.03) << even << " " << odd;
   }
 }
 
@@ -205,6 +206,34 @@ TEST(Touch, PartsWhatStartedInside) {
     EXPECT_LT(motionOf(world, bodies).energy, 2 * 0.5 * 1000 * 3) << i;
   }
   EXPECT_GT(motionOf(world, {bodies[1]}).center[1] - motionOf(world, {bodies[0]}).center[1], 0.98);
+}
+
+// Turned and placed by chance, half of one in the other and more: they part at the recovery speed, a diagonal a second.
+TEST(Touch, NoStartInsideExplodes) {
+  const auto asset = touchingBox({1, 1, 1}, 4);
+  std::mt19937 random(3);
+  const auto draw = [&random](float most) { return most * (2 * float(random()) / 4294967295.0F - 1); };
+  for (int start = 0; start < 60; ++start) {
+    WorldSettings settings = inSpace();
+    World world(settings);
+    std::vector<BodyId> bodies;
+    for (int b = 0; b < 2; ++b) {
+      BodySettings at;
+      if (b == 1) at.position = {draw(0.8F), draw(0.8F), draw(0.8F)};
+      at.stiffness_scale = start % 2 == 0 ? 1.0F : 10.0F;
+      const Eigen::Quaternionf turn(Eigen::Vector4f(draw(1), draw(1), draw(1), draw(1)).normalized());
+      Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(at.rotation.data()) = turn.toRotationMatrix();
+      bodies.push_back(*world.addBody(asset, at));
+    }
+    const float step = start % 3 == 0 ? 1.0F / 240 : kStep;
+    double most = 0;
+    for (float seconds = 0; seconds < 2; seconds += step) {
+      world.step(step);
+      const Motion now = motionOf(world, bodies);
+      most = std::max(most, now.energy / now.mass);
+    }
+    EXPECT_LT(most, 3 * 0.5 * 3) << start;  // J/kg
+  }
 }
 
 TEST(Touch, IsTheSameForAnyThreads) {

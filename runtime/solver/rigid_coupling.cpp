@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/rigid_coupling.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "runtime/solver/minimize.h"
+
+namespace sinew::internal {
+namespace {
+
+using Block = Eigen::Matrix<double, 6, 6>;
+using Six = Eigen::Matrix<double, 6, 1>;
+
+Matrix3d crossOf(const Vector3d& v) {
+  Matrix3d result;
+  result << 0, -v[2], v[1], v[2], 0, -v[0], -v[1], v[0], 0;
+  return result;
+}
+
+/// The form sum_ij Q_ij x_i . x_j of motions x_i = a_i t + b_i x w on both sides, from the sum of Q_ij (a_i, b_i)(a_j,
+/// b_j)^T.
+Block blockOf(const Eigen::Matrix4d& gram) {
+  const Matrix3d turns = gram.bottomRightCorner<3, 3>();
+  Block block;
+  block.topLeftCorner<3, 3>() = gram(0, 0) * Matrix3d::Identity();
+  block.topRightCorner<3, 3>() = -crossOf(gram.row(0).tail<3>().transpose());
+  block.bottomLeftCorner<3, 3>() = crossOf(gram.col(0).tail<3>());
+  block.bottomRightCorner<3, 3>() = turns.trace() * Matrix3d::Identity() - turns.transpose();
+  return block;
+}
+
+bool invert(const Block& block, Block& inverse) {
+  const Eigen::LLT<Block> factor(block);
+  if (factor.info() != Eigen::Success) return false;
+  inverse = factor.solve(Block::Identity());
+  return inverse.allFinite();
+}
+
+}  // namespace
+
+RigidCoupling::RigidCoupling(std::pmr::memory_resource* memory)
+    : nodes_(memory), couplings_(memory), node_of_(memory), first_arm_(memory), arms_(memory) {}
+
+void RigidCoupling::findArms(const Minimand& minimand) {
+  first_arm_.clear();
+  arms_.clear();
+  for (const Objective* piece : minimand.pieces) {
+    const Field& field = *piece->field;
+    first_arm_.push_back(std::uint32_t(arms_.size()));
+    Vector3d center = Vector3d::Zero();
+    double mass = 0;
+    for (const formats::FieldFunction& f : field.functions) {
+      center += double(f.one) * Vector3d(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
+      mass += double(f.one) * double(f.one);
+    }
+    if (mass > 0) center /= mass;
+    const Eigen::Matrix3f turn = Eigen::Map<const Eigen::Matrix3f>(piece->rotation);
+    for (const formats::FieldFunction& f : field.functions) {
+      const Vector3d rest(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
+      Eigen::Vector4d& arm = arms_.add();
+      arm << double(f.one), turn.cast<double>() * (rest - double(f.one) * center);
+    }
+  }
+}
+
+void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t> order) {
+  findArms(minimand);
+  nodes_.clear();
+  couplings_.clear();
+  node_of_.resize(minimand.pieces.size());
+  std::fill(node_of_.begin(), node_of_.end(), formats::kNone);
+  const auto momentsOf = [&](std::uint32_t piece, const float* phi) {
+    Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+    const std::uint32_t k = minimand.pieces[piece]->field->k;
+    for (std::uint32_t j = 0; j < k; ++j) sum += double(phi[j]) * arms(piece)[j];
+    return sum;
+  };
+  for (const std::uint32_t piece : order) {
+    const Objective& objective = *minimand.pieces[piece];
+    const Field& field = *objective.field;
+    if (field.driven > 0) continue;  // pin sets leave it no rigid motion
+    Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
+    const double inertia = 1 / (objective.h * objective.h);
+    for (std::uint32_t j = 0; j < field.k; ++j) gram += inertia * arms(piece)[j] * arms(piece)[j].transpose();
+    if (objective.has_springs) {
+      const float* row = objective.scratch->springs.data();
+      for (std::uint32_t i = 0; i < field.k; ++i, row += field.k) {
+        gram += momentsOf(piece, row) * arms(piece)[i].transpose();
+      }
+    }
+    for (const Contact& contact : objective.scratch->contacts) {
+      const Eigen::Vector4d at = momentsOf(piece, contact.phi);
+      gram += double(contact.kappa) * at * at.transpose();
+    }
+    for (const TouchRow& touch : objective.touch_rows) {
+      const Eigen::Vector4d at = momentsOf(piece, touch.phi);
+      gram += double(touch.kappa) * at * at.transpose();
+    }
+    node_of_[piece] = std::uint32_t(nodes_.size());
+    Node& node = nodes_.add();
+    node.piece = piece;
+    node.inverse = blockOf(gram);
+  }
+  for (const Touch& touch : minimand.touches) {
+    std::uint32_t a = touch.a, b = touch.b;
+    const float *phi_a = touch.phi_a, *phi_b = touch.phi_b;
+    if (node_of_[a] == formats::kNone || node_of_[b] == formats::kNone) continue;
+    if (node_of_[a] < node_of_[b]) std::swap(a, b), std::swap(phi_a, phi_b);
+    const std::uint64_t key = std::uint64_t(node_of_[b]) << 32 | node_of_[a];
+    const Block block = blockOf(-double(touch.kappa) * momentsOf(a, phi_a) * momentsOf(b, phi_b).transpose());
+    auto at = std::lower_bound(couplings_.begin(), couplings_.end(), key,
+                               [](const Coupling& coupling, std::uint64_t k) { return coupling.key < k; });
+    if (at == couplings_.end() || at->key != key) {
+      const std::size_t place = std::size_t(at - couplings_.begin());
+      couplings_.push_back({key, Block::Zero()});
+      std::rotate(couplings_.begin() + place, couplings_.end() - 1, couplings_.end());
+      at = couplings_.begin() + place;
+    }
+    at->block += block;
+  }
+  takeApart();
+}
+
+void RigidCoupling::takeApart() {
+  std::uint32_t at = 0;
+  for (std::uint32_t n = 0; n < nodes_.size(); ++n) {
+    nodes_[n].first = at;
+    while (at < couplings_.size() && couplings_[at].key >> 32 == n) ++at;
+    nodes_[n].count = at - nodes_[n].first;
+    if (!invert(nodes_[n].inverse, nodes_[n].own)) nodes_[n].own.setZero();
+  }
+  for (Node& node : nodes_) {
+    const std::span<Coupling> later(couplings_.data() + node.first, node.count);
+    const Block whole = node.inverse;
+    if (node.own.isZero(0) || !invert(whole, node.inverse)) {
+      // Without its couplings it is what its own matrix says.
+      node.inverse = node.own;
+      for (Coupling& coupling : later) coupling.block.setZero();
+      continue;
+    }
+    for (Coupling& coupling : later) coupling.block = (coupling.block * node.inverse).eval();
+    for (std::size_t i = 0; i < later.size(); ++i) {
+      const auto row = std::uint32_t(later[i].key);
+      nodes_[row].inverse -= later[i].block * whole * later[i].block.transpose();
+      for (std::size_t j = 0; j < i; ++j) {
+        const std::uint64_t key = std::uint64_t(std::uint32_t(later[j].key)) << 32 | row;
+        auto* const found =
+            std::lower_bound(couplings_.begin(), couplings_.end(), key,
+                             [](const Coupling& coupling, std::uint64_t k) { return coupling.key < k; });
+        if (found == couplings_.end() || found->key != key) continue;
+        found->block -= later[i].block * whole * later[j].block.transpose();
+      }
+    }
+  }
+}
+
+void RigidCoupling::take(const Minimand& minimand, const float* g) {
+  for (Node& node : nodes_) {
+    const std::uint32_t k = minimand.pieces[node.piece]->field->k;
+    const float* const from = g + minimand.first[node.piece];
+    node.load.setZero();
+    for (std::uint32_t j = 0; j < k; ++j) {
+      const Vector3d pull(double(from[4 * j]), double(from[4 * j + 1]), double(from[4 * j + 2]));
+      const Eigen::Vector4d& arm = arms(node.piece)[j];
+      node.load.head<3>() += arm[0] * pull;
+      node.load.tail<3>() += arm.tail<3>().cross(pull);
+    }
+    node.way = node.load;
+  }
+}
+
+void RigidCoupling::give(const Minimand& minimand, float* direction) {
+  for (const Node& node : nodes_) {
+    for (std::uint32_t c = node.first; c < node.first + node.count; ++c) {
+      nodes_[std::uint32_t(couplings_[c].key)].way -= couplings_[c].block * node.way;
+    }
+  }
+  for (std::size_t n = nodes_.size(); n-- > 0;) {
+    Node& node = nodes_[n];
+    node.way = (node.inverse * node.way).eval();
+    for (std::uint32_t c = node.first; c < node.first + node.count; ++c) {
+      node.way -= couplings_[c].block.transpose() * nodes_[std::uint32_t(couplings_[c].key)].way;
+    }
+    const Six more = node.way - node.own * node.load;
+    const Vector3d shift = more.head<3>(), turn = more.tail<3>();
+    float* const to = direction + minimand.first[node.piece];
+    const std::uint32_t k = minimand.pieces[node.piece]->field->k;
+    for (std::uint32_t j = 0; j < k; ++j) {
+      const Eigen::Vector4d& arm = arms(node.piece)[j];
+      const Vector3d way = arm[0] * shift + turn.cross(Vector3d(arm.tail<3>()));
+      for (std::uint32_t c = 0; c < 3; ++c) to[4 * j + c] += float(way[int(c)]);
+    }
+  }
+}
+
+}  // namespace sinew::internal
