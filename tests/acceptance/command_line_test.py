@@ -292,6 +292,28 @@ class CommandLine(unittest.TestCase):
         self.assertGreaterEqual(averaged["lowest"], -1e-6)
         self.assertLess(averaged["lowest_visual"], -0.05)
 
+    def test_scenes_of_several_bodies_end_asleep(self):
+        corners = [(x, y, z) for x in (-0.5, 0.5) for y in (0, 1) for z in (-0.5, 0.5)]
+        mesh = self.path / "block.obj"
+        mesh.write_text("".join("v %g %g %g\n" % corner for corner in corners) +
+                        "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n")
+        package = self.path / "block.sinew"
+        hertz = [f"--set=clusters.{motion}_hz=100" for motion in ("stretch", "bend", "twist")]
+        self.assertEqual(run("bake", mesh, "-o", package, "--no-cache", *hertz).returncode, 0)
+        for scene, count, low, high in (("stack", 10, 9.8, 10.02), ("pyramid", 10, 3.95, 4.01), ("pile", 27, 1, 6)):
+            for steps in ("0.016667", "0.016667,0.004167"):
+                measures = json.loads(run("simulate", package, "--scene", scene, "--step", steps, "--json").stdout)
+                bodies = measures["bodies"]
+                self.assertEqual((bodies["count"], bodies["asleep"]), (count, count), (scene, steps))
+                self.assertGreater(bodies["height_m"], low, (scene, steps))
+                self.assertLess(bodies["height_m"], high, (scene, steps))
+        picture = self.path / "pile.png"
+        self.assertEqual(run("render", package, "--scene", "rest", "--scene", "pile", "--frames", "2", "-o", picture).returncode, 0)
+        self.assert_refused(run("simulate", package, "--scene", "stack", "--solver", "report"), 2, "report", "--scene")
+        apart = self.path / "apart.sinew"
+        self.assertEqual(run("bake", mesh, "-o", apart, "--no-cache", "--set=field.distances=0").returncode, 0)
+        self.assert_refused(run("simulate", apart, "--scene", "stack"), 3, "field.distances")
+
     def test_pieces_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
         mesh = self.path / "chest.obj"

@@ -78,6 +78,7 @@ void runSimulate(const SimulateCommand& command) {
   }
   double wall = 0;
   for (double t : microseconds) wall += t / 1e6;
+  const GroupMeasure group = measureGroup(scene.world(), scene.bodies());
   const BodyMeasure measure = measureBody(scene.world(), scene.body());
   if (!command.output.empty())
     writeFileAtomically(command.output,
@@ -85,7 +86,7 @@ void runSimulate(const SimulateCommand& command) {
 
   const auto number = [](double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); };
   if (command.json) {
-    const ordered_json json = {
+    ordered_json json = {
         {"package", command.package},
         {"scene", command.scene},
         {"steps", steps},
@@ -103,12 +104,22 @@ void runSimulate(const SimulateCommand& command) {
         {"lowest_visual", number(measure.lowest_visual)},
         {"seam_gap", number(measure.seam_gap)},
         {"state_hash", measure.state_hash}};
+    if (scene.bodies().size() > 1) {
+      json["bodies"] = {{"count", scene.bodies().size()},
+                        {"asleep", group.asleep},
+                        {"rms_speed_m_s", number(group.rms_speed)},
+                        {"height_m", number(group.height)}};
+    }
     std::cout << jsonText(json);
   } else {
     std::printf("%s: scene %s, %llu steps of %.4g s\n", command.package.c_str(), command.scene.c_str(),
                 static_cast<unsigned long long>(steps), command.steps.front());
     std::printf("  time       %.1f us a step (median), %.1f us (p99)\n", percentile(microseconds, 0.5),
                 percentile(microseconds, 0.99));
+    if (scene.bodies().size() > 1) {
+      std::printf("  bodies     %zu, %u asleep, %.2e m/s rms, %.4g m high; of the first:\n", scene.bodies().size(),
+                  group.asleep, group.rms_speed, group.height);
+    }
     std::printf("  rest error %.2e rms, %.2e max (of the diagonal)\n", measure.rest_error_rms, measure.rest_error_max);
     std::printf("  speed      %.2e diagonals/s rms\n", measure.rms_speed);
     std::printf("  volume     %.3f of the rest volume at the end (%.3f .. %.3f on the way)\n", measure.volume_ratio,
@@ -140,7 +151,8 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<SimulateCommand>();
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene without a window");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
-  verb->add_option("--scene", command->scene, "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md")
+  verb->add_option("--scene", command->scene,
+                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, or a file (.json): docs/scenes.md")
       ->capture_default_str();
   verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")
       ->check(CLI::Range(0.0, 1e6))

@@ -20,10 +20,10 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<ViewCommand>();
   CLI::App* verb = app.add_subcommand("view", "Open a window on a package: play scenes, grab the body with the mouse");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
-  verb->add_option(
-      "--scene", command->scene,
-      "rest, drop, squash, stretch, hang, or a file (.json): docs/scenes.md. Without: rest where pins of the "
-      "package hold it, else drop");
+  verb->add_option("--scene", command->scene,
+                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, or a file (.json): docs/scenes.md. "
+                   "Without: rest where pins of the "
+                   "package hold it, else drop");
   addSolverOption(*verb, command->solver);
   verb->add_option("--screenshot", command->options.screenshot,
                    "Write a picture of the window (.png) after --frames frames and end");

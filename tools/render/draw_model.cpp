@@ -220,6 +220,29 @@ DrawModel makeDrawModel(const formats::PackageView& package) {
   return model;
 }
 
+DrawModel repeated(DrawModel model, std::size_t times) {
+  const auto repeat = [times](auto& list) {
+    const std::size_t count = list.size();
+    list.reserve(count * times);
+    for (std::size_t i = count; i < count * times; ++i) list.push_back(list[i - count]);
+  };
+  const auto vertices = static_cast<std::uint32_t>(model.positions.size());
+  const std::size_t triangles = model.triangles.size(), parts = model.parts.size();
+  repeat(model.positions);
+  repeat(model.normals);
+  repeat(model.uvs);
+  repeat(model.colors);
+  repeat(model.cluster_tint);
+  repeat(model.triangles);
+  repeat(model.parts);
+  for (std::size_t t = triangles; t < model.triangles.size(); ++t) {
+    for (std::uint32_t& v : model.triangles[t]) v += static_cast<std::uint32_t>(t / triangles) * vertices;
+  }
+  for (std::size_t p = parts; p < model.parts.size(); ++p)
+    model.parts[p].first_triangle += static_cast<std::uint32_t>(p / parts * triangles);
+  return model;
+}
+
 DrawModel makeDrawModel(const VisualMesh& mesh) {
   DrawModel model;
   model.name = mesh.file;

@@ -53,6 +53,10 @@ std::array<float, 3> distinctColor(std::uint32_t number);
 /// From a package. Positions are as in the package: relative to its origin.
 DrawModel makeDrawModel(const formats::PackageView& package);
 
+/// The same mesh so many times, for the bodies of a scene with several; what is drawn of its inside is that of the
+/// first.
+DrawModel repeated(DrawModel model, std::size_t times);
+
 /// From an imported source: positions are relative to the centre of its bounds.
 DrawModel makeDrawModel(const VisualMesh& mesh);
 

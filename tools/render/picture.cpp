@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <iterator>
 #include <numbers>
+#include <optional>
 #include <string>
 
 #include "tools/render/overlay.h"
@@ -194,13 +195,13 @@ void captureShape(const Scene& scene, Shape& shape) {
   const World& world = scene.world();
   const BodyId body = scene.body();
   const formats::PackageView& package = world.asset(body).package();
-  const std::size_t count = package.visualPositions().size();
-  shape.positions.resize(count);
-  shape.normals.resize(count);
-  if (count > 0) {
-    const auto n = static_cast<std::uint32_t>(count);
-    world.visualVertices(body, {shape.positions[0].data(), sizeof(Eigen::Vector3f), n},
-                         {shape.normals[0].data(), sizeof(Eigen::Vector3f), n});
+  const auto count = static_cast<std::uint32_t>(package.visualPositions().size());
+  shape.bodies = scene.bodies().size();
+  shape.positions.resize(count * shape.bodies);
+  shape.normals.resize(count * shape.bodies);
+  for (std::size_t b = 0; b < shape.bodies && count > 0; ++b) {
+    world.visualVertices(scene.bodies()[b], {shape.positions[b * count].data(), sizeof(Eigen::Vector3f), count},
+                         {shape.normals[b * count].data(), sizeof(Eigen::Vector3f), count});
   }
   const std::span<const Vec3> physical = world.positions(body);
   shape.physical.resize(physical.size());
@@ -312,15 +313,21 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
   drawText(sheet, kMargin, kMargin - 4, 30, kInk, fitText(title, 30, room));
   drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package()), 17, room));
 
-  Renderer renderer(makeDrawModel(asset->package()));
+  std::optional<Renderer> renderer;
+  std::size_t bodies = 0;  // that it draws
   int y = kMargin + kTitleHeight;
   std::size_t done = 0;
   for (const auto& row : rows) {
     for (std::size_t k = 0; k < row.size(); ++k) {
       const Tile& tile = row[k];
-      showShape(renderer, tile.shape);
-      renderer.draw(tile.camera, tile.settings, width, height);
-      const Image picture = renderer.read();
+      if (tile.shape.bodies != bodies) {
+        bodies = tile.shape.bodies;
+        renderer.reset();
+        renderer.emplace(repeated(makeDrawModel(asset->package()), bodies));
+      }
+      showShape(*renderer, tile.shape);
+      renderer->draw(tile.camera, tile.settings, width, height);
+      const Image picture = renderer->read();
       const auto column = static_cast<int>(k % per_line);
       if (k > 0 && column == 0) y += height + kLabelHeight + kGap;
       const int x = kMargin + column * (width + kGap);
@@ -382,8 +389,8 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
     camera.far_plane = far_plane + distance;
   }
 
-  Renderer renderer(makeDrawModel(asset->package()));
   Scene scene(asset, scene_options);
+  Renderer renderer(repeated(makeDrawModel(asset->package()), scene.bodies().size()));
   VideoFile video(file, width, height, kFramesPerSecond);
   Shape shape;
   for (int f = 0; f < frames; ++f) {

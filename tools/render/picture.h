@@ -41,7 +41,8 @@ struct Shape {
   std::vector<Eigen::Vector3f> positions, normals, physical;
   std::vector<std::uint32_t> pinned;
   std::vector<ClusterFrame> frames;
-  double time = 0;  ///< s
+  std::size_t bodies = 1;  ///< whose positions and normals follow each other; the rest is the first one's
+  double time = 0;         ///< s
 };
 void captureShape(const Scene& scene, Shape& shape);
 void showShape(Renderer& renderer, const Shape& shape);

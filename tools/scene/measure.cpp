@@ -105,6 +105,23 @@ double measureVolumeRatio(const World& world, BodyId body) {
   return rest > 0 ? volume(package, [&](std::uint32_t v) { return toDouble(positions[v]); }) / rest : 1;
 }
 
+GroupMeasure measureGroup(const World& world, std::span<const BodyId> bodies) {
+  GroupMeasure measure;
+  double squares = 0, mass = 0;
+  for (const BodyId body : bodies) {
+    const auto vertices = world.asset(body).package().physicalVertices();
+    const auto positions = world.positions(body), velocities = world.velocities(body);
+    for (std::size_t v = 0; v < positions.size(); ++v) {
+      squares += double(vertices[v].mass) * toDouble(velocities[v]).squaredNorm();
+      mass += double(vertices[v].mass);
+      measure.height = std::max(measure.height, double(positions[v][1]));
+    }
+    measure.asleep += world.isAsleep(body) ? 1U : 0U;
+  }
+  measure.rms_speed = mass > 0 ? std::sqrt(squares / mass) : 0;
+  return measure;
+}
+
 BodyMeasure measureBody(const World& world, BodyId body) {
   const formats::PackageView& package = world.asset(body).package();
   const auto positions = world.positions(body);

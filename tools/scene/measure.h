@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,14 @@ struct BodyMeasure {
   double seam_gap = 0;       ///< farthest that visual vertices of one welded point have drifted apart since rest
   std::string state_hash;    ///< XXH3-64 of positions and velocities, 16 hexadecimal digits
 };
+
+/// All bodies of a scene together.
+struct GroupMeasure {
+  double rms_speed = 0;      ///< m/s
+  double height = 0;         ///< m, of the highest physical vertex
+  std::uint32_t asleep = 0;  ///< bodies
+};
+GroupMeasure measureGroup(const World& world, std::span<const BodyId> bodies);
 
 BodyMeasure measureBody(const World& world, BodyId body);
 /// Only the volume ratio: cheap enough for every step.

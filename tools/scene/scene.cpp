@@ -12,7 +12,8 @@
 namespace sinew::tools {
 namespace {
 
-constexpr std::array<std::string_view, 5> kNames = {"rest", "drop", "squash", "stretch", "hang"};
+constexpr std::array<std::string_view, 8> kNames = {"rest", "drop",  "squash",  "stretch",
+                                                    "hang", "stack", "pyramid", "pile"};
 
 // Gravity of a scene, in diagonals per second squared: a body one metre across then falls as on Earth.
 constexpr float kGravityDiagonals = 9.81F;
@@ -31,6 +32,20 @@ constexpr float kHeldTop = 0.1F;
 
 // Contacts have no rolling resistance of their own, so a ball would roll on for long; in `drop` the air slows it.
 constexpr float kDropDamping = 0.6F;
+
+// What rests so long falls asleep, s.
+constexpr float kSleepSeconds = 0.5F;
+// `stack` puts so many one on another, `pyramid` so many rows of one less each, `pile` drops so many a side.
+constexpr int kStacked = 10;
+constexpr int kRows = 4;
+constexpr int kPiledSide = 3;
+// Between what is put one on another, and between what is dropped, of the diagonal.
+constexpr float kStackGap = 1e-3F;
+constexpr float kPileGap = 0.05F;
+
+bool hasSeveral(SceneKind kind) {
+  return kind == SceneKind::stack || kind == SceneKind::pyramid || kind == SceneKind::pile;
+}
 
 struct Bounds {
   Vec3 low, high;
@@ -54,6 +69,41 @@ Bounds boundsOf(std::span<const Vec3> points) {
     }
   }
   return b;
+}
+
+// Places of the bodies of a scene with several; the first row of the lowest bounds lies on the ground.
+std::vector<BodySettings> placesOf(SceneKind kind, const Bounds& bounds, float diagonal, const BodySettings& common) {
+  std::vector<BodySettings> places;
+  const float gap = kStackGap * diagonal, width = bounds.extent(0), height = bounds.extent(1);
+  const auto put = [&](float x, float y) {
+    places.push_back(common);
+    places.back().position = {x, y - bounds.low[1], 0};
+  };
+  if (kind == SceneKind::stack) {
+    for (int i = 0; i < kStacked; ++i) put(0, float(i) * (height + gap));
+  } else if (kind == SceneKind::pyramid) {
+    for (int row = 0; row < kRows; ++row) {
+      for (int i = 0; i < kRows - row; ++i) {
+        put((float(i) - 0.5F * float(kRows - row - 1)) * (width + 2 * gap), float(row) * (height + gap));
+      }
+    }
+  } else {
+    // Turned by golden angles about two axes: no two alike, and the same in each run.
+    const float pitch = (1 + kPileGap) * diagonal;
+    for (int i = 0; i < kPiledSide * kPiledSide * kPiledSide; ++i) {
+      const float a = 2.3999632F * float(i), b = 1.5F * a;
+      const float ca = std::cos(a), sa = std::sin(a), cb = std::cos(b), sb = std::sin(b);
+      places.push_back(common);
+      places.back().rotation = {ca, -sa * cb, sa * sb, sa, ca * cb, -ca * sb, 0, sb, cb};
+      const auto along = [&](int k) { return (float(k) - 0.5F * float(kPiledSide - 1)) * pitch; };
+      // A little aside in each layer, so that they do not stay on one another's tops.
+      const int layer = i / (kPiledSide * kPiledSide);
+      places.back().position = {along(i % kPiledSide) + 0.15F * pitch * float(layer),
+                                0.6F * diagonal + float(layer) * pitch,
+                                along(i / kPiledSide % kPiledSide) - 0.1F * pitch * float(layer)};
+    }
+  }
+  return places;
 }
 
 }  // namespace
@@ -87,6 +137,10 @@ double SceneChoice::seconds() const {
     case SceneKind::drop:
     case SceneKind::hang:
       return 2.5;
+    case SceneKind::stack:
+    case SceneKind::pyramid:
+    case SceneKind::pile:
+      return 5;
   }
   return 2;
 }
@@ -101,10 +155,22 @@ Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, Jo
   reset();
 }
 
-bool Scene::hasGround() const { return options_.scene.kind == SceneKind::drop; }
+bool Scene::hasGround() const { return options_.scene.kind == SceneKind::drop || hasSeveral(options_.scene.kind); }
+
+BodyId Scene::add(const BodySettings& settings) {
+  auto added = world_.addBody(asset_, settings);
+  if (!added) {
+    const formats::PackageView& package = asset_->package();
+    throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)), added.reason(),
+                    "That is --solver report.");
+  }
+  bodies_.push_back(*added);
+  return *added;
+}
 
 void Scene::reset() {
-  if (body_ != BodyId{}) world_.removeBody(body_);
+  for (const BodyId body : bodies_) world_.removeBody(body);
+  bodies_.clear();
   time_ = 0;
   steps_ = 0;
   pinned_.clear();
@@ -114,7 +180,20 @@ void Scene::reset() {
   const std::uint32_t usual_iterations = script_ ? script_->script.iterations : 0;
   if (options_.iterations > 0 || usual_iterations > 0)
     world.iterations = options_.iterations > 0 ? options_.iterations : usual_iterations;
-  const bool falls = options_.scene.kind == SceneKind::drop || options_.scene.kind == SceneKind::hang;
+  const bool several = hasSeveral(options_.scene.kind);
+  const bool falls = several || options_.scene.kind == SceneKind::drop || options_.scene.kind == SceneKind::hang;
+  if (several && options_.solver != nullptr) {
+    throw ToolError(ExitCode::usage, "", "bodies that the report's solver moves do not touch each other",
+                    "Choose another --scene, or the default solver.");
+  }
+  if (several && asset_->package().distanceGrids().empty()) {
+    const formats::PackageView& package = asset_->package();
+    throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)),
+                    "the package has no distance grids, by which bodies touch each other",
+                    "Bake it again without field.distances=0.");
+  }
+  world.collisions = several;
+  world.sleep_seconds = several ? kSleepSeconds : 0;
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
   world.ground.enabled = hasGround();
@@ -144,15 +223,17 @@ void Scene::reset() {
   if (!script_) {
     placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
   }
-  placement_ = {placement.position, placement.rotation};
-  auto added = world_.addBody(asset_, placement);
-  if (!added) {
-    const formats::PackageView& package = asset_->package();
-    throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)), added.reason(),
-                    "That is --solver report.");
+  if (several) {
+    std::vector<Vec3> rest;
+    for (const auto& vertex : asset_->package().physicalVertices()) rest.push_back(vertex.rest_position);
+    const std::vector<BodySettings> places = placesOf(options_.scene.kind, boundsOf(rest), diagonal, placement);
+    for (const BodySettings& place : places) add(place);
+    placement = places.front();
+  } else {
+    add(placement);
   }
-  body_ = *added;
-  const auto positions = world_.positions(body_);
+  placement_ = {placement.position, placement.rotation};
+  const auto positions = world_.positions(body());
   start_.assign(positions.begin(), positions.end());
 
   const Bounds bounds = boundsOf(start_);
@@ -174,12 +255,12 @@ void Scene::reset() {
       if (x <= bounds.low[axis] + margin || x >= bounds.high[axis] - margin) pinned_.push_back(v);
     }
   }
-  for (std::uint32_t v : pinned_) world_.pin(body_, v, start_[v]);
+  for (std::uint32_t v : pinned_) world_.pin(body(), v, start_[v]);
   if (placement.package_pins) {
     const auto held = asset_->package().pinSetVertices();
     pinned_.assign(held.begin(), held.end());
   }
-  if (script_) script_->moveTargets(world_, body_, 0);
+  if (script_) script_->moveTargets(world_, body(), 0);
   std::fill(inputs_.begin(), inputs_.end(), 0.0F);  // as the new body has them
   driveChannels(0);
 }
@@ -189,7 +270,9 @@ void Scene::driveChannels(double time) {
   if (script_) script_->readInputs(time, wanted_);
   for (std::uint32_t c = 0; c < inputs_.size(); ++c) {
     const float input = held_channels_[c].value_or(wanted_[c]);
-    if (input != inputs_[c]) world_.setActivation(body_, c, input);
+    if (input != inputs_[c]) {
+      for (const BodyId body : bodies_) world_.setActivation(body, c, input);
+    }
     inputs_[c] = input;
   }
 }
@@ -198,7 +281,7 @@ bool Scene::drive() {
   const double end = time_ + double(stepSeconds());
   driveChannels(end);
   if (script_) {
-    script_->moveTargets(world_, body_, end);
+    script_->moveTargets(world_, body(), end);
     return true;
   }
   const auto t = float(time_);
@@ -209,11 +292,11 @@ bool Scene::drive() {
     const float height = 1 + (kPressedHeight - 1) * smoothstep(t / kPressSeconds);
     std::vector<Vec3> pressed = start_;
     for (Vec3& x : pressed) x[1] = bounds.low[1] + (x[1] - bounds.low[1]) * height;
-    world_.setState(body_, pressed, {});
+    world_.setState(body(), pressed, {});
     return false;
   } else if (options_.scene.kind == SceneKind::stretch && !pinned_.empty()) {
     if (t > kPressSeconds + kHoldSeconds) {
-      world_.unpinAll(body_);
+      world_.unpinAll(body());
       pinned_.clear();
       return true;
     }
@@ -223,7 +306,7 @@ bool Scene::drive() {
     for (std::uint32_t v : pinned_) {
       Vec3 target = start_[v];
       target[axis] += start_[v][axis] > middle ? half_pull : -half_pull;
-      world_.pin(body_, v, target);
+      world_.pin(body(), v, target);
     }
   }
   return true;

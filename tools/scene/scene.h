@@ -16,9 +16,9 @@
 
 namespace sinew::tools {
 
-enum class SceneKind { rest, drop, squash, stretch, hang };
+enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile };
 
-/// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang".
+/// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile".
 std::span<const std::string_view> sceneNames();
 
 /// A built-in scene, or one from a file.
@@ -45,8 +45,9 @@ struct SceneOptions {
       gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };
 
-/// One body of a package in one scene. Lengths in a built-in scene are relative to the rest diagonal. The package's own
-/// pins hold in `rest` and in scenes from files, where the body is where its source is.
+/// One body of a package in one scene, or several that touch (stack, pyramid, pile). Lengths in a built-in scene are
+/// relative to the rest diagonal. The package's own pins hold in `rest` and in scenes from files, where the body is
+/// where its source is.
 class Scene {
  public:
   /// Throws ToolError(bad_input) where a scene from a file does not fit the package, or the solver cannot move it.
@@ -62,7 +63,8 @@ class Scene {
 
   World& world() { return world_; }
   const World& world() const { return world_; }
-  BodyId body() const { return body_; }
+  BodyId body() const { return bodies_.front(); }
+  std::span<const BodyId> bodies() const { return bodies_; }
   const RigidTransform& placement() const { return placement_; }  ///< of the body at the start
   const SceneOptions& options() const { return options_; }
   double time() const { return time_; }                              ///< seconds since the start
@@ -77,6 +79,7 @@ class Scene {
   std::span<const float> channelInputs() const { return inputs_; }
 
  private:
+  BodyId add(const BodySettings& settings);
   /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
   bool drive();
   void driveChannels(double time);
@@ -84,7 +87,7 @@ class Scene {
   SceneOptions options_;
   std::optional<SceneDrive> script_;
   World world_;
-  BodyId body_;
+  std::vector<BodyId> bodies_;
   RigidTransform placement_;
   double time_ = 0;
   std::uint64_t steps_ = 0;

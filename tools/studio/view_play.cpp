@@ -86,7 +86,9 @@ void Play::advance(double elapsed) {
 
 void Play::grab(std::uint32_t vertex) {
   const Eigen::Vector3f& at = shape_.positions[vertex];
-  grabbed_ = {vertex, at, at, scene_->world().pick(scene_->body(), vertex, {at.x(), at.y(), at.z()}, kPickHz)};
+  const auto count = static_cast<std::uint32_t>(shape_.positions.size() / shape_.bodies);
+  const BodyId body = scene_->bodies()[vertex / count];
+  grabbed_ = {vertex, at, at, scene_->world().pick(body, vertex % count, {at.x(), at.y(), at.z()}, kPickHz)};
 }
 
 void Play::moveGrab(const Eigen::Vector3f& target) {

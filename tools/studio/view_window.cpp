@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -92,7 +93,7 @@ class View {
       : window_(window),
         input_(input),
         play_(asset, options),
-        renderer_(makeDrawModel(asset->package())),
+        model_(makeDrawModel(asset->package())),
         log_(options.state_log) {
     layout_.scale = scale;
   }
@@ -143,7 +144,12 @@ class View {
  private:
   void drawScene() {
     Camera& camera = input_.camera();
-    showShape(renderer_, play_.shape());
+    if (play_.shape().bodies != bodies_) {
+      bodies_ = play_.shape().bodies;
+      renderer_.reset();
+      renderer_.emplace(repeated(model_, bodies_));
+    }
+    showShape(*renderer_, play_.shape());
     Annotation annotation;
     if (const auto& grabbed = play_.grabbed()) {
       annotation.points = {play_.shape().positions[grabbed->vertex], grabbed->target};
@@ -152,7 +158,7 @@ class View {
       annotation.line_width = 2.5F * layout_.scale * layout_.pixels_per_unit;
       annotation.hidden_opacity = 0.6F;
     }
-    renderer_.setAnnotation(annotation);
+    renderer_->setAnnotation(annotation);
     DrawSettings settings;
     settings.physical = shown_.physical;
     settings.clusters = shown_.clusters;
@@ -175,12 +181,12 @@ class View {
     }
     camera.near_plane = std::max(camera.distance * 0.02F, 1e-3F);
     camera.far_plane = camera.distance + 40;
-    renderer_.draw(camera, settings, layout_.width(), layout_.height());
+    renderer_->draw(camera, settings, layout_.width(), layout_.height());
     glBindFramebuffer(GL_FRAMEBUFFER, 0);
     glViewport(0, 0, layout_.framebuffer_width, layout_.framebuffer_height);
     glClearColor(0.125F, 0.137F, 0.161F, 1);
     glClear(GL_COLOR_BUFFER_BIT);
-    renderer_.present(layout_.panel, 0, layout_.width(), layout_.height());
+    renderer_->present(layout_.panel, 0, layout_.width(), layout_.height());
   }
 
   void screenshot() const {
@@ -202,7 +208,9 @@ class View {
   GLFWwindow* window_;
   ViewInput& input_;
   Play play_;
-  Renderer renderer_;
+  const DrawModel model_;
+  std::optional<Renderer> renderer_;
+  std::size_t bodies_ = 0;  // that it draws
   ViewLog log_;
   ViewPanel panel_;
   Shown shown_;
