@@ -174,11 +174,9 @@ class TouchSearch {
     // apart: of many ways some would hold each other. Of others surfaces that touch face each other: where the nearest
     // way out does not, the way back into a does.
     Vector3f facing, left_at;
-    if (known && (last->floor >= 0 || distance >= -margin_) &&
-        leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing)) {
-      outward = facing;
-      touch.place = left_at;
-    } else if (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing)) {
+    const bool as_before = known && (last->floor >= 0 || distance >= -margin_) &&
+                           leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing);
+    if (as_before || (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
       outward = facing;
       touch.place = left_at;
     } else if (a_.map != nullptr) {

@@ -58,7 +58,7 @@ void RigidCoupling::findArms(const Minimand& minimand) {
     if (mass > 0) center /= mass;
     const Eigen::Matrix3f turn = Eigen::Map<const Eigen::Matrix3f>(piece->rotation);
     for (const formats::FieldFunction& f : field.functions) {
-      const Vector3d rest(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
+      const Vector3d rest = {double(f.rest[0]), double(f.rest[1]), double(f.rest[2])};
       Eigen::Vector4d& arm = arms_.add();
       arm << double(f.one), turn.cast<double>() * (rest - double(f.one) * center);
     }
@@ -162,7 +162,7 @@ void RigidCoupling::take(const Minimand& minimand, const float* g) {
     const float* const from = g + minimand.first[node.piece];
     node.load.setZero();
     for (std::uint32_t j = 0; j < k; ++j) {
-      const Vector3d pull(double(from[4 * j]), double(from[4 * j + 1]), double(from[4 * j + 2]));
+      const Vector3d pull = {double(from[4 * j]), double(from[4 * j + 1]), double(from[4 * j + 2])};
       const Eigen::Vector4d& arm = arms(node.piece)[j];
       node.load.head<3>() += arm[0] * pull;
       node.load.tail<3>() += arm.tail<3>().cross(pull);

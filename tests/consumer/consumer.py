@@ -96,10 +96,11 @@ def main():
                 sys.exit(f"consumer: {config.name} names {leak}")
 
     standalone = scratch / "hello_source"
-    for sample in ("hello_runtime", "hello_runtime_c"):
+    for sample in ("hello_runtime", "hello_runtime_c", "pile"):
         shutil.copytree(source / "samples" / sample, standalone / sample)
     for name, folder, program in (("consumer", source / "tests" / "consumer" / "program", "consumer"),
                                   ("hello", standalone / "hello_runtime", "sample_hello_runtime"),
+                                  ("pile", standalone / "pile", "sample_pile"),
                                   ("hello_c", standalone / "hello_runtime_c", "sample_hello_runtime_c")):
         build = scratch / name
         run(cmake, "-S", folder, "-B", build, *common, f"-DCMAKE_PREFIX_PATH={moved}")
