@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // Places of a piece at rest: how deep they are under its drawn surface, and which tetrahedron has them. What touches a
-// piece is asked about there, so that depth and direction do not depend on how it is bent (docs/method.md §5).
+// piece is asked about there, so that depth and direction do not depend on how it is bent (docs/method.md §4).
 #pragma once
 
 #include <Eigen/Core>

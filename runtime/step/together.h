@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // Bodies that may touch: pairs whose boxes meet, their contacts, and islands of pieces that are minimized as one
-// (docs/method.md §5).
+// (docs/method.md §4).
 #pragma once
 
 #include "runtime/contact/touch.h"

@@ -22,7 +22,7 @@ RecipeKey falloff() {
 }
 RecipeKey radius() { return {"radius", kRecipeNumber, "Inside this the weight is 1.", "", "m", 1e-9, kFar}; }
 RecipeKey by(std::string_view sentence) { return {"by", kRecipeNumber, sentence, "", "m", 0, kFar}; }
-RecipeKey note() { return {"note", kRecipeText, "A comment for people.", "none"}; }
+RecipeKey note() { return {"note", kRecipeText, "A comment.", "none"}; }
 
 bool isNumbers(const Json& value, std::size_t least, std::size_t most, double minimum, double maximum) {
   if (!value.is_array() || value.size() < least || value.size() > most) return false;
@@ -169,12 +169,12 @@ std::vector<RecipeObject> declareObjects() {
         note(),
         {"project", kRecipeText, "Folder that no file of the recipe lies outside of: \".\" or \"..\", \"../..\", ...",
          "\".\""},
-        {"source", kRecipePath, "The artist's file; it is never changed.", ""},
+        {"source", kRecipePath, "The artist's file.", ""},
         {"settings", kRecipeSettings, "Settings that differ from their defaults: [settings.md](settings.md).", "{}"},
-        {"masks", kRecipeMasks, "Selections with names, to be used in other selections.", "{}"},
+        {"masks", kRecipeMasks, "Selections with names.", "{}"},
         {"clusters",
          0,
-         "Regions with a material of their own. Where there is none, clusters are made automatically.",
+         "Regions with their own material. Without any, clusters are made automatically.",
          "[]",
          "",
          0,
@@ -187,7 +187,7 @@ std::vector<RecipeObject> declareObjects() {
         {"colors", 0, "Colours of a source that has none.", "[]", "", 0, 0, {}, "color"},
         {"parts",
          0,
-         "Accessories: loose parts that ride along instead of being filled: eyeballs, teeth, lashes, buttons.",
+         "Loose parts that ride along instead of being filled: eyeballs, teeth, lashes, buttons.",
          "[]",
          "",
          0,
@@ -196,17 +196,16 @@ std::vector<RecipeObject> declareObjects() {
          "part"}},
        R"({"sinew_recipe": 3, "source": "head.obj", "clusters": [{"name": "nose", "from": {"group": "nose"}}]})"},
       {"cluster",
-       "A named region with a material of its own. Regions may overlap; where they leave gaps, the nearest one along "
-       "the "
-       "surface takes over, and the bake says how many vertices that were.",
+       "A named region with its own material. Regions may overlap; gaps go to the nearest region along the surface, "
+       "and the bake says how many vertices.",
        {{"name", kRecipeText, "Its name in the package.", ""},
         note(),
         {"from", kRecipeSelection, "The region. Without it: the cluster mesh of this name.", "none"},
-        {"settings", kRecipeClusterSettings,
-         "Settings of its own, without their prefix `clusters.`: mode, stretch_hz, ...", "{}"},
+        {"settings", kRecipeClusterSettings, "Its own settings, without the prefix `clusters.`: mode, stretch_hz, ...",
+         "{}"},
         {"split",
          kRecipeNumber,
-         "Cut it into clusters about this wide in the mean, named NAME.1, NAME.2, ...",
+         "Cut it into clusters of this mean width, named NAME.1, NAME.2, ...",
          "none",
          "m",
          1e-9,
@@ -228,8 +227,8 @@ std::vector<RecipeObject> declareObjects() {
          "channel"},
         {"fibre",
          kRecipeChoice | kRecipePoint,
-         "Direction in which it contracts; auto: from origin to insertion where both are given, else its longest axis "
-         "along the surface.",
+         "Direction of contraction; auto: from origin to insertion where both are given, else its longest axis along "
+         "the surface.",
          "\"auto\"",
          "",
          0,
@@ -253,49 +252,45 @@ std::vector<RecipeObject> declareObjects() {
          0,
          1,
          {"hold", "infinite_mass", "matrix", "constrained_fit"}},
-        {"target", kRecipeText, "What it is held by: \"world\", or the name of a bone or body of the game.",
-         "\"world\""}},
+        {"target", kRecipeText, "What holds it: \"world\", or the name of a bone or body of the game.", "\"world\""}},
        R"({"name": "skull", "from": {"half_space": [0, 1.6, 0], "normal": [0, 0, -1]}, "target": "Head"})"},
       {"stiffness",
-       "Multiplies Young's modulus of what deforms there (--solver report: `clusters.alpha`); where entries overlap, "
-       "their values are multiplied. What a frequency names is the mean of the piece.",
+       "Multiplies Young's modulus of what deforms there (--solver report: `clusters.alpha`); entries that overlap "
+       "multiply. What a frequency names is the mean of the piece.",
        {note(),
         {"from", kRecipeSelection, "Which vertices.", ""},
         {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", ""}},
        R"({"from": {"color": "r"}, "value": 0.4})"},
       {"thickness",
-       "Multiplies the thickness of a shell (`tetrahedra.thickness`); where entries overlap, their values are "
-       "multiplied. Between vertices of the shell it changes evenly; soften the selection for a wider ramp.",
+       "Multiplies the `tetrahedra.thickness` of a shell; entries that overlap multiply. It changes evenly between "
+       "vertices of the shell; soften the selection for a wider ramp.",
        {note(),
         {"from", kRecipeSelection, "Which vertices.", ""},
         {"value", kRecipeNumber, "The factor where the weight is 1; 1 where it is 0.", "", "", 0.01, 100}},
        R"({"from": {"soften": {"group": "cheek"}, "by": 0.02}, "value": 3})"},
       {"color",
-       "A colour for visual vertices, by which packages are drawn; later entries paint over earlier ones. What is not "
-       "painted keeps the source's vertex colour, or is white.",
+       "The colour that visual vertices are drawn in; later entries paint over earlier ones. The rest keeps the "
+       "source's vertex colour, or is white.",
        {note(),
         {"from", kRecipeSelection, "What is painted, and how strongly (weight 0..1).", ""},
         {"color", kRecipeColor, "Linear red, green, blue; an alpha is ignored.", ""}},
        R"({"from": {"group": "lip_*"}, "color": [0.5, 0.15, 0.12]})"},
       {"part",
-       "An accessory: one or more loose parts of the source, whole, that get no tetrahedra of their own.",
+       "An accessory: whole loose parts of the source that get no tetrahedra.",
        {{"name", kRecipeText, "Its name in the package.", ""},
         note(),
-        {"from", kRecipeSelection, "Which: every loose part of which this selects at least half.", ""},
+        {"from", kRecipeSelection, "Every loose part of which this selects at least half.", ""},
         {"attach",
          kRecipeChoice,
-         "rigid: all of it moves with one rigid motion, without stretch or shear. follow: each vertex keeps its place "
-         "on "
-         "the nearest surface.",
+         "rigid: all of it moves with one rigid motion. follow: each vertex keeps its place on the nearest surface.",
          "\"rigid\"",
          "",
          0,
          1,
          {"rigid", "follow"}},
         {"to", kRecipeSelection,
-         "What carries it: the name of a cluster, a set of pins or a mask, or a selection. rigid: its best-fitting "
-         "rigid "
-         "motion; absent: that of the physical vertices around the part. follow: the surface to sit on; absent: all.",
+         "What carries it: the name of a cluster, a pin set or a mask, or a selection. rigid: its best-fitting rigid "
+         "motion; absent: that of the physical vertices around. follow: the surface to sit on; absent: all.",
          "none"}},
        R"({"name": "eye.L", "from": {"object": "eyeball_L"}, "attach": "rigid", "to": "skull"})"},
   };
@@ -303,7 +298,7 @@ std::vector<RecipeObject> declareObjects() {
 
 std::vector<RecipeObject> declareKinds() {
   const RecipeKey tolerance{
-      "tolerance", kRecipeNumber, "Furthest distance of a colour that counts as this one, of 1.", "0.25", "", 0, 2};
+      "tolerance", kRecipeNumber, "Largest distance of a colour that counts as this one.", "0.25", "", 0, 2};
   return {
       {"all", "Every vertex.", {{"all", kRecipeFlag, "true", ""}, note()}, R"({"all": true})"},
       {"rest",
@@ -312,27 +307,25 @@ std::vector<RecipeObject> declareKinds() {
        R"({"rest": true})"},
       {"group",
        "Vertices of the faces of a group (OBJ `g`, vertex sets).",
-       {{"group", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""}, note()},
+       {{"group", kRecipeText | kRecipeTexts, "* stands for any letters.", ""}, note()},
        R"({"group": "lip_*"})"},
       {"material",
        "Vertices of the faces of a material.",
-       {{"material", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""}, note()},
+       {{"material", kRecipeText | kRecipeTexts, "* stands for any letters.", ""}, note()},
        R"({"material": "skin"})"},
       {"object",
        "Vertices of an object: a node or a mesh of the source.",
-       {{"object", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""}, note()},
+       {{"object", kRecipeText | kRecipeTexts, "* stands for any letters.", ""}, note()},
        R"({"object": "eyeball_*"})"},
       {"part",
        "A loose part: what hangs together over edges.",
        {{"part", kRecipeInteger | kRecipePoint,
-         "Its number (parts are counted by their first face, from 0), or a point: the part "
-         "nearest to it.",
-         "", "m", 0, 4e9},
+         "Its number (from 0, by first face), or a point: the part nearest to it.", "", "m", 0, 4e9},
         note()},
        R"({"part": [0.03, 1.62, 0.1]})"},
       {"bone",
        "What a bone moves.",
-       {{"bone", kRecipeText | kRecipeTexts, "Name or names; * stands for any letters.", ""},
+       {{"bone", kRecipeText | kRecipeTexts, "* stands for any letters.", ""},
         note(),
         {"weights",
          kRecipeChoice,
@@ -349,7 +342,7 @@ std::vector<RecipeObject> declareKinds() {
        {{"morph", kRecipeText, "Its name.", ""},
         note(),
         {"threshold", kRecipeNumber,
-         "Weight 1 where it moves further than this part of its furthest; 0: weight in proportion to the distance.",
+         "Weight 1 beyond this part of its largest displacement; 0: weight in proportion to the displacement.",
          "0.02"}},
        R"({"morph": "smile", "threshold": 0.1})"},
       {"color",
@@ -357,7 +350,7 @@ std::vector<RecipeObject> declareKinds() {
        {{"color", kRecipeChoice | kRecipeColor, "Channel or colour.", "", "", 0, 1, {"r", "g", "b", "a"}},
         note(),
         tolerance,
-        {"set", kRecipeText, "COLOR_0 is the first colour set; others by the attribute's name.", "\"COLOR_0\""}},
+        {"set", kRecipeText, "COLOR_0 is the first; others by the attribute's name.", "\"COLOR_0\""}},
        R"({"color": [1, 0, 0], "tolerance": 0.3})"},
       {"attribute",
        "A vertex attribute of the file (glTF `_NAME`, further PLY properties).",
@@ -369,21 +362,18 @@ std::vector<RecipeObject> declareKinds() {
        R"({"attribute": "_SMILE_L"})"},
       {"values",
        "A JSON file with one number 0..1 for each source vertex.",
-       {{"values", kRecipePath, "The file.", ""}, note()},
+       {{"values", kRecipePath, "", ""}, note()},
        R"({"values": "weights/smile.json"})"},
       {"stored",
-       "Weights kept at points, as `sinew author RECIPE transfer` writes them for regions that the new source no "
-       "longer "
-       "names: `{\"sinew_masks\": 1, \"points\": [x, y, z, ...], \"masks\": {\"cheek\": {\"points\": [numbers, from "
-       "0], "
-       "\"weights\": [0..1]}}}`, metres, y up. A vertex takes the weight of the point nearest to it, within 2 % of the "
-       "diagonal.",
-       {{"stored", kRecipePath, "The file.", ""}, note(), {"mask", kRecipeText, "Which mask of it.", ""}},
+       "Weights at points, as `sinew author RECIPE transfer` writes them: `{\"sinew_masks\": 1, \"points\": [x, y, z, "
+       "...], \"masks\": {\"cheek\": {\"points\": [numbers, from 0], \"weights\": [0..1]}}}`, metres, y up. A vertex "
+       "takes the weight of the nearest point within 2 % of the diagonal.",
+       {{"stored", kRecipePath, "", ""}, note(), {"mask", kRecipeText, "Which mask of it.", ""}},
        R"({"stored": "head.masks.json", "mask": "cheek"})"},
       {"image",
-       "A picture painted in UV space (PNG, EXR, TIFF, JPEG). Steps in this order: channel or key, threshold, close, "
-       "specks, feather; then bilinear sampling, repeated outside 0..1.",
-       {{"image", kRecipePath, "The picture.", ""},
+       "A picture in UV space (PNG, EXR, TIFF, JPEG). In this order: channel or key, threshold, close, specks, "
+       "feather, bilinear sampling (repeated outside 0..1).",
+       {{"image", kRecipePath, "", ""},
         note(),
         {"channel", kRecipeChoice, "What is read.", "\"luminance\"", "", 0, 1, {"luminance", "r", "g", "b", "a"}},
         {"key", kRecipeColor, "Instead of a channel: weight 1 where the picture has this colour.", "none"},
@@ -396,8 +386,7 @@ std::vector<RecipeObject> declareKinds() {
         {"material", kRecipeText, "Only on faces of this material, where several share the UV space.", "none"}},
        R"({"image": "masks/smile.png", "threshold": 0.5, "close": 2, "specks": 20, "feather": 6})"},
       {"cluster_mesh",
-       "A duplicate of part of the surface, in the source: an object named CLUSTER_x, or with a property "
-       "sinew_cluster.",
+       "A duplicate of part of the surface: an object of the source named CLUSTER_x, or with a property sinew_cluster.",
        {{"cluster_mesh", kRecipeText, "Its name, without CLUSTER_.", ""},
         note(),
         {"tolerance", kRecipeNumber,
@@ -424,13 +413,13 @@ std::vector<RecipeObject> declareKinds() {
         falloff()},
        R"({"half_space": [0, 0, 0], "normal": [1, 0, 0], "falloff": 0.02})"},
       {"disc",
-       "What lies within a distance along the surface of the surface point nearest to a point.",
+       "Vertices within a distance, along the surface, from the surface point nearest to a point.",
        {{"disc", kRecipePoint, "The point.", "", "m"}, note(), radius(), falloff()},
        R"({"disc": [0.04, 1.55, 0.1], "radius": 0.02, "falloff": 0.01})"},
       {"strokes",
        "A stroke file: `{\"strokes\": [{\"points\": [[x, y, z], ...], \"radius\": m, \"falloff\": m, \"strength\": "
        "0..1, \"erase\": false}]}`, distances along the surface, later strokes over earlier ones.",
-       {{"strokes", kRecipePath, "The file.", ""}, note()},
+       {{"strokes", kRecipePath, "", ""}, note()},
        R"({"strokes": "masks/brow.json"})"},
       {"and",
        "The least of the weights.",
@@ -446,11 +435,11 @@ std::vector<RecipeObject> declareKinds() {
        {{"minus", kRecipeSelections, "", ""}, note()},
        R"({"minus": [{"group": "jaw"}, {"group": "lip_lower"}]})"},
       {"grow",
-       "With all that is nearer than this to where the weight is above one half, along the surface.",
+       "Adds what is nearer than this, along the surface, to where the weight is above one half.",
        {{"grow", kRecipeSelection, "", ""}, note(), by("How far.")},
        R"({"grow": {"group": "nose"}, "by": 0.01})"},
       {"shrink",
-       "Without all that is nearer than this to where the weight is below one half, along the surface.",
+       "Removes what is nearer than this, along the surface, to where the weight is below one half.",
        {{"shrink", kRecipeSelection, "", ""}, note(), by("How far.")},
        R"({"shrink": {"group": "nose"}, "by": 0.005})"},
       {"soften",
@@ -463,7 +452,7 @@ std::vector<RecipeObject> declareKinds() {
         note(),
         {"plane",
          kRecipeChoice,
-         "x, y, z: the plane through `point` across this axis; auto: the source's plane of symmetry is found.",
+         "x, y, z: the plane through `point` across this axis; auto: the source's plane of symmetry.",
          "\"auto\"",
          "",
          0,
@@ -471,7 +460,7 @@ std::vector<RecipeObject> declareKinds() {
          {"auto", "x", "y", "z"}},
         {"point", kRecipePoint, "A point of the plane.", "[0, 0, 0]", "m"},
         {"normal", kRecipePoint, "The plane's normal, instead of an axis.", "none"},
-        {"tolerance", kRecipeNumber, "How far the two sides may differ, in diagonals.", "0.02"}},
+        {"tolerance", kRecipeNumber, "How far the sides may differ, in diagonals.", "0.02"}},
        R"({"mirror": {"group": "cheek_l"}, "plane": "x"})"},
       {"scale",
        "The weight times a factor.",
@@ -583,16 +572,25 @@ Json settingSchema(Settings& defaults, const Settings::Declaration& d) {
 }
 
 void writeTable(std::ostream& out, const RecipeObject& object) {
-  out << object.sentence << "\n\n| key | holds | unit | if absent | meaning |\n|---|---|---|---|---|\n";
-  for (const RecipeKey& key : object.keys) {
-    if (key.name == "note") continue;
-    const std::string fallback = key.fallback.empty()     ? "must be there"
-                                 : key.fallback == "none" ? ""
-                                                          : "`" + std::string(key.fallback) + "`";
-    out << "| `" << key.name << "` | " << legalText(key) << " | " << key.unit << " | " << fallback << " | "
-        << key.sentence << " |\n";
+  out << object.sentence << "\n\n";
+  const auto holds = [](const RecipeKey& key) {
+    return legalText(key) + (key.unit.empty() ? "" : " " + std::string(key.unit));
+  };
+  // Of one key besides `note`: a line in place of a table.
+  if (object.keys.size() == 2) {
+    const RecipeKey& key = object.keys.front();
+    out << "`" << key.name << "`: " << holds(key) << "." << (key.sentence.empty() ? "" : " ") << key.sentence;
+  } else {
+    out << "| key | holds | if absent | meaning |\n|---|---|---|---|";
+    for (const RecipeKey& key : object.keys) {
+      if (key.name == "note") continue;
+      const std::string fallback = key.fallback.empty()     ? "required"
+                                   : key.fallback == "none" ? ""
+                                                            : "`" + std::string(key.fallback) + "`";
+      out << "\n| `" << key.name << "` | " << holds(key) << " | " << fallback << " | " << key.sentence << " |";
+    }
   }
-  out << "\n```json\n" << object.example << "\n```\n\n";
+  out << "\n\n```json\n" << object.example << "\n```\n\n";
 }
 
 }  // namespace
@@ -701,23 +699,22 @@ std::string recipeMarkdown() {
   std::ostringstream out;
   out << R"(# The recipe
 
-Written by `sinew help recipe --markdown` from the declarations in `tools/author/recipe_keys.cpp`; a test compares. How
-to use it: [authoring.md](authoring.md). Editors complete it with [recipe.schema.json](recipe.schema.json) (`sinew help
-schema`).
+Written by `sinew help recipe --markdown` from `tools/author/recipe_keys.cpp`; a test compares. How to use it:
+[authoring.md](authoring.md). Editors complete it with [recipe.schema.json](recipe.schema.json) (`sinew help schema`).
 
-JSON, UTF-8, one object; comments are read over, but a command that changes the recipe drops them (use the key `note`,
-which every object may have). An unknown key is an error that names the nearest one, and every message names file, line
-and cure. A wrong recipe ends with exit code 3 before anything is written.
+JSON, UTF-8, one object. Comments are allowed, but a command that changes the recipe drops them; the key `note`, which
+every object may have, stays. An unknown key is an error that names the nearest one; messages name file, line and cure.
+A wrong recipe ends with exit code 3 before anything is written.
 
-**Names.** Clusters have different names, pins have different names. A selection that is a text is the name of a mask;
-masks that need themselves are an error that names the cycle.
+**Names.** Clusters have different names, pins have different names. A text in place of a selection names a mask; masks
+that need themselves are an error that names the cycle.
 
-**Files** are relative to the recipe's folder and lie inside the project folder: the recipe's own, or a folder above
-it that the key `project` names.
+**Files** are relative to the recipe's folder and lie inside the project folder: the recipe's own, or a folder above it
+that `project` names.
 
-**Versions.** This is version 3. Recipes of version 1 (`source` and `settings` only) and 2 (with `clusters.overlap_metres`, a
-cluster's key `overlap`, and `clusters.overlap` in boxes) are read as what they mean now, with the finding
-`recipe-migrated`; the first command of `sinew author` that changes one writes version 3.
+**Versions.** This is version 3. Versions 1 (`source` and `settings` only) and 2 (`clusters.overlap_metres`, a cluster's
+key `overlap`, `clusters.overlap` in boxes) are read as what they mean now, with the finding `recipe-migrated`; the
+first command of `sinew author` that changes one writes version 3.
 
 )";
   for (const RecipeObject& object : recipeObjects()) {
@@ -726,11 +723,10 @@ cluster's key `overlap`, and `clusters.overlap` in boxes) are read as what they 
   }
   out << R"(## Selections
 
-A selection gives every visual vertex a weight 0..1. It is the name of a mask, or an object of one of the kinds below,
-named by its first key. Where vertices at one point differ (the two sides of a seam, a group's border), the largest
-weight counts for all of them. Shapes and operations "along the surface" measure geodesic distance: by fast marching over
-triangles, exact on flat pieces, within 2 % on curved ones that are finely divided (`tests/author/surface_test.cpp`
-measures it).
+A selection gives every visual vertex a weight 0..1. It is the name of a mask, or an object of one of these kinds, named
+by its first key. Where vertices at one point differ (the two sides of a seam, a group's border), the largest weight
+counts for all of them. Distances "along the surface" are geodesic, by fast marching over triangles: exact on flat
+pieces, within 2 % on finely divided curved ones.
 
 )";
   for (const RecipeObject& kind : selectionKinds()) {

@@ -190,22 +190,19 @@ std::vector<formats::CurvePoint> curvePoints(std::string_view text) {
 std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
   using formats::ClusterMode;
   std::vector<Declaration> all = {
-      {"import.unit", "",
-       "Unit of length of the source; auto takes it from the file where the format says it, else metres.",
+      {"import.unit", "", "Unit of length of the source; auto: as the file says, else metres.",
        Text{&s.import.unit, isImportUnit, "auto | " + lengthUnitNames(" | ") + " | metres per unit",
             "^(auto|" + lengthUnitNames("|") + "|\\+?" + kPositive + ")$", true}},
-      {"import.up", "",
-       "Which axis of the source points up; auto takes it from the file where the format says it, else y.",
+      {"import.up", "", "Which axis of the source points up; auto: as the file says, else y.",
        Text{&s.import.up, isImportUp, "auto | y | z", "^(auto|y|z)$"}},
       {"import.weld", "diagonals", "Positions closer than this are one point; 0 welds exactly equal ones only.",
        numberIn(s.import.weld_tolerance, ImportOptions::kWeld)},
       {"import.crease", "degrees",
-       "Where the source has no normals: edges whose faces differ by more are hard, others smooth; 180 makes all "
-       "smooth.",
+       "Without normals in the source: edges whose faces differ by more are hard; 180 makes all smooth.",
        numberIn(s.import.crease_degrees, ImportOptions::kCrease)},
       {"import.keep_stray", "",
-       "Keep stray faces: at most 1 % of the area, 20 times further from the middle than all the rest. They set the "
-       "size of everything that goes by the diagonal; without this they are left out, with a warning.",
+       "Keep stray faces: at most 1 % of the area, 20 times further from the middle than all the rest. They then set "
+       "the diagonal; otherwise they are left out, with a warning.",
        Flag{&s.import.keep_stray}},
       {"import.memory_mb", "MB", "Bound on the memory of the process that reads the source.",
        Count{&s.import.memory_megabytes, ImportOptions::kMegabytes.least, ImportOptions::kMegabytes.most}},
@@ -214,8 +211,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        numberIn(s.import.seconds, ImportOptions::kSeconds)},
       {"tetrahedra.method", "",
        "How the solid is filled: stuffing follows the surface, grid is a cage of boxes that loses nothing, delaunay "
-       "fits best and is slow, shell is a skin over an open surface; "
-       "auto takes stuffing where it loses nothing, else grid, and shell for sheets that enclose nothing.",
+       "fits best and is slow, shell is a skin over an open surface; auto takes shell for sheets that enclose nothing, "
+       "else stuffing where it loses nothing, else grid.",
        Choice{{"auto", "grid", "stuffing", "delaunay", "shell"},
               [](const Settings& x) { return int(x.tetrahedra.method); },
               [](Settings& x, int v) { x.tetrahedra.method = TetrahedraMethod(v); }}},
@@ -224,37 +221,35 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"tetrahedra.thickness", "m",
        "Thickness of a shell; 0 = half of the mean edge of its tetrahedra. Shortened at creases.",
        Number{&s.tetrahedra.shell_thickness, 0, 1e6}},
-      {"tetrahedra.join", "diagonals",
-       "Parts closer than this move as one piece; parts further apart are separate pieces.",
+      {"tetrahedra.join", "diagonals", "Parts closer than this move as one piece; others are separate pieces.",
        Number{&s.tetrahedra.join_distance, 0, 1}},
       {"clusters.grid", "", "Boxes along x, y and z that each piece is cut into; auto chooses by size and shape.",
        Grid{&s.clusters.grid, 64}},
       {"clusters.overlap", "m",
-       "How far a cluster reaches into its neighbours: over so much their materials blend. auto: half a box of a grid, "
-       "else 1.5 edges of the tetrahedra. 0: not at all, a recipe's clusters as they were painted.",
+       "How far a cluster reaches into its neighbours, so that materials blend. auto: half a box of a grid, else 1.5 "
+       "edges of the tetrahedra. 0: a recipe's clusters as they were painted.",
        AutoNumber{&s.clusters.overlap, 1e6}},
       {"clusters.method", "",
-       "How clusters are made where the recipe has none: boxes along the axes, or k-means (regions of equal size that "
-       "follow the shape).",
+       "How clusters are made where the recipe has none: boxes along the axes, or regions of equal size that follow "
+       "the shape (k-means).",
        Choice{{"grid", "kmeans"},
               [](const Settings& x) { return int(x.clusters.method); },
               [](Settings& x, int v) { x.clusters.method = ClusterMethod(v); }}},
       {"clusters.size", "m", "Of kmeans: how wide a cluster is; 0 chooses by the number of physical vertices.",
        Number{&s.clusters.size, 0, 1e6}},
       {"clusters.soften_metres", "m",
-       "Width over which clusters of a recipe blend into each other wherever their weights jump between neighbouring "
-       "vertices, along the body; 0: weights stay as they are.",
+       "Width, along the body, over which a recipe's clusters blend wherever their weights jump between neighbouring "
+       "vertices; 0: weights stay as they are.",
        Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
-       "rigid: a bone, which holds what belongs to it alone as firm as a body needs. linear and quadratic differ in "
-       "which "
-       "frequencies count (quadratic: the lowest of the three), in what attachment.method=clusters follows, and in "
-       "--solver report, where quadratic clusters bend and twist by themselves.",
+       "rigid: a bone; what belongs to it alone is held firm. linear and quadratic differ in which frequencies count "
+       "(quadratic: the lowest of the three), in what attachment.method=clusters follows, and in --solver report, "
+       "where quadratic clusters bend and twist.",
        Choice{{"rigid", "linear", "quadratic"},
               [](const Settings& x) { return int(x.clusters.mode); },
               [](Settings& x, int v) { x.clusters.mode = ClusterMode(v); }}},
       {"clusters.alpha", "",
-       "Only --solver report: part of the way to its goal that a vertex goes in a step, with stiffness per_step.",
+       "Only --solver report with stiffness per_step: part of the way to its goal that a vertex goes in a step.",
        Number{&s.clusters.alpha, 0, 1}},
       {"clusters.stretch_hz", "Hz",
        "Frequency of stretch and shear: higher is stiffer. The lowest mode of a piece rings at its lowest frequency; "
@@ -267,10 +262,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        "Of quadratic clusters: frequency of twisting; one thinner than a seventh of its length takes stretch_hz.",
        Number{&s.clusters.twist_hz, 0, 1e5}},
       {"clusters.stiffness", "",
-       "What sets the stiffness: the three frequencies, the part that a step of 1/60 s keeps of a deformation, taken "
-       "as "
-       "the frequency that does so (--solver report: that part at every step, as the sources), or the modulus of an "
-       "elastic solid.",
+       "What sets the stiffness: the three frequencies; per_step_beta, taken as the frequency of which a step of 1/60 "
+       "s keeps so much (--solver report: so much at every step); or the modulus of an elastic solid.",
        Choice{{"frequency", "per_step", "elastic"},
               [](const Settings& x) { return int(x.clusters.stiffness); },
               [](Settings& x, int v) { x.clusters.stiffness = formats::StiffnessModel(v); }}},
@@ -280,12 +273,11 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.clusters.young, 0, 1e12}},
       {"clusters.poisson", "", "Of elastic: Poisson's ratio; towards 0.5 a body thins as it is stretched.",
        Number{&s.clusters.poisson, 0, 0.499}},
-      {"clusters.damping", "1/s", "Decay of motion that is not rigid, besides that of the world: higher rings less.",
+      {"clusters.damping", "1/s", "Decay of motion that is not rigid, besides the world's.",
        Number{&s.clusters.damping, 0, 1e5}},
       {"clusters.limit", "",
-       "What keeps a cluster from stretching too far, wherever in it: bounds of each principal stretch, of the lengths "
-       "of the rest axes (rows), or of the squared norm of the deformation (frobenius, the same as frobenius_cheap; "
-       "soft; a curve). Beyond them it is much stiffer.",
+       "What bounds stretch, beyond which it is much stiffer: each principal stretch; the lengths of the rest axes "
+       "(rows); or the squared norm of the deformation (frobenius, the same as frobenius_cheap; soft; a curve).",
        Choice{{"none", "rows", "frobenius", "frobenius_cheap", "soft", "principal", "curve"},
               [](const Settings& x) { return int(x.clusters.limit); },
               [](Settings& x, int v) { x.clusters.limit = formats::LimitMethod(v); }}},
@@ -300,10 +292,9 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Text{&s.clusters.limit_curve, legalCurve, "phi:f,phi:f,... with 3 <= f <= phi, or empty",
             "^(" + kPositive + ":" + kPositive + "(," + kPositive + ":" + kPositive + ")+,?)?$"}},
       {"clusters.volume", "",
-       "Whether a cluster without a modulus of its own keeps its volume: cube_root and principal make Poisson's ratio "
-       "0.4, none 0.3. auto takes principal for solids and none for sheets, which enclose nothing. With --solver "
-       "report "
-       "the match is scaled to its volume at rest.",
+       "Whether a cluster without its own modulus keeps its volume: cube_root and principal make Poisson's ratio 0.4, "
+       "none 0.3; auto takes principal for solids, none for sheets. --solver report scales the match to its volume at "
+       "rest.",
        Choice{{"auto", "none", "cube_root", "principal"},
               [](const Settings& x) { return x.clusters.volume ? int(*x.clusters.volume) + 1 : 0; },
               [](Settings& x, int v) {
@@ -316,23 +307,19 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Number{&s.clusters.plastic_creep, 0, 1e5}},
       {"clusters.plastic_limit", "", "Most deformation that becomes permanent.",
        Number{&s.clusters.plastic_limit, 0, 10}},
-      {"material.density", "kg/m^3", "Density that masses are made with; water is 1000.",
-       Number{&s.material.density, 1e-3, 1e5}},
+      {"material.density", "kg/m^3", "Density of the masses; water is 1000.", Number{&s.material.density, 1e-3, 1e5}},
       {"field.functions", "",
-       "Functions that a piece moves in: more bend finer and cost more. 0 leaves them out: only --solver report moves "
-       "such a package.",
+       "Functions that a piece moves in: more bend finer and cost more. 0: only --solver report moves the package.",
        Count{&s.field.functions, 0, 256}},
       {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
-      {"field.points", "", "Points of each piece's surface that may touch something, spread over it.",
-       Count{&s.field.points, 0, 4096}},
+      {"field.points", "", "Points of each piece's surface that may touch something.", Count{&s.field.points, 0, 4096}},
       {"field.distances", "",
-       "Cells along the longest side of each piece's grid of distances to its surface, by which other bodies touch it. "
-       "0 "
-       "leaves it out: other bodies pass through.",
+       "Cells along the longest side of each piece's grid of distances, by which other bodies touch it. 0: they pass "
+       "through.",
        Count{&s.field.distances, 0, 200}},
       {"attachment.method", "",
-       "How visual vertices follow: barycentric in their tetrahedron (exact contacts and pins), or blended cluster "
-       "transforms (smoothest).",
+       "How visual vertices follow: in their tetrahedron (exact contacts and pins), or by blended transforms of "
+       "clusters (smoothest).",
        Choice{{"barycentric", "clusters"},
               [](const Settings& x) { return int(x.attachment.method); },
               [](Settings& x, int v) { x.attachment.method = AttachmentMethod(v); }}},
