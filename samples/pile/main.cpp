@@ -51,7 +51,8 @@ int main(int argc, char** argv) {
   for (int i = 0; i < count; ++i) {
     sinew::BodySettings place;
     const auto along = [&](int k) { return 1.1F * diagonal * (float(k) - 0.5F * float(side - 1)); };
-    place.position = {along(i % side), diagonal * (1 + float(i / (side * side))), along(i / side % side)};
+    const int layer = i / (side * side);
+    place.position = {along(i % side), diagonal * (1 + float(layer)), along(i / side % side)};
     const float turn = 2.4F * float(i);
     place.rotation = {std::cos(turn), 0, std::sin(turn), 0, 1, 0, -std::sin(turn), 0, std::cos(turn)};
     const auto body = world.addBody(*asset, place);
