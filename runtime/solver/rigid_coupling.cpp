@@ -41,7 +41,7 @@ bool invert(const Block& block, Block& inverse) {
 }  // namespace
 
 RigidCoupling::RigidCoupling(std::pmr::memory_resource* memory)
-    : nodes_(memory), couplings_(memory), node_of_(memory), first_arm_(memory), arms_(memory) {}
+    : nodes_(memory), couplings_(memory), keys_(memory), node_of_(memory), first_arm_(memory), arms_(memory) {}
 
 void RigidCoupling::findArms(const Minimand& minimand) {
   first_arm_.clear();
@@ -103,24 +103,39 @@ void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t
     node.piece = piece;
     node.inverse = blockOf(gram);
   }
+  // Of touches, by the nodes that they couple.
+  const auto keyOf = [&](const Touch& touch) {
+    const std::uint64_t a = node_of_[touch.a], b = node_of_[touch.b];
+    return std::min(a, b) << 32 | std::max(a, b);
+  };
+  const auto couples = [&](const Touch& touch) {
+    return node_of_[touch.a] != formats::kNone && node_of_[touch.b] != formats::kNone;
+  };
+  keys_.clear();
   for (const Touch& touch : minimand.touches) {
-    std::uint32_t a = touch.a, b = touch.b;
-    const float *phi_a = touch.phi_a, *phi_b = touch.phi_b;
-    if (node_of_[a] == formats::kNone || node_of_[b] == formats::kNone) continue;
-    if (node_of_[a] < node_of_[b]) std::swap(a, b), std::swap(phi_a, phi_b);
-    const std::uint64_t key = std::uint64_t(node_of_[b]) << 32 | node_of_[a];
-    const Block block = blockOf(-double(touch.kappa) * momentsOf(a, phi_a) * momentsOf(b, phi_b).transpose());
-    auto at = std::lower_bound(couplings_.begin(), couplings_.end(), key,
-                               [](const Coupling& coupling, std::uint64_t k) { return coupling.key < k; });
-    if (at == couplings_.end() || at->key != key) {
-      const std::size_t place = std::size_t(at - couplings_.begin());
-      couplings_.push_back({key, Block::Zero()});
-      std::rotate(couplings_.begin() + place, couplings_.end() - 1, couplings_.end());
-      at = couplings_.begin() + place;
+    if (couples(touch)) keys_.push_back(keyOf(touch));
+  }
+  std::sort(keys_.begin(), keys_.end());
+  const auto* const end = std::unique(keys_.begin(), keys_.end());
+  for (const auto* key = keys_.begin(); key != end; ++key) couplings_.push_back({*key, Block::Zero()});
+  for (const Touch& touch : minimand.touches) {
+    if (!couples(touch)) continue;
+    std::uint32_t later = touch.a, earlier = touch.b;
+    const float *phi_later = touch.phi_a, *phi_earlier = touch.phi_b;
+    if (node_of_[later] < node_of_[earlier]) {
+      std::swap(later, earlier);
+      std::swap(phi_later, phi_earlier);
     }
-    at->block += block;
+    find(keyOf(touch))->block +=
+        blockOf(-double(touch.kappa) * momentsOf(later, phi_later) * momentsOf(earlier, phi_earlier).transpose());
   }
   takeApart();
+}
+
+RigidCoupling::Coupling* RigidCoupling::find(std::uint64_t key) {
+  auto* const found = std::lower_bound(couplings_.begin(), couplings_.end(), key,
+                                       [](const Coupling& coupling, std::uint64_t k) { return coupling.key < k; });
+  return found != couplings_.end() && found->key == key ? found : nullptr;
 }
 
 void RigidCoupling::takeApart() {
@@ -146,10 +161,8 @@ void RigidCoupling::takeApart() {
       nodes_[row].inverse -= later[i].block * whole * later[i].block.transpose();
       for (std::size_t j = 0; j < i; ++j) {
         const std::uint64_t key = std::uint64_t(std::uint32_t(later[j].key)) << 32 | row;
-        auto* const found =
-            std::lower_bound(couplings_.begin(), couplings_.end(), key,
-                             [](const Coupling& coupling, std::uint64_t k) { return coupling.key < k; });
-        if (found == couplings_.end() || found->key != key) continue;
+        Coupling* const found = find(key);
+        if (found == nullptr) continue;
         found->block -= later[i].block * whole * later[j].block.transpose();
       }
     }

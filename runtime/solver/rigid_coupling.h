@@ -48,10 +48,13 @@ class RigidCoupling {
   Eigen::Vector4d* arms(std::uint32_t piece) { return arms_.data() + first_arm_[piece]; }
 
   void findArms(const Minimand& minimand);
+  /// Null where there is none.
+  Coupling* find(std::uint64_t key);
   void takeApart();
 
   Array<Node> nodes_;
-  Array<Coupling> couplings_;
+  Array<Coupling> couplings_;  ///< by their keys
+  Array<std::uint64_t> keys_;
   Array<std::uint32_t> node_of_, first_arm_;
   Array<Eigen::Vector4d> arms_;  ///< phi's: 1 and the place in the world, about the centre
 };
