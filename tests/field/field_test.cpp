@@ -10,7 +10,10 @@
 #include <numeric>
 
 #include "tests/bake/box_mesh.h"
+#include "tools/field/answers.h"
+#include "tools/field/elastic.h"
 #include "tools/field/follow.h"
+#include "tools/field/solver.h"
 
 namespace sinew::tools {
 namespace {
@@ -355,6 +358,30 @@ TEST(Field, CrumbsThatHangOnFlatOnesFollowWhatIsNotFlat) {
     EXPECT_LT((place - body.positions[v]).norm(), 1e-13);
     EXPECT_LT(size, 20);
   }
+}
+
+// Where planes cut nothing in two, distances along the mesh do.
+TEST(Field, TheFactorOfACrumpledSheetIsAboutThatOfAFlatOne) {
+  const auto entries = [](bool crumpled) {
+    Body body;
+    const PhysicalMesh mesh = latticeMesh({20, 20, 1}, 0.05);
+    body.positions = mesh.positions;
+    body.tetrahedra = mesh.tetrahedra;
+    field::Random random(5);
+    for (Vector3d& x : body.positions) {
+      if (crumpled) x = Vector3d::NullaryExpr([&] { return random.unit(); });
+    }
+    body.fill(1e6, 0.3);
+    const field::Elastic elastic = field::assemble(body.input(), FieldElement::edges);
+    const std::vector<bool> none(std::size_t(elastic.nodes()), false);
+    const field::Solver solver(elastic, none, 1);
+    const VectorXd forces = VectorXd::NullaryExpr(3 * elastic.nodes(), [&] { return random.unit(); });
+    const VectorXd u = solver.solve(forces);
+    const VectorXd met = elastic.stiffness * u + field::byAxis(elastic.node_mass).cwiseProduct(u);
+    EXPECT_LT((met - forces).norm(), 1e-6 * forces.norm());
+    return solver.entries();
+  };
+  EXPECT_LT(entries(true), 1.5 * entries(false));
 }
 
 TEST(Field, APieceHeldAtOneVertexTurnsAboutIt) {

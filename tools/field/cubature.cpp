@@ -29,8 +29,9 @@ constexpr double kUniformStrain = 0.3;
 constexpr double kRegular = 1e-5;
 // Least weight of a sample, of the volume that it stands for.
 constexpr double kLeastWeight = 0.02;
-// Weight of a direction that was too soft, of the mean one.
-constexpr double kSoftWeight = 0.02;
+// Weight of a direction that was too soft, of the mean one: at first, and from one time to the next. One that stayed
+// the same would be outweighed for ever by what the other directions cost.
+constexpr double kSoftWeight = 0.02, kSoftGrowth = 1.2;
 
 // The space in coordinates where the rest Hessian is 1.
 struct Whitened {
@@ -239,10 +240,11 @@ class Fit {
   // fit.
   void grow() {
     const Index most = std::min(directions_.cols(), std::max<Index>(1, weight_.size() / 32));
+    const double weight = soft_weight_ * space_.metric.trace() / double(space_.metric.rows());
+    soft_weight_ *= kSoftGrowth;
     for (Index m = 0; m < most; ++m) {
       const VectorXd soft = directions_.col(m);
       add(strongest(soft));
-      const double weight = kSoftWeight * space_.metric.trace() / double(soft.size());
       VectorXd energy(weight_.size());
       for (Index s = 0; s < energy.size(); ++s)
         energy[s] = (factor_.middleCols(6 * s, 6).transpose() * soft).squaredNorm();
@@ -353,7 +355,7 @@ class Fit {
   MatrixXd factor_;             // d x 6n: C
   MatrixXd normal_;             // n x n
   VectorXd target_, weight_;
-  double regular_ = 0;
+  double regular_ = 0, soft_weight_ = kSoftWeight;
   MatrixXd directions_;  // softest first
 };
 

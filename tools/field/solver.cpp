@@ -10,6 +10,8 @@ namespace {
 
 // Sets of so many nodes are not cut any more.
 constexpr std::size_t kLeaf = 24;
+// Part of the nodes that is in front of a cut at least, and behind it.
+constexpr double kLeastPart = 0.4;
 
 MatrixXd gather(const MatrixXd& from, const std::vector<std::uint32_t>& nodes) {
   MatrixXd result(3 * Index(nodes.size()), from.cols());
@@ -23,6 +25,63 @@ void scatter(const MatrixXd& values, const std::vector<std::uint32_t>& nodes, Ma
     to.middleRows<3>(3 * Index(nodes[i])) = values.middleRows<3>(3 * Index(i));
 }
 
+// Breadth first over these nodes, one component after the other, the first of them from `first`.
+// @param among f: 1 at the nodes
+std::vector<std::uint32_t> breadthFirst(const Elastic& elastic, const std::vector<std::uint32_t>& nodes,
+                                        std::uint32_t first, std::vector<char>& among) {
+  std::vector<std::uint32_t> order;
+  order.reserve(nodes.size());
+  const auto take = [&](std::uint32_t i) {
+    if (among[i] == 0) return;
+    among[i] = 0;
+    order.push_back(i);
+  };
+  take(first);
+  auto next = nodes.begin();
+  for (std::size_t done = 0; done < nodes.size(); ++done) {
+    while (done == order.size()) take(*next++);
+    for (Sparse::InnerIterator it(elastic.scalar, Index(order[done])); it; ++it) take(std::uint32_t(it.row()));
+  }
+  for (const auto i : nodes) among[i] = 1;
+  return order;
+}
+
+// Nodes in an order that is cut before place `at`: those in front that touch one behind are the separator.
+struct Cut {
+  std::vector<std::uint32_t> order;
+  std::size_t at = 0, separator = std::numeric_limits<std::size_t>::max();
+};
+
+// The cut with the smallest separator, in the middle part of an order.
+// @param among f: 1 at the nodes
+Cut leastCut(const Elastic& elastic, std::vector<std::uint32_t> order, const std::vector<char>& among) {
+  const std::size_t n = order.size();
+  std::vector<std::size_t> place(among.size(), 0);
+  for (std::size_t i = 0; i < n; ++i) place[order[i]] = i;
+  // How many nodes more a separator has at each cut than at the one before.
+  std::vector<std::ptrdiff_t> more(n + 1, 0);
+  for (std::size_t i = 0; i < n; ++i) {
+    std::size_t last = i;
+    for (Sparse::InnerIterator it(elastic.scalar, Index(order[i])); it; ++it) {
+      const auto other = std::size_t(it.row());
+      if (among[other] != 0) last = std::max(last, place[other]);
+    }
+    ++more[i + 1];
+    --more[last + 1];
+  }
+  Cut cut;
+  std::ptrdiff_t separator = 0;
+  const auto least = std::size_t(kLeastPart * double(n));
+  for (std::size_t at = 1; at + least <= n; ++at) {
+    separator += more[at];
+    if (at < least || std::size_t(separator) >= cut.separator) continue;
+    cut.separator = std::size_t(separator);
+    cut.at = at;
+  }
+  cut.order = std::move(order);
+  return cut;
+}
+
 }  // namespace
 
 Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double shift) {
@@ -31,13 +90,15 @@ Solver::Solver(const Elastic& elastic, const std::vector<bool>& fixed, double sh
     if (!fixed[i]) nodes.push_back(i);
   }
   if (nodes.empty()) return;
-  dissect(elastic, std::move(nodes));
+  std::vector<char> among(fixed.size(), 0);
+  dissect(elastic, std::move(nodes), among);
   setLater(elastic, fixed);
   factorize(elastic, shift);
 }
 
-// Cuts at the median of the longest axis; the nodes of one half that touch the other are the separator.
-std::size_t Solver::dissect(const Elastic& elastic, std::vector<std::uint32_t> nodes) {
+// In the order of the longest axis or of distances along the mesh, whichever has the smaller separator: a crumpled
+// sheet is all over both sides of a plane, but a ring around one of its ends is short.
+std::size_t Solver::dissect(const Elastic& elastic, std::vector<std::uint32_t> nodes, std::vector<char>& among) {
   Front front;
   if (nodes.size() > kLeaf) {
     const auto at = [&](std::uint32_t i) { return elastic.positions.row(elastic.vertex_of[i]); };
@@ -45,29 +106,25 @@ std::size_t Solver::dissect(const Elastic& elastic, std::vector<std::uint32_t> n
     for (const auto i : nodes) low = low.cwiseMin(at(i)), high = high.cwiseMax(at(i));
     Index axis = 0;
     (high - low).maxCoeff(&axis);
-    const auto middle = nodes.begin() + std::ptrdiff_t(nodes.size() / 2);
     std::sort(nodes.begin(), nodes.end(),
               [&](auto a, auto b) { return at(a)[axis] < at(b)[axis] || (at(a)[axis] == at(b)[axis] && a < b); });
-    std::vector<std::vector<std::uint32_t>> half = {{nodes.begin(), middle}, {middle, nodes.end()}};
-    std::vector<char> side(std::size_t(elastic.nodes()), 0);
-    for (std::size_t h = 0; h < 2; ++h) {
-      for (const auto i : half[h]) side[i] = char(h + 1);
+    for (const auto i : nodes) among[i] = 1;
+    const std::uint32_t end = breadthFirst(elastic, nodes, nodes[0], among).back();
+    Cut cut = leastCut(elastic, breadthFirst(elastic, nodes, end, among), among);
+    Cut by_axis = leastCut(elastic, std::move(nodes), among);
+    if (by_axis.separator <= cut.separator) cut = std::move(by_axis);
+    const auto middle = cut.order.begin() + std::ptrdiff_t(cut.at);
+    std::for_each(cut.order.begin(), middle, [&](auto i) { among[i] = 0; });
+    std::vector<std::uint32_t> before;
+    for (auto i = cut.order.begin(); i != middle; ++i) {
+      bool touches = false;
+      for (Sparse::InnerIterator it(elastic.scalar, Index(*i)); it; ++it) touches |= among[std::size_t(it.row())] != 0;
+      (touches ? front.own : before).push_back(*i);
     }
-    std::vector<std::vector<std::uint32_t>> touching(2), inside(2);
-    for (std::size_t h = 0; h < 2; ++h) {
-      for (const auto i : half[h]) {
-        bool touches = false;
-        for (Sparse::InnerIterator it(elastic.scalar, Index(i)); it; ++it)
-          touches |= side[std::size_t(it.row())] == char(2 - h);
-        (touches ? touching : inside)[h].push_back(i);
-      }
-    }
-    const std::size_t cut = touching[0].size() <= touching[1].size() ? 0 : 1;
-    front.own = touching[cut];
-    half[cut] = inside[cut];
-    for (auto& part : half) {
-      if (!part.empty()) front.children.push_back(dissect(elastic, std::move(part)));
-    }
+    std::vector<std::uint32_t> behind(middle, cut.order.end());
+    for (const auto i : behind) among[i] = 0;
+    if (!before.empty()) front.children.push_back(dissect(elastic, std::move(before), among));
+    front.children.push_back(dissect(elastic, std::move(behind), among));
   } else {
     front.own = std::move(nodes);
   }
@@ -138,6 +195,12 @@ void Solver::factorize(const Elastic& elastic, double shift) {
       }
     }
   }
+}
+
+double Solver::entries() const {
+  double count = 0;
+  for (const Front& front : fronts_) count += double(front.diagonal.size()) / 2 + double(front.below.size());
+  return count;
 }
 
 MatrixXd Solver::solve(const MatrixXd& forces) const {

@@ -8,8 +8,9 @@
 namespace sinew::tools::field {
 
 /// Answers of the piece to forces, with some nodes fixed: (H + shift M)^-1 on the others. A multifrontal Cholesky
-/// factor (Duff and Reid 1983) in an order by nested dissection (George 1973): nodes are cut in halves by planes, and
-/// the nodes on a cut are eliminated after both halves, so that nearly all work is on dense blocks.
+/// factor (Duff and Reid 1983) in an order by nested dissection (George 1973): nodes are cut in about halves by planes
+/// or by distances along the mesh, and the nodes on a cut are eliminated after both halves, so that nearly all work is
+/// on dense blocks.
 class Solver {
  public:
   /// @param fixed f: nodes that do not move
@@ -19,6 +20,9 @@ class Solver {
   /// @param forces 3f x c, N @return 3f x c, metres; 0 at fixed nodes
   MatrixXd solve(const MatrixXd& forces) const;
 
+  /// Numbers in the factor.
+  double entries() const;
+
  private:
   // Nodes that are eliminated together, and the later ones that they touch then.
   struct Front {
@@ -27,7 +31,8 @@ class Solver {
     MatrixXd diagonal, below;           // L of own x own, later x own
   };
 
-  std::size_t dissect(const Elastic& elastic, std::vector<std::uint32_t> nodes);
+  // among: f, all 0 before and after.
+  std::size_t dissect(const Elastic& elastic, std::vector<std::uint32_t> nodes, std::vector<char>& among);
   void setLater(const Elastic& elastic, const std::vector<bool>& fixed);
   void factorize(const Elastic& elastic, double shift);
 
