@@ -119,9 +119,14 @@ std::vector<std::byte> openingPackage(formats::PackageContent& content, const st
     // Sizes at which numbers of fields leave their bounds, and pieces thinner than rounding: clusters move those.
     removeFields(content);
     fields = {{"left_out", refusal}};
-    findings.push_back({"no-fields", Severity::warning,
-                        "the package has no fields, which the default solver moves a body by (" + refusal + ")", 1, "", {},
-                        "", "Simulate it with --solver report, or give the source other units or a greater thickness."});
+    findings.push_back({"no-fields",
+                        Severity::warning,
+                        "the package has no fields, which the default solver moves a body by (" + refusal + ")",
+                        1,
+                        "",
+                        {},
+                        "",
+                        "Simulate it with --solver report, or give the source other units or a greater thickness."});
     package = formats::writePackage(content);
     refusal = refusalOf(package);
   }

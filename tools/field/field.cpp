@@ -99,7 +99,10 @@ MatrixXd affine(const Elastic& elastic) {
   Eigen::ColPivHouseholderQR<MatrixXd> qr(root.asDiagonal() * monomials);
   qr.setThreshold(1e-13);
   MatrixXd values = (monomials * qr.colsPermutation()).leftCols(qr.rank());
-  qr.matrixR().topLeftCorner(qr.rank(), qr.rank()).triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(values);
+  qr.matrixR()
+      .topLeftCorner(qr.rank(), qr.rank())
+      .triangularView<Eigen::Upper>()
+      .solveInPlace<Eigen::OnTheRight>(values);
   const Eigen::LLT<MatrixXd> again(MatrixXd(values.transpose() * elastic.mass.asDiagonal() * values));
   again.matrixU().solveInPlace<Eigen::OnTheRight>(values);
   return values;
