@@ -365,7 +365,10 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     std::uint32_t target = share[b];
     TetrahedraMethod method = options.method;
     for (int round = 0; round < 3; ++round) {
-      if (round > 0 && !piece.encloses) {  // a shell was not possible at the wanted number
+      // A shell was not possible at the wanted number, or stuffing lost to the grid: with fewer vertices it would
+      // again.
+      const bool grid = method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::grid;
+      if (round > 0 && (!piece.encloses || grid)) {
         choice.filled = fillWithGrid(piece, target, parallelFor);
       } else {
         remarks = before;
