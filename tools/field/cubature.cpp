@@ -29,9 +29,10 @@ constexpr double kUniformStrain = 0.3;
 constexpr double kRegular = 1e-5;
 // Least weight of a sample, of the volume that it stands for.
 constexpr double kLeastWeight = 0.02;
-// Weight of a direction that was too soft, of the mean one: at first, and from one time to the next. One that stayed
-// the same would be outweighed for ever by what the other directions cost.
+// Weight of a direction that was too soft, of the mean one; and from one time to the next where so many samples by
+// wanted one have not been enough: one that stayed the same can be outweighed for ever by what the others cost.
 constexpr double kSoftWeight = 0.02, kSoftGrowth = 1.2;
+constexpr std::size_t kSteadySamples = 2;
 
 // The space in coordinates where the rest Hessian is 1.
 struct Whitened {
@@ -238,10 +239,10 @@ class Fit {
 
   // For each of the softest directions: one more patch, the one of all that resists it most, and more weight in the
   // fit.
-  void grow() {
+  void grow(bool firmer) {
     const Index most = std::min(directions_.cols(), std::max<Index>(1, weight_.size() / 32));
     const double weight = soft_weight_ * space_.metric.trace() / double(space_.metric.rows());
-    soft_weight_ *= kSoftGrowth;
+    if (firmer) soft_weight_ *= kSoftGrowth;
     for (Index m = 0; m < most; ++m) {
       const VectorXd soft = directions_.col(m);
       add(strongest(soft));
@@ -404,7 +405,7 @@ Cubature chooseSamples(const Elastic& elastic, const MatrixXd& functions, const 
   double least = fit.leastEigenvalue();
   while (least < kLeast) {
     if (fit.patches().size() > std::min(elastic.patches.size() / 2, kMostSamples * wanted)) return allPatches(elastic);
-    fit.grow();
+    fit.grow(fit.patches().size() > kSteadySamples * wanted);
     least = fit.leastEigenvalue();
   }
   std::vector<std::pair<std::size_t, double>> chosen;
