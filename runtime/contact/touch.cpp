@@ -168,13 +168,13 @@ class TouchSearch {
     const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, {}, {}};
     const auto* const last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
     const bool known = last != known_.data() + known_.size() && touchOrder(*last) == touchOrder(key);
-    const bool touched = known && last->floor <= 0;
+    const bool touched = known && last->depth > 0;
     // What came in goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
     // a point that lies beyond the edge is carried still. What started deep inside goes out as the two were pushed
     // apart: of many ways some would hold each other. Of others surfaces that touch face each other: where the nearest
     // way out does not, the way back into a does.
     Vector3f facing, left_at;
-    const bool as_before = known && (last->floor >= 0 || distance >= -margin_) &&
+    const bool as_before = known && (!touched || last->floor == 0 || distance >= -margin_) &&
                            leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing);
     if (as_before || (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
       outward = facing;
@@ -292,7 +292,7 @@ TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const
   const float rise = touch.normal.dot(moved), gap = touch.gap + rise;
   Vector3f slide = touch.slide + (moved - rise * touch.normal);
   TouchMemory memory = found.memory;
-  memory.floor = gap < 0 ? touch.floor : 1;
+  memory.floor = touch.floor;
   memory.depth = -gap;
   // Friction holds at most its bound: beyond it the point it holds at comes along.
   const float length = slide.norm(), most = touch.friction * std::max(0.0F, -gap);

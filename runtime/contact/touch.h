@@ -38,8 +38,8 @@ struct TouchingPiece {
 /// What a touch leaves for the next step.
 struct TouchMemory {
   std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
-  float floor;                                            ///< Push::floor; above 0: it did not push
-  float depth;                                            ///< below that, m
+  float floor;                                            ///< Push::floor, m
+  float depth;                                            ///< below that, m; not above 0: it did not push
   std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
   std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
 };

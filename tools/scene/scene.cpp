@@ -157,7 +157,7 @@ Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, Jo
 
 bool Scene::hasGround() const { return options_.scene.kind == SceneKind::drop || hasSeveral(options_.scene.kind); }
 
-BodyId Scene::add(const BodySettings& settings) {
+void Scene::add(const BodySettings& settings) {
   auto added = world_.addBody(asset_, settings);
   if (!added) {
     const formats::PackageView& package = asset_->package();
@@ -165,7 +165,6 @@ BodyId Scene::add(const BodySettings& settings) {
                     "That is --solver report.");
   }
   bodies_.push_back(*added);
-  return *added;
 }
 
 void Scene::reset() {

@@ -79,7 +79,7 @@ class Scene {
   std::span<const float> channelInputs() const { return inputs_; }
 
  private:
-  BodyId add(const BodySettings& settings);
+  void add(const BodySettings& settings);
   /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
   bool drive();
   void driveChannels(double time);
