@@ -145,11 +145,16 @@ class Search {
       found.normal = hit.normal;
       found.offset = hit.normal.dot(start + hit.part * (to - start));
     } else {
-      const NearPlace place = collider.shape.near(to, margin_ + (to - start).norm());
+      const double reach = margin_ + (to - start).norm();
+      NearPlace place = collider.shape.near(to, reach);
+      const bool leaves = !(place.distance < margin_);
+      if (leaves && touched == nullptr) return;
+      // A prediction that goes on as a thin part sprang leads away from what that part lies on.
+      if (leaves) place = collider.shape.near(from, reach);
       if (!(place.distance < margin_)) return;
       if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
       found.normal = place.normal;
-      found.offset = place.normal.dot(to) - place.distance;
+      found.offset = place.normal.dot(leaves ? from : to) - place.distance;
     }
     found.near_before = found.normal.dot(from) - found.offset < margin_;
     lent_.candidates.push_back(found);

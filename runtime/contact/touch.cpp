@@ -61,8 +61,13 @@ bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, doubl
   place = from;
   float distance = map.distance(place, &outward);
   for (int step = 0; step < kLeaving && distance < 0; ++step) {
-    place += std::max(-distance, float(kNear * diagonal)) * way;
+    const float inside = distance, length = std::max(-distance, float(kNear * diagonal));
+    place += length * way;
     distance = map.distance(place, &outward);
+    if (!(distance > 0)) continue;
+    // Back to where the surface was crossed: what lies just below and just above it are to find one place.
+    place -= distance / (distance - inside) * length * way;
+    distance = std::max(0.0F, map.distance(place, &outward));
   }
   if (distance < 0 || !(outward.squaredNorm() > 0)) return false;
   outward.normalize();
@@ -142,32 +147,53 @@ class TouchSearch {
     return !((a_.low + apart_).array() > high_.array()).any() && !((a_.high + apart_).array() < low_.array()).any();
   }
 
-  /// Adds the touch of a point, if it is one.
+  /// Adds the touch of a point, if it is one. What touched is one where it was as well: a prediction that goes on as a
+  /// thin part sprang leads away from what that part lies on.
   void look(std::uint32_t p) {
-    const Field &field_a = *a_.field, &field_b = *b_.field;
+    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, {}, {}};
+    const auto* last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
+    if (last == known_.data() + known_.size() || touchOrder(*last) != touchOrder(key)) last = nullptr;
     const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
-    if ((at.array() > high_.array()).any() || (at.array() < low_.array()).any()) return;
-    Vector3f place = b_.turn.transpose() * at + b_.rest_center;
-    if (b_.map->distance(place, nullptr) > margin_ + 2 * b_.bent) return;
-    // The material point of b that is there.
+    Vector3f place, outward;
+    float distance;
+    bool near = isNear(at, b_.base, place, distance, outward);
+    if (!near && last != nullptr) {
+      for (std::uint32_t j = 0; j < a_.field->k; ++j) row_[j] = a_.field->valueAtPoint(p, j);
+      near = isNear(sumOf(row_.data(), a_.before, a_.field->k) + apart_, b_.before, place, distance, outward);
+    }
+    if (near) add(key, last, at, place, distance, outward);
+  }
+
+  /// Whether a place is inside b or hardly outside. \param base of b there. \param[out] place of b's rest shape that is
+  /// there, and how far it is from the surface. \param[out] outward unit.
+  bool isNear(const Vector3f& at, const float* base, Vector3f& place, float& distance, Vector3f& outward) {
+    if ((at.array() > high_.array()).any() || (at.array() < low_.array()).any()) return false;
+    place = b_.turn.transpose() * at + b_.rest_center;
+    if (b_.map->distance(place, nullptr) > margin_ + 2 * b_.bent) return false;
     MaterialPoint material;
     const float near = float(kNear) * float(b_.diagonal);
     for (int round = 0; round < kRounds; ++round) {
-      if (!b_.map->locate(place, material)) return;
-      setRow(field_b, material, row_.data());
-      const Vector3f left_over = at - sumOf(row_.data(), b_.base, field_b.k);
+      if (!b_.map->locate(place, material)) return false;
+      setRow(*b_.field, material, row_.data());
+      const Vector3f left_over = at - sumOf(row_.data(), base, b_.field->k);
       place += b_.turn.transpose() * left_over;
       if (left_over.squaredNorm() < near * near) break;
     }
-    Vector3f outward;
-    const float distance = b_.map->distance(place, &outward);
-    if (distance > margin_ || !(outward.squaredNorm() > 0)) return;
+    distance = b_.map->distance(place, &outward);
+    if (distance > margin_ || !(outward.squaredNorm() > 0)) return false;
     outward.normalize();
+    return true;
+  }
+
+  /// \param last what the step before knew of it, or null.
+  void add(const TouchMemory& key, const TouchMemory* last, const Vector3f& at, const Vector3f& place, float distance,
+           Vector3f outward) {
+    const Field &field_a = *a_.field, &field_b = *b_.field;
+    const std::uint32_t p = key.point;
+    MaterialPoint material;
     FoundTouch touch = {};
     touch.place = place - distance * outward;
-    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, {}, {}};
-    const auto* const last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
-    const bool known = last != known_.data() + known_.size() && touchOrder(*last) == touchOrder(key);
+    const bool known = last != nullptr;
     const bool touched = known && last->depth > 0;
     // What came in goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
     // a point that lies beyond the edge is carried still. What started deep inside goes out as the two were pushed
