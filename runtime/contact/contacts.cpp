@@ -145,16 +145,17 @@ class Search {
       found.normal = hit.normal;
       found.offset = hit.normal.dot(start + hit.part * (to - start));
     } else {
-      const double reach = margin_ + (to - start).norm();
-      NearPlace place = collider.shape.near(to, reach);
-      const bool leaves = !(place.distance < margin_);
-      if (leaves && touched == nullptr) return;
-      // A prediction that goes on as a thin part sprang leads away from what that part lies on.
-      if (leaves) place = collider.shape.near(from, reach);
-      if (!(place.distance < margin_)) return;
-      if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
-      found.normal = place.normal;
-      found.offset = place.normal.dot(leaves ? from : to) - place.distance;
+      const NearPlace place = collider.shape.near(to, margin_ + (to - start).norm());
+      if (place.distance < margin_) {
+        if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
+        found.normal = place.normal;
+        found.offset = place.normal.dot(to) - place.distance;
+      } else {
+        if (touched == nullptr) return;
+        // A prediction that goes on as a thin part sprang leads away from what that part lies on.
+        found.normal = Eigen::Map<const Vector3d>(touched->normal.data());
+        found.offset = found.normal.dot(from) - height;
+      }
     }
     found.near_before = found.normal.dot(from) - found.offset < margin_;
     lent_.candidates.push_back(found);
