@@ -192,7 +192,6 @@ class TouchSearch {
     const std::uint32_t p = key.point;
     MaterialPoint material;
     FoundTouch touch = {};
-    touch.place = place - distance * outward;
     const bool known = last != nullptr;
     const bool touched = known && last->depth > 0;
     // What came in goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
@@ -205,10 +204,14 @@ class TouchSearch {
     if (as_before || (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
       outward = facing;
       touch.place = left_at;
-    } else if (a_.map != nullptr) {
-      a_.map->distance(asVector(field_a.points[p].at), &facing);
-      const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing)).normalized();
-      if (outward.dot(back) < 0 && !leave(*b_.map, place, back, b_.diagonal, touch.place, outward)) return;
+    } else {
+      Vector3f way = outward;
+      if (a_.map != nullptr) {
+        a_.map->distance(asVector(field_a.points[p].at), &facing);
+        const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing)).normalized();
+        if (outward.dot(back) < 0) way = back;
+      }
+      if (!leave(*b_.map, place, way, b_.diagonal, touch.place, outward)) return;
     }
     if (!b_.map->locate(touch.place, material)) return;
     const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
@@ -227,14 +230,14 @@ class TouchSearch {
     const Vector3f over = at - sumOf(row_b, b_.base, field_b.k);
     const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
     const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
-    // What starts inside finds the surface where it is, and rising: as far as a step brings it out, so that what is
-    // stuck is no spring that winds up. What came in from outside is pressed in no deeper than it was where its way out
-    // is another one.
-    const double diagonal = std::min(a_.diagonal, b_.diagonal);
+    // What starts inside finds the surface where it is, and rising: as far as a step brings it out beyond what it
+    // carries, so that what is stuck is no spring that winds up and what carries does not sink. What came in from
+    // outside is pressed in no deeper than it was where its way out is another one.
+    const double diagonal = std::min(a_.diagonal, b_.diagonal), rise = kRecoverySpeed * h_ * diagonal;
     const bool came_in = touched ? last->floor == 0 : gap_before >= 0;
-    double low = double(gap_before);
-    if (touched && came_in) low = std::min(0.0, low + double(last->depth));
-    t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low + kRecoverySpeed * h_ * diagonal));
+    const double depth = touched ? double(last->depth) : 0;
+    const double low = double(gap_before) + (came_in ? depth + rise : std::max(depth, rise));
+    t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low));
     t.gap = gap - t.floor;
     Vector3f slide = over - over_before;
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
