@@ -196,11 +196,16 @@ class TouchSearch {
     const bool touched = known && last->depth > 0;
     // What came in goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
     // a point that lies beyond the edge is carried still. What started deep inside goes out as the two were pushed
-    // apart: of many ways some would hold each other. Of others surfaces that touch face each other: where the nearest
-    // way out does not, the way back into a does.
+    // apart: of many ways some would hold each other; its own of before does where that does not. Of others surfaces
+    // that touch face each other: where the nearest way out does not, the way back into a does.
     Vector3f facing, left_at;
-    const bool as_before = known && (!touched || last->floor == 0 || distance >= -margin_) &&
-                           leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing);
+    bool as_before = false;
+    if (touched && last->floor != 0 && distance < -margin_) {
+      as_before = way_.dot(outwardOf(*last)) > 0 &&
+                  leave(*b_.map, place, outwardOf(*last), b_.diagonal, left_at, facing);
+    } else if (known) {
+      as_before = leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing);
+    }
     if (as_before || (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
       outward = facing;
       touch.place = left_at;
