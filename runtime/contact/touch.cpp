@@ -201,8 +201,8 @@ class TouchSearch {
     Vector3f facing, left_at;
     bool as_before = false;
     if (touched && last->floor != 0 && distance < -margin_) {
-      as_before = way_.dot(outwardOf(*last)) > 0 &&
-                  leave(*b_.map, place, outwardOf(*last), b_.diagonal, left_at, facing);
+      as_before =
+          way_.dot(outwardOf(*last)) > 0 && leave(*b_.map, place, outwardOf(*last), b_.diagonal, left_at, facing);
     } else if (known) {
       as_before = leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing);
     }

@@ -314,6 +314,39 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run("bake", mesh, "-o", apart, "--no-cache", "--set=field.distances=0").returncode, 0)
         self.assert_refused(run("simulate", apart, "--scene", "stack"), 3, "field.distances")
 
+    def test_pile_of_thin_bodies_ends_asleep(self):
+        # Fins spring farther in a step than contacts reach.
+        vertices, faces = [], []
+        rings, corners = 12, 16
+        for i in range(rings + 1):
+            a = math.pi * i / rings
+            for j in range(corners):
+                b = 2 * math.pi * j / corners
+                vertices.append((-0.5 * math.cos(a), 0.12 * math.sin(a) * math.cos(b), 0.07 * math.sin(a) * math.sin(b)))
+        at = lambda i, j: i * corners + j % corners + 1
+        for i in range(rings):
+            for j in range(corners):
+                if i < rings - 1:
+                    faces.append((at(i, j), at(i + 1, j), at(i + 1, j + 1)))
+                if i > 0:
+                    faces.append((at(i, j), at(i + 1, j + 1), at(i, j + 1)))
+        for outline in (((0.42, -0.03), (0.7, -0.2), (0.62, 0), (0.7, 0.2), (0.42, 0.03)),
+                        ((-0.1, 0.08), (0.2, 0.08), (0.25, 0.24), (0, 0.2))):
+            first, count = len(vertices) + 1, len(outline)
+            vertices += [(x, y, z) for z in (-0.008, 0.008) for x, y in outline]
+            for j in range(1, count - 1):
+                faces.append((first, first + j + 1, first + j))
+                faces.append((first + count, first + count + j, first + count + j + 1))
+            for j in range(count):
+                a, b = first + j, first + (j + 1) % count
+                faces += [(a, b, b + count), (a, b + count, a + count)]
+        mesh, package = self.path / "fish.obj", self.path / "fish.sinew"
+        mesh.write_text("".join("v %g %g %g\n" % v for v in vertices) + "".join("f %d %d %d\n" % f for f in faces))
+        self.assertEqual(run("bake", mesh, "-o", package, "--no-cache").returncode, 0)
+        for steps in ("0.016667", "0.004167", "0.016667,0.004167"):
+            measures = json.loads(run("simulate", package, "--scene", "pile", "--seconds", "12", "--step", steps, "--json").stdout)
+            self.assertEqual((measures["bodies"]["count"], measures["bodies"]["asleep"]), (27, 27), steps)
+
     def test_pieces_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
         mesh = self.path / "chest.obj"

@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "runtime/geometry/box_tree.h"
 #include "runtime/geometry/winding_number.h"
 
 namespace sinew::tools {
@@ -30,6 +31,37 @@ std::vector<geometry::Triangle> trianglesOf(const formats::PackageContent& conte
     if (std::all_of(triangle.begin(), triangle.end(), in_piece)) result.push_back(triangle);
   }
   return result;
+}
+
+/// Where an opening is, inside ends at a lid without triangles, across which distances to triangles would jump. An edge
+/// of the grid that leaves the solid and is shorter than its ends are far from triangles crosses one; a lid is as near
+/// as its nearest crossing.
+void shortenToLids(const formats::DistanceGrid& grid, const std::vector<Vector3d>& nodes,
+                   const std::vector<char>& inside, const geometry::WindingNumber& winding,
+                   std::vector<double>& distance) {
+  std::vector<Vector3d> lids;
+  const std::size_t steps[] = {1, grid.nodes[0], std::size_t(grid.nodes[0]) * grid.nodes[1]};
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::size_t other = i + steps[axis];
+      if (i / steps[axis] % grid.nodes[axis] + 1 == grid.nodes[axis] || (inside[i] != 0) == (inside[other] != 0))
+        continue;
+      if (distance[i] + distance[other] <= (nodes[other] - nodes[i]).norm() * (1 + 1e-9)) continue;
+      const Vector3d &in = nodes[inside[i] != 0 ? i : other], &out = nodes[inside[i] != 0 ? other : i];
+      lids.push_back(in + winding.crossing(in, out) * (out - in));
+    }
+  }
+  if (lids.empty()) return;
+  const auto at = [&](std::uint32_t i) -> Vector3d { return lids[i]; };
+  const geometry::BoxTree tree(
+      std::uint32_t(lids.size()), [&](std::uint32_t i) { return Eigen::AlignedBox3d(lids[i]); }, at, at, 8);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    double bound = distance[i] * distance[i];
+    tree.descendNear(nodes[i], bound, [&](std::uint32_t leaf) {
+      bound = std::min(bound, (lids[tree.order()[leaf]] - nodes[i]).squaredNorm());
+    });
+    distance[i] = std::sqrt(bound);
+  }
 }
 
 void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3d>& positions,
@@ -68,11 +100,9 @@ void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3
   std::vector<char> inside(nodes.size());
   winding.inside(nodes, inside);
   std::vector<double> distance;
-  double largest = spacing;
-  for (const Vector3d& node : nodes) {
-    distance.push_back(std::sqrt(winding.bvh().closest(node).squared_distance));
-    largest = std::max(largest, distance.back());
-  }
+  for (const Vector3d& node : nodes) distance.push_back(std::sqrt(winding.bvh().closest(node).squared_distance));
+  shortenToLids(grid, nodes, inside, winding, distance);
+  const double largest = std::max(spacing, *std::max_element(distance.begin(), distance.end()));
   grid.unit = float(largest / std::numeric_limits<std::int16_t>::max());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const double value = std::round(distance[i] / double(grid.unit));
