@@ -82,34 +82,51 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
   }
 }
 
-float DepthMap::distance(const Vector3f& place, Vector3f* gradient) const {
-  Vector3f in = (place - asVector(grid_->origin)) / grid_->spacing;
-  std::array<std::uint32_t, 3> node;
-  Vector3f part, beyond = Vector3f::Zero();
+DepthMap::GridPlace DepthMap::gridPlace(const Vector3f& place) const {
+  const Vector3f in = (place - asVector(grid_->origin)) / grid_->spacing;
+  GridPlace at;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto a = Eigen::Index(axis);
-    const float most = float(grid_->nodes[axis] - 1), inside = std::clamp(in[a], 0.0F, most);
-    beyond[a] = in[a] - inside;
-    node[axis] = std::min(std::uint32_t(inside), grid_->nodes[axis] - 2);
-    part[a] = inside - float(node[axis]);
+    const float inside = std::clamp(in[a], 0.0F, float(grid_->nodes[axis] - 1));
+    at.beyond[a] = in[a] - inside;
+    at.node[axis] = std::min(std::uint32_t(inside), grid_->nodes[axis] - 2);
+    at.part[a] = inside - float(at.node[axis]);
   }
-  const std::size_t row = grid_->nodes[0], plane = row * grid_->nodes[1];
-  const std::int16_t* const at = values_.data() + node[0] + row * node[1] + plane * node[2];
-  // Eight corners, x fastest.
-  std::array<float, 8> v;
-  for (std::size_t c = 0; c < 8; ++c) v[c] = float(at[(c & 1) + row * (c >> 1 & 1) + plane * (c >> 2)]);
-  const auto mix = [](float a, float b, float t) { return a + t * (b - a); };
-  const float x00 = mix(v[0], v[1], part[0]), x10 = mix(v[2], v[3], part[0]), x01 = mix(v[4], v[5], part[0]),
-              x11 = mix(v[6], v[7], part[0]);
-  const float y0 = mix(x00, x10, part[1]), y1 = mix(x01, x11, part[1]);
-  if (gradient != nullptr) {
-    const float scale = grid_->unit / grid_->spacing;
-    (*gradient)[0] =
-        scale * mix(mix(v[1] - v[0], v[3] - v[2], part[1]), mix(v[5] - v[4], v[7] - v[6], part[1]), part[2]);
-    (*gradient)[1] = scale * mix(x10 - x00, x11 - x01, part[2]);
-    (*gradient)[2] = scale * (y1 - y0);
+  return at;
+}
+
+float DepthMap::distance(const Vector3f& place) const {
+  const GridPlace at = gridPlace(place);
+  const auto along = [&](std::uint32_t y, std::uint32_t z) {
+    const float first = valueAt(at.node[0], at.node[1] + y, at.node[2] + z);
+    return first + at.part[0] * (valueAt(at.node[0] + 1, at.node[1] + y, at.node[2] + z) - first);
+  };
+  const float low = along(0, 0) + at.part[1] * (along(1, 0) - along(0, 0));
+  const float high = along(0, 1) + at.part[1] * (along(1, 1) - along(0, 1));
+  return grid_->unit * (low + at.part[2] * (high - low)) + grid_->spacing * at.beyond.norm();
+}
+
+Vector3f DepthMap::outward(const Vector3f& place) const {
+  const GridPlace at = gridPlace(place);
+  Vector3f sum = Vector3f::Zero();
+  for (std::uint32_t corner = 0; corner < 8; ++corner) {
+    std::array<std::uint32_t, 3> node;
+    float weight = 1;
+    for (std::uint32_t axis = 0; axis < 3; ++axis) {
+      const bool next = (corner >> axis & 1) != 0;
+      node[axis] = at.node[axis] + (next ? 1 : 0);
+      weight *= next ? at.part[Eigen::Index(axis)] : 1 - at.part[Eigen::Index(axis)];
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      std::array<std::uint32_t, 3> low = node, high = node;
+      if (low[axis] > 0) --low[axis];
+      if (high[axis] + 1 < grid_->nodes[axis]) ++high[axis];
+      const float rise = valueAt(high[0], high[1], high[2]) - valueAt(low[0], low[1], low[2]);
+      sum[Eigen::Index(axis)] += weight * rise / float(high[axis] - low[axis]);
+    }
   }
-  return grid_->unit * mix(y0, y1, part[2]) + grid_->spacing * beyond.norm();
+  const float length = sum.norm();
+  return length > 0 ? Vector3f(sum / length) : Vector3f(Vector3f::Zero());
 }
 
 std::uint32_t DepthMap::cellOf(const Vector3f& place) const {

@@ -27,8 +27,10 @@ class DepthMap {
   explicit DepthMap(const formats::PackageView& package, const formats::DistanceGrid& grid);
 
   /// Distance to the drawn surface, metres, negative inside; beyond the grid at least that to the grid.
-  /// \param gradient null: not asked for.
-  float distance(const Eigen::Vector3f& place, Eigen::Vector3f* gradient) const;
+  float distance(const Eigen::Vector3f& place) const;
+  /// Unit way along which distances grow, or 0 where they do not: differences across nodes, interpolated like the
+  /// distances, so that it nowhere jumps as what lies there moves.
+  Eigen::Vector3f outward(const Eigen::Vector3f& place) const;
   /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \return false where
   /// none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
@@ -37,6 +39,16 @@ class DepthMap {
   const formats::PackageView& package() const { return *package_; }
 
  private:
+  /// Where in the grid a place is: the lowest node of its cell, its parts of the way to the next ones, and how far
+  /// beyond the grid it lies, nodes.
+  struct GridPlace {
+    std::array<std::uint32_t, 3> node;
+    Eigen::Vector3f part, beyond;
+  };
+  GridPlace gridPlace(const Eigen::Vector3f& place) const;
+  float valueAt(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
+    return float(values_[x + grid_->nodes[0] * (y + std::size_t(grid_->nodes[1]) * z)]);
+  }
   std::uint32_t cellOf(const Eigen::Vector3f& place) const;
 
   const formats::PackageView* package_ = nullptr;

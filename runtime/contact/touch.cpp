@@ -59,19 +59,19 @@ Matrix3f gradientAt(const TouchingPiece& piece, const formats::PackageView& pack
 bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, double diagonal, Vector3f& place,
            Vector3f& outward) {
   place = from;
-  float distance = map.distance(place, &outward);
+  float distance = map.distance(place);
   for (int step = 0; step < kLeaving && distance < 0; ++step) {
     const float inside = distance, length = std::max(-distance, float(kNear * diagonal));
     place += length * way;
-    distance = map.distance(place, &outward);
+    distance = map.distance(place);
     if (!(distance > 0)) continue;
     // Back to where the surface was crossed: what lies just below and just above it are to find one place.
     place -= distance / (distance - inside) * length * way;
-    distance = std::max(0.0F, map.distance(place, &outward));
+    distance = 0;
   }
-  if (distance < 0 || !(outward.squaredNorm() > 0)) return false;
-  outward.normalize();
-  place -= distance * outward;
+  if (distance < 0) return false;
+  if (distance > 0) place -= distance * map.outward(place);
+  outward = map.outward(place);
   return outward.dot(way) > 0;
 }
 
@@ -169,7 +169,7 @@ class TouchSearch {
   bool isNear(const Vector3f& at, const float* base, Vector3f& place, float& distance, Vector3f& outward) {
     if ((at.array() > high_.array()).any() || (at.array() < low_.array()).any()) return false;
     place = b_.turn.transpose() * at + b_.rest_center;
-    if (b_.map->distance(place, nullptr) > margin_ + 2 * b_.bent) return false;
+    if (b_.map->distance(place) > margin_ + 2 * b_.bent) return false;
     MaterialPoint material;
     const float near = float(kNear) * float(b_.diagonal);
     for (int round = 0; round < kRounds; ++round) {
@@ -179,10 +179,10 @@ class TouchSearch {
       place += b_.turn.transpose() * left_over;
       if (left_over.squaredNorm() < near * near) break;
     }
-    distance = b_.map->distance(place, &outward);
-    if (distance > margin_ || !(outward.squaredNorm() > 0)) return false;
-    outward.normalize();
-    return true;
+    distance = b_.map->distance(place);
+    if (distance > margin_) return false;
+    outward = b_.map->outward(place);
+    return !outward.isZero(0);
   }
 
   /// \param last what the step before knew of it, or null.
@@ -212,8 +212,8 @@ class TouchSearch {
     } else {
       Vector3f way = outward;
       if (a_.map != nullptr) {
-        a_.map->distance(asVector(field_a.points[p].at), &facing);
-        const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing)).normalized();
+        facing = a_.map->outward(asVector(field_a.points[p].at));
+        const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing));
         if (outward.dot(back) < 0) way = back;
       }
       if (!leave(*b_.map, place, way, b_.diagonal, touch.place, outward)) return;
