@@ -21,6 +21,8 @@ constexpr int kRounds = 4;
 constexpr double kNear = 2e-4;
 /// Steps of a way out, each as long as the surface is far.
 constexpr int kLeaving = 16;
+/// Times that the step across it is halved: to less than floats resolve of a way of kNear.
+constexpr int kHalvings = 6;
 
 Vector3f sumOf(const float* row, const float* coefficients, std::uint32_t k) {
   Vector3f sum = Vector3f::Zero();
@@ -61,12 +63,19 @@ bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, doubl
   place = from;
   float distance = map.distance(place);
   for (int step = 0; step < kLeaving && distance < 0; ++step) {
-    const float inside = distance, length = std::max(-distance, float(kNear * diagonal));
-    place += length * way;
+    float inside = distance, low = 0, high = std::max(-distance, float(kNear * diagonal));
+    const Vector3f last = place;
+    place += high * way;
     distance = map.distance(place);
     if (!(distance > 0)) continue;
-    // Back to where the surface was crossed: what lies just below and just above it are to find one place.
-    place -= distance / (distance - inside) * length * way;
+    // Back to where the surface was crossed: what lies just below and just above it are to find one place. Near edges
+    // distances are no straight lines.
+    for (int halving = 0; halving < kHalvings; ++halving) {
+      const float middle = 0.5F * (low + high), there = map.distance(last + middle * way);
+      (there < 0 ? low : high) = middle;
+      (there < 0 ? inside : distance) = there;
+    }
+    place = last + (low + inside / (inside - distance) * (high - low)) * way;
     distance = 0;
   }
   if (distance < 0) return false;
