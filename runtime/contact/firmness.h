@@ -11,7 +11,7 @@ namespace sinew::internal {
 /// Points so close to a surface at the prediction are looked at: the minimization may press them in. Diagonals.
 inline constexpr double kMargin = 2e-3;
 /// Speed at which what starts inside comes out, diagonals per second.
-inline constexpr double kRecoverySpeed = 1;
+inline constexpr double kRecoverySpeed = 0.25;
 /// Depths in kappa = weight / (kFew depth), which bound a point's own E sqrt(area). Where a piece is too soft to carry
 /// its weight, diagonals:
 inline constexpr double kSinking = 2e-3;

@@ -207,19 +207,18 @@ class TouchSearch {
     // a point that lies beyond the edge is carried still. What started deep inside goes out as the two were pushed
     // apart: of many ways some would hold each other; its own of before does where that does not. Of others surfaces
     // that touch face each other: where the nearest way out does not, the way back into a does.
-    Vector3f facing, left_at;
+    Vector3f facing, left_at, way = known ? Vector3f(outwardOf(*last)) : outward;
     bool as_before = false;
     if (touched && last->floor != 0 && distance < -margin_) {
-      as_before =
-          way_.dot(outwardOf(*last)) > 0 && leave(*b_.map, place, outwardOf(*last), b_.diagonal, left_at, facing);
+      as_before = way_.dot(way) > 0 && leave(*b_.map, place, way, b_.diagonal, left_at, facing);
     } else if (known) {
-      as_before = leaveAsBefore(place, distance, outward, outwardOf(*last), left_at, facing);
+      as_before = leaveAsBefore(place, distance, outward, way, left_at, facing);
     }
     if (as_before || (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
       outward = facing;
       touch.place = left_at;
     } else {
-      Vector3f way = outward;
+      way = outward;
       if (a_.map != nullptr) {
         facing = a_.map->outward(asVector(field_a.points[p].at));
         const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing));
@@ -265,7 +264,10 @@ class TouchSearch {
     t.friction = std::sqrt(a_.friction * b_.friction);
     touch.memory = key;
     if (touch.held) touch.memory.anchor = last->anchor;
-    touch.memory.outward = {outward[0], outward[1], outward[2]};
+    // The way, not the normal that it has led to: from step to step the two would chase each other where the surface
+    // bends as much as the point is deep.
+    if (!as_before || !touched) way = outward;
+    touch.memory.outward = {way[0], way[1], way[2]};
     touch.over = over;
     list_.touches.push_back(touch);
   }
