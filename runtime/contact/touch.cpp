@@ -214,18 +214,22 @@ class TouchSearch {
     } else if (known) {
       as_before = leaveAsBefore(place, distance, outward, way, left_at, facing);
     }
-    if (as_before || (distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
-      outward = facing;
-      touch.place = left_at;
-    } else {
-      way = outward;
-      if (a_.map != nullptr) {
-        facing = a_.map->outward(asVector(field_a.points[p].at));
-        const Vector3f back = -(b_.turn.transpose() * (a_.turn * facing));
-        if (outward.dot(back) < 0) way = back;
+    if (!as_before) {
+      if (!(distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
+        way = outward;
+        if (a_.map != nullptr) {
+          const Vector3f back = -(b_.turn.transpose() * (a_.turn * a_.map->outward(asVector(field_a.points[p].at))));
+          if (outward.dot(back) < 0) way = back;
+        }
+        if (!leave(*b_.map, place, way, b_.diagonal, left_at, facing)) return;
       }
-      if (!leave(*b_.map, place, way, b_.diagonal, touch.place, outward)) return;
+      // What is pushed goes along the normal: out there, where that is a way out.
+      way = facing;
+      Vector3f nearer, there;
+      if (leave(*b_.map, place, way, b_.diagonal, nearer, there)) left_at = nearer, facing = there;
     }
+    outward = facing;
+    touch.place = left_at;
     if (!b_.map->locate(touch.place, material)) return;
     const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
     touch.to_rest = gradient.determinant() > 0 ? Matrix3f(gradient.inverse()) : Matrix3f(b_.turn.transpose());
@@ -266,7 +270,7 @@ class TouchSearch {
     if (touch.held) touch.memory.anchor = last->anchor;
     // The way, not the normal that it has led to: from step to step the two would chase each other where the surface
     // bends as much as the point is deep.
-    if (!as_before || !touched) way = outward;
+    if (!touched) way = outward;
     touch.memory.outward = {way[0], way[1], way[2]};
     touch.over = over;
     list_.touches.push_back(touch);
