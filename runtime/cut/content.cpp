@@ -586,15 +586,13 @@ class Maker {
   }
 
   void addFields() {
-    const auto half = std::ptrdiff_t(package_.physicalVertices().size());
-    const auto first = cut_.partition.part_of.begin() + (mesh_.side > 0 ? half : 0);
-    const std::vector<std::uint32_t> label(first, first + half);
+    const std::size_t vertices = package_.physicalVertices().size();
+    const std::span<const std::uint32_t> label(
+        cut_.partition.part_of.data() + (mesh_.side > 0 ? vertices : std::size_t(0)), vertices);
     for (const PartPiece& piece : pieces_) {
-      if (cut_.piece_is_whole[piece.source] != 0) {
-        addWholeFields(package_, piece, clusters_, pin_sets_, out_);
-      } else {
-        addCutField(package_, cut_.sides, mesh_, piece, cut_.nearest[piece.source], clusters_, label, part_, out_);
-      }
+      const FieldInput input = {package_,  cut_.sides, mesh_, piece, cut_.nearest,
+                                clusters_, pin_sets_,  label, part_};
+      cut_.piece_is_whole[piece.source] != 0 ? addWholeFields(input, out_) : addCutFields(input, out_);
     }
   }
 

@@ -98,9 +98,10 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
       return Error{surface.vertices.empty() ? "the plane meets nothing, or only grazes it"
                                             : "the plane leaves what it cuts in one part"};
     }
-    std::vector<cutting::Nearest> nearest(whole.size());
-    for (std::uint32_t b = 0; b < whole.size(); ++b) {
-      if (whole[b] == 0) nearest[b] = cutting::findNearest(package, b);
+    std::vector<cutting::Nearest> nearest(package.fields().size());
+    for (std::size_t f = 0; f < nearest.size(); ++f) {
+      const formats::Field& field = package.fields()[f];
+      if (whole[field.piece] == 0) nearest[f] = cutting::findNearest(package, field);
     }
     watch.lap(result.times.fields);
     const cutting::Cut cut = {package, settings, sides, surface, section, nodes, partition, whole, nearest};

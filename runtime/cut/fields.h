@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// The function space of a part: its parent's, restricted to it.
+// The fields of a part: its parent's, restricted to it where it was cut, as they are where not.
 #pragma once
 
 #include <cstdint>
@@ -27,26 +27,33 @@ struct PartPiece {
   double section_area = 0;  ///< m^2
 };
 
-/// Vertices of a piece that are nearest, at rest, to what its parent's free field has: they tell on which part it is.
+/// Vertices of a piece that are nearest, at rest, to what a field of its parent's has: they tell on which part it is.
 struct Nearest {
   std::vector<std::uint32_t> of_sample;  ///< by pack, eight each
   std::vector<std::uint32_t> of_point;
 };
-Nearest findNearest(const formats::PackageView& package, std::uint32_t piece);
+Nearest findNearest(const formats::PackageView& package, const formats::Field& field);
 
-/// Appends the free field of a piece that was cut, and its fibres. Constants, coordinates and the parent's functions,
-/// as far as they are independent on the part, make it: every affine motion is in it exactly, and where the parent is.
-/// \param nearest of the piece. \param clusters of the package to those of the part; kNone: the part has none of it.
-/// \param label of each vertex of the package on the part's side: the part that has it (Partition::part_of); `part` is
-/// this one.
-void addCutField(const formats::PackageView& package, const Sides& sides, const PartMesh& mesh, const PartPiece& piece,
-                 const Nearest& nearest, const std::vector<std::uint32_t>& clusters,
-                 const std::vector<std::uint32_t>& label, std::uint32_t part, formats::PackageContent& content);
+struct FieldInput {
+  const formats::PackageView& package;
+  const Sides& sides;
+  const PartMesh& mesh;
+  const PartPiece& piece;
+  const std::vector<Nearest>& nearest;         ///< by field of the package; of pieces that are not cut empty
+  const std::vector<std::uint32_t>& clusters;  ///< of the package to those of the part; kNone: the part has none of it
+  const std::vector<std::uint32_t>& pin_sets;  ///< the same
+  /// Of each vertex of the package on the part's side: the part that has it (Partition::part_of).
+  std::span<const std::uint32_t> label;
+  std::uint32_t part = 0;  ///< this one
+
+  bool isOwn(std::uint32_t vertex) const { return label[vertex] == part; }
+};
+
+/// Appends the fields of a piece that was cut, with their fibres: the free one, and the held one where the part has pin
+/// sets of it and nothing of it is a tether.
+void addCutFields(const FieldInput& input, formats::PackageContent& content);
 
 /// Appends the fields of a piece that the plane does not meet, as they are.
-/// \param pin_sets of the package to those of the part.
-void addWholeFields(const formats::PackageView& package, const PartPiece& piece,
-                    const std::vector<std::uint32_t>& clusters, const std::vector<std::uint32_t>& pin_sets,
-                    formats::PackageContent& content);
+void addWholeFields(const FieldInput& input, formats::PackageContent& content);
 
 }  // namespace sinew::cutting
