@@ -8,6 +8,7 @@
 #include <string>
 
 #include "runtime/cut/content.h"
+#include "runtime/cut/distances.h"
 #include "runtime/cut/parts.h"
 #include "runtime/cut/section.h"
 #include "runtime/cut/sides.h"
@@ -104,7 +105,14 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
       if (whole[field.piece] == 0) nearest[f] = cutting::findNearest(package, field);
     }
     watch.lap(result.times.fields);
-    const cutting::Cut cut = {package, settings, sides, surface, section, nodes, partition, whole, nearest};
+    std::vector<std::vector<std::uint32_t>> node_tetrahedra(package.distanceGrids().size());
+    for (std::size_t g = 0; g < node_tetrahedra.size(); ++g) {
+      const formats::DistanceGrid& grid = package.distanceGrids()[g];
+      if (whole[grid.piece] == 0) node_tetrahedra[g] = cutting::nodeTetrahedra(package, sides, grid);
+    }
+    watch.lap(result.times.packages);
+    const cutting::Cut cut = {package, settings,  sides, surface,         section,
+                              nodes,   partition, whole, node_tetrahedra, nearest};
     result.open_edges = std::uint32_t(closes ? section.open : surface.rim.size());
     for (const cutting::Polygon& polygon : section.polygons) result.rough_loops += polygon.plain ? 0U : 1U;
     for (std::uint32_t p = 0; p < partition.parts.size(); ++p) {

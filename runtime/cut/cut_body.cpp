@@ -4,6 +4,7 @@
 #include <new>
 #include <vector>
 
+#include "runtime/solver/plasticity.h"
 #include "runtime/world/world_impl.h"
 #include "sinew/runtime/cut.h"
 
@@ -18,6 +19,7 @@ struct WorldAccess {
 namespace {
 
 using internal::Body;
+using internal::Piece;
 using internal::PinSet;
 
 Body* find(World& world, BodyId id) {
@@ -79,6 +81,22 @@ class Heirs {
     }
   }
 
+  /// What the parent's matter remembers: after setState().
+  void remember(std::size_t p, const Body& parent) {
+    const CutPart& part = result_.cut.parts[p];
+    Body& body = *find(world_, result_.bodies[p]);
+    for (std::size_t i = 0; i < body.pieces.size(); ++i) {
+      const std::uint32_t vertex = part.physical[body.package().pieces()[i].first_vertex];
+      const auto from = std::find_if(parent_.package().pieces().begin(), parent_.package().pieces().end(),
+                                     [vertex](const formats::PieceRange& range) {
+                                       return vertex - range.first_vertex < range.vertex_count;
+                                     });
+      const Piece& source = parent.pieces[std::size_t(from - parent_.package().pieces().begin())];
+      takePlasticity(source, body.pieces[i]);
+      takeTouching(source, body.pieces[i]);
+    }
+  }
+
   /// What acts on the state: after setState().
   void hold(std::size_t p) {
     const CutPart& part = result_.cut.parts[p];
@@ -109,6 +127,30 @@ class Heirs {
   }
 
  private:
+  /// Samples keep the rest shape that they have flowed to; new ones have the nearest one's.
+  static void takePlasticity(const Piece& from, Piece& to) {
+    if (from.state.plastic.empty() || to.state.plastic.empty()) return;
+    internal::Array<float> shapes(to.state.plastic.memory());
+    shapes.assign({from.state.plastic.data(), from.state.plastic.size()});
+    internal::movePlasticity(from.field(), to.field(), shapes);
+    to.state.plastic.swap(shapes);
+    internal::invertPlasticity(to.state.plastic, to.rest_change);
+  }
+
+  /// What touched colliders goes on touching them: a part's points are some of its parent's in their order, then the
+  /// section's.
+  static void takeTouching(const Piece& from, Piece& to) {
+    const auto before = from.field().points, now = to.field().points;
+    std::vector<std::uint32_t> number(before.size(), formats::kNone);
+    for (std::uint32_t i = 0, next = 0; i < before.size() && next < now.size(); ++i) {
+      if (before[i].at == now[next].at) number[i] = next++;
+    }
+    for (internal::TouchingPoint touching : from.state.touching) {
+      touching.point = number[touching.point];
+      if (touching.point != formats::kNone) to.state.touching.push_back(touching);
+    }
+  }
+
   /// The package's sets are there from the start: they go to where the body's were, or go where it had let go of them.
   void takePackageSets(BodyId id) {
     const formats::PackageView& package = parent_.package();
@@ -145,6 +187,21 @@ class Heirs {
   std::vector<std::uint32_t> local_;  // of the parent's vertices: the part's, where they lie on its side
 };
 
+/// On refusal the parts that are there already go.
+struct Undo {
+  World& world;
+  const std::vector<BodyId>& bodies;
+  bool done = false;
+
+  Undo(World& of, const std::vector<BodyId>& parts) : world(of), bodies(parts) {}
+  Undo(const Undo&) = delete;
+  Undo& operator=(const Undo&) = delete;
+  ~Undo() {
+    if (done) return;
+    for (const BodyId body : bodies) world.removeBody(body);
+  }
+};
+
 Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const CutSettings& settings) {
   const std::span<const Vec3> positions = world.positions(id), velocities = world.velocities(id);
   const Body* const body = find(world, id);
@@ -157,13 +214,11 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
   const BodySettings body_settings = body->settings;
   const Holds holds = holdsOf(*body);
   Heirs heirs(world, *asset, holds, result);
+  Undo undo(world, result.bodies);
   for (std::size_t p = 0; p < result.cut.parts.size(); ++p) {
     const CutPart& part = result.cut.parts[p];
     const Result<BodyId> made = world.addBody(part.asset, body_settings);
-    if (!made) {
-      for (const BodyId other : result.bodies) world.removeBody(other);
-      return Error{made.reason()};
-    }
+    if (!made) return Error{made.reason()};
     result.bodies.push_back(*made);
     heirs.prepare(p);
     std::vector<Vec3> x, v;
@@ -174,8 +229,10 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
       v.push_back(velocities[vertex]);
     }
     world.setState(*made, x, v);
+    heirs.remember(p, *body);
     heirs.hold(p);
   }
+  undo.done = true;
   world.removeBody(id);
   result.cut.times.bodies = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return result;

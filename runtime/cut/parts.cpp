@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace sinew::cutting {
 namespace {
@@ -528,12 +529,15 @@ class Finder {
         sum += share;
         if (share > most) most = share, largest = i;
       }
+      // Whole numbers of the last digit of the mass, so that the copies sum to it exactly.
+      const double digit = double(std::nextafter(float(mass), std::numeric_limits<float>::infinity())) - mass;
       double left = mass;
       for (std::size_t i = first; i < end; ++i) {
         if (i == largest) continue;
-        float& part_mass = partition.parts[shared[i].part].masses[shared[i].place];
-        part_mass = std::max(1e-37F, float(mass * parts[shared[i].part][shared[i].place] / sum));
-        left -= double(part_mass);
+        const double share = mass * parts[shared[i].part][shared[i].place] / sum;
+        const double part_mass = std::max(1.0, std::round(share / digit)) * digit;
+        partition.parts[shared[i].part].masses[shared[i].place] = float(part_mass);
+        left -= part_mass;
       }
       partition.parts[shared[largest].part].masses[shared[largest].place] = float(left);
     }
