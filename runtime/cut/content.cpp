@@ -87,7 +87,8 @@ class Maker {
       piece.source = b;
       piece.first = vertex;
       piece.first_tetrahedron = tetrahedron;
-      while (vertex < mesh_.vertices.size() && mesh_.vertices[vertex] < range.first_vertex + range.vertex_count) ++vertex;
+      while (vertex < mesh_.vertices.size() && mesh_.vertices[vertex] < range.first_vertex + range.vertex_count)
+        ++vertex;
       while (tetrahedron < mesh_.tetrahedra.size() &&
              mesh_.tetrahedra[tetrahedron].source < range.first_tetrahedron + range.tetrahedron_count) {
         ++tetrahedron;
@@ -107,7 +108,8 @@ class Maker {
     for (const PartPiece& piece : pieces_) {
       const formats::PieceRange& range = package_.pieces()[piece.source];
       const auto first = std::uint32_t(out_.clusters.size());
-      for (std::uint32_t c = range.first_cluster; c < range.first_cluster + range.cluster_count; ++c) addCluster(c, piece);
+      for (std::uint32_t c = range.first_cluster; c < range.first_cluster + range.cluster_count; ++c)
+        addCluster(c, piece);
       out_.pieces.push_back({piece.first, piece.count, piece.first_tetrahedron, piece.tetrahedron_count, first,
                              std::uint32_t(out_.clusters.size()) - first, range.name});
     }
@@ -335,18 +337,13 @@ class Maker {
         const Vector3d from = at - plane.point;
         out_.visual_uvs.push_back({float(scale * from.dot(plane.right)), float(scale * from.dot(plane.up))});
       }
+      // The material of the section alone gives its colour.
+      if (!package_.visualColors().empty()) out_.visual_colors.push_back({255, 255, 255, 255});
     };
-    const auto colors = package_.visualColors();
-    std::array<double, 4> mean = {};
     for (const std::uint32_t n : polygon.nodes) {
       const Node& node = cut_.surface.nodes[n];
       out_.visual_positions.push_back(asFloats(node.rest));
       addShared(node.at);
-      if (!colors.empty()) {
-        out_.visual_colors.push_back(mixed(colors[node.a], colors[node.b], node.t));
-        for (std::size_t c = 0; c < 4; ++c)
-          mean[c] += double(out_.visual_colors.back()[c]) / double(polygon.nodes.size());
-      }
       addAttachment(cut_.nodes[n]);
       result_.visual.push_back({node.a, node.b, float(node.t)});
       new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), n});
@@ -355,11 +352,6 @@ class Maker {
     for (const Interior& point : polygon.interior) {
       out_.visual_positions.push_back(asFloats(point.rest));
       addShared(point.at);
-      if (!colors.empty()) {
-        formats::Color8 color;
-        for (std::size_t c = 0; c < 4; ++c) color[c] = std::uint8_t(std::clamp(std::lround(mean[c]), 0L, 255L));
-        out_.visual_colors.push_back(color);
-      }
       addAttachment(point.hung);
       result_.visual.push_back({});
       new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), kNone});
@@ -590,8 +582,7 @@ class Maker {
     const std::span<const std::uint32_t> label(
         cut_.partition.part_of.data() + (mesh_.side > 0 ? vertices : std::size_t(0)), vertices);
     for (const PartPiece& piece : pieces_) {
-      const FieldInput input = {package_,  cut_.sides, mesh_, piece, cut_.nearest,
-                                clusters_, pin_sets_,  label, part_};
+      const FieldInput input = {package_, cut_.sides, mesh_, piece, cut_.nearest, clusters_, pin_sets_, label, part_};
       cut_.piece_is_whole[piece.source] != 0 ? addWholeFields(input, out_) : addCutFields(input, out_);
     }
   }

@@ -23,7 +23,7 @@ struct Cut {
   const Partition& partition;
   std::vector<std::uint8_t> piece_is_whole;  ///< by piece of the package: one part has it, and it is not cut
   std::vector<std::vector<std::uint32_t>> node_tetrahedra;  ///< by distance grid; empty of whole pieces
-  std::vector<Nearest> nearest;              ///< by field; empty of whole pieces
+  std::vector<Nearest> nearest;                             ///< by field; empty of whole pieces
 };
 
 struct PartContent {

@@ -87,10 +87,9 @@ class Heirs {
     Body& body = *find(world_, result_.bodies[p]);
     for (std::size_t i = 0; i < body.pieces.size(); ++i) {
       const std::uint32_t vertex = part.physical[body.package().pieces()[i].first_vertex];
-      const auto from = std::find_if(parent_.package().pieces().begin(), parent_.package().pieces().end(),
-                                     [vertex](const formats::PieceRange& range) {
-                                       return vertex - range.first_vertex < range.vertex_count;
-                                     });
+      const auto from = std::find_if(
+          parent_.package().pieces().begin(), parent_.package().pieces().end(),
+          [vertex](const formats::PieceRange& range) { return vertex - range.first_vertex < range.vertex_count; });
       const Piece& source = parent.pieces[std::size_t(from - parent_.package().pieces().begin())];
       takePlasticity(source, body.pieces[i]);
       takeTouching(source, body.pieces[i]);

@@ -68,8 +68,8 @@ bool findRange(const formats::DistanceGrid& grid, const formats::PackageInfo& in
                Nodes& from, Nodes& to) {
   for (std::size_t a = 0; a < 3; ++a) {
     const double most = double(grid.nodes[a]) - 1, spacing = double(grid.spacing), at = double(grid.origin[a]);
-    from[a] = std::uint32_t(
-        std::clamp(std::floor((double(info.bounds_min[a]) - at) / spacing - kMargin), 0.0, most - 1));
+    from[a] =
+        std::uint32_t(std::clamp(std::floor((double(info.bounds_min[a]) - at) / spacing - kMargin), 0.0, most - 1));
     to[a] = std::uint32_t(
         std::clamp(std::ceil((double(info.bounds_max[a]) - at) / spacing + kMargin), double(from[a]) + 1, most));
     made.nodes[a] = to[a] - from[a] + 1;
@@ -109,8 +109,8 @@ void addGrid(const Cut& cut, std::uint32_t part, const PartPiece& piece, std::si
     if (t != formats::kNone) {
       if (known[t] == 0) heights[t] = heightIn(cut, t), known[t] = 1;
       const Vector3d place = asVector(grid.origin) + double(grid.spacing) * Vector3d(at[0], at[1], at[2]);
-      const double above = (heights[t].value + heights[t].slope.dot(place)) /
-                           std::max(kLeastSlope, heights[t].slope.norm());
+      const double above =
+          (heights[t].value + heights[t].slope.dot(place)) / std::max(kLeastSlope, heights[t].slope.norm());
       distance = std::max(distance, -double(mesh.side) * above);
       // Within another part of this side.
       if (has[t] == 0) distance = std::abs(distance);

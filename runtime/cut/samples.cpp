@@ -209,9 +209,7 @@ class Finder {
 
 double Slopes::add(const std::array<std::uint32_t, 4>& corners, MatrixXd& to) const {
   Eigen::Matrix3d edges;
-  const auto restOf = [&](std::uint32_t v) {
-    return asVector(input_.package.physicalVertices()[v].rest_position);
-  };
+  const auto restOf = [&](std::uint32_t v) { return asVector(input_.package.physicalVertices()[v].rest_position); };
   for (int c = 0; c < 3; ++c) edges.col(c) = restOf(corners[std::size_t(c)]) - restOf(corners[3]);
   const double volume = std::abs(edges.determinant()) / 6, longest = edges.colwise().norm().maxCoeff();
   if (!(volume > kFlat * longest * longest * longest)) return 0;

@@ -36,8 +36,8 @@ class Slopes {
   const std::vector<std::uint32_t>& local_;
 };
 
-/// The parent's samples that lie on the part, then places as far as can be from those before, until there are enough for
-/// the functions. Each stands for the tetrahedra that are nearest to it: volumes and uniform strains are exact.
+/// The parent's samples that lie on the part, then places as far as can be from those before, until there are enough
+/// for the functions. Each stands for the tetrahedra that are nearest to it: volumes and uniform strains are exact.
 std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
                                 const PartFunctions& functions, const Slopes& slopes,
                                 const std::vector<std::uint32_t>& local);

@@ -146,7 +146,7 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
   verb->add_option("input", command->input, "A baked package (.sinew), or a source")->required();
   verb->add_option("-o,--output", command->output, "The picture (.png) or video (.mp4)")->required();
   verb->add_option("--scene", command->scenes,
-                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, or a file (.json); again for more rows "
+                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json); again for more rows "
                    "(default: rest, squash, drop, hang; "
                    "video: drop)");
   addSolverOption(*verb, command->solver);

@@ -32,8 +32,8 @@ struct CutSettings {
   float least_part = 1e-4F;
   /// Of the section's material: linear red, green, blue, alpha, each 0 .. 1.
   std::array<float, 4> section_color = {0.75F, 0.25F, 0.2F, 1};
-  /// Whether loops of the rim are closed also where the package's surface is open (PackageInfo::source_volume below 0), as
-  /// that of a sheet.
+  /// Whether loops of the rim are closed also where the package's surface is open (PackageInfo::source_volume below 0),
+  /// as that of a sheet.
   bool close_open_surfaces = false;
   /// Whether parts hold the package's pictures (TEXB): a game that has them saves the copies.
   bool keep_textures = true;
@@ -88,7 +88,7 @@ struct CutResult {
 /// tetrahedra or no fields; arguments that are no numbers; memory.
 /// \param positions of all physical vertices, metres, world.
 SINEW_API Result<CutResult> cutAsset(const Asset& asset, std::span<const Vec3> positions, const CutPlane& plane,
-                           const CutSettings& settings = {});
+                                     const CutSettings& settings = {});
 
 /// What has taken the place of a pin set or pick of a body that was cut.
 template <class Id>
