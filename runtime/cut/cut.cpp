@@ -22,6 +22,8 @@ using Clock = std::chrono::steady_clock;
 /// Parts that are too small go back to the other side so often; then they join what is largest.
 constexpr int kMostRounds = 4;
 
+constexpr const char* kNoMemory = "out of memory";
+
 bool isFinite(const Vec3& v) { return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]); }
 
 /// Adds the time since the last lap.
@@ -74,6 +76,40 @@ std::vector<std::uint8_t> wholePieces(const formats::PackageView& package, const
   return whole;
 }
 
+struct MadePart {
+  CutPart part;
+  double fields_ms = 0, packages_ms = 0;
+  std::string fault;
+};
+
+/// Throws nothing: it may run in a job.
+MadePart makePart(const cutting::Cut& cut, std::uint32_t number) {
+  MadePart made;
+  try {
+    Watch watch;
+    const cutting::PartMesh& mesh = cut.partition.parts[number];
+    cutting::PartContent content = cutting::makeContent(cut, number);
+    const auto asset = Asset::fromMemory(formats::writePackage(content.content));
+    if (!asset) {
+      made.fault = "a part is no package: " + asset.reason();
+      return made;
+    }
+    made.part.asset = *asset;
+    made.part.above = mesh.side > 0;
+    made.part.visual = std::move(content.visual);
+    made.part.physical = mesh.vertices;
+    made.part.own = mesh.own;
+    for (const float m : mesh.masses) made.part.mass += double(m);
+    made.part.volume = content.volume;
+    made.fields_ms = content.fields_ms;
+    watch.lap(made.packages_ms);
+    made.packages_ms -= made.fields_ms;
+  } catch (const std::bad_alloc&) {
+    made.fault = kNoMemory;  // short: it fits into the string itself
+  }
+  return made;
+}
+
 Result<CutResult> cutSound(const formats::PackageView& package, std::span<const Vec3> positions, const CutPlane& plane,
                            const CutSettings& settings) {
   CutResult result;
@@ -115,23 +151,20 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
                               nodes,   partition, whole, node_tetrahedra, nearest};
     result.open_edges = std::uint32_t(closes ? section.open : surface.rim.size());
     for (const cutting::Polygon& polygon : section.polygons) result.rough_loops += polygon.plain ? 0U : 1U;
-    for (std::uint32_t p = 0; p < partition.parts.size(); ++p) {
-      const cutting::PartMesh& mesh = partition.parts[p];
-      cutting::PartContent content = cutting::makeContent(cut, p);
-      CutPart part;
-      auto asset = Asset::fromMemory(formats::writePackage(content.content));
-      if (!asset) return Error{"a part is no package: " + asset.reason()};
-      part.asset = *asset;
-      part.above = mesh.side > 0;
-      part.visual = std::move(content.visual);
-      part.physical = mesh.vertices;
-      part.own = mesh.own;
-      for (const float m : mesh.masses) part.mass += double(m);
-      part.volume = content.volume;
-      result.parts.push_back(std::move(part));
-      result.times.fields += content.fields_ms;
-      watch.lap(result.times.packages);
-      result.times.packages -= content.fields_ms;
+    std::vector<MadePart> made(partition.parts.size());
+    const auto make = [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t p = begin; p < end; ++p) made[p] = makePart(cut, p);
+    };
+    if (settings.jobs != nullptr) {
+      settings.jobs->parallelFor(std::uint32_t(made.size()), 1, make);
+    } else {
+      make(0, std::uint32_t(made.size()));
+    }
+    for (MadePart& part : made) {
+      if (!part.fault.empty()) return Error{part.fault};
+      result.parts.push_back(std::move(part.part));
+      result.times.fields += part.fields_ms;
+      result.times.packages += part.packages_ms;
     }
     return result;
   }
@@ -147,7 +180,7 @@ Result<CutResult> cutAsset(const Asset& asset, std::span<const Vec3> positions, 
   try {
     return cutSound(package, positions, plane, settings);
   } catch (const std::bad_alloc&) {
-    return Error{"out of memory"};
+    return Error{kNoMemory};
   }
 }
 

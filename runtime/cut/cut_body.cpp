@@ -205,7 +205,9 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
   const std::span<const Vec3> positions = world.positions(id), velocities = world.velocities(id);
   const Body* const body = find(world, id);
   const std::shared_ptr<const Asset> asset = body->asset;
-  Result<CutResult> cut = cutAsset(*asset, positions, plane, settings);
+  CutSettings with_jobs = settings;
+  if (with_jobs.jobs == nullptr) with_jobs.jobs = internal::WorldAccess::of(world).jobs;
+  Result<CutResult> cut = cutAsset(*asset, positions, plane, with_jobs);
   if (!cut) return Error{cut.reason()};
   const auto start = std::chrono::steady_clock::now();
   CutBodies result;

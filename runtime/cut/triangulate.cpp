@@ -2,7 +2,9 @@
 #include "runtime/cut/triangulate.h"
 
 #include <algorithm>
+#include <cmath>
 #include <deque>
+#include <initializer_list>
 #include <limits>
 #include <numeric>
 
@@ -14,9 +16,21 @@ constexpr std::uint32_t kNobody = 0xffffffffU;
 /// Loops of more points are cut by the shape of ears alone, or the time would grow with the cube.
 constexpr std::size_t kMostTested = 200;
 
-/// Whether d lies within the circle through a, b, c (counter-clockwise).
+/// Share of the sum of their sizes that six products of four numbers are at most off in doubles (differences are
+/// exact).
+constexpr double kRounding = 1e-14;
+
+/// Whether d lies within the circle through a, b, c (counter-clockwise): in doubles where these are sure, else exactly.
 bool isInCircle(const GridPoint& a, const GridPoint& b, const GridPoint& c, const GridPoint& d) {
   const std::int64_t ax = a.x - d.x, ay = a.y - d.y, bx = b.x - d.x, by = b.y - d.y, cx = c.x - d.x, cy = c.y - d.y;
+  const auto squared = [](std::int64_t x, std::int64_t y) { return double(x) * double(x) + double(y) * double(y); };
+  const double bc = double(bx) * double(cy), cb = double(by) * double(cx), ac = double(ax) * double(cy),
+               ca = double(ay) * double(cx), ab = double(ax) * double(by), ba = double(ay) * double(bx);
+  const double a2 = squared(ax, ay), b2 = squared(bx, by), c2 = squared(cx, cy);
+  const double about = a2 * (bc - cb) - b2 * (ac - ca) + c2 * (ab - ba);
+  const double sizes =
+      a2 * (std::abs(bc) + std::abs(cb)) + b2 * (std::abs(ac) + std::abs(ca)) + c2 * (std::abs(ab) + std::abs(ba));
+  if (std::abs(about) > kRounding * sizes) return about > 0;
   const Wide aa = Wide(ax) * ax + Wide(ay) * ay, bb = Wide(bx) * bx + Wide(by) * by, cc = Wide(cx) * cx + Wide(cy) * cy;
   return aa * (Wide(bx) * cy - Wide(by) * cx) - bb * (Wide(ax) * cy - Wide(ay) * cx) +
              cc * (Wide(ax) * by - Wide(ay) * bx) >
@@ -216,10 +230,11 @@ class Triangulation {
   }
 
   /// Triangles have p as their first corner; flips until the side across from p is Delaunay.
-  void legalize(std::vector<std::uint32_t> stack, std::uint32_t p) {
-    while (!stack.empty()) {
-      const std::uint32_t t = stack.back();
-      stack.pop_back();
+  void legalize(std::initializer_list<std::uint32_t> around, std::uint32_t p) {
+    stack_.assign(around);
+    while (!stack_.empty()) {
+      const std::uint32_t t = stack_.back();
+      stack_.pop_back();
       std::uint32_t i = 0;
       while (i < 3 && triangles_[t].at[i] != p) ++i;
       if (i == 3) continue;
@@ -229,8 +244,8 @@ class Triangulation {
       const std::uint32_t q = triangles_[other].at[sideTo(other, t)];
       if (!isInCircle(points_[here.at[0]], points_[here.at[1]], points_[here.at[2]], points_[q])) continue;
       flip(t, i);
-      stack.push_back(t);
-      stack.push_back(other);
+      stack_.push_back(t);
+      stack_.push_back(other);
     }
   }
 
@@ -354,6 +369,7 @@ class Triangulation {
   std::vector<GridPoint> points_;
   std::vector<Triangle> triangles_;
   std::vector<std::uint32_t> around_;  // of each point: a triangle that has it
+  std::vector<std::uint32_t> stack_;   // scratch of legalize()
   std::uint32_t first_extra_ = 0, last_ = 0;
 };
 

@@ -37,6 +37,8 @@ struct CutSettings {
   bool close_open_surfaces = false;
   /// Whether parts hold the package's pictures (TEXB): a game that has them saves the copies.
   bool keep_textures = true;
+  /// Makes parts side by side; null: the calling thread (cutBody(): the world's). They are the same for any.
+  JobSystem* jobs = nullptr;
 };
 
 /// Where a visual vertex of a part comes from: on the edge between two visual vertices of the body that was cut.
@@ -68,8 +70,8 @@ struct CutTimes {
   double surface = 0;   ///< clipping of triangles
   double section = 0;   ///< loops, polygons, triangulation
   double parts = 0;     ///< what hangs together, masses
-  double fields = 0;    ///< functions, samples and modes of the parts
-  double packages = 0;  ///< all else of them, and their check
+  double fields = 0;    ///< functions, samples and modes of the parts, the sum over threads
+  double packages = 0;  ///< all else of them, and their check, the sum over threads
   double bodies = 0;    ///< cutBody(): bodies and their state
 };
 
@@ -83,7 +85,7 @@ struct CutResult {
 /// Cuts an asset as a body of it lies.
 ///
 /// An edge is cut where it crosses the plane now. Closed surfaces stay closed, and manifold where they were; volumes at
-/// rest of the parts sum to that of the whole. Deterministic; one thread; allocates by operator new.
+/// rest of the parts sum to that of the whole. Deterministic; allocates by operator new.
 /// Reasons for refusal: the plane meets nothing, or only grazes it (CutSettings::least_part); no visual mesh on
 /// tetrahedra or no fields; arguments that are no numbers; memory.
 /// \param positions of all physical vertices, metres, world.
