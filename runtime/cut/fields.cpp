@@ -6,10 +6,12 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "runtime/cut/functions.h"
 #include "runtime/cut/places.h"
 #include "runtime/cut/samples.h"
+#include "runtime/cut/tethers.h"
 
 namespace sinew::cutting {
 namespace {
@@ -52,11 +54,13 @@ class CutField {
     functions_ = restrictFunctions(parent_, parent_values_, rest_, mass_, pin_sets);
   }
 
-  Index freeFunctions() const { return functions_.free(); }
-
-  void append() {
+  /// \return false where the part cannot have the field.
+  bool append() {
+    if (functions_.free() == 0) return false;
+    std::optional<MatrixXd> tethers = partTethers(input_, index_, parent_, functions_, local_);
+    if (!tethers) return false;
     samples_ = findSamples(input_, parent_, nearest_, functions_, slopes_, local_);
-    turn();
+    turn(*tethers);
     findPoints();
     formats::Field field = header();
     appendFunctions(field);
@@ -67,6 +71,8 @@ class CutField {
     appendModes();
     content_.fields.push_back(field);
     appendFibres();
+    appendTethers(*tethers);
+    return true;
   }
 
  private:
@@ -87,7 +93,7 @@ class CutField {
   }
 
   /// Makes the functions that are not driven diagonalize sum V (2 mu + lambda) grad grad^T; then the modes.
-  void turn() {
+  void turn(MatrixXd& tethers) {
     const Index driven = functions_.driven, n = functions_.free();
     const MatrixXd energy = stiffnessOf(samples_, functions_.count());
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(energy.bottomRightCorner(n, n));
@@ -98,7 +104,11 @@ class CutField {
     for (Sample& sample : samples_) {
       sample.gradients.bottomRows(n) = (q.transpose() * sample.gradients.bottomRows(n)).eval();
     }
-    modes_ = findModes(samples_, driven, functions_.count());
+    if (tethers.size() > 0) {
+      tethers.bottomRows(n) = (q.transpose() * tethers.bottomRows(n)).eval();
+      tethers.rightCols(n) = (tethers.rightCols(n) * q).eval();
+    }
+    modes_ = findModes(samples_, tethers, driven, functions_.count());
   }
 
   /// The parent's points on the part, in their order, then places on the section, each as far as can be from those
@@ -229,6 +239,17 @@ class CutField {
     }
   }
 
+  void appendTethers(const MatrixXd& tethers) {
+    if (tethers.size() == 0) return;
+    content_.field_tethers.push_back(
+        {std::uint32_t(content_.fields.size() - 1), std::uint32_t(content_.field_tether_values.size())});
+    for (Index i = 0; i < tethers.rows(); ++i) {
+      for (Index j = 0; j < tethers.cols(); ++j) {
+        content_.field_tether_values.push_back(float(tethers(std::max(i, j), std::min(i, j))));
+      }
+    }
+  }
+
   /// Of the clusters' own damping, by vertex, 1/s.
   VectorXd decayOfVertices() const {
     VectorXd decay = VectorXd::Zero(input_.piece.count);
@@ -345,26 +366,17 @@ Nearest findNearest(const formats::PackageView& package, const formats::Field& f
 
 void addCutFields(const FieldInput& input, formats::PackageContent& content) {
   const auto fields = input.package.fields();
-  const auto isTied = [&](std::uint32_t f) {
-    const auto tethers = input.package.fieldTethers();
-    return std::any_of(tethers.begin(), tethers.end(), [f](const formats::FieldTethers& t) { return t.field == f; });
-  };
   for (std::uint32_t f = 0; f < fields.size(); ++f) {
     if (fields[f].piece != input.piece.source) continue;
     if (fields[f].held == 0) {
       CutField(input, f, std::vector<std::uint32_t>(input.pin_sets.size(), formats::kNone), content).append();
       continue;
     }
-    // Tethers are sums over vertices that the package no longer tells apart.
-    if (isTied(f)) continue;
     const formats::FieldFunction* const first = &input.package.fieldFunctions()[fields[f].first_function];
-    if (std::none_of(first, first + fields[f].driven_count, [&](const formats::FieldFunction& function) {
-          return input.pin_sets[function.pin_set] != formats::kNone;
-        })) {
-      continue;
-    }
-    CutField held(input, f, input.pin_sets, content);
-    if (held.freeFunctions() > 0) held.append();
+    const bool holds = std::any_of(first, first + fields[f].driven_count, [&](const formats::FieldFunction& function) {
+      return input.pin_sets[function.pin_set] != formats::kNone;
+    });
+    if (holds) CutField(input, f, input.pin_sets, content).append();
   }
 }
 

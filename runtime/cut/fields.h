@@ -50,7 +50,7 @@ struct FieldInput {
 };
 
 /// Appends the fields of a piece that was cut, with their fibres: the free one, and the held one where the part has pin
-/// sets of it and nothing of it is a tether.
+/// sets of it and its tethers are known by vertex.
 void addCutFields(const FieldInput& input, formats::PackageContent& content);
 
 /// Appends the fields of a piece that the plane does not meet, as they are.

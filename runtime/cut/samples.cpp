@@ -238,7 +238,7 @@ MatrixXd stiffnessOf(const std::vector<Sample>& samples, Index k) {
   return energy.selfadjointView<Eigen::Lower>();
 }
 
-Modes findModes(const std::vector<Sample>& samples, Index first, Index k) {
+Modes findModes(const std::vector<Sample>& samples, const MatrixXd& tethers, Index first, Index k) {
   // K_ij = V (mu (g_i . g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T), by axes: sums over samples of products.
   const Index n = k - first, count = Index(samples.size());
   std::array<MatrixXd, 3> slope, shear, bulk;
@@ -261,6 +261,7 @@ Modes findModes(const std::vector<Sample>& samples, Index first, Index k) {
       if (a == b) dot += with_mu;
     }
   }
+  if (tethers.size() > 0) dot += tethers.bottomRightCorner(n, n);
   for (Index a = 0; a < 3; ++a) {
     energy(Eigen::seqN(a, n, 3), Eigen::seqN(a, n, 3)) += dot;
     for (Index b = 0; b < a; ++b) {

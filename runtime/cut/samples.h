@@ -45,12 +45,12 @@ std::vector<Sample> findSamples(const FieldInput& input, const ParentField& pare
 /// Sum V (2 mu + lambda) grad grad^T, k x k.
 Eigen::MatrixXd stiffnessOf(const std::vector<Sample>& samples, Eigen::Index k);
 
-/// Vibrations of the samples' elasticity at rest.
+/// Vibrations of the samples' elasticity at rest, and of tethers.
 struct Modes {
   Eigen::MatrixXd shapes;   ///< columns: 3n numbers, function by function
   Eigen::VectorXd squares;  ///< angular frequencies squared, 1/s^2, ascending
 };
-/// \param first function that may move.
-Modes findModes(const std::vector<Sample>& samples, Eigen::Index first, Eigen::Index k);
+/// \param first function that may move. \param tethers k x k, 1/s^2, of each axis; of size 0: none.
+Modes findModes(const std::vector<Sample>& samples, const Eigen::MatrixXd& tethers, Eigen::Index first, Eigen::Index k);
 
 }  // namespace sinew::cutting

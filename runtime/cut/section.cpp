@@ -15,6 +15,10 @@ namespace {
 /// Points inside are at least so far from the rim, of their spacing, and at most so many in a polygon.
 constexpr double kFromRim = 0.6;
 constexpr double kMostInterior = 4000;
+/// A loop may lead so far over gaps of the surface, of its length: what is more open is a sheet.
+constexpr double kMostOpen = 0.35;
+/// Gaps that are bridged at most: with more of them the surface is none.
+constexpr std::size_t kMostGaps = 1000;
 
 struct Loop {
   std::vector<std::uint32_t> nodes;
@@ -73,6 +77,11 @@ class Closing {
   void walk() {
     std::vector<std::vector<std::uint32_t>> leaving(surface_.nodes.size());
     for (const auto& [u, v] : surface_.rim) leaving[u].push_back(v);
+    for (const auto& [u, v] : bridges()) {
+      leaving[u].push_back(v);
+      bridged_.push_back({u, v});
+    }
+    std::sort(bridged_.begin(), bridged_.end());
     std::vector<std::size_t> on_way(surface_.nodes.size(), 0);  // place in the way, from 1
     for (const auto& edge : surface_.rim) {
       const std::uint32_t first = edge[0];
@@ -103,6 +112,55 @@ class Closing {
     }
   }
 
+  /// Ways over gaps of the surface: from each node where the rim ends to one where it begins, the nearest first.
+  std::vector<std::array<std::uint32_t, 2>> bridges() const {
+    std::vector<int> surplus(surface_.nodes.size(), 0);  // edges that leave, less those that come
+    for (const auto& [u, v] : surface_.rim) ++surplus[u], --surplus[v];
+    std::vector<std::uint32_t> ends, starts;
+    for (std::uint32_t n = 0; n < surplus.size(); ++n) {
+      for (int i = surplus[n]; i < 0; ++i) ends.push_back(n);
+      for (int i = surplus[n]; i > 0; --i) starts.push_back(n);
+    }
+    std::vector<std::array<std::uint32_t, 2>> found;
+    if (ends.size() > kMostGaps) return found;
+    struct Gap {
+      double length;
+      std::uint32_t end, start;  // of the lists
+    };
+    std::vector<Gap> gaps;
+    for (std::uint32_t e = 0; e < ends.size(); ++e) {
+      for (std::uint32_t s = 0; s < starts.size(); ++s) {
+        gaps.push_back({(flat_[ends[e]] - flat_[starts[s]]).squaredNorm(), e, s});
+      }
+    }
+    std::stable_sort(gaps.begin(), gaps.end(), [](const Gap& a, const Gap& b) { return a.length < b.length; });
+    std::vector<char> has_start(ends.size(), 0), has_end(starts.size(), 0);
+    for (const Gap& gap : gaps) {
+      if (has_start[gap.end] != 0 || has_end[gap.start] != 0) continue;
+      has_start[gap.end] = has_end[gap.start] = 1;
+      found.push_back({ends[gap.end], starts[gap.start]});
+    }
+    return found;
+  }
+
+  /// Counts what is open of a loop. \return whether it is closed well enough.
+  bool takeOpen(const Loop& loop) {
+    if (bridged_.empty()) return true;
+    double length = 0, over = 0;
+    std::size_t steps = 0;
+    for (std::size_t i = 0; i < loop.nodes.size(); ++i) {
+      const std::uint32_t u = loop.nodes[i], v = loop.nodes[(i + 1) % loop.nodes.size()];
+      const double step = (flat_[u] - flat_[v]).norm();
+      length += step;
+      if (!std::binary_search(bridged_.begin(), bridged_.end(), std::array<std::uint32_t, 2>{u, v})) continue;
+      over += step;
+      ++steps;
+    }
+    const bool closed = over <= kMostOpen * length;
+    section_.open += closed ? steps : loop.nodes.size() - steps;
+    return closed;
+  }
+
   std::uint32_t takeNext(std::vector<std::uint32_t>& choices, const std::vector<std::uint32_t>& way) const {
     std::size_t best = 0;
     if (choices.size() > 1 && way.size() > 1) {
@@ -120,7 +178,7 @@ class Closing {
   }
 
   void addLoop(Loop loop) {
-    if (loop.nodes.size() < 3) return;
+    if (!takeOpen(loop) || loop.nodes.size() < 3) return;
     const Eigen::Vector2d origin = flat_[loop.nodes[0]];
     for (std::size_t i = 0; i < loop.nodes.size(); ++i) {
       const Eigen::Vector2d a = flat_[loop.nodes[i]] - origin,
@@ -386,6 +444,7 @@ class Closing {
   std::vector<GridPoint> grid_;
   Eigen::Vector2d low_ = Eigen::Vector2d::Zero();
   double scale_ = 1, spacing_ = 1;
+  std::vector<std::array<std::uint32_t, 2>> bridged_;  // directed edges over gaps, ascending
   std::vector<Loop> loops_;
   std::vector<std::uint32_t> points_place_;          // scratch of addPolygon()
   std::vector<std::array<std::uint32_t, 2>> folds_;  // point, and a node's place that lies there too

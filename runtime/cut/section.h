@@ -39,11 +39,13 @@ using Locate = std::function<std::optional<Interior>(const Vector3d& at)>;
 
 struct Section {
   std::vector<Polygon> polygons;
-  std::size_t open = 0;  ///< edges of the rim that join to no loop: the surface has holes or borders there
+  /// Edges that only one face has: those that lead over gaps of the surface, and those of the rim that join to no loop.
+  std::size_t open = 0;
 };
 
-/// Joins the rim to loops and these, by containment, to polygons with holes; islands in holes are polygons of their
-/// own. \param spacing of points inside, m; 0: the mean length of the rim's edges. Infinite: none.
+/// Joins the rim to loops, over gaps where these are short, and the loops, by containment, to polygons with holes;
+/// islands in holes are polygons of their own. \param spacing of points inside, m; 0: the mean length of the rim's
+/// edges. Infinite: none.
 Section closeSection(const Surface& surface, const PlaneFrame& plane, double spacing, const Locate& locate);
 
 }  // namespace sinew::cutting

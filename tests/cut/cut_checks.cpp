@@ -69,6 +69,7 @@ std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& erro
     if (closed && before.odd == 0 && state.odd > 0 && cut.rough_loops == 0) {
       return name + std::to_string(state.odd) + " edges that are not of two triangles";
     }
+    if (const std::string fault = faultOfHolds(package); !fault.empty()) return name + fault;
     volume += state.volume;
     mass += part.mass;
     if (std::abs(massOf(package) - part.mass) > 1e-6 * part.mass) return name + "its mass is another";
@@ -97,6 +98,33 @@ std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& erro
   if (closed) {
     errors.volume = std::abs(volume - before.volume) / std::max(1e-300, std::abs(before.volume));
     if (errors.volume > 1e-4) return "volumes do not add up: " + std::to_string(errors.volume);
+  }
+  return {};
+}
+
+std::string faultOfHolds(const formats::PackageView& package) {
+  const auto weighs = [&](std::uint32_t v) { return package.pinWeights().empty() ? 1.0F : package.pinWeights()[v]; };
+  for (const formats::Field& field : package.fields()) {
+    if (field.held == 0) continue;
+    const std::uint32_t first = package.pieces()[field.piece].first_vertex, k = field.function_count;
+    for (std::uint32_t s = 0; s < package.pinSets().size(); ++s) {
+      const formats::PinSet& set = package.pinSets()[s];
+      for (const std::uint32_t v : package.pinSetVertices().subspan(set.first, set.count)) {
+        const std::uint32_t i = v - first;
+        if (i >= package.pieces()[field.piece].vertex_count || weighs(v) < 1) continue;
+        const formats::Float3& x = package.physicalVertices()[v].rest_position;
+        for (std::uint32_t j = 0; j < k; ++j) {
+          const formats::FieldFunction& function = package.fieldFunctions()[field.first_function + j];
+          const float value = package.fieldValues()[field.first_value + k * (i / 8) + j][i % 8];
+          const float wanted = function.pin_set != s ? 0 : function.monomial == 0 ? 1 : x[function.monomial - 1];
+          // Free functions are of size 1 / sqrt(kg), driven ones of size 1 and m.
+          if (std::abs(value - wanted) > 1e-4F * std::max(1.0F, package.info().diagonal)) {
+            return "function " + std::to_string(j) + " moves vertex " + std::to_string(v) + ", which is held, by " +
+                   std::to_string(value) + ", not " + std::to_string(wanted);
+          }
+        }
+      }
+    }
   }
   return {};
 }

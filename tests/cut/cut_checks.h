@@ -27,7 +27,10 @@ struct CutErrors {
   double center = 0;  ///< of mass, of the diagonal
 };
 
-/// Closedness, manifoldness, volumes, masses, identity. \return what is wrong; empty: nothing.
+/// Held fields: their functions are those of their pin sets on held vertices, and 0 beside. \return what is wrong.
+std::string faultOfHolds(const formats::PackageView& package);
+
+/// Closedness, manifoldness, volumes, masses, identity, holds. \return what is wrong; empty: nothing.
 std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& errors);
 
 /// A plane that meets the box around positions: all directions and depths. \param seed any number.

@@ -144,6 +144,25 @@ TEST(Cut, HollowBoxHasARing) {
   EXPECT_NEAR(cut.parts[0].volume + cut.parts[1].volume, 1 - 0.216, 1e-6);
 }
 
+TEST(Cut, SectionGoesOnOverAHoleOfTheSurface) {
+  auto content = boxContent({.cells = {5, 5, 5}, .size = {1, 1, 1}, .keep = {}});
+  const CutPlane plane = {{0, 0.07F, 0}, {0, 1, 0}};
+  // A triangle of one side that the plane meets goes: the rim has a gap there.
+  const auto at = [&](std::uint32_t v) { return asVector(content.visual_positions[v]); };
+  const auto gone =
+      std::find_if(content.visual_triangles.begin(), content.visual_triangles.end(), [&](const formats::Triangle& t) {
+        const auto [low, high] = std::minmax({at(t[0])[1], at(t[1])[1], at(t[2])[1]});
+        return low < 0.07 && high > 0.07 && at(t[0])[0] > 0.49 && at(t[1])[0] > 0.49 && at(t[2])[0] > 0.49;
+      });
+  ASSERT_NE(gone, content.visual_triangles.end());
+  content.visual_triangles.erase(gone);
+  content.sub_meshes.clear();
+  const CutResult cut = cutAtRest(*makeAsset(content), plane);
+  ASSERT_EQ(cut.parts.size(), 2U);
+  EXPECT_EQ(cut.open_edges, 1U);
+  for (const CutPart& part : cut.parts) EXPECT_NEAR(sectionArea(part.asset->package()), 1, 1e-5);
+}
+
 TEST(Cut, IslandsInHolesAreFacesOfTheirOwn) {
   const auto keep = [](std::uint32_t i, std::uint32_t j, std::uint32_t k) {
     const auto ring = [](std::uint32_t a) { return std::min(a, 6 - a); };

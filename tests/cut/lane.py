@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Bakes every mesh of folders and cuts it by random planes (cut_lane): closed, volumes and masses right, or refused.
+"""Bakes every mesh and recipe of folders and cuts it by random planes (cut_lane): closed, volumes and masses right, or refused.
 
     lane.py --sinew PROGRAM --lane CUT_LANE [--planes N] [--steps N] [--keep DIR] FOLDER...
 
@@ -15,11 +15,15 @@ import tempfile
 ENDINGS = {".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx", ".mesh"}
 
 
+def is_source(path):
+    return (path.suffix in ENDINGS or path.name == "recipe.json") and "bad_input" not in path.parts
+
+
 def bake_all(program, folders, into):
     packages = []
     for folder in folders:
-        for mesh in sorted(p for p in pathlib.Path(folder).rglob("*") if p.suffix in ENDINGS and "bad_input" not in p.parts):
-            package = into / f"{mesh.stem}_{mesh.suffix[1:]}.sinew"
+        for mesh in sorted(p for p in pathlib.Path(folder).rglob("*") if is_source(p)):
+            package = into / f"{mesh.parent.name if mesh.stem == 'recipe' else mesh.stem}_{mesh.suffix[1:]}.sinew"
             if not package.exists():
                 # What cannot be baked is judged by other tests.
                 subprocess.run([program, "bake", str(mesh), "-o", str(package)], capture_output=True, check=False)

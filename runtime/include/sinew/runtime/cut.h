@@ -76,8 +76,9 @@ struct CutTimes {
 };
 
 struct CutResult {
-  std::vector<CutPart> parts;     ///< at least two: below first, then above, each by its first physical vertex
-  std::uint32_t open_edges = 0;   ///< of the rim that belong to no loop: there the parts are open as the body was
+  std::vector<CutPart> parts;  ///< at least two: below first, then above, each by its first physical vertex
+  /// Edges of the rim in no loop, and ways of the rim over holes of the surface: there parts are open as the body was.
+  std::uint32_t open_edges = 0;
   std::uint32_t rough_loops = 0;  ///< loops that cross themselves or each other: closed, by triangles that may overlap
   CutTimes times;
 };
