@@ -8,6 +8,7 @@
 #include <string>
 
 #include "runtime/cut/content.h"
+#include "runtime/cut/crossing.h"
 #include "runtime/cut/distances.h"
 #include "runtime/cut/parts.h"
 #include "runtime/cut/section.h"

@@ -5,8 +5,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
-#include <optional>
 #include <vector>
 
 #include "runtime/cut/section.h"
@@ -28,26 +26,6 @@ struct PartMesh {
   std::vector<std::uint8_t> own;            ///< the vertex lies on the part's side
   std::vector<std::uint32_t> fragments;     ///< of the surface
   std::vector<std::uint32_t> polygons;      ///< of the section
-};
-
-/// The tetrahedra that the plane passes through, by where they meet it.
-class Crossing {
- public:
-  Crossing(const formats::PackageView& package, const Sides& sides);
-  ~Crossing();
-  Crossing(const Crossing&) = delete;
-  Crossing& operator=(const Crossing&) = delete;
-
-  /// What lies at a place of the plane; none where no tetrahedron has it.
-  std::optional<Interior> at(const Vector3d& place) const;
-  /// Where each node hangs.
-  std::vector<Hung> hang(const Surface& surface) const;
-
- private:
-  struct Grid;
-  const formats::PackageView& package_;
-  const Sides& sides_;
-  std::unique_ptr<Grid> grid_;
 };
 
 struct Partition {

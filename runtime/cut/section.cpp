@@ -281,11 +281,12 @@ class Closing {
         break;
       }
       std::vector<std::uint32_t> kept;
+      std::vector<std::array<std::uint32_t, 2>> folds;  // point, and the place of a node that lies there too
       for (std::size_t i = 0; i < nodes.size(); ++i) {
         const std::uint32_t node = nodes[(start + i) % nodes.size()];
         const std::uint32_t place = placeOfNode(node);
-        if (!kept.empty() && grid_[polygon.nodes[points_place_[kept.back()]]] == grid_[node]) {
-          folds_.push_back({kept.back(), place});
+        if (!kept.empty() && grid_[polygon.nodes[name[kept.back()]]] == grid_[node]) {
+          folds.push_back({kept.back(), place});
           continue;
         }
         const GridPoint& p = grid_[node];
@@ -293,7 +294,6 @@ class Closing {
         if (added) {
           points.push_back(p);
           name.push_back(place);
-          points_place_.push_back(place);
         } else if (name[found->second] != place) {
           sound = false;
         }
@@ -301,17 +301,14 @@ class Closing {
       }
       if (kept.size() < 3) sound = false;
       for (std::size_t i = 0; i < kept.size(); ++i) edges.push_back({kept[i], kept[(i + 1) % kept.size()]});
-      if (!folds_.empty()) sound = sound && fold(kept, name, folded);
-      folds_.clear();
+      fold(kept, name, folds, folded);
     }
-    points_place_.clear();
     std::vector<Corners> triangles;
     if (sound) {
       addInterior(all, polygon, points, name);
       sound = triangulate(points, edges, triangles);
     }
     if (!sound) {
-      folds_.clear();
       for (const std::size_t l : all) addEars(l);
       return;
     }
@@ -323,19 +320,20 @@ class Closing {
 
   /// Nodes b, c, ... that lie where a does, between a and the next n: the edge a n of the triangulation becomes
   /// a b, b c, .. n by flat triangles.
-  bool fold(const std::vector<std::uint32_t>& kept, const std::vector<std::uint32_t>& name,
-            std::vector<std::array<std::uint32_t, 3>>& folded) const {
+  static void fold(const std::vector<std::uint32_t>& kept, const std::vector<std::uint32_t>& name,
+                   const std::vector<std::array<std::uint32_t, 2>>& folds,
+                   std::vector<std::array<std::uint32_t, 3>>& folded) {
+    if (folds.empty()) return;
     for (std::size_t i = 0; i < kept.size(); ++i) {
       const std::uint32_t next = name[kept[(i + 1) % kept.size()]];
       std::uint32_t last = name[kept[i]];
-      for (const auto& [point, place] : folds_) {
+      for (const auto& [point, place] : folds) {
         if (point != kept[i]) continue;
         // The triangulation has last -> next inside; outside of it: last -> place -> next.
         folded.push_back({last, place, next});
         last = place;
       }
     }
-    return true;
   }
 
   /// Edges across the polygon that the surface has too get a point in their middle.
@@ -446,8 +444,6 @@ class Closing {
   double scale_ = 1, spacing_ = 1;
   std::vector<std::array<std::uint32_t, 2>> bridged_;  // directed edges over gaps, ascending
   std::vector<Loop> loops_;
-  std::vector<std::uint32_t> points_place_;          // scratch of addPolygon()
-  std::vector<std::array<std::uint32_t, 2>> folds_;  // point, and a node's place that lies there too
   Section section_;
 };
 
