@@ -243,13 +243,13 @@ struct sinew_world {
   std::optional<sinew::World> world;
 };
 
-namespace sinew::internal {
+namespace sinew::handles {
 
 World& worldOf(sinew_world* world) { return *world->world; }
 sinew_asset* handleOf(std::shared_ptr<const Asset> asset) { return new sinew_asset{std::move(asset)}; }
 sinew_status tellFailure(sinew_status status, std::string_view reason) { return fail(status, reason); }
 
-}  // namespace sinew::internal
+}  // namespace sinew::handles
 
 namespace {
 

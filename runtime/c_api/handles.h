@@ -10,7 +10,7 @@
 #include "sinew/runtime/export.h"
 #include "sinew/runtime/world.h"
 
-namespace sinew::internal {
+namespace sinew::handles {
 
 /// \param world not null.
 SINEW_API World& worldOf(sinew_world* world);
@@ -19,4 +19,4 @@ SINEW_API sinew_asset* handleOf(std::shared_ptr<const Asset> asset);
 /// What sinew_last_error() says from now on. \return the status.
 SINEW_API sinew_status tellFailure(sinew_status status, std::string_view reason);
 
-}  // namespace sinew::internal
+}  // namespace sinew::handles

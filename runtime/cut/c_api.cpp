@@ -24,7 +24,7 @@ struct sinew_cut {
 
 namespace {
 
-using sinew::internal::tellFailure;
+using sinew::handles::tellFailure;
 
 sinew_status failNull(const char* call) {
   return tellFailure(SINEW_ERROR_ARGUMENT, std::string(call) + ": a null pointer");
@@ -88,7 +88,7 @@ sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point
   if (world == nullptr || point == nullptr || normal == nullptr || cut == nullptr) return failNull("sinew_body_cut");
   try {
     auto result = std::make_unique<sinew_cut>();
-    sinew::World& in = sinew::internal::worldOf(world);
+    sinew::World& in = sinew::handles::worldOf(world);
     const sinew::CutPlane plane = {{point[0], point[1], point[2]}, {normal[0], normal[1], normal[2]}};
     auto made = sinew::cutBody(in, {body}, plane, toCpp(settings));
     if (!made) {
@@ -136,7 +136,7 @@ sinew_status sinew_cut_part_asset(const sinew_cut* cut, uint32_t number, sinew_a
   if (cut == nullptr || asset == nullptr) return failNull("sinew_cut_part_asset");
   if (number >= cut->made.bodies.size()) return failPart("sinew_cut_part_asset");
   try {
-    *asset = sinew::internal::handleOf(cut->made.cut.parts[number].asset);
+    *asset = sinew::handles::handleOf(cut->made.cut.parts[number].asset);
     return SINEW_OK;
   } catch (const std::bad_alloc&) {
     return tellFailure(SINEW_ERROR_MEMORY, "sinew_cut_part_asset: out of memory");

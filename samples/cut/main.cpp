@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // Cuts a body in the middle while it falls, lets the parts fall on, and writes each as it lies to an OBJ file:
-//   sample_cut PACKAGE PREFIX [NX NY NZ]     PREFIX0.obj, PREFIX1.obj, ...; N: the plane's normal, along y without
+//   sample_cut PACKAGE [PREFIX [NX NY NZ]]     PREFIX0.obj, PREFIX1.obj, ...; N: the plane's normal, along y without
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -33,8 +33,8 @@ bool writeObj(const sinew::World& world, sinew::BodyId body, const std::string& 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 3 && argc != 6) {
-    std::fprintf(stderr, "usage: sample_cut PACKAGE PREFIX [NX NY NZ]\n");
+  if (argc != 2 && argc != 3 && argc != 6) {
+    std::fprintf(stderr, "usage: sample_cut PACKAGE [PREFIX [NX NY NZ]]\n");
     return 2;
   }
   const auto asset = sinew::Asset::load(argv[1]);
@@ -43,7 +43,8 @@ int main(int argc, char** argv) {
     return 1;
   }
   const sinew::formats::PackageInfo& info = (*asset)->package().info();
-  sinew::World world({.ground = {.enabled = true, .offset = info.bounds_min[1] - 0.2F * info.diagonal}});
+  sinew::World world(
+      {.ground = {.enabled = true, .offset = info.bounds_min[1] - 0.2F * info.diagonal}, .collisions = true});
   const auto body = world.addBody(*asset);
   if (!body) {
     std::fprintf(stderr, "%s\n", body.reason().c_str());
@@ -65,7 +66,7 @@ int main(int argc, char** argv) {
   for (std::size_t p = 0; p < cut->bodies.size(); ++p) {
     const sinew::CutPart& part = cut->cut.parts[p];
     std::printf("part %zu: %s, %g kg, %g m^3\n", p, part.above ? "above" : "below", part.mass, part.volume);
-    if (!writeObj(world, cut->bodies[p], argv[2] + std::to_string(p) + ".obj")) return 1;
+    if (argc > 2 && !writeObj(world, cut->bodies[p], argv[2] + std::to_string(p) + ".obj")) return 1;
   }
   return 0;
 }
