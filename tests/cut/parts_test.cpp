@@ -34,7 +34,8 @@ formats::PackageContent touchingCube(std::uint32_t cells, float hz) {
   grid.unit = 1e-4F;
   grid.origin = {-0.75F, -0.75F, -0.75F};
   for (std::uint32_t n = 0; n < 25 * 25 * 25; ++n) {
-    const Vector3d at(double(n % 25) / 16 - 0.75, double(n / 25 % 25) / 16 - 0.75, double(n / 625) / 16 - 0.75);
+    const std::uint32_t x = n % 25, y = n / 25 % 25, z = n / 625;
+    const Vector3d at = Vector3d(x, y, z) / 16 - Vector3d::Constant(0.75);
     const Vector3d beyond = at.cwiseAbs().array() - 0.5;
     const double distance = beyond.cwiseMax(0.0).norm() + std::min(0.0, beyond.maxCoeff());
     content.distance_values.push_back(std::int16_t(std::lround(distance * 1e4)));
@@ -168,9 +169,9 @@ TEST(CutParts, GridsTellTheDistanceToTheSectionOfABentBody) {
     const formats::SubMesh& section = package.subMeshes().back();
     std::size_t asked = 0, inside = 0;
     for (std::uint32_t n = 0; n < grid.nodes[0] * grid.nodes[1] * grid.nodes[2]; ++n) {
-      const Vector3d at =
-          asVector(grid.origin) + double(grid.spacing) * Vector3d(n % grid.nodes[0], n / grid.nodes[0] % grid.nodes[1],
-                                                                  n / grid.nodes[0] / grid.nodes[1]);
+      const std::uint32_t x = n % grid.nodes[0], row = n / grid.nodes[0], y = row % grid.nodes[1],
+                          z = row / grid.nodes[1];
+      const Vector3d at = asVector(grid.origin) + double(grid.spacing) * Vector3d(x, y, z);
       if (!(at.cwiseAbs().maxCoeff() < 0.35)) continue;  // nearest to the section
       double nearest = 1e300;
       for (const auto& t : package.visualTriangles().subspan(section.first_triangle, section.triangle_count)) {
