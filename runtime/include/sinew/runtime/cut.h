@@ -51,8 +51,8 @@ struct CutOrigin {
 /// A part of a body that was cut.
 struct CutPart {
   /// Its package. Sub-meshes are those of the body, then one named "section" of what closes it; pieces that the plane
-  /// does not meet are as they were, held fields included. Of pieces that were cut, fields are free ones: pin sets hold
-  /// them by springs.
+  /// does not meet are as they were. Pieces that were cut have a free field, and a held one where the part has pin sets
+  /// of it; not where rigid clusters of these share vertices with others: there the sets hold by springs.
   std::shared_ptr<const Asset> asset;
   bool above = false;                   ///< on which side of the plane
   std::vector<CutOrigin> visual;        ///< of each visual vertex
@@ -107,9 +107,9 @@ struct CutBodies {
   std::vector<CutHeir<PickId>> picks;       ///< those whose visual vertex is still there
 };
 
-/// Cuts a body of a world: the parts take its place, with its settings, positions, velocities, pins, pin sets, picks
-/// and activation. Linear and angular momentum are kept to the rounding of floats. What it touched is forgotten. On
-/// refusal the body stays as it was. Not during a step. Cuts of cuts are no different.
+/// Cuts a body of a world: the parts take its place, with its settings, positions, velocities, pins, pin sets, picks,
+/// activation, plastic shapes and what touches colliders. Linear and angular momentum are kept to the rounding of
+/// floats. On refusal the body stays as it was. Not during a step. Cuts of cuts are no different.
 SINEW_API Result<CutBodies> cutBody(World& world, BodyId body, const CutPlane& plane, const CutSettings& settings = {});
 
 }  // namespace sinew
