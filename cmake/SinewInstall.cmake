@@ -6,7 +6,7 @@ include(CMakePackageConfigHelpers)
 set(sinew_package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/sinew)
 set(sinew_libraries sinew_formats)
 if(TARGET sinew_runtime)
-  list(APPEND sinew_libraries sinew_runtime sinew_report)
+  list(APPEND sinew_libraries sinew_runtime sinew_report sinew_cut)
 endif()
 
 foreach(library IN LISTS sinew_libraries)

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "runtime/c_api/handles.h"
 #include "sinew/formats/version.h"
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
@@ -241,6 +242,14 @@ struct sinew_world {
   std::pmr::memory_resource* home = nullptr;  // that this object lies in
   std::optional<sinew::World> world;
 };
+
+namespace sinew::handles {
+
+World& worldOf(sinew_world* world) { return *world->world; }
+sinew_asset* handleOf(std::shared_ptr<const Asset> asset) { return new sinew_asset{std::move(asset)}; }
+sinew_status tellFailure(sinew_status status, std::string_view reason) { return fail(status, reason); }
+
+}  // namespace sinew::handles
 
 namespace {
 

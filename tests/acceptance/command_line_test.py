@@ -292,7 +292,8 @@ class CommandLine(unittest.TestCase):
         self.assertGreaterEqual(averaged["lowest"], -1e-6)
         self.assertLess(averaged["lowest_visual"], -0.05)
 
-    def test_scenes_of_several_bodies_end_asleep(self):
+    def bake_block(self):
+        """A stiff cube that stands on y = 0. Returns the source and the package."""
         corners = [(x, y, z) for x in (-0.5, 0.5) for y in (0, 1) for z in (-0.5, 0.5)]
         mesh = self.path / "block.obj"
         mesh.write_text("".join("v %g %g %g\n" % corner for corner in corners) +
@@ -300,6 +301,28 @@ class CommandLine(unittest.TestCase):
         package = self.path / "block.sinew"
         hertz = [f"--set=clusters.{motion}_hz=100" for motion in ("stretch", "bend", "twist")]
         self.assertEqual(run("bake", mesh, "-o", package, "--no-cache", *hertz).returncode, 0)
+        return mesh, package
+
+    def test_scenes_that_cut(self):
+        package = self.bake_block()[1]
+        measures = json.loads(run("simulate", package, "--scene", "cut", "--json").stdout)
+        self.assertEqual(measures["bodies"]["count"], 2)
+        # A wedge of this stiffness jams between the other part and the ground, where it hums (docs/decisions/0018-cut.md).
+        self.assertLess(measures["bodies"]["rms_speed_m_s"], 5e-3)
+        scene = self.path / "twice.json"
+        plane = '{"time": 0.05, "point": [0, %g, 0], "normal": [0, 2, 0]}, {"time": 0.1, "point": [0.1, 0, 0], "normal": [1, 0.2, 0]}'
+        scene.write_text('{"sinew_scene": 1, "seconds": 0.2, "cuts": [' + plane % 0.4 + "]}")
+        measures = json.loads(run("simulate", package, "--scene", scene, "--json").stdout)
+        self.assertEqual(measures["bodies"]["count"], 4)
+        picture = self.path / "twice.png"
+        self.assertEqual(run("render", package, "--scene", scene, "--frames", "3", "-o", picture).returncode, 0)
+        scene.write_text('{"sinew_scene": 1, "seconds": 0.2, "cuts": [' + plane % 9 + "]}")
+        self.assert_refused(run("simulate", package, "--scene", scene), 3, "cannot be cut", "Move the plane")
+        scene.write_text('{"sinew_scene": 1, "cuts": [{"time": 1, "normal": [0, 0, 0]}]}')
+        self.assert_refused(run("simulate", package, "--scene", scene), 3, "a plane needs a direction")
+
+    def test_scenes_of_several_bodies_end_asleep(self):
+        mesh, package = self.bake_block()
         for scene, count, low, high in (("stack", 10, 9.8, 10.02), ("pyramid", 10, 3.95, 4.01), ("pile", 27, 1, 6)):
             for steps in ("0.016667", "0.016667,0.004167"):
                 measures = json.loads(run("simulate", package, "--scene", scene, "--step", steps, "--json").stdout)

@@ -18,7 +18,7 @@ import sys
 from pathlib import Path
 
 # The C and C++ runtime, and Sinew itself.
-ALLOWED_NEEDED = re.compile(r"^(libsinew_(formats|runtime)\.so|libstdc\+\+\.so|libm\.so|libgcc_s\.so|libc\.so|libpthread\.so|ld-linux)")
+ALLOWED_NEEDED = re.compile(r"^(libsinew_(cut|formats|runtime)\.so|libstdc\+\+\.so|libm\.so|libgcc_s\.so|libc\.so|libpthread\.so|ld-linux)")
 # Not TBB, which libstdc++'s <algorithm> draws in by itself for some compilers (tests/layering finds ours).
 FOREIGN_HEADER = re.compile(r"/(eigen3?|Eigen|xxhash\.h|CLI|nlohmann|CGAL|assimp|opencv\d?|boost|GLFW|imgui)\b")
 
@@ -96,11 +96,12 @@ def main():
                 sys.exit(f"consumer: {config.name} names {leak}")
 
     standalone = scratch / "hello_source"
-    for sample in ("hello_runtime", "hello_runtime_c", "pile"):
+    for sample in ("hello_runtime", "hello_runtime_c", "pile", "cut"):
         shutil.copytree(source / "samples" / sample, standalone / sample)
     for name, folder, program in (("consumer", source / "tests" / "consumer" / "program", "consumer"),
                                   ("hello", standalone / "hello_runtime", "sample_hello_runtime"),
                                   ("pile", standalone / "pile", "sample_pile"),
+                                  ("cut", standalone / "cut", "sample_cut"),
                                   ("hello_c", standalone / "hello_runtime_c", "sample_hello_runtime_c")):
         build = scratch / name
         run(cmake, "-S", folder, "-B", build, *common, f"-DCMAKE_PREFIX_PATH={moved}")

@@ -113,7 +113,7 @@ ZONES = [
     for part, rank in TOOL_RANKS.items()
 ]
 # Tests of the tools see what they test, and may look at pictures; they never include what sits behind one file.
-MIT_TESTS = ("formats", "geometry", "runtime", "c_api", "layering", "consumer", "support", "fuzz", "determinism", "assets", "golden")
+MIT_TESTS = ("formats", "geometry", "runtime", "cut", "c_api", "layering", "consumer", "support", "fuzz", "determinism", "assets", "golden")
 TOOL_TEST_FILES = ("tests/support/obj_reader.h",)  # shared by tests of several tools
 TOOL_TESTS = Zone("tests/", own=PUBLIC + ("formats/", "runtime/", "tools/", "tests/"),
                   third=("gtest", "eigen", "posix", "json", "tbb", "opencv", "epoxy", "cli11", "cgal", "bullet"))

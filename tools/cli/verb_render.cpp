@@ -145,10 +145,11 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
       "Draw a package's scenes (contact sheet or video), or a source with its defects marked, without a display");
   verb->add_option("input", command->input, "A baked package (.sinew), or a source")->required();
   verb->add_option("-o,--output", command->output, "The picture (.png) or video (.mp4)")->required();
-  verb->add_option("--scene", command->scenes,
-                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, or a file (.json); again for more rows "
-                   "(default: rest, squash, drop, hang; "
-                   "video: drop)");
+  verb->add_option(
+      "--scene", command->scenes,
+      "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json); again for more rows "
+      "(default: rest, squash, drop, hang; "
+      "video: drop)");
   addSolverOption(*verb, command->solver);
   verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")
       ->check(CLI::Range(0.0, 600.0))

@@ -152,7 +152,7 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene without a window");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
   verb->add_option("--scene", command->scene,
-                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, or a file (.json): docs/scenes.md")
+                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json): docs/scenes.md")
       ->capture_default_str();
   verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")
       ->check(CLI::Range(0.0, 1e6))

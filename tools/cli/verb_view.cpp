@@ -21,7 +21,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   CLI::App* verb = app.add_subcommand("view", "Open a window on a package: play scenes, grab the body with the mouse");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
   verb->add_option("--scene", command->scene,
-                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, or a file (.json): docs/scenes.md. "
+                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json): docs/scenes.md. "
                    "Without: rest where pins of the "
                    "package hold it, else drop");
   addSolverOption(*verb, command->solver);

@@ -220,27 +220,36 @@ DrawModel makeDrawModel(const formats::PackageView& package) {
   return model;
 }
 
-DrawModel repeated(DrawModel model, std::size_t times) {
-  const auto repeat = [times](auto& list) {
-    const std::size_t count = list.size();
-    list.reserve(count * times);
-    for (std::size_t i = count; i < count * times; ++i) list.push_back(list[i - count]);
-  };
-  const auto vertices = static_cast<std::uint32_t>(model.positions.size());
-  const std::size_t triangles = model.triangles.size(), parts = model.parts.size();
-  repeat(model.positions);
-  repeat(model.normals);
-  repeat(model.uvs);
-  repeat(model.colors);
-  repeat(model.cluster_tint);
-  repeat(model.triangles);
-  repeat(model.parts);
-  for (std::size_t t = triangles; t < model.triangles.size(); ++t) {
-    for (std::uint32_t& v : model.triangles[t]) v += static_cast<std::uint32_t>(t / triangles) * vertices;
+DrawModel joinedModel(std::span<const formats::PackageView* const> packages, float diagonal) {
+  DrawModel joined = makeDrawModel(*packages[0]);
+  if (diagonal > 0) joined.diagonal = diagonal;
+  DrawModel next = joined;
+  std::uint32_t first_texture = 0;
+  for (std::size_t i = 1; i < packages.size(); ++i) {
+    if (packages[i] != packages[i - 1]) {
+      next = makeDrawModel(*packages[i]);
+      first_texture = static_cast<std::uint32_t>(joined.textures.size());
+      joined.textures.insert(joined.textures.end(), next.textures.begin(), next.textures.end());
+    }
+    const auto vertices = static_cast<std::uint32_t>(joined.positions.size());
+    const auto triangles = static_cast<std::uint32_t>(joined.triangles.size());
+    const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+    append(joined.positions, next.positions);
+    append(joined.normals, next.normals);
+    append(joined.uvs, next.uvs);
+    append(joined.colors, next.colors);
+    append(joined.cluster_tint, next.cluster_tint);
+    for (std::array<std::uint32_t, 3> t : next.triangles) {
+      for (std::uint32_t& v : t) v += vertices;
+      joined.triangles.push_back(t);
+    }
+    for (DrawPart part : next.parts) {
+      part.first_triangle += triangles;
+      if (part.texture != kNoIndex) part.texture += first_texture;
+      joined.parts.push_back(part);
+    }
   }
-  for (std::size_t p = parts; p < model.parts.size(); ++p)
-    model.parts[p].first_triangle += static_cast<std::uint32_t>(p / parts * triangles);
-  return model;
+  return joined;
 }
 
 DrawModel makeDrawModel(const VisualMesh& mesh) {

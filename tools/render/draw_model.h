@@ -7,6 +7,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -53,9 +54,10 @@ std::array<float, 3> distinctColor(std::uint32_t number);
 /// From a package. Positions are as in the package: relative to its origin.
 DrawModel makeDrawModel(const formats::PackageView& package);
 
-/// The same mesh so many times, for the bodies of a scene with several; what is drawn of its inside is that of the
-/// first.
-DrawModel repeated(DrawModel model, std::size_t times);
+/// Several packages one after the other, for the bodies of a scene; what is drawn of the inside, and the diagonal, is
+/// that of the first. Equal pointers are equal packages. \param packages at least one; parts of a package that was cut,
+/// or the same one often: all have the streams that the first has. \param diagonal metres; 0: that of the first.
+DrawModel joinedModel(std::span<const formats::PackageView* const> packages, float diagonal = 0);
 
 /// From an imported source: positions are relative to the centre of its bounds.
 DrawModel makeDrawModel(const VisualMesh& mesh);

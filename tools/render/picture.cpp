@@ -195,13 +195,18 @@ void captureShape(const Scene& scene, Shape& shape) {
   const World& world = scene.world();
   const BodyId body = scene.body();
   const formats::PackageView& package = world.asset(body).package();
-  const auto count = static_cast<std::uint32_t>(package.visualPositions().size());
-  shape.bodies = scene.bodies().size();
-  shape.positions.resize(count * shape.bodies);
-  shape.normals.resize(count * shape.bodies);
-  for (std::size_t b = 0; b < shape.bodies && count > 0; ++b) {
-    world.visualVertices(scene.bodies()[b], {shape.positions[b * count].data(), sizeof(Eigen::Vector3f), count},
-                         {shape.normals[b * count].data(), sizeof(Eigen::Vector3f), count});
+  shape.assets.assign(scene.assets().begin(), scene.assets().end());
+  std::size_t count = 0;
+  for (const auto& asset : shape.assets) count += asset->package().visualPositions().size();
+  shape.positions.resize(count);
+  shape.normals.resize(count);
+  std::size_t first = 0;
+  for (std::size_t b = 0; b < shape.assets.size(); ++b) {
+    const auto own = static_cast<std::uint32_t>(shape.assets[b]->package().visualPositions().size());
+    if (own == 0) continue;
+    world.visualVertices(scene.bodies()[b], {shape.positions[first].data(), sizeof(Eigen::Vector3f), own},
+                         {shape.normals[first].data(), sizeof(Eigen::Vector3f), own});
+    first += own;
   }
   const std::span<const Vec3> physical = world.positions(body);
   shape.physical.resize(physical.size());
@@ -219,6 +224,13 @@ void captureShape(const Scene& scene, Shape& shape) {
     }
   }
   shape.time = scene.time();
+}
+
+DrawModel modelOf(const Shape& shape, float diagonal) {
+  std::vector<const formats::PackageView*> packages;
+  packages.reserve(shape.assets.size());
+  for (const auto& asset : shape.assets) packages.push_back(&asset->package());
+  return joinedModel(packages, diagonal);
 }
 
 void showShape(Renderer& renderer, const Shape& shape) {
@@ -314,16 +326,16 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
   drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package()), 17, room));
 
   std::optional<Renderer> renderer;
-  std::size_t bodies = 0;  // that it draws
+  std::vector<std::shared_ptr<const Asset>> drawn;
   int y = kMargin + kTitleHeight;
   std::size_t done = 0;
   for (const auto& row : rows) {
     for (std::size_t k = 0; k < row.size(); ++k) {
       const Tile& tile = row[k];
-      if (tile.shape.bodies != bodies) {
-        bodies = tile.shape.bodies;
+      if (tile.shape.assets != drawn) {
+        drawn = tile.shape.assets;
         renderer.reset();
-        renderer.emplace(repeated(makeDrawModel(asset->package()), bodies));
+        renderer.emplace(modelOf(tile.shape, asset->package().info().diagonal));
       }
       showShape(*renderer, tile.shape);
       renderer->draw(tile.camera, tile.settings, width, height);
@@ -390,18 +402,24 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   }
 
   Scene scene(asset, scene_options);
-  Renderer renderer(repeated(makeDrawModel(asset->package()), scene.bodies().size()));
+  std::optional<Renderer> renderer;
+  std::vector<std::shared_ptr<const Asset>> drawn;
   VideoFile video(file, width, height, kFramesPerSecond);
   Shape shape;
   for (int f = 0; f < frames; ++f) {
     const double time = f / kFramesPerSecond;
     while (scene.time() + 0.5 * options.step_seconds < time) scene.step();
     captureShape(scene, shape);
-    showShape(renderer, shape);
+    if (shape.assets != drawn) {
+      drawn = shape.assets;
+      renderer.reset();
+      renderer.emplace(modelOf(shape, asset->package().info().diagonal));
+    }
+    showShape(*renderer, shape);
     camera.yaw = yaw + kSway * std::sin(2 * std::numbers::pi_v<float> * static_cast<float>(f) /
                                         static_cast<float>(std::max(frames, 2)));
-    renderer.draw(camera, take.settings, width, height);
-    Image picture = renderer.read();
+    renderer->draw(camera, take.settings, width, height);
+    Image picture = renderer->read();
     label(picture, title + "  ·  " + choice.name() + "  " + seconds(time));
     video.add(picture);
     if (progress) progress(static_cast<double>(f + 1) / frames);

@@ -41,11 +41,14 @@ struct Shape {
   std::vector<Eigen::Vector3f> positions, normals, physical;
   std::vector<std::uint32_t> pinned;
   std::vector<ClusterFrame> frames;
-  std::size_t bodies = 1;  ///< whose positions and normals follow each other; the rest is the first one's
-  double time = 0;         ///< s
+  /// Of the bodies whose positions and normals follow each other; the rest is the first one's.
+  std::vector<std::shared_ptr<const Asset>> assets;
+  double time = 0;  ///< s
 };
 void captureShape(const Scene& scene, Shape& shape);
 void showShape(Renderer& renderer, const Shape& shape);
+/// What draws the bodies of a shape. \param diagonal m, the unit of what is drawn.
+DrawModel modelOf(const Shape& shape, float diagonal);
 
 /// Looks from where a scene's file says. \return whether the file frames the picture too, which is done then; else what
 /// is to be seen is still to be fitted in.

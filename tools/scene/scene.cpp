@@ -12,8 +12,8 @@
 namespace sinew::tools {
 namespace {
 
-constexpr std::array<std::string_view, 8> kNames = {"rest", "drop",  "squash",  "stretch",
-                                                    "hang", "stack", "pyramid", "pile"};
+constexpr std::array<std::string_view, 9> kNames = {"rest",  "drop",    "squash", "stretch", "hang",
+                                                    "stack", "pyramid", "pile",   "cut"};
 
 // Gravity of a scene, in diagonals per second squared: a body one metre across then falls as on Earth.
 constexpr float kGravityDiagonals = 9.81F;
@@ -42,6 +42,9 @@ constexpr int kPiledSide = 3;
 // Between what is put one on another, and between what is dropped, of the diagonal.
 constexpr float kStackGap = 1e-3F;
 constexpr float kPileGap = 0.05F;
+// `cut` cuts what stands on the ground through its middle, so steep (tangent) that what is above slides off.
+constexpr double kCutSeconds = 0.25;
+constexpr float kCutSlope = 0.9F;
 
 bool hasSeveral(SceneKind kind) {
   return kind == SceneKind::stack || kind == SceneKind::pyramid || kind == SceneKind::pile;
@@ -141,6 +144,8 @@ double SceneChoice::seconds() const {
     case SceneKind::pyramid:
     case SceneKind::pile:
       return 5;
+    case SceneKind::cut:
+      return 2.5;
   }
   return 2;
 }
@@ -155,7 +160,10 @@ Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, Jo
   reset();
 }
 
-bool Scene::hasGround() const { return options_.scene.kind == SceneKind::drop || hasSeveral(options_.scene.kind); }
+bool Scene::hasGround() const {
+  const SceneKind kind = options_.scene.kind;
+  return kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind);
+}
 
 void Scene::add(const BodySettings& settings) {
   auto added = world_.addBody(asset_, settings);
@@ -165,11 +173,60 @@ void Scene::add(const BodySettings& settings) {
                     "That is --solver report.");
   }
   bodies_.push_back(*added);
+  assets_.push_back(asset_);
+}
+
+void Scene::planCuts() {
+  cuts_.clear();
+  next_cut_ = 0;
+  if (script_) {
+    for (const SceneScript::Cut& from : script_->script.cuts) {
+      Cut& made = cuts_.emplace_back();
+      made.time = from.time;
+      for (std::size_t a = 0; a < 3; ++a) {
+        made.plane.point[a] = float(from.point[a] - script_->origin[a]);
+        made.plane.normal[a] = float(from.normal[a]);
+      }
+    }
+  } else if (options_.scene.kind == SceneKind::cut) {
+    const Bounds bounds = boundsOf(start_);
+    Cut& made = cuts_.emplace_back();
+    made.time = kCutSeconds;
+    for (std::size_t a = 0; a < 3; ++a) made.plane.point[a] = 0.5F * (bounds.low[a] + bounds.high[a]);
+    made.plane.normal = {0, 1, 0};
+    made.plane.normal[bounds.extent(0) >= bounds.extent(2) ? 0 : 2] = kCutSlope;
+  }
+}
+
+void Scene::cut(const CutPlane& plane) {
+  std::vector<BodyId> bodies;
+  std::vector<std::shared_ptr<const Asset>> assets;
+  std::string reason;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    const auto parts = cutBody(world_, bodies_[b], plane);
+    if (!parts) {
+      reason = parts.reason();
+      bodies.push_back(bodies_[b]);
+      assets.push_back(assets_[b]);
+      continue;
+    }
+    bodies.insert(bodies.end(), parts->bodies.begin(), parts->bodies.end());
+    for (const CutPart& part : parts->cut.parts) assets.push_back(part.asset);
+  }
+  if (bodies.size() == bodies_.size()) {
+    const formats::PackageView& package = asset_->package();
+    throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)),
+                    "it cannot be cut here: " + reason, "Move the plane, or choose another --scene.");
+  }
+  bodies_ = std::move(bodies);
+  assets_ = std::move(assets);
+  pinned_.clear();  // numbers of the whole
 }
 
 void Scene::reset() {
   for (const BodyId body : bodies_) world_.removeBody(body);
   bodies_.clear();
+  assets_.clear();
   time_ = 0;
   steps_ = 0;
   pinned_.clear();
@@ -180,7 +237,9 @@ void Scene::reset() {
   if (options_.iterations > 0 || usual_iterations > 0)
     world.iterations = options_.iterations > 0 ? options_.iterations : usual_iterations;
   const bool several = hasSeveral(options_.scene.kind);
-  const bool falls = several || options_.scene.kind == SceneKind::drop || options_.scene.kind == SceneKind::hang;
+  const bool is_cut = options_.scene.kind == SceneKind::cut || (script_ && !script_->script.cuts.empty());
+  const bool falls = several || options_.scene.kind == SceneKind::cut || options_.scene.kind == SceneKind::drop ||
+                     options_.scene.kind == SceneKind::hang;
   if (several && options_.solver != nullptr) {
     throw ToolError(ExitCode::usage, "", "bodies that the report's solver moves do not touch each other",
                     "Choose another --scene, or the default solver.");
@@ -191,8 +250,8 @@ void Scene::reset() {
                     "the package has no distance grids, by which bodies touch each other",
                     "Bake it again without field.distances=0.");
   }
-  world.collisions = several;
-  world.sleep_seconds = several ? kSleepSeconds : 0;
+  world.collisions = several || is_cut;
+  world.sleep_seconds = several || options_.scene.kind == SceneKind::cut ? kSleepSeconds : 0;
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
   world.ground.enabled = hasGround();
@@ -219,6 +278,7 @@ void Scene::reset() {
     lowest =
         std::min(lowest, placement.rotation[3] * x[0] + placement.rotation[4] * x[1] + placement.rotation[5] * x[2]);
   }
+  if (options_.scene.kind == SceneKind::cut) lowest = std::min(lowest, asset_->package().info().bounds_min[1]);
   if (!script_) {
     placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
   }
@@ -259,6 +319,7 @@ void Scene::reset() {
     const auto held = asset_->package().pinSetVertices();
     pinned_.assign(held.begin(), held.end());
   }
+  planCuts();
   if (script_) script_->moveTargets(world_, body(), 0);
   std::fill(inputs_.begin(), inputs_.end(), 0.0F);  // as the new body has them
   driveChannels(0);
@@ -280,7 +341,7 @@ bool Scene::drive() {
   const double end = time_ + double(stepSeconds());
   driveChannels(end);
   if (script_) {
-    script_->moveTargets(world_, body(), end);
+    for (const BodyId one : bodies_) script_->moveTargets(world_, one, end);
     return true;
   }
   const auto t = float(time_);
@@ -318,6 +379,8 @@ float Scene::stepSeconds() const {
 
 void Scene::step() {
   const float seconds = stepSeconds();
+  while (next_cut_ < cuts_.size() && cuts_[next_cut_].time < time_ + 0.5 * double(seconds))
+    cut(cuts_[next_cut_++].plane);
   if (drive()) world_.step(seconds);
   ++steps_;
   time_ = options_.step_sequence.empty() ? double(steps_) * double(seconds) : time_ + double(seconds);

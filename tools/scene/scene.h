@@ -11,14 +11,15 @@
 #include <string_view>
 #include <vector>
 
+#include "sinew/runtime/cut.h"
 #include "sinew/runtime/world.h"
 #include "tools/scene/scene_script.h"
 
 namespace sinew::tools {
 
-enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile };
+enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile, cut };
 
-/// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile".
+/// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile", "cut".
 std::span<const std::string_view> sceneNames();
 
 /// A built-in scene, or one from a file.
@@ -45,9 +46,9 @@ struct SceneOptions {
       gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };
 
-/// One body of a package in one scene, or several that touch (stack, pyramid, pile). Lengths in a built-in scene are
-/// relative to the rest diagonal. The package's own pins hold in `rest` and in scenes from files, where the body is
-/// where its source is.
+/// One body of a package in one scene, or several that touch (stack, pyramid, pile; parts of one that is cut). Lengths
+/// in a built-in scene are relative to the rest diagonal. The package's own pins hold in `rest` and in scenes from
+/// files, where the body is where its source is.
 class Scene {
  public:
   /// Throws ToolError(bad_input) where a scene from a file does not fit the package, or the solver cannot move it.
@@ -65,7 +66,8 @@ class Scene {
   const World& world() const { return world_; }
   BodyId body() const { return bodies_.front(); }
   std::span<const BodyId> bodies() const { return bodies_; }
-  const RigidTransform& placement() const { return placement_; }  ///< of the body at the start
+  std::span<const std::shared_ptr<const Asset>> assets() const { return assets_; }  ///< of the bodies
+  const RigidTransform& placement() const { return placement_; }                    ///< of the body at the start
   const SceneOptions& options() const { return options_; }
   double time() const { return time_; }                              ///< seconds since the start
   bool hasGround() const;                                            ///< a ground plane at y = 0 is there to be drawn
@@ -80,6 +82,10 @@ class Scene {
 
  private:
   void add(const BodySettings& settings);
+  /// Planes of the scene, in the world.
+  void planCuts();
+  /// Cuts all bodies that a plane meets. Throws ToolError(bad_input) where it meets none.
+  void cut(const CutPlane& plane);
   /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
   bool drive();
   void driveChannels(double time);
@@ -88,6 +94,13 @@ class Scene {
   std::optional<SceneDrive> script_;
   World world_;
   std::vector<BodyId> bodies_;
+  std::vector<std::shared_ptr<const Asset>> assets_;  // of the bodies
+  struct Cut {
+    double time;  // s
+    CutPlane plane;
+  };
+  std::vector<Cut> cuts_;  // in order of time
+  std::size_t next_cut_ = 0;
   RigidTransform placement_;
   double time_ = 0;
   std::uint64_t steps_ = 0;

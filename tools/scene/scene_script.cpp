@@ -35,8 +35,9 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(json, "",
-           {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "camera", "note"});
+    object(
+        json, "",
+        {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "cuts", "camera", "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -46,6 +47,7 @@ class Reader {
     if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);
+    if (json.contains("cuts")) cuts(json["cuts"]);
     if (json.contains("camera")) camera(json["camera"]);
   }
 
@@ -145,6 +147,27 @@ class Reader {
         target.keys.push_back(key);
       }
       script_.targets.push_back(std::move(target));
+    }
+  }
+
+  void cuts(const Json& json) {
+    const std::string cure = R"(Write [{"time": seconds, "point": [x, y, z], "normal": [x, y, z]}, ...].)";
+    filled(json, "/cuts", cure);
+    for (std::size_t k = 0; k < json.size(); ++k) {
+      const std::string here = childPointer("/cuts", k);
+      object(json[k], here, {"time", "point", "normal", "note"});
+      if (!json[k].contains("time") || !json[k].contains("normal")) {
+        text_.fail(here, "a cut needs a time and the normal of its plane", cure);
+      }
+      SceneScript::Cut cut = {number(json[k], here, "time", 0, 0, kMostSeconds), point(json[k], here, "point"),
+                              point(json[k], here, "normal")};
+      if (!(std::hypot(cut.normal[0], cut.normal[1], cut.normal[2]) > 0)) {
+        text_.fail(childPointer(here, "normal"), "a plane needs a direction", "Give [0, 1, 0].");
+      }
+      if (k > 0 && cut.time < script_.cuts.back().time) {
+        text_.fail(here, "a cut is earlier than the one before", "Sort them by time.");
+      }
+      script_.cuts.push_back(cut);
     }
   }
 

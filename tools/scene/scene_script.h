@@ -38,6 +38,10 @@ struct SceneScript {
     std::array<double, 3> point = {0, 0, 0};  ///< of the axis
     std::vector<TargetKey> keys;
   };
+  struct Cut {
+    double time;                          ///< s
+    std::array<double, 3> point, normal;  ///< of the plane
+  };
   struct View {
     double yaw = 0, pitch = 0;                ///< rad; 0, 0 looks along -z; positive moves the eye to +x, up
     std::optional<std::array<double, 3>> at;  ///< middle of the picture; none: the body is fitted in
@@ -51,6 +55,7 @@ struct SceneScript {
   std::uint32_t iterations = 0;  ///< as WorldSettings::iterations, 1..16; 0 = the runtime's default
   std::vector<Channel> channels;
   std::vector<Target> targets;
+  std::vector<Cut> cuts;  ///< in order of time
   std::optional<View> view;
   JsonText text;  ///< for messages
 

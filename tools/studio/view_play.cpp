@@ -86,9 +86,14 @@ void Play::advance(double elapsed) {
 
 void Play::grab(std::uint32_t vertex) {
   const Eigen::Vector3f& at = shape_.positions[vertex];
-  const auto count = static_cast<std::uint32_t>(shape_.positions.size() / shape_.bodies);
-  const BodyId body = scene_->bodies()[vertex / count];
-  grabbed_ = {vertex, at, at, scene_->world().pick(body, vertex % count, {at.x(), at.y(), at.z()}, kPickHz)};
+  std::uint32_t own = vertex;
+  std::size_t body = 0;
+  for (; body + 1 < shape_.assets.size(); ++body) {
+    const auto count = static_cast<std::uint32_t>(shape_.assets[body]->package().visualPositions().size());
+    if (own < count) break;
+    own -= count;
+  }
+  grabbed_ = {vertex, at, at, scene_->world().pick(scene_->bodies()[body], own, {at.x(), at.y(), at.z()}, kPickHz)};
 }
 
 void Play::moveGrab(const Eigen::Vector3f& target) {

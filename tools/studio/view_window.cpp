@@ -90,11 +90,7 @@ class View {
  public:
   View(GLFWwindow* window, ViewInput& input, const std::shared_ptr<const Asset>& asset, const ViewOptions& options,
        float scale)
-      : window_(window),
-        input_(input),
-        play_(asset, options),
-        model_(makeDrawModel(asset->package())),
-        log_(options.state_log) {
+      : window_(window), input_(input), play_(asset, options), log_(options.state_log) {
     layout_.scale = scale;
   }
 
@@ -144,10 +140,10 @@ class View {
  private:
   void drawScene() {
     Camera& camera = input_.camera();
-    if (play_.shape().bodies != bodies_) {
-      bodies_ = play_.shape().bodies;
+    if (play_.shape().assets != drawn_) {
+      drawn_ = play_.shape().assets;
       renderer_.reset();
-      renderer_.emplace(repeated(model_, bodies_));
+      renderer_.emplace(modelOf(play_.shape(), play_.diagonal()));
     }
     showShape(*renderer_, play_.shape());
     Annotation annotation;
@@ -208,9 +204,8 @@ class View {
   GLFWwindow* window_;
   ViewInput& input_;
   Play play_;
-  const DrawModel model_;
   std::optional<Renderer> renderer_;
-  std::size_t bodies_ = 0;  // that it draws
+  std::vector<std::shared_ptr<const Asset>> drawn_;  // by the renderer
   ViewLog log_;
   ViewPanel panel_;
   Shown shown_;

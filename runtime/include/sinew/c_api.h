@@ -316,6 +316,64 @@ SINEW_API sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32
 SINEW_API sinew_status sinew_body_cluster_rest_shape(const sinew_world* world, uint32_t body, uint32_t cluster,
                                                      float shape[9]);
 
+/* ---- Cutting: in the library sinew_cut, beside the runtime. sinew/runtime/cut.h tells what holds of a cut ---- */
+
+typedef struct sinew_cut sinew_cut;
+
+typedef struct sinew_cut_settings {
+  uint32_t struct_size;
+  float spacing;                /* of points inside the section, m; 0: as long as the edges of its rim; 0 */
+  float least_part;             /* parts of less of the body's mass stay with their neighbour, 0..0.5; 1e-4 */
+  float section_color[4];       /* linear red, green, blue, alpha, 0..1; 0.75 0.25 0.2 1 */
+  uint32_t close_open_surfaces; /* 1: also loops of surfaces that enclose nothing are closed; 0 */
+  uint32_t keep_textures;       /* 1: parts hold copies of the package's pictures; 1 */
+} sinew_cut_settings;
+
+SINEW_API void sinew_cut_settings_init(sinew_cut_settings* settings, size_t struct_size);
+
+/* Cuts a body along the plane through point (m, world) with this normal (any length but 0): its parts take its place,
+   with its motion and holds. On refusal it stays. settings may be null. cut: what to ask about the parts, to be
+   released. */
+SINEW_API sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point[3], const float normal[3],
+                                      const sinew_cut_settings* settings, sinew_cut** cut);
+/* The bodies stay. Null is ignored. */
+SINEW_API void sinew_cut_release(sinew_cut* cut);
+/* How many parts there are; 0 of null. */
+SINEW_API uint32_t sinew_cut_part_count(const sinew_cut* cut);
+
+/* Where a visual vertex of a part comes from: at a + t (b - a) of visual vertices of the body that was cut; a and b
+   SINEW_NONE: inside the section. */
+typedef struct sinew_cut_origin {
+  uint32_t a, b;
+  float t;
+} sinew_cut_origin;
+
+typedef struct sinew_cut_part {
+  uint32_t struct_size;
+  uint32_t body;
+  uint32_t above; /* 1: on the side to which the normal points */
+  uint32_t visual_count, physical_count;
+  uint32_t reserved;              /* 0 */
+  double mass, volume;            /* kg; m^3, that the surface encloses at rest */
+  const sinew_cut_origin* visual; /* of the visual vertices; as long as the cut */
+  const uint32_t* physical;       /* of the physical vertices: that of the body that was cut */
+} sinew_cut_part;
+
+/* Fills as much of part as part->struct_size (set by the caller) has room for. */
+SINEW_API sinew_status sinew_cut_get_part(const sinew_cut* cut, uint32_t number, sinew_cut_part* part);
+/* The package of a part, with its triangles; the caller releases it. */
+SINEW_API sinew_status sinew_cut_part_asset(const sinew_cut* cut, uint32_t number, sinew_asset** asset);
+
+/* What has taken the place of a pin set or a pick. */
+typedef struct sinew_cut_heir {
+  uint32_t before, now;
+  uint32_t body;
+} sinew_cut_heir;
+
+/* As long as the cut. A set has one for each part with vertices of it. */
+SINEW_API sinew_status sinew_cut_pin_sets(const sinew_cut* cut, const sinew_cut_heir** heirs, uint32_t* count);
+SINEW_API sinew_status sinew_cut_picks(const sinew_cut* cut, const sinew_cut_heir** heirs, uint32_t* count);
+
 #ifdef __cplusplus
 }
 #endif

@@ -23,6 +23,10 @@
 
 namespace sinew {
 
+namespace internal {
+struct WorldAccess;
+}
+
 /// Names a body of one world; never reused within it.
 struct BodyId {
   std::uint32_t value = formats::kNone;
@@ -244,6 +248,7 @@ class SINEW_API World {
   Mat3 clusterRestShape(BodyId body, std::uint32_t cluster) const;
 
  private:
+  friend struct internal::WorldAccess;  // the library sinew::cut
   struct Impl;
   struct Release {
     void operator()(Impl* impl) const;

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: MIT
+//
+// The C interface over cut.h. Nothing is decided here.
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "runtime/c_api/handles.h"
+#include "sinew/runtime/cut.h"
+
+static_assert(sizeof(sinew_cut_origin) == sizeof(sinew::CutOrigin));
+static_assert(offsetof(sinew_cut_origin, b) == offsetof(sinew::CutOrigin, b));
+static_assert(offsetof(sinew_cut_origin, t) == offsetof(sinew::CutOrigin, t));
+
+struct sinew_cut {
+  sinew::CutBodies made;
+  std::vector<sinew_cut_heir> pin_sets, picks;
+};
+
+namespace {
+
+using sinew::handles::tellFailure;
+
+sinew_status failNull(const char* call) {
+  return tellFailure(SINEW_ERROR_ARGUMENT, std::string(call) + ": a null pointer");
+}
+
+sinew_cut_settings fromCpp(const sinew::CutSettings& s) {
+  sinew_cut_settings result = {};
+  result.struct_size = sizeof result;
+  result.spacing = s.spacing;
+  result.least_part = s.least_part;
+  std::copy(s.section_color.begin(), s.section_color.end(), result.section_color);
+  result.close_open_surfaces = s.close_open_surfaces ? 1 : 0;
+  result.keep_textures = s.keep_textures ? 1 : 0;
+  return result;
+}
+
+/// \param given of an older or newer header: what it lacks keeps its default. Null: all does.
+sinew::CutSettings toCpp(const sinew_cut_settings* given) {
+  sinew_cut_settings s = fromCpp({});
+  if (given != nullptr) std::memcpy(&s, given, std::min<std::size_t>(given->struct_size, sizeof s));
+  sinew::CutSettings result;
+  result.spacing = s.spacing;
+  result.least_part = s.least_part;
+  std::copy(s.section_color, s.section_color + 4, result.section_color.begin());
+  result.close_open_surfaces = s.close_open_surfaces != 0;
+  result.keep_textures = s.keep_textures != 0;
+  return result;
+}
+
+template <class Id>
+std::vector<sinew_cut_heir> heirsOf(const std::vector<sinew::CutHeir<Id>>& heirs) {
+  std::vector<sinew_cut_heir> result;
+  for (const auto& heir : heirs) result.push_back({heir.before.value, heir.now.value, heir.body.value});
+  return result;
+}
+
+sinew_status give(const char* call, const sinew_cut* cut, std::vector<sinew_cut_heir> sinew_cut::*list,
+                  const sinew_cut_heir** heirs, std::uint32_t* count) {
+  if (cut == nullptr || heirs == nullptr || count == nullptr) return failNull(call);
+  *heirs = (cut->*list).data();
+  *count = std::uint32_t((cut->*list).size());
+  return SINEW_OK;
+}
+
+sinew_status failPart(const char* call) {
+  return tellFailure(SINEW_ERROR_ARGUMENT, std::string(call) + ": no such part");
+}
+
+}  // namespace
+
+void sinew_cut_settings_init(sinew_cut_settings* settings, size_t struct_size) {
+  if (settings == nullptr || struct_size < sizeof settings->struct_size) return;
+  sinew_cut_settings value = fromCpp({});
+  value.struct_size = std::uint32_t(struct_size);
+  std::memset(settings, 0, struct_size);
+  std::memcpy(settings, &value, std::min(struct_size, sizeof value));
+}
+
+sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point[3], const float normal[3],
+                            const sinew_cut_settings* settings, sinew_cut** cut) {
+  if (world == nullptr || point == nullptr || normal == nullptr || cut == nullptr) return failNull("sinew_body_cut");
+  try {
+    auto result = std::make_unique<sinew_cut>();
+    sinew::World& in = sinew::handles::worldOf(world);
+    const sinew::CutPlane plane = {{point[0], point[1], point[2]}, {normal[0], normal[1], normal[2]}};
+    auto made = sinew::cutBody(in, {body}, plane, toCpp(settings));
+    if (!made) {
+      const bool no_memory = made.reason() == "out of memory";
+      return tellFailure(no_memory ? SINEW_ERROR_MEMORY : SINEW_ERROR_ARGUMENT, made.reason());
+    }
+    result->made = std::move(*made);
+    result->pin_sets = heirsOf(result->made.pin_sets);
+    result->picks = heirsOf(result->made.picks);
+    *cut = result.release();
+    return SINEW_OK;
+  } catch (const std::bad_alloc&) {
+    return tellFailure(SINEW_ERROR_MEMORY, "sinew_body_cut: out of memory");
+  } catch (...) {
+    return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_body_cut: a callback threw an exception");
+  }
+}
+
+void sinew_cut_release(sinew_cut* cut) { delete cut; }
+
+uint32_t sinew_cut_part_count(const sinew_cut* cut) {
+  return cut != nullptr ? std::uint32_t(cut->made.bodies.size()) : 0;
+}
+
+sinew_status sinew_cut_get_part(const sinew_cut* cut, uint32_t number, sinew_cut_part* part) {
+  if (cut == nullptr || part == nullptr) return failNull("sinew_cut_get_part");
+  if (number >= cut->made.bodies.size()) return failPart("sinew_cut_get_part");
+  const sinew::CutPart& from = cut->made.cut.parts[number];
+  const std::uint32_t size = part->struct_size;
+  sinew_cut_part value = {};
+  value.struct_size = size;
+  value.body = cut->made.bodies[number].value;
+  value.above = from.above ? 1 : 0;
+  value.visual_count = std::uint32_t(from.visual.size());
+  value.physical_count = std::uint32_t(from.physical.size());
+  value.mass = from.mass;
+  value.volume = from.volume;
+  value.visual = reinterpret_cast<const sinew_cut_origin*>(from.visual.data());
+  value.physical = from.physical.data();
+  std::memcpy(part, &value, std::min<std::size_t>(size, sizeof value));
+  return SINEW_OK;
+}
+
+sinew_status sinew_cut_part_asset(const sinew_cut* cut, uint32_t number, sinew_asset** asset) {
+  if (cut == nullptr || asset == nullptr) return failNull("sinew_cut_part_asset");
+  if (number >= cut->made.bodies.size()) return failPart("sinew_cut_part_asset");
+  try {
+    *asset = sinew::handles::handleOf(cut->made.cut.parts[number].asset);
+    return SINEW_OK;
+  } catch (const std::bad_alloc&) {
+    return tellFailure(SINEW_ERROR_MEMORY, "sinew_cut_part_asset: out of memory");
+  }
+}
+
+sinew_status sinew_cut_pin_sets(const sinew_cut* cut, const sinew_cut_heir** heirs, uint32_t* count) {
+  return give("sinew_cut_pin_sets", cut, &sinew_cut::pin_sets, heirs, count);
+}
+
+sinew_status sinew_cut_picks(const sinew_cut* cut, const sinew_cut_heir** heirs, uint32_t* count) {
+  return give("sinew_cut_picks", cut, &sinew_cut::picks, heirs, count);
+}

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/cut/samples.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "runtime/cut/places.h"
+
+namespace sinew::cutting {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Samples by function.
+constexpr std::size_t kSamples = 4;
+/// Volume of a tetrahedron that has no slopes, of its longest edge cubed.
+constexpr double kFlat = 1e-9;
+
+class Finder {
+ public:
+  Finder(const FieldInput& input, const ParentField& parent, const Nearest& nearest, const PartFunctions& functions,
+         const Slopes& slopes, const std::vector<std::uint32_t>& local)
+      : input_(input),
+        package_(input.package),
+        parent_(parent),
+        nearest_(nearest),
+        functions_(functions),
+        slopes_(slopes),
+        local_(local) {
+    listCells();
+    listParents();
+    Places places(centers_.size());
+    for (std::size_t i = 0; i < centers_.size(); ++i) places.set(i, centers_[i]);
+    takeParents(places);
+    fill(places);
+    weigh();
+  }
+
+  std::vector<Sample> take() { return std::move(samples_); }
+
+ private:
+  /// A sample of the parent's, of whichever part.
+  struct Material {
+    Vector3d at;
+    double mu = 0, lambda = 0;
+    std::uint32_t cluster = formats::kNone;
+  };
+
+  const PartTetrahedron& tetrahedron(std::uint32_t i) const { return input_.mesh.tetrahedra[i]; }
+  const std::array<std::uint32_t, 4>& cornersOf(std::uint32_t i) const {
+    return package_.tetrahedra()[tetrahedron(i).source].vertex;
+  }
+  Vector3d restOf(std::uint32_t v) const { return asVector(package_.physicalVertices()[v].rest_position); }
+
+  /// Tetrahedra that deform: an accessory's does not.
+  void listCells() {
+    const std::uint32_t first = input_.piece.first_tetrahedron, end = first + input_.piece.tetrahedron_count;
+    for (const bool any : {false, true}) {
+      for (std::uint32_t i = first; i < end; ++i) {
+        const bool rides = input_.sides.rider[cornersOf(i)[0]] != formats::kNone;
+        if (any || (!rides && tetrahedron(i).volume > 0)) cells_.push_back(i);
+      }
+      if (!cells_.empty()) break;
+    }
+    for (const std::uint32_t i : cells_) {
+      Vector3d x = Vector3d::Zero();
+      for (std::size_t c = 0; c < 4; ++c) x += tetrahedron(i).center[c] * restOf(cornersOf(i)[c]);
+      centers_.push_back(x);
+    }
+    distance_.assign(cells_.size(), std::numeric_limits<float>::infinity());
+    fresh_.resize(cells_.size());
+    of_cell_.assign(cells_.size(), 0);
+  }
+
+  void listParents() {
+    const formats::Field& field = parent_.field();
+    for (std::uint32_t p = 0; p < field.pack_count; ++p) {
+      const formats::FieldPack& pack = package_.fieldPacks()[field.first_pack + p];
+      for (std::size_t lane = 0; lane < 8; ++lane) {
+        if (!(pack.volume[lane] > 0)) continue;
+        Material& m = materials_.emplace_back();
+        for (int a = 0; a < 3; ++a) m.at[a] = double(pack.at[std::size_t(a)][lane]);
+        m.mu = double(pack.mu[lane]);
+        m.lambda = double(pack.lambda[lane]);
+        m.cluster = pack.cluster[lane] == formats::kNone ? formats::kNone : input_.clusters[pack.cluster[lane]];
+        // A sample lies where its nearest vertex does.
+        if (!input_.isOwn(nearest_.of_sample[8 * std::size_t(p) + lane])) continue;
+        addSample(m, functions_.gradientsFrom(parent_.gradientsAt(p, lane)));
+      }
+    }
+  }
+
+  void addSample(const Material& m, MatrixXd gradients) {
+    samples_.push_back({m.at, 0, m.mu, m.lambda, m.cluster, std::move(gradients)});
+  }
+
+  /// Tetrahedra go to a sample where it is nearer than those before.
+  void assign(const Places& places, std::uint32_t sample) {
+    places.squaredDistances(samples_[sample].at, fresh_);
+    for (std::size_t i = 0; i < fresh_.size(); ++i) of_cell_[i] = fresh_[i] < distance_[i] ? sample : of_cell_[i];
+    for (std::size_t i = 0; i < fresh_.size(); ++i) distance_[i] = std::min(distance_[i], fresh_[i]);
+  }
+
+  void takeParents(const Places& places) {
+    for (std::uint32_t s = 0; s < samples_.size(); ++s) assign(places, s);
+  }
+
+  void fill(const Places& places) {
+    const std::size_t wanted = std::min(cells_.size(), kSamples * std::size_t(functions_.count()));
+    if (samples_.size() >= wanted) return;
+    listTetrahedra();
+    if (samples_.empty()) {
+      // The middle first: all distances are infinite.
+      const Vector3d middle =
+          std::accumulate(centers_.begin(), centers_.end(), Vector3d(Vector3d::Zero())) / double(centers_.size());
+      places.squaredDistances(middle, fresh_);
+      addMean(std::size_t(std::min_element(fresh_.begin(), fresh_.end()) - fresh_.begin()), places);
+    }
+    while (samples_.size() < wanted) {
+      const auto farthest = std::size_t(std::max_element(distance_.begin(), distance_.end()) - distance_.begin());
+      if (!(distance_[farthest] > 0)) break;
+      addMean(farthest, places);
+    }
+  }
+
+  /// By vertex of the piece: tetrahedra of the part that have it.
+  void listTetrahedra() {
+    first_of_.assign(std::size_t(input_.piece.count) + 1, 0);
+    const std::uint32_t first = input_.piece.first_tetrahedron, end = first + input_.piece.tetrahedron_count;
+    const auto forEach = [&](const auto& visit) {
+      for (std::uint32_t t = first; t < end; ++t) {
+        for (const std::uint32_t v : cornersOf(t)) visit(local_[v], t);
+      }
+    };
+    forEach([&](std::uint32_t v, std::uint32_t) { ++first_of_[v + 1]; });
+    std::partial_sum(first_of_.begin(), first_of_.end(), first_of_.begin());
+    around_.resize(first_of_.back());
+    std::vector<std::uint32_t> next(first_of_.begin(), first_of_.end() - 1);
+    forEach([&](std::uint32_t v, std::uint32_t t) { around_[next[v]++] = t; });
+  }
+
+  /// The mean strain of the tetrahedra around the longest edge of a cell (Liu, Nguyen 2010, as the bake's samples).
+  void addMean(std::size_t cell, const Places& places) {
+    const std::array<std::uint32_t, 4>& corners = cornersOf(cells_[cell]);
+    std::uint32_t a = corners[0], b = corners[1];
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = i + 1; j < 4; ++j) {
+        if ((restOf(corners[i]) - restOf(corners[j])).squaredNorm() > (restOf(a) - restOf(b)).squaredNorm()) {
+          a = corners[i];
+          b = corners[j];
+        }
+      }
+    }
+    MatrixXd gradient = MatrixXd::Zero(parent_.count(), 3);
+    double volume = 0;
+    for (std::uint32_t n = first_of_[local_[a]]; n < first_of_[local_[a] + 1]; ++n) {
+      const std::array<std::uint32_t, 4>& ring = cornersOf(around_[n]);
+      if (std::find(ring.begin(), ring.end(), b) != ring.end()) volume += slopes_.add(ring, gradient);
+    }
+    distance_[cell] = 0;  // it is not asked again
+    if (!(volume > 0)) return;
+    Material m = *std::min_element(materials_.begin(), materials_.end(), [&](const Material& one, const Material& two) {
+      return (one.at - centers_[cell]).squaredNorm() < (two.at - centers_[cell]).squaredNorm();
+    });
+    m.at = centers_[cell];
+    of_cell_[cell] = std::uint32_t(samples_.size());
+    addSample(m, functions_.gradientsFrom(gradient / volume));
+    assign(places, std::uint32_t(samples_.size() - 1));
+  }
+
+  void weigh() {
+    if (samples_.empty()) {
+      // Nothing but flat tetrahedra: what moves affinely.
+      Material m = materials_[0];
+      m.at = centers_[0];
+      addSample(m, functions_.gradientsFrom(MatrixXd::Zero(parent_.count(), 3)));
+    }
+    double all = 0;
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      samples_[of_cell_[i]].volume += tetrahedron(cells_[i]).volume;
+      all += tetrahedron(cells_[i]).volume;
+    }
+    if (!(all > 0)) samples_[0].volume = std::numeric_limits<float>::min();
+    std::erase_if(samples_, [](const Sample& s) { return !(float(s.volume) > 0); });
+  }
+
+  const FieldInput& input_;
+  const formats::PackageView& package_;
+  const ParentField& parent_;
+  const Nearest& nearest_;
+  const PartFunctions& functions_;
+  const Slopes& slopes_;
+  const std::vector<std::uint32_t>& local_;
+  std::vector<std::uint32_t> cells_;  // of the part's tetrahedra
+  std::vector<Vector3d> centers_;
+  std::vector<float> distance_, fresh_;  // of the cells, squared: to their samples; scratch
+  std::vector<std::uint32_t> of_cell_;   // samples
+  std::vector<Material> materials_;
+  std::vector<Sample> samples_;
+  std::vector<std::uint32_t> first_of_, around_;
+};
+
+}  // namespace
+
+double Slopes::add(const std::array<std::uint32_t, 4>& corners, MatrixXd& to) const {
+  Eigen::Matrix3d edges;
+  const auto restOf = [&](std::uint32_t v) { return asVector(input_.package.physicalVertices()[v].rest_position); };
+  for (int c = 0; c < 3; ++c) edges.col(c) = restOf(corners[std::size_t(c)]) - restOf(corners[3]);
+  const double volume = std::abs(edges.determinant()) / 6, longest = edges.colwise().norm().maxCoeff();
+  if (!(volume > kFlat * longest * longest * longest)) return 0;
+  const Eigen::Matrix3d slopes = volume * edges.inverse();
+  const Index last = local_[corners[3]];
+  for (int c = 0; c < 3; ++c) {
+    to += (values_.row(local_[corners[std::size_t(c)]]) - values_.row(last)).transpose() * slopes.row(c);
+  }
+  return volume;
+}
+
+std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
+                                const PartFunctions& functions, const Slopes& slopes,
+                                const std::vector<std::uint32_t>& local) {
+  return Finder(input, parent, nearest, functions, slopes, local).take();
+}
+
+MatrixXd stiffnessOf(const std::vector<Sample>& samples, Index k) {
+  MatrixXd all(k, 3 * Index(samples.size()));
+  for (std::size_t s = 0; s < samples.size(); ++s) {
+    const Sample& sample = samples[s];
+    all.middleCols<3>(3 * Index(s)) = std::sqrt(sample.volume * (2 * sample.mu + sample.lambda)) * sample.gradients;
+  }
+  MatrixXd energy = MatrixXd::Zero(k, k);
+  energy.selfadjointView<Eigen::Lower>().rankUpdate(all);
+  return energy.selfadjointView<Eigen::Lower>();
+}
+
+Modes findModes(const std::vector<Sample>& samples, const MatrixXd& tethers, Index first, Index k) {
+  // K_ij = V (mu (g_i . g_j) 1 + mu g_j g_i^T + lambda g_i g_j^T), by axes: sums over samples of products.
+  const Index n = k - first, count = Index(samples.size());
+  std::array<MatrixXd, 3> slope, shear, bulk;
+  for (std::size_t a = 0; a < 3; ++a) {
+    for (MatrixXd* m : {&slope[a], &shear[a], &bulk[a]}) m->resize(n, count);
+    for (Index s = 0; s < count; ++s) {
+      const Sample& sample = samples[std::size_t(s)];
+      const VectorXd gradient = sample.gradients.col(Index(a)).tail(n);
+      slope[a].col(s) = gradient;
+      shear[a].col(s) = sample.volume * sample.mu * gradient;
+      bulk[a].col(s) = sample.volume * sample.lambda * gradient;
+    }
+  }
+  MatrixXd energy(3 * n, 3 * n), dot = MatrixXd::Zero(n, n);
+  for (std::size_t a = 0; a < 3; ++a) {
+    for (std::size_t b = 0; b <= a; ++b) {
+      // Axis a of function i with axis b of function j.
+      const MatrixXd with_mu = shear[a] * slope[b].transpose(), with_lambda = bulk[a] * slope[b].transpose();
+      energy(Eigen::seqN(Index(a), n, 3), Eigen::seqN(Index(b), n, 3)) = with_mu.transpose() + with_lambda;
+      if (a == b) dot += with_mu;
+    }
+  }
+  if (tethers.size() > 0) dot += tethers.bottomRightCorner(n, n);
+  for (Index a = 0; a < 3; ++a) {
+    energy(Eigen::seqN(a, n, 3), Eigen::seqN(a, n, 3)) += dot;
+    for (Index b = 0; b < a; ++b) {
+      energy(Eigen::seqN(b, n, 3), Eigen::seqN(a, n, 3)) =
+          energy(Eigen::seqN(a, n, 3), Eigen::seqN(b, n, 3)).transpose().eval();
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(energy);
+  return {eigen.eigenvectors(), eigen.eigenvalues().cwiseMax(0.0)};
+}
+
+}  // namespace sinew::cutting

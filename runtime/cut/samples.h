@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: MIT
+//
+// Where a part's elastic energy is evaluated.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "runtime/cut/fields.h"
+#include "runtime/cut/functions.h"
+
+namespace sinew::cutting {
+
+struct Sample {
+  Vector3d at;                             ///< m, at rest
+  double volume = 0, mu = 0, lambda = 0;   ///< m^3; Pa
+  std::uint32_t cluster = formats::kNone;  ///< of the part
+  Eigen::MatrixXd gradients;               ///< k x 3, of the part's functions
+};
+
+/// Slopes of the parent's functions in the tetrahedra of a part's piece.
+class Slopes {
+ public:
+  /// \param parent_values vertices of the part's piece x functions of the parent. \param local of the package's
+  /// vertices: rows of them.
+  Slopes(const FieldInput& input, const Eigen::MatrixXd& parent_values, const std::vector<std::uint32_t>& local)
+      : input_(input), values_(parent_values), local_(local) {}
+
+  /// Adds a tetrahedron's gradients, k x 3, times its volume. \return that volume, 0 of a flat one.
+  double add(const std::array<std::uint32_t, 4>& corners, Eigen::MatrixXd& to) const;
+
+ private:
+  const FieldInput& input_;
+  const Eigen::MatrixXd& values_;
+  const std::vector<std::uint32_t>& local_;
+};
+
+/// The parent's samples that lie on the part, then places as far as can be from those before, until there are enough
+/// for the functions. Each stands for the tetrahedra that are nearest to it: volumes and uniform strains are exact.
+std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
+                                const PartFunctions& functions, const Slopes& slopes,
+                                const std::vector<std::uint32_t>& local);
+
+/// Sum V (2 mu + lambda) grad grad^T, k x k.
+Eigen::MatrixXd stiffnessOf(const std::vector<Sample>& samples, Eigen::Index k);
+
+/// Vibrations of the samples' elasticity at rest, and of tethers.
+struct Modes {
+  Eigen::MatrixXd shapes;   ///< columns: 3n numbers, function by function
+  Eigen::VectorXd squares;  ///< angular frequencies squared, 1/s^2, ascending
+};
+/// \param first function that may move. \param tethers k x k, 1/s^2, of each axis; of size 0: none.
+Modes findModes(const std::vector<Sample>& samples, const Eigen::MatrixXd& tethers, Eigen::Index first, Eigen::Index k);
+
+}  // namespace sinew::cutting

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+//
+// What closes the two sides of a cut: polygons in the plane, triangulated.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "runtime/cut/surface.h"
+
+namespace sinew::cutting {
+
+/// Where a material point hangs.
+struct Hung {
+  std::uint32_t tetrahedron = formats::kNone;
+  std::array<double, 3> weight = {};  ///< as formats::BarycentricAttachment
+};
+
+/// A point of a section that is on no rim.
+struct Interior {
+  Vector3d at, rest;  ///< m, world; m, at rest
+  Hung hung;
+};
+
+/// A face of the section: rim nodes, then points inside.
+struct Polygon {
+  std::vector<std::uint32_t> nodes;
+  std::vector<Interior> interior;
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from above
+  double area = 0;                                      ///< m^2, in the plane
+  bool plain = true;  ///< a triangulation of loops that do not cross; else ears, which may overlap
+};
+
+/// Finds the tetrahedron that has a place of the plane in it; none where there is none.
+using Locate = std::function<std::optional<Interior>(const Vector3d& at)>;
+
+struct Section {
+  std::vector<Polygon> polygons;
+  /// Edges that only one face has: those that lead over gaps of the surface, and those of the rim that join to no loop.
+  std::size_t open = 0;
+};
+
+/// Joins the rim to loops, over gaps where these are short, and the loops, by containment, to polygons with holes;
+/// islands in holes are polygons of their own. \param spacing of points inside, m; 0: the mean length of the rim's
+/// edges. Infinite: none.
+Section closeSection(const Surface& surface, const PlaneFrame& plane, double spacing, const Locate& locate);
+
+}  // namespace sinew::cutting

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT
+//
+// Where everything of a body lies against the plane, and which parts that makes of its physical mesh.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "sinew/formats/package.h"
+#include "sinew/runtime/cut.h"
+
+namespace sinew::cutting {
+
+using Eigen::Vector3d;
+
+inline Vector3d asVector(const std::array<float, 3>& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+
+/// Against the plane: below -1, on it 0, above 1.
+using Side = std::int8_t;
+inline constexpr std::array<Side, 2> kSides = {-1, 1};
+/// 0 of below, 1 of above.
+inline std::size_t placeOf(Side side) { return side > 0 ? 1 : 0; }
+
+/// The plane, with axes in it: right-handed, `normal` points above.
+struct PlaneFrame {
+  Vector3d point, normal, right, up;
+};
+PlaneFrame frameOf(const CutPlane& plane);
+
+/// A body as it is when it is cut.
+struct Sides {
+  PlaneFrame plane;
+  double near = 0;                    ///< m: what is nearer to the plane is on it
+  std::vector<Vector3d> at;           ///< of physical vertices, m, world
+  std::vector<double> height;         ///< over the plane, m; 0 of what is on it
+  std::vector<Side> side;             ///< of them
+  std::vector<Vector3d> visual_at;    ///< of visual vertices
+  std::vector<double> visual_height;  ///< alike where vertices are welded
+  std::vector<Side> visual_side;
+  std::vector<std::uint32_t> weld;   ///< of visual vertices: point that vertices of one place share
+  std::vector<std::uint32_t> face;   ///< of points: the first visual vertex
+  std::vector<std::uint32_t> rider;  ///< of physical vertices: the rigid accessory (PART) that they carry; else none
+  std::vector<std::uint32_t> visual_rider;
+};
+
+/// \param positions of the physical vertices, world.
+Sides findSides(const formats::PackageView& package, std::span<const Vec3> positions, const PlaneFrame& plane);
+
+/// What a plane leaves of a tetrahedron above and below: parts of its volume, and of that the mean barycentric
+/// coordinates, multiplied. They sum to 1/4 for each corner.
+struct Fraction {
+  std::array<double, 2> volume = {};                  ///< below, above
+  std::array<std::array<double, 4>, 2> moments = {};  ///< below, above: volume times the fragment's centre
+};
+/// \param height of the corners.
+Fraction fractionOf(const std::array<double, 4>& height, const std::array<Side, 4>& side);
+
+/// Sets that grow together.
+class Union {
+ public:
+  explicit Union(std::size_t count);
+  std::uint32_t root(std::uint32_t i);
+  void join(std::uint32_t a, std::uint32_t b);
+
+ private:
+  std::vector<std::uint32_t> parent_;
+};
+
+}  // namespace sinew::cutting

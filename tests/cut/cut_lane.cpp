@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: MIT
+//
+// Random planes over packages, each result checked: cut_lane PLANES PACKAGE... Prints a line for each package and for
+// each fault, with processor time (and the stages by the clock); exit 1 where there is one. With --steps N the parts of
+// every tenth cut are bodies and step so often.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <string>
+
+#include "sinew/runtime/world.h"
+#include "tests/cut/cut_checks.h"
+
+namespace {
+
+using namespace sinew;
+
+struct Totals {
+  std::uint32_t cuts = 0, refused = 0, faults = 0, rough = 0, open = 0;
+  double volume = 0, mass = 0;
+  std::vector<double> ms;
+};
+
+/// Bends a body: cuts are made of bodies that are not at rest.
+std::vector<Vec3> bent(const Asset& asset, std::uint32_t how) {
+  std::vector<Vec3> positions = test::restOf(asset);
+  if (how % 3 == 0) return positions;
+  const float size = asset.package().info().diagonal, turn = how % 3 == 1 ? 0.6F : 1.5F;
+  for (Vec3& x : positions) {
+    const float angle = turn * x[1] / size, c = std::cos(angle), s = std::sin(angle);
+    x = {c * x[0] - s * x[2], x[1] + 0.1F * x[0], s * x[0] + c * x[2]};
+  }
+  return positions;
+}
+
+/// \return what is wrong; empty: nothing.
+std::string stepParts(const std::shared_ptr<const Asset>& asset, const CutPlane& plane, int steps) {
+  World world({.ground = {.enabled = true, .offset = asset->package().info().bounds_min[1]}});
+  const auto body = world.addBody(asset);
+  if (!body) return body.reason();
+  const auto cut = cutBody(world, *body, plane);
+  if (!cut) return {};
+  for (int i = 0; i < steps; ++i) world.step(1.0F / 60);
+  for (const BodyId id : cut->bodies) {
+    if (world.repairedVertices(id) > 0) return "a part was lost";
+    double fastest = 0;
+    for (const Vec3& v : world.velocities(id)) {
+      for (const float c : v) {
+        if (!std::isfinite(c)) return "a part is not finite";
+        fastest = std::max(fastest, std::abs(double(c)));
+      }
+    }
+    if (fastest > 100) return "a part flies at " + std::to_string(fastest) + " m/s";
+  }
+  return {};
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int steps = 0, first = 1;
+  if (argc > 2 && std::strcmp(argv[1], "--steps") == 0) steps = std::atoi(argv[2]), first = 3;
+  if (argc < first + 2) {
+    std::fprintf(stderr, "usage: cut_lane [--steps N] PLANES PACKAGE...\n");
+    return 2;
+  }
+  const int planes = std::atoi(argv[first]);
+  bool good = true;
+  for (int i = first + 1; i < argc; ++i) {
+    const auto asset = Asset::load(argv[i]);
+    if (!asset) {
+      std::printf("%s: %s\n", argv[i], asset.reason().c_str());
+      continue;
+    }
+    Totals totals;
+    std::string reason;
+    CutTimes times;
+    for (int p = 0; p < planes; ++p) {
+      const std::vector<Vec3> positions = bent(**asset, std::uint32_t(p));
+      const CutPlane plane = test::randomPlane(positions, std::uint64_t(p) * 977 + 13);
+      const std::clock_t start = std::clock();
+      const auto cut = cutAsset(**asset, positions, plane);
+      const double milliseconds = 1e3 * double(std::clock() - start) / CLOCKS_PER_SEC;
+      if (!cut) {
+        ++totals.refused;
+        reason = cut.reason();
+        if (reason.starts_with("a part is no package"))
+          std::printf("%s: plane %d: %s\n", argv[i], p, reason.c_str()), ++totals.faults;
+        continue;
+      }
+      ++totals.cuts;
+      test::CutErrors errors;
+      std::string fault = test::faultOfCut(**asset, *cut, errors);
+      if (fault.empty() && steps > 0 && p % 10 == 0)
+        fault = stepParts(*asset, test::randomPlane(test::restOf(**asset), std::uint64_t(p)), steps);
+      totals.rough += cut->rough_loops > 0 ? 1U : 0U;
+      totals.open += cut->open_edges > 0 ? 1U : 0U;
+      totals.volume = std::max(totals.volume, errors.volume);
+      totals.mass = std::max(totals.mass, errors.mass);
+      const CutTimes& t = cut->times;
+      totals.ms.push_back(milliseconds);
+      times.sides += t.sides, times.surface += t.surface, times.section += t.section, times.parts += t.parts;
+      times.fields += t.fields, times.packages += t.packages;
+      if (fault.empty()) continue;
+      ++totals.faults;
+      std::printf("%s: plane %d (%g %g %g, %g %g %g): %s\n", argv[i], p, double(plane.point[0]), double(plane.point[1]),
+                  double(plane.point[2]), double(plane.normal[0]), double(plane.normal[1]), double(plane.normal[2]),
+                  fault.c_str());
+    }
+    std::sort(totals.ms.begin(), totals.ms.end());
+    const double n = std::max(1.0, double(totals.cuts));
+    std::printf(
+        "%s: %u cut, %u refused, %u faults, %u rough, %u open; volume %.1e, mass %.1e; median %.2f ms (sides %.2f, "
+        "surface "
+        "%.2f, section %.2f, parts %.2f, fields %.2f, packages %.2f)%s%s\n",
+        argv[i], totals.cuts, totals.refused, totals.faults, totals.rough, totals.open, totals.volume, totals.mass,
+        totals.ms.empty() ? 0 : totals.ms[totals.ms.size() / 2], times.sides / n, times.surface / n, times.section / n,
+        times.parts / n, times.fields / n, times.packages / n, reason.empty() ? "" : "; ", reason.c_str());
+    good = good && totals.faults == 0;
+  }
+  return good ? 0 : 1;
+}
