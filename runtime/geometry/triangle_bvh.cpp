@@ -131,6 +131,17 @@ TriangleBvh::Hit TriangleBvh::closest(const Vector3d& point, double radius) cons
   return best;
 }
 
+bool TriangleBvh::within(const Vector3d& point, double radius) const {
+  double bound = radius * radius;
+  bool found = false;
+  tree_.descendNear(point, bound, [&](std::uint32_t i) {
+    const Corners& t = corners_[i];
+    found = found || (closestPointOnTriangle(point, t[0], t[1], t[2]) - point).squaredNorm() <= radius * radius;
+    if (found) bound = -1;  // nothing more is as near
+  });
+  return found;
+}
+
 bool TriangleBvh::touches(const AlignedBox3d& box) const {
   bool found = false;
   tree_.descend([&](const Node& node, std::uint32_t) { return !found && node.box.intersects(box); },

@@ -46,6 +46,8 @@ class TriangleBvh {
 
   /// Nearest triangle within `radius`.
   Hit closest(const Eigen::Vector3d& point, double radius = std::numeric_limits<double>::infinity()) const;
+  /// Whether any triangle has a point within `radius`: closest() without the search for which.
+  bool within(const Eigen::Vector3d& point, double radius) const;
   /// Whether any triangle has a point in the box (separating axes; touching counts).
   bool touches(const Eigen::AlignedBox3d& box) const;
   /// Where the segment a-b crosses triangles, ascending; one entry each triangle.

@@ -15,9 +15,9 @@ namespace sinew::geometry {
 /// triangles are replaced by the second-order expansion of Barill et al. 2018 (eq. 13-16) about their area-weighted
 /// centre; near ones are summed exactly (van Oosterom & Strackee 1983).
 ///
-/// Error: below 1e-2 with the accuracy used (a group counts as far beyond 2 of its radii); exact within a leaf, so the
-/// jump across the surface stays sharp. Cost: about 1 us a query for 10,000 triangles.
-/// Holes and self-intersections are fine. NaN or infinite positions are not.
+/// Error: below 1e-2 with the accuracy used (a group counts as far beyond 2.1 of its radii); exact within a leaf, so
+/// the jump across the surface stays sharp. Cost: 5 to 20 us a query close to 10,000 to 400,000 triangles, of many at
+/// once. Holes and self-intersections are fine. NaN or infinite positions are not.
 class WindingNumber {
  public:
   WindingNumber() = default;
@@ -33,7 +33,7 @@ class WindingNumber {
   void inside(std::span<const Eigen::Vector3d> points, std::span<char> result) const;
 
   /// Where the segment from a point inside to a point outside leaves the solid: parameter in [0, 1].
-  /// Exact where the surface is closed; found by bisection to 1e-5 of the segment elsewhere.
+  /// Exact where the surface is closed; found by leavingPoint() to 1e-5 of the segment elsewhere.
   double crossing(const Eigen::Vector3d& inside, const Eigen::Vector3d& outside) const;
 
   const TriangleBvh& bvh() const { return bvh_; }
@@ -54,6 +54,26 @@ class WindingNumber {
   std::vector<Moments> moments_;
   bool closed_ = false;
 };
+
+/// Where a segment leaves a solid, by halving in five: a round asks for four points at once, which costs WindingNumber
+/// little more than one, and shortens the bracket as much as log2(5) = 2.3 bisections one after the other.
+/// \param inside_many inside_many(points, result), result 0 or 1, as many as points.
+/// \param rounds the result is within 5^-rounds / 2 of the segment. \return parameter in [0, 1].
+template <class InsideMany>
+double leavingPoint(const Eigen::Vector3d& inside, const Eigen::Vector3d& outside, int rounds,
+                    const InsideMany& inside_many) {
+  constexpr std::size_t kAtOnce = 4;
+  std::array<Eigen::Vector3d, kAtOnce> points;
+  std::array<char, kAtOnce> answers{};
+  double low = 0, step = 1;
+  for (int round = 0; round < rounds; ++round) {
+    step /= double(kAtOnce + 1);
+    for (std::size_t i = 0; i < kAtOnce; ++i) points[i] = inside + (outside - inside) * (low + step * double(i + 1));
+    inside_many(std::span<const Eigen::Vector3d>(points), std::span<char>(answers));
+    for (std::size_t i = 0; i < kAtOnce && answers[i] != 0; ++i) low += step;
+  }
+  return low + step / 2;
+}
 
 /// The solid angle of a triangle seen from a point, over 4 pi; positive where the point is behind it.
 double triangleWindingNumber(const Eigen::Vector3d& point, const TriangleBvh::Corners& triangle);

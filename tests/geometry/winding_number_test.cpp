@@ -155,6 +155,31 @@ TEST(WindingNumber, CrossingOfOverlappingPartsIsTheOutermost) {
   EXPECT_NEAR(winding.crossing({0, 0.03, 0.01}, {4, 0.03, 0.01}), 0.5, 1e-12);
 }
 
+TEST(WindingNumber, PlaceOfLeavingIsFoundInRoundsOfFour) {
+  for (const double wall : {0.0, 0.1, 0.2, 0.5, 0.77777, 0.99999, 1.0}) {
+    int asked = 0;
+    const double found = leavingPoint({2, 0, 0}, {4, 0, 0}, 7, [&](std::span<const Vector3d> points, auto answers) {
+      asked += int(points.size());
+      for (std::size_t i = 0; i < points.size(); ++i) answers[i] = points[i].x() < 2 + 2 * wall ? 1 : 0;
+    });
+    EXPECT_EQ(asked, 28);
+    EXPECT_NEAR(found, wall, 0.51 * std::pow(5, -7)) << wall;
+  }
+}
+
+TEST(WindingNumber, WithinIsWhatTheClosestSays) {
+  const testing::Surface s = testing::blob(5, 20);
+  const TriangleBvh bvh(s.positions, s.triangles);
+  testing::Random random(3);
+  for (int i = 0; i < 500; ++i) {
+    const Vector3d p = random.inBox(s.bounds());
+    const double distance = std::sqrt(bvh.closest(p).squared_distance);
+    EXPECT_TRUE(bvh.within(p, distance * (1 + 1e-9)));
+    EXPECT_FALSE(bvh.within(p, distance * (1 - 1e-9)));
+  }
+  EXPECT_FALSE(TriangleBvh().within(Vector3d::Zero(), 1));
+}
+
 TEST(WindingNumber, NothingIsNeverInside) {
   const WindingNumber winding;
   EXPECT_EQ(winding.at({0, 0, 0}), 0);

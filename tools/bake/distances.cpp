@@ -9,6 +9,7 @@
 
 #include "runtime/geometry/box_tree.h"
 #include "runtime/geometry/winding_number.h"
+#include "tools/tetrahedralize/crowds.h"
 
 namespace sinew::tools {
 namespace {
@@ -118,7 +119,7 @@ void addDistances(std::uint32_t cells, formats::PackageContent& content) {
   std::vector<Vector3d> positions;
   for (const auto& x : content.visual_positions) positions.emplace_back(double(x[0]), double(x[1]), double(x[2]));
   for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
-    const auto triangles = trianglesOf(content, content.pieces[piece]);
+    const auto triangles = withoutCrowds(positions, trianglesOf(content, content.pieces[piece]));
     if (!triangles.empty()) addGrid(piece, cells, positions, triangles, content);
   }
 }

@@ -119,9 +119,13 @@ class Surroundings {
 // to be kept.
 class KeepOutline {
  public:
-  KeepOutline(std::span<const char> keep, Surroundings& around) : keep_(keep), around_(&around) {}
+  KeepOutline(std::span<const char> keep, Surroundings& around, bool& selected)
+      : keep_(keep), around_(&around), selected_(&selected) {}
   template <typename Profile>
   boost::optional<Kernel::Point_3> operator()(const Profile& profile) const {
+    // CGAL asks for a place with every cost too, of some forty edges at each collapse; a length has no use for it.
+    if (!*selected_) return boost::none;
+    *selected_ = false;
     const Mesh& mesh = profile.surface_mesh();
     const auto v0 = profile.v0(), v1 = profile.v1();
     if (!keep_.empty() && (keep_[v0.idx()] != 0 || keep_[v1.idx()] != 0)) return boost::none;
@@ -154,6 +158,7 @@ class KeepOutline {
   }
   std::span<const char> keep_;
   Surroundings* around_;
+  bool* selected_;
 };
 
 // No collapse that adds to the vertices at which the surface folds, counted over the merged vertex and its neighbours,
@@ -190,7 +195,12 @@ class NoNewFold {
 };
 
 struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
-  Follow(std::vector<std::uint32_t>& into, Surroundings& around) : into_(&into), around_(&around) {}
+  Follow(std::vector<std::uint32_t>& into, Surroundings& around, bool& selected)
+      : into_(&into), around_(&around), selected_(&selected) {}
+  void OnSelected(const Profile& /*profile*/, const boost::optional<double>& /*cost*/, std::size_t /*initial*/,
+                  std::size_t /*current*/) {
+    *selected_ = true;
+  }
   void OnCollapsed(const Profile& profile, Mesh::Vertex_index vertex) {
     (*into_)[profile.v0().idx()] = vertex.idx();
     (*into_)[profile.v1().idx()] = vertex.idx();
@@ -200,6 +210,7 @@ struct Follow : simplification::Edge_collapse_visitor_base<Mesh> {
  private:
   std::vector<std::uint32_t>* into_;
   Surroundings* around_;
+  bool* selected_;  // an edge, of which the next place asked for is
 };
 
 }  // namespace
@@ -220,10 +231,11 @@ SimplifiedSurface simplifySurface(const PlainSurface& surface, std::uint32_t ver
       std::vector<std::uint32_t> into(surface.positions.size());
       std::iota(into.begin(), into.end(), 0U);
       Surroundings around(mesh);
+      bool selected = false;
       simplification::edge_collapse(mesh, StopAtVertices(mesh, vertices),
-                                    CGAL::parameters::visitor(Follow(into, around))
+                                    CGAL::parameters::visitor(Follow(into, around, selected))
                                         .get_cost(simplification::Edge_length_cost<Mesh>())
-                                        .get_placement(KeepOutline(keep, around))
+                                        .get_placement(KeepOutline(keep, around, selected))
                                         .filter(NoNewFold(around)));
       std::vector<std::uint32_t> number(into.size(), 0);
       for (const auto v : mesh.vertices()) {

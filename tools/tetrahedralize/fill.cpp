@@ -104,14 +104,24 @@ Outside findOutside(const SolidPiece& piece, const TetMesh& mesh, double reach, 
   const std::size_t samples = (piece.triangles.size() + step - 1) / step;
   std::vector<double> missed(samples, 0), all(samples, 0);
   parallel_for(samples, 256, [&](std::size_t begin, std::size_t end) {
+    // The winding number is asked for many points at once.
+    std::vector<Vector3d> far;
+    std::vector<std::size_t> sample_of;
     for (std::size_t s = begin; s < end; ++s) {
       const geometry::Triangle& t = piece.triangles[s * step];
       const Vector3d &a = piece.positions[t[0]], &b = piece.positions[t[1]], &c = piece.positions[t[2]];
       all[s] = (b - a).cross(c - a).norm();
       for (const Vector3d& p :
            {Vector3d((4 * a + b + c) / 6), Vector3d((a + 4 * b + c) / 6), Vector3d((a + b + 4 * c) / 6)}) {
-        if (cage.bvh().closest(p, reach).triangle == kNoIndex && !cage.inside(p)) missed[s] += all[s] / 3;
+        if (cage.bvh().within(p, reach)) continue;
+        far.push_back(p);
+        sample_of.push_back(s);
       }
+    }
+    std::vector<char> inside(far.size());
+    cage.inside(far, inside);
+    for (std::size_t i = 0; i < far.size(); ++i) {
+      if (inside[i] == 0) missed[sample_of[i]] += all[sample_of[i]] / 3;
     }
   });
   double missed_area = 0, area = 0;
@@ -139,26 +149,34 @@ class ThickenedSolid {
     return {[this, radius](const Vector3d& p) { return inside(p, radius); },
             [this, radius](const Vector3d& a, const Vector3d& b) { return crossing(a, b, radius); },
             [this, radius](std::span<const Vector3d> points, std::span<char> inside) {
-              piece_.winding.inside(points, inside);
-              for (std::size_t i = 0; i < points.size() && !thin_.empty(); ++i) {
-                if (inside[i] == 0) inside[i] = thin_.closest(points[i], radius).triangle != kNoIndex ? 1 : 0;
-              }
+              insideMany(points, radius, inside);
             }};
   }
 
  private:
   bool inside(const Vector3d& p, double radius) const {
-    return thin_.closest(p, radius).triangle != kNoIndex || piece_.winding.inside(p);  // the cheap one first
+    return thin_.within(p, radius) || piece_.winding.inside(p);  // the cheap one first
+  }
+  void insideMany(std::span<const Vector3d> points, double radius, std::span<char> inside) const {
+    std::vector<Vector3d> others;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      inside[i] = thin_.within(points[i], radius) ? 1 : 0;
+      if (inside[i] == 0) others.push_back(points[i]);
+    }
+    std::vector<char> answers(others.size());
+    piece_.winding.inside(others, answers);
+    auto answer = answers.begin();
+    for (char& i : inside) {
+      if (i == 0) i = *answer++;
+    }
   }
   double crossing(const Vector3d& a, const Vector3d& b, double radius) const {
     // No point of the edge is further than its length from its end.
-    if (thin_.closest(a, radius + (b - a).norm()).triangle == kNoIndex) return piece_.winding.crossing(a, b);
-    double low = 0, high = 1;
-    for (int i = 0; i < 14; ++i) {
-      const double middle = (low + high) / 2;
-      (inside(a + (b - a) * middle, radius) ? low : high) = middle;
-    }
-    return (low + high) / 2;
+    if (!thin_.within(a, radius + (b - a).norm())) return piece_.winding.crossing(a, b);
+    constexpr int kRounds = 6;  // 1e-4 of the edge
+    return geometry::leavingPoint(a, b, kRounds, [&](std::span<const Vector3d> points, std::span<char> result) {
+      insideMany(points, radius, result);
+    });
   }
 
   const SolidPiece& piece_;

@@ -9,6 +9,7 @@
 
 #include "tools/core/sets.h"
 #include "tools/core/text.h"
+#include "tools/tetrahedralize/crowds.h"
 
 namespace sinew::tools {
 namespace {
@@ -779,6 +780,9 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
       piece.encloses = true;
       divergence_volume += group.enclosure.volume;
     }
+    const std::size_t given = triangles.size();
+    triangles = withoutCrowds(frame.points, std::move(triangles));
+    piece.crowded = triangles.size() < given;
     std::sort(piece.parts.begin(), piece.parts.end());
     std::sort(piece.sheets.begin(), piece.sheets.end());
     piece.name = pieceName(mesh, topology, piece.parts);

@@ -28,11 +28,13 @@ struct SolidPiece {
   Eigen::AlignedBox3d bounds;                        ///< of its solid parts (else of its sheets), relative to center
   std::vector<Eigen::Vector3d> positions;            ///< relative to center
   std::vector<std::uint32_t> points;                 ///< welded point of each position
-  std::vector<geometry::Triangle> triangles;  ///< of its solid parts, outward; of its sheets where it is only these
-  geometry::WindingNumber winding;            ///< over these
-  double area = 0;                            ///< m^2
-  double volume = -1;         ///< enclosed (winding number > 1/2), m^3; negative where it encloses nothing
-  bool volume_exact = false;  ///< by the divergence theorem; else sampled
+  std::vector<geometry::Triangle>
+      triangles;                    ///< of its solid parts, outward; of its sheets where it is only these; no crowds
+  geometry::WindingNumber winding;  ///< over these
+  bool crowded = false;             ///< withoutCrowds() merged points
+  double area = 0;                  ///< m^2
+  double volume = -1;               ///< enclosed (winding number > 1/2), m^3; negative where it encloses nothing
+  bool volume_exact = false;        ///< by the divergence theorem; else sampled
 };
 
 /// Message and cure of check and bake for a source without pieces.

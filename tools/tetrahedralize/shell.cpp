@@ -11,6 +11,7 @@
 #include "runtime/geometry/triangle_bvh.h"
 #include "tools/core/sets.h"
 #include "tools/tetrahedralize/cgal_simplify.h"
+#include "tools/tetrahedralize/crowds.h"
 #include "tools/tetrahedralize/layer_normal.h"
 
 namespace sinew::tools {
@@ -34,10 +35,12 @@ constexpr int kAttempts = 4;
 constexpr double kFineness = 4;
 // Of a surface; each is joined to what lies nearest, so the work grows with their square.
 constexpr std::size_t kMostParts = 1000;
-// Faces around a point: each collapse there visits them all, so the work grows with their square.
-constexpr std::uint32_t kMostFaces = 500;
 // Points of a part at most this share of the mean edge farther from another than its nearest one hold it there.
 constexpr double kJoinedBand = 0.5;
+
+// Each collapse at a crowd visits all of its faces, so the work grows with their square; and where points of its rim
+// were merged, slivers as long as the fan are left, which bend only at their ends.
+std::string crowdComplaint() { return "has a point where more than " + std::to_string(kCrowd) + " faces meet"; }
 
 // Why a surface carries no layer of prisms, or nothing.
 std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
@@ -79,15 +82,25 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
   for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
     triangle = t;
     for (std::uint32_t i = 0; i < 3; ++i) {
-      if (++faces[surface.triangles[t][i]] > kMostFaces) {
-        return "has a point where more than " + std::to_string(kMostFaces) + " faces meet";
-      }
+      if (++faces[surface.triangles[t][i]] > kCrowd) return crowdComplaint();
       std::uint32_t& first = fan[surface.triangles[t][i]];
       if (first == kNoIndex) first = fans.find(3 * t + i);
       if (first != fans.find(3 * t + i)) return "has a point where faces meet without a common edge";
     }
   }
   return "";
+}
+
+// A triangle at the point of the most faces.
+std::uint32_t crowdedTriangle(const PlainSurface& surface) {
+  std::vector<std::uint32_t> faces(surface.positions.size(), 0);
+  for (const auto& t : surface.triangles) {
+    for (const std::uint32_t v : t) ++faces[v];
+  }
+  const auto hub = std::uint32_t(std::max_element(faces.begin(), faces.end()) - faces.begin());
+  const auto at = std::find_if(surface.triangles.begin(), surface.triangles.end(),
+                               [&](const auto& t) { return std::find(t.begin(), t.end(), hub) != t.end(); });
+  return std::uint32_t(at - surface.triangles.begin());
 }
 
 std::vector<Vector3d> unitNormals(const PlainSurface& surface) {
@@ -255,6 +268,10 @@ bool prepare(const SolidPiece& piece, std::uint32_t most, Prepared& prepared, Sh
   }
   std::uint32_t where = 0;
   outcome.reason = complaint(fine, where);
+  if (outcome.reason.empty() && piece.crowded) {
+    outcome.reason = crowdComplaint();
+    where = crowdedTriangle(fine);
+  }
   if (!outcome.reason.empty()) {
     outcome.triangle = source[where];
     return false;

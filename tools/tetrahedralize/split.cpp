@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -51,6 +52,8 @@ std::array<Vector4d, kSamples> cellSamples() {
   return samples;
 }
 
+// Winding numbers: of solid, and where two solids overlap.
+constexpr double kSolid = 0.5, kTwice = 1.5;
 constexpr std::int32_t kAir = -1, kUnknown = -2;
 
 // A tetrahedron of the lattice and what passes through it.
@@ -132,10 +135,89 @@ SurfaceParts surfaceParts(const SolidPiece& piece) {
   return parts;
 }
 
+struct InnerFace {
+  std::uint32_t first, second;           // tetrahedra
+  std::uint8_t first_face, second_face;  // of each
+};
+
+// The faces of a lattice, and what of the solid is at their samples: a face is asked from both of its sides, and a
+// winding number costs more than all else about it.
+class Faces {
+ public:
+  Faces(const SolidPiece& piece, const TetMesh& lattice)
+      : piece_(piece), lattice_(lattice), number_(lattice.tetrahedra.size()) {
+    struct Face {
+      geometry::Triangle key;
+      std::uint32_t tetrahedron;
+      std::uint8_t face;
+      bool operator<(const Face& o) const { return std::tie(key, tetrahedron) < std::tie(o.key, o.tetrahedron); }
+    };
+    std::vector<Face> faces;
+    faces.reserve(lattice.tetrahedra.size() * 4);
+    for (std::uint32_t t = 0; t < lattice.tetrahedra.size(); ++t) {
+      for (std::uint8_t f = 0; f < 4; ++f) faces.push_back({corners(t, f), t, f});
+    }
+    std::sort(faces.begin(), faces.end());
+    std::uint32_t count = 0;
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+      const bool shared = i > 0 && faces[i].key == faces[i - 1].key;
+      if (shared) inner_.push_back({faces[i - 1].tetrahedron, faces[i].tetrahedron, faces[i - 1].face, faces[i].face});
+      number_[faces[i].tetrahedron][faces[i].face] = shared ? count - 1 : count++;
+    }
+    answers_ = std::vector<std::atomic<std::uint32_t>>(count);
+  }
+  const std::vector<InnerFace>& inner() const { return inner_; }
+
+  std::array<Vector3d, kFaceSamples> points(std::uint32_t tetrahedron, std::size_t face) const {
+    const geometry::Triangle v = corners(tetrahedron, face);
+    std::array<Vector3d, kFaceSamples> points;
+    for (std::size_t k = 0; k < kFaceSamples; ++k) {
+      points[k] = (kFaceSample[k][0] * lattice_.positions[v[0]] + kFaceSample[k][1] * lattice_.positions[v[1]] +
+                   kFaceSample[k][2] * lattice_.positions[v[2]]) /
+                  6;
+    }
+    return points;
+  }
+  // Bits of the samples around which the surface winds more than half a time, and `most` times at most.
+  std::uint32_t solid(std::uint32_t tetrahedron, std::size_t face, double most) const {
+    // Threads that meet here find the same bits.
+    std::atomic<std::uint32_t>& kept = answers_[number_[tetrahedron][face]];
+    std::uint32_t answer = kept.load(std::memory_order_relaxed);
+    if (answer == 0) {
+      std::array<double, kFaceSamples> winding{};
+      piece_.winding.at(points(tetrahedron, face), winding);
+      answer = kKnown;
+      for (std::size_t k = 0; k < kFaceSamples; ++k) {
+        if (winding[k] > kSolid) answer |= 1U << k;
+        if (winding[k] > kSolid && winding[k] < kTwice) answer |= 1U << (k + kFaceSamples);
+      }
+      kept.store(answer, std::memory_order_relaxed);
+    }
+    return (most > kTwice ? answer : answer >> kFaceSamples) & ((1U << kFaceSamples) - 1);
+  }
+
+ private:
+  static constexpr std::uint32_t kKnown = 1U << 31;
+  // By ascending number: both cells of a face mean the same samples.
+  geometry::Triangle corners(std::uint32_t tetrahedron, std::size_t face) const {
+    const Tetrahedron& t = lattice_.tetrahedra[tetrahedron];
+    geometry::Triangle v = {t[kFaces[face][0]], t[kFaces[face][1]], t[kFaces[face][2]]};
+    std::sort(v.begin(), v.end());
+    return v;
+  }
+
+  const SolidPiece& piece_;
+  const TetMesh& lattice_;
+  std::vector<InnerFace> inner_;
+  std::vector<std::array<std::uint32_t, 4>> number_;         // of the faces of each tetrahedron
+  mutable std::vector<std::atomic<std::uint32_t>> answers_;  // of each face; 0 where not asked yet
+};
+
 class CellCutter {
  public:
-  CellCutter(const SolidPiece& piece, const SurfaceParts& parts, const TetMesh& lattice, double join_distance)
-      : piece_(piece), parts_(parts), lattice_(lattice), join_(join_distance), samples_(cellSamples()) {}
+  CellCutter(const SolidPiece& piece, const SurfaceParts& parts, const TetMesh& lattice, const Faces& faces,
+             double join_distance)
+      : piece_(piece), parts_(parts), lattice_(lattice), faces_(faces), join_(join_distance), samples_(cellSamples()) {}
 
   Cell cut(std::uint32_t tetrahedron) {
     start(tetrahedron);
@@ -152,7 +234,7 @@ class CellCutter {
       cell.doubtful = pierced(cell, sets);
       // Where solids of one part overlap, a sample between two sheets joins them only if its winding number is
       // below 1.5.
-      most_winding_ = cell.doubtful ? 1.5 : std::numeric_limits<double>::infinity();
+      most_winding_ = cell.doubtful ? kTwice : std::numeric_limits<double>::infinity();
       if (piece_.encloses) joinThroughSolid(cell, sets);
       if (countPieces(cell, sets) > 1) joinNearParts(cell, sets);
     }
@@ -175,12 +257,13 @@ class CellCutter {
   };
 
   void start(std::uint32_t tetrahedron) {
-    tetrahedron_ = lattice_.tetrahedra[tetrahedron];
-    for (std::size_t i = 0; i < 4; ++i) x_[i] = lattice_.positions[tetrahedron_[i]];
+    number_ = tetrahedron;
+    for (std::size_t i = 0; i < 4; ++i) x_[i] = lattice_.positions[lattice_.tetrahedra[tetrahedron][i]];
     Eigen::Matrix3d edges;
     edges << x_[0] - x_[3], x_[1] - x_[3], x_[2] - x_[3];
     to_barycentric_ = edges.inverse();
     local_.clear();
+    planes_.clear();
     inside_points_.clear();
   }
   Vector4d barycentric(const Vector3d& p) const {
@@ -229,6 +312,7 @@ class CellCutter {
         if (local.corners[i].minCoeff() >= -kTouch) inside_points_.push_back({triangle[i], number});
       }
       local_.push_back(local);
+      planes_.push_back({local.normal, {p[triangle[0]], p[triangle[1]], p[triangle[2]]}});
       cell.triangles.push_back(t);
       cell.faces.push_back(faces);
     }
@@ -346,19 +430,18 @@ class CellCutter {
   }
 
   // Whether a triangle of the cell lies between two points of it.
-  bool blocked(const Cell& cell, const Vector3d& a, const Vector3d& b) const {
+  bool blocked(const Vector3d& a, const Vector3d& b) const {
     double nearest = 1;
-    return firstCrossing(cell, a, b, nearest) != kNoIndex;
+    return crossing(a, b, true, nearest) != kNoIndex;
   }
-  // The first triangle of the cell that the segment crosses, and where (fraction).
-  std::uint32_t firstCrossing(const Cell& cell, const Vector3d& a, const Vector3d& b, double& nearest) const {
+  // The first triangle of the cell that the segment crosses, or any one of them, and where (fraction).
+  std::uint32_t crossing(const Vector3d& a, const Vector3d& b, bool any, double& nearest) const {
     constexpr double kEnd = 1e-7;  // a segment starts on triangles
     std::uint32_t first = kNoIndex;
     const Vector3d d = b - a;
-    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      const auto& t = piece_.triangles[cell.triangles[n]];
-      const Vector3d &p = piece_.positions[t[0]], &q = piece_.positions[t[1]], &r = piece_.positions[t[2]];
-      const Vector3d& normal = local_[n].normal;
+    for (std::uint32_t n = 0; n < planes_.size(); ++n) {
+      const auto& [normal, corners] = planes_[n];
+      const auto& [p, q, r] = corners;
       const double slope = normal.dot(d);
       if (slope == 0) continue;
       const double at = normal.dot(p - a) / slope;
@@ -371,11 +454,12 @@ class CellCutter {
       if (u < slack || v < slack || w < slack) continue;
       nearest = at;
       first = n;
+      if (any) break;
     }
     return first;
   }
 
-  bool solidOnce(double winding) const { return winding > 0.5 && winding < most_winding_; }
+  bool solidOnce(double winding) const { return winding > kSolid && winding < most_winding_; }
   bool between(const Vector3d& a, const Vector3d& b) const {
     return std::isinf(most_winding_) || solidOnce(piece_.winding.at((a + b) / 2));
   }
@@ -398,8 +482,8 @@ class CellCutter {
     });
   }
   // Whether a triangle has the point on its inner side, in plain sight.
-  bool sees(const Cell& cell, std::uint32_t n, const Vector3d& p) const {
-    return local_[n].normal.dot(p - local_[n].middle) < 0 && !blocked(cell, local_[n].middle, p);
+  bool sees(std::uint32_t n, const Vector3d& p) const {
+    return local_[n].normal.dot(p - local_[n].middle) < 0 && !blocked(local_[n].middle, p);
   }
 
   // Sheets that bound the same solid. sample_set_ receives which sheet a sample of the solid belongs to.
@@ -417,7 +501,7 @@ class CellCutter {
       const Vector3d p = samplePosition(s);
       for (const std::uint32_t n : lookouts_) {
         if (sample_set_[s] >= 0 && sets.find(std::uint32_t(sample_set_[s])) == sets.find(n)) continue;
-        if (!sees(cell, n, p)) continue;
+        if (!sees(n, p)) continue;
         if (sample_set_[s] >= 0) sets.join(std::uint32_t(sample_set_[s]), n);
         sample_set_[s] = std::int32_t(n);
       }
@@ -431,7 +515,7 @@ class CellCutter {
               sets.find(std::uint32_t(sample_set_[s])) == sets.find(std::uint32_t(sample_set_[r]))) {
             continue;
           }
-          if (blocked(cell, samplePosition(s), samplePosition(r))) continue;
+          if (blocked(samplePosition(s), samplePosition(r))) continue;
           if (sample_set_[s] < 0) sample_set_[s] = sample_set_[r];
           if (sample_set_[r] < 0) sample_set_[r] = sample_set_[s];
           sets.join(std::uint32_t(sample_set_[s]), std::uint32_t(sample_set_[r]));
@@ -445,7 +529,7 @@ class CellCutter {
       for (std::size_t j = 0; j < i; ++j) {
         const std::uint32_t n = lookouts_[j];
         if (sets.find(m) == sets.find(n)) continue;
-        if (mine.normal.dot(local_[n].middle - mine.middle) < 0 && sees(cell, n, mine.middle) &&
+        if (mine.normal.dot(local_[n].middle - mine.middle) < 0 && sees(n, mine.middle) &&
             between(mine.middle, local_[n].middle)) {
           sets.join(m, n);
         }
@@ -453,7 +537,7 @@ class CellCutter {
       // Straight inwards: a triangle met from behind is the other side of the same solid.
       const Vector3d inwards = mine.middle - length * mine.normal.normalized();
       double at = 1;
-      const std::uint32_t n = firstCrossing(cell, mine.middle, inwards, at);
+      const std::uint32_t n = crossing(mine.middle, inwards, false, at);
       if (n == kNoIndex || local_[n].normal.dot(inwards - mine.middle) <= 0) continue;
       const Vector3d met = mine.middle + at * (inwards - mine.middle);
       if (barycentric(met).minCoeff() >= -kTouch && between(mine.middle, met)) sets.join(m, n);
@@ -480,52 +564,43 @@ class CellCutter {
       if (sample_set_[s] >= 0) cell.inside[cell.fragment[std::size_t(sample_set_[s])]] += 1.0 / (kSamples - 1);
     }
     for (std::size_t f = 0; f < 4; ++f) {
-      const auto points = facePoints(lattice_, tetrahedron_, f);
-      std::array<double, kFaceSamples> winding{};
-      piece_.winding.at(points, winding);
+      const auto points = faces_.points(number_, f);
+      const std::uint32_t solid = faces_.solid(number_, f, most_winding_);
       for (std::size_t k = 0; k < kFaceSamples; ++k) {
-        if (solidOnce(winding[k])) cell.face_fragment[f][k] = pieceAt(cell, points[k]);
+        if ((solid & 1U << k) != 0) cell.face_fragment[f][k] = pieceAt(cell, points[k]);
       }
     }
   }
   std::int32_t pieceAt(const Cell& cell, const Vector3d& p) const {
     for (std::size_t s = 0; s < kSamples; ++s) {
-      if (sample_set_[s] >= 0 && !blocked(cell, samplePosition(s), p)) {
+      if (sample_set_[s] >= 0 && !blocked(samplePosition(s), p)) {
         return std::int32_t(cell.fragment[std::size_t(sample_set_[s])]);
       }
     }
     for (const std::uint32_t n : lookouts_) {
-      if (sees(cell, n, p)) return std::int32_t(cell.fragment[n]);
+      if (sees(n, p)) return std::int32_t(cell.fragment[n]);
     }
     return kUnknown;
-  }
-
- public:
-  static std::array<Vector3d, kFaceSamples> facePoints(const TetMesh& lattice, const Tetrahedron& tetrahedron,
-                                                       std::size_t face) {
-    std::array<std::uint32_t, 3> v{};
-    for (std::size_t i = 0; i < 3; ++i) v[i] = tetrahedron[kFaces[face][i]];
-    std::sort(v.begin(), v.end());
-    std::array<Vector3d, kFaceSamples> points;
-    for (std::size_t k = 0; k < kFaceSamples; ++k) {
-      points[k] = (kFaceSample[k][0] * lattice.positions[v[0]] + kFaceSample[k][1] * lattice.positions[v[1]] +
-                   kFaceSample[k][2] * lattice.positions[v[2]]) /
-                  6;
-    }
-    return points;
   }
 
  private:
   const SolidPiece& piece_;
   const SurfaceParts& parts_;
   const TetMesh& lattice_;
+  const Faces& faces_;
   const double join_;
   const std::array<Vector4d, kSamples> samples_;
   // Of the present cell.
-  Tetrahedron tetrahedron_{};
+  std::uint32_t number_ = 0;
   std::array<Vector3d, 4> x_;
   Eigen::Matrix3d to_barycentric_;
   std::vector<Local> local_;
+  // What crossing() needs of each: cells of thousands of triangles are asked hundreds of times.
+  struct Plane {
+    Vector3d normal;
+    std::array<Vector3d, 3> corners;
+  };
+  std::vector<Plane> planes_;
   std::vector<std::array<std::uint32_t, 2>> inside_points_;  // point, triangle of the cell
   std::vector<std::array<std::uint32_t, 3>> edges_;
   std::vector<std::uint32_t> candidates_, lookouts_;
@@ -533,41 +608,9 @@ class CellCutter {
   std::array<std::int32_t, kSamples> sample_set_{};  // triangle of the cell whose solid it is, or kAir, kUnknown
 };
 
-struct InnerFace {
-  std::uint32_t first, second;           // tetrahedra
-  std::uint8_t first_face, second_face;  // of each
-};
-
-std::vector<InnerFace> innerFaces(const TetMesh& mesh) {
-  struct Face {
-    geometry::Triangle key;
-    std::uint32_t tetrahedron;
-    std::uint8_t face;
-    bool operator<(const Face& o) const { return std::tie(key, tetrahedron) < std::tie(o.key, o.tetrahedron); }
-  };
-  std::vector<Face> faces;
-  faces.reserve(mesh.tetrahedra.size() * 4);
-  for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
-    for (std::uint8_t f = 0; f < 4; ++f) {
-      const Tetrahedron& v = mesh.tetrahedra[t];
-      geometry::Triangle key = {v[kFaces[f][0]], v[kFaces[f][1]], v[kFaces[f][2]]};
-      std::sort(key.begin(), key.end());
-      faces.push_back({key, t, f});
-    }
-  }
-  std::sort(faces.begin(), faces.end());
-  std::vector<InnerFace> inner;
-  for (std::size_t i = 1; i < faces.size(); ++i) {
-    if (faces[i].key == faces[i - 1].key) {
-      inner.push_back({faces[i - 1].tetrahedron, faces[i].tetrahedron, faces[i - 1].face, faces[i].face});
-    }
-  }
-  return inner;
-}
-
 // Pairs of fragments of two neighbours that meet on their face.
-std::vector<std::array<std::uint32_t, 2>> meetings(const SolidPiece& piece, const TetMesh& lattice,
-                                                   const InnerFace& face, const Cell& first, const Cell& second) {
+std::vector<std::array<std::uint32_t, 2>> meetings(const SolidPiece& piece, const Faces& faces, const InnerFace& face,
+                                                   const Cell& first, const Cell& second) {
   std::vector<std::array<std::uint32_t, 2>> pairs;
   const auto add = [&](std::uint32_t a, std::uint32_t b) {
     if (std::find(pairs.begin(), pairs.end(), std::array{a, b}) == pairs.end()) pairs.push_back({a, b});
@@ -593,11 +636,7 @@ std::vector<std::array<std::uint32_t, 2>> meetings(const SolidPiece& piece, cons
   }
   if (!piece.encloses) return pairs;
   if (simple) {
-    const auto points = CellCutter::facePoints(lattice, lattice.tetrahedra[face.first], face.first_face);
-    if (piece.winding.inside(points[0])) return {{0, 0}};
-    std::array<char, kFaceSamples - 1> inside{};
-    piece.winding.inside(std::span(points).subspan(1), inside);
-    if (std::find(inside.begin(), inside.end(), char(1)) != inside.end()) return {{0, 0}};
+    if (faces.solid(face.first, face.first_face, std::numeric_limits<double>::infinity()) != 0) return {{0, 0}};
     return pairs;
   }
   for (std::size_t k = 0; k < kFaceSamples; ++k) {
@@ -615,15 +654,16 @@ SplitMesh splitAtGaps(const SolidPiece& piece, const TetMesh& lattice, double jo
   const auto count = std::uint32_t(lattice.tetrahedra.size());
   const SurfaceParts parts = surfaceParts(piece);
   std::vector<Cell> cells(count);
+  const Faces lattice_faces(piece, lattice);
   parallel_for(count, 64, [&](std::size_t begin, std::size_t end) {
-    CellCutter cutter(piece, parts, lattice, join_distance);
+    CellCutter cutter(piece, parts, lattice, lattice_faces, join_distance);
     for (std::size_t t = begin; t < end; ++t) cells[t] = cutter.cut(std::uint32_t(t));
   });
-  const std::vector<InnerFace> faces = innerFaces(lattice);
+  const std::vector<InnerFace>& faces = lattice_faces.inner();
   std::vector<std::vector<std::array<std::uint32_t, 2>>> pairs(faces.size());
   parallel_for(faces.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
-      pairs[f] = meetings(piece, lattice, faces[f], cells[faces[f].first], cells[faces[f].second]);
+      pairs[f] = meetings(piece, lattice_faces, faces[f], cells[faces[f].first], cells[faces[f].second]);
     }
   });
 
