@@ -188,6 +188,9 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.keep_previous = s.keep_previous ? 1 : 0;
   result.package_pins = s.package_pins ? 1 : 0;
   result.solver = reinterpret_cast<const sinew_solver*>(s.solver);
+  result.friction = s.friction;
+  result.layers = s.layers;
+  result.touches = s.touches;
   return result;
 }
 
@@ -199,6 +202,9 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.keep_previous = s.keep_previous != 0;
   result.package_pins = s.package_pins != 0;
   result.solver = reinterpret_cast<const sinew::SolverFactory*>(s.solver);
+  result.friction = s.friction;
+  result.layers = s.layers;
+  result.touches = s.touches;
   return result;
 }
 
@@ -248,6 +254,7 @@ namespace sinew::handles {
 World& worldOf(sinew_world* world) { return *world->world; }
 sinew_asset* handleOf(std::shared_ptr<const Asset> asset) { return new sinew_asset{std::move(asset)}; }
 sinew_status tellFailure(sinew_status status, std::string_view reason) { return fail(status, reason); }
+sinew_status takeToldStatus() { return CallerLog::takeStatus(); }
 
 }  // namespace sinew::handles
 

@@ -18,5 +18,7 @@ SINEW_API World& worldOf(sinew_world* world);
 SINEW_API sinew_asset* handleOf(std::shared_ptr<const Asset> asset);
 /// What sinew_last_error() says from now on. \return the status.
 SINEW_API sinew_status tellFailure(sinew_status status, std::string_view reason);
+/// Status of what worlds have told their logs in this thread since this was asked last; sinew_last_error() says what.
+SINEW_API sinew_status takeToldStatus();
 
 }  // namespace sinew::handles

@@ -434,6 +434,103 @@ static void testMotion(const sinew_asset* asset) {
   free(saved);
 }
 
+static void testColliders(const sinew_asset* asset) {
+  static const float identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, down[3] = {0, -1, 0};
+  static const float corners[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}, heights[4] = {0, 0, 0, 0};
+  static const uint32_t triangle[3] = {0, 2, 1};
+  sinew_world* world = NULL;
+  sinew_shape shape;
+  sinew_collider_settings settings;
+  sinew_body_settings body_settings;
+  sinew_query_filter filter;
+  sinew_query_object objects[4];
+  sinew_contact_event events[4];
+  sinew_cast_hit hit;
+  float low[3], high[3], impulse[3], torque[3], above[3], at[3] = {0, 0, 0}, half[3], pushed = 0;
+  uint32_t body, floor, other, count, i, kind, began = 0;
+  CHECK_OK(sinew_world_create(NULL, NULL, &world));
+  sinew_body_settings_init(&body_settings, sizeof body_settings);
+  CHECK(body_settings.friction < 0 && body_settings.layers == 1 && body_settings.touches == 0xffffffffu);
+  body_settings.package_pins = 0;
+  body_settings.layers = 2;
+  CHECK_OK(sinew_body_add(world, asset, &body_settings, &body));
+  CHECK_OK(sinew_body_physical_bounds(world, body, low, high));
+
+  /* A slab a hand's breadth below. */
+  sinew_shape_init(&shape, sizeof shape);
+  CHECK(shape.kind == SINEW_SHAPE_SPHERE && shape.radius == 0.5f && shape.cell == 1);
+  sinew_collider_settings_init(&settings, sizeof settings);
+  CHECK(settings.friction == 0.6f && settings.rotation[4] == 1 && settings.layers == 1);
+  shape.kind = SINEW_SHAPE_BOX;
+  shape.half_size[0] = shape.half_size[2] = 100;
+  shape.half_size[1] = 1;
+  settings.position[1] = low[1] - 1.1f;
+  CHECK_OK(sinew_collider_add(world, &shape, &settings, &floor));
+  for (i = 0; i < 120; ++i) {
+    CHECK_OK(sinew_world_step(world, 1.0f / 60));
+    CHECK_OK(sinew_world_contact_events(world, events, 4, &count));
+    if (count > 0 && events[0].began && events[0].body == body && events[0].collider == floor) began = 1;
+    CHECK_OK(sinew_collider_reaction(world, floor, impulse, torque));
+    pushed += impulse[1];
+  }
+  CHECK(began == 1);
+  CHECK(pushed < 0); /* the floor is pressed down */
+  CHECK_OK(sinew_body_physical_bounds(world, body, low, high));
+  CHECK(low[1] > settings.position[1] + 0.9f);
+
+  /* From above a ray meets the body, or what is below it where bodies do not count. */
+  for (i = 0; i < 3; ++i) above[i] = 0.5f * (low[i] + high[i]);
+  above[1] = high[1] + 1;
+  CHECK_OK(sinew_world_cast(world, above, 0, down, 100, NULL, &hit, &count));
+  CHECK(count == 1 && hit.object.body == body && hit.triangle != SINEW_NONE && hit.normal[1] > 0);
+  sinew_query_filter_init(&filter, sizeof filter);
+  filter.bodies = 0;
+  CHECK_OK(sinew_world_cast(world, above, 0.1f, down, 100, &filter, &hit, &count));
+  CHECK(count == 1 && hit.object.body == SINEW_NONE && hit.object.collider == floor && hit.triangle == SINEW_NONE);
+  filter.bodies = 1;
+  filter.layers = 4;
+  CHECK_OK(sinew_world_cast(world, above, 0, down, 100, &filter, &hit, &count));
+  CHECK(count == 0);
+  for (i = 0; i < 3; ++i) half[i] = 0.5f * (high[i] - low[i]), at[i] = 0.5f * (low[i] + high[i]);
+  CHECK_OK(sinew_world_overlaps_box(world, half, at, identity, NULL, objects, 1, &count));
+  CHECK(count == 2 && objects[0].body == body);
+  filter.layers = 2;
+  CHECK_OK(sinew_world_overlaps_sphere(world, at, 100, &filter, objects, 4, &count));
+  CHECK(count == 1 && objects[0].body == body);
+
+  /* The other shapes; the floor sinks away and is gone. */
+  for (kind = 0; kind <= SINEW_SHAPE_HEIGHT_FIELD; ++kind) {
+    sinew_shape_init(&shape, sizeof shape);
+    shape.kind = kind;
+    shape.points = corners;
+    shape.point_count = 4;
+    shape.triangles = triangle;
+    shape.triangle_count = 1;
+    shape.heights = heights;
+    shape.columns = shape.rows = 2;
+    CHECK_OK(sinew_collider_add(world, &shape, NULL, &other));
+    CHECK_OK(sinew_collider_remove(world, other));
+  }
+  settings.position[1] -= 1;
+  CHECK_OK(sinew_collider_move(world, floor, settings.position, identity));
+  CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  CHECK_OK(sinew_collider_remove(world, floor));
+
+  shape.kind = 99;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_add(world, &shape, NULL, &other));
+  shape.kind = SINEW_SHAPE_HULL;
+  shape.points = NULL;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_add(world, &shape, NULL, &other));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_add(world, NULL, NULL, &other));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_move(world, floor, at, identity));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_remove(world, floor));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_reaction(world, floor, impulse, torque));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_cast(world, above, 0, down, 100, NULL, NULL, &count));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_contact_events(world, NULL, 4, &count));
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_overlaps_sphere(NULL, at, 1, NULL, NULL, 0, &count));
+  sinew_world_destroy(world);
+}
+
 static void testPool(const sinew_asset* asset) {
   sinew_thread_pool* pool = NULL;
   sinew_world_options options;
@@ -460,6 +557,7 @@ int main(int argc, char** argv) {
   testAsset(argv[1], &asset);
   if (asset != NULL) {
     testMotion(asset);
+    testColliders(asset);
     testPool(asset);
   }
   sinew_asset_release(asset);

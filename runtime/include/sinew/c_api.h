@@ -184,6 +184,9 @@ typedef struct sinew_body_settings {
   uint32_t keep_previous;     /* 1: keeps the positions before each step, for motion vectors; 0 */
   uint32_t package_pins;      /* 1: the body starts held by the pin sets of its package; 1 */
   const sinew_solver* solver; /* outlives the body; null: the fields of its package; null */
+  float friction;             /* Coulomb coefficient, 0..1e4; below 0: that of the ground; -1 */
+  uint32_t layers;            /* bits: a pair touches where each has a layer that the other's touches has; 1 */
+  uint32_t touches;           /* all */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -268,6 +271,109 @@ SINEW_API sinew_status sinew_pick_release(sinew_world* world, uint32_t pick);
 /* The ids of a body's picks, as many as fit into `capacity`. count: how many it has. */
 SINEW_API sinew_status sinew_body_picks(const sinew_world* world, uint32_t body, uint32_t* picks, uint32_t capacity,
                                         uint32_t* count);
+
+/* ---- What bodies collide with, and what lies where: sinew/runtime/collider.h, query.h ---- */
+
+#define SINEW_GROUND_COLLIDER 0u /* the ground of the world's settings, where a collider is asked for or named */
+
+#define SINEW_SHAPE_PLANE 0u
+#define SINEW_SHAPE_SPHERE 1u
+#define SINEW_SHAPE_CAPSULE 2u /* along y */
+#define SINEW_SHAPE_BOX 3u
+#define SINEW_SHAPE_HULL 4u         /* the convex hull of points, 4 .. 1024 */
+#define SINEW_SHAPE_MESH 5u         /* triangles, counter-clockwise from outside; with a border a sheet */
+#define SINEW_SHAPE_HEIGHT_FIELD 6u /* corner (column, row) at x = column cell, z = row cell; solid below */
+
+/* A collider's shape in its own coordinates, metres. Only what its kind has counts; all is copied. */
+typedef struct sinew_shape {
+  uint32_t struct_size;
+  uint32_t kind;             /* SINEW_SHAPE_...; sphere */
+  float normal[3];           /* plane: unit; points with normal . x < offset are inside; 0 1 0 */
+  float offset;              /* plane: m; 0 */
+  float radius;              /* sphere, capsule: m, above 0; 0.5 */
+  float half_length;         /* capsule: of the segment along y, m, above 0; 0.5 */
+  float half_size[3];        /* box: m, above 0; 0.5 each */
+  const float* points;       /* hull, mesh: xyz of each; null */
+  uint32_t point_count;      /* 0 */
+  uint32_t triangle_count;   /* 0 */
+  const uint32_t* triangles; /* mesh: three points each; null */
+  const float* heights;      /* height field: m, columns * rows, row by row; null */
+  uint32_t columns, rows;    /* 2 .. 4096 each; 0 */
+  float cell;                /* m, above 0; 1 */
+} sinew_shape;
+
+SINEW_API void sinew_shape_init(sinew_shape* shape, size_t struct_size);
+
+typedef struct sinew_collider_settings {
+  uint32_t struct_size;
+  float position[3]; /* m; 0 0 0 */
+  float rotation[9]; /* proper; identity */
+  float friction;    /* Coulomb coefficient, 0..1e4; 0.6 */
+  float restitution; /* part of the speed that a point bounces off with, 0..1; 0 */
+  uint32_t layers;   /* as of a body; 1 */
+  uint32_t touches;  /* all */
+  float mass;        /* kg, of the engine's rigid body; 0: it moves as it is told; 0 */
+  float inertia[3];  /* kg m^2, along its axes; 0: it does not turn about that; 0 0 0 */
+} sinew_collider_settings;
+
+SINEW_API void sinew_collider_settings_init(sinew_collider_settings* settings, size_t struct_size);
+
+/* settings may be null. */
+SINEW_API sinew_status sinew_collider_add(sinew_world* world, const sinew_shape* shape,
+                                          const sinew_collider_settings* settings, uint32_t* collider);
+/* Reached at the end of the next step, so that its speed is known. What jumps is removed and added. */
+SINEW_API sinew_status sinew_collider_move(sinew_world* world, uint32_t collider, const float position[3],
+                                           const float rotation[9]);
+SINEW_API sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider);
+/* What bodies did to it in the last step: impulse, N s, and its moment about the collider's position, N m s. */
+SINEW_API sinew_status sinew_collider_reaction(const sinew_world* world, uint32_t collider, float impulse[3],
+                                               float torque_impulse[3]);
+
+typedef struct sinew_contact_event {
+  uint32_t body, collider;
+  uint32_t began; /* 1; 0: ended */
+} sinew_contact_event;
+
+/* Which pairs began or ceased to touch in the last step, as many as fit into `capacity`. count: how many there are. */
+SINEW_API sinew_status sinew_world_contact_events(const sinew_world* world, sinew_contact_event* events,
+                                                  uint32_t capacity, uint32_t* count);
+
+typedef struct sinew_query_filter {
+  uint32_t struct_size;
+  uint32_t layers;    /* bits: what is in any of these counts; all */
+  uint32_t bodies;    /* 1: bodies, by the triangles that are drawn; 1 */
+  uint32_t colliders; /* 1: colliders and the ground; 1 */
+} sinew_query_filter;
+
+SINEW_API void sinew_query_filter_init(sinew_query_filter* filter, size_t struct_size);
+
+/* A body, or where body is SINEW_NONE a collider. */
+typedef struct sinew_query_object {
+  uint32_t body, collider;
+} sinew_query_object;
+
+typedef struct sinew_cast_hit {
+  sinew_query_object object;
+  float distance;    /* that the ray, or the ball, has gone, m */
+  float point[3];    /* of the surface, m, world */
+  float normal[3];   /* unit, of the surface there */
+  uint32_t triangle; /* visual triangle of a body, or SINEW_NONE */
+} sinew_cast_hit;
+
+/* What a ball of this radius (m; 0: a ray) meets first along a direction (unit) within a distance (m). filter may be
+   null. found: 1, and hit is filled; or 0. */
+SINEW_API sinew_status sinew_world_cast(const sinew_world* world, const float origin[3], float radius,
+                                        const float direction[3], float distance, const sinew_query_filter* filter,
+                                        sinew_cast_hit* hit, uint32_t* found);
+/* What touches a ball, or a box, or has it inside: bodies by their ids, then colliders, as many as fit into
+   `capacity`. count: how many there are. */
+SINEW_API sinew_status sinew_world_overlaps_sphere(const sinew_world* world, const float center[3], float radius,
+                                                   const sinew_query_filter* filter, sinew_query_object* objects,
+                                                   uint32_t capacity, uint32_t* count);
+SINEW_API sinew_status sinew_world_overlaps_box(const sinew_world* world, const float half_size[3],
+                                                const float position[3], const float rotation[9],
+                                                const sinew_query_filter* filter, sinew_query_object* objects,
+                                                uint32_t capacity, uint32_t* count);
 
 /* ---- Outputs ---- */
 
