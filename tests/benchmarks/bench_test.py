@@ -12,7 +12,7 @@ import unittest
 SINEW = None
 MODELS = str(pathlib.Path(__file__).resolve().parents[1] / "assets" / "models")
 
-GROUPS = ("step", "output", "linearity", "threads", "determinism", "memory", "library", "open")
+GROUPS = ("step", "output", "linearity", "threads", "touch", "determinism", "memory", "library", "open")
 PLACES = ("in the air", "resting on the ground", "held by its pins, swinging")
 LINES = (
     [("step", f"{mesh}, {place}") for mesh in ("spot", "head") for place in PLACES]

@@ -25,6 +25,7 @@ constexpr std::array kGroups = {
     Group{"output", benchOutput},
     Group{"linearity", benchLinearity},
     Group{"threads", benchThreads},
+    Group{"touch", benchTouch},
     Group{"determinism", benchDeterminism},
     Group{"memory", benchMemory},
     Group{"library", benchLibrary},

@@ -93,6 +93,7 @@ void benchStep(const BenchContext& context);
 void benchOutput(const BenchContext& context);
 void benchLinearity(const BenchContext& context);
 void benchThreads(const BenchContext& context);
+void benchTouch(const BenchContext& context);
 void benchDeterminism(const BenchContext& context);
 void benchMemory(const BenchContext& context);
 void benchLibrary(const BenchContext& context);
