@@ -72,8 +72,9 @@ std::vector<std::array<float, 3>> placesOf(std::uint32_t count, float& half) {
     const auto across = [&](std::uint32_t n) {
       return (float(n) + 0.5F - 0.5F * float(side)) * kApart + 0.2F * chance();
     };
+    const std::uint32_t layer = i / (side * side);
     const float x = across(i % side), z = across(i / side % side);
-    places.push_back({x, 0.7F + 1.3F * float(i / side / side), z});
+    places.push_back({x, 0.7F + 1.3F * float(layer), z});
   }
   return places;
 }
