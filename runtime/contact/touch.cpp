@@ -133,35 +133,38 @@ float pushOf(const TouchMemory& touch) { return std::max(0.0F, touch.depth); }
 /// Looks at points of a near b, one after the other.
 class TouchSearch {
  public:
-  TouchSearch(const TouchingPiece& a, const TouchingPiece& b, double h, std::span<const TouchMemory> known,
-              TouchList& list)
+  TouchSearch(const TouchingPiece& a, const TouchingPiece& b, double h, TouchList& list)
       : a_(a),
         b_(b),
         h_(h),
-        known_(known),
         list_(list),
         stride_(a.points.size() / 3),
         margin_(float(kMargin * std::min(a.diagonal, b.diagonal))),
         apart_((a.center - b.center).cast<float>()),
         low_(b.low.array() - margin_),
-        high_(b.high.array() + margin_) {
-    // The way that the two pushed each other apart, by how deep they were.
-    Vector3f way = Vector3f::Zero();
-    for (const TouchMemory& touch : touchesOf(known, a, b)) way += pushOf(touch) * (b.turn * outwardOf(touch));
-    for (const TouchMemory& touch : touchesOf(known, b, a)) way -= pushOf(touch) * (a.turn * outwardOf(touch));
-    if (way.squaredNorm() > 0) way_ = b.turn.transpose() * way.normalized();
-  }
+        high_(b.high.array() + margin_) {}
 
   bool areNear() const {
     return !((a_.low + apart_).array() > high_.array()).any() && !((a_.high + apart_).array() < low_.array()).any();
   }
 
+  /// Takes in what all touches of the step before were. \return those of a's points with b.
+  std::span<const TouchMemory> remember(std::span<const TouchMemory> known) {
+    known_ = touchesOf(known, a_, b_);
+    // The way that the two pushed each other apart, by how deep they were.
+    Vector3f way = Vector3f::Zero();
+    for (const TouchMemory& touch : known_) way += pushOf(touch) * (b_.turn * outwardOf(touch));
+    for (const TouchMemory& touch : touchesOf(known, b_, a_)) way -= pushOf(touch) * (a_.turn * outwardOf(touch));
+    if (way.squaredNorm() > 0) way_ = b_.turn.transpose() * way.normalized();
+    return known_;
+  }
+
   /// Adds the touch of a point, if it is one. What touched is one where it was as well: a prediction that goes on as a
-  /// thin part sprang leads away from what that part lies on.
+  /// thin part sprang leads away from what that part lies on. \pre points come in ascending order
   void look(std::uint32_t p) {
     const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, {}, {}};
-    const auto* last = std::lower_bound(known_.data(), known_.data() + known_.size(), key, comesBefore);
-    if (last == known_.data() + known_.size() || touchOrder(*last) != touchOrder(key)) last = nullptr;
+    while (!known_.empty() && known_.front().point < p) known_ = known_.subspan(1);
+    const TouchMemory* const last = !known_.empty() && known_.front().point == p ? &known_.front() : nullptr;
     const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
     Vector3f place, outward;
     float distance;
@@ -289,7 +292,7 @@ class TouchSearch {
  private:
   const TouchingPiece &a_, &b_;
   const double h_;
-  const std::span<const TouchMemory> known_;
+  std::span<const TouchMemory> known_;  ///< of points that have not been looked at
   TouchList& list_;
   const std::size_t stride_;
   const float margin_;
@@ -306,11 +309,11 @@ class TouchSearch {
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list) {
   if (b.map == nullptr || a.points.empty()) return;
-  TouchSearch search(a, b, h, known, list);
+  TouchSearch search(a, b, h, list);
   if (!search.areNear()) return;
   const auto all = std::uint32_t(a.field->points.size());
   const std::size_t first = list.touches.size(), first_row = list.rows.size();
-  const std::span<const TouchMemory> before = touchesOf(known, a, b);
+  const std::span<const TouchMemory> before = search.remember(known);
   std::uint32_t looked_at = before.empty() ? all : std::min(all, std::bit_ceil(before.back().point + 1));
   const auto found = [&] { return list.touches.size() - first; };
   for (std::uint32_t p = 0; p < looked_at; ++p) {
