@@ -21,15 +21,9 @@ struct Group {
   void (*run)(const BenchContext&);
 };
 constexpr std::array kGroups = {
-    Group{"step", benchStep},
-    Group{"output", benchOutput},
-    Group{"linearity", benchLinearity},
-    Group{"threads", benchThreads},
-    Group{"touch", benchTouch},
-    Group{"determinism", benchDeterminism},
-    Group{"memory", benchMemory},
-    Group{"library", benchLibrary},
-    Group{"open", benchOpen},
+    Group{"step", benchStep},       Group{"output", benchOutput},   Group{"linearity", benchLinearity},
+    Group{"threads", benchThreads}, Group{"touch", benchTouch},     Group{"determinism", benchDeterminism},
+    Group{"memory", benchMemory},   Group{"library", benchLibrary}, Group{"open", benchOpen},
 };
 
 }  // namespace
