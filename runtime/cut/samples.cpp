@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "runtime/cut/places.h"
+#include "runtime/geometry/tet_mesh.h"
 
 namespace sinew::cutting {
 namespace {
@@ -18,8 +19,6 @@ using Eigen::VectorXd;
 
 /// Samples by function.
 constexpr std::size_t kSamples = 4;
-/// Volume of a tetrahedron that has no slopes, of its longest edge cubed.
-constexpr double kFlat = 1e-9;
 
 class Finder {
  public:
@@ -212,7 +211,7 @@ double Slopes::add(const std::array<std::uint32_t, 4>& corners, MatrixXd& to) co
   const auto restOf = [&](std::uint32_t v) { return asVector(input_.package.physicalVertices()[v].rest_position); };
   for (int c = 0; c < 3; ++c) edges.col(c) = restOf(corners[std::size_t(c)]) - restOf(corners[3]);
   const double volume = std::abs(edges.determinant()) / 6, longest = edges.colwise().norm().maxCoeff();
-  if (!(volume > kFlat * longest * longest * longest)) return 0;
+  if (!(volume > geometry::kFlat * longest * longest * longest)) return 0;
   const Eigen::Matrix3d slopes = volume * edges.inverse();
   const Index last = local_[corners[3]];
   for (int c = 0; c < 3; ++c) {

@@ -11,8 +11,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Frequency at which a vertex of pin weight 1/2 would ring on its tether, Hz (docs/method.md §2).
-constexpr double kPinHz = 60;
 /// Difference of sums that are the same, of their size: masses and values are floats.
 constexpr double kSame = 1e-3;
 
@@ -35,7 +33,7 @@ std::vector<Tether> findTethers(const FieldInput& input, const ParentField& pare
       if (v - range.first_vertex >= range.vertex_count || taken[v] != 0 || !(weight > 0)) continue;
       taken[v] = 1;  // the first set has it
       if (weight >= 1 || drives[s] == 0) continue;
-      const double omega = 2 * std::numbers::pi * kPinHz * weight / (1 - weight);
+      const double omega = 2 * std::numbers::pi * formats::kPinHz * weight / (1 - weight);
       tethers.push_back({v, s, omega * omega});
     }
   }

@@ -17,6 +17,9 @@ struct TetMesh {
   std::vector<Tetrahedron> tetrahedra;
 };
 
+/// Volume of a tetrahedron that is flat, of its longest edge cubed: functions have no slopes in it.
+inline constexpr double kFlat = 1e-9;
+
 /// Six times the signed volume.
 inline double signedVolume6(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
                             const Eigen::Vector3d& d) {

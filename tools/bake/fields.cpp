@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/geometry/tet_mesh.h"
 #include "tools/author/pins.h"
 #include "tools/bake/distances.h"
 #include "tools/field/field.h"
@@ -23,16 +24,12 @@ using nlohmann::ordered_json;
 
 /// Frequencies beyond these times the lowest of a piece stiffen nothing that can be seen; what is rigid stiffens more.
 constexpr double kStiffest = 30, kSoftest = 1e-2, kRigid = 90;
-/// Frequency of a vertex on a pin of weight one half, Hz.
-constexpr double kPinHz = 60;
 /// Parts that a triangle's edges are divided into at most, and places on triangles for each contact point: bounds of
 /// the work only.
 constexpr double kMostParts = 64;
 constexpr std::size_t kMostPlaces = 64;
 /// Parts that a fibre is cut into at most.
 constexpr double kMostSegments = 8;
-/// Volumes below so much of the cube of a tetrahedron's longest edge are none.
-constexpr double kFlat = 1e-9;
 /// Weight of the whole host in the motion of what rides along, against the cluster's members.
 constexpr double kWhole = 1e-3;
 /// Radius squared over the mean square of one coordinate in a ball: what a tether of stiffness E V / radius^2 lacks to
@@ -461,7 +458,7 @@ class PieceFields {
       }
       for (int k = 0; k < 3; ++k) edges.col(k) = positions_[corners[std::size_t(k) + 1]] - positions_[corners[0]];
       const double six = std::abs(edges.determinant()), longest = edges.colwise().norm().maxCoeff();
-      if (share == 0 || !(six > 6 * kFlat * longest * longest * longest)) continue;
+      if (share == 0 || !(six > 6 * geometry::kFlat * longest * longest * longest)) continue;
       bit.tetrahedron = t;
       bit.volume = share * six / 6;
       bit.slope = edges.inverse() * along * bit.volume;
@@ -533,7 +530,7 @@ class PieceFields {
     holdRigid(held_by, weight);
     for (std::uint32_t v = 0; v < held_by.size(); ++v) {
       if (held_by[v] == formats::kNone || taken_[v] != 0) continue;
-      const double omega = 2 * std::numbers::pi * kPinHz * weight[v] / (1 - weight[v]);
+      const double omega = 2 * std::numbers::pi * formats::kPinHz * weight[v] / (1 - weight[v]);
       tethers_.push_back({v, held_by[v], 0, masses_[v] * omega * omega});
     }
     dropEmptySets();

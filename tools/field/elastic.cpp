@@ -5,15 +5,13 @@
 #include <algorithm>
 #include <map>
 
+#include "runtime/geometry/tet_mesh.h"
 #include "tools/field/follow.h"
 
 namespace sinew::tools::field {
 namespace {
 
 using Eigen::Matrix3d;
-
-// Volumes below so much of the cube of a tetrahedron's longest edge are none.
-constexpr double kFlat = 1e-9;
 
 struct Tetrahedra {
   std::vector<double> volume;  // 0: flat, left out
@@ -27,7 +25,7 @@ Tetrahedra measure(const FieldInput& input) {
     for (int k = 0; k < 3; ++k) edges.col(k) = input.positions[tet[std::size_t(k) + 1]] - input.positions[tet[0]];
     const double longest = edges.colwise().norm().maxCoeff(), volume = std::abs(edges.determinant()) / 6;
     Eigen::Matrix<double, 3, 4> gradient = Eigen::Matrix<double, 3, 4>::Zero();
-    const bool solid = volume > kFlat * longest * longest * longest;
+    const bool solid = volume > geometry::kFlat * longest * longest * longest;
     if (solid) {
       gradient.rightCols<3>() = edges.inverse().transpose();
       gradient.col(0) = -gradient.rightCols<3>().rowwise().sum();

@@ -351,6 +351,10 @@ struct FieldFibre {
 };
 static_assert(sizeof(FieldFibre) == 16);
 
+/// Frequency at which a vertex of pin weight 1/2 would ring on its tether, Hz: one of weight w has the frequency times
+/// w / (1 - w) (docs/method.md §2).
+inline constexpr double kPinHz = 60;
+
 /// FTHR: what ties a held field's vertices that are not held to its pin sets. 1/2 sum_ij T_ij z_i . z_j, zero where all
 /// sets move as one.
 struct FieldTethers {
