@@ -17,11 +17,17 @@
 #include <vector>
 
 #include "runtime/c_api/handles.h"
+#include "runtime/c_api/structs.h"
 #include "sinew/formats/version.h"
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
 
 namespace {
+
+using sinew::handles::readStruct;
+using sinew::handles::transform;
+using sinew::handles::vec3;
+using sinew::handles::writeStruct;
 
 thread_local char last_error[256] = "";
 
@@ -62,23 +68,6 @@ sinew_status guarded(const char* call, const Callable& work) noexcept {
     std::snprintf(line, sizeof line, "%s: a callback threw an exception", call);
     return fail(SINEW_ERROR_ARGUMENT, line);
   }
-}
-
-// A struct of the caller's, which may be older (shorter) or newer than this one; what it lacks keeps its default.
-template <class T>
-T readStruct(const T* given, const T& defaults) {
-  T result = defaults;
-  if (given != nullptr) std::memcpy(&result, given, std::min<std::size_t>(given->struct_size, sizeof(T)));
-  result.struct_size = sizeof(T);
-  return result;
-}
-
-template <class T>
-void writeStruct(T value, T* to, std::size_t size) {
-  if (to == nullptr || size < sizeof value.struct_size) return;
-  value.struct_size = std::uint32_t(size);
-  std::memset(to, 0, size);
-  std::memcpy(to, &value, std::min(size, sizeof(T)));
 }
 
 class CallerMemory final : public std::pmr::memory_resource {
@@ -217,15 +206,6 @@ sinew::VisualOutput toCpp(const sinew_visual_output& o) {
   result.normals = {o.normals, o.normals_stride, o.count};
   result.tangents = {o.tangents, o.tangents_stride, o.count};
   result.previous_positions = {o.previous_positions, o.previous_stride, o.count};
-  return result;
-}
-
-sinew::Vec3 vec3(const float* v) { return {v[0], v[1], v[2]}; }
-
-sinew::RigidTransform transform(const float* position, const float* rotation) {
-  sinew::RigidTransform result;
-  result.position = vec3(position);
-  std::copy(rotation, rotation + 9, result.rotation.begin());
   return result;
 }
 

@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <cstring>
 #include <new>
 #include <optional>
 #include <span>
 #include <string>
 
 #include "runtime/c_api/handles.h"
+#include "runtime/c_api/structs.h"
 
 static_assert(sizeof(sinew_query_object) == sizeof(sinew::QueryObject));
 static_assert(offsetof(sinew_query_object, collider) == offsetof(sinew::QueryObject, collider));
@@ -19,7 +19,11 @@ static_assert(sizeof(sinew::formats::Triangle) == 3 * sizeof(uint32_t));
 
 namespace {
 
+using sinew::handles::readStruct;
 using sinew::handles::tellFailure;
+using sinew::handles::transform;
+using sinew::handles::vec3;
+using sinew::handles::writeStruct;
 
 /// Runs work(world) where all is given. \return what it returns, or what the world told its log.
 template <class Work>
@@ -35,30 +39,6 @@ sinew_status onWorld(const char* call, const sinew_world* world, bool all_given,
   } catch (...) {
     return tellFailure(SINEW_ERROR_ARGUMENT, "a callback threw an exception");
   }
-}
-
-/// A struct of the caller's header, which may be older or newer; what it lacks keeps its default.
-template <class T>
-T read(const T* given, T defaults) {
-  if (given != nullptr) std::memcpy(&defaults, given, std::min<std::size_t>(given->struct_size, sizeof(T)));
-  return defaults;
-}
-
-template <class T>
-void write(T value, T* to, std::size_t size) {
-  if (to == nullptr || size < sizeof value.struct_size) return;
-  value.struct_size = uint32_t(size);
-  std::memset(to, 0, size);
-  std::memcpy(to, &value, std::min(size, sizeof(T)));
-}
-
-sinew::Vec3 vec3(const float* v) { return {v[0], v[1], v[2]}; }
-
-sinew::RigidTransform transform(const float* position, const float* rotation) {
-  sinew::RigidTransform result;
-  result.position = vec3(position);
-  std::copy_n(rotation, 9, result.rotation.begin());
-  return result;
 }
 
 sinew_shape defaultShape() {
@@ -127,7 +107,7 @@ sinew::ColliderSettings toCpp(const sinew_collider_settings& s) {
 constexpr sinew_query_filter kAll = {sizeof(sinew_query_filter), 0xFFFFFFFFU, 1, 1};
 
 sinew::QueryFilter toCpp(const sinew_query_filter* given) {
-  const sinew_query_filter f = read(given, kAll);
+  const sinew_query_filter f = readStruct(given, kAll);
   return {f.layers, f.bodies != 0, f.colliders != 0};
 }
 
@@ -139,20 +119,20 @@ std::span<sinew::QueryObject> room(sinew_query_object* objects, uint32_t capacit
 
 extern "C" {
 
-void sinew_shape_init(sinew_shape* shape, size_t struct_size) { write(defaultShape(), shape, struct_size); }
+void sinew_shape_init(sinew_shape* shape, size_t struct_size) { writeStruct(defaultShape(), shape, struct_size); }
 
 void sinew_collider_settings_init(sinew_collider_settings* settings, size_t struct_size) {
-  write(fromCpp({}), settings, struct_size);
+  writeStruct(fromCpp({}), settings, struct_size);
 }
 
-void sinew_query_filter_init(sinew_query_filter* filter, size_t struct_size) { write(kAll, filter, struct_size); }
+void sinew_query_filter_init(sinew_query_filter* filter, size_t struct_size) { writeStruct(kAll, filter, struct_size); }
 
 sinew_status sinew_collider_add(sinew_world* world, const sinew_shape* shape, const sinew_collider_settings* settings,
                                 uint32_t* collider) {
   return onWorld("sinew_collider_add", world, shape != nullptr && collider != nullptr, [&](sinew::World& w) {
-    const std::optional<sinew::ColliderShape> made = toCpp(read(shape, defaultShape()));
+    const std::optional<sinew::ColliderShape> made = toCpp(readStruct(shape, defaultShape()));
     if (!made) return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_collider_add: no such kind of shape");
-    const sinew::Result<sinew::ColliderId> added = w.addCollider(*made, toCpp(read(settings, fromCpp({}))));
+    const sinew::Result<sinew::ColliderId> added = w.addCollider(*made, toCpp(readStruct(settings, fromCpp({}))));
     if (!added) return tellFailure(SINEW_ERROR_ARGUMENT, added.reason());
     *collider = (*added).value;
     return SINEW_OK;

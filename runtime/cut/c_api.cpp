@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "runtime/c_api/handles.h"
+#include "runtime/c_api/structs.h"
 #include "sinew/runtime/cut.h"
 
 static_assert(sizeof(sinew_cut_origin) == sizeof(sinew::CutOrigin));
@@ -43,8 +44,7 @@ sinew_cut_settings fromCpp(const sinew::CutSettings& s) {
 
 /// \param given of an older or newer header: what it lacks keeps its default. Null: all does.
 sinew::CutSettings toCpp(const sinew_cut_settings* given) {
-  sinew_cut_settings s = fromCpp({});
-  if (given != nullptr) std::memcpy(&s, given, std::min<std::size_t>(given->struct_size, sizeof s));
+  const sinew_cut_settings s = sinew::handles::readStruct(given, fromCpp({}));
   sinew::CutSettings result;
   result.spacing = s.spacing;
   result.least_part = s.least_part;
@@ -76,11 +76,7 @@ sinew_status failPart(const char* call) {
 }  // namespace
 
 void sinew_cut_settings_init(sinew_cut_settings* settings, size_t struct_size) {
-  if (settings == nullptr || struct_size < sizeof settings->struct_size) return;
-  sinew_cut_settings value = fromCpp({});
-  value.struct_size = std::uint32_t(struct_size);
-  std::memset(settings, 0, struct_size);
-  std::memcpy(settings, &value, std::min(struct_size, sizeof value));
+  sinew::handles::writeStruct(fromCpp({}), settings, struct_size);
 }
 
 sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point[3], const float normal[3],
@@ -89,7 +85,7 @@ sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point
   try {
     auto result = std::make_unique<sinew_cut>();
     sinew::World& in = sinew::handles::worldOf(world);
-    const sinew::CutPlane plane = {{point[0], point[1], point[2]}, {normal[0], normal[1], normal[2]}};
+    const sinew::CutPlane plane = {sinew::handles::vec3(point), sinew::handles::vec3(normal)};
     auto made = sinew::cutBody(in, {body}, plane, toCpp(settings));
     if (!made) {
       const bool no_memory = made.reason() == "out of memory";
