@@ -41,12 +41,6 @@ struct HeightAtRest {
   double value = 0;
 };
 
-/// What went to the other side with a part that was too small counts as just there.
-double heightOf(const Sides& sides, std::uint32_t vertex) {
-  const double height = sides.height[vertex], side = double(sides.side[vertex]);
-  return height * side < 0 ? side * sides.near : height;
-}
-
 HeightAtRest heightIn(const Cut& cut, std::uint32_t tetrahedron) {
   const auto& corners = cut.package.tetrahedra()[tetrahedron].vertex;
   const auto rest = [&](std::size_t k) { return asVector(cut.package.physicalVertices()[corners[k]].rest_position); };
@@ -54,12 +48,12 @@ HeightAtRest heightIn(const Cut& cut, std::uint32_t tetrahedron) {
   Vector3d rises;
   for (int k = 0; k < 3; ++k) {
     edges.row(k) = (rest(std::size_t(k)) - rest(3)).transpose();
-    rises[k] = heightOf(cut.sides, corners[std::size_t(k)]) - heightOf(cut.sides, corners[3]);
+    rises[k] = cut.sides.heightOf(corners[std::size_t(k)]) - cut.sides.heightOf(corners[3]);
   }
   HeightAtRest height;
   height.slope = edges.inverse() * rises;
   if (!height.slope.allFinite()) height.slope.setZero();
-  height.value = heightOf(cut.sides, corners[3]) - height.slope.dot(rest(3));
+  height.value = cut.sides.heightOf(corners[3]) - height.slope.dot(rest(3));
   return height;
 }
 

@@ -126,10 +126,8 @@ class Finder {
       std::array<double, 4> height = {};
       std::array<Side, 4> side = {};
       for (std::size_t k = 0; k < 4; ++k) {
-        height[k] = sides_.height[corners[k]];
+        height[k] = sides_.heightOf(corners[k]);
         side[k] = sides_.side[corners[k]];
-        // What was given back to the other side counts as just there.
-        if (height[k] * side[k] < 0) height[k] = side[k] * sides_.near;
       }
       fractions_[t] = fractionOf(height, side);
       volumes_[t] = std::max(1e-300, std::abs(edgesOf(corners, rest).determinant()) / 6);

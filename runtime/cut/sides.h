@@ -44,6 +44,11 @@ struct Sides {
   std::vector<std::uint32_t> face;   ///< of points: the first visual vertex
   std::vector<std::uint32_t> rider;  ///< of physical vertices: the rigid accessory (PART) that they carry; else none
   std::vector<std::uint32_t> visual_rider;
+
+  /// Over the plane, m. What went to the other side with a part that was too small counts as just there.
+  double heightOf(std::uint32_t vertex) const {
+    return height[vertex] * side[vertex] < 0 ? side[vertex] * near : height[vertex];
+  }
 };
 
 /// \param positions of the physical vertices, world.

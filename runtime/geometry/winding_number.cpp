@@ -19,7 +19,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kAccuracy = 2.1;  // beta of Barill et al. 2018, of radii to the farthest point: error below 1e-2
+constexpr double kAccuracy = 2.1;  // beta of Barill et al. 2018, of radii to the farthest point
 
 // Sums over a node, with all components: n_i, n_i d_j, n_i d_j d_k (one symmetric matrix for each i).
 struct Sums {

@@ -379,8 +379,9 @@ float Scene::stepSeconds() const {
 
 void Scene::step() {
   const float seconds = stepSeconds();
-  while (next_cut_ < cuts_.size() && cuts_[next_cut_].time < time_ + 0.5 * double(seconds))
+  while (next_cut_ < cuts_.size() && cuts_[next_cut_].time < time_ + 0.5 * double(seconds)) {
     cut(cuts_[next_cut_++].plane);
+  }
   if (drive()) world_.step(seconds);
   ++steps_;
   time_ = options_.step_sequence.empty() ? double(steps_) * double(seconds) : time_ + double(seconds);

@@ -165,8 +165,8 @@ class SINEW_API World {
   /// The pin set that the package names so (PSET): a body holds them all from the start, unless its BodySettings say
   /// otherwise. Their transform is that of the rest shape: at {R, t} a vertex is held at R X + t, so a bone gives
   /// (bone now) * (bone at rest)^-1, its skinning matrix. At the start it is where the body was added. A vertex of
-  /// several sets is held by that which holds it firmest. \return an unknown id where there is none, or where it was
-  /// let go.
+  /// several sets is held by the first (a bake leaves it to the firmest alone). \return an unknown id where there is
+  /// none, or where it was let go.
   PinSetId pinSet(BodyId body, std::string_view name) const;
   /// movePinSet() for all of the package's pin sets that follow `target` (the recipe's: "world", a bone's name).
   /// \return how many there are.
