@@ -21,8 +21,6 @@ constexpr int kRounds = 4;
 constexpr double kNear = 2e-4;
 /// Steps of a way out, each as long as the surface is far.
 constexpr int kLeaving = 16;
-/// Times that the step across it is halved: to less than floats resolve of a way of kNear.
-constexpr int kHalvings = 6;
 
 Vector3f sumOf(const float* row, const float* coefficients, std::uint32_t k) {
   Vector3f sum = Vector3f::Zero();
@@ -70,7 +68,7 @@ bool leave(const DepthMap& map, const Vector3f& from, const Vector3f& way, doubl
     if (!(distance > 0)) continue;
     // Back to where the surface was crossed: what lies just below and just above it are to find one place. Near edges
     // distances are no straight lines.
-    for (int halving = 0; halving < kHalvings; ++halving) {
+    while (high - low > float(kResolved * diagonal)) {
       const float middle = 0.5F * (low + high), there = map.distance(last + middle * way);
       (there < 0 ? low : high) = middle;
       (there < 0 ? inside : distance) = there;
@@ -168,19 +166,22 @@ class TouchSearch {
     const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
     Vector3f place, outward;
     float distance;
-    bool near = isNear(at, b_.base, place, distance, outward);
+    bool near = isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
     if (!near && last != nullptr) {
       for (std::uint32_t j = 0; j < a_.field->k; ++j) row_[j] = a_.field->valueAtPoint(p, j);
-      near = isNear(sumOf(row_.data(), a_.before, a_.field->k) + apart_, b_.before, place, distance, outward);
+      const Vector3f was = sumOf(row_.data(), a_.before, a_.field->k) + apart_;
+      near = isNear(was, b_.before, b_.center_before, place, distance, outward);
     }
     if (near) add(key, last, at, place, distance, outward);
   }
 
-  /// Whether a place is inside b or hardly outside. \param base of b there. \param[out] place of b's rest shape that is
-  /// there, and how far it is from the surface. \param[out] outward unit.
-  bool isNear(const Vector3f& at, const float* base, Vector3f& place, float& distance, Vector3f& outward) {
-    if ((at.array() > high_.array()).any() || (at.array() < low_.array()).any()) return false;
-    place = b_.turn.transpose() * at + b_.rest_center;
+  /// Whether a place is inside b or hardly outside. \param base, center of b then. \param[out] place of b's rest shape
+  /// that is there, and how far it is from the surface. \param[out] outward unit.
+  bool isNear(const Vector3f& at, const float* base, const Vector3f& center, Vector3f& place, float& distance,
+              Vector3f& outward) {
+    const Vector3f arm = at - center;
+    if ((arm.array() > high_.array()).any() || (arm.array() < low_.array()).any()) return false;
+    place = b_.turn.transpose() * arm + b_.rest_center;
     if (b_.map->distance(place) > margin_ + 2 * b_.bent) return false;
     MaterialPoint material;
     const float near = float(kNear) * float(b_.diagonal);

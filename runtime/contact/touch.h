@@ -24,7 +24,8 @@ struct TouchingPiece {
   const float* base = nullptr;    ///< predicted coefficients relative to the centre, k x 4
   const float* before = nullptr;  ///< those before the step, relative to the same place
   Vector3d center = Vector3d::Zero();
-  Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();  ///< of the prediction
+  Eigen::Vector3f center_before = Eigen::Vector3f::Zero();  ///< before the step, relative to it, m
+  Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();       ///< of the prediction
   Eigen::Vector3f rest_center = Eigen::Vector3f::Zero();
   double weight = 0;  ///< N, no less than what counts as one
   double diagonal = 0;

@@ -9,6 +9,7 @@
 #include <random>
 #include <vector>
 
+#include "runtime/contact/depth_map.h"
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
 #include "tests/support/box_package.h"
@@ -234,6 +235,24 @@ TEST(Touch, NoStartInsideExplodes) {
     }
     EXPECT_LT(most, 1) << start;  // J/kg: of 0.8 diagonals a second
   }
+}
+
+// What rests at an edge swings by a hair from step to step: a normal that jumps there is energy for the next step.
+TEST(Touch, WaysOutDoNotJump) {
+  const auto asset = touchingBox({1, 1, 1});
+  const internal::DepthMap map(asset->package(), asset->package().distanceGrids()[0]);
+  // Past an edge, across many cells; a way out turns by a right angle within a few cells of 1/16 m.
+  constexpr float kApart = 1e-4F;
+  Eigen::Vector3f before = map.outward({0.1F, 0.3F, 0.55F});
+  EXPECT_GT(before.z(), 0.99F);
+  for (int i = 1; i <= 2500; ++i) {
+    const float along = float(i) * kApart;
+    const Eigen::Vector3f now = map.outward({0.1F + 0.3F * along, 0.3F + along, 0.55F - along});
+    EXPECT_NEAR(now.norm(), 1, 1e-5F);
+    EXPECT_LT((now - before).norm(), 0.01F) << along;
+    before = now;
+  }
+  EXPECT_GT(before.y(), 0.99F);
 }
 
 TEST(Touch, IsTheSameForAnyThreads) {
