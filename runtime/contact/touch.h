@@ -27,6 +27,7 @@ struct TouchingPiece {
   const float* before = nullptr;  ///< those before the step, relative to the same place
   Vector3d center = Vector3d::Zero();
   Eigen::Vector3f center_before = Eigen::Vector3f::Zero();  ///< before the step, relative to it, m
+  float turning = 0;                                        ///< way of what it turns about the centre, at most, m
   Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();       ///< of the prediction
   Eigen::Vector3f rest_center = Eigen::Vector3f::Zero();
   double weight = 0;  ///< N, no less than what counts as one
@@ -43,6 +44,7 @@ struct TouchMemory {
   std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
   float floor;                                            ///< Push::floor, m
   float depth;                                            ///< below that, m; not above 0: it did not push
+  float kappa;                                            ///< Push::kappa, N/m
   std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
   std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
 };
@@ -58,6 +60,7 @@ struct FoundTouch {
   std::uint32_t row_a, row_b;
   TouchMemory memory;
   bool held;                ///< by friction, at memory.anchor
+  float coming;             ///< speed at which it comes, m/s
   Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
   Eigen::Vector3f place;    ///< rest place of b that it pushes at, metres
   Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
