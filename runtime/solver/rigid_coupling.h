@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What couples the pieces of an island as if each were rigid (docs/method.md §5): the coarse level of their first
+// What couples the pieces of an island as if each were rigid (docs/method.md §4): the coarse level of their first
 // matrix.
 #pragma once
 
