@@ -300,7 +300,7 @@ std::vector<RecipeObject> declareKinds() {
   const RecipeKey tolerance{
       "tolerance", kRecipeNumber, "Largest distance of a colour that counts as this one.", "0.25", "", 0, 2};
   return {
-      {"all", "Every vertex.", {{"all", kRecipeFlag, "true", ""}, note()}, R"({"all": true})"},
+      {"all", "Every vertex.", {{"all", kRecipeFlag, "Always true.", ""}, note()}, R"({"all": true})"},
       {"rest",
        "What the named masks leave; with true, in a cluster's `from`: what all clusters without `rest` leave.",
        {{"rest", kRecipeFlag | kRecipeTexts, "true, or names of masks.", ""}, note()},
