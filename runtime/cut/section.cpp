@@ -359,9 +359,13 @@ class Closing {
         const auto [found, added] = middles.try_emplace({std::min(u, v), std::max(u, v)}, formats::kNone);
         if (added) {
           const Vector3d &from = surface_.nodes[polygon.nodes[u]].at, &to = surface_.nodes[polygon.nodes[v]].at;
-          if (const std::optional<Interior> middle = locate_(0.5 * (from + to))) {
+          // The middle, or else what of the edge lies in a tetrahedron: a bent surface may leave them.
+          for (const double share : {0.5, 0.25, 0.75, 0.06, 0.94}) {
+            const std::optional<Interior> middle = locate_(from + share * (to - from));
+            if (!middle) continue;
             found->second = std::uint32_t(polygon.nodes.size() + polygon.interior.size());
             polygon.interior.push_back(*middle);
+            break;
           }
         }
         if (found->second == formats::kNone) continue;
