@@ -40,19 +40,53 @@ CutResult cutAtRest(const Asset& asset, const CutPlane& plane, std::size_t parts
   return std::move(*cut);
 }
 
+/// What lies on the part's side of tetrahedra that are there twice, below first: shares of places in them; others 1.
+std::vector<double> sharesOf(const CutPart& part, const CutPlane& plane) {
+  const formats::PackageView& package = part.asset->package();
+  const auto tetrahedra = package.tetrahedra();
+  std::vector<double> shares(tetrahedra.size(), 1);
+  const auto sourceOf = [&](std::size_t t) {
+    std::array<std::uint32_t, 4> source = {};
+    for (std::size_t k = 0; k < 4; ++k) source[k] = part.physical[tetrahedra[t].vertex[k]];
+    return source;
+  };
+  constexpr int kSteps = 12;
+  for (std::size_t t = 0; t + 1 < tetrahedra.size(); ++t) {
+    if (sourceOf(t) != sourceOf(t + 1)) continue;
+    int all = 0, above = 0;
+    for (int i = 0; i < kSteps; ++i) {
+      for (int j = 0; i + j < kSteps; ++j) {
+        for (int l = 0; i + j + l < kSteps; ++l, ++all) {
+          const std::array<double, 4> w = {i + 0.25, j + 0.25, l + 0.25, kSteps - i - j - l - 0.75};
+          Vector3d x = Vector3d::Zero();
+          for (std::size_t k = 0; k < 4; ++k) {
+            x += w[k] / kSteps * asVector(package.physicalVertices()[tetrahedra[t].vertex[k]].rest_position);
+          }
+          above += asVector(plane.normal).dot(x - asVector(plane.point)) > 0 ? 1 : 0;
+        }
+      }
+    }
+    shares[t + 1] = double(above) / all;
+    shares[t] = 1 - shares[t + 1];
+  }
+  return shares;
+}
+
 /// Stiffness of linear elasticity on a package's tetrahedra, 3 n x 3 n, made firm by 1e-9 of its mean: free bodies
 /// move.
-Eigen::SparseMatrix<double> stiffnessOf(const formats::PackageView& package, double mu, double lambda) {
+Eigen::SparseMatrix<double> stiffnessOf(const formats::PackageView& package, const std::vector<double>& shares,
+                                        double mu, double lambda) {
   std::vector<Eigen::Triplet<double>> entries;
   const auto vertices = package.physicalVertices();
   double trace = 0;
-  for (const formats::Tetrahedron& t : package.tetrahedra()) {
+  for (std::size_t n = 0; n < shares.size(); ++n) {
+    const formats::Tetrahedron& t = package.tetrahedra()[n];
     Eigen::Matrix3d edges;
     for (int k = 0; k < 3; ++k) {
       edges.col(k) =
           asVector(vertices[t.vertex[std::size_t(k)]].rest_position) - asVector(vertices[t.vertex[3]].rest_position);
     }
-    const double volume = std::abs(edges.determinant()) / 6;
+    const double volume = shares[n] * std::abs(edges.determinant()) / 6;
     Eigen::Matrix<double, 4, 3> g;
     g.topRows<3>() = edges.inverse();
     g.row(3) = -g.topRows<3>().colwise().sum();
@@ -78,14 +112,15 @@ Eigen::SparseMatrix<double> stiffnessOf(const formats::PackageView& package, dou
 }
 
 /// How far a load moves what is measured (w . u), by finite elements, by the field's functions, by its samples.
-struct Compliance {
+struct Opening {
   double exact = 0, functions = 0, samples = 0;
 };
 
-Compliance complianceOf(const formats::PackageView& package, const VectorXd& load, const VectorXd& measured) {
+Opening openingOf(const CutPart& part, const CutPlane& plane, const VectorXd& load, const VectorXd& measured) {
+  const formats::PackageView& package = part.asset->package();
   const formats::Field& field = package.fields()[0];
   const double mu = double(package.fieldPacks()[0].mu[0]), lambda = double(package.fieldPacks()[0].lambda[0]);
-  const Eigen::SparseMatrix<double> stiffness = stiffnessOf(package, mu, lambda);
+  const Eigen::SparseMatrix<double> stiffness = stiffnessOf(package, sharesOf(part, plane), mu, lambda);
   const auto n = Eigen::Index(package.physicalVertices().size()), k = Eigen::Index(field.function_count);
   MatrixXd functions = MatrixXd::Zero(3 * n, 3 * k);
   for (Eigen::Index v = 0; v < n; ++v) {
@@ -94,7 +129,7 @@ Compliance complianceOf(const formats::PackageView& package, const VectorXd& loa
       for (int a = 0; a < 3; ++a) functions(3 * v + a, 3 * j + a) = double(value);
     }
   }
-  Compliance result;
+  Opening result;
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(stiffness);
   result.exact = measured.dot(solver.solve(load));
   const VectorXd reduced = functions.transpose() * load, there = functions.transpose() * measured;
@@ -123,30 +158,25 @@ Compliance complianceOf(const formats::PackageView& package, const VectorXd& loa
 
 TEST(Slit, NotchOpensAsFiniteElementsDo) {
   const auto asset = boxAsset({.cells = {16, 6, 4}, .size = {4, 1.5, 1}, .stretch_hz = 8, .keep = {}});
-  const CutResult cut = cutAtRest(*asset, notch(0.1F), 1);
+  const CutPlane plane = notch(0.1F);
+  const CutResult cut = cutAtRest(*asset, plane, 1);
   ASSERT_EQ(cut.parts.size(), 1U);
   const CutPart& part = cut.parts[0];
   const formats::PackageView& package = part.asset->package();
-  // The sides pulled apart; the ends turned; how far the slit's mouth opens.
-  VectorXd apart = VectorXd::Zero(3 * Eigen::Index(part.physical.size())), turned = apart, mouth = apart;
+  // The ends turned; how far the slit's mouth opens.
+  VectorXd turned = VectorXd::Zero(3 * Eigen::Index(part.physical.size())), mouth = turned;
   for (std::size_t v = 0; v < part.physical.size(); ++v) {
     const Vector3d x = asVector(package.physicalVertices()[v].rest_position);
     const bool twice = std::count(part.physical.begin(), part.physical.end(), part.physical[v]) > 1;
-    const double side = (x[0] > 0) == (part.own[v] != 0) ? 1 : -1;
-    if (twice) apart[3 * Eigen::Index(v)] = side;
-    if (twice && x[1] > 0.74) mouth[3 * Eigen::Index(v)] = side;
+    if (twice && x[1] > 0.74) mouth[3 * Eigen::Index(v)] = (x[0] > 0) == (part.own[v] != 0) ? 1 : -1;
     if (std::abs(x[0]) > 1.99) turned[3 * Eigen::Index(v)] = (x[0] > 0 ? 1 : -1) * x[1];
   }
-  ASSERT_NEAR(apart.sum(), 0, 1e-9);
   ASSERT_GT(mouth.norm(), 1);
-  const Compliance by_ends = complianceOf(package, turned, mouth), by_sides = complianceOf(package, apart, mouth);
-  std::printf("ends %g %.3f %.3f sides %g %.3f %.3f\n", by_ends.exact, by_ends.functions / by_ends.exact,
-              by_ends.samples / by_ends.exact, by_sides.exact, by_sides.functions / by_sides.exact,
-              by_sides.samples / by_sides.exact);
-  EXPECT_NEAR(by_ends.functions, by_ends.exact, 0.15 * by_ends.exact);
-  EXPECT_NEAR(by_ends.samples, by_ends.exact, 0.15 * by_ends.exact);
-  EXPECT_NEAR(by_sides.functions, by_sides.exact, 0.3 * by_sides.exact);
-  EXPECT_NEAR(by_sides.samples, by_sides.exact, 0.3 * by_sides.exact);
+  const Opening found = openingOf(part, plane, turned, mouth);
+  // Ten functions of the whole, quadratic, and ten that jump: stiffer than finite elements; the samples give most back.
+  EXPECT_GT(found.functions, 0.7 * found.exact);
+  EXPECT_LT(found.functions, found.exact);
+  EXPECT_NEAR(found.samples, found.exact, 0.15 * found.exact);
 }
 
 TEST(Slit, OneThatCoversTheBodyCutsIt) {
