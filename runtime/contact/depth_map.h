@@ -36,6 +36,8 @@ class DepthMap {
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
 
   std::uint32_t piece() const { return grid_->piece; }
+  /// What is thinner may not be seen, metres.
+  float spacing() const { return grid_->spacing; }
   const formats::PackageView& package() const { return *package_; }
 
  private:

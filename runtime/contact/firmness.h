@@ -19,6 +19,9 @@ inline constexpr double kSinking = 2e-3;
 inline constexpr double kResolved = 2e-5;
 /// Points that are taken to share the weight there; more press in less.
 inline constexpr double kFew = 8;
+/// Depth that springs let points in: what comes in is stopped there, what is drawn is lifted out of it, and what lies
+/// deeper has not been pressed there. Diagonals.
+inline constexpr double kPressedIn = 0.02;
 /// What counts as gravity at least, diagonals per second squared.
 inline constexpr double kLeastGravity = 1;
 
