@@ -2,6 +2,7 @@
 //
 // The C interface over cut.h. Nothing is decided here.
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstring>
 #include <memory>
@@ -17,6 +18,8 @@
 static_assert(sizeof(sinew_cut_origin) == sizeof(sinew::CutOrigin));
 static_assert(offsetof(sinew_cut_origin, b) == offsetof(sinew::CutOrigin, b));
 static_assert(offsetof(sinew_cut_origin, t) == offsetof(sinew::CutOrigin, t));
+static_assert(offsetof(sinew_cut_origin, c) == offsetof(sinew::CutOrigin, c));
+static_assert(offsetof(sinew_cut_origin, s) == offsetof(sinew::CutOrigin, s));
 
 struct sinew_cut {
   sinew::CutBodies made;
@@ -73,20 +76,11 @@ sinew_status failPart(const char* call) {
   return tellFailure(SINEW_ERROR_ARGUMENT, std::string(call) + ": no such part");
 }
 
-}  // namespace
-
-void sinew_cut_settings_init(sinew_cut_settings* settings, size_t struct_size) {
-  sinew::handles::writeStruct(fromCpp({}), settings, struct_size);
-}
-
-sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point[3], const float normal[3],
-                            const sinew_cut_settings* settings, sinew_cut** cut) {
-  if (world == nullptr || point == nullptr || normal == nullptr || cut == nullptr) return failNull("sinew_body_cut");
+sinew_status cutAlong(sinew_world* world, std::uint32_t body, const sinew::CutPlane& plane,
+                      const sinew_cut_settings* settings, sinew_cut** cut) {
   try {
     auto result = std::make_unique<sinew_cut>();
-    sinew::World& in = sinew::handles::worldOf(world);
-    const sinew::CutPlane plane = {sinew::handles::vec3(point), sinew::handles::vec3(normal)};
-    auto made = sinew::cutBody(in, {body}, plane, toCpp(settings));
+    auto made = sinew::cutBody(sinew::handles::worldOf(world), {body}, plane, toCpp(settings));
     if (!made) {
       const bool no_memory = made.reason() == "out of memory";
       return tellFailure(no_memory ? SINEW_ERROR_MEMORY : SINEW_ERROR_ARGUMENT, made.reason());
@@ -101,6 +95,26 @@ sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point
   } catch (...) {
     return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_body_cut: a callback threw an exception");
   }
+}
+
+}  // namespace
+
+void sinew_cut_settings_init(sinew_cut_settings* settings, size_t struct_size) {
+  sinew::handles::writeStruct(fromCpp({}), settings, struct_size);
+}
+
+sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point[3], const float normal[3],
+                            const sinew_cut_settings* settings, sinew_cut** cut) {
+  if (world == nullptr || point == nullptr || normal == nullptr || cut == nullptr) return failNull("sinew_body_cut");
+  return cutAlong(world, body, {sinew::handles::vec3(point), sinew::handles::vec3(normal)}, settings, cut);
+}
+
+sinew_status sinew_body_cut_bounded(sinew_world* world, uint32_t body, const float corners[12],
+                                    const sinew_cut_settings* settings, sinew_cut** cut) {
+  if (world == nullptr || corners == nullptr || cut == nullptr) return failNull("sinew_body_cut_bounded");
+  std::array<sinew::Vec3, 4> places;
+  for (std::size_t i = 0; i < 4; ++i) places[i] = sinew::handles::vec3(corners + 3 * i);
+  return cutAlong(world, body, sinew::boundedPlane(places), settings, cut);
 }
 
 void sinew_cut_release(sinew_cut* cut) { delete cut; }

@@ -59,16 +59,17 @@ class Clusters {
     Vector3d center = Vector3d::Zero();
     std::vector<double> mu;
     for (const formats::Membership& m : members) {
-      const std::uint32_t v = local_[m.vertex];
-      if (v == kNone) continue;
-      const double own = double(mesh_.masses[v]) / double(package_.physicalVertices()[m.vertex].mass);
-      // What carries an accessory keeps its weights; its own four vertices have none.
-      const double weight = rider != kNone ? double(m.mu) * own : double(mesh_.masses[v]) * double(m.share);
-      mu.push_back(weight);
-      mass += weight;
-      shared += double(mesh_.masses[v]) * double(m.share);
-      center += weight * restOf(v);
-      out_.memberships.push_back({v, 0, m.share});
+      // All copies of a vertex.
+      for (std::uint32_t v = firstOf(m.vertex); v < mesh_.vertices.size() && mesh_.vertices[v] == m.vertex; ++v) {
+        const double own = double(mesh_.masses[v]) / double(package_.physicalVertices()[m.vertex].mass);
+        // What carries an accessory keeps its weights; its own four vertices have none.
+        const double weight = rider != kNone ? double(m.mu) * own : double(mesh_.masses[v]) * double(m.share);
+        mu.push_back(weight);
+        mass += weight;
+        shared += double(mesh_.masses[v]) * double(m.share);
+        center += weight * restOf(v);
+        out_.memberships.push_back({v, 0, m.share});
+      }
     }
     if (mu.empty()) return;
     if (!(mass > 0)) {
@@ -142,6 +143,13 @@ class Clusters {
     out_.quadratic_moments.push_back(packed);
   }
 
+  /// Place in the part's list of the first copy of a vertex.
+  std::uint32_t firstOf(std::uint32_t vertex) const {
+    std::uint32_t v = local_[vertex];
+    if (v == kNone) return std::uint32_t(mesh_.vertices.size());
+    while (v > 0 && mesh_.vertices[v - 1] == vertex) --v;
+    return v;
+  }
   Vector3d restOf(std::uint32_t local) const { return asVector(out_.physical_vertices[local].rest_position); }
   double totalMass() const {
     double sum = 0;

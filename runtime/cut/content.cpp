@@ -59,17 +59,19 @@ class Maker {
     local_.assign(package_.physicalVertices().size(), kNone);
     for (std::uint32_t i = 0; i < mesh_.vertices.size(); ++i) {
       const std::uint32_t v = mesh_.vertices[i];
-      local_[v] = i;
+      if (local_[v] == kNone || mesh_.own[i] != 0) local_[v] = i;
       out_.physical_vertices.push_back({package_.physicalVertices()[v].rest_position, mesh_.masses[i]});
       if (!package_.vertexStiffness().empty()) out_.vertex_stiffness.push_back(package_.vertexStiffness()[v]);
       if (!package_.pinWeights().empty()) out_.pin_weights.push_back(package_.pinWeights()[v]);
     }
-    local_tetrahedron_.assign(package_.tetrahedra().size(), kNone);
+    for (auto& list : local_tetrahedron_) list.assign(package_.tetrahedra().size(), kNone);
     for (std::uint32_t i = 0; i < mesh_.tetrahedra.size(); ++i) {
       const std::uint32_t t = mesh_.tetrahedra[i].source;
-      local_tetrahedron_[t] = i;
+      for (const Side side : kSides) {
+        if (mesh_.tetrahedra[i].side != -side) local_tetrahedron_[placeOf(side)][t] = i;
+      }
       formats::Tetrahedron made = package_.tetrahedra()[t];
-      for (std::uint32_t& v : made.vertex) v = local_[v];
+      std::copy(mesh_.tetrahedra[i].corner.begin(), mesh_.tetrahedra[i].corner.end(), std::begin(made.vertex));
       out_.tetrahedra.push_back(made);
     }
     std::uint32_t vertex = 0, tetrahedron = 0;
@@ -119,9 +121,10 @@ class Maker {
 
   void addVisual() {
     // Kept vertices in their order, then new ones, then the section's.
-    place_.assign(std::size_t(visual_count_) + cut_.surface.vertices.size(), kNone);
+    place_.assign(std::size_t(visual_count_) + 2 * cut_.surface.vertices.size(), kNone);
     for (const std::uint32_t f : mesh_.fragments) {
-      for (const std::uint32_t corner : cut_.surface.fragments[f].corner) place_[corner] = 0;
+      const Fragment& fragment = cut_.surface.fragments[f];
+      for (const std::uint32_t corner : fragment.corner) place_[numberOf(corner, fragment.side)] = 0;
     }
     // Vertices of no triangle stay where what they hang on is.
     if (!used_.empty()) used_.clear();
@@ -132,24 +135,29 @@ class Maker {
     for (std::uint32_t v = 0; v < visual_count_; ++v) {
       if (used_[v] != 0) continue;
       const auto& corners = package_.tetrahedra()[package_.barycentric()[v].tetrahedron].vertex;
-      const std::uint32_t t = local_tetrahedron_[package_.barycentric()[v].tetrahedron];
       const Side side = cut_.sides.visual_side[v] == 0 ? Side(-1) : cut_.sides.visual_side[v];
-      if (t != kNone && (side == mesh_.side || local_[corners[0]] == kNone)) place_[v] = 0;
+      const std::uint32_t t = localOf(package_.barycentric()[v].tetrahedron, side);
+      if (t != kNone && (isSlit() || side == mesh_.side || local_[corners[0]] == kNone)) place_[v] = 0;
     }
     for (std::uint32_t v = 0; v < place_.size(); ++v) {
       if (place_[v] == kNone) continue;
       place_[v] = std::uint32_t(out_.visual_positions.size());
-      v < visual_count_ ? keepVertex(v) : addVertex(cut_.surface.vertices[v - visual_count_]);
+      if (v < visual_count_) {
+        keepVertex(v);
+      } else {
+        const std::uint32_t made = v - visual_count_;
+        addVertex(cut_.surface.vertices[made / 2], made % 2 == 0 ? Side(-1) : Side(1));
+      }
     }
     // Triangles by sub-mesh, those of the section into the last.
     for (const std::uint32_t f : mesh_.fragments) {
       const Fragment& fragment = cut_.surface.fragments[f];
-      out_.visual_triangles.push_back(
-          {place_[fragment.corner[0]], place_[fragment.corner[1]], place_[fragment.corner[2]]});
+      formats::Triangle& made = out_.visual_triangles.emplace_back();
+      for (std::size_t k = 0; k < 3; ++k) made[k] = place_[numberOf(fragment.corner[k], fragment.side)];
       source_triangle_.push_back(fragment.triangle);
     }
     surface_triangles_ = std::uint32_t(out_.visual_triangles.size());
-    for (const std::uint32_t p : mesh_.polygons) addPolygon(cut_.section.polygons[p]);
+    for (const PartPolygon& p : mesh_.polygons) addPolygon(cut_.section.polygons[p.polygon], p.side);
     const Vector3d origin = out_.visual_positions.empty() ? Vector3d::Zero() : asVector(out_.visual_positions[0]);
     for (const formats::Triangle& t : out_.visual_triangles) {
       const Vector3d a = asVector(out_.visual_positions[t[0]]) - origin,
@@ -159,63 +167,78 @@ class Maker {
     }
   }
 
+  bool isSlit() const { return cut_.sides.plane.outline.has_value(); }
+  /// Of vertices at a cut there are two, below and above; of those at the end of a slit one.
+  std::uint32_t numberOf(std::uint32_t corner, Side side) const {
+    if (corner < visual_count_) return corner;
+    const std::uint32_t made = corner - visual_count_;
+    const bool tip = cut_.surface.nodes[cut_.surface.vertices[made].node].tip;
+    return visual_count_ + 2 * made + (side > 0 && !tip ? 1U : 0U);
+  }
+  /// Of a tetrahedron's copy on a side: the part's.
+  std::uint32_t localOf(std::uint32_t tetrahedron, Side side) const {
+    const std::uint32_t here = local_tetrahedron_[placeOf(side)][tetrahedron];
+    return here != kNone || isSlit() ? here : local_tetrahedron_[placeOf(Side(-side))][tetrahedron];
+  }
+
   void keepVertex(std::uint32_t v) {
     out_.visual_positions.push_back(package_.visualPositions()[v]);
     if (!package_.visualNormals().empty()) out_.visual_normals.push_back(package_.visualNormals()[v]);
     if (!package_.visualUvs().empty()) out_.visual_uvs.push_back(package_.visualUvs()[v]);
     if (!package_.visualColors().empty()) out_.visual_colors.push_back(package_.visualColors()[v]);
     formats::BarycentricAttachment hung = package_.barycentric()[v];
-    hung.tetrahedron = local_tetrahedron_[hung.tetrahedron];
+    hung.tetrahedron = localOf(hung.tetrahedron, cut_.sides.visual_side[v]);
     out_.barycentric.push_back(hung);
-    result_.visual.push_back({v, v, 0});
+    result_.visual.push_back({v, v});
   }
 
-  void addAttachment(const Hung& hung) {
+  void addAttachment(const Hung& hung, Side side) {
     out_.barycentric.push_back(
-        {local_tetrahedron_[hung.tetrahedron], {float(hung.weight[0]), float(hung.weight[1]), float(hung.weight[2])}});
+        {localOf(hung.tetrahedron, side), {float(hung.weight[0]), float(hung.weight[1]), float(hung.weight[2])}});
   }
 
+  /// At a + t (b - a) + s (c - a).
   template <class T>
-  static T mixed(const T& a, const T& b, double t) {
+  static T mixed(std::span<const T> of, const NewVertex& made) {
+    const T &a = of[made.a], &b = of[made.b], &c = of[made.c == kNone ? made.a : made.c];
     T result;
-    for (std::size_t c = 0; c < a.size(); ++c) {
-      const double value = double(a[c]) + t * (double(b[c]) - double(a[c]));
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      const double first = double(a[i]);
+      const double value = first + made.t * (double(b[i]) - first) + made.s * (double(c[i]) - first);
       if constexpr (std::is_same_v<typename T::value_type, std::uint8_t>) {
-        result[c] = std::uint8_t(std::clamp(std::lround(value), 0L, 255L));
+        result[i] = std::uint8_t(std::clamp(std::lround(value), 0L, 255L));
       } else {
-        result[c] = float(value);
+        result[i] = float(value);
       }
     }
     return result;
   }
 
-  void addVertex(const NewVertex& made) {
+  void addVertex(const NewVertex& made, Side side) {
     const Node& node = cut_.surface.nodes[made.node];
     out_.visual_positions.push_back(asFloats(node.rest));
     if (const auto normals = package_.visualNormals(); !normals.empty()) {
-      const Vector3d n = asVector(mixed(normals[made.a], normals[made.b], made.t));
+      const Vector3d n = asVector(mixed(normals, made));
       out_.visual_normals.push_back(n.norm() > 1e-6 ? asFloats(n.normalized()) : normals[made.a]);
     }
-    if (const auto uvs = package_.visualUvs(); !uvs.empty()) {
-      out_.visual_uvs.push_back(mixed(uvs[made.a], uvs[made.b], made.t));
-    }
+    if (const auto uvs = package_.visualUvs(); !uvs.empty()) out_.visual_uvs.push_back(mixed(uvs, made));
     if (const auto colors = package_.visualColors(); !colors.empty()) {
-      out_.visual_colors.push_back(mixed(colors[made.a], colors[made.b], made.t));
+      out_.visual_colors.push_back(mixed(colors, made));
     }
-    addAttachment(cut_.nodes[made.node]);
-    result_.visual.push_back({made.a, made.b, float(made.t)});
-    new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), made.node});
+    addAttachment(cut_.nodes[made.node], side);
+    result_.visual.push_back({made.a, made.b, float(made.t), made.c, float(made.s)});
+    new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), made.node, side});
   }
 
   /// A face of the section with vertices of its own: its rim is a sharp edge.
-  void addPolygon(const Polygon& polygon) {
+  void addPolygon(const Polygon& polygon, Side side) {
     const auto first = std::uint32_t(out_.visual_positions.size());
     const PlaneFrame& plane = cut_.sides.plane;
     const double scale = 1 / double(package_.info().diagonal);
     const auto addShared = [&](const Vector3d& at) {
       if (!package_.visualUvs().empty()) {
-        const Vector3d from = at - plane.point;
-        out_.visual_uvs.push_back({float(scale * from.dot(plane.right)), float(scale * from.dot(plane.up))});
+        const Vector2d from = scale * plane.flat(at);
+        out_.visual_uvs.push_back({float(from[0]), float(from[1])});
       }
       // The material of the section alone gives its colour.
       if (!package_.visualColors().empty()) out_.visual_colors.push_back({255, 255, 255, 255});
@@ -224,23 +247,23 @@ class Maker {
       const Node& node = cut_.surface.nodes[n];
       out_.visual_positions.push_back(asFloats(node.rest));
       addShared(node.at);
-      addAttachment(cut_.nodes[n]);
-      result_.visual.push_back({node.a, node.b, float(node.t)});
-      new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), n});
-      addSectionPoint(node.rest, cut_.nodes[n]);
+      addAttachment(cut_.nodes[n], side);
+      result_.visual.push_back({node.a, node.b, float(node.t), node.c, float(node.s)});
+      new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), n, side});
+      addSectionPoint(node.rest, cut_.nodes[n], side);
     }
     for (const Interior& point : polygon.interior) {
       out_.visual_positions.push_back(asFloats(point.rest));
       addShared(point.at);
-      addAttachment(point.hung);
+      addAttachment(point.hung, side);
       result_.visual.push_back({});
-      new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), kNone});
-      addSectionPoint(point.rest, point.hung);
+      new_points_.push_back({std::uint32_t(out_.visual_positions.size() - 1), kNone, side});
+      addSectionPoint(point.rest, point.hung, side);
     }
     std::vector<Vector3d> normals(out_.visual_positions.size() - first, Vector3d::Zero());
     for (const auto& t : polygon.triangles) {
       formats::Triangle made = {first + t[0], first + t[1], first + t[2]};
-      if (mesh_.side > 0) std::swap(made[1], made[2]);
+      if (side > 0) std::swap(made[1], made[2]);
       const Vector3d a = asVector(out_.visual_positions[made[0]]), b = asVector(out_.visual_positions[made[1]]),
                      c = asVector(out_.visual_positions[made[2]]);
       const Vector3d area = (b - a).cross(c - a);
@@ -257,18 +280,20 @@ class Maker {
     if (package_.visualNormals().empty()) return;
     Vector3d mean_normal = Vector3d::Zero();
     for (const Vector3d& n : normals) mean_normal += n;
-    if (!(mean_normal.norm() > 0)) mean_normal = -double(mesh_.side) * plane.normal;
+    if (!(mean_normal.norm() > 0)) mean_normal = -double(side) * plane.normal;
     for (const Vector3d& n : normals) {
       out_.visual_normals.push_back(asFloats((n.norm() > 1e-30 ? n : mean_normal).normalized()));
     }
   }
 
-  void addSectionPoint(const Vector3d& rest, const Hung& hung) {
+  void addSectionPoint(const Vector3d& rest, Hung hung, Side side) {
     for (PartPiece& piece : pieces_) {
       const formats::PieceRange& range = package_.pieces()[piece.source];
       if (hung.tetrahedron < range.first_tetrahedron + range.tetrahedron_count &&
           hung.tetrahedron >= range.first_tetrahedron) {
+        hung.tetrahedron = localOf(hung.tetrahedron, side);
         piece.section.push_back({rest, hung});
+        return;
       }
     }
   }
@@ -313,22 +338,29 @@ class Maker {
 
   /// Source vertices stay; each new point is a source vertex of a mesh of its own.
   void addIdentity() {
-    if (package_.visualIdentity().empty()) return;
-    const auto sources = std::uint32_t(package_.sourceIdentity().size());
+    // The faces of a slit are in one place at rest: only its identity tells them apart.
+    const bool has = !package_.visualIdentity().empty();
+    if (!has && !isSlit()) return;
+    const auto sources = has ? std::uint32_t(package_.sourceIdentity().size()) : visual_count_;
     out_.source_meshes.assign(package_.sourceMeshes().begin(), package_.sourceMeshes().end());
+    if (!has) out_.source_meshes.push_back({package_.info().name, 0, sources});
+    const auto identityOf = [&](std::uint32_t v) {
+      return has ? package_.visualIdentity()[v] : formats::VisualIdentity{v, cut_.sides.weld[v]};
+    };
     std::vector<std::uint32_t> welded(visual_count_, kNone);
     std::uint32_t next = 0, next_source = sources;
     const std::size_t count = out_.visual_positions.size();
     out_.visual_identity.resize(count);
-    std::unordered_map<std::uint32_t, formats::VisualIdentity> of_node;
+    std::unordered_map<std::uint32_t, formats::VisualIdentity> of_node;  // by side, of a slit
     std::size_t made = 0;
     for (std::uint32_t v = 0; v < count; ++v) {
-      if (made < new_points_.size() && new_points_[made][0] == v) {
-        const std::uint32_t node = new_points_[made++][1];
-        const bool kept = node != kNone && cut_.surface.nodes[node].a == cut_.surface.nodes[node].b;
+      if (made < new_points_.size() && new_points_[made].vertex == v) {
+        const auto [point, node, side] = new_points_[made++];
+        const bool kept = node != kNone && cut_.surface.nodes[node].a != kNone &&
+                          cut_.surface.nodes[node].a == cut_.surface.nodes[node].b;
         if (kept) {
           // It is a vertex of the source that lies on the plane.
-          const formats::VisualIdentity& from = package_.visualIdentity()[cut_.surface.nodes[node].a];
+          const formats::VisualIdentity from = identityOf(cut_.surface.nodes[node].a);
           if (welded[from.welded] == kNone) welded[from.welded] = next++;
           out_.visual_identity[v] = {from.source_vertex, welded[from.welded]};
           continue;
@@ -337,12 +369,14 @@ class Maker {
           out_.visual_identity[v] = {next_source++, next++};
           continue;
         }
-        const auto [found, added] = of_node.try_emplace(node, formats::VisualIdentity{next_source, next});
+        const bool apart = isSlit() && side > 0 && !cut_.surface.nodes[node].tip;
+        const auto [found, added] =
+            of_node.try_emplace(2 * node + (apart ? 1U : 0U), formats::VisualIdentity{next_source, next});
         if (added) ++next_source, ++next;
         out_.visual_identity[v] = found->second;
         continue;
       }
-      const formats::VisualIdentity& from = package_.visualIdentity()[result_.visual[v].a];
+      const formats::VisualIdentity from = identityOf(result_.visual[v].a);
       if (welded[from.welded] == kNone) welded[from.welded] = next++;
       out_.visual_identity[v] = {from.source_vertex, welded[from.welded]};
     }
@@ -374,11 +408,12 @@ class Maker {
     const auto weightAt = [&](std::size_t v) {
       const CutOrigin& from = result_.visual[v];
       if (from.a == kNone) return 0.0F;
-      return weight[from.a] + from.t * (weight[from.b] - weight[from.a]);
+      const float third = from.c == kNone ? 0 : from.s * (weight[from.c] - weight[from.a]);
+      return weight[from.a] + from.t * (weight[from.b] - weight[from.a]) + third;
     };
     const auto inBoth = [&](std::size_t v) {
       const CutOrigin& from = result_.visual[v];
-      return from.a != kNone && weight[from.a] > 0 && weight[from.b] > 0;
+      return from.a != kNone && weight[from.a] > 0 && weight[from.b] > 0 && (from.c == kNone || weight[from.c] > 0);
     };
     for (formats::Group group : package_.groups()) {
       const auto list = package_.groupVertices().subspan(group.first, group.count);
@@ -476,7 +511,8 @@ class Maker {
     const std::span<const std::uint32_t> label(
         cut_.partition.part_of.data() + (mesh_.side > 0 ? vertices : std::size_t(0)), vertices);
     for (const PartPiece& piece : pieces_) {
-      const FieldInput input = {package_, cut_.sides, mesh_, piece, cut_.nearest, clusters_, pin_sets_, label, part_};
+      const FieldInput input = {package_,  cut_.sides, mesh_, piece, cut_.nearest,
+                                clusters_, pin_sets_,  label, part_, cut_.partition.gaps};
       cut_.piece_is_whole[piece.source] != 0 ? addWholeFields(input, out_) : addCutFields(input, out_);
     }
   }
@@ -488,13 +524,18 @@ class Maker {
   PartContent result_;
   formats::PackageContent& out_;
   std::vector<PartPiece> pieces_;
-  std::vector<std::uint32_t> local_, local_tetrahedron_;  // of the package's to the part's
-  std::vector<std::uint32_t> clusters_, pin_sets_;        // the same
-  std::vector<std::uint32_t> place_;                      // of visual vertices, kept and new
+  std::vector<std::uint32_t> local_;  // of the package's vertices to the part's, those that lie there first
+  std::array<std::vector<std::uint32_t>, 2> local_tetrahedron_;  // below, above: of the package's to the part's
+  std::vector<std::uint32_t> clusters_, pin_sets_;               // the same
+  std::vector<std::uint32_t> place_;                             // by numberOf()
   std::vector<char> used_;
   std::vector<std::uint32_t> source_triangle_;
   std::uint32_t surface_triangles_ = 0;
-  std::vector<std::array<std::uint32_t, 2>> new_points_;  // visual vertex of the part, node or none
+  struct NewPoint {
+    std::uint32_t vertex, node;  // of the part; none: within the section
+    Side side;
+  };
+  std::vector<NewPoint> new_points_;
 };
 
 }  // namespace

@@ -128,9 +128,13 @@ std::vector<Hung> Crossing::hang(const Surface& surface) const {
     return Vector3d(edgesOf(corners, rest).inverse() * (at - rest(corners[3])));
   };
   for (const Node& node : surface.nodes) {
+    if (node.a == formats::kNone) {
+      hung.push_back(node.hung);
+      continue;
+    }
     const formats::BarycentricAttachment &a = package_.barycentric()[node.a], &b = package_.barycentric()[node.b];
     Hung here;
-    if (a.tetrahedron == b.tetrahedron) {
+    if (a.tetrahedron == b.tetrahedron && node.c == formats::kNone) {
       here.tetrahedron = a.tetrahedron;
       for (std::size_t k = 0; k < 3; ++k) {
         here.weight[k] = double(a.weight[k]) + node.t * (double(b.weight[k]) - double(a.weight[k]));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "sinew/runtime/cut.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -13,6 +14,7 @@
 #include "runtime/cut/parts.h"
 #include "runtime/cut/section.h"
 #include "runtime/cut/sides.h"
+#include "runtime/cut/slit.h"
 #include "runtime/cut/surface.h"
 
 namespace sinew {
@@ -50,6 +52,8 @@ const char* faultOf(const formats::PackageView& package, std::span<const Vec3> p
     }
   }
   const double length = cutting::asVector(plane.normal).norm();
+  if (plane.corners && !std::all_of(plane.corners->begin(), plane.corners->end(), isFinite))
+    return "a corner is no number";
   if (!isFinite(plane.point) || !isFinite(plane.normal) || !(length > 1e-12)) return "the plane is none";
   if (!(settings.spacing >= 0) || !(settings.least_part >= 0 && settings.least_part <= 0.5F)) {
     return "spacing is below 0, or least_part outside 0 to 0.5";
@@ -72,7 +76,10 @@ std::vector<std::uint8_t> wholePieces(const formats::PackageView& package, const
       const auto low = std::lower_bound(part.vertices.begin(), part.vertices.end(), range.first_vertex);
       parts += low != part.vertices.end() && *low < range.first_vertex + range.vertex_count ? 1U : 0U;
     }
-    whole[b] = parts == 1 ? 1 : 0;
+    const bool opened = std::any_of(partition.gaps.begin(), partition.gaps.end(), [&](const cutting::Gap& gap) {
+      return gap.tetrahedron - range.first_tetrahedron < range.tetrahedron_count;
+    });
+    whole[b] = parts == 1 && !opened ? 1 : 0;
   }
   return whole;
 }
@@ -115,24 +122,34 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
                            const CutSettings& settings) {
   CutResult result;
   Watch watch;
-  cutting::Sides sides = cutting::findSides(package, positions, cutting::frameOf(plane));
+  const std::optional<cutting::PlaneFrame> frame = cutting::frameOf(plane);
+  if (!frame) return Error{"the corners are of no convex quadrilateral"};
+  cutting::Sides sides = cutting::findSides(package, positions, *frame);
+  const bool is_slit = frame->outline.has_value();
   watch.lap(result.times.sides);
   const bool closes = settings.close_open_surfaces || package.info().source_volume >= 0;
   for (int round = 0; round <= kMostRounds; ++round) {
-    const cutting::Surface surface = cutting::clipSurface(package, sides);
+    cutting::Surface surface = is_slit ? cutting::clipSlit(package, sides) : cutting::clipSurface(package, sides);
     watch.lap(result.times.surface);
     const cutting::Crossing crossing(package, sides);
+    const auto locate = [&](const cutting::Vector3d& at) { return crossing.at(at); };
+    if (is_slit && closes) cutting::endSlit(surface, sides.plane, double(settings.spacing), locate);
     const std::vector<cutting::Hung> nodes = crossing.hang(surface);
     cutting::Section section;
-    const auto locate = [&](const cutting::Vector3d& at) { return crossing.at(at); };
     if (closes) section = cutting::closeSection(surface, sides.plane, double(settings.spacing), locate);
     watch.lap(result.times.section);
     const cutting::Partition partition =
-        cutting::findParts(package, surface, section, nodes, double(settings.least_part), round == kMostRounds, sides);
+        is_slit ? cutting::openSlit(package, surface, section, nodes, double(settings.least_part), sides)
+                : cutting::findParts(package, surface, section, nodes, double(settings.least_part),
+                                     round == kMostRounds, sides);
     watch.lap(result.times.parts);
     if (partition.again) continue;
     const std::vector<std::uint8_t> whole = wholePieces(package, partition);
-    if (partition.parts.size() < 2 || std::find(whole.begin(), whole.end(), 0) == whole.end()) {
+    if (is_slit && (surface.vertices.empty() || partition.gaps.empty())) {
+      return Error{surface.vertices.empty() ? "the quadrilateral meets nothing"
+                                            : "the quadrilateral passes through no tetrahedron"};
+    }
+    if (!is_slit && (partition.parts.size() < 2 || std::find(whole.begin(), whole.end(), 0) == whole.end())) {
       return Error{surface.vertices.empty() ? "the plane meets nothing, or only grazes it"
                                             : "the plane leaves what it cuts in one part"};
     }
@@ -173,6 +190,20 @@ Result<CutResult> cutSound(const formats::PackageView& package, std::span<const 
 }
 
 }  // namespace
+
+CutPlane boundedPlane(const std::array<Vec3, 4>& corners) {
+  CutPlane plane;
+  const auto at = [&](std::size_t i) { return cutting::asVector(corners[i]); };
+  const cutting::Vector3d middle = (at(0) + at(1) + at(2) + at(3)) / 4;
+  cutting::Vector3d normal = (at(2) - at(0)).cross(at(3) - at(1));
+  if (normal.norm() > 0) normal.normalize();
+  for (std::size_t a = 0; a < 3; ++a) {
+    plane.point[a] = float(middle[int(a)]);
+    plane.normal[a] = float(normal[int(a)]);
+  }
+  plane.corners = corners;
+  return plane;
+}
 
 Result<CutResult> cutAsset(const Asset& asset, std::span<const Vec3> positions, const CutPlane& plane,
                            const CutSettings& settings) {

@@ -201,6 +201,20 @@ struct Undo {
   }
 };
 
+/// Where the functions have the vertices: what is held is shown where it is held, which is no state.
+std::vector<Vec3> placesOf(const Body& body, std::span<const Vec3> shown) {
+  std::vector<Vec3> places(shown.begin(), shown.end());
+  for (const Piece& piece : body.pieces) {
+    const internal::Field& field = piece.field();
+    for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+      Eigen::Vector3d x = Eigen::Vector3d::Zero();
+      for (std::uint32_t j = 0; j < field.k; ++j) x += double(field.valueAt(i, j)) * piece.state.z[j];
+      for (std::size_t a = 0; a < 3; ++a) places[field.first_vertex + i][a] = float(x[int(a)]);
+    }
+  }
+  return places;
+}
+
 Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const CutSettings& settings) {
   const std::span<const Vec3> positions = world.positions(id), velocities = world.velocities(id);
   const Body* const body = find(world, id);
@@ -216,6 +230,7 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
   const Holds holds = holdsOf(*body);
   Heirs heirs(world, *asset, holds, result);
   Undo undo(world, result.bodies);
+  const std::vector<Vec3> places = placesOf(*body, positions);
   for (std::size_t p = 0; p < result.cut.parts.size(); ++p) {
     const CutPart& part = result.cut.parts[p];
     const Result<BodyId> made = world.addBody(part.asset, body_settings);
@@ -226,7 +241,7 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
     x.reserve(part.physical.size());
     v.reserve(part.physical.size());
     for (const std::uint32_t vertex : part.physical) {
-      x.push_back(positions[vertex]);
+      x.push_back(places[vertex]);
       v.push_back(velocities[vertex]);
     }
     world.setState(*made, x, v);

@@ -91,8 +91,9 @@ void addGrid(const Cut& cut, std::uint32_t part, const PartPiece& piece, std::si
   // A part smaller than a few cells has none: it does not stand for what touches it.
   if (!findRange(grid, content.info, made, from, to)) return;
   const std::vector<std::uint32_t>& tetrahedra = cut.node_tetrahedra[index];
+  // Of a tetrahedron the part has nothing 0, what is below 1, above 2, all 3.
   std::vector<char> has(cut.package.tetrahedra().size(), 0);
-  for (const PartTetrahedron& t : mesh.tetrahedra) has[t.source] = 1;
+  for (const PartTetrahedron& t : mesh.tetrahedra) has[t.source] |= t.side == 0 ? 3 : t.side < 0 ? 1 : 2;
   std::vector<HeightAtRest> heights(has.size());
   std::vector<char> known(has.size(), 0);
   const double unit = double(grid.unit);
@@ -101,11 +102,15 @@ void addGrid(const Cut& cut, std::uint32_t part, const PartPiece& piece, std::si
     const std::uint32_t t = tetrahedra[node];
     double distance = unit * double(values[node]);
     if (t != formats::kNone) {
-      if (known[t] == 0) heights[t] = heightIn(cut, t), known[t] = 1;
-      const Vector3d place = asVector(grid.origin) + double(grid.spacing) * Vector3d(at[0], at[1], at[2]);
-      const double above =
-          (heights[t].value + heights[t].slope.dot(place)) / std::max(kLeastSlope, heights[t].slope.norm());
-      distance = std::max(distance, -double(mesh.side) * above);
+      // A slit has no width: to what has both of its sides it is not there.
+      const double side = mesh.side != 0 ? mesh.side : has[t] == 1 ? -1 : has[t] == 2 ? 1 : 0;
+      if (side != 0) {
+        if (known[t] == 0) heights[t] = heightIn(cut, t), known[t] = 1;
+        const Vector3d place = asVector(grid.origin) + double(grid.spacing) * Vector3d(at[0], at[1], at[2]);
+        const double above =
+            (heights[t].value + heights[t].slope.dot(place)) / std::max(kLeastSlope, heights[t].slope.norm());
+        distance = std::max(distance, -side * above);
+      }
       // Within another part of this side.
       if (has[t] == 0) distance = std::abs(distance);
     }

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "runtime/cut/functions.h"
+#include "runtime/cut/jumps.h"
 #include "runtime/cut/places.h"
 #include "runtime/cut/samples.h"
 #include "runtime/cut/tethers.h"
@@ -49,8 +50,10 @@ class CutField {
         parent_(input.package, input.package.fields()[field]),
         nearest_(input.nearest[field]),
         content_(content),
-        slopes_(input, parent_values_, local_) {
+        around_(input),
+        slopes_(input, parent_values_) {
     readVertices();
+    addJumps();
     functions_ = restrictFunctions(parent_, parent_values_, rest_, mass_, pin_sets);
   }
 
@@ -59,7 +62,7 @@ class CutField {
     if (functions_.free() == 0) return false;
     std::optional<MatrixXd> tethers = partTethers(input_, index_, parent_, functions_, local_);
     if (!tethers) return false;
-    samples_ = findSamples(input_, parent_, nearest_, functions_, slopes_, local_);
+    samples_ = findSamples(input_, parent_, nearest_, functions_, slopes_, around_, jumps_);
     turn(*tethers);
     findPoints();
     formats::Field field = header();
@@ -85,10 +88,20 @@ class CutField {
     for (Index i = 0; i < Index(piece.count); ++i) {
       const std::size_t at = std::size_t(piece.first) + std::size_t(i);
       const std::uint32_t v = input_.mesh.vertices[at];
-      local_[v] = std::uint32_t(i);
+      if (local_[v] == formats::kNone || input_.mesh.own[at] != 0) local_[v] = std::uint32_t(i);
       rest_.row(i) = asVector(package_.physicalVertices()[v].rest_position).transpose();
       mass_[i] = double(input_.mesh.masses[at]);
-      for (Index j = 0; j < parent_.count(); ++j) parent_values_(i, j) = parent_.valueAt(v, j);
+      for (Index j = 0; j < parent_.own(); ++j) parent_values_(i, j) = parent_.valueAt(v, j);
+    }
+  }
+
+  void addJumps() {
+    jumps_ = findJumps(input_, parent_);
+    const auto added = Index(jumps_.phi.size());
+    parent_.add(added);
+    parent_values_.conservativeResize(Eigen::NoChange, parent_.count());
+    for (Index i = 0; i < added; ++i) {
+      parent_values_.col(parent_.own() + i) = jumps_.psi.cwiseProduct(parent_values_.col(jumps_.phi[std::size_t(i)]));
     }
   }
 
@@ -121,7 +134,15 @@ class CutField {
     for (std::uint32_t i = 0; i < points.size(); ++i) {
       if (!input_.isOwn(nearest_.of_point[i])) continue;
       places_.push_back(points[i].at);
-      rows.push_back(functions_.valuesFrom(asVector(points[i].at), parent_.valuesAt(i)));
+      VectorXd values = parent_.valuesAt(i);
+      if (jumps_.psi.size() > 0) {
+        const std::uint32_t t = around_.at(nearest_.of_point[i], asVector(points[i].at));
+        const double psi = t == formats::kNone ? 0 : jumps_.at(input_, t);
+        for (std::size_t j = 0; j < jumps_.phi.size(); ++j) {
+          values[parent_.own() + Index(j)] = psi * values[jumps_.phi[j]];
+        }
+      }
+      rows.push_back(functions_.valuesFrom(asVector(points[i].at), values));
     }
     area_ = double(points[0].area);
     const std::vector<SectionPoint>& section = input_.piece.section;
@@ -145,14 +166,17 @@ class CutField {
 
   /// The parent's functions where something hangs.
   VectorXd parentAt(const Hung& hung) const {
-    const auto& corners = package_.tetrahedra()[hung.tetrahedron].vertex;
+    const auto row = [&](std::size_t c) {
+      return parent_values_.row(Index(input_.mesh.tetrahedra[hung.tetrahedron].corner[c] - input_.piece.first))
+          .transpose();
+    };
     VectorXd values = VectorXd::Zero(parent_.count());
     double last = 1;
     for (std::size_t c = 0; c < 3; ++c) {
-      values += hung.weight[c] * parent_values_.row(local_[corners[c]]).transpose();
+      values += hung.weight[c] * row(c);
       last -= hung.weight[c];
     }
-    return values + last * parent_values_.row(local_[corners[3]]).transpose();
+    return values + last * row(3);
   }
 
   double hertz(Index mode) const { return std::sqrt(modes_.squares[mode]) / (2 * std::numbers::pi); }
@@ -255,14 +279,17 @@ class CutField {
     VectorXd decay = VectorXd::Zero(input_.piece.count);
     if (package_.mechanics().empty()) return decay;
     const formats::PieceRange& range = package_.pieces()[input_.piece.source];
+    std::vector<double> decay_of(package_.physicalVertices().size(), 0);
     for (std::uint32_t c = range.first_cluster; c < range.first_cluster + range.cluster_count; ++c) {
       const double damping = double(package_.mechanics()[c].damping);
       if (!(damping > 0)) continue;
       const formats::Cluster& cluster = package_.clusters()[c];
       for (const auto& m : package_.memberships().subspan(cluster.first_member, cluster.member_count)) {
-        if (local_[m.vertex] != formats::kNone) decay[local_[m.vertex]] += double(m.share) * damping;
+        decay_of[m.vertex] += double(m.share) * damping;
       }
     }
+    for (Index i = 0; i < decay.size(); ++i)
+      decay[i] = decay_of[input_.mesh.vertices[input_.piece.first + std::size_t(i)]];
     return decay;
   }
 
@@ -304,7 +331,7 @@ class CutField {
       for (std::size_t n = 0; n < 4; ++n) mean += share[corners[n]] * t.center[n];
       if (!(mean > 0) || !(t.volume > 0)) continue;
       MatrixXd one = MatrixXd::Zero(parent_.count(), 3);
-      const double volume = slopes_.add(corners, one);
+      const double volume = slopes_.add(t, one);
       if (!(volume > 0)) continue;
       gradient += mean * t.volume / volume * one;
       here += mean * t.volume;
@@ -321,13 +348,15 @@ class CutField {
   const FieldInput& input_;
   const formats::PackageView& package_;
   const std::uint32_t index_;
-  const ParentField parent_;
+  ParentField parent_;
   const Nearest& nearest_;
   formats::PackageContent& content_;
   std::vector<std::uint32_t> local_;  // of the package's vertices: rows
   Eigen::MatrixX3d rest_;
   VectorXd mass_;
   MatrixXd parent_values_;  // vertices x functions of the parent
+  const Around around_;
+  Jumps jumps_;
   Slopes slopes_;
   PartFunctions functions_;
   std::vector<Sample> samples_;
@@ -349,7 +378,7 @@ Nearest findNearest(const formats::PackageView& package, const formats::Field& f
   }
   std::vector<float> distance(range.vertex_count);
   const auto nearestTo = [&](const Vector3d& at) {
-    places.squaredDistances(at, distance);
+    places.squaredDistances(at, 0, distance);
     return range.first_vertex + std::uint32_t(std::min_element(distance.begin(), distance.end()) - distance.begin());
   };
   for (const formats::FieldPack& pack : package.fieldPacks().subspan(field.first_pack, field.pack_count)) {

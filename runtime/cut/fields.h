@@ -14,7 +14,7 @@ namespace sinew::cutting {
 /// A point of the section that may touch.
 struct SectionPoint {
   Vector3d rest;  ///< m
-  Hung hung;      ///< tetrahedron of the package
+  Hung hung;      ///< tetrahedron of PartMesh
 };
 
 /// What a part has of a piece.
@@ -44,7 +44,8 @@ struct FieldInput {
   const std::vector<std::uint32_t>& pin_sets;  ///< the same
   /// Of each vertex of the package on the part's side: the part that has it (Partition::part_of).
   std::span<const std::uint32_t> label;
-  std::uint32_t part = 0;  ///< this one
+  std::uint32_t part = 0;        ///< this one
+  const std::vector<Gap>& gaps;  ///< Partition::gaps
 
   bool isOwn(std::uint32_t vertex) const { return label[vertex] == part; }
 };

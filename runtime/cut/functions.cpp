@@ -55,18 +55,18 @@ double ParentField::valueAt(std::uint32_t vertex, Index j) const {
 }
 
 VectorXd ParentField::valuesAt(std::uint32_t point) const {
-  VectorXd values(count());
+  VectorXd values = VectorXd::Zero(count());
   const std::size_t block = field_.first_point_value + std::size_t(field_.function_count) * (point / 8);
-  for (Index j = 0; j < count(); ++j) {
+  for (Index j = 0; j < own(); ++j) {
     values[j] = double(package_.fieldPointValues()[block + std::size_t(j)][point % 8]);
   }
   return values;
 }
 
 MatrixXd ParentField::gradientsAt(std::uint32_t pack, std::size_t lane) const {
-  MatrixXd gradients(count(), 3);
+  MatrixXd gradients = MatrixXd::Zero(count(), 3);
   const std::size_t first = field_.first_gradient + 3 * std::size_t(field_.function_count) * pack;
-  for (Index j = 0; j < count(); ++j) {
+  for (Index j = 0; j < own(); ++j) {
     for (Index a = 0; a < 3; ++a) {
       gradients(j, a) = double(package_.fieldGradients()[first + 3 * std::size_t(j) + std::size_t(a)][lane]);
     }

@@ -11,26 +11,33 @@
 
 namespace sinew::cutting {
 
-/// Numbers of a field of a package, out of their lanes.
+/// Numbers of a field of a package, out of their lanes; after its own functions those that a slit adds (Jumps), which
+/// no set drives and whose values are not read here.
 class ParentField {
  public:
-  ParentField(const formats::PackageView& package, const formats::Field& field) : package_(package), field_(field) {}
+  ParentField(const formats::PackageView& package, const formats::Field& field) : package_(package), field_(field) {
+    added_.pin_set = formats::kNone;
+  }
 
   const formats::Field& field() const { return field_; }
-  Eigen::Index count() const { return Eigen::Index(field_.function_count); }
+  Eigen::Index own() const { return Eigen::Index(field_.function_count); }
+  Eigen::Index count() const { return own() + more_; }
+  void add(Eigen::Index functions) { more_ = functions; }
   const formats::FieldFunction& function(Eigen::Index j) const {
-    return package_.fieldFunctions()[field_.first_function + std::size_t(j)];
+    return j < own() ? package_.fieldFunctions()[field_.first_function + std::size_t(j)] : added_;
   }
   /// \param vertex of the package, of the field's piece.
   double valueAt(std::uint32_t vertex, Eigen::Index j) const;
-  /// Of all functions at a contact point. \param point of the field.
+  /// At a contact point; 0 of added ones. \param point of the field.
   Eigen::VectorXd valuesAt(std::uint32_t point) const;
-  /// k x 3, at a sample.
+  /// k x 3, at a sample; the same.
   Eigen::MatrixXd gradientsAt(std::uint32_t pack, std::size_t lane) const;
 
  private:
   const formats::PackageView& package_;
   const formats::Field& field_;
+  formats::FieldFunction added_ = {};
+  Eigen::Index more_ = 0;
 };
 
 /// Functions of a part: each is a sum of 1, X, Y, Z and of the parent's functions.

@@ -40,7 +40,7 @@ class Finder {
     }
     joinRemains(last ? least : 0);
     collect(partition);
-    shareMasses(partition);
+    shareMasses(package_, shares_, partition);
     return partition;
   }
 
@@ -116,34 +116,12 @@ class Finder {
   }
 
   void measure() {
-    fractions_.resize(tetrahedra_);
-    volumes_.resize(tetrahedra_);
+    shares_ = findShares(package_, sides_);
     mass_of_.assign(2 * std::size_t(vertices_) + 2 * std::size_t(tetrahedra_), 0);
-    total_.assign(vertices_, 0);
-    const auto rest = [&](std::uint32_t v) { return asVector(package_.physicalVertices()[v].rest_position); };
-    for (std::uint32_t t = 0; t < tetrahedra_; ++t) {
-      const Corners4& corners = cornersOf(t);
-      std::array<double, 4> height = {};
-      std::array<Side, 4> side = {};
-      for (std::size_t k = 0; k < 4; ++k) {
-        height[k] = sides_.heightOf(corners[k]);
-        side[k] = sides_.side[corners[k]];
-      }
-      fractions_[t] = fractionOf(height, side);
-      volumes_[t] = std::max(1e-300, std::abs(edgesOf(corners, rest).determinant()) / 6);
-      for (const std::uint32_t v : corners) total_[v] += volumes_[t] / 4;
-    }
     for (std::uint32_t t = 0; t < tetrahedra_; ++t) {
       for (const Side side : kSides) {
-        const std::size_t place = placeOf(side);
-        if (has_[place * tetrahedra_ + t] == 0) continue;
-        double mass = 0;
-        for (std::size_t k = 0; k < 4; ++k) {
-          const std::uint32_t v = cornersOf(t)[k];
-          mass +=
-              double(package_.physicalVertices()[v].mass) * volumes_[t] * fractions_[t].moments[place][k] / total_[v];
-        }
-        mass_of_[together_.root(tetrahedronAt(side, t))] += mass;
+        if (has_[placeOf(side) * tetrahedra_ + t] == 0) continue;
+        mass_of_[together_.root(tetrahedronAt(side, t))] += shares_.massOf(package_, t, side);
       }
     }
   }
@@ -242,11 +220,7 @@ class Finder {
         PartMesh& part = partition.parts[partOf(together_.root(tetrahedronAt(side, t)), side)];
         PartTetrahedron& tetrahedron = part.tetrahedra.emplace_back();
         tetrahedron.source = t;
-        const double share = fractions_[t].volume[place];
-        tetrahedron.volume = share * volumes_[t];
-        for (std::size_t k = 0; k < 4; ++k) {
-          tetrahedron.center[k] = share > 1e-12 ? fractions_[t].moments[place][k] / share : 0.25;
-        }
+        shares_.take(side, tetrahedron);
       }
     }
     // A part of both sides (joined remains) may list a tetrahedron twice.
@@ -283,9 +257,8 @@ class Finder {
     for (std::uint32_t p = 0; p < section_.polygons.size(); ++p) {
       const std::uint32_t t = nodes_[section_.polygons[p].nodes[0]].tetrahedron;
       for (const Side side : kSides) {
-        std::vector<std::uint32_t>& list =
-            partition.parts[part_of_root[together_.root(tetrahedronAt(side, t))]].polygons;
-        list.push_back(p);
+        std::vector<PartPolygon>& list = partition.parts[part_of_root[together_.root(tetrahedronAt(side, t))]].polygons;
+        list.push_back({p, side});
       }
     }
     // Vertices: those of its tetrahedra.
@@ -302,83 +275,13 @@ class Finder {
         part.own.push_back(partition.part_of[v] == p || partition.part_of[vertices_ + v] == p ? 1 : 0);
       }
     }
-    addLoose(partition);
-  }
-
-  /// Vertices of no tetrahedron go where the most of their piece is.
-  void addLoose(Partition& partition) const {
-    std::vector<char> used(vertices_, 0);
-    for (const formats::Tetrahedron& t : package_.tetrahedra()) {
-      for (const std::uint32_t v : t.vertex) used[v] = 1;
-    }
-    for (const formats::PieceRange& piece : package_.pieces()) {
-      for (std::uint32_t v = piece.first_vertex; v < piece.first_vertex + piece.vertex_count; ++v) {
-        if (used[v] != 0) continue;
-        PartMesh* best = nullptr;
-        std::size_t most = 0;
-        for (PartMesh& part : partition.parts) {
-          const auto low = std::lower_bound(part.vertices.begin(), part.vertices.end(), piece.first_vertex);
-          const auto high = std::lower_bound(low, part.vertices.end(), piece.first_vertex + piece.vertex_count);
-          if (best == nullptr || std::size_t(high - low) > most) best = &part, most = std::size_t(high - low);
-        }
-        if (best == nullptr) continue;
-        const auto at = std::lower_bound(best->vertices.begin(), best->vertices.end(), v);
-        best->own.insert(best->own.begin() + (at - best->vertices.begin()), 1);
-        best->vertices.insert(at, v);
-      }
-    }
-  }
-
-  /// Each vertex's mass goes to its copies as the volume around it does; the largest copy takes what rounding leaves.
-  void shareMasses(Partition& partition) const {
-    std::vector<std::uint32_t> copies(vertices_, 0), place(vertices_, 0);
-    std::vector<std::vector<double>> parts;
+    addLoose(package_, partition);
+    std::vector<std::uint32_t> place(vertices_, 0);
     for (PartMesh& part : partition.parts) {
-      for (std::uint32_t i = 0; i < part.vertices.size(); ++i) {
-        place[part.vertices[i]] = i;
-        ++copies[part.vertices[i]];
+      for (std::uint32_t i = 0; i < part.vertices.size(); ++i) place[part.vertices[i]] = i;
+      for (PartTetrahedron& t : part.tetrahedra) {
+        for (std::size_t k = 0; k < 4; ++k) t.corner[k] = place[cornersOf(t.source)[k]];
       }
-      std::vector<double>& volume = parts.emplace_back(part.vertices.size(), 0.0);
-      for (const PartTetrahedron& t : part.tetrahedra) {
-        for (std::size_t k = 0; k < 4; ++k) volume[place[cornersOf(t.source)[k]]] += t.volume * t.center[k];
-      }
-      part.masses.resize(part.vertices.size());
-    }
-    struct Copy {
-      std::uint32_t vertex, part, place;
-    };
-    std::vector<Copy> shared;
-    for (std::uint32_t p = 0; p < partition.parts.size(); ++p) {
-      PartMesh& part = partition.parts[p];
-      for (std::uint32_t i = 0; i < part.vertices.size(); ++i) {
-        const std::uint32_t v = part.vertices[i];
-        part.masses[i] = package_.physicalVertices()[v].mass;
-        if (copies[v] > 1) shared.push_back({v, p, i});
-      }
-    }
-    std::stable_sort(shared.begin(), shared.end(), [](const Copy& a, const Copy& b) { return a.vertex < b.vertex; });
-    for (std::size_t first = 0, end = 0; first < shared.size(); first = end) {
-      while (end < shared.size() && shared[end].vertex == shared[first].vertex) ++end;
-      const double mass = double(package_.physicalVertices()[shared[first].vertex].mass);
-      double sum = 0, most = -1;
-      std::size_t largest = first;
-      for (std::size_t i = first; i < end; ++i) {
-        double& share = parts[shared[i].part][shared[i].place];
-        share = std::max(share / std::max(1e-300, total_[shared[i].vertex]), kLeastShare);
-        sum += share;
-        if (share > most) most = share, largest = i;
-      }
-      // Whole numbers of the last digit of the mass, so that the copies sum to it exactly.
-      const double digit = double(std::nextafter(float(mass), std::numeric_limits<float>::infinity())) - mass;
-      double left = mass;
-      for (std::size_t i = first; i < end; ++i) {
-        if (i == largest) continue;
-        const double share = mass * parts[shared[i].part][shared[i].place] / sum;
-        const double part_mass = std::max(1.0, std::round(share / digit)) * digit;
-        partition.parts[shared[i].part].masses[shared[i].place] = float(part_mass);
-        left -= part_mass;
-      }
-      partition.parts[shared[largest].part].masses[shared[largest].place] = float(left);
     }
   }
 
@@ -390,13 +293,129 @@ class Finder {
   const std::uint32_t vertices_, tetrahedra_;
   Union together_;
   std::vector<char> has_;  // tetrahedra below, then above: some part there has them
-  std::vector<Fraction> fractions_;
-  std::vector<double> volumes_, total_;
+  Shares shares_;
   std::vector<double> mass_of_;  // by root
   std::vector<std::uint32_t> for_points_;
 };
 
 }  // namespace
+
+double Shares::massOf(const formats::PackageView& package, std::uint32_t tetrahedron, Side side) const {
+  double mass = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const std::uint32_t v = package.tetrahedra()[tetrahedron].vertex[k];
+    mass += double(package.physicalVertices()[v].mass) * volumes[tetrahedron] *
+            fractions[tetrahedron].moments[placeOf(side)][k] / total[v];
+  }
+  return mass;
+}
+
+void Shares::take(Side side, PartTetrahedron& to) const {
+  const Fraction& fraction = fractions[to.source];
+  const double share = fraction.volume[placeOf(side)];
+  to.volume = share * volumes[to.source];
+  for (std::size_t k = 0; k < 4; ++k) {
+    to.center[k] = share > 1e-12 ? fraction.moments[placeOf(side)][k] / share : 0.25;
+  }
+}
+
+Shares findShares(const formats::PackageView& package, const Sides& sides) {
+  Shares shares;
+  const auto tetrahedra = package.tetrahedra();
+  shares.fractions.resize(tetrahedra.size());
+  shares.volumes.resize(tetrahedra.size());
+  shares.total.assign(package.physicalVertices().size(), 0);
+  const auto rest = [&](std::uint32_t v) { return asVector(package.physicalVertices()[v].rest_position); };
+  for (std::uint32_t t = 0; t < tetrahedra.size(); ++t) {
+    const Corners4& corners = tetrahedra[t].vertex;
+    std::array<double, 4> height = {};
+    std::array<Side, 4> side = {};
+    for (std::size_t k = 0; k < 4; ++k) {
+      height[k] = sides.heightOf(corners[k]);
+      side[k] = sides.side[corners[k]];
+    }
+    shares.fractions[t] = fractionOf(height, side);
+    shares.volumes[t] = std::max(1e-300, std::abs(edgesOf(corners, rest).determinant()) / 6);
+    for (const std::uint32_t v : corners) shares.total[v] += shares.volumes[t] / 4;
+  }
+  return shares;
+}
+
+void addLoose(const formats::PackageView& package, Partition& partition) {
+  std::vector<char> used(package.physicalVertices().size(), 0);
+  for (const formats::Tetrahedron& t : package.tetrahedra()) {
+    for (const std::uint32_t v : t.vertex) used[v] = 1;
+  }
+  for (const formats::PieceRange& piece : package.pieces()) {
+    for (std::uint32_t v = piece.first_vertex; v < piece.first_vertex + piece.vertex_count; ++v) {
+      if (used[v] != 0) continue;
+      PartMesh* best = nullptr;
+      std::size_t most = 0;
+      for (PartMesh& part : partition.parts) {
+        const auto low = std::lower_bound(part.vertices.begin(), part.vertices.end(), piece.first_vertex);
+        const auto high = std::lower_bound(low, part.vertices.end(), piece.first_vertex + piece.vertex_count);
+        if (best == nullptr || std::size_t(high - low) > most) best = &part, most = std::size_t(high - low);
+      }
+      if (best == nullptr) continue;
+      const auto at = std::lower_bound(best->vertices.begin(), best->vertices.end(), v);
+      best->own.insert(best->own.begin() + (at - best->vertices.begin()), 1);
+      const auto place = std::uint32_t(at - best->vertices.begin());
+      best->vertices.insert(at, v);
+      for (PartTetrahedron& t : best->tetrahedra) {
+        for (std::uint32_t& corner : t.corner) corner += corner >= place ? 1U : 0U;
+      }
+    }
+  }
+}
+
+void shareMasses(const formats::PackageView& package, const Shares& shares, Partition& partition) {
+  std::vector<std::uint32_t> copies(package.physicalVertices().size(), 0);
+  std::vector<std::vector<double>> parts;
+  for (PartMesh& part : partition.parts) {
+    for (const std::uint32_t v : part.vertices) ++copies[v];
+    std::vector<double>& volume = parts.emplace_back(part.vertices.size(), 0.0);
+    for (const PartTetrahedron& t : part.tetrahedra) {
+      for (std::size_t k = 0; k < 4; ++k) volume[t.corner[k]] += t.volume * t.center[k];
+    }
+    part.masses.resize(part.vertices.size());
+  }
+  struct Copy {
+    std::uint32_t vertex, part, place;
+  };
+  std::vector<Copy> shared;
+  for (std::uint32_t p = 0; p < partition.parts.size(); ++p) {
+    PartMesh& part = partition.parts[p];
+    for (std::uint32_t i = 0; i < part.vertices.size(); ++i) {
+      const std::uint32_t v = part.vertices[i];
+      part.masses[i] = package.physicalVertices()[v].mass;
+      if (copies[v] > 1) shared.push_back({v, p, i});
+    }
+  }
+  std::stable_sort(shared.begin(), shared.end(), [](const Copy& a, const Copy& b) { return a.vertex < b.vertex; });
+  for (std::size_t first = 0, end = 0; first < shared.size(); first = end) {
+    while (end < shared.size() && shared[end].vertex == shared[first].vertex) ++end;
+    const double mass = double(package.physicalVertices()[shared[first].vertex].mass);
+    double sum = 0, most = -1;
+    std::size_t largest = first;
+    for (std::size_t i = first; i < end; ++i) {
+      double& share = parts[shared[i].part][shared[i].place];
+      share = std::max(share / std::max(1e-300, shares.total[shared[i].vertex]), kLeastShare);
+      sum += share;
+      if (share > most) most = share, largest = i;
+    }
+    // Whole numbers of the last digit of the mass, so that the copies sum to it exactly.
+    const double digit = double(std::nextafter(float(mass), std::numeric_limits<float>::infinity())) - mass;
+    double left = mass;
+    for (std::size_t i = first; i < end; ++i) {
+      if (i == largest) continue;
+      const double share = mass * parts[shared[i].part][shared[i].place] / sum;
+      const double part_mass = std::max(1.0, std::round(share / digit)) * digit;
+      partition.parts[shared[i].part].masses[shared[i].place] = float(part_mass);
+      left -= part_mass;
+    }
+    partition.parts[shared[largest].part].masses[shared[largest].place] = float(left);
+  }
+}
 
 Partition findParts(const formats::PackageView& package, const Surface& surface, const Section& section,
                     const std::vector<Hung>& nodes, double least, bool last, Sides& sides) {

@@ -7,20 +7,22 @@
 
 namespace sinew::cutting {
 
-/// Places as floats about the first of them, side by side: distances of all to one.
+/// Places as floats about the first of them, side by side: distances of all to one. A fourth axis, where it is asked
+/// for, tells places apart that are one at rest.
 class Places {
  public:
-  explicit Places(std::size_t count) : x_(count), y_(count), z_(count) {}
+  explicit Places(std::size_t count, bool deep = false) : x_(count), y_(count), z_(count), w_(deep ? count : 0) {}
 
-  void set(std::size_t i, const Eigen::Vector3d& at) {
+  void set(std::size_t i, const Eigen::Vector3d& at, double depth = 0) {
     if (i == 0) origin_ = at;
     x_[i] = float(at[0] - origin_[0]);
     y_[i] = float(at[1] - origin_[1]);
     z_[i] = float(at[2] - origin_[2]);
+    if (!w_.empty()) w_[i] = float(depth);
   }
 
   /// \param[out] out m^2, as many as there are places.
-  void squaredDistances(const Eigen::Vector3d& to, std::vector<float>& out) const {
+  void squaredDistances(const Eigen::Vector3d& to, double depth, std::vector<float>& out) const {
     const Eigen::Vector3d from = to - origin_;
     const float px = float(from[0]), py = float(from[1]), pz = float(from[2]);
     const float *const x = x_.data(), *const y = y_.data(), *const z = z_.data();
@@ -28,11 +30,12 @@ class Places {
     for (std::size_t i = 0; i < out.size(); ++i) {
       d[i] = (x[i] - px) * (x[i] - px) + (y[i] - py) * (y[i] - py) + (z[i] - pz) * (z[i] - pz);
     }
+    for (std::size_t i = 0; i < w_.size(); ++i) out[i] += (w_[i] - float(depth)) * (w_[i] - float(depth));
   }
 
  private:
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
-  std::vector<float> x_, y_, z_;
+  std::vector<float> x_, y_, z_, w_;
 };
 
 }  // namespace sinew::cutting

@@ -23,18 +23,19 @@ constexpr std::size_t kSamples = 4;
 class Finder {
  public:
   Finder(const FieldInput& input, const ParentField& parent, const Nearest& nearest, const PartFunctions& functions,
-         const Slopes& slopes, const std::vector<std::uint32_t>& local)
+         const Slopes& slopes, const Around& around, const Jumps& jumps)
       : input_(input),
         package_(input.package),
         parent_(parent),
         nearest_(nearest),
         functions_(functions),
         slopes_(slopes),
-        local_(local) {
+        around_(around),
+        jumps_(jumps) {
     listCells();
     listParents();
-    Places places(centers_.size());
-    for (std::size_t i = 0; i < centers_.size(); ++i) places.set(i, centers_[i]);
+    Places places(centers_.size(), jumps_.psi.size() > 0);
+    for (std::size_t i = 0; i < centers_.size(); ++i) places.set(i, centers_[i], depthOf(cells_[i]));
     takeParents(places);
     fill(places);
     weigh();
@@ -89,18 +90,32 @@ class Finder {
         m.cluster = pack.cluster[lane] == formats::kNone ? formats::kNone : input_.clusters[pack.cluster[lane]];
         // A sample lies where its nearest vertex does.
         if (!input_.isOwn(nearest_.of_sample[8 * std::size_t(p) + lane])) continue;
-        addSample(m, functions_.gradientsFrom(parent_.gradientsAt(p, lane)));
+        MatrixXd gradients = parent_.gradientsAt(p, lane);
+        double depth = 0;
+        if (jumps_.psi.size() > 0) {
+          const std::uint32_t cell = around_.at(nearest_.of_sample[8 * std::size_t(p) + lane], m.at);
+          if (cell == formats::kNone) continue;
+          double volume = 0;
+          const auto added = parent_.count() - parent_.own();
+          gradients.bottomRows(added) = slopes_.meanAt(tetrahedron(cell), around_, volume).bottomRows(added);
+          depth = depthOf(cell);
+        }
+        addSample(m, functions_.gradientsFrom(gradients), depth);
       }
     }
   }
 
-  void addSample(const Material& m, MatrixXd gradients) {
+  void addSample(const Material& m, MatrixXd gradients, double depth) {
     samples_.push_back({m.at, 0, m.mu, m.lambda, m.cluster, std::move(gradients)});
+    depths_.push_back(depth);
   }
+
+  /// How far a tetrahedron lies from the slit's other side, m.
+  double depthOf(std::uint32_t cell) const { return jumps_.psi.size() > 0 ? jumps_.size * jumps_.at(input_, cell) : 0; }
 
   /// Tetrahedra go to a sample where it is nearer than those before.
   void assign(const Places& places, std::uint32_t sample) {
-    places.squaredDistances(samples_[sample].at, fresh_);
+    places.squaredDistances(samples_[sample].at, depths_[sample], fresh_);
     for (std::size_t i = 0; i < fresh_.size(); ++i) of_cell_[i] = fresh_[i] < distance_[i] ? sample : of_cell_[i];
     for (std::size_t i = 0; i < fresh_.size(); ++i) distance_[i] = std::min(distance_[i], fresh_[i]);
   }
@@ -112,55 +127,48 @@ class Finder {
   void fill(const Places& places) {
     const std::size_t wanted = std::min(cells_.size(), kSamples * std::size_t(functions_.count()));
     if (samples_.size() >= wanted) return;
-    listTetrahedra();
+    listSteepness();
     if (samples_.empty()) {
       // The middle first: all distances are infinite.
       const Vector3d middle =
           std::accumulate(centers_.begin(), centers_.end(), Vector3d(Vector3d::Zero())) / double(centers_.size());
-      places.squaredDistances(middle, fresh_);
+      places.squaredDistances(middle, 0, fresh_);
       addMean(std::size_t(std::min_element(fresh_.begin(), fresh_.end()) - fresh_.begin()), places);
     }
     while (samples_.size() < wanted) {
-      const auto farthest = std::size_t(std::max_element(distance_.begin(), distance_.end()) - distance_.begin());
+      std::size_t farthest = 0;
+      if (steepness_.empty()) {
+        farthest = std::size_t(std::max_element(distance_.begin(), distance_.end()) - distance_.begin());
+      } else {
+        for (std::size_t i = 0; i < cells_.size(); ++i) {
+          if (distance_[i] * steepness_[i] > distance_[farthest] * steepness_[farthest]) farthest = i;
+        }
+      }
       if (!(distance_[farthest] > 0)) break;
       addMean(farthest, places);
     }
   }
 
-  /// By vertex of the piece: tetrahedra of the part that have it.
-  void listTetrahedra() {
-    first_of_.assign(std::size_t(input_.piece.count) + 1, 0);
-    const std::uint32_t first = input_.piece.first_tetrahedron, end = first + input_.piece.tetrahedron_count;
-    const auto forEach = [&](const auto& visit) {
-      for (std::uint32_t t = first; t < end; ++t) {
-        for (const std::uint32_t v : cornersOf(t)) visit(local_[v], t);
+  /// Of psi, squared, of that over the slit's size, and 1.
+  void listSteepness() {
+    if (jumps_.psi.size() == 0) return;
+    for (const std::uint32_t cell : cells_) {
+      const PartTetrahedron& t = tetrahedron(cell);
+      Eigen::Matrix3d edges;
+      Vector3d rise;
+      for (int k = 0; k < 3; ++k) {
+        edges.row(k) = (restOf(cornersOf(cell)[std::size_t(k)]) - restOf(cornersOf(cell)[3])).transpose();
+        rise[k] =
+            jumps_.psi[t.corner[std::size_t(k)] - input_.piece.first] - jumps_.psi[t.corner[3] - input_.piece.first];
       }
-    };
-    forEach([&](std::uint32_t v, std::uint32_t) { ++first_of_[v + 1]; });
-    std::partial_sum(first_of_.begin(), first_of_.end(), first_of_.begin());
-    around_.resize(first_of_.back());
-    std::vector<std::uint32_t> next(first_of_.begin(), first_of_.end() - 1);
-    forEach([&](std::uint32_t v, std::uint32_t t) { around_[next[v]++] = t; });
+      const double slope = jumps_.size * (edges.inverse() * rise).norm();
+      steepness_.push_back(std::isfinite(slope) ? float(1 + slope * slope) : 1.0F);
+    }
   }
 
-  /// The mean strain of the tetrahedra around the longest edge of a cell (Liu, Nguyen 2010, as the bake's samples).
   void addMean(std::size_t cell, const Places& places) {
-    const std::array<std::uint32_t, 4>& corners = cornersOf(cells_[cell]);
-    std::uint32_t a = corners[0], b = corners[1];
-    for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = i + 1; j < 4; ++j) {
-        if ((restOf(corners[i]) - restOf(corners[j])).squaredNorm() > (restOf(a) - restOf(b)).squaredNorm()) {
-          a = corners[i];
-          b = corners[j];
-        }
-      }
-    }
-    MatrixXd gradient = MatrixXd::Zero(parent_.count(), 3);
     double volume = 0;
-    for (std::uint32_t n = first_of_[local_[a]]; n < first_of_[local_[a] + 1]; ++n) {
-      const std::array<std::uint32_t, 4>& ring = cornersOf(around_[n]);
-      if (std::find(ring.begin(), ring.end(), b) != ring.end()) volume += slopes_.add(ring, gradient);
-    }
+    const MatrixXd gradient = slopes_.meanAt(tetrahedron(cells_[cell]), around_, volume);
     distance_[cell] = 0;  // it is not asked again
     if (!(volume > 0)) return;
     Material m = *std::min_element(materials_.begin(), materials_.end(), [&](const Material& one, const Material& two) {
@@ -168,7 +176,7 @@ class Finder {
     });
     m.at = centers_[cell];
     of_cell_[cell] = std::uint32_t(samples_.size());
-    addSample(m, functions_.gradientsFrom(gradient / volume));
+    addSample(m, functions_.gradientsFrom(gradient), depthOf(cells_[cell]));
     assign(places, std::uint32_t(samples_.size() - 1));
   }
 
@@ -177,7 +185,7 @@ class Finder {
       // Nothing but flat tetrahedra: what moves affinely.
       Material m = materials_[0];
       m.at = centers_[0];
-      addSample(m, functions_.gradientsFrom(MatrixXd::Zero(parent_.count(), 3)));
+      addSample(m, functions_.gradientsFrom(MatrixXd::Zero(parent_.count(), 3)), 0);
     }
     double all = 0;
     for (std::size_t i = 0; i < cells_.size(); ++i) {
@@ -194,36 +202,60 @@ class Finder {
   const Nearest& nearest_;
   const PartFunctions& functions_;
   const Slopes& slopes_;
-  const std::vector<std::uint32_t>& local_;
+  const Around& around_;
+  const Jumps& jumps_;
   std::vector<std::uint32_t> cells_;  // of the part's tetrahedra
   std::vector<Vector3d> centers_;
   std::vector<float> distance_, fresh_;  // of the cells, squared: to their samples; scratch
   std::vector<std::uint32_t> of_cell_;   // samples
   std::vector<Material> materials_;
   std::vector<Sample> samples_;
-  std::vector<std::uint32_t> first_of_, around_;
+  std::vector<double> depths_;    // of samples: as of cells, m
+  std::vector<float> steepness_;  // of cells
 };
 
 }  // namespace
 
-double Slopes::add(const std::array<std::uint32_t, 4>& corners, MatrixXd& to) const {
+double Slopes::add(const PartTetrahedron& tetrahedron, MatrixXd& to) const {
+  const auto& corners = input_.package.tetrahedra()[tetrahedron.source].vertex;
   Eigen::Matrix3d edges;
   const auto restOf = [&](std::uint32_t v) { return asVector(input_.package.physicalVertices()[v].rest_position); };
   for (int c = 0; c < 3; ++c) edges.col(c) = restOf(corners[std::size_t(c)]) - restOf(corners[3]);
   const double volume = std::abs(edges.determinant()) / 6, longest = edges.colwise().norm().maxCoeff();
   if (!(volume > geometry::kFlat * longest * longest * longest)) return 0;
   const Eigen::Matrix3d slopes = volume * edges.inverse();
-  const Index last = local_[corners[3]];
-  for (int c = 0; c < 3; ++c) {
-    to += (values_.row(local_[corners[std::size_t(c)]]) - values_.row(last)).transpose() * slopes.row(c);
-  }
+  const auto row = [&](std::size_t k) { return values_.row(Index(tetrahedron.corner[k] - input_.piece.first)); };
+  for (int c = 0; c < 3; ++c) to += (row(std::size_t(c)) - row(3)).transpose() * slopes.row(c);
   return volume;
 }
 
+MatrixXd Slopes::meanAt(const PartTetrahedron& tetrahedron, const Around& around, double& volume) const {
+  const auto restOf = [&](std::size_t k) {
+    const std::uint32_t v = input_.package.tetrahedra()[tetrahedron.source].vertex[k];
+    return asVector(input_.package.physicalVertices()[v].rest_position);
+  };
+  std::size_t a = 0, b = 1;
+  for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t j = i + 1; j < 4; ++j) {
+      if ((restOf(i) - restOf(j)).squaredNorm() > (restOf(a) - restOf(b)).squaredNorm()) a = i, b = j;
+    }
+  }
+  MatrixXd gradient = MatrixXd::Zero(values_.cols(), 3);
+  volume = 0;
+  for (const std::uint32_t t : around.of(tetrahedron.corner[a] - input_.piece.first)) {
+    const PartTetrahedron& ring = input_.mesh.tetrahedra[t];
+    if (std::find(ring.corner.begin(), ring.corner.end(), tetrahedron.corner[b]) != ring.corner.end()) {
+      volume += add(ring, gradient);
+    }
+  }
+  if (volume > 0) gradient /= volume;
+  return gradient;
+}
+
 std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
-                                const PartFunctions& functions, const Slopes& slopes,
-                                const std::vector<std::uint32_t>& local) {
-  return Finder(input, parent, nearest, functions, slopes, local).take();
+                                const PartFunctions& functions, const Slopes& slopes, const Around& around,
+                                const Jumps& jumps) {
+  return Finder(input, parent, nearest, functions, slopes, around, jumps).take();
 }
 
 MatrixXd stiffnessOf(const std::vector<Sample>& samples, Index k) {

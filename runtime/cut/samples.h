@@ -9,6 +9,7 @@
 
 #include "runtime/cut/fields.h"
 #include "runtime/cut/functions.h"
+#include "runtime/cut/jumps.h"
 
 namespace sinew::cutting {
 
@@ -22,25 +23,26 @@ struct Sample {
 /// Slopes of the parent's functions in the tetrahedra of a part's piece.
 class Slopes {
  public:
-  /// \param parent_values vertices of the part's piece x functions of the parent. \param local of the package's
-  /// vertices: rows of them.
-  Slopes(const FieldInput& input, const Eigen::MatrixXd& parent_values, const std::vector<std::uint32_t>& local)
-      : input_(input), values_(parent_values), local_(local) {}
+  /// \param parent_values vertices of the part's piece x functions of the parent.
+  Slopes(const FieldInput& input, const Eigen::MatrixXd& parent_values) : input_(input), values_(parent_values) {}
 
   /// Adds a tetrahedron's gradients, k x 3, times its volume. \return that volume, 0 of a flat one.
-  double add(const std::array<std::uint32_t, 4>& corners, Eigen::MatrixXd& to) const;
+  double add(const PartTetrahedron& tetrahedron, Eigen::MatrixXd& to) const;
+  /// The mean around the longest edge of a tetrahedron (Liu, Nguyen 2010, as the bake's samples); 0 where all are flat.
+  /// \param[out] volume of these.
+  Eigen::MatrixXd meanAt(const PartTetrahedron& tetrahedron, const Around& around, double& volume) const;
 
  private:
   const FieldInput& input_;
   const Eigen::MatrixXd& values_;
-  const std::vector<std::uint32_t>& local_;
 };
 
 /// The parent's samples that lie on the part, then places as far as can be from those before, until there are enough
 /// for the functions. Each stands for the tetrahedra that are nearest to it: volumes and uniform strains are exact.
+/// What lies across a slit is farther by its size times the jump of psi; where psi is steep samples are denser.
 std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
-                                const PartFunctions& functions, const Slopes& slopes,
-                                const std::vector<std::uint32_t>& local);
+                                const PartFunctions& functions, const Slopes& slopes, const Around& around,
+                                const Jumps& jumps);
 
 /// Sum V (2 mu + lambda) grad grad^T, k x k.
 Eigen::MatrixXd stiffnessOf(const std::vector<Sample>& samples, Eigen::Index k);

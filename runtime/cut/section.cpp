@@ -38,9 +38,6 @@ class Closing {
   Section take() { return std::move(section_); }
 
  private:
-  Eigen::Vector2d flat(const Vector3d& at) const {
-    return {(at - plane_.point).dot(plane_.right), (at - plane_.point).dot(plane_.up)};
-  }
   GridPoint snapped(const Eigen::Vector2d& p) const {
     const Eigen::Vector2d q = (p - low_) * scale_;
     return {std::int64_t(std::llround(q[0])), std::int64_t(std::llround(q[1]))};
@@ -48,7 +45,11 @@ class Closing {
 
   void place() {
     flat_.reserve(surface_.nodes.size());
-    for (const Node& node : surface_.nodes) flat_.push_back(flat(node.at));
+    for (const Node& node : surface_.nodes) flat_.push_back(plane_.flat(node.at));
+    for (const auto& [u, v] : surface_.rim) {
+      if (surface_.nodes[u].tip && surface_.nodes[v].tip) tip_rim_.push_back({std::min(u, v), std::max(u, v)});
+    }
+    std::sort(tip_rim_.begin(), tip_rim_.end());
     Eigen::Vector2d high = Eigen::Vector2d::Constant(-1e300);
     low_ = -high;
     for (const auto& edge : surface_.rim) {
@@ -338,12 +339,16 @@ class Closing {
 
   /// Edges across the polygon that the surface has too get a point in their middle.
   void splitTouching(Polygon& polygon) const {
-    if (surface_.touching.empty()) return;
+    if (surface_.touching.empty() && tip_rim_.empty()) return;
     const auto touches = [&](std::uint32_t u, std::uint32_t v) {
       if (u >= polygon.nodes.size() || v >= polygon.nodes.size()) return false;
       const std::uint32_t a = polygon.nodes[u], b = polygon.nodes[v];
-      return std::binary_search(surface_.touching.begin(), surface_.touching.end(),
-                                std::array<std::uint32_t, 2>{std::min(a, b), std::max(a, b)});
+      const std::array<std::uint32_t, 2> edge = {std::min(a, b), std::max(a, b)};
+      // Both faces of a slit have its tips.
+      if (surface_.nodes[a].tip && surface_.nodes[b].tip) {
+        return !std::binary_search(tip_rim_.begin(), tip_rim_.end(), edge);
+      }
+      return std::binary_search(surface_.touching.begin(), surface_.touching.end(), edge);
     };
     std::map<std::array<std::uint32_t, 2>, std::uint32_t> middles;
     for (std::size_t t = 0; t < polygon.triangles.size(); ++t) {
@@ -354,9 +359,13 @@ class Closing {
         const auto [found, added] = middles.try_emplace({std::min(u, v), std::max(u, v)}, formats::kNone);
         if (added) {
           const Vector3d &from = surface_.nodes[polygon.nodes[u]].at, &to = surface_.nodes[polygon.nodes[v]].at;
-          if (const std::optional<Interior> middle = locate_(0.5 * (from + to))) {
+          // The middle, or else what of the edge lies in a tetrahedron: a bent surface may leave them.
+          for (const double share : {0.5, 0.25, 0.75, 0.06, 0.94}) {
+            const std::optional<Interior> middle = locate_(from + share * (to - from));
+            if (!middle) continue;
             found->second = std::uint32_t(polygon.nodes.size() + polygon.interior.size());
             polygon.interior.push_back(*middle);
+            break;
           }
         }
         if (found->second == formats::kNone) continue;
@@ -428,7 +437,7 @@ class Closing {
       const double t = std::clamp((p - a).dot(along) / std::max(1e-300, along.squaredNorm()), 0.0, 1.0);
       if ((p - a - t * along).squaredNorm() < reach * reach) return;
     }
-    const std::optional<Interior> found = locate_(plane_.point + p[0] * plane_.right + p[1] * plane_.up);
+    const std::optional<Interior> found = locate_(plane_.lifted(p));
     if (!found) return;
     name.push_back(std::uint32_t(polygon.nodes.size() + polygon.interior.size()));
     polygon.interior.push_back(*found);
@@ -443,6 +452,7 @@ class Closing {
   Eigen::Vector2d low_ = Eigen::Vector2d::Zero();
   double scale_ = 1, spacing_ = 1;
   std::vector<std::array<std::uint32_t, 2>> bridged_;  // directed edges over gaps, ascending
+  std::vector<std::array<std::uint32_t, 2>> tip_rim_;  // edges of the rim between tips, the lower first, ascending
   std::vector<Loop> loops_;
   Section section_;
 };

@@ -13,12 +13,6 @@
 
 namespace sinew::cutting {
 
-/// Where a material point hangs.
-struct Hung {
-  std::uint32_t tetrahedron = formats::kNone;
-  std::array<double, 3> weight = {};  ///< as formats::BarycentricAttachment
-};
-
 /// A point of a section that is on no rim.
 struct Interior {
   Vector3d at, rest;  ///< m, world; m, at rest

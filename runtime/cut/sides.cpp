@@ -101,13 +101,36 @@ void takeRidersWhole(const formats::PackageView& package, Sides& sides) {
 
 }  // namespace
 
-PlaneFrame frameOf(const CutPlane& plane) {
+std::optional<PlaneFrame> frameOf(const CutPlane& plane) {
   PlaneFrame frame;
   frame.point = asVector(plane.point);
   frame.normal = asVector(plane.normal).normalized();
   frame.right = frame.normal.unitOrthogonal();
   frame.up = frame.normal.cross(frame.right);
+  if (!plane.corners) return frame;
+  Outline& outline = frame.outline.emplace();
+  double size = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    outline[i] = frame.flat(asVector((*plane.corners)[i]));
+    size = std::max(size, (outline[i] - outline[0]).norm());
+  }
+  const auto turn = [&](std::size_t i) {
+    const Vector2d in = outline[(i + 1) % 4] - outline[i], out = outline[(i + 2) % 4] - outline[(i + 1) % 4];
+    return in[0] * out[1] - in[1] * out[0];
+  };
+  if (turn(0) < 0) std::swap(outline[1], outline[3]);
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (!(turn(i) > kNear * size * size)) return std::nullopt;
+  }
   return frame;
+}
+
+bool isWithin(const Outline& outline, const Vector2d& p) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Vector2d along = outline[(i + 1) % 4] - outline[i], to = p - outline[i];
+    if (!(along[0] * to[1] - along[1] * to[0] > 0)) return false;
+  }
+  return true;
 }
 
 Sides findSides(const formats::PackageView& package, std::span<const Vec3> positions, const PlaneFrame& plane) {
@@ -124,6 +147,10 @@ Sides findSides(const formats::PackageView& package, std::span<const Vec3> posit
   const auto measure = [&](const Vector3d& at, double& height, Side& side) {
     height = (at - plane.point).dot(plane.normal);
     side = height > sides.near ? Side(1) : height < -sides.near ? Side(-1) : Side(0);
+    if (side == 0 && plane.outline) {
+      side = 1;
+      height = sides.near;
+    }
     if (side == 0) height = 0;
   };
   sides.height.resize(sides.at.size());

@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,13 +25,25 @@ inline constexpr std::array<Side, 2> kSides = {-1, 1};
 /// 0 of below, 1 of above.
 inline std::size_t placeOf(Side side) { return side > 0 ? 1 : 0; }
 
+using Eigen::Vector2d;
+
+/// A convex quadrilateral, counter-clockwise.
+using Outline = std::array<Vector2d, 4>;
+
 /// The plane, with axes in it: right-handed, `normal` points above.
 struct PlaneFrame {
   Vector3d point, normal, right, up;
-};
-PlaneFrame frameOf(const CutPlane& plane);
+  std::optional<Outline> outline;  ///< where it ends, along `right` and `up`, m
 
-/// A body as it is when it is cut.
+  Vector2d flat(const Vector3d& at) const { return {(at - point).dot(right), (at - point).dot(up)}; }
+  Vector3d lifted(const Vector2d& p) const { return point + p[0] * right + p[1] * up; }
+};
+/// \return nothing where corners are of no convex quadrilateral.
+std::optional<PlaneFrame> frameOf(const CutPlane& plane);
+/// Strictly within.
+bool isWithin(const Outline& outline, const Vector2d& p);
+
+/// A body as it is when it is cut. Against a plane that ends nothing is on it: what lies there counts as just above.
 struct Sides {
   PlaneFrame plane;
   double near = 0;                    ///< m: what is nearer to the plane is on it

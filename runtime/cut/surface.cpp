@@ -13,6 +13,10 @@ constexpr double kLeastShare = 1e-7;
 
 std::uint64_t pairKey(std::uint32_t a, std::uint32_t b) { return std::uint64_t(a) << 32 | b; }
 
+std::uint64_t keyOf(const std::array<std::uint32_t, 2>& edge) {
+  return pairKey(std::min(edge[0], edge[1]), std::max(edge[0], edge[1]));
+}
+
 class Clip {
  public:
   Clip(const formats::PackageView& package, const Sides& sides) : package_(package), sides_(sides) {
@@ -131,26 +135,8 @@ class Clip {
 
   /// Edges that run both ways are inside of what is below.
   void joinRim() {
-    auto& rim = surface_.rim;
-    const auto key = [](const std::array<std::uint32_t, 2>& e) {
-      return pairKey(std::min(e[0], e[1]), std::max(e[0], e[1]));
-    };
-    std::sort(rim.begin(), rim.end(),
-              [&](const auto& a, const auto& b) { return key(a) != key(b) ? key(a) < key(b) : a[0] < b[0]; });
-    std::vector<std::array<std::uint32_t, 2>> left;
-    for (std::size_t i = 0; i < rim.size();) {
-      std::size_t end = i;
-      std::ptrdiff_t forward = 0;
-      while (end < rim.size() && key(rim[end]) == key(rim[i])) {
-        forward += rim[end][0] < rim[end][1] ? 1 : -1;
-        ++end;
-      }
-      const std::uint32_t low = std::min(rim[i][0], rim[i][1]), high = std::max(rim[i][0], rim[i][1]);
-      for (; forward > 0; --forward) left.push_back({low, high});
-      for (; forward < 0; ++forward) left.push_back({high, low});
-      i = end;
-    }
-    rim = std::move(left);
+    cancelOpposite(surface_.rim);
+    const auto& rim = surface_.rim;
     auto& touching = surface_.touching;
     std::sort(touching.begin(), touching.end());
     touching.erase(std::unique(touching.begin(), touching.end()), touching.end());
@@ -158,8 +144,8 @@ class Clip {
     std::vector<std::array<std::uint32_t, 2>> others;
     auto next = rim.begin();
     for (const auto& edge : touching) {
-      while (next != rim.end() && key(*next) < key(edge)) ++next;
-      if (next == rim.end() || key(*next) != key(edge)) others.push_back(edge);
+      while (next != rim.end() && keyOf(*next) < keyOf(edge)) ++next;
+      if (next == rim.end() || keyOf(*next) != keyOf(edge)) others.push_back(edge);
     }
     touching = std::move(others);
   }
@@ -173,6 +159,25 @@ class Clip {
 };
 
 }  // namespace
+
+void cancelOpposite(std::vector<std::array<std::uint32_t, 2>>& rim) {
+  std::sort(rim.begin(), rim.end(),
+            [&](const auto& a, const auto& b) { return keyOf(a) != keyOf(b) ? keyOf(a) < keyOf(b) : a[0] < b[0]; });
+  std::vector<std::array<std::uint32_t, 2>> left;
+  for (std::size_t i = 0; i < rim.size();) {
+    std::size_t end = i;
+    std::ptrdiff_t forward = 0;
+    while (end < rim.size() && keyOf(rim[end]) == keyOf(rim[i])) {
+      forward += rim[end][0] < rim[end][1] ? 1 : -1;
+      ++end;
+    }
+    const std::uint32_t low = std::min(rim[i][0], rim[i][1]), high = std::max(rim[i][0], rim[i][1]);
+    for (; forward > 0; --forward) left.push_back({low, high});
+    for (; forward < 0; ++forward) left.push_back({high, low});
+    i = end;
+  }
+  rim = std::move(left);
+}
 
 Surface clipSurface(const formats::PackageView& package, const Sides& sides) { return Clip(package, sides).take(); }
 

@@ -59,7 +59,7 @@ std::optional<MatrixXd> partTethers(const FieldInput& input, std::uint32_t field
   for (const formats::FieldTethers& one : package.fieldTethers()) stored = one.field == field ? &one : stored;
   if (stored == nullptr) return MatrixXd();
 
-  const Index k = parent.count();
+  const Index k = parent.own();
   std::vector<formats::FieldFunction> driven;
   for (Index j = 0; j < Index(parent.field().driven_count); ++j) driven.push_back(parent.function(j));
   MatrixXd whole = MatrixXd::Zero(k, k), part = MatrixXd::Zero(functions.count(), functions.count());

@@ -51,7 +51,7 @@ SurfaceState surfaceOf(const formats::PackageView& package) {
   return state;
 }
 
-std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& errors) {
+std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& errors, std::size_t least_parts) {
   const SurfaceState before = surfaceOf(whole.package());
   const bool closed = before.open == 0;
   double volume = 0, mass = 0;
@@ -59,7 +59,7 @@ std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& erro
   for (const formats::PhysicalVertex& v : whole.package().physicalVertices()) {
     whole_moment += double(v.mass) * asVector(v.rest_position);
   }
-  if (cut.parts.size() < 2) return "less than two parts";
+  if (cut.parts.size() < least_parts) return "too few parts";
   for (std::size_t p = 0; p < cut.parts.size(); ++p) {
     const CutPart& part = cut.parts[p];
     const formats::PackageView& package = part.asset->package();
@@ -85,7 +85,9 @@ std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& erro
       const CutOrigin& from = part.visual[v];
       if (from.a == formats::kNone) continue;
       const Vector3d a = asVector(positions[from.a]), b = asVector(positions[from.b]);
-      const Vector3d off = a + double(from.t) * (b - a) - asVector(package.visualPositions()[v]);
+      const Vector3d c = from.c == formats::kNone ? a : asVector(positions[from.c]);
+      const Vector3d off =
+          a + double(from.t) * (b - a) + double(from.s) * (c - a) - asVector(package.visualPositions()[v]);
       if (off.norm() > 1e-4 * double(whole.package().info().diagonal))
         return name + "a vertex is not where it comes from";
     }
@@ -158,6 +160,33 @@ CutPlane randomPlane(std::span<const Vec3> positions, std::uint64_t seed) {
     plane.normal[std::size_t(a)] = float(normal[a]);
   }
   return plane;
+}
+
+CutPlane randomSlit(std::span<const Vec3> positions, std::uint64_t seed) {
+  const CutPlane plane = randomPlane(positions, seed);
+  const auto next = [&seed] {
+    seed = seed * 6364136223846793005U + 1442695040888963407U;
+    return double(seed >> 11) * 0x1p-53;
+  };
+  for (int i = 0; i < 4; ++i) next();
+  Vector3d low = Vector3d::Constant(1e300), high = -low;
+  for (const Vec3& x : positions) {
+    low = low.cwiseMin(asVector(x));
+    high = high.cwiseMax(asVector(x));
+  }
+  const Vector3d normal = asVector(plane.normal).normalized(), right = normal.unitOrthogonal();
+  const Vector3d up = normal.cross(right);
+  // Around a vertex: every quadrilateral meets something, many end within.
+  const Vector3d vertex = asVector(positions[std::size_t(next() * double(positions.size()))]);
+  const Vector3d middle = vertex - (vertex - asVector(plane.point)).dot(normal) * normal;
+  const double size = (high - low).norm() * (0.05 + 0.6 * next()), turn = 6.283 * next();
+  std::array<Vec3, 4> corners = {};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double angle = turn + (double(i) + 0.6 * next()) * 1.5707;
+    const Vector3d at = middle + size * (std::cos(angle) * right + std::sin(angle) * up);
+    for (int a = 0; a < 3; ++a) corners[i][std::size_t(a)] = float(at[a]);
+  }
+  return boundedPlane(corners);
 }
 
 std::vector<Vec3> restOf(const Asset& asset) {

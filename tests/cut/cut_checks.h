@@ -31,10 +31,14 @@ struct CutErrors {
 std::string faultOfHolds(const formats::PackageView& package);
 
 /// Closedness, manifoldness, volumes, masses, identity, holds. \return what is wrong; empty: nothing.
-std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& errors);
+/// \param least_parts that there are.
+std::string faultOfCut(const Asset& whole, const CutResult& cut, CutErrors& errors, std::size_t least_parts = 2);
 
 /// A plane that meets the box around positions: all directions and depths. \param seed any number.
 CutPlane randomPlane(std::span<const Vec3> positions, std::uint64_t seed);
+
+/// The same with an end: a convex quadrilateral, of 0.05 to 0.65 diagonals from its middle.
+CutPlane randomSlit(std::span<const Vec3> positions, std::uint64_t seed);
 
 /// Positions at rest.
 std::vector<Vec3> restOf(const Asset& asset);

@@ -2,7 +2,7 @@
 //
 // Random planes over packages, each result checked: cut_lane PLANES PACKAGE... Prints a line for each package and for
 // each fault, with processor time (and the stages by the clock); exit 1 where there is one. With --steps N the parts of
-// every tenth cut are bodies and step so often.
+// every tenth cut are bodies and step so often. With --slits the planes end in quadrilaterals.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -63,8 +63,10 @@ std::string stepParts(const std::shared_ptr<const Asset>& asset, const CutPlane&
 int main(int argc, char** argv) {
   int steps = 0, first = 1;
   if (argc > 2 && std::strcmp(argv[1], "--steps") == 0) steps = std::atoi(argv[2]), first = 3;
+  const bool slits = argc > first && std::strcmp(argv[first], "--slits") == 0;
+  first += slits ? 1 : 0;
   if (argc < first + 2) {
-    std::fprintf(stderr, "usage: cut_lane [--steps N] PLANES PACKAGE...\n");
+    std::fprintf(stderr, "usage: cut_lane [--steps N] [--slits] PLANES PACKAGE...\n");
     return 2;
   }
   const int planes = std::atoi(argv[first]);
@@ -78,9 +80,11 @@ int main(int argc, char** argv) {
     Totals totals;
     std::string reason;
     CutTimes times;
+    std::uint32_t severed = 0;
     for (int p = 0; p < planes; ++p) {
       const std::vector<Vec3> positions = bent(**asset, std::uint32_t(p));
-      const CutPlane plane = test::randomPlane(positions, std::uint64_t(p) * 977 + 13);
+      const auto random = slits ? test::randomSlit : test::randomPlane;
+      const CutPlane plane = random(positions, std::uint64_t(p) * 977 + 13);
       const std::clock_t start = std::clock();
       const auto cut = cutAsset(**asset, positions, plane);
       const double milliseconds = 1e3 * double(std::clock() - start) / CLOCKS_PER_SEC;
@@ -93,9 +97,10 @@ int main(int argc, char** argv) {
       }
       ++totals.cuts;
       test::CutErrors errors;
-      std::string fault = test::faultOfCut(**asset, *cut, errors);
+      std::string fault = test::faultOfCut(**asset, *cut, errors, slits ? 1 : 2);
       if (fault.empty() && steps > 0 && p % 10 == 0)
-        fault = stepParts(*asset, test::randomPlane(test::restOf(**asset), std::uint64_t(p)), steps);
+        fault = stepParts(*asset, random(test::restOf(**asset), std::uint64_t(p)), steps);
+      severed += cut->parts.size() > 1 ? 1U : 0U;
       totals.rough += cut->rough_loops > 0 ? 1U : 0U;
       totals.open += cut->open_edges > 0 ? 1U : 0U;
       totals.volume = std::max(totals.volume, errors.volume);
@@ -113,12 +118,14 @@ int main(int argc, char** argv) {
     std::sort(totals.ms.begin(), totals.ms.end());
     const double n = std::max(1.0, double(totals.cuts));
     std::printf(
-        "%s: %u cut, %u refused, %u faults, %u rough, %u open; volume %.1e, mass %.1e; median %.2f ms (sides %.2f, "
+        "%s: %u cut, %u severed, %u refused, %u faults, %u rough, %u open; volume %.1e, mass %.1e; median %.2f ms "
+        "(sides %.2f, "
         "surface "
         "%.2f, section %.2f, parts %.2f, fields %.2f, packages %.2f)%s%s\n",
-        argv[i], totals.cuts, totals.refused, totals.faults, totals.rough, totals.open, totals.volume, totals.mass,
-        totals.ms.empty() ? 0 : totals.ms[totals.ms.size() / 2], times.sides / n, times.surface / n, times.section / n,
-        times.parts / n, times.fields / n, times.packages / n, reason.empty() ? "" : "; ", reason.c_str());
+        argv[i], totals.cuts, severed, totals.refused, totals.faults, totals.rough, totals.open, totals.volume,
+        totals.mass, totals.ms.empty() ? 0 : totals.ms[totals.ms.size() / 2], times.sides / n, times.surface / n,
+        times.section / n, times.parts / n, times.fields / n, times.packages / n, reason.empty() ? "" : "; ",
+        reason.c_str());
     good = good && totals.faults == 0;
   }
   return good ? 0 : 1;

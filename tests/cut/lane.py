@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Bakes every mesh and recipe of folders and cuts it by random planes (cut_lane): closed, volumes and masses right, or refused.
+"""Bakes every mesh and recipe of folders and cuts it by random planes and quadrilaterals (cut_lane): closed, volumes and masses right, or refused.
 
     lane.py --sinew PROGRAM --lane CUT_LANE [--planes N] [--steps N] [--keep DIR] FOLDER...
 
-N planes in all, shared evenly by the packages. --keep: where packages stay, for the next time. Exit 1 on a fault.
+N planes in all and as many that end, shared evenly by the packages. --keep: where packages stay, for the next time. Exit 1 on a fault.
 """
 import argparse
 import pathlib
@@ -49,7 +49,11 @@ def main():
             sys.exit("no mesh could be baked")
         each = -(-options.planes // len(packages))
         steps = ["--steps", str(options.steps)] if options.steps else []
-        sys.exit(subprocess.run([options.lane, *steps, str(each), *map(str, packages)], check=False).returncode)
+        codes = [
+            subprocess.run([options.lane, *steps, *slits, str(each), *map(str, packages)], check=False).returncode
+            for slits in ([], ["--slits"])
+        ]
+        sys.exit(max(codes))
 
 
 if __name__ == "__main__":

@@ -187,6 +187,12 @@ void Scene::planCuts() {
         made.plane.point[a] = float(from.point[a] - script_->origin[a]);
         made.plane.normal[a] = float(from.normal[a]);
       }
+      if (!from.corners) continue;
+      std::array<Vec3, 4> corners = {};
+      for (std::size_t i = 0; i < 4; ++i) {
+        for (std::size_t a = 0; a < 3; ++a) corners[i][a] = float((*from.corners)[i][a] - script_->origin[a]);
+      }
+      made.plane = boundedPlane(corners);
     }
   } else if (options_.scene.kind == SceneKind::cut) {
     const Bounds bounds = boundsOf(start_);
@@ -202,6 +208,7 @@ void Scene::cut(const CutPlane& plane) {
   std::vector<BodyId> bodies;
   std::vector<std::shared_ptr<const Asset>> assets;
   std::string reason;
+  bool any = false;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const auto parts = cutBody(world_, bodies_[b], plane);
     if (!parts) {
@@ -210,10 +217,11 @@ void Scene::cut(const CutPlane& plane) {
       assets.push_back(assets_[b]);
       continue;
     }
+    any = true;
     bodies.insert(bodies.end(), parts->bodies.begin(), parts->bodies.end());
     for (const CutPart& part : parts->cut.parts) assets.push_back(part.asset);
   }
-  if (bodies.size() == bodies_.size()) {
+  if (!any) {
     const formats::PackageView& package = asset_->package();
     throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)),
                     "it cannot be cut here: " + reason, "Move the plane, or choose another --scene.");

@@ -76,9 +76,9 @@ class Reader {
   }
 
   std::array<double, 3> point(const Json& object, const std::string& pointer, const char* key) const {
-    if (!object.contains(key)) return {0, 0, 0};
-    const std::string place = childPointer(pointer, key);
-    const Json& value = object[key];
+    return object.contains(key) ? pointAt(object[key], childPointer(pointer, key)) : std::array<double, 3>{};
+  }
+  std::array<double, 3> pointAt(const Json& value, const std::string& place) const {
     if (!value.is_array() || value.size() != 3) text_.fail(place, "needs three numbers", "Write [x, y, z].");
     std::array<double, 3> result{};
     for (std::size_t i = 0; i < 3; ++i) result[i] = number(value[i], childPointer(place, i), -kFar, kFar);
@@ -151,17 +151,20 @@ class Reader {
   }
 
   void cuts(const Json& json) {
-    const std::string cure = R"(Write [{"time": seconds, "point": [x, y, z], "normal": [x, y, z]}, ...].)";
+    const std::string cure =
+        R"(Write [{"time": seconds, "point": [x, y, z], "normal": [x, y, z]}, ...], or "corners" of four points.)";
     filled(json, "/cuts", cure);
     for (std::size_t k = 0; k < json.size(); ++k) {
       const std::string here = childPointer("/cuts", k);
-      object(json[k], here, {"time", "point", "normal", "note"});
-      if (!json[k].contains("time") || !json[k].contains("normal")) {
-        text_.fail(here, "a cut needs a time and the normal of its plane", cure);
+      object(json[k], here, {"time", "point", "normal", "corners", "note"});
+      if (!json[k].contains("time") || json[k].contains("normal") == json[k].contains("corners")) {
+        text_.fail(here, "a cut needs a time and the normal of its plane, or its corners", cure);
       }
       SceneScript::Cut cut = {number(json[k], here, "time", 0, 0, kMostSeconds), point(json[k], here, "point"),
                               point(json[k], here, "normal")};
-      if (!(std::hypot(cut.normal[0], cut.normal[1], cut.normal[2]) > 0)) {
+      if (json[k].contains("corners")) {
+        cut.corners = corners(json[k]["corners"], childPointer(here, "corners"));
+      } else if (!(std::hypot(cut.normal[0], cut.normal[1], cut.normal[2]) > 0)) {
         text_.fail(childPointer(here, "normal"), "a plane needs a direction", "Give [0, 1, 0].");
       }
       if (k > 0 && cut.time < script_.cuts.back().time) {
@@ -169,6 +172,15 @@ class Reader {
       }
       script_.cuts.push_back(cut);
     }
+  }
+
+  std::array<std::array<double, 3>, 4> corners(const Json& json, const std::string& here) const {
+    if (!json.is_array() || json.size() != 4) {
+      text_.fail(here, "a quadrilateral has four corners", "Write [[x, y, z], [x, y, z], [x, y, z], [x, y, z]].");
+    }
+    std::array<std::array<double, 3>, 4> result;
+    for (std::size_t i = 0; i < 4; ++i) result[i] = pointAt(json[i], childPointer(here, i));
+    return result;
   }
 
   void camera(const Json& json) {

@@ -41,6 +41,8 @@ struct SceneScript {
   struct Cut {
     double time;                          ///< s
     std::array<double, 3> point, normal;  ///< of the plane
+    /// Where it ends: a quadrilateral, which gives point and normal too.
+    std::optional<std::array<std::array<double, 3>, 4>> corners = std::nullopt;
   };
   struct View {
     double yaw = 0, pitch = 0;                ///< rad; 0, 0 looks along -z; positive moves the eye to +x, up

@@ -442,16 +442,22 @@ SINEW_API void sinew_cut_settings_init(sinew_cut_settings* settings, size_t stru
    released. */
 SINEW_API sinew_status sinew_body_cut(sinew_world* world, uint32_t body, const float point[3], const float normal[3],
                                       const sinew_cut_settings* settings, sinew_cut** cut);
+/* The same along a convex quadrilateral: four corners in order around it (m, world), near one plane. It leaves a slit;
+   what it severs is a part. Above is where the corners turn counter-clockwise. */
+SINEW_API sinew_status sinew_body_cut_bounded(sinew_world* world, uint32_t body, const float corners[12],
+                                              const sinew_cut_settings* settings, sinew_cut** cut);
 /* The bodies stay. Null is ignored. */
 SINEW_API void sinew_cut_release(sinew_cut* cut);
 /* How many parts there are; 0 of null. */
 SINEW_API uint32_t sinew_cut_part_count(const sinew_cut* cut);
 
-/* Where a visual vertex of a part comes from: at a + t (b - a) of visual vertices of the body that was cut; a and b
-   SINEW_NONE: inside the section. */
+/* Where a visual vertex of a part comes from: at a + t (b - a) + s (c - a) of visual vertices of the body that was cut;
+   a and b SINEW_NONE: inside the section; c SINEW_NONE: on the edge a b. */
 typedef struct sinew_cut_origin {
   uint32_t a, b;
   float t;
+  uint32_t c;
+  float s;
 } sinew_cut_origin;
 
 typedef struct sinew_cut_part {
@@ -462,7 +468,7 @@ typedef struct sinew_cut_part {
   uint32_t reserved;              /* 0 */
   double mass, volume;            /* kg; m^3, that the surface encloses at rest */
   const sinew_cut_origin* visual; /* of the visual vertices; as long as the cut */
-  const uint32_t* physical;       /* of the physical vertices: that of the body that was cut */
+  const uint32_t* physical;       /* of the physical vertices: that of the body that was cut; twice beside a slit */
 } sinew_cut_part;
 
 /* Fills as much of part as part->struct_size (set by the caller) has room for. */

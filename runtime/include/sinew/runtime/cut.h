@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -22,7 +23,14 @@ namespace sinew {
 struct CutPlane {
   Vec3 point = {0, 0, 0};   ///< of the plane, metres, world
   Vec3 normal = {0, 1, 0};  ///< any length but 0
+  /// Where the plane ends: corners of a convex quadrilateral in order around it, metres, world; what is off the plane
+  /// counts where it is nearest to it. None: the plane has no end.
+  std::optional<std::array<Vec3, 4>> corners = std::nullopt;
 };
+
+/// The quadrilateral as a plane that ends: through the middle of the corners, across both diagonals, looking to where
+/// they turn counter-clockwise. Corners on one line give a normal of length 0, which cuts refuse.
+SINEW_API CutPlane boundedPlane(const std::array<Vec3, 4>& corners);
 
 /// How a cut is made.
 struct CutSettings {
@@ -41,11 +49,14 @@ struct CutSettings {
   JobSystem* jobs = nullptr;
 };
 
-/// Where a visual vertex of a part comes from: on the edge between two visual vertices of the body that was cut.
+/// Where a visual vertex of a part comes from: at a + t (b - a) + s (c - a) of visual vertices of the body that was
+/// cut.
 struct CutOrigin {
   std::uint32_t a = formats::kNone;  ///< kNone: inside the section
   std::uint32_t b = formats::kNone;  ///< a itself: it is that vertex, or one of the section where it is
   float t = 0;                       ///< from a to b, 0 .. 1
+  std::uint32_t c = formats::kNone;  ///< kNone: on the edge a b; else where a bounded plane ends within a triangle
+  float s = 0;                       ///< from a to c, 0 .. 1
 };
 
 /// A part of a body that was cut.
@@ -54,9 +65,9 @@ struct CutPart {
   /// does not meet are as they were. Pieces that were cut have a free field, and a held one where the part has pin sets
   /// of it; not where rigid clusters of these share vertices with others: there the sets hold by springs.
   std::shared_ptr<const Asset> asset;
-  bool above = false;                   ///< on which side of the plane
+  bool above = false;                   ///< on which side of the plane; false too where it lies on both
   std::vector<CutOrigin> visual;        ///< of each visual vertex
-  std::vector<std::uint32_t> physical;  ///< of each physical vertex: that of the body, ascending
+  std::vector<std::uint32_t> physical;  ///< of each physical vertex: that of the body, ascending; twice beside a slit
   /// Of each physical vertex: 1 where it lies on the part's side. 0: a copy that carries what the part has of
   /// tetrahedra that the plane passes through; nothing is pinned there.
   std::vector<std::uint8_t> own;
@@ -76,7 +87,8 @@ struct CutTimes {
 };
 
 struct CutResult {
-  std::vector<CutPart> parts;  ///< at least two: below first, then above, each by its first physical vertex
+  /// At least two: below first, then above, each by its first physical vertex. Of a bounded plane at least one.
+  std::vector<CutPart> parts;
   /// Edges of the rim in no loop, and ways of the rim over holes of the surface: there parts are open as the body was.
   std::uint32_t open_edges = 0;
   std::uint32_t rough_loops = 0;  ///< loops that cross themselves or each other: closed, by triangles that may overlap
@@ -85,11 +97,13 @@ struct CutResult {
 
 /// Cuts an asset as a body of it lies.
 ///
+/// A bounded plane leaves a slit: its faces are sections that meet where the plane ends within the body, and may open
+/// from there on. What it severs is a part of its own.
 /// An edge is cut where it crosses the plane now. Closed surfaces stay closed, and manifold where they were; volumes at
 /// rest of the parts sum to that of the whole. Deterministic; allocates by operator new.
-/// Reasons for refusal: the plane meets nothing, or only grazes it (CutSettings::least_part); no visual mesh on
-/// tetrahedra or no fields; arguments that are no numbers; memory.
-/// \param positions of all physical vertices, metres, world.
+/// Reasons for refusal: the plane meets nothing, or only grazes it (CutSettings::least_part); a bounded one passes
+/// through no tetrahedron, or its corners are of no convex quadrilateral; no visual mesh on tetrahedra or no fields;
+/// arguments that are no numbers; memory. \param positions of all physical vertices, metres, world.
 SINEW_API Result<CutResult> cutAsset(const Asset& asset, std::span<const Vec3> positions, const CutPlane& plane,
                                      const CutSettings& settings = {});
 
