@@ -90,10 +90,24 @@ double firmness(const TouchingPiece& piece, double area) {
 
 std::size_t pointFloats(const Field& field) { return 3 * ((field.points.size() + 7) / 8 * 8); }
 
-void placePoints(TouchingPiece& piece, std::span<float> memory) {
+TouchRange TouchList::add(const TouchList& other) {
+  const TouchRange range = {std::uint32_t(touches.size()), std::uint32_t(other.touches.size())};
+  const auto first_row = std::uint32_t(rows.size());
+  touches.resize(touches.size() + other.touches.size());
+  rows.resize(rows.size() + other.rows.size());
+  std::copy(other.rows.begin(), other.rows.end(), rows.begin() + first_row);
+  for (std::uint32_t i = 0; i < range.count; ++i) {
+    FoundTouch& copy = touches[range.first + i];
+    copy = other.touches[i];
+    copy.row_a += first_row;
+    copy.row_b += first_row;
+  }
+  return range;
+}
+
+void placePoints(TouchingPiece& piece) {
   const Field& field = *piece.field;
   const std::uint32_t blocks = std::uint32_t((field.points.size() + 7) / 8);
-  piece.points = memory.subspan(0, 24 * std::size_t(blocks));
   std::array<float, 1024> axis;
   for (std::size_t c = 0; c < 3; ++c) {
     for (std::uint32_t j = 0; j < field.k; ++j) axis[j] = piece.base[4 * j + c];

@@ -15,6 +15,8 @@ namespace sinew::internal {
 
 /// Points of one piece that another one keeps at most, and less of which make it look at more.
 inline constexpr std::uint32_t kMostTouches = 24, kFewTouches = 8;
+/// Of a pair, both ways, while one of them is looked at.
+inline constexpr std::uint32_t kMostPairTouches = 2 * kMostTouches + 1;
 
 /// A piece as contacts see it in a step.
 struct TouchingPiece {
@@ -30,8 +32,8 @@ struct TouchingPiece {
   double weight = 0;  ///< N, no less than what counts as one
   double diagonal = 0;
   float stiffness = 1, friction = 0;
-  // By placePoints():
   std::span<float> points;  ///< x of all, y of all, z of all, relative to the centre
+  // By placePoints():
   Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = Eigen::Vector3f::Zero();
   float bent = 0;  ///< how far they are from where a rigid motion has them, at most
 };
@@ -61,15 +63,23 @@ struct FoundTouch {
   Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
 };
 
+/// Touches in a list.
+struct TouchRange {
+  std::uint32_t first, count;
+};
+
 struct TouchList {
   explicit TouchList(std::pmr::memory_resource* memory) : touches(memory), rows(memory) {}
+  /// Adds copies of another one's.
+  TouchRange add(const TouchList& other);
+
   Array<FoundTouch> touches;
   Array<float> rows;
 };
 
-/// Places a piece's points at the prediction. \param memory room for three floats a point, rounded up to eight.
-void placePoints(TouchingPiece& piece, std::span<float> memory);
-/// Floats that placePoints() takes.
+/// Places a piece's points at the prediction. \pre TouchingPiece::points has room
+void placePoints(TouchingPiece& piece);
+/// Floats of TouchingPiece::points: three a point, rounded up to eight.
 std::size_t pointFloats(const Field& field);
 
 /// Adds the touches of a's points with b. \param index_a, index_b what Touch names the pieces by. \param h of the step,

@@ -89,6 +89,11 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   return result;
 }
 
+void PieceStep::reserveSystem(std::size_t rows) {
+  piece_.system.factor.reserve(std::size_t(field_.unknowns()) * field_.stride);
+  piece_.system.points.reserve(s_.contacts.size() + rows);
+}
+
 void PieceStep::prepareTogether(std::span<const TouchRow> rows) {
   objective_.touch_rows = rows;
   useRestSystem(objective_, piece_.system);

@@ -13,6 +13,7 @@
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
 #include "tests/support/box_package.h"
+#include "tests/support/touching_box.h"
 
 namespace sinew::test {
 namespace {
@@ -20,39 +21,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr float kStep = 1.0F / 60;
-
-/// A box with the distance grid of its own sides.
-std::shared_ptr<const Asset> touchingBox(const std::array<double, 3>& size, std::uint32_t cells = 3) {
-  BoxOptions options;
-  options.cells = {cells, cells, cells};
-  options.size = size;
-  formats::PackageContent content = boxContent(options);
-  formats::DistanceGrid grid = {};
-  const double longest = *std::max_element(size.begin(), size.end());
-  grid.spacing = float(longest / 16);
-  grid.unit = float(longest / 30000);
-  for (std::size_t a = 0; a < 3; ++a) {
-    grid.nodes[a] = std::uint32_t(std::ceil(size[a] / double(grid.spacing))) + 5;
-    grid.origin[a] = -0.5F * float(grid.nodes[a] - 1) * grid.spacing;
-  }
-  for (std::uint32_t z = 0; z < grid.nodes[2]; ++z) {
-    for (std::uint32_t y = 0; y < grid.nodes[1]; ++y) {
-      for (std::uint32_t x = 0; x < grid.nodes[0]; ++x) {
-        const std::array<std::uint32_t, 3> node = {x, y, z};
-        Vector3d beyond;
-        for (std::size_t a = 0; a < 3; ++a) {
-          const double at = double(grid.origin[a]) + node[a] * double(grid.spacing);
-          beyond[Eigen::Index(a)] = std::abs(at) - 0.5 * size[a];
-        }
-        const double inside = std::min(0.0, beyond.maxCoeff());
-        const double distance = beyond.cwiseMax(0.0).norm() + inside;
-        content.distance_values.push_back(std::int16_t(std::lround(distance / double(grid.unit))));
-      }
-    }
-  }
-  content.distance_grids.push_back(grid);
-  return makeAsset(std::move(content));
-}
 
 struct Motion {
   Vector3d momentum = Vector3d::Zero(), spin = Vector3d::Zero(), center = Vector3d::Zero();
