@@ -52,13 +52,13 @@ class Island {
   void gather();
   /// Rows by piece: each touch is one of both its sides.
   void gatherRows();
-  /// From above to below, so that what rests on others is taken apart before them.
+  /// Orders pieces from top to bottom, so that RigidCoupling eliminates each before those it rests on.
   void couple(const Vector3d& gravity);
-  /// From the prediction, from where all were, or from where those were that touched already: the lowest of these.
+  /// Minimizes from the lowest of three starts: the prediction, the old places of all, those of pieces that leaned.
   void solve(std::uint32_t iterations);
-  /// Turning on supports decays, of the island as of a piece: what its pieces turn about its centre.
+  /// Support damping of the island: the rotation of its pieces about its centre decays.
   void dampSwing(double h, const WorldSettings& settings);
-  /// What minimizing has lost of the motion as a whole is put back: all forces were between the pieces.
+  /// Puts back the momentum that minimizing has lost: all forces were between the pieces.
   void keepMomentum(double h, const WorldSettings& settings);
   PieceStep& member(std::size_t i) { return steps_[members_[i]]; }
 

@@ -78,6 +78,7 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.before = before.data();
   result.center = center_;
   result.center_before = (rigid_.center - center_).cast<float>();
+  result.turning = float(0.5 * h_ * rigid_.omega.norm() * double(body_.package().info().diagonal));
   const ConstCoefficientMap now = std::as_const(piece_).z();
   result.turn = (turn_ * rotationOf(field_, now, meanOf(field_, now))).cast<float>();
   result.rest_center = restCenterOf(field_).cast<float>();

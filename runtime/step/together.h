@@ -17,7 +17,7 @@ struct PieceBox {
   std::array<double, 3> low, high;
 };
 
-/// What stays from step to step (touching), and memory that steps use again.
+/// Touches, which stay from step to step, and memory that steps use again.
 struct TogetherScratch {
   explicit TogetherScratch(std::pmr::memory_resource* memory)
       : touching(memory),
@@ -49,7 +49,7 @@ struct TogetherScratch {
   Array<PieceBox> boxes;
   Array<std::uint64_t> order, pairs;
   Array<std::uint8_t> busy;          ///< by body: its box meets another's
-  Array<std::uint32_t> places;       ///< of boxes among what is stepped together
+  Array<std::uint32_t> places;       ///< of boxes in the list of pieces that are stepped together
   OwningArray<PieceScratch> pieces;  ///< one for each of these
   TouchList found;                   ///< of one pair after the other, pairs in any order
   Array<TouchRange> pair_touches;    ///< of each pair
