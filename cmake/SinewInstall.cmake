@@ -62,13 +62,15 @@ install(FILES ${PROJECT_BINARY_DIR}/sinew.pc DESTINATION ${sinew_pc_dir} COMPONE
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE.md ${PROJECT_SOURCE_DIR}/LICENSES/MIT.txt
   DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT sinew_runtime)
 
-# Every program the tools build, so that a helper process lies beside the one that starts it.
+# Every program and module the tools build, so that a helper lies beside what opens it.
 function(sinew_install_programs directory)
   get_property(targets DIRECTORY ${directory} PROPERTY BUILDSYSTEM_TARGETS)
   foreach(target IN LISTS targets)
     get_target_property(type ${target} TYPE)
-    if(type STREQUAL "EXECUTABLE")
-      install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT sinew_tools)
+    if(type MATCHES "EXECUTABLE|MODULE_LIBRARY")
+      install(TARGETS ${target}
+        RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT sinew_tools
+        LIBRARY DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT sinew_tools)
     endif()
   endforeach()
   get_property(children DIRECTORY ${directory} PROPERTY SUBDIRECTORIES)

@@ -3,11 +3,12 @@
 """Runs the sinew program as a stranger would: bakes, checks and simulates every good model of some folders, and feeds
 it every broken file. Standard library only.
 
-    acceptance.py --sinew build/release/bin/sinew --models DIR... [--broken DIR] [--quick]
+    acceptance.py --sinew build/release/bin/sinew --models DIR... [--broken DIR] [--but DIR...] [--quick]
 
 Prints a line a model; exits 1 if any line of the contract does not hold.
 """
 import argparse
+import hashlib
 import json
 import os
 import pathlib
@@ -150,13 +151,21 @@ def check_broken(sinew, file, folder, as_name=None):
     print(f"  {name:60s} exit {code}  {wall:5.2f} s {peak:5.0f} MB  {err.strip()[:150]}", flush=True)
 
 
+def files_of(folders, among=lambda file: True):
+    return sorted(p for folder in folders if pathlib.Path(folder).is_dir() for p in pathlib.Path(folder).rglob("*")
+                  if p.is_file() and among(p))
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--sinew", required=True)
     parser.add_argument("--models", nargs="*", default=[])
     parser.add_argument("--broken", default=None)
+    parser.add_argument("--but", nargs="*", default=[], help="folders whose files have been tried: their like is left out")
     parser.add_argument("--quick", action="store_true", help="squash only, no reproducibility")
     arguments = parser.parse_args()
+    tried = {hashlib.sha256(p.read_bytes()).digest() for p in files_of(arguments.but)}
+    new = lambda file: hashlib.sha256(file.read_bytes()).digest() not in tried
     done = 0
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
@@ -167,7 +176,7 @@ def main():
                 print(f"{folder} is not here: its sweep is left out")
                 continue
             print(folder)
-            files = sorted(p for p in folder.rglob("*") if p.suffix.lower() in FORMATS and "bad_input" not in p.parts)
+            files = files_of([folder], lambda p: p.suffix.lower() in FORMATS and "bad_input" not in p.parts and new(p))
             for file in files:
                 if file.name in UNREPAIRABLE:
                     check_broken(arguments.sinew, file, scratch)
@@ -185,7 +194,7 @@ def main():
         if arguments.broken and pathlib.Path(arguments.broken).is_dir():
             print(arguments.broken)
             for file in sorted(pathlib.Path(arguments.broken).iterdir()):
-                if file.suffix in (".txt", ".md", ".bin"):
+                if file.suffix in (".txt", ".md", ".bin") or not new(file):
                     continue
                 check_broken(arguments.sinew, file, scratch)
                 if file.name in COMPANION:
@@ -197,7 +206,7 @@ def main():
     print(f"{done} files, {len(failures)} failures")
     for line in failures:
         print("  " + line)
-    if done == 0 and any(pathlib.Path(f).is_dir() for f in arguments.models):
+    if done == 0 and not tried and any(pathlib.Path(f).is_dir() for f in arguments.models):
         print("nothing was tested")
         return 1
     return 1 if failures else 0

@@ -25,7 +25,7 @@ class Cache(unittest.TestCase):
         self.cache = self.path / "cache" / "sinew"
         self.source = self.path / "head.obj"
         self.source.write_bytes(HEAD.read_bytes())
-        self.recipe = {"sinew_recipe": 2, "source": "head.obj", "settings": {"tetrahedra.vertices": 400},
+        self.recipe = {"sinew_recipe": 2, "source": "head.obj", "settings": {"tetrahedra.vertices": 400, "field.functions": 8},
                        "clusters": [{"name": "skull", "from": {"group": "head"}}, {"name": "jaw", "from": {"group": "jaw"}},
                                     {"name": "rest", "from": {"rest": True}}]}
 

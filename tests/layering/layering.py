@@ -31,7 +31,7 @@ stdlib.h string.h time.h
 THIRD_PARTIES = {
     "xxhash": ("xxhash.h",),
     "eigen": ("Eigen/",),
-    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "linux/", "elf.h", "link.h", "malloc.h"),
+    "posix": ("sys/", "unistd.h", "fcntl.h", "poll.h", "spawn.h", "pthread.h", "dirent.h", "dlfcn.h", "linux/", "elf.h", "link.h", "malloc.h"),
     "simd": ("cpuid.h", "immintrin.h", "emmintrin.h", "xmmintrin.h", "smmintrin.h", "arm_neon.h", "wasm_simd128.h"),
     "json": ("nlohmann/",),
     "cli11": ("CLI/",),
@@ -62,13 +62,14 @@ class Zone:
 
 # The parts of tools, lowest first. A part includes parts below it, never one beside or above it.
 TOOL_RANKS = {
-    "core": 0, "import": 1, "tetrahedralize": 2, "attach": 3, "field": 3, "author": 4, "bake": 5, "scene": 5, "render": 6,
+    "core": 0, "import": 1, "pictures": 1, "tetrahedralize": 2, "attach": 3, "field": 3, "author": 4, "bake": 5, "scene": 5, "render": 6,
     "study": 7, "bench": 7, "studio": 7, "cli": 8,
 }
 TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
     "import": ("assimp", "cgal", "stb"),
     "tetrahedralize": ("cgal",),
+    "pictures": ("opencv",),
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),

@@ -9,11 +9,11 @@
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "tools/core/error.h"
 #include "tools/core/read_file.h"
+#include "tools/pictures/picture_files.h"
 
 namespace sinew::tools {
 namespace {
@@ -77,10 +77,11 @@ cv::Mat load(const std::filesystem::path& file) {
   // Before it is unpacked: a small file can declare more texels than there is memory.
   const auto declared = declaredSize(bytes);
   requireSize(declared[0], declared[1]);
+  const PictureFiles& codecs = pictureFiles();
   cv::Mat image;
   try {
     const SilentStderr silent;
-    image = cv::imdecode(cv::Mat(1, int(bytes.size()), CV_8U, const_cast<char*>(bytes.data())), cv::IMREAD_UNCHANGED);
+    image = codecs.decode(cv::Mat(1, int(bytes.size()), CV_8U, const_cast<char*>(bytes.data())));
   } catch (const std::exception&) {  // not only OpenCV's: OpenEXR throws its own
     image = cv::Mat();
   }

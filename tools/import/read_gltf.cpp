@@ -12,6 +12,7 @@
 #include <set>
 
 #include "tools/core/text.h"
+#include "tools/import/gltf_text.h"
 #include "tools/import/readers.h"
 
 namespace sinew::tools {
@@ -21,171 +22,7 @@ using nlohmann::json;
 
 static_assert(std::endian::native == std::endian::little, "glTF buffers are read in place");
 
-constexpr std::uint32_t kMaxDepth = 128;
 constexpr std::uint64_t kMaxCount = 1U << 30;
-
-/// A place in the JSON with its path, so that every complaint names where it is.
-class Value {
- public:
-  Value(const json* value, std::string path) : json_(value), path_(std::move(path)) {}
-
-  explicit operator bool() const { return json_ != nullptr; }
-  const json& raw() const { return *json_; }
-  const std::string& path() const { return path_; }
-
-  [[noreturn]] void fail(const std::string& what) const {
-    throw ReadError(what + " (at " + (path_.empty() ? "the top" : path_) + ")");
-  }
-  /// A member, or a Value that is false where there is none or it is null.
-  Value get(const char* key) const {
-    if (!json_) return {nullptr, path_ + "/" + key};
-    if (!json_->is_object()) fail("the JSON has no object where one belongs");
-    const auto at = json_->find(key);
-    return {at == json_->end() || at->is_null() ? nullptr : &*at, path_ + "/" + key};
-  }
-  Value need(const char* key) const {
-    Value value = get(key);
-    if (!value) value.fail("the JSON lacks a required entry");
-    return value;
-  }
-  std::size_t size() const {
-    if (!json_) return 0;
-    if (!json_->is_array()) fail("the JSON has no array where one belongs");
-    return json_->size();
-  }
-  Value at(std::size_t index) const {
-    const std::string path = path_ + "/" + std::to_string(index);
-    if (index >= size()) Value(nullptr, path).fail("the JSON refers to an entry that does not exist");
-    return {&(*json_)[index], path};
-  }
-  double number() const {
-    if (!json_ || !json_->is_number()) fail("the JSON has no number where one belongs");
-    const double value = json_->get<double>();
-    if (!std::isfinite(value)) fail("a number is not finite");
-    return value;
-  }
-  double number(const char* key, double otherwise) const {
-    const Value value = get(key);
-    return value ? value.number() : otherwise;
-  }
-  std::uint64_t integer() const {
-    if (!json_ || !json_->is_number()) fail("the JSON has no number where one belongs");
-    if (json_->is_number_unsigned()) return json_->get<std::uint64_t>();
-    const double value = json_->get<double>();
-    if (!(value >= 0 && value < 9e15) || value != std::floor(value))
-      fail("the JSON has no whole number of 0 or more where one belongs");
-    return std::uint64_t(value);
-  }
-  std::uint64_t integer(const char* key, std::uint64_t otherwise) const {
-    const Value value = get(key);
-    return value ? value.integer() : otherwise;
-  }
-  bool boolean(const char* key, bool otherwise) const {
-    const Value value = get(key);
-    if (!value) return otherwise;
-    if (!value.raw().is_boolean()) value.fail("the JSON has no true or false where one belongs");
-    return value.raw().get<bool>();
-  }
-  std::string text(const char* key, const std::string& otherwise) const {
-    const Value value = get(key);
-    if (!value) return otherwise;
-    if (!value.raw().is_string()) value.fail("the JSON has no text where one belongs");
-    return value.raw().get<std::string>();
-  }
-  template <std::size_t N>
-  std::array<double, N> numbers(const char* key, const std::array<double, N>& otherwise) const {
-    const Value value = get(key);
-    if (!value) return otherwise;
-    if (value.size() != N)
-      value.fail("the JSON has " + std::to_string(value.size()) + " numbers instead of " + std::to_string(N));
-    std::array<double, N> out;
-    for (std::size_t k = 0; k < N; ++k) out[k] = value.at(k).number();
-    return out;
-  }
-  std::string dump() const { return json_ ? json_->dump(-1, ' ', false, json::error_handler_t::replace) : "{}"; }
-
- private:
-  const json* json_;
-  std::string path_;
-};
-
-std::string percentDecoded(std::string_view text) {
-  const auto digit = [](char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                  : -1;
-  };
-  std::string out;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 && digit(text[i + 2]) >= 0) {
-      out += char(digit(text[i + 1]) * 16 + digit(text[i + 2]));
-      i += 2;
-    } else {
-      out += text[i];
-    }
-  }
-  return out;
-}
-
-/// The bytes of a data: URI; empty optional where it is none or damaged.
-std::optional<std::string> dataUri(std::string_view uri) {
-  if (!uri.starts_with("data:")) return std::nullopt;
-  const std::size_t comma = uri.find(',');
-  if (comma == uri.npos) return std::nullopt;
-  const std::string body = percentDecoded(uri.substr(comma + 1));
-  if (!uri.substr(0, comma).ends_with(";base64")) return body;
-  std::string out;
-  out.reserve(body.size() / 4 * 3);
-  std::uint32_t bits = 0;
-  int held = 0;
-  for (char c : body) {
-    std::uint32_t six = 0;
-    if (c >= 'A' && c <= 'Z') {
-      six = std::uint32_t(c - 'A');
-    } else if (c >= 'a' && c <= 'z') {
-      six = std::uint32_t(c - 'a') + 26;
-    } else if (c >= '0' && c <= '9') {
-      six = std::uint32_t(c - '0') + 52;
-    } else if (c == '+' || c == '-') {
-      six = 62;
-    } else if (c == '/' || c == '_') {
-      six = 63;
-    } else if (c == '=') {
-      break;
-    } else if (c == ' ' || c == '\n' || c == '\r' || c == '\t') {
-      continue;  // as from encoders that break lines
-    } else {
-      return std::nullopt;
-    }
-    bits = bits << 6 | six;
-    held += 6;
-    if (held >= 8) {
-      held -= 8;
-      out += char(bits >> held & 255U);
-    }
-  }
-  return out;
-}
-
-bool tooDeep(std::string_view text) {
-  std::uint32_t depth = 0;
-  bool quoted = false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (quoted) {
-      if (c == '\\') ++i;
-      if (c == '"') quoted = false;
-    } else if (c == '"') {
-      quoted = true;
-    } else if (c == '{' || c == '[') {
-      if (++depth > kMaxDepth) return true;
-    } else if ((c == '}' || c == ']') && depth > 0) {
-      --depth;
-    }
-  }
-  return false;
-}
 
 const std::set<std::string, std::less<>>& supportedExtensions() {
   static const std::set<std::string, std::less<>> kNames = {
@@ -215,7 +52,7 @@ class GltfReader {
       throw ReadError("is no glTF: its JSON has a number that is larger than any double");
     }
     if (!json_.is_object()) throw ReadError("is no glTF: its JSON is no object");
-    top_ = Value(&json_, "");
+    top_ = GltfValue(&json_, "");
   }
 
   RawScene read() {
@@ -274,7 +111,7 @@ class GltfReader {
     std::uint64_t count = 0;
     std::size_t stride = 0;
     const char* data = nullptr;  ///< null = zeros
-    Value value{nullptr, ""};
+    GltfValue value{nullptr, ""};
   };
 
   void info(const char* id, std::size_t count, const std::string& message) {
@@ -320,15 +157,15 @@ class GltfReader {
   }
 
   void checkVersionAndExtensions() {
-    const Value asset = top_.need("asset");
-    const Value stated = asset.get("version");
+    const GltfValue asset = top_.need("asset");
+    const GltfValue stated = asset.get("version");
     // A number where the specification wants a text.
     const std::string version =
         stated && stated.raw().is_number() ? rounded(stated.number(), 2) + ".0" : asset.text("version", "");
     if (!version.starts_with("2."))
       throw ReadError("is glTF of version \"" + version.substr(0, 20) + "\"; only 2.x is supported (at /asset/version)",
                       "Export it as glTF 2.0.");
-    const Value required = top_.get("extensionsRequired");
+    const GltfValue required = top_.get("extensionsRequired");
     for (std::size_t i = 0; i < required.size(); ++i) {
       if (!required.at(i).raw().is_string()) required.at(i).fail("the JSON has no text where one belongs");
       const std::string name = required.at(i).raw().get<std::string>();
@@ -352,9 +189,9 @@ class GltfReader {
     std::vector<std::uint32_t> parent(count, kNoIndex);
     local_.resize(count);
     for (std::uint32_t n = 0; n < count; ++n) {
-      const Value node = nodes_.at(n);
+      const GltfValue node = nodes_.at(n);
       local_[n] = localTransform(node);
-      const Value children = node.get("children");
+      const GltfValue children = node.get("children");
       for (std::size_t k = 0; k < children.size(); ++k) {
         const std::uint64_t child = children.at(k).integer();
         if (child >= count) children.at(k).fail("names node " + std::to_string(child) + " of " + std::to_string(count));
@@ -381,12 +218,12 @@ class GltfReader {
     }
     // The scene's nodes, parents first.
     std::vector<std::uint32_t> stack;
-    const Value scenes = top_.get("scenes");
-    if (const Value chosen = top_.get("scene"); chosen || scenes.size() > 0) {
+    const GltfValue scenes = top_.get("scenes");
+    if (const GltfValue chosen = top_.get("scene"); chosen || scenes.size() > 0) {
       const std::uint64_t index = chosen ? chosen.integer() : 0;
       if (index >= scenes.size())
         chosen.fail("names scene " + std::to_string(index) + " of " + std::to_string(scenes.size()));
-      const Value roots = scenes.at(index).get("nodes");
+      const GltfValue roots = scenes.at(index).get("nodes");
       for (std::size_t k = 0; k < roots.size(); ++k) {
         const std::uint64_t root = roots.at(k).integer();
         if (root >= count) roots.at(k).fail("names node " + std::to_string(root) + " of " + std::to_string(count));
@@ -404,13 +241,13 @@ class GltfReader {
       if (number_of_node_[n] != kNoIndex) continue;  // named twice as a root, or a root below another
       number_of_node_[n] = std::uint32_t(scene_.nodes.size());
       order_.push_back(n);
-      const Value node = nodes_.at(n);
+      const GltfValue node = nodes_.at(n);
       RawNode raw;
       raw.name = nodeName(n);
       raw.parent = parent[n] == kNoIndex ? kNoIndex : number_of_node_[parent[n]];
       raw.properties_json = properties(node);
       scene_.nodes.push_back(std::move(raw));
-      const Value children = node.get("children");
+      const GltfValue children = node.get("children");
       for (std::size_t k = children.size(); k-- > 0;) stack.push_back(std::uint32_t(children.at(k).integer()));
     }
   }
@@ -420,7 +257,7 @@ class GltfReader {
     return name.empty() ? "node " + std::to_string(n) : name;
   }
 
-  Eigen::Matrix4d localTransform(const Value& node) {
+  Eigen::Matrix4d localTransform(const GltfValue& node) {
     if (node.get("matrix")) {
       const auto m = node.numbers<16>("matrix", {});
       Eigen::Matrix4d out;
@@ -446,8 +283,8 @@ class GltfReader {
   }
 
   /// The entry of a list at the top that `user` names.
-  Value entry(const char* list, const Value& user) const {
-    const Value values = top_.get(list);
+  GltfValue entry(const char* list, const GltfValue& user) const {
+    const GltfValue values = top_.get(list);
     const std::uint64_t index = user.integer();
     if (index >= values.size())
       user.fail("names entry " + std::to_string(index) + " of the " + std::to_string(values.size()) + " " + list);
@@ -455,9 +292,9 @@ class GltfReader {
   }
 
   /// The node's extras; what mesh, primitives and materials carry goes below "mesh", "primitives" and "materials".
-  std::string properties(const Value& node) const {
+  std::string properties(const GltfValue& node) const {
     json out = json::object();
-    const Value extras = node.get("extras");
+    const GltfValue extras = node.get("extras");
     if (extras) {
       if (extras.raw().is_object()) {
         out = extras.raw();
@@ -465,20 +302,20 @@ class GltfReader {
         out["extras"] = extras.raw();
       }
     }
-    if (const Value index = node.get("mesh")) {
-      const Value mesh = entry("meshes", index);
-      if (const Value own = mesh.get("extras")) out["mesh"] = own.raw();
-      const Value primitives = mesh.get("primitives");
+    if (const GltfValue index = node.get("mesh")) {
+      const GltfValue mesh = entry("meshes", index);
+      if (const GltfValue own = mesh.get("extras")) out["mesh"] = own.raw();
+      const GltfValue primitives = mesh.get("primitives");
       json list = json::array();
       json materials = json::object();
       bool any = false;
       for (std::size_t p = 0; p < primitives.size(); ++p) {
-        const Value own = primitives.at(p).get("extras");
+        const GltfValue own = primitives.at(p).get("extras");
         any = any || own;
         list.push_back(own ? own.raw() : json::object());
-        if (const Value material = primitives.at(p).get("material")) {
-          const Value source = entry("materials", material);
-          if (const Value its = source.get("extras"))
+        if (const GltfValue material = primitives.at(p).get("material")) {
+          const GltfValue source = entry("materials", material);
+          if (const GltfValue its = source.get("extras"))
             materials[source.text("name", "material " + std::to_string(material.integer()))] = its.raw();
         }
       }
@@ -490,35 +327,35 @@ class GltfReader {
 
   /// What the readers below would only meet by chance: every accessor, view and buffer is checked, used or not.
   void checkReferences() {
-    const Value views = top_.get("bufferViews");
+    const GltfValue views = top_.get("bufferViews");
     for (std::size_t i = 0; i < views.size(); ++i) {
       views.at(i).need("buffer").integer();
       views.at(i).need("byteLength").integer();
       views.at(i).integer("byteOffset", 0);
       views.at(i).integer("byteStride", 0);
     }
-    const Value accessors = top_.get("accessors");
+    const GltfValue accessors = top_.get("accessors");
     for (std::size_t i = 0; i < accessors.size(); ++i) {
-      const Value accessor = accessors.at(i);
+      const GltfValue accessor = accessors.at(i);
       accessor.need("count").integer();
       accessor.need("componentType").integer();
       accessor.integer("byteOffset", 0);
       if (accessor.need("type"); accessor.text("type", "").empty())
         accessor.get("type").fail("an accessor has no type");
       for (const char* key : {"min", "max"}) {
-        const Value bounds = accessor.get(key);
+        const GltfValue bounds = accessor.get(key);
         for (std::size_t k = 0; k < bounds.size(); ++k)
           if (!bounds.at(k).raw().is_number()) bounds.at(k).fail("the JSON has no number where one belongs");
       }
     }
-    const Value materials = top_.get("materials");
+    const GltfValue materials = top_.get("materials");
     for (std::size_t i = 0; i < materials.size(); ++i) {
-      const Value material = materials.at(i);
-      const Value pbr = material.get("pbrMetallicRoughness");
+      const GltfValue material = materials.at(i);
+      const GltfValue pbr = material.get("pbrMetallicRoughness");
       material.number("alphaCutoff", 0.5);
       material.numbers<3>("emissiveFactor", {0, 0, 0});
       for (const char* factor : {"metallicFactor", "roughnessFactor"}) pbr.number(factor, 1);
-      for (const Value& info :
+      for (const GltfValue& info :
            {material.get("normalTexture"), material.get("occlusionTexture"), material.get("emissiveTexture"),
             pbr.get("baseColorTexture"), pbr.get("metallicRoughnessTexture")}) {
         if (!info) continue;
@@ -529,7 +366,7 @@ class GltfReader {
       }
     }
     for (const char* list : {"meshes", "materials", "textures", "images", "skins", "animations", "buffers"}) {
-      const Value values = top_.get(list);
+      const GltfValue values = top_.get(list);
       for (std::size_t i = 0; i < values.size(); ++i)
         if (!values.at(i).raw().is_object()) values.at(i).fail("the JSON has no object where one belongs");
     }
@@ -537,13 +374,13 @@ class GltfReader {
 
   // --- Buffers and accessors ---------------------------------------------------------------------------------------
 
-  std::string_view buffer(std::uint64_t index, const Value& user) {
-    const Value list = top_.get("buffers");
+  std::string_view buffer(std::uint64_t index, const GltfValue& user) {
+    const GltfValue list = top_.get("buffers");
     if (index >= list.size()) user.fail("names buffer " + std::to_string(index) + " of " + std::to_string(list.size()));
     if (buffers_.size() != list.size()) buffers_.resize(list.size());
     Buffer& out = buffers_[index];
     if (out.loaded) return out.bytes;
-    const Value value = list.at(index);
+    const GltfValue value = list.at(index);
     const std::uint64_t length = value.need("byteLength").integer();
     const std::string uri = value.text("uri", "");
     if (uri.empty()) {
@@ -576,15 +413,15 @@ class GltfReader {
     return out.bytes;
   }
 
-  std::string_view bufferView(std::uint64_t index, const Value& user, std::uint64_t* stride) {
-    const Value list = top_.get("bufferViews");
+  std::string_view bufferView(std::uint64_t index, const GltfValue& user, std::uint64_t* stride) {
+    const GltfValue list = top_.get("bufferViews");
     if (index >= list.size())
       user.fail("names bufferView " + std::to_string(index) + " of " + std::to_string(list.size()));
-    const Value view = list.at(index);
-    if (const Value extensions = view.get("extensions"))
+    const GltfValue view = list.at(index);
+    if (const GltfValue extensions = view.get("extensions"))
       for (const char* name : {"EXT_meshopt_compression", "KHR_meshopt_compression"})
         if (extensions.get(name) && !extensions.get(name).get("fallback")) {
-          const Value backing = top_.get("buffers").at(view.need("buffer").integer());
+          const GltfValue backing = top_.get("buffers").at(view.need("buffer").integer());
           if (backing.text("uri", "").empty() && !(view.need("buffer").integer() == 0 && has_binary_chunk_))
             unsupported(name, view.path());
         }
@@ -597,7 +434,7 @@ class GltfReader {
     return bytes.substr(offset, length);
   }
 
-  static std::size_t componentSize(std::uint64_t type, const Value& user) {
+  static std::size_t componentSize(std::uint64_t type, const GltfValue& user) {
     switch (type) {
       case 5120:
       case 5121:
@@ -613,12 +450,12 @@ class GltfReader {
     }
   }
 
-  Accessor accessor(const Value& user) {
+  Accessor accessor(const GltfValue& user) {
     const std::uint64_t index = user.integer();
-    const Value list = top_.get("accessors");
+    const GltfValue list = top_.get("accessors");
     if (index >= list.size())
       user.fail("names accessor " + std::to_string(index) + " of " + std::to_string(list.size()));
-    const Value value = list.at(index);
+    const GltfValue value = list.at(index);
     Accessor out;
     out.value = value;
     out.count = value.need("count").integer();
@@ -633,7 +470,7 @@ class GltfReader {
     out.components = known->second;
     const std::size_t element = out.components * out.component_size;
     out.stride = element;
-    if (const Value view = value.get("bufferView")) {
+    if (const GltfValue view = value.get("bufferView")) {
       std::uint64_t stride = 0;
       const std::string_view bytes = bufferView(view.integer(), view, &stride);
       if (stride != 0) {
@@ -681,11 +518,11 @@ class GltfReader {
         for (std::size_t k = 0; k < a.components; ++k)
           out[i * a.components + k] =
               float(component(a.data + i * a.stride + k * a.component_size, a.component_type, a.normalized));
-    if (const Value sparse = a.value.get("sparse")) {
+    if (const GltfValue sparse = a.value.get("sparse")) {
       const std::uint64_t count = sparse.need("count").integer();
       if (count > a.count) sparse.fail("a sparse accessor replaces more elements than there are");
-      const Value indices = sparse.need("indices");
-      const Value values = sparse.need("values");
+      const GltfValue indices = sparse.need("indices");
+      const GltfValue values = sparse.need("values");
       const std::uint64_t index_type = indices.need("componentType").integer();
       if (index_type != 5121 && index_type != 5123 && index_type != 5125)
         indices.fail("sparse indices have a wrong component type");
@@ -705,7 +542,7 @@ class GltfReader {
     return out;
   }
 
-  const char* sparseBytes(const Value& part, std::uint64_t count, std::size_t element) {
+  const char* sparseBytes(const GltfValue& part, std::uint64_t count, std::size_t element) {
     const std::string_view bytes = bufferView(part.need("bufferView").integer(), part.get("bufferView"), nullptr);
     const std::uint64_t offset = part.integer("byteOffset", 0);
     if (offset > bytes.size() || count > (bytes.size() - offset) / element)
@@ -714,8 +551,8 @@ class GltfReader {
   }
 
   /// A vertex attribute of `count` elements with one of the given numbers of components.
-  std::vector<float> attribute(const Value& user, std::uint64_t count, std::initializer_list<std::size_t> components,
-                               std::size_t* found = nullptr) {
+  std::vector<float> attribute(const GltfValue& user, std::uint64_t count,
+                               std::initializer_list<std::size_t> components, std::size_t* found = nullptr) {
     const Accessor a = accessor(user);
     if (std::find(components.begin(), components.end(), a.components) == components.end())
       user.fail("names an accessor of the wrong type");
@@ -737,30 +574,30 @@ class GltfReader {
     double rotation = 0;
   };
 
-  std::uint32_t material(const Value& user) {
+  std::uint32_t material(const GltfValue& user) {
     const std::uint64_t index = user.integer();
     if (index >= materials_.size())
       user.fail("names material " + std::to_string(index) + " of " + std::to_string(materials_.size()));
     std::uint32_t& number = material_number_[index];
     if (number != kNoIndex) return number;
-    const Value value = materials_.at(index);
+    const GltfValue value = materials_.at(index);
     RawMaterial out;
     out.name = value.text("name", "material " + std::to_string(index));
     out.double_sided = value.boolean("doubleSided", false);
     out.base_color = {1, 1, 1, 1};
     TextureUse use;
-    const auto colorOf = [&](const Value& group, const char* factor, const char* texture) {
+    const auto colorOf = [&](const GltfValue& group, const char* factor, const char* texture) {
       const auto color = group.numbers<4>(factor, {1, 1, 1, 1});
       for (std::size_t k = 0; k < 4; ++k) out.base_color[k] = float(color[k]);
-      if (const Value reference = group.get(texture)) {
+      if (const GltfValue reference = group.get(texture)) {
         out.texture = textureOf(reference);
         use = textureUse(reference);
       }
     };
-    if (const Value pbr = value.get("pbrMetallicRoughness")) {
+    if (const GltfValue pbr = value.get("pbrMetallicRoughness")) {
       colorOf(pbr, "baseColorFactor", "baseColorTexture");
-    } else if (const Value extensions = value.get("extensions")) {
-      if (const Value old = extensions.get("KHR_materials_pbrSpecularGlossiness"))
+    } else if (const GltfValue extensions = value.get("extensions")) {
+      if (const GltfValue old = extensions.get("KHR_materials_pbrSpecularGlossiness"))
         colorOf(old, "diffuseFactor", "diffuseTexture");
     }
     number = std::uint32_t(scene_.materials.size());
@@ -769,12 +606,12 @@ class GltfReader {
     return number;
   }
 
-  TextureUse textureUse(const Value& reference) const {
+  TextureUse textureUse(const GltfValue& reference) const {
     TextureUse use;
     use.any = true;
     use.uv_set = reference.integer("texCoord", 0);
-    if (const Value extensions = reference.get("extensions"))
-      if (const Value transform = extensions.get("KHR_texture_transform")) {
+    if (const GltfValue extensions = reference.get("extensions"))
+      if (const GltfValue transform = extensions.get("KHR_texture_transform")) {
         use.transformed = true;
         use.offset = transform.numbers<2>("offset", {0, 0});
         use.scale = transform.numbers<2>("scale", {1, 1});
@@ -784,30 +621,30 @@ class GltfReader {
     return use;
   }
 
-  std::uint32_t textureOf(const Value& reference) {
-    const Value list = top_.get("textures");
+  std::uint32_t textureOf(const GltfValue& reference) {
+    const GltfValue list = top_.get("textures");
     const std::uint64_t index = reference.need("index").integer();
     if (index >= list.size())
       reference.get("index").fail("names texture " + std::to_string(index) + " of " + std::to_string(list.size()));
-    const Value texture = list.at(index);
-    Value source = texture.get("source");
-    if (const Value extensions = texture.get("extensions"); !source && extensions)
+    const GltfValue texture = list.at(index);
+    GltfValue source = texture.get("source");
+    if (const GltfValue extensions = texture.get("extensions"); !source && extensions)
       for (const char* name : {"EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"})
-        if (const Value own = extensions.get(name); own && !source) source = own.get("source");
+        if (const GltfValue own = extensions.get(name); own && !source) source = own.get("source");
     if (!source) return kNoIndex;
     const std::uint64_t image_index = source.integer();
-    const Value images = top_.get("images");
+    const GltfValue images = top_.get("images");
     if (image_index >= images.size())
       source.fail("names image " + std::to_string(image_index) + " of " + std::to_string(images.size()));
     const auto [at, fresh] = texture_of_image_.try_emplace(image_index, std::uint32_t(scene_.textures.size()));
     if (!fresh) return at->second;
-    const Value image = images.at(image_index);
+    const GltfValue image = images.at(image_index);
     RawTexture out;
     out.name = image.text("name", "");
     const std::string uri = image.text("uri", "");
     std::string_view bytes;
     std::optional<std::string> decoded;
-    if (const Value view = image.get("bufferView")) {
+    if (const GltfValue view = image.get("bufferView")) {
       bytes = bufferView(view.integer(), view, nullptr);
     } else if (uri.starts_with("data:")) {
       decoded = dataUri(uri);
@@ -827,9 +664,9 @@ class GltfReader {
 
   // --- Meshes ------------------------------------------------------------------------------------------------------
 
-  std::vector<std::uint32_t> triangleIndices(const Value& primitive, std::uint64_t vertex_count) {
+  std::vector<std::uint32_t> triangleIndices(const GltfValue& primitive, std::uint64_t vertex_count) {
     std::vector<std::uint32_t> indices;
-    if (const Value user = primitive.get("indices")) {
+    if (const GltfValue user = primitive.get("indices")) {
       const Accessor a = accessor(user);
       if (a.components != 1 || (a.component_type != 5121 && a.component_type != 5123 && a.component_type != 5125))
         user.fail("names an accessor that holds no indices");
@@ -869,12 +706,12 @@ class GltfReader {
     std::vector<Eigen::Matrix4d> rest;        ///< mesh to world: joint's global transform times inverse bind matrix
   };
 
-  Skin skin(const Value& user) {
-    const Value list = top_.get("skins");
+  Skin skin(const GltfValue& user) {
+    const GltfValue list = top_.get("skins");
     const std::uint64_t index = user.integer();
     if (index >= list.size()) user.fail("names skin " + std::to_string(index) + " of " + std::to_string(list.size()));
-    const Value value = list.at(index);
-    const Value joints = value.need("joints");
+    const GltfValue value = list.at(index);
+    const GltfValue joints = value.need("joints");
     if (joints.size() == 0) joints.fail("a skin has no joints");
     Skin out;
     for (std::size_t k = 0; k < joints.size(); ++k) {
@@ -887,7 +724,7 @@ class GltfReader {
       out.rest.push_back(global_[node]);
     }
     // Without inverse bind matrices they are identities (specification, 3.7.3.1).
-    if (const Value bind = value.get("inverseBindMatrices")) {
+    if (const GltfValue bind = value.get("inverseBindMatrices")) {
       const Accessor a = accessor(bind);
       if (a.components != 16 || a.component_type != 5126) bind.fail("names an accessor that holds no matrices");
       if (a.count < joints.size()) bind.fail("has fewer inverse bind matrices than joints");
@@ -916,9 +753,9 @@ class GltfReader {
   }
 
   /// The points of one POSITION accessor (with its joints), shared by all primitives of the mesh that name it.
-  Pool makePool(const Value& attributes, const std::optional<Skin>& skin, RawMesh& mesh) {
+  Pool makePool(const GltfValue& attributes, const std::optional<Skin>& skin, RawMesh& mesh) {
     Pool pool;
-    const Value user = attributes.need("POSITION");
+    const GltfValue user = attributes.need("POSITION");
     const Accessor a = accessor(user);
     if (a.components != 3) user.fail("names an accessor of the wrong type");
     const std::vector<float> positions = numbers(a);
@@ -935,8 +772,8 @@ class GltfReader {
     std::vector<std::vector<float>> joints;
     std::vector<std::vector<float>> weights;
     for (int set = 0; set < 16; ++set) {
-      const Value j = attributes.get(("JOINTS_" + std::to_string(set)).c_str());
-      const Value w = attributes.get(("WEIGHTS_" + std::to_string(set)).c_str());
+      const GltfValue j = attributes.get(("JOINTS_" + std::to_string(set)).c_str());
+      const GltfValue w = attributes.get(("WEIGHTS_" + std::to_string(set)).c_str());
       if (!j && !w) break;
       if (!j || !w) (j ? w : j).fail("joints and weights do not come in pairs");
       joints.push_back(attribute(j, a.count, {4}));
@@ -983,27 +820,27 @@ class GltfReader {
   }
 
   void instance(std::uint32_t node_index) {
-    const Value node = nodes_.at(node_index);
-    const Value mesh_user = node.get("mesh");
+    const GltfValue node = nodes_.at(node_index);
+    const GltfValue mesh_user = node.get("mesh");
     if (!mesh_user) return;
-    const Value meshes = top_.get("meshes");
+    const GltfValue meshes = top_.get("meshes");
     if (mesh_user.integer() >= meshes.size())
       mesh_user.fail("names mesh " + std::to_string(mesh_user.integer()) + " of " + std::to_string(meshes.size()));
-    const Value source = meshes.at(mesh_user.integer());
+    const GltfValue source = meshes.at(mesh_user.integer());
     RawMesh mesh;
     mesh.name = source.text("name", "mesh " + std::to_string(mesh_user.integer()));
     mesh.node = number_of_node_[node_index];
     std::optional<Skin> its_skin;
-    if (const Value user = node.get("skin")) its_skin = skin(user);
+    if (const GltfValue user = node.get("skin")) its_skin = skin(user);
 
-    const Value primitives = source.need("primitives");
+    const GltfValue primitives = source.need("primitives");
     std::map<std::vector<std::uint64_t>, Pool> pools;
     std::vector<std::pair<const Pool*, std::uint32_t>> vertex_origin;  // pool and element of each vertex
     std::map<std::string, std::size_t> attribute_number;
     std::map<std::size_t, RawMorph> morphs;
     for (std::size_t p = 0; p < primitives.size(); ++p) {
-      const Value primitive = primitives.at(p);
-      const Value attributes = primitive.need("attributes");
+      const GltfValue primitive = primitives.at(p);
+      const GltfValue attributes = primitive.need("attributes");
       const std::uint64_t mode = primitive.integer("mode", 4);
       if (mode > 6) primitive.get("mode").fail("a primitive has the unknown mode " + std::to_string(mode));
       if (mode < 4) {
@@ -1036,7 +873,7 @@ class GltfReader {
       for (std::uint32_t i : indices) mesh.corners.push_back(vertex_of[i]);
       mesh.face_size.insert(mesh.face_size.end(), indices.size() / 3, 3U);
       mesh.face_part.insert(mesh.face_part.end(), indices.size() / 3, std::uint32_t(mesh.parts.size()));
-      const Value material_user = primitive.get("material");
+      const GltfValue material_user = primitive.get("material");
       const std::uint32_t its_material = material_user ? material(material_user) : kNoIndex;
       mesh.parts.push_back({mesh.name, its_material});
 
@@ -1055,9 +892,9 @@ class GltfReader {
   }
 
   // Weights of a node replace the weights of its mesh. Clusters of morphs refer to the base shape.
-  void notePosedMorphs(const Value& node, const Value& source, const std::map<std::size_t, RawMorph>& morphs,
+  void notePosedMorphs(const GltfValue& node, const GltfValue& source, const std::map<std::size_t, RawMorph>& morphs,
                        const std::string& name) {
-    const Value weights = node.get("weights") ? node.get("weights") : source.get("weights");
+    const GltfValue weights = node.get("weights") ? node.get("weights") : source.get("weights");
     std::string posed;
     for (const auto& [index, morph] : morphs) {
       if (index >= weights.size() || morph.vertices.empty()) continue;
@@ -1070,26 +907,26 @@ class GltfReader {
     if (!posed.empty()) posed_morphs_.push_back("in " + name + ": " + posed);
   }
 
-  void checkDraco(const Value& primitive, const Value& attributes) const {
-    const Value extensions = primitive.get("extensions");
+  void checkDraco(const GltfValue& primitive, const GltfValue& attributes) const {
+    const GltfValue extensions = primitive.get("extensions");
     if (!extensions || !extensions.get("KHR_draco_mesh_compression")) return;
     // Uncompressed data may lie beside the compressed; without it the accessors have no view.
-    const Value position = attributes.get("POSITION");
+    const GltfValue position = attributes.get("POSITION");
     if (!position || !top_.get("accessors").at(position.integer()).get("bufferView"))
       unsupported("KHR_draco_mesh_compression", primitive.path());
   }
 
-  void vertexAttributes(const Value& attributes, const Pool& pool, const std::vector<std::uint32_t>& used,
+  void vertexAttributes(const GltfValue& attributes, const Pool& pool, const std::vector<std::uint32_t>& used,
                         std::uint32_t first, std::uint32_t its_material,
                         std::map<std::string, std::size_t>& attribute_number, RawMesh& mesh) {
     const std::size_t total = mesh.vertex_point.size();
-    if (const Value user = attributes.get("NORMAL")) {
+    if (const GltfValue user = attributes.get("NORMAL")) {
       const std::vector<float> values = attribute(user, pool.count, {3});
       mesh.normals.resize(total, Eigen::Vector3f::Zero());
       for (std::size_t k = 0; k < used.size(); ++k) mesh.normals[first + k] = at3(values, used[k]).cast<float>();
     }
     const TextureUse use = its_material == kNoIndex ? TextureUse{} : texture_uses_[its_material];
-    if (const Value user = attributes.get(("TEXCOORD_" + std::to_string(use.uv_set)).c_str())) {
+    if (const GltfValue user = attributes.get(("TEXCOORD_" + std::to_string(use.uv_set)).c_str())) {
       const std::vector<float> values = attribute(user, pool.count, {2});
       mesh.uvs.resize(total, Eigen::Vector2f::Zero());
       const double c = std::cos(use.rotation);
@@ -1106,7 +943,7 @@ class GltfReader {
         mesh.uvs[first + k] = {u, 1.0F - v};
       }
     }
-    if (const Value user = attributes.get("COLOR_0")) {
+    if (const GltfValue user = attributes.get("COLOR_0")) {
       std::size_t components = 0;
       const std::vector<float> values = attribute(user, pool.count, {3, 4}, &components);
       mesh.colors.resize(total, {0, 0, 0, 0});
@@ -1133,11 +970,11 @@ class GltfReader {
     }
   }
 
-  void morphTargets(const Value& primitive, const Value& source, const Pool& pool,
+  void morphTargets(const GltfValue& primitive, const GltfValue& source, const Pool& pool,
                     const std::vector<std::uint32_t>& used, std::uint32_t first,
                     std::map<std::size_t, RawMorph>& morphs) {
-    const Value targets = primitive.get("targets");
-    const Value extras = source.get("extras");
+    const GltfValue targets = primitive.get("targets");
+    const GltfValue extras = source.get("extras");
     for (std::size_t t = 0; t < targets.size(); ++t) {
       RawMorph& morph = morphs[t];
       if (morph.name.empty()) {
@@ -1147,7 +984,7 @@ class GltfReader {
           if (names.is_array() && t < names.size() && names[t].is_string()) morph.name = names[t].get<std::string>();
         }
       }
-      const Value user = targets.at(t).get("POSITION");
+      const GltfValue user = targets.at(t).get("POSITION");
       if (!user) continue;
       const std::vector<float> deltas = attribute(user, pool.count, {3});
       for (std::uint32_t k = 0; k < used.size(); ++k) {
@@ -1207,9 +1044,9 @@ class GltfReader {
   std::filesystem::path folder_;
   std::string stem_;
   json json_;
-  Value top_;
-  Value nodes_{nullptr, "/nodes"};
-  Value materials_{nullptr, "/materials"};
+  GltfValue top_;
+  GltfValue nodes_{nullptr, "/nodes"};
+  GltfValue materials_{nullptr, "/materials"};
   RawScene scene_;
   std::string_view binary_chunk_;
   bool has_binary_chunk_ = false;

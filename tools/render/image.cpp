@@ -5,13 +5,14 @@
 #include <cmath>
 #include <cstring>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
 
 #include "tools/core/atomic_file.h"
+#include "tools/core/read_file.h"
 #include "tools/import/textures.h"
+#include "tools/pictures/picture_files.h"
 
 namespace sinew::tools {
 
@@ -93,7 +94,7 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
   try {
     const std::vector<std::uint8_t> encoded = strippedPng(bytes);
     if (encoded.empty()) return result;
-    cv::Mat picture = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
+    cv::Mat picture = pictureFiles().decode(cv::Mat(encoded, false).reshape(1, 1));
     if (picture.empty()) {
       Texels texels = decodeByStb(std::as_bytes(std::span(encoded)));
       if (texels.rgba.empty()) return result;
@@ -137,21 +138,15 @@ void writePng(const Image& image, const std::filesystem::path& file) {
   const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<std::uint8_t*>(image.rgb.data()));
   cv::Mat bgr;
   cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  std::vector<std::uint8_t> encoded;
-  cv::imencode(".png", bgr, encoded, {cv::IMWRITE_PNG_COMPRESSION, 4});
-
+  const std::vector<std::uint8_t> encoded = pictureFiles().encodePng(bgr, 4);
   writeFileAtomically(file, std::as_bytes(std::span(encoded)));
 }
 
 Image readImage(const std::filesystem::path& file) {
-  Image image;
-  const cv::Mat bgr = cv::imread(file.string(), cv::IMREAD_COLOR);
-  if (bgr.empty()) return image;
-  cv::Mat rgb;
-  cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
-  image.width = rgb.cols;
-  image.height = rgb.rows;
-  image.rgb.assign(rgb.datastart, rgb.dataend);
+  const std::string bytes = readWholeFile(file, kMaxTextureBytes >> 20);
+  const TexturePixels pixels = decodeTexture(std::as_bytes(std::span(bytes)), 1 << 15);
+  Image image(pixels.width, pixels.height);
+  for (std::size_t i = 0; i < image.rgb.size(); ++i) image.rgb[i] = pixels.rgba[i / 3 * 4 + i % 3];
   return image;
 }
 

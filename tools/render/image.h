@@ -46,7 +46,7 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size);
 /// Throws ToolError(system), with nothing left behind, where that fails.
 void writePng(const Image& image, const std::filesystem::path& file);
 
-/// Reads a picture back (tests). Width 0 where there is none.
+/// Reads a picture back (tests). Width 0 where it is none.
 Image readImage(const std::filesystem::path& file);
 
 }  // namespace sinew::tools

@@ -9,9 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <opencv2/core.hpp>
-#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -19,6 +17,7 @@
 
 #include "tools/core/atomic_file.h"
 #include "tools/core/error.h"
+#include "tools/pictures/picture_files.h"
 
 namespace sinew::tools {
 
@@ -63,8 +62,8 @@ bool isWhole(const std::filesystem::path& file) {
 }
 
 std::uint64_t frameCount(const std::filesystem::path& file) {
-  const cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
-  return capture.isOpened() ? std::uint64_t(std::max(0.0, capture.get(cv::CAP_PROP_FRAME_COUNT))) : 0;
+  const auto capture = pictureFiles().readVideo(file);
+  return capture->isOpened() ? std::uint64_t(std::max(0.0, capture->get(cv::CAP_PROP_FRAME_COUNT))) : 0;
 }
 
 }  // namespace
@@ -74,11 +73,11 @@ struct VideoFile::Impl {
   std::filesystem::path file;
   FileBeside beside;
   std::uint64_t frames = 0;
-  cv::VideoWriter writer;
+  std::unique_ptr<cv::VideoWriter> writer;
   std::array<void (*)(int), kSignals.size()> handlers{};
 
   ~Impl() {
-    writer.release();
+    writer.reset();
     g_unfinished[0] = '\0';
     for (std::size_t i = 0; i < kSignals.size(); ++i) std::signal(kSignals[i], handlers[i]);
   }
@@ -92,13 +91,8 @@ VideoFile::VideoFile(std::filesystem::path file, int width, int height, double f
     impl_->handlers[i] = std::signal(kSignals[i], removeUnfinished);
     if (impl_->handlers[i] == SIG_IGN) std::signal(kSignals[i], SIG_IGN);
   }
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-  try {
-    impl_->writer.open(name, cv::CAP_FFMPEG, cv::VideoWriter::fourcc('a', 'v', 'c', '1'), frames_per_second,
-                       cv::Size(width, height));
-  } catch (const cv::Exception&) {  // judged below
-  }
-  if (!impl_->writer.isOpened()) {
+  impl_->writer = pictureFiles().writeVideo(name, frames_per_second, cv::Size(width, height));
+  if (!impl_->writer->isOpened()) {
     throw ToolError(
         ExitCode::system, impl_->file.string(), "the video cannot be started",
         "Check that the folder is writable and that OpenCV's video support has an H.264 encoder, or ask for a .png.");
@@ -111,12 +105,12 @@ void VideoFile::add(const Image& frame) {
   const cv::Mat rgb(frame.height, frame.width, CV_8UC3, const_cast<std::uint8_t*>(frame.rgb.data()));
   cv::Mat bgr;
   cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  impl_->writer.write(bgr);
+  impl_->writer->write(bgr);
   ++impl_->frames;
 }
 
 void VideoFile::finish() {
-  impl_->writer.release();
+  impl_->writer->release();
   if (!isWhole(impl_->beside.path()) || frameCount(impl_->beside.path()) != impl_->frames) {
     throw ToolError(ExitCode::system, impl_->file.string(), "the video could not be written whole",
                     "Check that the disk is not full.");
@@ -126,9 +120,9 @@ void VideoFile::finish() {
 
 std::vector<Image> readVideo(const std::filesystem::path& file) {
   std::vector<Image> frames;
-  cv::VideoCapture capture(file.string(), cv::CAP_FFMPEG);
+  const auto capture = pictureFiles().readVideo(file);
   cv::Mat bgr;
-  while (capture.isOpened() && capture.read(bgr)) {
+  while (capture->isOpened() && capture->read(bgr)) {
     cv::Mat rgb;
     cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
     Image image;
