@@ -73,6 +73,10 @@ struct ColliderSettings {
   float restitution = 0;     ///< part of the speed that a point of a body has into it and leaves with, 0..1
   std::uint32_t layers = 1;  ///< bits: a pair touches where each has a layer that the other one's `touches` has
   std::uint32_t touches = 0xFFFFFFFFU;
+  /// m/s, > 0: moveCollider() is followed no faster than that, as a hand follows a cursor; it may take several steps. A
+  /// mass that it has then gives way to what it pushes, and comes back at this speed. Infinity: it is reached in a
+  /// step.
+  float most_speed = std::numeric_limits<float>::infinity();
   /// Of the engine's rigid body that this is, kg: its impulse is that on a body that gives way (docs/method.md). 0: it
   /// moves as it is told, whatever pushes it.
   float mass = 0;
