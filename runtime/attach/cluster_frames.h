@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// The transforms of clusters that best fit the current positions: what overlays show, and what visual vertices and
-// normals follow (docs/report.md §5, §6). Computed when drawn, never in a step.
+// The transforms of clusters that best fit the current positions: overlays show them, visual vertices and normals
+// follow them (docs/report.md §5, §6). Computed when drawn, never in a step.
 #pragma once
 
 #include <cstdint>

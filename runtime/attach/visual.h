@@ -14,12 +14,12 @@
 
 namespace sinew::internal {
 
-/// What outputs compute of one body before they write: kept until a body moves or another is asked for.
+/// Intermediate results of outputs of one body: kept until a body moves or another one is asked for.
 class VisualScratch {
  public:
   explicit VisualScratch(std::pmr::memory_resource* memory);
 
-  /// Forgets what was computed. To be called whenever a body changes.
+  /// Drops the results. To be called whenever a body changes.
   void invalidate() { body_ = nullptr; }
   bool isOf(const Body& body) const { return body_ == &body; }
 
@@ -60,7 +60,7 @@ class VisualPool {
   };
 
  public:
-  /// A scratch for as long as an output runs; one with what was computed of its body, if there is.
+  /// A scratch for as long as an output runs, with results of its body if there are any.
   class Lease {
    public:
     /// May throw.

@@ -13,8 +13,8 @@
 
 namespace sinew::internal {
 
-/// What the outputs want of a package and the package does not hold in that form. One per Asset, made at the first
-/// output, shared by its bodies.
+/// Constants of outputs that a package does not hold in this form. One per Asset, made at the first output, shared by
+/// its bodies.
 struct VisualConstants {
   Array<AttachmentRecord> records;     ///< barycentric attachments, by visual vertex
   Array<AttachmentRecord> directions;  ///< with weights brought into 0..1, sum 1; empty: as `records`

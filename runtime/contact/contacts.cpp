@@ -343,8 +343,9 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
   const Field& field = piece.field();
   piece.state.touching.clear();
   const std::size_t first = touches.size();
-  for (const Contact& contact : scratch.contacts) {
-    Eigen::Vector3f moved = Eigen::Vector3f::Zero();
+  for (Contact contact : scratch.contacts) {
+    Eigen::Vector3f& moved = contact.way;
+    moved.setZero();
     for (std::uint32_t j = 0; j < field.k; ++j) {
       moved += contact.phi[j] * Eigen::Map<const Eigen::Vector3f>(scratch.d.data() + 4 * j);
     }
@@ -372,7 +373,7 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
       const Vector3d none = Vector3d::Zero();
       touches.push_back({collider.id, none, none, none, 0});
     }
-    const Vector3d impulse = seconds * pushForce(contact, moved).pull.cast<double>();
+    const Vector3d impulse = seconds * pushForce(contact).pull.cast<double>();
     const double load = double(contact.kappa) * -double(gap);
     ColliderTouch& touch = touches.back();
     touch.impulse += impulse;

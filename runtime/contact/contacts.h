@@ -15,10 +15,6 @@ namespace sinew::internal {
 /// them over the surface, carry for all.
 inline constexpr std::uint32_t kMostContacts = 96;
 
-/// Depth that springs let points in: what comes in is stopped there, what is drawn is lifted out of it, and what lies
-/// deeper has not been pressed there. Diagonals.
-inline constexpr double kPressedIn = 0.02;
-
 /// What a step asks of colliders.
 struct ContactStep {
   std::span<const Collider* const> colliders;  ///< ids ascending

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Places of a piece at rest: how deep they are under its drawn surface, and which tetrahedron has them. What touches a
-// piece is asked about there, so that depth and direction do not depend on how it is bent (docs/method.md §4).
+// Places of a piece at rest: their depth under its drawn surface, and their tetrahedron. Touches are looked up at rest,
+// so that depth and direction do not depend on how the piece is bent (docs/method.md §4).
 #pragma once
 
 #include <Eigen/Core>
@@ -29,13 +29,15 @@ class DepthMap {
   /// Distance to the drawn surface, metres, negative inside; beyond the grid at least that to the grid.
   float distance(const Eigen::Vector3f& place) const;
   /// Unit way along which distances grow, or 0 where they do not: differences across nodes, interpolated like the
-  /// distances, so that it nowhere jumps as what lies there moves.
+  /// distances, so that the way is continuous in the place.
   Eigen::Vector3f outward(const Eigen::Vector3f& place) const;
   /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \return false where
   /// none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
 
   std::uint32_t piece() const { return grid_->piece; }
+  /// What is thinner may not be seen, metres.
+  float spacing() const { return grid_->spacing; }
   const formats::PackageView& package() const { return *package_; }
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// How contacts give way, alike for colliders and for other pieces (docs/method.md §4).
+// Firmness and margins of contacts with colliders and with other pieces (docs/method.md §4).
 #pragma once
 
 #include <algorithm>
@@ -8,18 +8,21 @@
 
 namespace sinew::internal {
 
-/// Points so close to a surface at the prediction are looked at: the minimization may press them in. Diagonals.
+/// Distance from a surface within which a point is a contact: minimizing may press it in. Diagonals.
 inline constexpr double kMargin = 2e-3;
-/// Speed at which what starts inside comes out, diagonals per second.
+/// Speed at which points that start inside come out, diagonals per second.
 inline constexpr double kRecoverySpeed = 0.25;
-/// Depths in kappa = weight / (kFew depth), which bound a point's own E sqrt(area). Where a piece is too soft to carry
-/// its weight, diagonals:
+/// Largest depth in kappa = weight / (kFew depth), the lower bound of E sqrt(area): for pieces too soft to carry their
+/// weight. Diagonals.
 inline constexpr double kSinking = 2e-3;
-/// And at least, where it is stiff: a hundred times what floats resolve of a place. Diagonals.
+/// Least depth, the upper bound: a hundred times the resolution of a place in floats. Diagonals.
 inline constexpr double kResolved = 2e-5;
-/// Points that are taken to share the weight there; more press in less.
+/// Points that are assumed to share the weight; more of them press in less.
 inline constexpr double kFew = 8;
-/// What counts as gravity at least, diagonals per second squared.
+/// Depth that springs let points in: arrivals are stopped there, the drawn surface is lifted out of it, and points that
+/// lie deeper have not been pressed there. Diagonals.
+inline constexpr double kPressedIn = 0.02;
+/// Least gravity in these bounds, diagonals per second squared.
 inline constexpr double kLeastGravity = 1;
 
 /// kappa of a contact point, N/m. \param young of its piece, Pa. \param area of the surface that it stands for, m^2.

@@ -19,6 +19,8 @@ using Eigen::Vector3f;
 /// Rounds in which a place's material point is found, and how near, diagonals.
 constexpr int kRounds = 4;
 constexpr double kNear = 2e-4;
+/// Functions of a field at most (FieldRange::function_count).
+constexpr std::size_t kMostFunctions = 1024;
 /// Steps of a way out, each as long as the surface is far.
 constexpr int kLeaving = 16;
 
@@ -90,11 +92,25 @@ double firmness(const TouchingPiece& piece, double area) {
 
 std::size_t pointFloats(const Field& field) { return 3 * ((field.points.size() + 7) / 8 * 8); }
 
-void placePoints(TouchingPiece& piece, std::span<float> memory) {
+TouchRange TouchList::add(const TouchList& other) {
+  const TouchRange range = {std::uint32_t(touches.size()), std::uint32_t(other.touches.size())};
+  const auto first_row = std::uint32_t(rows.size());
+  touches.resize(touches.size() + other.touches.size());
+  rows.resize(rows.size() + other.rows.size());
+  std::copy(other.rows.begin(), other.rows.end(), rows.begin() + first_row);
+  for (std::uint32_t i = 0; i < range.count; ++i) {
+    FoundTouch& copy = touches[range.first + i];
+    copy = other.touches[i];
+    copy.row_a += first_row;
+    copy.row_b += first_row;
+  }
+  return range;
+}
+
+void placePoints(TouchingPiece& piece) {
   const Field& field = *piece.field;
   const std::uint32_t blocks = std::uint32_t((field.points.size() + 7) / 8);
-  piece.points = memory.subspan(0, 24 * std::size_t(blocks));
-  std::array<float, 1024> axis;
+  std::array<float, kMostFunctions> axis;
   for (std::size_t c = 0; c < 3; ++c) {
     for (std::uint32_t j = 0; j < field.k; ++j) axis[j] = piece.base[4 * j + c];
     kernels().field_heights({field.k, blocks, field.point_values, axis.data(), piece.points.data() + 8 * c * blocks});
@@ -117,8 +133,8 @@ bool comesBefore(const TouchMemory& x, const TouchMemory& y) { return touchOrder
 
 std::span<const TouchMemory> touchesOf(std::span<const TouchMemory> known, const TouchingPiece& a,
                                        const TouchingPiece& b) {
-  const TouchMemory first = {a.body, a.piece, b.body, b.piece, 0, 0, 0, {}, {}};
-  const TouchMemory end = {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, {}, {}};
+  const TouchMemory first = {a.body, a.piece, b.body, b.piece, 0, 0, 0, 0, {}, {}};
+  const TouchMemory end = {a.body, a.piece, b.body, b.piece + 1, 0, 0, 0, 0, {}, {}};
   const auto begin = std::lower_bound(known.begin(), known.end(), first, comesBefore);
   return {begin, std::lower_bound(begin, known.end(), end, comesBefore)};
 }
@@ -139,11 +155,16 @@ class TouchSearch {
         stride_(a.points.size() / 3),
         margin_(float(kMargin * std::min(a.diagonal, b.diagonal))),
         apart_((a.center - b.center).cast<float>()),
+        travel_(b.center_before - a.center_before),
+        is_fast_(travel_.norm() + a.turning + b.turning > b.map->spacing()),
         low_(b.low.array() - margin_),
         high_(b.high.array() + margin_) {}
 
+  /// Anywhere on the way.
   bool areNear() const {
-    return !((a_.low + apart_).array() > high_.array()).any() && !((a_.high + apart_).array() < low_.array()).any();
+    const float turning = a_.turning + b_.turning;
+    const Vector3f low = a_.low + apart_ - travel_.cwiseMax(0.0F), high = a_.high + apart_ - travel_.cwiseMin(0.0F);
+    return !((low.array() - turning) > high_.array()).any() && !((high.array() + turning) < low_.array()).any();
   }
 
   /// Takes in what all touches of the step before were. \return those of a's points with b.
@@ -160,19 +181,54 @@ class TouchSearch {
   /// Adds the touch of a point, if it is one. What touched is one where it was as well: a prediction that goes on as a
   /// thin part sprang leads away from what that part lies on. \pre points come in ascending order
   void look(std::uint32_t p) {
-    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, {}, {}};
+    const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, 0, {}, {}};
     while (!known_.empty() && known_.front().point < p) known_ = known_.subspan(1);
     const TouchMemory* const last = !known_.empty() && known_.front().point == p ? &known_.front() : nullptr;
     const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
     Vector3f place, outward;
     float distance;
-    bool near = isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
+    const bool entered = last == nullptr && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
+    bool near = entered || isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
     if (!near && last != nullptr) {
-      for (std::uint32_t j = 0; j < a_.field->k; ++j) row_[j] = a_.field->valueAtPoint(p, j);
-      const Vector3f was = sumOf(row_.data(), a_.before, a_.field->k) + apart_;
-      near = isNear(was, b_.before, b_.center_before, place, distance, outward);
+      near = isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward);
     }
     if (near) add(key, last, at, place, distance, outward);
+  }
+
+  Vector3f oldPlaceOf(std::uint32_t p) {
+    for (std::uint32_t j = 0; j < a_.field->k; ++j) row_[j] = a_.field->valueAtPoint(p, j);
+    return sumOf(row_.data(), a_.before, a_.field->k) + apart_;
+  }
+
+  /// Whether a point's way in the step leads into b from outside, and where: of what is fast the prediction may lie
+  /// beyond b, or nearer to where it would come out. Steps along the way are as long as the surface is far (Hart 1996),
+  /// and no shorter than what is seen at all.
+  bool enters(const Vector3f& at, const Vector3f& was, Vector3f& place, float& distance, Vector3f& outward) {
+    const Vector3f from = was - b_.center_before, way = at - from;
+    const float length = way.norm(), least = 0.5F * b_.map->spacing();
+    float outside = 0;
+    for (float t = 0; t <= 1;) {
+      const float far = b_.map->distance(b_.turn.transpose() * (from + t * way) + b_.rest_center) - 2 * b_.bent;
+      if (!(far > 0) && isInside(at, was, t, place, distance, outward)) {
+        if (t == 0) return false;
+        while ((t - outside) * length > float(kNear * b_.diagonal)) {
+          const float middle = 0.5F * (outside + t);
+          (isInside(at, was, middle, place, distance, outward) ? t : outside) = middle;
+        }
+        return isInside(at, was, t, place, distance, outward);
+      }
+      outside = t;
+      if (t == 1) break;
+      t = std::min(1.0F, t + std::max(far, least) / length);
+    }
+    return false;
+  }
+
+  /// isNear() at a part t of the step, and inside.
+  bool isInside(const Vector3f& at, const Vector3f& was, float t, Vector3f& place, float& distance, Vector3f& outward) {
+    for (std::uint32_t i = 0; i < 4 * b_.field->k; ++i) between_[i] = b_.before[i] + t * (b_.base[i] - b_.before[i]);
+    return isNear(was + t * (at - was), between_.data(), (1 - t) * b_.center_before, place, distance, outward) &&
+           distance < 0;
   }
 
   /// Whether a place is inside b or hardly outside. \param base, center of b then. \param[out] place of b's rest shape
@@ -260,6 +316,7 @@ class TouchSearch {
     const double low = double(gap_before) + (came_in ? depth + rise : std::max(depth, rise));
     t.floor = float(std::min(came_in ? 0.0 : -kResolved * diagonal, low));
     t.gap = gap - t.floor;
+    touch.coming = (gap_before - gap) / float(h_);
     Vector3f slide = over - over_before;
     if (touched && b_.map->locate(Eigen::Map<const Vector3f>(last->anchor.data()), material)) {
       setRow(field_b, material, row_.data());
@@ -271,6 +328,7 @@ class TouchSearch {
     t.slide = slide - t.normal.dot(slide) * t.normal;
     t.friction = std::sqrt(a_.friction * b_.friction);
     touch.memory = key;
+    if (touched) touch.memory.depth = last->depth, touch.memory.kappa = last->kappa;
     if (touch.held) touch.memory.anchor = last->anchor;
     // The way, not the normal that it has led to: from step to step the two would chase each other where the surface
     // bends as much as the point is deep.
@@ -297,10 +355,26 @@ class TouchSearch {
   TouchList& list_;
   const std::size_t stride_;
   const float margin_;
-  const Vector3f apart_, low_, high_;
+  const Vector3f apart_, travel_;
+  const bool is_fast_;
+  const Vector3f low_, high_;
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
-  std::array<float, 1024> row_;
+  std::array<float, kMostFunctions> row_;
+  std::array<float, 4 * kMostFunctions> between_;
 };
+
+/// What comes so fast that it could pass through is stopped in the step: few points share its momentum within
+/// kPressedIn. What a stiffer spring stored already stays what it was.
+void stopInTime(const TouchingPiece& a, const TouchingPiece& b, double h, FoundTouch& found) {
+  const double mass = 1 / (1 / a.field->mass + 1 / b.field->mass), diagonal = std::min(a.diagonal, b.diagonal);
+  const double needed = mass * double(found.coming) / (h * kFew * diagonal * kPressedIn);
+  if (!(needed > double(found.touch.kappa))) return;
+  found.touch.kappa = float(needed);
+  if (!(found.memory.depth > 0) || !(found.memory.kappa < found.touch.kappa)) return;
+  const float less = found.memory.depth * (1 - std::sqrt(found.memory.kappa / found.touch.kappa));
+  found.touch.floor -= less;
+  found.touch.gap += less;
+}
 
 }  // namespace
 
@@ -334,6 +408,7 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
     touch.b = index_b;
     const double area = share * double(a.field->points[list.touches[i].memory.point].area);
     touch.kappa = float(1 / (1 / firmness(a, area) + 1 / firmness(b, area)));
+    stopInTime(a, b, h, list.touches[i]);
   }
 }
 
@@ -347,6 +422,7 @@ TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const
   TouchMemory memory = found.memory;
   memory.floor = touch.floor;
   memory.depth = -gap;
+  memory.kappa = touch.kappa;
   // Friction holds at most its bound: beyond it the point it holds at comes along.
   const float length = slide.norm(), most = touch.friction * std::max(0.0F, -gap);
   if (found.held && length <= most) return memory;

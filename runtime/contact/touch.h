@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Contacts between pieces: contact points of one that are under the drawn surface of another.
+// Touches: contact points of one piece that are under the drawn surface of another (docs/method.md §4).
 #pragma once
 
 #include <Eigen/Core>
@@ -13,8 +13,10 @@
 
 namespace sinew::internal {
 
-/// Points of one piece that another one keeps at most, and less of which make it look at more.
+/// Most touches of one piece with another, and the number below which more of its points are looked at.
 inline constexpr std::uint32_t kMostTouches = 24, kFewTouches = 8;
+/// Of a pair, both ways, while one of them is looked at.
+inline constexpr std::uint32_t kMostPairTouches = 2 * kMostTouches + 1;
 
 /// A piece as contacts see it in a step.
 struct TouchingPiece {
@@ -25,27 +27,29 @@ struct TouchingPiece {
   const float* before = nullptr;  ///< those before the step, relative to the same place
   Vector3d center = Vector3d::Zero();
   Eigen::Vector3f center_before = Eigen::Vector3f::Zero();  ///< before the step, relative to it, m
+  float turning = 0;                                        ///< way of what it turns about the centre, at most, m
   Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();       ///< of the prediction
   Eigen::Vector3f rest_center = Eigen::Vector3f::Zero();
-  double weight = 0;  ///< N, no less than what counts as one
+  double weight = 0;  ///< N, with at least kLeastGravity
   double diagonal = 0;
   float stiffness = 1, friction = 0;
-  // By placePoints():
   std::span<float> points;  ///< x of all, y of all, z of all, relative to the centre
+  // By placePoints():
   Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = Eigen::Vector3f::Zero();
   float bent = 0;  ///< how far they are from where a rigid motion has them, at most
 };
 
-/// What a touch leaves for the next step.
+/// The part of a touch that the next step needs.
 struct TouchMemory {
   std::uint32_t body_a, piece_a, body_b, piece_b, point;  ///< a's point; by these in this order
   float floor;                                            ///< Push::floor, m
   float depth;                                            ///< below that, m; not above 0: it did not push
+  float kappa;                                            ///< Push::kappa, N/m
   std::array<float, 3> anchor;                            ///< rest place of b where friction holds it, metres
   std::array<float, 3> outward;                           ///< way out of b's rest shape there, unit
 };
 
-/// What touches are sorted by.
+/// The order of touches.
 inline std::array<std::uint32_t, 5> touchOrder(const TouchMemory& m) {
   return {m.body_a, m.piece_a, m.body_b, m.piece_b, m.point};
 }
@@ -56,20 +60,29 @@ struct FoundTouch {
   std::uint32_t row_a, row_b;
   TouchMemory memory;
   bool held;                ///< by friction, at memory.anchor
+  float coming;             ///< speed at which it comes, m/s
   Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
   Eigen::Vector3f place;    ///< rest place of b that it pushes at, metres
   Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
 };
 
+/// Touches in a list.
+struct TouchRange {
+  std::uint32_t first, count;
+};
+
 struct TouchList {
   explicit TouchList(std::pmr::memory_resource* memory) : touches(memory), rows(memory) {}
+  /// Adds copies of another one's.
+  TouchRange add(const TouchList& other);
+
   Array<FoundTouch> touches;
   Array<float> rows;
 };
 
-/// Places a piece's points at the prediction. \param memory room for three floats a point, rounded up to eight.
-void placePoints(TouchingPiece& piece, std::span<float> memory);
-/// Floats that placePoints() takes.
+/// Places a piece's points at the prediction. \pre TouchingPiece::points has room
+void placePoints(TouchingPiece& piece);
+/// Floats of TouchingPiece::points: three a point, rounded up to eight.
 std::size_t pointFloats(const Field& field);
 
 /// Adds the touches of a's points with b. \param index_a, index_b what Touch names the pieces by. \param h of the step,
@@ -77,8 +90,8 @@ std::size_t pointFloats(const Field& field);
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list);
 
-/// What the next step knows of a touch whose pieces' coefficients moved by d_a, d_b (k x 4) from the prediction: of one
-/// that does not push the way out and where it is.
+/// The memory of a touch whose pieces' coefficients moved by d_a, d_b (k x 4) from the prediction. Of a touch that does
+/// not push it is the way out and the place.
 TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const TouchingPiece& b, const float* d_a,
                           const float* d_b, std::span<const float> rows);
 

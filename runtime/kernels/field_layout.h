@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What the kernels of fields are called with (docs/method.md). Plain structs: kernel files include nothing else.
+// Arguments of the kernels of fields (docs/method.md §3). Plain structs: kernel files include nothing else.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +13,9 @@ struct SamplePack {
   std::uint32_t cluster[8];
 };
 
-/// What keeps eight samples from stretching too far (docs/method.md): bounds of principal stretches, of the lengths of
+/// Limits of eight samples (docs/method.md §3): bounds of principal stretches, of the lengths of
 /// the rest axes, and of the squared norm of F, which beyond `norm` is to be norm_limit - norm / |F|^2 (norm_limit -
-/// norm), or what a curve says. What a sample does not have is out of reach.
+/// norm), or the response of a curve. Limits that a sample does not have are out of reach.
 struct SampleLimits {
   float least[8], most[8], row[8], norm[8], norm_limit[8];
   float reach[8];                 ///< of |F - R|^2: below, all is within the limits
@@ -34,7 +34,7 @@ struct FieldEnergyArguments {
   bool mark;                   ///< find here how far samples lean on the frame's rotation: until the next mark
   float* quaternions;          ///< by pack 4 x 8, in and out: w x y z, where the search for rotations starts
   float* squeezed;             ///< by pack 8, in and out: so far do they, 0..1
-  const float* rest_change;    ///< by pack 9 x 8: S^-1 - 1 of what is permanent, column by column; null: nothing is
+  const float* rest_change;    ///< by pack 9 x 8: S^-1 - 1, column by column; null: no sample is plastic
   const SampleLimits* limits;  ///< by pack; null: there are none
   float* lanes;                ///< scratch, k x 3 x 8
   float* gradient;             ///< out, k x 4, in the frame of the piece

@@ -21,10 +21,10 @@ struct ClusterUse {
 /// Rest-shape constants of one cluster, beside its CLUS record.
 struct ClusterRest {
   Monomials<9> mean = Monomials<9>::Zero();  ///< Σ mu q~ as floats evaluate it; columns 3.. only if quadratic
-  Columns<9> moment = Columns<9>::Zero();    ///< M = Σ mu q q~^T, what A_pq is at rest; columns 3.. only if quadratic
+  Columns<9> moment = Columns<9>::Zero();    ///< M = Σ mu q q~^T, A_pq at rest; columns 3.. only if quadratic
 };
 
-/// What a world wants of a package and the package does not hold in that form. One per Asset, shared by its bodies.
+/// Constants of a world's steps that a package does not hold in this form. One per Asset, shared by its bodies.
 struct RestConstants {
   Array<ClusterRest> clusters;
   Array<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries

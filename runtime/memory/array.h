@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Arrays of plain records. What std::vector writes anew for each type of element, a quarter of a kilobyte for each way
-// to grow, is compiled here once for bytes.
+// Arrays of plain records. Growth is compiled once, for bytes: std::vector compiles it anew for each type of element, a
+// quarter of a kilobyte for each way to grow.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@
 
 namespace sinew::internal {
 
-/// What all arrays do alike. Sizes are in elements.
+/// The part of arrays that does not depend on the type of element. Sizes are in elements.
 class ArrayBytes {
  public:
   ArrayBytes(const ArrayBytes&) = delete;
@@ -40,7 +40,7 @@ class ArrayBytes {
   void reserve(Element element, std::size_t count);
   /// Makes room for one more.
   void grow(Element element);
-  /// \param like what new elements are copies of; null: of zeros.
+  /// \param like new elements are copies of it; null: zeros.
   void resize(Element element, std::size_t count, const void* like);
   void assign(Element element, const void* from, std::size_t count);
   /// \param value behind the last it may be an element.
@@ -166,7 +166,7 @@ class OwningArray : public ArrayBytes {
   static constexpr Element kElement = {sizeof(T), alignof(T)};
 };
 
-/// Sorts numbers, smallest first: what std::sort writes for each type of element is a kilobyte. Records are sorted by
+/// Sorts numbers, smallest first: std::sort would compile a kilobyte for each type of element. Records are sorted by
 /// keys that hold the place of each in their low half.
 void sortAscending(std::span<std::uint64_t> keys);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What bounds a cluster's deformation before its goals are taken from it.
+// Bounds on the deformation of a cluster, before goals are taken from it (docs/report.md §3).
 #pragma once
 
 #include <Eigen/Core>

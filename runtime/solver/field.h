@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// The function spaces of a package (FELD) as the solver sees them: views, and what is computed once at load.
+// The function spaces of a package (FELD) as the solver sees them: views, and constants computed at load.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,7 +41,7 @@ struct Field {
   const double* driven_mass = nullptr;  ///< of the driven functions: sum m phi, kg
   double mass = 0;                      ///< kg
   double young = 0;                     ///< mean Young's modulus, Pa
-  double foundation = 0;                ///< that what is held at run time lies on (docs/method.md), N/m a vertex
+  double foundation = 0;                ///< kappa of a vertex held at run time (docs/method.md §4), N/m
   double lowest_hz = 0;                 ///< of the lowest elastic mode, Hz
 
   /// Unknowns that are not prescribed: x, y and z of each function that no pin set drives.
@@ -52,8 +52,8 @@ struct Field {
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
 
-/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness, limits what
-/// they point to.
+/// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness, limits own
+/// the numbers that fields point to.
 Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,
                         Array<SampleLimits>& limits);
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "runtime/solver/for_each.h"
 #include "runtime/solver/rigid_coupling.h"
 
 namespace sinew::internal {
@@ -14,8 +15,8 @@ namespace {
 constexpr std::uint32_t kPairs = 5;
 /// Times that a step is cut before the matrix of the shape at hand is made: that costs as much as ten tries.
 constexpr std::uint32_t kCuts = 2;
-/// Pieces of an island that one job takes.
-constexpr std::uint32_t kPiecesAJob = 8;
+/// Pieces and touches of an island that one job takes.
+constexpr std::uint32_t kPiecesAJob = 8, kTouchesAJob = 64;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
@@ -104,19 +105,67 @@ void MinimizeScratch::reserveVectors(std::size_t size) {
   if (pairs.size() < 2 * kPairs * size) pairs.resize(2 * kPairs * size);
 }
 
-PushForce pushForce(const Push& push, const Eigen::Vector3f& way) {
-  const Eigen::Vector3f& normal = push.normal;
-  const float rise = normal.dot(way), gap = push.gap + rise;
-  PushForce force = {push.kappa * gap * normal, 0.5 * double(push.kappa) * double(gap) * double(gap)};
-  const Eigen::Vector3f slide = push.slide + (way - rise * normal);
+namespace {
+
+/// What friction does of it.
+PushForce rubForce(const Push& push) {
+  PushForce force;
+  const Eigen::Vector3f slide = push.slide + (push.way - push.normal.dot(push.way) * push.normal);
   const float length = slide.norm(), most = push.friction * push.pressed;
   if (push.kappa * length <= most) {
-    force.pull += push.kappa * slide;
-    force.energy += 0.5 * double(push.kappa) * double(length) * double(length);
+    force.pull = push.kappa * slide;
+    force.energy = 0.5 * double(push.kappa) * double(length) * double(length);
   } else if (most > 0) {
-    force.pull += (most / length) * slide;
-    force.energy += double(most) * (double(length) - 0.5 * double(most) / double(push.kappa));
+    force.pull = (most / length) * slide;
+    force.energy = double(most) * (double(length) - 0.5 * double(most) / double(push.kappa));
   }
+  return force;
+}
+
+float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
+
+/// What friction sees becomes the load at the push's way. \return what changes of its force.
+PushForce pressAnew(Push& push) {
+  const bool pushes = gapOf(push) < 0;
+  const PushForce before = pushes ? rubForce(push) : PushForce();
+  push.pressed = push.kappa * std::max(0.0F, -gapOf(push));
+  if (!pushes) return before;
+  PushForce change = rubForce(push);
+  change.pull -= before.pull;
+  change.energy -= before.energy;
+  return change;
+}
+
+/// sum row_j rows_j of k x 4.
+Four sumOf(const float* row, const float* rows, std::uint32_t k) {
+  Four even = Four::Zero(), odd = Four::Zero();
+  std::uint32_t j = 0;
+  for (; j + 2 <= k; j += 2) {
+    even += row[j] * Four::Map(rows + 4 * j);
+    odd += row[j + 1] * Four::Map(rows + 4 * j + 4);
+  }
+  if (j < k) even += row[j] * Four::Map(rows + 4 * j);
+  return even + odd;
+}
+
+void addTo(float* rows, const float* row, const Four& pull, std::uint32_t k) {
+  for (std::uint32_t j = 0; j < k; ++j) Four::Map(rows + 4 * j) += row[j] * pull;
+}
+
+Four padded(const Eigen::Vector3f& v) { return {v[0], v[1], v[2], 0}; }
+
+Eigen::Vector3f wayOf(const Contact& contact, const float* d, std::uint32_t k) {
+  return sumOf(contact.phi, d, k).matrix().head<3>();
+}
+
+}  // namespace
+
+PushForce pushForce(const Push& push) {
+  const float gap = gapOf(push);
+  if (!(gap < 0)) return {};
+  PushForce force = rubForce(push);
+  force.pull += push.kappa * gap * push.normal;
+  force.energy += 0.5 * double(push.kappa) * double(gap) * double(gap);
   return force;
 }
 
@@ -146,19 +195,25 @@ double Objective::external(const float* d, float* gradient) const {
       }
     }
   }
-  for (const Contact& contact : scratch->contacts) {
-    std::array<float, 4> moved = {};
-    for (std::uint32_t j = 0; j < k; ++j) {
-      for (std::uint32_t c = 0; c < 4; ++c) moved[c] += contact.phi[j] * d[4 * j + c];
-    }
-    const Eigen::Vector3f way(moved[0], moved[1], moved[2]);
-    if (contact.gap + contact.normal.dot(way) >= 0) continue;
-    const auto [pull, energy] = pushForce(contact, way);
-    total += energy;
-    if (gradient == nullptr) continue;
-    for (std::uint32_t j = field->driven; j < k; ++j) {
-      for (std::uint32_t c = 0; c < 3; ++c) gradient[4 * j + c] += contact.phi[j] * pull[c];
-    }
+  const std::uint32_t driven = field->driven;
+  for (Contact& contact : scratch->contacts) {
+    contact.way = wayOf(contact, d, k);
+    const PushForce force = pushForce(contact);
+    total += force.energy;
+    if (gradient == nullptr || force.pull.isZero(0)) continue;
+    addTo(gradient + 4 * driven, contact.phi + driven, padded(force.pull), k - driven);
+  }
+  return total;
+}
+
+double Objective::rub(float* gradient) const {
+  const std::uint32_t k = field->k, driven = field->driven;
+  double total = 0;
+  for (Contact& contact : scratch->contacts) {
+    const PushForce change = pressAnew(contact);
+    total += change.energy;
+    if (change.pull.isZero(0)) continue;
+    addTo(gradient + 4 * driven, contact.phi + driven, padded(change.pull), k - driven);
   }
   return total;
 }
@@ -280,12 +335,8 @@ Objective::Value Objective::at(const float* d, float* gradient, bool mark) const
 
 void Objective::press(const float* d) const {
   for (Contact& contact : scratch->contacts) {
-    const Eigen::Vector3f& normal = contact.normal;
-    float rise = 0;
-    for (std::uint32_t j = 0; j < field->k; ++j) {
-      rise += contact.phi[j] * (normal[0] * d[4 * j] + (normal[1] * d[4 * j + 1] + normal[2] * d[4 * j + 2]));
-    }
-    contact.pressed = contact.kappa * std::max(0.0F, -(contact.gap + rise));
+    contact.way = wayOf(contact, d, field->k);
+    contact.pressed = contact.kappa * std::max(0.0F, -gapOf(contact));
   }
 }
 
@@ -318,88 +369,68 @@ double Objective::roughStiffness() const {
   return kRough * double(stiffness) * omega * omega;
 }
 
-namespace {
-
-/// sum row_j rows_j of k x 4.
-Four sumOf(const float* row, const float* rows, std::uint32_t k) {
-  Four sum = Four::Zero();
-  for (std::uint32_t j = 0; j < k; ++j) sum += row[j] * Four::Map(rows + 4 * j);
-  return sum;
-}
-
-void addTo(float* rows, const float* row, const Four& pull, std::uint32_t k) {
-  for (std::uint32_t j = 0; j < k; ++j) Four::Map(rows + 4 * j) += row[j] * pull;
-}
-
-}  // namespace
-
 Eigen::Vector3f Minimand::wayOf(const Touch& touch, const float* d) const {
   const Four way = sumOf(touch.phi_a, d + first[touch.a], pieces[touch.a]->field->k) -
                    sumOf(touch.phi_b, d + first[touch.b], pieces[touch.b]->field->k);
   return way.matrix().head<3>();
 }
 
-double Minimand::touching(const float* d, float* gradient) const {
-  double total = 0;
-  for (const Touch& touch : touches) {
-    const Eigen::Vector3f way = wayOf(touch, d);
-    if (!(touch.gap + touch.normal.dot(way) < 0)) continue;
-    const PushForce force = pushForce(touch, way);
-    total += force.energy;
-    if (gradient == nullptr) continue;
-    const Four padded(force.pull[0], force.pull[1], force.pull[2], 0);
-    addTo(gradient + first[touch.a], touch.phi_a, padded, pieces[touch.a]->field->k);
-    addTo(gradient + first[touch.b], touch.phi_b, -padded, pieces[touch.b]->field->k);
+void Minimand::addForces(std::uint32_t piece, float* gradient) const {
+  for (const TouchRow& row : pieces[piece]->touch_rows) {
+    const Eigen::Vector3f& pull = touches[row.touch].force.pull;
+    if (pull.isZero(0)) continue;
+    addTo(gradient + first[piece], row.phi, row.sign * padded(pull), pieces[piece]->field->k);
   }
-  return total;
 }
 
-void Minimand::forEachPiece(const std::function<void(std::uint32_t)>& visit) const {
-  const auto count = std::uint32_t(pieces.size());
-  if (jobs == nullptr || count < 2 * kPiecesAJob) {
-    for (std::uint32_t i = 0; i < count; ++i) visit(i);
-    return;
-  }
-  jobs->parallelFor(count, kPiecesAJob, [&visit](std::uint32_t begin, std::uint32_t end) {
-    for (std::uint32_t i = begin; i < end; ++i) visit(i);
-  });
-}
-
+// Touches first, each once, then what each piece has of them: in an order that no thread changes.
 Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const {
   if (pieces.size() == 1) return pieces[0]->at(d, gradient, mark);
-  const auto work = [&](std::uint32_t i) { values[i] = pieces[i]->at(d + first[i], gradient + first[i], mark); };
-  forEachPiece([&work](std::uint32_t i) { work(i); });
+  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
+    touches[i].way = wayOf(touches[i], d);
+    touches[i].force = pushForce(touches[i]);
+  });
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
+    values[i] = pieces[i]->at(d + first[i], gradient + first[i], mark);
+    addForces(i, gradient);
+  });
   Objective::Value value;
   for (const Objective::Value& one : values) {
     value.total += one.total;
     value.elastic += one.elastic;
   }
-  value.total += touching(d, gradient);
+  for (const Touch& touch : touches) value.total += touch.force.energy;
   return value;
 }
 
-double Minimand::external(const float* d, float* gradient) const {
-  double total = touching(d, gradient);
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    total += pieces[i]->external(d + first[i], gradient != nullptr ? gradient + first[i] : nullptr);
-  }
+double Minimand::rub(float* gradient) const {
+  if (pieces.size() == 1) return pieces[0]->rub(gradient);
+  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob,
+          [&](std::uint32_t i) { touches[i].force = pressAnew(touches[i]); });
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
+    values[i].total = pieces[i]->rub(gradient + first[i]);
+    addForces(i, gradient);
+  });
+  double total = 0;
+  for (const Objective::Value& one : values) total += one.total;
+  for (const Touch& touch : touches) total += touch.force.energy;
   return total;
 }
 
 void Minimand::press(const float* d) const {
-  for (std::size_t i = 0; i < pieces.size(); ++i) pieces[i]->press(d + first[i]);
-  for (Touch& touch : touches) {
-    touch.pressed = touch.kappa * std::max(0.0F, -(touch.gap + touch.normal.dot(wayOf(touch, d))));
-  }
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) { pieces[i]->press(d + first[i]); });
+  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
+    touches[i].way = wayOf(touches[i], d);
+    touches[i].pressed = touches[i].kappa * std::max(0.0F, -gapOf(touches[i]));
+  });
 }
 
 void Minimand::precondition(float* g) const {
-  const auto work = [this, g](std::uint32_t i) {
+  if (rigid != nullptr) rigid->take(*this, g);
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     std::fill_n(g + first[i], 4 * pieces[i]->field->driven, 0.0F);
     pieces[i]->precondition(g + first[i]);
-  };
-  if (rigid != nullptr) rigid->take(*this, g);
-  forEachPiece([&work](std::uint32_t i) { work(i); });
+  });
   if (rigid != nullptr) rigid->give(*this, g);
 }
 
@@ -537,14 +568,8 @@ Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objectiv
     std::copy_n(trial, n, d);
     std::copy_n(s.next_gradient.data(), n, s.gradient.data());
     value = next;
-    if (has_friction) {
-      // Friction's bound follows the load: the objective of the next iteration is another one.
-      std::fill_n(s.next_gradient.begin(), n, 0.0F);
-      const double before = minimand.external(d, s.next_gradient.data());
-      add(-1, next_gradient, gradient, n);
-      minimand.press(d);
-      value.total += minimand.external(d, gradient) - before;
-    }
+    // Friction's bound follows the load: the objective of the next iteration is another one.
+    if (has_friction) value.total += minimand.rub(gradient);
   }
   return value;
 }

@@ -6,7 +6,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <functional>
 #include <span>
 
 #include "runtime/kernels/kernels.h"
@@ -26,14 +25,16 @@ struct Push {
   float kappa;             ///< N/m
   float friction;          ///< Coulomb coefficient
   float pressed;           ///< N, that friction sees
+  Eigen::Vector3f way;     ///< from the prediction to where its point was last evaluated, m
 };
 
-/// What a push does where its point has moved `way` from the prediction. \pre its gap is negative there.
+/// The energy's derivative by the way of a push's point, the force on what pushes, and the energy itself.
 struct PushForce {
-  Eigen::Vector3f pull;  ///< the energy's derivative: the force on what pushes, N
-  double energy;         ///< J
+  Eigen::Vector3f pull = Eigen::Vector3f::Zero();  ///< N
+  double energy = 0;                               ///< J
 };
-PushForce pushForce(const Push& push, const Eigen::Vector3f& way);
+/// At the way of the push; none above its floor.
+PushForce pushForce(const Push& push);
 
 /// A point that a collider may push out over a plane. Its compliance is the local one that a field of few functions
 /// lacks: 1 / (E a).
@@ -48,13 +49,16 @@ struct Contact : Push {
 struct Touch : Push {
   std::uint32_t a, b;          ///< pieces of a Minimand
   const float *phi_a, *phi_b;  ///< their rows
+  PushForce force;             ///< at the last evaluation; of rub() how much it has changed
 };
 
-/// A row of the first matrix that a Touch adds on its side.
+/// A Touch as one of its pieces has it.
 struct TouchRow {
   const float* phi;
   float kappa;
-  std::uint32_t key;  ///< of what touches: rows of one key are alike from step to step
+  std::uint32_t key;    ///< of what touches: rows of one key are alike from step to step
+  std::uint32_t touch;  ///< of the Minimand
+  float sign;           ///< of its force on the piece
 };
 
 /// Memory of a minimization, for one piece after the other. Arrays of coefficients are k x 4 floats.
@@ -114,6 +118,9 @@ struct Objective {
   double besideElastic(const float* d, float* gradient) const;
   /// What springs and contacts add of it, alone.
   double external(const float* d, float* gradient) const;
+  /// Friction's bound follows the load at the last evaluation: corrects the gradient there. \return change of the
+  /// value.
+  double rub(float* gradient) const;
   /// What active fibres add of the elastic energy. \param local coefficients as toFrame() makes them.
   double fibres(const float* local, float* gradient) const;
   /// Normal forces of the contacts at d become what friction sees.
@@ -138,20 +145,20 @@ struct Minimand {
   JobSystem* jobs = nullptr;           ///< that shares the work; null: none
   RigidCoupling* rigid = nullptr;      ///< what precondition() knows of the touches; null: nothing
 
-  /// What a touch's points move apart.
-  Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
-  void forEachPiece(const std::function<void(std::uint32_t)>& visit) const;
-
   Objective::Value at(const float* d, float* gradient, bool mark) const;
   /// What friction sees is that at d.
   void press(const float* d) const;
-  /// Objective::external of all, and the touches'.
-  double external(const float* d, float* gradient) const;
-  /// The touches' alone; adds to the gradient.
-  double touching(const float* d, float* gradient) const;
+  /// Objective::rub() of all, and of the touches.
+  double rub(float* gradient) const;
   /// The first matrices' inverses and what couples them times g, in place; 0 where pins drive.
   void precondition(float* g) const;
   bool hasFriction() const;
+
+ private:
+  /// What a touch's points move apart.
+  Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
+  /// Adds the touches' forces on a piece.
+  void addForces(std::uint32_t piece, float* gradient) const;
 };
 
 /// L-BFGS(5) about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where

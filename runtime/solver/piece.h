@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// The state of one separate piece of a body that moves in a field, and what is kept beside it. Pieces share nothing.
+// A piece of a body that moves in a field: its state, and constants and scratch beside it. Pieces share nothing.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,8 +19,8 @@ using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using CoefficientMap = Eigen::Map<Coefficients>;
 using ConstCoefficientMap = Eigen::Map<const Coefficients>;
 
-/// A contact point that was touching when the last step ended. In the coordinates of its collider (the ground's are the
-/// world's).
+/// A contact point that touched a collider when the last step ended, in the coordinates of the collider (the ground's
+/// are the world's).
 struct TouchingPoint {
   std::uint32_t point;           ///< of the field
   std::uint32_t collider;        ///< ColliderId
@@ -30,7 +30,7 @@ struct TouchingPoint {
   std::array<double, 3> normal;  ///< of the plane, unit
 };
 
-/// All that the further motion of a piece depends on: this is saved.
+/// The state of a piece: its further motion depends on nothing else, and this is saved.
 struct PieceState {
   explicit PieceState(std::pmr::memory_resource* memory)
       : z(memory), v(memory), z_before(memory), v_before(memory), touching(memory), plastic(memory) {}
@@ -45,7 +45,7 @@ struct PieceState {
   bool leaning = false;                ///< on other pieces, of which one is held
   Array<TouchingPoint> touching;       ///< by collider, then by point
   Array<float> plastic;                ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
-  double budget = -1;  ///< what a free piece may have of energy about its centre, J; negative: what it has
+  double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.

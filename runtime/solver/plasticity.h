@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// What becomes permanent at the samples of a piece: the rest shape of each is deformed by S, det S = 1, and its energy
-// is that of F S^-1 (docs/method.md; the flow is that of Müller et al. 2005, §5.3).
+// Permanent deformation S, det S = 1, of the samples of a piece: the energy of a sample is that of F S^-1
+// (docs/method.md; the flow is that of Müller et al. 2005, §5.3).
 #pragma once
 
 #include "runtime/clusters/algebra.h"
@@ -16,7 +16,7 @@ void resetPlasticity(const Field& field, Array<float>& plastic);
 /// S^-1 - 1 from S, in the same layout.
 void invertPlasticity(const Array<float>& plastic, Array<float>& rest_change);
 
-/// Lets what is deformed beyond the yield become permanent for a step. \param local coefficients in the frame of the
+/// Plastic flow of a step: strain beyond the yield goes into S. \param local coefficients in the frame of the
 /// piece, less those of the rest shape, k x 4. \return whether S changed.
 bool flow(const formats::PackageView& package, const Field& field, const float* local, double seconds,
           Array<float>& plastic);
@@ -27,7 +27,7 @@ void movePlasticity(const Field& from, const Field& to, Array<float>& plastic);
 /// The mean of S over the samples of a cluster; the identity where it has none.
 Matrix3 plasticShapeOf(const Field& field, std::uint32_t cluster, const Array<float>& plastic);
 
-/// What an activated fibre makes of a cluster that nothing holds: (1 - a c) along it, 1 / sqrt(1 - a c) across.
+/// Deformation of a cluster that nothing holds, by its activated fibre: (1 - a c) along it, 1 / sqrt(1 - a c) across.
 /// \param activation a, 0..1.
 Matrix3 activationStretch(const formats::ClusterMechanics& mechanics, float activation);
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What couples the pieces of an island as if each were rigid (docs/method.md §5): the coarse level of their first
-// matrix.
+// The coarse level of an island's first matrix: its pieces coupled as if each were rigid (docs/method.md §4).
 #pragma once
 
 #include <Eigen/Core>
@@ -15,20 +14,20 @@ namespace sinew::internal {
 
 struct Minimand;
 
-/// The first matrices B of the pieces do not know of each other: a stack sways and is pressed as a whole by forces that
-/// iterations would carry from piece to piece. R are the rigid motions of the pieces, A the matrix of all of them with
-/// what couples them, D its blocks, R^T B R. Added to B^-1, R (A^-1 - D^-1) R^T makes of it what knows both, and keeps
-/// it positive: g^T B^-1 g >= (R^T g)^T D^-1 (R^T g) (additive Schwarz with a coarse space, Toselli and Widlund 2005,
-/// ch. 2). A is taken apart as L S L^T without fill: of a chain that is exact.
+/// The first matrices B of pieces are not coupled: alone they leave it to iterations to carry forces through a stack,
+/// piece by piece. With R the rigid motions of all pieces, A their matrix with the couplings and D = R^T B R its
+/// diagonal blocks, the first matrix has the inverse B^-1 + R (A^-1 - D^-1) R^T. It is positive: g^T B^-1 g >= (R^T
+/// g)^T D^-1 (R^T g) (additive Schwarz with a coarse space, Toselli and Widlund 2005, ch. 2). A is factored as L S L^T
+/// without fill, which is exact for a chain.
 class RigidCoupling {
  public:
   explicit RigidCoupling(std::pmr::memory_resource* memory);
 
-  /// \param order of the pieces, what hangs on others or lies on them first. \pre frames and systems are made
+  /// \param order of the pieces: those that hang or lie on others come first. \pre frames and systems are made
   void make(const Minimand& minimand, std::span<const std::uint32_t> order);
   /// R^T g of all pieces. \param g size() floats of the minimand.
   void take(const Minimand& minimand, const float* g);
-  /// Adds R (A^-1 - D^-1) of what was taken.
+  /// Adds R (A^-1 - D^-1) times the result of take().
   void give(const Minimand& minimand, float* direction);
 
  private:
@@ -56,7 +55,7 @@ class RigidCoupling {
   Array<Coupling> couplings_;  ///< by their keys
   Array<std::uint64_t> keys_;
   Array<std::uint32_t> node_of_, first_arm_;
-  Array<Eigen::Vector4d> arms_;  ///< phi's: 1 and the place in the world, about the centre
+  Array<Eigen::Vector4d> arms_;  ///< by function: 1, and the place in the world about the centre
 };
 
 }  // namespace sinew::internal

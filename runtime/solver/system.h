@@ -11,8 +11,8 @@ namespace sinew::internal {
 
 struct Objective;
 
-/// Its Cholesky factor, and what it was made for. Springs and contacts pull alike in all directions, so it turns with
-/// the piece.
+/// The Cholesky factor of that matrix, and the step it was made for. Springs and contacts pull alike in all directions,
+/// so it turns with the piece.
 struct SystemFactor {
   explicit SystemFactor(std::pmr::memory_resource* memory) : factor(memory), points(memory) {}
   /// A contact among it.

@@ -165,6 +165,7 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.before = before.data();
   result.center = center_;
   result.center_before = (rigid_.center - center_).cast<float>();
+  result.turning = float(0.5 * h_ * rigid_.omega.norm() * double(body_.package().info().diagonal));
   const ConstCoefficientMap now = std::as_const(piece_).z();
   result.turn = (turn_ * rotationOf(field_, now, meanOf(field_, now))).cast<float>();
   result.rest_center = restCenterOf(field_).cast<float>();
@@ -174,6 +175,11 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   const float own = body_.settings.friction;
   result.friction = own >= 0 ? own : settings_.ground.friction;
   return result;
+}
+
+void PieceStep::reserveSystem(std::size_t rows) {
+  piece_.system.factor.reserve(std::size_t(field_.unknowns()) * field_.stride);
+  piece_.system.points.reserve(s_.contacts.size() + rows);
 }
 
 void PieceStep::prepareTogether(std::span<const TouchRow> rows) {

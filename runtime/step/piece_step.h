@@ -65,6 +65,8 @@ class PieceStep {
   bool isSupported() const { return stands() || springs_ || field_.driven > 0 || !s_.contacts.empty(); }
   bool leaned() const { return piece_.state.leaning || !piece_.state.touching.empty(); }
 
+  /// Takes the memory that prepareTogether() needs for so many rows.
+  void reserveSystem(std::size_t rows);
   /// The objective with its touches: its first matrix and its frame.
   void prepareTogether(std::span<const TouchRow> rows);
   /// Where it was, from the prediction. \param d k x 4.

@@ -8,11 +8,11 @@
 
 namespace sinew::internal {
 
-/// Grows scratch to what letSleep() takes of it. May throw.
+/// Grows scratch to the size that letSleep() needs. May throw.
 void reserveSleep(const BodyList& bodies, TogetherScratch& scratch);
 
-/// After a step: counts how long each body has rested, and lets fall asleep what has rested for
-/// WorldSettings::sleep_seconds with all that it touches.
+/// After a step: counts how long each body has rested, and those that have rested for
+/// WorldSettings::sleep_seconds fall asleep, if all that they touch has rested as long.
 void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
 
 /// \param group the first body of those it falls asleep with. \param heights scratch, grown.
@@ -20,7 +20,7 @@ void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights);
 /// Wakes a body and all that fell asleep with it.
 void wake(BodyList& bodies, Body& body);
 void wakeAll(BodyList& bodies);
-/// Wakes what a box (world) meets.
+/// Wakes the bodies that a box (world) meets.
 void wakeIn(BodyList& bodies, const Eigen::AlignedBox3d& box);
 
 }  // namespace sinew::internal

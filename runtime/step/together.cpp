@@ -2,11 +2,14 @@
 #include "runtime/step/together.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
+#include <mutex>
 
 #include "runtime/contact/firmness.h"
 #include "runtime/kernels/kernels.h"
+#include "runtime/solver/for_each.h"
 #include "runtime/step/body_state.h"
 #include "runtime/step/piece_step.h"
 #include "runtime/step/rigid.h"
@@ -39,214 +42,6 @@ std::uint64_t sortable(float value) {
   std::memcpy(&bits, &value, sizeof bits);
   return (bits & 0x80000000U) != 0 ? ~bits : bits | 0x80000000U;
 }
-
-/// The pieces of an island, minimized as one.
-class Island {
- public:
-  Island(std::span<const std::uint32_t> members, OwningArray<PieceStep>& steps, std::span<const TouchingPiece> seen,
-         std::span<const FoundTouch> found, TogetherScratch& scratch, JobSystem* jobs)
-      : members_(members), steps_(steps), seen_(seen), found_(found), scratch_(scratch), jobs_(jobs) {}
-
-  void run(double h, const WorldSettings& settings) {
-    gather();
-    couple(asVector(settings.gravity).cast<double>());
-    solve(settings.iterations);
-    bool leaning = false;
-    for (const std::uint32_t m : members_) leaning = leaning || steps_[m].isSupported();
-    for (std::size_t i = 0; i < members_.size(); ++i) {
-      MinimizeScratch& own = steps_[members_[i]].scratch();
-      const std::uint32_t size = 4 * steps_[members_[i]].field().k;
-      std::copy_n(scratch_.vectors.d.data() + first_[i], size, own.d.data());
-      std::copy_n(scratch_.vectors.gradient.data() + first_[i], size, own.gradient.data());
-      steps_[members_[i]].finishTogether(leaning);
-    }
-    leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
-    remember();
-  }
-
- private:
-  std::size_t placeOf(std::uint32_t member) const {
-    return std::size_t(std::lower_bound(members_.begin(), members_.end(), member) - members_.begin());
-  }
-
-  void gather() {
-    std::uint32_t size = 0;
-    for (const std::uint32_t m : members_) {
-      first_.push_back(size);
-      size += 4 * steps_[m].field().k;
-      objectives_.push_back(&steps_[m].objective());
-      systems_.push_back(&steps_[m].system());
-    }
-    for (const FoundTouch& found : found_) {
-      Touch& touch = touches_.add();
-      touch = found.touch;
-      touch.phi_a = scratch_.found.rows.data() + found.row_a;
-      touch.phi_b = scratch_.found.rows.data() + found.row_b;
-      touch.a = std::uint32_t(placeOf(found.touch.a));
-      touch.b = std::uint32_t(placeOf(found.touch.b));
-    }
-    minimand_.pieces = {objectives_.data(), objectives_.size()};
-    minimand_.systems = {systems_.data(), systems_.size()};
-    minimand_.first = {first_.data(), first_.size()};
-    minimand_.size = size;
-    minimand_.touches = {touches_.data(), touches_.size()};
-    minimand_.vectors = &scratch_.vectors;
-    values_.resize(members_.size());
-    minimand_.values = {values_.data(), values_.size()};
-    minimand_.jobs = jobs_;
-    scratch_.vectors.reserveVectors(size);
-    // Rows by piece: each touch is one of both its sides.
-    rows_.reserve(2 * touches_.size());
-    for (std::size_t i = 0; i < members_.size(); ++i) {
-      const std::size_t begin = rows_.size();
-      for (const Touch& touch : touches_) {
-        if (touch.a == i) rows_.push_back({touch.phi_a, touch.kappa, keyOf(touch)});
-        if (touch.b == i) rows_.push_back({touch.phi_b, touch.kappa, ~keyOf(touch)});
-      }
-      steps_[members_[i]].prepareTogether({rows_.data() + begin, rows_.size() - begin});
-      std::copy_n(steps_[members_[i]].scratch().base.data(), 4 * steps_[members_[i]].field().k,
-                  scratch_.vectors.base.data() + first_[i]);
-    }
-  }
-
-  std::uint32_t keyOf(const Touch& touch) const {
-    const TouchMemory& memory = found_[std::size_t(&touch - touches_.data())].memory;
-    return memory.point ^ (memory.body_a * 2654435761U) ^ (memory.body_b * 2246822519U);
-  }
-
-  /// From above to below, so that what rests on others is taken apart before them.
-  void couple(const Vector3d& gravity) {
-    order_.resize(members_.size());
-    for (std::uint32_t i = 0; i < order_.size(); ++i) order_[i] = i;
-    const auto depth = [&](std::uint32_t i) { return gravity.dot(seen_[members_[i]].center); };
-    std::sort(order_.begin(), order_.end(), [&](std::uint32_t i, std::uint32_t j) {
-      const double a = depth(i), b = depth(j);
-      return a != b ? a < b : i < j;
-    });
-    scratch_.rigid.make(minimand_, {order_.data(), order_.size()});
-    minimand_.rigid = &scratch_.rigid;
-  }
-
-  /// From the prediction, from where all were, or from where those were that touched already: the lowest of these.
-  void solve(std::uint32_t iterations) {
-    MinimizeScratch& s = scratch_.vectors;
-    const std::uint32_t size = minimand_.size;
-    std::fill_n(s.d.begin(), size, 0.0F);
-    minimand_.press(s.d.data());
-    Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
-    int chosen = 0;
-    for (int start = 1; start < 3; ++start) {
-      bool differs = start == 1;
-      for (std::size_t i = 0; i < members_.size(); ++i) {
-        float* const next = s.next.data() + first_[i];
-        if (start == 1 || steps_[members_[i]].leaned()) {
-          steps_[members_[i]].oldPlace(next);
-        } else {
-          std::fill_n(next, 4 * steps_[members_[i]].field().k, 0.0F);
-          differs = true;
-        }
-      }
-      if (!differs) break;
-      minimand_.press(s.next.data());
-      const Objective::Value other = minimand_.at(s.next.data(), s.next_gradient.data(), false);
-      if (!(other.total < value.total)) continue;
-      chosen = start;
-      value = other;
-      std::copy_n(s.next.data(), size, s.d.data());
-      std::copy_n(s.next_gradient.data(), size, s.gradient.data());
-    }
-    minimand_.press(s.d.data());
-    if (chosen != 2) value = minimand_.at(s.d.data(), s.gradient.data(), false);
-    minimize(minimand_, 2 * iterations, value);
-  }
-
-  /// Turning on supports decays, of the island as of a piece: what its pieces turn about its centre.
-  void dampSwing(double h, const WorldSettings& settings) {
-    double mass = 0;
-    Vector3d center = Vector3d::Zero(), velocity = center, spin = center;
-    for (const std::uint32_t m : members_) {
-      const PieceStep::Whole w = steps_[m].whole();
-      mass += w.mass;
-      center += w.mass * w.after;
-      velocity += w.mass * w.velocity;
-    }
-    center /= mass;
-    velocity /= mass;
-    Matrix3d inertia = Matrix3d::Zero();
-    for (const std::uint32_t m : members_) {
-      const PieceStep::Whole w = steps_[m].whole();
-      const Vector3d arm = w.after - center;
-      spin += w.spin + w.mass * arm.cross(Vector3d(w.velocity - velocity));
-      inertia += w.inertia + w.mass * (arm.squaredNorm() * Matrix3d::Identity() - arm * arm.transpose());
-    }
-    const Vector3d omega = (std::exp(-double(settings.support_damping) * h) - 1) * solved(inertia, spin);
-    for (const std::uint32_t m : members_) {
-      const Vector3d arm = steps_[m].whole().after - center;
-      steps_[m].add(Vector3d::Zero(), omega.cross(arm), Vector3d::Zero(), Vector3d::Zero());
-    }
-  }
-
-  /// What minimizing has lost of the motion as a whole is put back: all forces were between the pieces.
-  void keepMomentum(double h, const WorldSettings& settings) {
-    double mass = 0;
-    Vector3d astray = Vector3d::Zero(), lacking = astray, before = astray, moving = astray, center = astray,
-             now = astray;
-    for (const std::uint32_t m : members_) {
-      const PieceStep::Whole w = steps_[m].whole();
-      mass += w.mass;
-      astray += w.mass * (w.predicted - w.after);
-      lacking += w.mass * (w.velocity_predicted - w.velocity);
-      before += w.mass * w.before;
-      moving += w.mass * w.velocity_before;
-    }
-    for (const std::uint32_t m : members_) {
-      steps_[m].add(astray / mass, lacking / mass, Vector3d::Zero(), Vector3d::Zero());
-    }
-    before /= mass;
-    moving /= mass;
-    for (const std::uint32_t m : members_) {
-      const PieceStep::Whole w = steps_[m].whole();
-      center += w.mass / mass * w.after;
-      now += w.mass / mass * w.velocity;
-    }
-    Vector3d wanted = Vector3d::Zero(), found = wanted;
-    Matrix3d inertia = Matrix3d::Zero();
-    for (const std::uint32_t m : members_) {
-      const PieceStep::Whole w = steps_[m].whole();
-      wanted += w.spin_before + w.mass * Vector3d(w.before - before).cross(Vector3d(w.velocity_before - moving));
-      found += w.spin + w.mass * Vector3d(w.after - center).cross(Vector3d(w.velocity - now));
-      const Vector3d arm = w.after - center;
-      inertia += w.inertia + w.mass * (arm.squaredNorm() * Matrix3d::Identity() - arm * arm.transpose());
-    }
-    wanted *= std::exp(-double(settings.damping) * h);
-    const Vector3d omega = solved(inertia, wanted - found);
-    for (const std::uint32_t m : members_) steps_[m].add(Vector3d::Zero(), Vector3d::Zero(), omega, center);
-  }
-
-  void remember() {
-    for (std::size_t i = 0; i < touches_.size(); ++i) {
-      const FoundTouch& found = found_[i];
-      const std::span<const float> rows(scratch_.found.rows.data(), scratch_.found.rows.size());
-      scratch_.next_touching.push_back(rememberTouch(found, seen_[found.touch.a], seen_[found.touch.b],
-                                                     scratch_.vectors.d.data() + first_[touches_[i].a],
-                                                     scratch_.vectors.d.data() + first_[touches_[i].b], rows));
-    }
-  }
-
-  std::span<const std::uint32_t> members_;
-  OwningArray<PieceStep>& steps_;
-  std::span<const TouchingPiece> seen_;
-  std::span<const FoundTouch> found_;
-  TogetherScratch& scratch_;
-  Array<std::uint32_t> first_, order_;
-  Array<Objective*> objectives_;
-  Array<SystemFactor*> systems_;
-  Array<Touch> touches_;
-  Array<TouchRow> rows_;
-  Array<Objective::Value> values_;
-  JobSystem* jobs_;
-  Minimand minimand_;
-};
 
 }  // namespace
 
@@ -363,98 +158,205 @@ void keepSleeping(const BodyList& bodies, TogetherScratch& scratch) {
   }
 }
 
+namespace {
+
+/// Pairs that a thread takes at once, and pieces.
+constexpr std::uint32_t kPairsAJob = 8, kPiecesAJob = 8;
+
+/// What is stepped together: one step for each piece of a busy body, in the order of boxes.
+class Together {
+ public:
+  Together(BodyList& bodies, const StepWorld& world, double seconds, TogetherScratch& scratch, JobSystem* jobs)
+      : bodies_(bodies), world_(world), seconds_(seconds), scratch_(scratch), jobs_(jobs) {}
+
+  void run() {
+    begin();
+    predict();
+    look();
+    stepIslands();
+    finish();
+  }
+
+ private:
+  /// Calls visit(box, body, piece) for what is stepped.
+  template <class Visit>
+  void forEachBusy(const Visit& visit) {
+    for (std::uint32_t i = 0; i < scratch_.boxes.size(); ++i) {
+      const PieceBox& box = scratch_.boxes[i];
+      if (scratch_.busy[box.body] != 0) visit(i, *bodies_[box.body], bodies_[box.body]->pieces[box.piece]);
+    }
+  }
+
+  /// All that takes memory.
+  void begin() {
+    TogetherScratch& s = scratch_;
+    s.places.resize(s.boxes.size());
+    s.steps.clear();
+    s.before_at.clear();
+    std::uint32_t before = 0, points = 0;
+    forEachBusy([&](std::uint32_t, const Body&, const Piece& piece) {
+      if (s.pieces.size() <= s.before_at.size()) s.pieces.emplace_back(s.touching.memory());
+      PieceScratch& own = s.pieces[s.before_at.size()];
+      own.reserve(piece);
+      own.contacts.near.reserve(world_.colliders.size());
+      s.before_at.push_back(before);
+      before += 4 * piece.field().k;
+      points += std::uint32_t(pointFloats(piece.field()));
+    });
+    s.before.resize(before);
+    s.points.resize(points);
+    s.seen.resize(s.before_at.size());
+    forEachBusy([&](std::uint32_t box, Body& body, Piece& piece) {
+      const std::size_t i = s.steps.size();
+      s.places[box] = std::uint32_t(i);
+      s.seen[i].body = body.id;
+      s.steps.emplace_back(body, piece, world_, seconds_, s.pieces[i]);
+    });
+  }
+
+  void predict() {
+    TogetherScratch& s = scratch_;
+    forEachBody([&](std::uint32_t i) {
+      s.steps[i].begin();
+      s.steps[i].useEuler();
+    });
+    const auto count = std::uint32_t(s.steps.size());
+    std::size_t points = 0;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const std::size_t size = pointFloats(s.steps[i].field());
+      s.seen[i] = s.steps[i].touchingPiece({s.before.data() + s.before_at[i], 4 * std::size_t(s.steps[i].field().k)});
+      s.seen[i].points = {s.points.data() + points, size};
+      points += size;
+    }
+    forEach(jobs_, count, kPiecesAJob, [&](std::uint32_t i) { placePoints(s.seen[i]); });
+  }
+
+  /// Looks for touches. Each thread has a list that does not grow; what it finds it hands over.
+  void look() {
+    TogetherScratch& s = scratch_;
+    s.found.touches.clear();
+    s.found.rows.clear();
+    const auto count = std::uint32_t(s.pairs.size());
+    s.pair_touches.resize(count);
+    std::size_t most = 0;
+    for (PieceStep& step : s.steps) most = std::max(most, std::size_t(step.field().k));
+    const std::uint32_t lanes = jobs_ == nullptr ? 1 : std::clamp(jobs_->concurrency(), 1U, 64U);
+    while (s.lanes.size() < lanes) s.lanes.emplace_back(s.touching.memory());
+    for (TouchList& lane : s.lanes) {
+      lane.touches.reserve(kMostPairTouches);
+      lane.rows.reserve(2 * most * kMostPairTouches);
+    }
+    std::atomic<std::uint32_t> next = 0;
+    std::mutex handing_over;
+    forEach(jobs_, lanes, 1, [&](std::uint32_t lane) {
+      TouchList& own = s.lanes[lane];
+      for (std::uint32_t begin = next.fetch_add(kPairsAJob); begin < count; begin = next.fetch_add(kPairsAJob)) {
+        for (std::uint32_t pair = begin; pair < std::min(count, begin + kPairsAJob); ++pair) {
+          own.touches.clear();
+          own.rows.clear();
+          lookAt(s.pairs[pair], own);
+          s.pair_touches[pair] = {0, 0};
+          if (own.touches.empty()) continue;
+          const std::lock_guard lock(handing_over);
+          s.pair_touches[pair] = s.found.add(own);
+        }
+      }
+    });
+  }
+
+  void lookAt(std::uint64_t pair, TouchList& list) const {
+    const std::uint32_t a = scratch_.places[pair >> 32], b = scratch_.places[std::uint32_t(pair)];
+    const std::span<const TouchMemory> known(scratch_.touching.data(), scratch_.touching.size());
+    findTouches(scratch_.seen[a], scratch_.seen[b], a, b, seconds_, known, list);
+    findTouches(scratch_.seen[b], scratch_.seen[a], b, a, seconds_, known, list);
+  }
+
+  /// By island, members and pairs in their order.
+  void stepIslands() {
+    TogetherScratch& s = scratch_;
+    const auto count = std::uint32_t(s.steps.size());
+    s.parent.resize(count);
+    for (std::uint32_t i = 0; i < count; ++i) s.parent[i] = i;
+    const auto one_of = [&](std::size_t pair) { return s.places[s.pairs[pair] >> 32]; };
+    for (std::size_t pair = 0; pair < s.pairs.size(); ++pair) {
+      if (s.pair_touches[pair].count == 0) continue;
+      const std::uint32_t a = rootOf(s.parent, one_of(pair)),
+                          b = rootOf(s.parent, s.places[std::uint32_t(s.pairs[pair])]);
+      s.parent[std::max(a, b)] = std::min(a, b);
+    }
+    s.alone.resize(count);
+    std::fill(s.alone.begin(), s.alone.end(), std::uint8_t{0});
+    s.members.clear();
+    s.touching_pairs.clear();
+    for (std::uint32_t i = 0; i < count; ++i) s.members.push_back(std::uint64_t(rootOf(s.parent, i)) << 32 | i);
+    for (std::uint32_t pair = 0; pair < s.pairs.size(); ++pair) {
+      if (s.pair_touches[pair].count == 0) continue;
+      s.touching_pairs.push_back(std::uint64_t(rootOf(s.parent, one_of(pair))) << 32 | pair);
+    }
+    sortAscending({s.members.data(), s.members.size()});
+    sortAscending({s.touching_pairs.data(), s.touching_pairs.size()});
+    s.next_touching.resize(s.found.touches.size());
+    std::size_t remembered = 0;
+    std::size_t p = 0;
+    for (std::size_t m = 0; m < s.members.size();) {
+      const std::uint64_t root = s.members[m] >> 32;
+      s.ids.clear();
+      s.own.clear();
+      for (; m < s.members.size() && s.members[m] >> 32 == root; ++m) s.ids.push_back(std::uint32_t(s.members[m]));
+      for (; p < s.touching_pairs.size() && s.touching_pairs[p] >> 32 == root; ++p) {
+        const TouchRange range = s.pair_touches[std::uint32_t(s.touching_pairs[p])];
+        for (std::uint32_t i = 0; i < range.count; ++i) s.own.push_back(&s.found.touches[range.first + i]);
+      }
+      s.alone[s.ids[0]] = s.own.empty() ? 1 : 0;
+      if (s.own.empty()) continue;
+      for (const std::uint32_t id : s.ids) s.steps[id].setTogether();
+      Island({s.ids.data(), s.ids.size()}, s.steps, {s.seen.data(), s.seen.size()}, {s.own.data(), s.own.size()},
+             {s.found.rows.data(), s.found.rows.size()}, s.island, jobs_)
+          .run(seconds_, world_.settings, {s.next_touching.data() + remembered, s.own.size()});
+      remembered += s.own.size();
+    }
+    forEachBody([&](std::uint32_t i) {
+      if (s.alone[i] != 0) s.steps[i].finishAlone();
+    });
+  }
+
+  /// Calls visit for each step. Pieces of one body share what they report: one thread takes them.
+  template <class Visit>
+  void forEachBody(const Visit& visit) {
+    TogetherScratch& s = scratch_;
+    const auto count = std::uint32_t(s.steps.size());
+    forEach(jobs_, count, kPiecesAJob, [&](std::uint32_t i) {
+      const std::uint32_t body = s.seen[i].body;
+      if (i > 0 && s.seen[i - 1].body == body) return;
+      for (std::uint32_t m = i; m < count && s.seen[m].body == body; ++m) visit(m);
+    });
+  }
+
+  void finish() {
+    forEachBusy([&](std::uint32_t box, Body& body, Piece& piece) {
+      body.outdated = true;
+      if (scratch_.boxes[box].piece == 0) body.repaired = 0;
+      if (isUsable(piece)) return;
+      restPiece(body, piece);
+      body.repaired += piece.field().vertex_count;
+    });
+    keepSleeping(bodies_, scratch_);
+    std::sort(scratch_.next_touching.begin(), scratch_.next_touching.end(),
+              [](const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); });
+    scratch_.touching.swap(scratch_.next_touching);
+  }
+
+  BodyList& bodies_;
+  const StepWorld& world_;
+  const double seconds_;
+  TogetherScratch& scratch_;
+  JobSystem* jobs_;
+};
+
+}  // namespace
+
 void stepTogether(BodyList& bodies, const StepWorld& world, double seconds, TogetherScratch& scratch, JobSystem* jobs) {
-  const WorldSettings& settings = world.settings;
-  scratch.next_touching.clear();
-  scratch.found.touches.clear();
-  scratch.found.rows.clear();
-  // One step for each piece of a busy body, in the order of boxes.
-  OwningArray<PieceStep> steps(scratch.touching.memory());
-  Array<TouchingPiece> seen(scratch.touching.memory());
-  scratch.places.resize(scratch.boxes.size());
-  std::size_t before = 0, points = 0, count = 0;
-  for (const PieceBox& box : scratch.boxes) {
-    if (scratch.busy[box.body] == 0) continue;
-    const Field& field = bodies[box.body]->pieces[box.piece].field();
-    before += 4 * field.k;
-    points += pointFloats(field);
-    if (scratch.pieces.size() <= count) scratch.pieces.emplace_back(scratch.touching.memory());
-    scratch.pieces[count++].reserve(bodies[box.body]->pieces[box.piece]);
-  }
-  scratch.before.resize(before);
-  scratch.points.resize(points);
-  before = points = 0;
-  for (std::size_t i = 0; i < scratch.boxes.size(); ++i) {
-    const PieceBox& box = scratch.boxes[i];
-    if (scratch.busy[box.body] == 0) continue;
-    Body& body = *bodies[box.body];
-    Piece& piece = body.pieces[box.piece];
-    scratch.places[i] = std::uint32_t(steps.size());
-    PieceStep& step = steps.emplace_back(body, piece, world, seconds, scratch.pieces[steps.size()]);
-    step.begin();
-    step.useEuler();
-    const std::size_t k = piece.field().k;
-    TouchingPiece& sees = seen.add();
-    sees = step.touchingPiece({scratch.before.data() + before, 4 * k});
-    before += 4 * k;
-    placePoints(sees, {scratch.points.data() + points, pointFloats(piece.field())});
-    points += pointFloats(piece.field());
-  }
-  scratch.parent.resize(steps.size());
-  for (std::uint32_t i = 0; i < steps.size(); ++i) scratch.parent[i] = i;
-  for (const std::uint64_t pair : scratch.pairs) {
-    const std::uint32_t a = scratch.places[pair >> 32], b = scratch.places[std::uint32_t(pair)];
-    const std::size_t count_before = scratch.found.touches.size();
-    const std::span<const TouchMemory> known(scratch.touching.data(), scratch.touching.size());
-    findTouches(seen[a], seen[b], a, b, seconds, known, scratch.found);
-    findTouches(seen[b], seen[a], b, a, seconds, known, scratch.found);
-    if (scratch.found.touches.size() > count_before) {
-      const std::uint32_t root_a = rootOf(scratch.parent, a), root_b = rootOf(scratch.parent, b);
-      scratch.parent[std::max(root_a, root_b)] = std::min(root_a, root_b);
-    }
-  }
-  // By island, members and touches in their order.
-  Array<std::uint64_t> members(scratch.touching.memory()), touches(scratch.touching.memory());
-  for (std::uint32_t i = 0; i < steps.size(); ++i) {
-    members.push_back(std::uint64_t(rootOf(scratch.parent, i)) << 32 | i);
-  }
-  for (std::uint32_t t = 0; t < scratch.found.touches.size(); ++t) {
-    touches.push_back(std::uint64_t(rootOf(scratch.parent, scratch.found.touches[t].touch.a)) << 32 | t);
-  }
-  sortAscending({members.data(), members.size()});
-  sortAscending({touches.data(), touches.size()});
-  std::size_t t = 0;
-  for (std::size_t m = 0; m < members.size();) {
-    const std::uint64_t root = members[m] >> 32;
-    Array<std::uint32_t> ids(scratch.touching.memory());
-    Array<FoundTouch> own(scratch.touching.memory());
-    for (; m < members.size() && members[m] >> 32 == root; ++m) ids.push_back(std::uint32_t(members[m]));
-    for (; t < touches.size() && touches[t] >> 32 == root; ++t) {
-      own.push_back(scratch.found.touches[std::uint32_t(touches[t])]);
-    }
-    if (own.empty()) {
-      steps[ids[0]].finishAlone();
-      continue;
-    }
-    for (const std::uint32_t id : ids) steps[id].setTogether();
-    Island({ids.data(), ids.size()}, steps, {seen.data(), seen.size()}, {own.data(), own.size()}, scratch, jobs)
-        .run(seconds, settings);
-  }
-  for (std::size_t i = 0; i < scratch.boxes.size(); ++i) {
-    const PieceBox& box = scratch.boxes[i];
-    if (scratch.busy[box.body] == 0) continue;
-    Body& body = *bodies[box.body];
-    body.outdated = true;
-    if (box.piece == 0) body.repaired = 0;
-    Piece& piece = body.pieces[box.piece];
-    if (isUsable(piece)) continue;
-    restPiece(body, piece);
-    body.repaired += piece.field().vertex_count;
-  }
-  keepSleeping(bodies, scratch);
-  std::sort(scratch.next_touching.begin(), scratch.next_touching.end(),
-            [](const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); });
-  scratch.touching.swap(scratch.next_touching);
+  Together(bodies, world, seconds, scratch, jobs).run();
 }
 
 }  // namespace sinew::internal

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "runtime/contact/touch.h"
-#include "runtime/solver/rigid_coupling.h"
+#include "runtime/step/island.h"
 #include "runtime/step/piece_step.h"
 #include "runtime/world/body.h"
 
@@ -17,7 +17,7 @@ struct PieceBox {
   std::array<double, 3> low, high;
 };
 
-/// What stays from step to step (touching), and memory that steps use again.
+/// Touches, which stay from step to step, and memory that steps use again.
 struct TogetherScratch {
   explicit TogetherScratch(std::pmr::memory_resource* memory)
       : touching(memory),
@@ -27,13 +27,21 @@ struct TogetherScratch {
         busy(memory),
         places(memory),
         pieces(memory),
-        vectors(memory),
-        rigid(memory),
         found(memory),
+        pair_touches(memory),
+        lanes(memory),
         before(memory),
         points(memory),
-        rows(memory),
         parent(memory),
+        before_at(memory),
+        steps(memory),
+        seen(memory),
+        alone(memory),
+        members(memory),
+        touching_pairs(memory),
+        ids(memory),
+        own(memory),
+        island(memory),
         next_touching(memory) {}
 
   Array<TouchMemory> touching;  ///< sorted
@@ -41,14 +49,20 @@ struct TogetherScratch {
   Array<PieceBox> boxes;
   Array<std::uint64_t> order, pairs;
   Array<std::uint8_t> busy;          ///< by body: its box meets another's
-  Array<std::uint32_t> places;       ///< of boxes among what is stepped together
+  Array<std::uint32_t> places;       ///< of boxes in the list of pieces that are stepped together
   OwningArray<PieceScratch> pieces;  ///< one for each of these
-  MinimizeScratch vectors;
-  RigidCoupling rigid;
-  TouchList found;
+  TouchList found;                   ///< of one pair after the other, pairs in any order
+  Array<TouchRange> pair_touches;    ///< of each pair
+  OwningArray<TouchList> lanes;      ///< of threads that look at pairs
   Array<float> before, points;
-  Array<TouchRow> rows;
-  Array<std::uint32_t> parent;
+  Array<std::uint32_t> parent, before_at;
+  OwningArray<PieceStep> steps;
+  Array<TouchingPiece> seen;                     ///< of each step
+  Array<std::uint8_t> alone;                     ///< of each step: nothing touches it
+  Array<std::uint64_t> members, touching_pairs;  ///< root << 32 | step or pair
+  Array<std::uint32_t> ids;                      ///< of an island
+  Array<const FoundTouch*> own;                  ///< of an island
+  IslandScratch island;
   Array<TouchMemory> next_touching;
 };
 

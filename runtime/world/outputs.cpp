@@ -5,6 +5,7 @@
 #include <atomic>
 #include <new>
 
+#include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
 #include "runtime/world/world_impl.h"
 

@@ -7,15 +7,12 @@ what misses them is baked once more and has its better time. Seeds are fixed: a 
 Standard library only.
 
     bake_sweep.py --sinew PROGRAM [--data DIR] [--count N] [--most TRIANGLES] [--only NAME] [--untimed]
-                  [--page docs/performance.md]
 """
 import argparse
-import datetime
 import json
 import math
 import os
 import pathlib
-import platform
 import random
 import resource
 import struct
@@ -28,7 +25,6 @@ SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 BOUNDS = ((100_000, 10), (400_000, 20))
 GIVEN_UP = 120  # seconds of the processor; ten times as many on the clock
 SHOWN = 10
-BEGIN, END = "<!-- SWEEP by tests/acceptance/bake_sweep.py -->", "<!-- SWEEP end -->"
 ENDINGS = {".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx", ".mesh"}
 LARGE = 5  # of the generated ones have the most triangles
 
@@ -184,25 +180,10 @@ class Sweep:
         report_file.unlink(missing_ok=True)
         return run(self.sinew, "bake", file, "-o", package, "--report", report_file, "--quiet", "--no-cache")
 
-    def table(self):
-        slowest = sorted(self.rows, key=lambda row: -row["seconds"])[:SHOWN]
-        lines = [BEGIN, "", f"The slowest {len(slowest)} of {len(self.rows)} meshes ({machine()}, {datetime.date.today()}), seconds of "
-                 "processor time, import to package:", "",
-                 "| mesh | triangles | s | became | where the time goes | |", "|---|---|---|---|---|---|"]
-        for row in slowest:
-            lines.append(f"| {row['name']} | {row['triangles']:,} | {row['seconds']:.1f} | {row.get('method', 'refused')} | "
-                         f"{row.get('stages', '')} | {row['about']} |")
-        return "\n".join(lines + ["", END])
-
-
-def machine():
-    name = platform.processor() or platform.machine()
-    try:
-        lines = pathlib.Path("/proc/cpuinfo").read_text().splitlines()
-        name = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), name)
-    except OSError:
-        pass
-    return f"{name}, {os.cpu_count()} cores, shared"
+    def slowest(self):
+        rows = sorted(self.rows, key=lambda row: -row["seconds"])[:SHOWN]
+        return "\n".join(f"{row['seconds']:6.1f} s  {row['name']}: {row['triangles']:,} triangles, "
+                         f"{row.get('method', 'refused')}, {row.get('stages', '')}" for row in rows)
 
 
 def main():
@@ -213,7 +194,6 @@ def main():
     parser.add_argument("--most", type=int, default=400_000, help="triangles of the largest")
     parser.add_argument("--untimed", action="store_true", help="only whether check and bake agree: a test is not timed")
     parser.add_argument("--only", help="the case of this name alone")
-    parser.add_argument("--page", type=pathlib.Path, help="write the table between its markers of this page")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(temporary)
@@ -231,18 +211,10 @@ def main():
             write_ply(file, vertices, faces)
             sweep.case(name, about, file)
             file.unlink()
-    table = sweep.table()
-    print(table)
+    print("Slowest, of the processor:", sweep.slowest(), sep="\n")
     for fault in sweep.faults:
         print("FAIL", fault)
     print(f"{len(sweep.rows)} meshes, {len(sweep.faults)} failures")
-    if arguments.page:
-        text = arguments.page.read_text()
-        before, _, rest = text.partition(BEGIN)
-        _, found, after = rest.partition(END)
-        if not found:
-            sys.exit(f"{arguments.page} has no markers {BEGIN} and {END}")
-        arguments.page.write_text(before + table + after)
     return 1 if sweep.faults or not sweep.rows else 0
 
 

@@ -46,7 +46,7 @@ def example_recipes(schema):
         recipe = {"sinew_recipe": 3, "source": "a.obj"}
         if "sinew_recipe" in example:
             recipe = example
-        elif heading.startswith("## "):
+        elif kind in lists:
             recipe[lists[kind]] = [example]
         else:
             recipe["masks"] = {"m": example}

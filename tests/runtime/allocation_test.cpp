@@ -5,10 +5,12 @@
 #include <atomic>
 #include <cstdlib>
 #include <new>
+#include <vector>
 
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
 #include "tests/support/box_package.h"
+#include "tests/support/touching_box.h"
 
 namespace {
 std::atomic<std::size_t> allocations{0};
@@ -135,6 +137,30 @@ TEST(Allocation, NoneWithMechanicsAndPinSets) {
 TEST(Allocation, NoneWithAThreadPool) {
   ThreadPool pool(3);
   expectNoAllocation(&pool);
+}
+
+TEST(Allocation, NoneInAHeapThatFallsAgain) {
+  ThreadPool pool(3);
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  World world(settings, &pool);
+  const auto asset = touchingBox({1, 1, 1});
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < 27; ++i) {
+    BodySettings place;
+    place.position = {1.05F * float(i % 3), 0.6F + 1.1F * float(i / 9), 1.05F * float(i / 3 % 3)};
+    bodies.push_back(*world.addBody(asset, place));
+  }
+  const auto fall = [&] {
+    for (const BodyId body : bodies) world.resetBody(body);
+    for (int i = 0; i < 90; ++i) world.step(1.0F / 60);
+  };
+  fall();
+  fall();  // friction of the last heap's contacts is remembered
+  const std::size_t before = allocations;
+  fall();
+  EXPECT_EQ(allocations, before);
 }
 
 }  // namespace

@@ -300,7 +300,7 @@ std::vector<RecipeObject> declareKinds() {
   const RecipeKey tolerance{
       "tolerance", kRecipeNumber, "Largest distance of a colour that counts as this one.", "0.25", "", 0, 2};
   return {
-      {"all", "Every vertex.", {{"all", kRecipeFlag, "true", ""}, note()}, R"({"all": true})"},
+      {"all", "Every vertex.", {{"all", kRecipeFlag, "Always true.", ""}, note()}, R"({"all": true})"},
       {"rest",
        "What the named masks leave; with true, in a cluster's `from`: what all clusters without `rest` leave.",
        {{"rest", kRecipeFlag | kRecipeTexts, "true, or names of masks.", ""}, note()},
@@ -571,26 +571,39 @@ Json settingSchema(Settings& defaults, const Settings::Declaration& d) {
   return schema;
 }
 
+constexpr std::string_view kColumns = "| key | holds | if absent | meaning |\n|---|---|---|---|\n";
+
+void writeRow(std::ostream& out, const RecipeKey& key, const std::string& name, std::string_view before = {}) {
+  if (key.name == "note") return;
+  out << "| " << name << " | " << legalText(key) << (key.unit.empty() ? "" : " ") << key.unit << " | ";
+  if (key.fallback.empty()) {
+    out << "required";
+  } else if (key.fallback != "none") {
+    out << "`" << key.fallback << "`";
+  }
+  out << " | " << before << (before.empty() || key.sentence.empty() ? "" : " ") << key.sentence << " |\n";
+}
+
+std::string quoted(const RecipeKey& key) { return "`" + std::string(key.name) + "`"; }
+
 void writeTable(std::ostream& out, const RecipeObject& object) {
-  out << object.sentence << "\n\n";
-  const auto holds = [](const RecipeKey& key) {
-    return legalText(key) + (key.unit.empty() ? "" : " " + std::string(key.unit));
-  };
-  // Of one key besides `note`: a line in place of a table.
-  if (object.keys.size() == 2) {
-    const RecipeKey& key = object.keys.front();
-    out << "`" << key.name << "`: " << holds(key) << "." << (key.sentence.empty() ? "" : " ") << key.sentence;
-  } else {
-    out << "| key | holds | if absent | meaning |\n|---|---|---|---|";
-    for (const RecipeKey& key : object.keys) {
-      if (key.name == "note") continue;
-      const std::string fallback = key.fallback.empty()     ? "required"
-                                   : key.fallback == "none" ? ""
-                                                            : "`" + std::string(key.fallback) + "`";
-      out << "\n| `" << key.name << "` | " << holds(key) << " | " << fallback << " | " << key.sentence << " |";
+  out << object.sentence << "\n\n" << kColumns;
+  for (const RecipeKey& key : object.keys) writeRow(out, key, quoted(key));
+  out << "\n```json\n" << object.example << "\n```\n\n";
+}
+
+/// One table of all kinds: the key that names the kind is bold, its other keys follow it.
+void writeSelections(std::ostream& out) {
+  out << kColumns;
+  for (const RecipeObject& kind : selectionKinds()) {
+    for (const RecipeKey& key : kind.keys) {
+      const bool names_kind = key.name == kind.name;
+      writeRow(out, key, names_kind ? "**" + quoted(key) + "**" : quoted(key), names_kind ? kind.sentence : "");
     }
   }
-  out << "\n\n```json\n" << object.example << "\n```\n\n";
+  out << "\nOne example of each kind:\n\n```\n";
+  for (const RecipeObject& kind : selectionKinds()) out << kind.example << "\n";
+  out << "```\n";
 }
 
 }  // namespace
@@ -702,15 +715,13 @@ std::string recipeMarkdown() {
 Written by `sinew help recipe --markdown` from `tools/author/recipe_keys.cpp`; a test compares. How to use it:
 [authoring.md](authoring.md). Editors complete it with [recipe.schema.json](recipe.schema.json) (`sinew help schema`).
 
-JSON, UTF-8, one object. Comments are allowed, but a command that changes the recipe drops them; the key `note`, which
-every object may have, stays. An unknown key is an error that names the nearest one; messages name file, line and cure.
-A wrong recipe ends with exit code 3 before anything is written.
+JSON, UTF-8, one object. Comments are allowed, but commands that change the recipe drop them; the key `note`, which every
+object may have, stays. An unknown key is an error. A wrong recipe ends with exit code 3 before anything is written.
 
-**Names.** Clusters have different names, pins have different names. A text in place of a selection names a mask; masks
-that need themselves are an error that names the cycle.
+**Names** of clusters differ from each other, and so do names of pins. A text in place of a selection names a mask; masks
+may not need themselves.
 
-**Files** are relative to the recipe's folder and lie inside the project folder: the recipe's own, or a folder above it
-that `project` names.
+**Files** are relative to the recipe's folder. They lie in that folder, or in one above it that `project` names.
 
 **Versions.** This is version 3. Versions 1 (`source` and `settings` only) and 2 (`clusters.overlap_metres`, a cluster's
 key `overlap`, `clusters.overlap` in boxes) are read as what they mean now, with the finding `recipe-migrated`; the
@@ -723,19 +734,14 @@ first command of `sinew author` that changes one writes version 3.
   }
   out << R"(## Selections
 
-A selection gives every visual vertex a weight 0..1. It is the name of a mask, or an object of one of these kinds, named
-by its first key. Where vertices at one point differ (the two sides of a seam, a group's border), the largest weight
-counts for all of them. Distances "along the surface" are geodesic, by fast marching over triangles: exact on flat
-pieces, within 2 % on finely divided curved ones.
+A selection gives every visual vertex a weight 0..1. It is the name of a mask, or an object of one of the kinds below:
+the key in bold names the kind, the rows after it are its other keys. Where vertices at one point differ (the two sides
+of a seam, a group's border), the largest weight counts for all of them. Distances "along the surface" are geodesic,
+exact on flat pieces and within 2 % on finely divided curved ones.
 
 )";
-  for (const RecipeObject& kind : selectionKinds()) {
-    out << "### " << kind.name << "\n\n";
-    writeTable(out, kind);
-  }
-  std::string text = out.str();
-  while (text.ends_with("\n\n")) text.pop_back();
-  return text;
+  writeSelections(out);
+  return out.str();
 }
 
 }  // namespace sinew::tools

@@ -242,9 +242,9 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        "vertices; 0: weights stay as they are.",
        Number{&s.clusters.soften_metres, 0, 1e6}},
       {"clusters.mode", "",
-       "rigid: a bone; what belongs to it alone is held firm. linear and quadratic differ in which frequencies count "
-       "(quadratic: the lowest of the three), in what attachment.method=clusters follows, and in --solver report, "
-       "where quadratic clusters bend and twist.",
+       "rigid: a bone; vertices that belong to it alone are held firm. linear: stretch_hz alone counts. quadratic: the "
+       "lowest of the three frequencies counts. With attachment.method=clusters and with --solver report, quadratic "
+       "clusters also bend and twist.",
        Choice{{"rigid", "linear", "quadratic"},
               [](const Settings& x) { return int(x.clusters.mode); },
               [](Settings& x, int v) { x.clusters.mode = ClusterMode(v); }}},
@@ -262,8 +262,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        "Of quadratic clusters: frequency of twisting; one thinner than a seventh of its length takes stretch_hz.",
        Number{&s.clusters.twist_hz, 0, 1e5}},
       {"clusters.stiffness", "",
-       "What sets the stiffness: the three frequencies; per_step_beta, taken as the frequency of which a step of 1/60 "
-       "s keeps so much (--solver report: so much at every step); or the modulus of an elastic solid.",
+       "Where the stiffness comes from: the three frequencies; per_step_beta, as the frequency of which a step of 1/60 "
+       "s keeps that part (--solver report: every step keeps it); or the modulus of an elastic solid.",
        Choice{{"frequency", "per_step", "elastic"},
               [](const Settings& x) { return int(x.clusters.stiffness); },
               [](Settings& x, int v) { x.clusters.stiffness = formats::StiffnessModel(v); }}},
@@ -276,8 +276,8 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"clusters.damping", "1/s", "Decay of motion that is not rigid, besides the world's.",
        Number{&s.clusters.damping, 0, 1e5}},
       {"clusters.limit", "",
-       "What bounds stretch, beyond which it is much stiffer: each principal stretch; the lengths of the rest axes "
-       "(rows); or the squared norm of the deformation (frobenius, the same as frobenius_cheap; soft; a curve).",
+       "A bound beyond which a cluster is much stiffer: on each principal stretch; on the lengths of the rest axes "
+       "(rows); or on the squared norm of the deformation (frobenius, the same as frobenius_cheap; soft; curve).",
        Choice{{"none", "rows", "frobenius", "frobenius_cheap", "soft", "principal", "curve"},
               [](const Settings& x) { return int(x.clusters.limit); },
               [](Settings& x, int v) { x.clusters.limit = formats::LimitMethod(v); }}},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What output needs at least, counted from its formulas: docs/performance.md has the derivation.
+// Least work of output, counted from its formulas (docs/report.md §6). Peak arithmetic counts fused multiply-adds,
+// although kernels do not fuse. The cofactors that normals need at physical vertices are left out.
 #pragma once
 
 #include <algorithm>
@@ -22,11 +23,11 @@ inline double boundSeconds(const Work& work, const MachineLimits& machine, std::
   return std::max(work.flops / machine.fma_flops, work.bytes / machine.bandwidth(working_set_bytes));
 }
 
-/// A physical vertex where its field puts it: so many functions' values, the position out.
+/// A physical vertex from k functions: for each one value, a product and a sum by axis; the position out.
 inline Work fieldVertexWork(double functions) { return {6 * functions, 4 * functions + 12}; }
-/// A visual vertex in its tetrahedron: its record, the tetrahedron, four positions, the result.
+/// A visual vertex in its tetrahedron: its record 16, the tetrahedron 16, four positions 48, the result 12 bytes.
 inline constexpr Work kVisualPositionWork{21, 92};
-/// And its normal: the rest normal, four cofactors, the result.
+/// Its normal: the rest normal 12, four cofactors 144, the result 12 bytes.
 inline constexpr Work kVisualNormalWork{95, 168};
 
 }  // namespace sinew::tools

@@ -11,7 +11,7 @@ namespace sinew::formats {
 /// \param bytes any number of bytes, any alignment.
 [[nodiscard]] std::uint64_t checksum(std::span<const std::byte> bytes);
 
-/// The same of two runs of bytes as if they followed each other.
+/// The checksum of two runs of bytes as if they followed each other.
 [[nodiscard]] std::uint64_t checksum(std::span<const std::byte> first, std::span<const std::byte> second);
 
 }  // namespace sinew::formats

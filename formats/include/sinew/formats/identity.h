@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Who is who: an artist's vertex, what is drawn, what is simulated, by number.
+// Identity of vertices: from an artist's vertex to the drawn and simulated ones, and back, by number.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace sinew::formats {
 
-/// How a vertex is counted.
+/// The list that a vertex number counts in.
 enum class VertexKind : std::uint8_t {
   source,   ///< as in the artist's file, over its meshes in SMSH's order
   visual,   ///< as drawn: VPOS
@@ -21,11 +21,11 @@ enum class VertexKind : std::uint8_t {
   physical  ///< as simulated: PVTX
 };
 
-/// Visual vertices of a vertex, ascending. Source vertex, welded point: all that it became. Visual vertex: itself.
-/// Physical vertex: all that hang on a tetrahedron of which it is a corner (none in a package whose visual vertices
-/// hang on clusters). \param number from 0, counted as `kind` says. \return nullopt where there is no such vertex;
-/// empty for a source vertex that no face uses. A package without section VSRC has no source and no welded vertices.
-/// Cost: source and visual vertices one lookup, the others one pass over the visual vertices.
+/// Visual vertices of a vertex, ascending. Of a source vertex or welded point: all that it became. Of a visual vertex:
+/// itself. Of a physical vertex: all that hang on a tetrahedron with this corner (none in a package whose visual
+/// vertices hang on clusters). \param number from 0, counted as `kind` says. \return nullopt where there is no such
+/// vertex; empty for a source vertex that no face uses. A package without section VSRC has no source and no welded
+/// vertices. Cost: source and visual vertices one lookup, the others one pass over the visual vertices.
 std::optional<std::vector<std::uint32_t>> visualVerticesOf(const PackageView& package, VertexKind kind,
                                                            std::uint32_t number);
 
@@ -38,7 +38,7 @@ struct SourcePlace {
 /// \return nullopt where there is no such source vertex.
 std::optional<SourcePlace> sourcePlace(const PackageView& package, std::uint32_t source_vertex);
 
-/// What a visual vertex hangs on by its tetrahedron.
+/// The tetrahedron that a visual vertex hangs on.
 struct TetrahedronHold {
   std::uint32_t tetrahedron = 0;               ///< into TETS
   std::array<std::uint32_t, 4> physical = {};  ///< its corners

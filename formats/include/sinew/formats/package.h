@@ -13,12 +13,12 @@
 
 namespace sinew::formats {
 
-/// Why a package was refused. `reason` names the section and what is wrong with it, in one line.
+/// The reason of a refusal, one line that names the section and its fault; empty: none.
 struct PackageError {
   std::string reason;
 };
 
-/// A section as inspect shows it.
+/// An entry of the section table; `known`: this software reads it.
 struct SectionInfo {
   std::uint32_t id;
   std::uint64_t bytes;
@@ -26,7 +26,7 @@ struct SectionInfo {
   bool known;
 };
 
-/// Where the elements of a section lie.
+/// Place and number of the elements of a section.
 struct SectionData {
   const void* data = nullptr;
   std::size_t count = 0;
@@ -48,7 +48,7 @@ class PackageView {
   /// Checks the whole package: size, magic, version, checksums (all bytes), table, counts, indices, values.
   /// \param bytes the whole file, 64-byte aligned (a memory map or an aligned allocation); must outlive the view.
   /// \param[out] view set only on success.
-  /// \return empty reason on success. Never throws but for lack of memory. Cost: one pass, 1 ms per 10 MB, 2 of fields.
+  /// \return an empty reason on success. Throws std::bad_alloc only. Cost: one pass, 1 ms for 10 MB, 2 ms of fields.
   [[nodiscard]] static PackageError open(std::span<const std::byte> bytes, PackageView& view);
 
   std::uint64_t features() const { return features_; }
@@ -59,7 +59,7 @@ class PackageView {
   /// Text of a reference; safe for every StringRef inside this package.
   std::string_view text(StringRef ref) const { return {strings().data() + ref.offset, ref.bytes}; }
 
-  /// The elements of any section that this software knows; none of one that is absent, and 0 bytes each of others.
+  /// The elements of a section. Absent: a count of 0. Unknown to this software: also 0 bytes each.
   SectionData sectionData(std::uint32_t id) const;
 
   const PackageInfo& info() const { return list<PackageInfo, section::info>().front(); }

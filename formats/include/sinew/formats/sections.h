@@ -18,12 +18,12 @@ static_assert(std::endian::native == std::endian::little,
 inline constexpr std::array<char, 8> kMagic = {'S', 'I', 'N', 'E', 'W', '\r', '\n', '\x1a'};
 inline constexpr std::size_t kSectionAlignment = 64;
 inline constexpr std::uint32_t kNone = 0xffffffffU;  ///< "no such index" in every index field that allows it
-/// Numbers without a bound of their own are at most so large: the square of one is a float, and so is a sum of
-/// thousands of such.
+/// Bound on numbers that have no other bound: the square of one is still a float, and so is a sum of thousands of
+/// squares.
 inline constexpr float kMostNumber = 1e18F;
-/// Metres from the origin: beyond it floats could no longer square or difference what bodies do there.
+/// Bound on places, metres from the origin: beyond it floats can neither square nor subtract places of a body.
 inline constexpr float kMostMetres = 1e15F;
-/// Of a texture coordinate.
+/// Bound on texture coordinates.
 inline constexpr float kMostTexture = 1e9F;
 
 constexpr std::uint32_t fourcc(const char (&text)[5]) {
@@ -31,7 +31,7 @@ constexpr std::uint32_t fourcc(const char (&text)[5]) {
          std::uint32_t(std::uint8_t(text[2])) << 16 | std::uint32_t(std::uint8_t(text[3])) << 24;
 }
 
-/// Bits of Header::features: what a package holds. A loader that lacks a bit it sees refuses the package.
+/// Bits of Header::features: the content of a package. A loader refuses a package with a bit that it does not know.
 enum Feature : std::uint64_t {
   kFeatureTetrahedra = 1U << 0,
   kFeatureQuadratic = 1U << 1,          ///< at least one quadratic cluster (section AQQ9)
@@ -95,8 +95,8 @@ struct PackageInfo {
   std::array<float, 3> bounds_max;
   float diagonal;         ///< of those bounds, metres, > 0
   float total_mass;       ///< kg
-  float density;          ///< kg/m^3 that the masses were made with
-  float physical_volume;  ///< of the space the tetrahedra take, m^3: copies in one place (split cells) count once
+  float density;          ///< of the masses, kg/m^3
+  float physical_volume;  ///< space that the tetrahedra take, m^3: copies in one place (split cells) count once
   float source_volume;    ///< enclosed by the source's surface, m^3; negative where it is not defined
   float max_rest_error;   ///< largest distance of an attached visual vertex from its rest position / diagonal
   float min_dihedral_deg;
@@ -147,12 +147,12 @@ struct Cluster {
   std::array<float, 3> rest_center;  ///< c0, metres
   float radius;                      ///< metres, > 0
   float mass;                        ///< sum of m_i w_ic / W_i, kg
-  float alpha;                       ///< 0..1, the report's solver: part of the way to its goal a vertex goes a step
-  float stretch_hz;                  ///< frequency of stretch and shear, Hz; infinity = rigid, 0 = no return
-  float bend_hz;                     ///< of the squares
-  float twist_hz;                    ///< of the cross terms
-  std::uint32_t quadratic;           ///< index into AQQ9, kNone unless mode is quadratic
-  std::array<float, 6> a_qq;         ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
+  float alpha;                ///< 0..1, the report's solver: part of the way to its goal that a vertex goes in a step
+  float stretch_hz;           ///< frequency of stretch and shear, Hz; infinity = rigid, 0 = no return
+  float bend_hz;              ///< of the squares
+  float twist_hz;             ///< of the cross terms
+  std::uint32_t quadratic;    ///< index into AQQ9, kNone unless mode is quadratic
+  std::array<float, 6> a_qq;  ///< pseudo-inverse of sum mu q q^T: xx yy zz xy yz zx
 };
 static_assert(sizeof(Cluster) == 88);
 
@@ -170,14 +170,15 @@ struct QuadraticMoment {
 };
 static_assert(sizeof(QuadraticMoment) == 180);
 
-/// What sets the stiffness of a cluster (docs/method.md).
+/// The source of a cluster's stiffness (docs/method.md §2).
 enum class StiffnessModel : std::uint32_t {
   frequency = 0,  ///< Cluster::stretch_hz, bend_hz, twist_hz: independent of the step
-  per_step = 1,   ///< per_step_beta: what a step of 1/60 s keeps (the report's solver: any step, so stiffer if short)
-  elastic = 2,    ///< an isotropic solid, from ClusterMechanics::young and poisson
+  per_step =
+      1,  ///< per_step_beta: part that a step of 1/60 s keeps (the report's solver: any step, so stiffer if short)
+  elastic = 2,  ///< an isotropic solid, from ClusterMechanics::young and poisson
 };
 
-/// What keeps a cluster from stretching too far: F of each sample in it (the report's solver: its match, A).
+/// The bound on the stretch of a cluster: on F of each sample in it (the report's solver: on its match, A).
 enum class LimitMethod : std::uint32_t {
   none = 0,
   rows = 1,             ///< each rest axis at most stretch_max long (the report's solver: each row of A)
@@ -188,15 +189,15 @@ enum class LimitMethod : std::uint32_t {
   curve = 6,            ///< squared norms mapped by points of CURV
 };
 
-/// Whether a cluster keeps its volume: Poisson's ratio where it has no modulus (the report's solver: A by its det).
+/// Whether a cluster keeps its volume: sets Poisson's ratio if it has no modulus (the report's solver: scales A).
 enum class VolumeMethod : std::uint32_t {
   none = 0,
   cube_root = 1,  ///< kept
-  principal = 2,  ///< kept; no solver tells the two apart
+  principal = 2,  ///< the same: no solver tells the two apart
 };
 
-/// CMEC: mechanics of a cluster beyond CLUS, one per cluster. Without the section every cluster has
-/// StiffnessModel::frequency and nothing else of this.
+/// CMEC: mechanics of a cluster beyond CLUS, one per cluster. Without the section every cluster is as kPlainMechanics
+/// says.
 struct ClusterMechanics {
   StiffnessModel stiffness;
   std::array<float, 3> per_step_beta;  ///< 0..1 by class of modes (stretch, bend, twist): 0 rigid, 1 no return
@@ -215,13 +216,13 @@ struct ClusterMechanics {
   float plastic_creep;         ///< part of the deformation that becomes permanent, 1/s, 0..1e5
   float plastic_limit;         ///< largest |S_p - 1| of the permanent deformation, 0..10
   std::array<float, 3> fibre;  ///< unit, rest shape; 0 0 0 = none
-  std::uint32_t channel;       ///< into CHAN: what activates the fibre; kNone = nothing
+  std::uint32_t channel;       ///< into CHAN: activates the fibre; kNone = none
   float contraction;           ///< shortening along the fibre at full activation, 0..0.9
   std::uint32_t reserved0;     ///< 0
 };
 static_assert(sizeof(ClusterMechanics) == 96);
 
-/// A record that says what the absence of CMEC says. Fields that nothing uses hold the defaults of a bake.
+/// The mechanics of a cluster without CMEC. Fields that nothing uses hold the defaults of a bake.
 inline constexpr ClusterMechanics kPlainMechanics = {.stiffness = StiffnessModel::frequency,
                                                      .per_step_beta = {0.5F, 0.5F, 0.5F},
                                                      .young = 1e5F,
@@ -243,7 +244,7 @@ inline constexpr ClusterMechanics kPlainMechanics = {.stiffness = StiffnessModel
                                                      .contraction = 0,
                                                      .reserved0 = 0};
 
-/// CURV: a point of a response curve of LimitMethod::curve: a squared norm phi becomes `response`. Linear between
+/// CURV: a point of a response curve of LimitMethod::curve, which maps squared norms to `response`. Linear between
 /// points, constant behind the last, unchanged before the first.
 struct CurvePoint {
   float norm;      ///< phi, 3..1e6, strictly ascending in a curve
@@ -260,11 +261,11 @@ static_assert(sizeof(ActivationChannel) == 8);
 // PSTF: float per physical vertex, 0..1: multiplies the pull to the goals (the report's solver). PPIN: float per
 // physical vertex, 0..1: how firmly a pin set holds the vertex; 0 = not at all.
 
-/// PSET: a named set of held physical vertices, PSTV[first .. first+count), ascending: what an artist pinned. A
-/// body is held by them from the start (World::pinSet).
+/// PSET: a named set of physical vertices that an artist pinned, PSTV[first .. first+count), ascending. Sets hold a
+/// body from the start (World::pinSet).
 struct PinSet {
   StringRef name;
-  StringRef target;         ///< what it is to follow: "world", or a name of the game's (a bone, a rigid body)
+  StringRef target;         ///< "world", or the game's name of the bone or rigid body that moves the set
   std::uint32_t method;     ///< 0..3, a sinew::PinMethod
   std::uint32_t first;      ///< into PSTV
   std::uint32_t count;      ///< may be 0
@@ -286,7 +287,7 @@ struct AttachedPart {
 };
 static_assert(sizeof(AttachedPart) == 24);
 
-/// Eight numbers that are computed with side by side: of eight samples, eight vertices or eight contact points.
+/// Eight numbers of eight samples, vertices, contact points or modes, computed with side by side.
 using Lanes = std::array<float, 8>;
 
 /// FELD: the function space in which a piece moves, x(X) = sum_j phi_j(X) z_j, with its samples (docs/method.md). In
@@ -314,12 +315,12 @@ static_assert(sizeof(Field) == 64);
 /// FFUN: a function of a field.
 struct FieldFunction {
   float stiffness;            ///< w: its diagonal entry of sum V (2 mu + lambda) grad phi grad phi^T, 1/s^2, 0..
-  float damping_hz;           ///< how fast its motion decays at a damping ratio of 1 / (2 pi), Hz, 0..
+  float damping_hz;           ///< decay exp(-4 pi ratio damping_hz t) of its velocity at a damping ratio, Hz, 0..
   float one;                  ///< sum_j one_j phi_j = 1
   std::array<float, 3> rest;  ///< sum_j phi_j rest_j = X, metres
   std::uint32_t pin_set;      ///< into PSET: what drives it; kNone
   std::uint32_t monomial;     ///< of a driven function: 0 = 1, 1..3 = X, Y, Z, on the vertices of its pin set
-  float decay;                ///< of its motion, 1/s, 0..: what its clusters lose by themselves
+  float decay;                ///< further decay of its velocity: the damping of its clusters, 1/s, 0..
 };
 static_assert(sizeof(FieldFunction) == 36);
 
@@ -328,7 +329,7 @@ struct FieldPack {
   Lanes volume;                          ///< the sample's weight, m^3, 0..
   Lanes mu, lambda;                      ///< Lame's parameters, Pa, 0..
   std::array<Lanes, 3> at;               ///< rest position, metres
-  std::array<std::uint32_t, 8> cluster;  ///< into CLUS: whose limits and plasticity it has; kNone: nobody's
+  std::array<std::uint32_t, 8> cluster;  ///< into CLUS: gives its limits and plasticity; kNone: it has none
 };
 static_assert(sizeof(FieldPack) == 224);
 
@@ -351,27 +352,27 @@ struct FieldFibre {
 };
 static_assert(sizeof(FieldFibre) == 16);
 
-/// Frequency at which a vertex of pin weight 1/2 would ring on its tether, Hz: one of weight w has the frequency times
-/// w / (1 - w) (docs/method.md §2).
+/// Frequency of a vertex of pin weight 1/2 on its tether, Hz; at weight w it is this times w / (1 - w)
+/// (docs/method.md §2).
 inline constexpr double kPinHz = 60;
 
-/// FTHR: what ties a held field's vertices that are not held to its pin sets. 1/2 sum_ij T_ij z_i . z_j, zero where all
-/// sets move as one.
+/// FTHR: the tethers of a held field, springs between vertices that are not held and its pin sets: the energy is
+/// 1/2 sum_ij T_ij z_i . z_j, zero where all sets move as one.
 struct FieldTethers {
   std::uint32_t field;        ///< into FELD, ascending; a held one
   std::uint32_t first_value;  ///< into FTHV: T of its k functions, k x k, symmetric, N/m of coefficients
 };
 static_assert(sizeof(FieldTethers) == 8);
 
-/// FPNT: a point of the surface that may touch.
+/// FPNT: a contact point, a place of the surface that may touch something.
 struct FieldPoint {
   std::array<float, 3> at;  ///< rest position, metres
-  float area;               ///< of the surface that it stands for, m^2, > 0
+  float area;               ///< of its share of the surface, m^2, > 0
 };
 static_assert(sizeof(FieldPoint) == 16);
 
-/// DIST: how deep places of a piece are under its drawn surface, on a regular grid around its rest shape: what other
-/// bodies' contact points ask. By piece, at most one each.
+/// DIST: distances to the drawn surface of a piece at rest, on a regular grid around it; contact points of other
+/// bodies are looked up there. By piece, at most one each.
 struct DistanceGrid {
   std::uint32_t piece;                 ///< into BODY, ascending
   std::array<std::uint32_t, 3> nodes;  ///< along x, y, z, each 2..kMostDistanceNodes
@@ -442,7 +443,7 @@ struct ClusterAttachment {
 };
 static_assert(sizeof(ClusterAttachment) == 8);
 
-/// VSRC: where a visual vertex comes from.
+/// VSRC: the source of a visual vertex.
 struct VisualIdentity {
   std::uint32_t source_vertex;  ///< number in the source, counted over its meshes in SMSH's order
   std::uint32_t welded;         ///< number of the point it was welded into (by position)
@@ -473,8 +474,8 @@ struct Group {
 };
 static_assert(sizeof(Group) == 16);
 
-/// MASK: named weights of the recipe on visual vertices, MSKV[first .. first+count), visual vertices ascending: what an
-/// artist painted or selected under a name. For tools and games that ask by name; nothing is simulated from it.
+/// MASK: named weights of the recipe on visual vertices, MSKV[first .. first+count), visual vertices ascending: painted
+/// or selected by an artist. For tools and games that ask by name; nothing is simulated from it.
 struct Mask {
   StringRef name;
   std::uint32_t first;

@@ -14,7 +14,7 @@
 
 namespace sinew::formats {
 
-/// Everything a package can hold; empty vectors become no section at all.
+/// The content of a package, one vector for each section; an empty vector makes no section.
 struct PackageContent {
   PackageInfo info{};
   std::vector<char> strings;
@@ -71,7 +71,7 @@ struct PackageContent {
 };
 
 /// The bytes of a package: header, table, sections, checksums. Equal content gives equal bytes.
-/// Does not judge the content: PackageView::open() on the result does, and a tool should call it before it saves.
+/// The content is not checked here: open the result with PackageView::open() before saving it.
 [[nodiscard]] std::vector<std::byte> writePackage(const PackageContent& content);
 
 }  // namespace sinew::formats

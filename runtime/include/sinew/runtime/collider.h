@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What bodies collide with beside the ground: shapes that a game places and moves (World::addCollider).
+// Colliders: shapes beside the ground that a game places and moves (World::addCollider) and bodies collide with.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct ColliderId {
   bool operator==(const ColliderId&) const = default;
 };
 
-/// The ground of WorldSettings, where a collider is asked for or named.
+/// The number of WorldSettings::ground, wherever a ColliderId is taken or given.
 inline constexpr ColliderId kGroundCollider = {0};
 
 /// Points x with normal . x < offset are inside. In the collider's own coordinates, metres, as all shapes.
@@ -47,8 +47,8 @@ struct HullShape {
   std::span<const Vec3> points;  ///< 4 .. 1024, not all in one plane
 };
 
-/// Triangles, counter-clockwise from outside. What is closed is solid; what has a border is a sheet that stops what
-/// comes from the front and lets through what comes from behind.
+/// Triangles, counter-clockwise from outside. A closed mesh is solid. A mesh with a border is a sheet: it stops bodies
+/// that come from the front and lets through those that come from behind.
 struct MeshShape {
   std::span<const Vec3> positions;
   std::span<const formats::Triangle> triangles;  ///< 1 .. 2^24
@@ -62,37 +62,37 @@ struct HeightFieldShape {
   float cell = 1;                  ///< m, > 0
 };
 
-/// What an engine hands in of a collider; copied where it is added.
+/// The shape of a collider; World::addCollider() copies what its spans point to.
 using ColliderShape =
     std::variant<PlaneShape, SphereShape, CapsuleShape, BoxShape, HullShape, MeshShape, HeightFieldShape>;
 
-/// What a collider is like beside its shape.
+/// Place, surface and layers of a collider.
 struct ColliderSettings {
   RigidTransform at;         ///< where it is
   float friction = 0.6F;     ///< Coulomb coefficient, 0..1e4; of a pair: BodySettings::friction
-  float restitution = 0;     ///< part of the speed that a point of a body has into it and leaves with, 0..1
-  std::uint32_t layers = 1;  ///< bits: a pair touches where each has a layer that the other one's `touches` has
+  float restitution = 0;     ///< speed of a point of a body as it leaves, of that at which it came, 0..1
+  std::uint32_t layers = 1;  ///< bits: two touch if each has a layer that is in the `touches` of the other
   std::uint32_t touches = 0xFFFFFFFFU;
   /// m/s, > 0: moveCollider() is followed no faster than that, as a hand follows a cursor; it may take several steps. A
   /// mass that it has then gives way to what it pushes, and comes back at this speed. Infinity: it is reached in a
   /// step.
   float most_speed = std::numeric_limits<float>::infinity();
-  /// Of the engine's rigid body that this is, kg: its impulse is that on a body that gives way (docs/method.md). 0: it
+  /// Mass of the engine's rigid body that this is, kg: bodies then feel how far it gives way (docs/method.md §4). 0: it
   /// moves as it is told, whatever pushes it.
   float mass = 0;
-  /// Moments of inertia about the origin of `at`, its centre of mass, along its axes, kg m^2; 0 about an axis: it does
-  /// not turn about that.
+  /// Moments of inertia about the axes of `at`, whose origin is the centre of mass, kg m^2; 0: it does not turn about
+  /// that axis.
   Vec3 inertia = {0, 0, 0};
 };
 
-/// What the bodies did to a collider in the last step, or call of advance(): sum of the contact forces times the step,
-/// opposite to what the bodies got of it.
+/// Impulse of all bodies on a collider in the last step, or call of advance(): the contact forces times the step,
+/// opposite to the impulse on the bodies.
 struct ColliderReaction {
   Vec3 impulse = {0, 0, 0};         ///< N s
   Vec3 torque_impulse = {0, 0, 0};  ///< N m s, about the origin of the collider's transform
 };
 
-/// A body and a collider began or ceased to touch in the last step, or call of advance().
+/// A pair of a body and a collider that began or ceased to touch in the last step, or call of advance().
 struct ContactEvent {
   std::uint32_t body = formats::kNone;  ///< BodyId
   ColliderId collider;                  ///< kGroundCollider: the ground

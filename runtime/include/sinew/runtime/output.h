@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Where the caller wants deformed vertices: the runtime writes straight into vertex buffers.
+// Buffers of the caller that the runtime writes deformed vertices into.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace sinew {
 
-/// A stream of vectors in a buffer of the caller's: element i is three floats at `data` + i * `stride` bytes. Nothing
-/// between the elements is touched.
+/// A stream of vectors in a buffer of the caller's: element i is three floats at `data` + i * `stride` bytes. Bytes
+/// between the elements stay as they are.
 struct StridedFloat3 {
   float* data = nullptr;      ///< null: not wanted
   std::uint32_t stride = 12;  ///< bytes, >= 12, a multiple of 4
@@ -30,12 +30,12 @@ struct VertexRun {
   std::uint32_t count = 0;
 };
 
-/// What to write of a body's visual mesh. Element i of each stream is visual vertex i, also where only a sub-mesh is
-/// written. Streams may share a buffer (interleaved vertices).
+/// Streams of a body's visual mesh. Element i of each is visual vertex i, also if only a sub-mesh is written. They may
+/// share a buffer (interleaved vertices).
 struct VisualOutput {
   StridedFloat3 positions;  ///< metres, world
-  /// Unit in any state, also of a collapsed body. They follow the cofactor of the gradient of the transforms that best
-  /// fit the clusters, of which none mirrors: a body turned inside out is lit as the rest shape.
+  /// Unit in every state, even of a collapsed body (docs/report.md §6). They follow the cofactors of the transforms
+  /// that best fit the clusters. No such transform mirrors, so a body turned inside out is lit as the rest shape.
   StridedFloat3 normals;
   /// xyz unit, orthogonal to the normal, where texture coordinate u grows; w is +1 or -1: cross(normal, tangent) * w
   /// points where v grows (as in glTF). From the package's texture coordinates; any direction in the surface where

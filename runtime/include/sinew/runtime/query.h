@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What World::rayCast(), sphereCast() and overlaps() are asked and answer.
+// Filters and answers of World::rayCast(), sphereCast() and overlaps().
 #pragma once
 
 #include <array>
@@ -10,11 +10,12 @@
 
 namespace sinew {
 
-/// What counts.
+/// The objects that a query sees.
 struct QueryFilter {
-  std::uint32_t layers = 0xFFFFFFFFU;  ///< bits: those in any of these (BodySettings::layers, ColliderSettings::layers)
-  bool bodies = true;                  ///< by the triangles that are drawn
-  bool colliders = true;               ///< and the ground
+  std::uint32_t layers =
+      0xFFFFFFFFU;        ///< bits: objects in any of them (BodySettings::layers, ColliderSettings::layers)
+  bool bodies = true;     ///< their drawn triangles
+  bool colliders = true;  ///< and the ground
 };
 
 /// A body or a collider.
@@ -33,10 +34,10 @@ struct BodyPoint {
   static BodyPoint physicalVertex(std::uint32_t vertex) { return {{vertex, 0, 0}, {1, 0, 0}, 1}; }
 };
 
-/// Where a cast meets something first.
+/// The first place that a cast meets.
 struct CastHit {
   QueryObject object;
-  float distance = 0;                       ///< that the ray, or the ball, has gone, m
+  float distance = 0;                       ///< way of the ray, or the ball, to there, m
   Vec3 point = {0, 0, 0};                   ///< of the surface, metres, world
   Vec3 normal = {0, 1, 0};                  ///< unit, of the surface there
   std::uint32_t triangle = formats::kNone;  ///< visual triangle of a body

@@ -9,9 +9,9 @@
 
 namespace sinew {
 
-/// For BodySettings::solver. Clusters are matched one by one and averaged, once a step, as the sources have it: so how
-/// stiff a body is depends on the length of the step. It moves any package, also one without fields, keeps no momentum
-/// exactly, knows no elastic energy, and leaves plasticity and activation out. What is not finite is put back at rest.
+/// For BodySettings::solver. Clusters are matched one by one and averaged, once a step (docs/report.md), so stiffness
+/// depends on the length of the step. Moves any package, also one without fields. Keeps no momentum exactly and has
+/// neither elastic energy, plasticity nor activation. Vertices that are not finite are put back at rest.
 SINEW_API const SolverFactory& reportSolver();
 
 }  // namespace sinew

@@ -7,7 +7,7 @@
 
 namespace sinew {
 
-/// Why a call could not do what was asked: one line for a person.
+/// The reason of a refusal: one line for a person.
 struct Error {
   std::string reason;
 };

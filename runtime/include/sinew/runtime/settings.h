@@ -26,11 +26,11 @@ enum class PinMethod : std::uint32_t {
   hold = 0,             ///< vertices are put in their places (Henriques 2006, §4.3.1)
   infinite_mass = 1,    ///< and weigh infinitely in the match (§4.3.2)
   matrix = 2,           ///< and the goals are made to pass through them (§4.3.3)
-  constrained_fit = 3,  ///< as hold
+  constrained_fit = 3,  ///< the same as hold
 };
 
-/// What a pin set does to its transform's owner: the mean over the last step, N and N m about the transform's position.
-/// It is the force on the owner, opposite to that on the body.
+/// Force and torque of a pin set on the owner of its transform: the mean over the last step, N and N m about the
+/// transform's position. Opposite to those on the body.
 struct PinReaction {
   Vec3 force = {0.0F, 0.0F, 0.0F};
   Vec3 torque = {0.0F, 0.0F, 0.0F};
@@ -52,7 +52,7 @@ class JobSystem {
   /// are done. \param grain smallest range worth a job of its own.
   virtual void parallelFor(std::uint32_t count, std::uint32_t grain,
                            const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) = 0;
-  /// Jobs that may run at the same time, about: scratch memory is kept for so many bodies. More threads than that find
+  /// About how many jobs run at the same time: scratch memory is kept for that many bodies, and more threads find
   /// nothing to do.
   virtual std::uint32_t concurrency() const { return 16; }
 };
@@ -61,36 +61,36 @@ class JobSystem {
 struct WorldSettings {
   Vec3 gravity = {0.0F, -9.81F, 0.0F};  ///< m/s^2
   GroundPlane ground;
-  /// Whether bodies touch each other, where their packages have distance grids (section DIST, `field.distances`);
-  /// docs/method.md says how. What touches is no part of a saved state: friction starts anew where it is restored.
+  /// Whether bodies touch each other (docs/method.md §4). Needs packages with distance grids (section DIST,
+  /// `field.distances`). Touches are no part of a saved state: friction starts anew when it is restored.
   bool collisions = false;
-  /// After how long what rests falls asleep, with all that it touches, and costs nothing until something touches,
-  /// changes or moves it (docs/method.md). s, 0..1e4; 0: never.
+  /// Time at rest after which a body falls asleep with all that it touches; asleep it costs nothing until something
+  /// touches, changes or moves it (docs/method.md §3). s, 0..1e4; 0: never.
   float sleep_seconds = 0;
-  /// How much work a step may take, 1..16: twice as many iterations of a piece's solver at most, fewer once it has
-  /// settled; not a stiffness (docs/method.md).
+  /// Bound on the work of a step, 1..16: a piece takes at most twice as many iterations, fewer once it has settled.
+  /// No stiffness: that does not depend on it (docs/method.md §3).
   std::uint32_t iterations = 4;
-  /// Fraction of velocity lost per second to the air, as a rate: v *= exp(-damping h). 1/s, 0..1e4.
+  /// Rate at which all velocity decays, as in air: v *= exp(-damping h). 1/s, 0..1e4.
   float damping = 0.2F;
-  /// Damping of motion that is not the rigid motion of a piece (inner friction), as a ratio to critical damping: a
-  /// swing keeps exp(-2 pi ratio) of itself in a period. 0..1
+  /// Inner friction: damping of all motion of a piece that is not rigid, as a ratio to critical damping. A swing keeps
+  /// exp(-2 pi ratio) of itself in a period. 0..1
   float deformation_damping_ratio = 0.25F;
-  /// Rate at which turning on supports decays (a piece that stands, hangs or leans): soft things do not roll or swing
-  /// for ever. 1/s, 0..1e4.
+  /// Rate at which rotation decays of a piece that stands, hangs or leans, so that soft bodies do not roll or swing for
+  /// ever. 1/s, 0..1e4.
   float support_damping = 4.0F;
   /// Length of the substeps that World::advance() takes. s, 1e-5..1
   float substep_seconds = 1.0F / 60;
-  /// Substeps that one call of World::advance() takes at most, 1..1000: the rest of a longer frame is left out, so that
-  /// a world that falls behind runs slow and does not fall behind further.
+  /// Most substeps of one call of World::advance(), 1..1000. The rest of a longer frame is left out: a world that is
+  /// too slow then runs slow, and does not fall behind further and further.
   std::uint32_t most_substeps = 8;
   Vec3 wind = {0, 0, 0};     ///< velocity of the air, m/s, that bodies with a BodySettings::drag are in
   float air_density = 1.2F;  ///< kg/m^3, 0..1e4
 };
 
-/// What moves a body: see BodySettings::solver.
+/// Makes the solvers of one kind: see BodySettings::solver.
 class SolverFactory;
 
-/// What a body may override of its package when it is added.
+/// Place, surface, layers and solver of a body, given when it is added.
 struct BodySettings {
   Vec3 position = {0.0F, 0.0F,
                    0.0F};  ///< metres, added to the rest positions (and to the package's origin, which is dropped)
@@ -98,7 +98,7 @@ struct BodySettings {
   float stiffness_scale = 1.0F;                 ///< multiplies all frequencies, 0..1e6
   bool keep_previous = false;  ///< keeps the positions before each step, for VisualOutput::previous_positions; costs
                                ///< 12 bytes a physical vertex and their copy
-  float friction = -1;         ///< Coulomb coefficient, 0..1e4: of a pair that touches the geometric mean counts; below
+  float friction = -1;         ///< Coulomb coefficient, 0..1e4: two that touch have the geometric mean of theirs; below
                                ///< 0: the collider's, or the ground's
   std::uint32_t layers = 1;    ///< bits, as ColliderSettings::layers. The ground is in layer 1 and touches all
   std::uint32_t touches = 0xFFFFFFFFU;
@@ -107,7 +107,7 @@ struct BodySettings {
   /// wind, N (docs/method.md). A ball of drag coefficient c has c / 4. 0..1e4; 0: not at all. Bodies in fields only.
   float drag = 0;
   bool package_pins = true;  ///< the body starts held by the pin sets of its package (World::pinSet)
-  /// What moves the body; null: its fields, one energy for each piece (docs/method.md). The other is reportSolver() of
+  /// Solver of the body; null: one energy for each piece (docs/method.md). The other one is reportSolver() of
   /// sinew/runtime/report.h. Outlives the body.
   const SolverFactory* solver = nullptr;
 };

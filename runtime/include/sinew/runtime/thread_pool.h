@@ -12,8 +12,8 @@ namespace sinew {
 /// Guarantee: a world's state does not depend on the number of threads, bit for bit.
 class SINEW_API ThreadPool final : public JobSystem {
  public:
-  /// Never fails: what the system has no threads or memory for does without, the caller's thread at least works.
-  /// threads() tells. \param threads that work on a loop, the caller's included; 0 = one for each core.
+  /// Never fails: if the system lacks threads or memory the pool has fewer, at least the caller's; threads() tells.
+  /// \param threads that work on a loop, the caller's included; 0 = one for each core.
   explicit ThreadPool(std::uint32_t threads = 0) noexcept;
   ~ThreadPool() override;
   ThreadPool(const ThreadPool&) = delete;
@@ -22,8 +22,8 @@ class SINEW_API ThreadPool final : public JobSystem {
   std::uint32_t threads() const;
   std::uint32_t concurrency() const override { return threads(); }
 
-  /// One loop at a time is shared: what is called meanwhile, from another thread or from inside `body`, runs in its
-  /// caller's thread alone.
+  /// One loop at a time is shared. A loop that is started meanwhile, by another thread or from inside `body`, runs in
+  /// its caller's thread alone.
   void parallelFor(std::uint32_t count, std::uint32_t grain,
                    const std::function<void(std::uint32_t begin, std::uint32_t end)>& body) override;
 

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/step/island.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/solver/for_each.h"
+#include "runtime/step/rigid.h"
+
+namespace sinew::internal {
+namespace {
+
+/// Pieces that one job takes.
+constexpr std::uint32_t kPiecesAJob = 8;
+
+/// Rows of one key are alike from step to step.
+std::uint32_t keyOf(const TouchMemory& memory) {
+  return memory.point ^ (memory.body_a * 2654435761U) ^ (memory.body_b * 2246822519U);
+}
+
+}  // namespace
+
+void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory> remembered) {
+  gather();
+  couple(asVector(settings.gravity).cast<double>());
+  solve(settings.iterations);
+  bool leaning = false;
+  for (const std::uint32_t m : members_) leaning = leaning || steps_[m].isSupported();
+  const MinimizeScratch& all = scratch_.vectors;
+  const auto finish = [&](std::size_t i) {
+    MinimizeScratch& own = member(i).scratch();
+    const std::uint32_t size = 4 * member(i).field().k;
+    std::copy_n(all.d.data() + scratch_.first[i], size, own.d.data());
+    std::copy_n(all.gradient.data() + scratch_.first[i], size, own.gradient.data());
+    member(i).finishTogether(leaning);
+  };
+  // A thread takes all pieces of a body, which share what they report.
+  forEach(jobs_, std::uint32_t(members_.size()), kPiecesAJob, [&](std::uint32_t i) {
+    const auto body_of = [&](std::size_t m) { return seen_[members_[m]].body; };
+    if (i > 0 && body_of(i) == body_of(i - 1)) return;
+    for (std::size_t m = i; m < members_.size() && body_of(m) == body_of(i); ++m) finish(m);
+  });
+  leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
+  forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {
+    const FoundTouch& found = *found_[i];
+    const Touch& touch = scratch_.touches[i];
+    remembered[i] =
+        rememberTouch(found, seen_[found.touch.a], seen_[found.touch.b], all.d.data() + scratch_.first[touch.a],
+                      all.d.data() + scratch_.first[touch.b], all_rows_);
+  });
+}
+
+void Island::gather() {
+  IslandScratch& s = scratch_;
+  s.first.clear();
+  s.objectives.clear();
+  s.systems.clear();
+  s.place.resize(steps_.size());
+  std::uint32_t size = 0;
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    s.place[members_[i]] = std::uint32_t(i);
+    s.first.push_back(size);
+    size += 4 * member(i).field().k;
+    s.objectives.push_back(&member(i).objective());
+    s.systems.push_back(&member(i).system());
+  }
+  s.values.resize(members_.size());
+  s.vectors.reserveVectors(size);
+  gatherRows();
+  minimand_.pieces = {s.objectives.data(), s.objectives.size()};
+  minimand_.systems = {s.systems.data(), s.systems.size()};
+  minimand_.first = {s.first.data(), s.first.size()};
+  minimand_.size = size;
+  minimand_.touches = {s.touches.data(), s.touches.size()};
+  minimand_.vectors = &s.vectors;
+  minimand_.values = {s.values.data(), s.values.size()};
+  minimand_.jobs = jobs_;
+  const auto rows_of = [&](std::size_t i) {
+    const std::uint32_t begin = i == 0 ? 0 : s.next_row[i - 1];
+    return std::span<const TouchRow>(s.rows.data() + begin, s.next_row[i] - begin);
+  };
+  for (std::size_t i = 0; i < members_.size(); ++i) member(i).reserveSystem(rows_of(i).size());
+  forEach(jobs_, std::uint32_t(members_.size()), kPiecesAJob, [&](std::uint32_t i) {
+    member(i).prepareTogether(rows_of(i));
+    std::copy_n(member(i).scratch().base.data(), 4 * member(i).field().k, s.vectors.base.data() + s.first[i]);
+  });
+}
+
+void Island::gatherRows() {
+  IslandScratch& s = scratch_;
+  s.touches.resize(found_.size());
+  s.next_row.resize(members_.size() + 1);
+  std::fill(s.next_row.begin(), s.next_row.end(), 0U);
+  for (std::size_t i = 0; i < found_.size(); ++i) {
+    Touch& touch = s.touches[i];
+    touch = found_[i]->touch;
+    touch.phi_a = all_rows_.data() + found_[i]->row_a;
+    touch.phi_b = all_rows_.data() + found_[i]->row_b;
+    touch.a = s.place[found_[i]->touch.a];
+    touch.b = s.place[found_[i]->touch.b];
+    ++s.next_row[touch.a + 1];
+    ++s.next_row[touch.b + 1];
+  }
+  for (std::size_t i = 0; i < members_.size(); ++i) s.next_row[i + 1] += s.next_row[i];
+  s.rows.resize(2 * found_.size());
+  for (std::uint32_t i = 0; i < s.touches.size(); ++i) {
+    const Touch& touch = s.touches[i];
+    const std::uint32_t key = keyOf(found_[i]->memory);
+    s.rows[s.next_row[touch.a]++] = {touch.phi_a, touch.kappa, key, i, 1};
+    s.rows[s.next_row[touch.b]++] = {touch.phi_b, touch.kappa, ~key, i, -1};
+  }
+}
+
+void Island::couple(const Vector3d& gravity) {
+  Array<std::uint32_t>& order = scratch_.order;
+  order.resize(members_.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+  const auto depth = [&](std::uint32_t i) { return gravity.dot(seen_[members_[i]].center); };
+  std::sort(order.begin(), order.end(), [&](std::uint32_t i, std::uint32_t j) {
+    const double a = depth(i), b = depth(j);
+    return a != b ? a < b : i < j;
+  });
+  scratch_.rigid.make(minimand_, {order.data(), order.size()});
+  minimand_.rigid = &scratch_.rigid;
+}
+
+void Island::solve(std::uint32_t iterations) {
+  MinimizeScratch& s = scratch_.vectors;
+  const std::uint32_t size = minimand_.size;
+  std::fill_n(s.d.begin(), size, 0.0F);
+  minimand_.press(s.d.data());
+  Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
+  int chosen = 0;
+  for (int start = 1; start < 3; ++start) {
+    bool differs = start == 1;
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      float* const next = s.next.data() + scratch_.first[i];
+      if (start == 1 || member(i).leaned()) {
+        member(i).oldPlace(next);
+      } else {
+        std::fill_n(next, 4 * member(i).field().k, 0.0F);
+        differs = true;
+      }
+    }
+    if (!differs) break;
+    minimand_.press(s.next.data());
+    const Objective::Value other = minimand_.at(s.next.data(), s.next_gradient.data(), false);
+    if (!(other.total < value.total)) continue;
+    chosen = start;
+    value = other;
+    std::copy_n(s.next.data(), size, s.d.data());
+    std::copy_n(s.next_gradient.data(), size, s.gradient.data());
+  }
+  minimand_.press(s.d.data());
+  if (chosen != 2) value = minimand_.at(s.d.data(), s.gradient.data(), false);
+  minimize(minimand_, 2 * iterations, value);
+}
+
+void Island::dampSwing(double h, const WorldSettings& settings) {
+  double mass = 0;
+  Vector3d center = Vector3d::Zero(), velocity = center, spin = center;
+  for (const std::uint32_t m : members_) {
+    const PieceStep::Whole w = steps_[m].whole();
+    mass += w.mass;
+    center += w.mass * w.after;
+    velocity += w.mass * w.velocity;
+  }
+  center /= mass;
+  velocity /= mass;
+  Matrix3d inertia = Matrix3d::Zero();
+  for (const std::uint32_t m : members_) {
+    const PieceStep::Whole w = steps_[m].whole();
+    const Vector3d arm = w.after - center;
+    spin += w.spin + w.mass * arm.cross(Vector3d(w.velocity - velocity));
+    inertia += w.inertia + w.mass * (arm.squaredNorm() * Matrix3d::Identity() - arm * arm.transpose());
+  }
+  const Vector3d omega = (std::exp(-double(settings.support_damping) * h) - 1) * solved(inertia, spin);
+  for (const std::uint32_t m : members_) {
+    const Vector3d arm = steps_[m].whole().after - center;
+    steps_[m].add(Vector3d::Zero(), omega.cross(arm), Vector3d::Zero(), Vector3d::Zero());
+  }
+}
+
+void Island::keepMomentum(double h, const WorldSettings& settings) {
+  double mass = 0;
+  Vector3d astray = Vector3d::Zero(), lacking = astray, before = astray, moving = astray, center = astray, now = astray;
+  for (const std::uint32_t m : members_) {
+    const PieceStep::Whole w = steps_[m].whole();
+    mass += w.mass;
+    astray += w.mass * (w.predicted - w.after);
+    lacking += w.mass * (w.velocity_predicted - w.velocity);
+    before += w.mass * w.before;
+    moving += w.mass * w.velocity_before;
+  }
+  for (const std::uint32_t m : members_) {
+    steps_[m].add(astray / mass, lacking / mass, Vector3d::Zero(), Vector3d::Zero());
+  }
+  before /= mass;
+  moving /= mass;
+  for (const std::uint32_t m : members_) {
+    const PieceStep::Whole w = steps_[m].whole();
+    center += w.mass / mass * w.after;
+    now += w.mass / mass * w.velocity;
+  }
+  Vector3d wanted = Vector3d::Zero(), found = wanted;
+  Matrix3d inertia = Matrix3d::Zero();
+  for (const std::uint32_t m : members_) {
+    const PieceStep::Whole w = steps_[m].whole();
+    wanted += w.spin_before + w.mass * Vector3d(w.before - before).cross(Vector3d(w.velocity_before - moving));
+    found += w.spin + w.mass * Vector3d(w.after - center).cross(Vector3d(w.velocity - now));
+    const Vector3d arm = w.after - center;
+    inertia += w.inertia + w.mass * (arm.squaredNorm() * Matrix3d::Identity() - arm * arm.transpose());
+  }
+  wanted *= std::exp(-double(settings.damping) * h);
+  const Vector3d omega = solved(inertia, wanted - found);
+  for (const std::uint32_t m : members_) steps_[m].add(Vector3d::Zero(), Vector3d::Zero(), omega, center);
+}
+
+}  // namespace sinew::internal

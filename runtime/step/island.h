@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT
+//
+// Pieces that touch each other, minimized as one (docs/method.md §4).
+#pragma once
+
+#include <span>
+
+#include "runtime/contact/touch.h"
+#include "runtime/solver/rigid_coupling.h"
+#include "runtime/step/piece_step.h"
+
+namespace sinew::internal {
+
+/// Memory that islands use one after the other.
+struct IslandScratch {
+  explicit IslandScratch(std::pmr::memory_resource* memory)
+      : vectors(memory),
+        rigid(memory),
+        first(memory),
+        order(memory),
+        place(memory),
+        next_row(memory),
+        objectives(memory),
+        systems(memory),
+        touches(memory),
+        rows(memory),
+        values(memory) {}
+
+  MinimizeScratch vectors;
+  RigidCoupling rigid;
+  Array<std::uint32_t> first, order, place, next_row;
+  Array<Objective*> objectives;
+  Array<SystemFactor*> systems;
+  Array<Touch> touches;
+  Array<TouchRow> rows;
+  Array<Objective::Value> values;
+};
+
+/// The pieces of an island.
+class Island {
+ public:
+  /// \param members of `steps` and of `seen`, ascending. \param found touches between them. \param rows that their
+  /// places are of.
+  Island(std::span<const std::uint32_t> members, OwningArray<PieceStep>& steps, std::span<const TouchingPiece> seen,
+         std::span<const FoundTouch* const> found, std::span<const float> rows, IslandScratch& scratch, JobSystem* jobs)
+      : members_(members), steps_(steps), seen_(seen), found_(found), all_rows_(rows), scratch_(scratch), jobs_(jobs) {}
+
+  /// Advances them. \param[out] remembered as many as were found.
+  void run(double h, const WorldSettings& settings, std::span<TouchMemory> remembered);
+
+ private:
+  void gather();
+  /// Rows by piece: each touch is one of both its sides.
+  void gatherRows();
+  /// Orders pieces from top to bottom, so that RigidCoupling eliminates each before those it rests on.
+  void couple(const Vector3d& gravity);
+  /// Minimizes from the lowest of three starts: the prediction, the old places of all, those of pieces that leaned.
+  void solve(std::uint32_t iterations);
+  /// Support damping of the island: the rotation of its pieces about its centre decays.
+  void dampSwing(double h, const WorldSettings& settings);
+  /// Puts back the momentum that minimizing has lost: all forces were between the pieces.
+  void keepMomentum(double h, const WorldSettings& settings);
+  PieceStep& member(std::size_t i) { return steps_[members_[i]]; }
+
+  std::span<const std::uint32_t> members_;
+  OwningArray<PieceStep>& steps_;
+  std::span<const TouchingPiece> seen_;
+  std::span<const FoundTouch* const> found_;
+  std::span<const float> all_rows_;
+  IslandScratch& scratch_;
+  JobSystem* jobs_;
+  Minimand minimand_;
+};
+
+}  // namespace sinew::internal
