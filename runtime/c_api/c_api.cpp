@@ -149,6 +149,8 @@ sinew_world_settings fromCpp(const sinew::WorldSettings& s) {
   result.most_substeps = s.most_substeps;
   result.sleep_seconds = s.sleep_seconds;
   result.collisions = s.collisions ? 1 : 0;
+  std::copy(s.wind.begin(), s.wind.end(), result.wind);
+  result.air_density = s.air_density;
   return result;
 }
 
@@ -166,6 +168,8 @@ void toCpp(const sinew_world_settings& s, sinew::WorldSettings& result) {
   result.most_substeps = s.most_substeps;
   result.sleep_seconds = s.sleep_seconds;
   result.collisions = s.collisions != 0;
+  result.wind = vec3(s.wind);
+  result.air_density = s.air_density;
 }
 
 sinew_body_settings fromCpp(const sinew::BodySettings& s) {
@@ -180,6 +184,8 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.friction = s.friction;
   result.layers = s.layers;
   result.touches = s.touches;
+  result.gravity_scale = s.gravity_scale;
+  result.drag = s.drag;
   return result;
 }
 
@@ -194,6 +200,8 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.friction = s.friction;
   result.layers = s.layers;
   result.touches = s.touches;
+  result.gravity_scale = s.gravity_scale;
+  result.drag = s.drag;
   return result;
 }
 
@@ -233,6 +241,7 @@ namespace sinew::handles {
 
 World& worldOf(sinew_world* world) { return *world->world; }
 sinew_asset* handleOf(std::shared_ptr<const Asset> asset) { return new sinew_asset{std::move(asset)}; }
+std::shared_ptr<const Asset> assetOf(const sinew_asset* asset) { return asset->asset; }
 sinew_status tellFailure(sinew_status status, std::string_view reason) { return fail(status, reason); }
 sinew_status takeToldStatus() { return CallerLog::takeStatus(); }
 
@@ -694,6 +703,19 @@ sinew_status sinew_body_picks(const sinew_world* world, uint32_t body, uint32_t*
                 [&](const sinew::World& w, sinew::BodyId id) {
                   static_assert(sizeof(sinew::PickId) == sizeof(uint32_t));
                   *count = std::uint32_t(w.picks(id, {reinterpret_cast<sinew::PickId*>(picks), capacity}));
+                });
+}
+
+sinew_status sinew_body_set_settings(sinew_world* world, uint32_t body, const sinew_body_settings* settings) {
+  return onBody("sinew_body_set_settings", world, body, settings != nullptr, [&](sinew::World& w, sinew::BodyId id) {
+    w.setBodySettings(id, toCpp(readStruct(settings, fromCpp(sinew::BodySettings()))));
+  });
+}
+
+sinew_status sinew_body_get_settings(const sinew_world* world, uint32_t body, sinew_body_settings* settings) {
+  return onBody("sinew_body_get_settings", world, body, settings != nullptr,
+                [&](const sinew::World& w, sinew::BodyId id) {
+                  writeStruct(fromCpp(w.bodySettings(id)), settings, settings->struct_size);
                 });
 }
 

@@ -4,10 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <new>
 #include <optional>
 #include <span>
-#include <string>
 
 #include "runtime/c_api/handles.h"
 #include "runtime/c_api/structs.h"
@@ -19,27 +17,12 @@ static_assert(sizeof(sinew::formats::Triangle) == 3 * sizeof(uint32_t));
 
 namespace {
 
+using sinew::handles::onWorld;
 using sinew::handles::readStruct;
 using sinew::handles::tellFailure;
 using sinew::handles::transform;
 using sinew::handles::vec3;
 using sinew::handles::writeStruct;
-
-/// Runs work(world) where all is given. \return what it returns, or what the world told its log.
-template <class Work>
-sinew_status onWorld(const char* call, const sinew_world* world, bool all_given, const Work& work) noexcept {
-  try {
-    if (world == nullptr || !all_given)
-      return tellFailure(SINEW_ERROR_ARGUMENT, std::string(call) + ": a null pointer");
-    const sinew_status status = work(sinew::handles::worldOf(const_cast<sinew_world*>(world)));
-    const sinew_status told = sinew::handles::takeToldStatus();
-    return status != SINEW_OK ? status : told;
-  } catch (const std::bad_alloc&) {
-    return tellFailure(SINEW_ERROR_MEMORY, "out of memory");
-  } catch (...) {
-    return tellFailure(SINEW_ERROR_ARGUMENT, "a callback threw an exception");
-  }
-}
 
 sinew_shape defaultShape() {
   sinew_shape s = {};
@@ -89,6 +72,7 @@ sinew_collider_settings fromCpp(const sinew::ColliderSettings& s) {
   result.touches = s.touches;
   result.mass = s.mass;
   std::copy(s.inertia.begin(), s.inertia.end(), result.inertia);
+  result.most_speed = s.most_speed;
   return result;
 }
 
@@ -101,6 +85,7 @@ sinew::ColliderSettings toCpp(const sinew_collider_settings& s) {
   result.touches = s.touches;
   result.mass = s.mass;
   result.inertia = vec3(s.inertia);
+  result.most_speed = s.most_speed;
   return result;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/contact/collider.h"
 
+#include <cmath>
+
 #include "runtime/interact/pin_sets.h"
 
 namespace sinew::internal {
@@ -15,9 +17,25 @@ Collider::Collider(std::uint32_t number, const ColliderShape& collider_shape, co
   place();
 }
 
-void Collider::move(double share) {
+void Collider::move(double share, double seconds) {
   before = at;
-  at = between(at, target, share);
+  const Vector3d way = (asVector(target.position) - asVector(at.position)).cast<double>();
+  const double most = double(settings.most_speed) * seconds,
+               part = most < share * way.norm() ? most / way.norm() : share;
+  at = between(at, target, part);
+  place();
+}
+
+void Collider::giveWay(const Vector3d& got, double seconds) {
+  if (!(settings.mass > 0) || !std::isfinite(settings.most_speed)) return;
+  asVector(at.position) += (seconds / double(settings.mass) * got).cast<float>();
+  pose = Pose(at);
+}
+
+void Collider::goTo(const RigidTransform& was, const RigidTransform& now, const RigidTransform& later) {
+  before = was;
+  at = now;
+  target = later;
   place();
 }
 

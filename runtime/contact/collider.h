@@ -35,8 +35,12 @@ struct Collider {
   Collider(std::uint32_t number, const ColliderShape& collider_shape, const ColliderSettings& given,
            std::pmr::memory_resource* memory);
 
-  /// A step begins: it goes `share` of the way to its target.
-  void move(double share);
+  /// A step begins: it goes `share` of the way to its target, at most at its speed.
+  void move(double share, double seconds);
+  /// A step ends in which it got an impulse, N s: what follows its target gives way by h impulse / m.
+  void giveWay(const Vector3d& got, double seconds);
+  /// As it was: where it stood before the last step, where it is, where it goes.
+  void goTo(const RigidTransform& was, const RigidTransform& now, const RigidTransform& later);
   /// The origin moves: all places are `by` off.
   void shift(const Eigen::Vector3f& by);
   /// Whether it has moved in this step.
@@ -52,6 +56,7 @@ struct Collider {
   RigidTransform before, at, target;  ///< before the last step, now, to go to
   Pose pose_before, pose;
   Vector3d impulse = Vector3d::Zero(), torque = Vector3d::Zero();  ///< ColliderReaction
+  Vector3d impulse_before = Vector3d::Zero();                      ///< when the inner step began
 
  private:
   void place();

@@ -253,6 +253,24 @@ Shape::Shape(const ColliderShape& shape, std::pmr::memory_resource* memory)
   }
 }
 
+ColliderShape Shape::source() const {
+  const auto narrow = [](const Vector3d& v) { return Vec3{float(v.x()), float(v.y()), float(v.z())}; };
+  switch (kind_) {
+    case Kind::plane:
+      return PlaneShape{narrow(size_), float(radius_)};
+    case Kind::box:
+      return BoxShape{narrow(size_)};
+    case Kind::round:
+      if (size_.y() > 0) return CapsuleShape{float(radius_), float(size_.y())};
+      return SphereShape{float(radius_)};
+    case Kind::grid:
+      return HeightFieldShape{{heights_.data(), heights_.size()}, columns_, float(size_.x())};
+    case Kind::mesh:
+      break;
+  }
+  return MeshShape{{positions_.data(), positions_.size()}, {triangles_.data(), triangles_.size()}};
+}
+
 void Shape::makeMesh(std::span<const Vec3> positions) {
   kind_ = Kind::mesh;
   positions_.assign(positions);

@@ -44,6 +44,9 @@ class Shape {
   /// \pre faultOf() is null. May throw std::bad_alloc.
   Shape(const ColliderShape& shape, std::pmr::memory_resource* memory);
 
+  /// What it can be made of again, bit for bit. \pre outlived by the shape.
+  ColliderShape source() const;
+
   bool isPlane() const { return kind_ == Kind::plane; }
   /// Whether it has an inside: all but meshes with a border.
   bool isSolid() const { return solid_; }

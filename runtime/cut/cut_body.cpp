@@ -97,7 +97,7 @@ class Heirs {
   }
 
   /// What acts on the state: after setState().
-  void hold(std::size_t p) {
+  void hold(std::size_t p, Activity activity) {
     const CutPart& part = result_.cut.parts[p];
     const BodyId id = result_.bodies[p];
     for (const internal::Pin& pin : holds_.pins) {
@@ -115,17 +115,33 @@ class Heirs {
       world_.movePinSet(*made, set.target);
       result_.pin_sets.push_back({set.id, *made, id});
     }
-    for (const internal::Pick& pick : holds_.picks) {
-      for (std::uint32_t v = 0; v < part.visual.size(); ++v) {
-        if (part.visual[v].a != pick.visual_vertex || part.visual[v].b != pick.visual_vertex) continue;
-        const PickId made = world_.pick(id, v, pick.target, pick.frequency_hz, pick.most_force);
-        result_.picks.push_back({{pick.id}, made, id});
-        break;
-      }
-    }
+    for (const internal::Pick& pick : holds_.picks) takePick(pick, part, id);
+    world_.setActivity(id, activity);
   }
 
  private:
+  /// The part that has all corners of its point takes it; of a triangle that is cut the nearest one counts.
+  void takePick(const internal::Pick& pick, const CutPart& part, BodyId id) {
+    const auto here = [&](std::uint32_t vertex) {
+      if (pick.at.physical != 0) return local_[vertex];
+      const auto same = [vertex](const CutOrigin& from) { return from.a == vertex && from.b == vertex; };
+      const auto place = std::find_if(part.visual.begin(), part.visual.end(), same);
+      return place != part.visual.end() ? std::uint32_t(place - part.visual.begin()) : formats::kNone;
+    };
+    BodyPoint at = pick.at;
+    const auto nearest = std::size_t(std::max_element(at.weight.begin(), at.weight.end()) - at.weight.begin());
+    if (here(at.vertex[nearest]) == formats::kNone) return;
+    bool whole = true;
+    for (std::size_t c = 0; c < 3; ++c) {
+      at.vertex[c] = pick.at.weight[c] != 0 ? here(pick.at.vertex[c]) : 0;
+      whole = whole && at.vertex[c] != formats::kNone;
+    }
+    if (!whole) at = {{at.vertex[nearest], 0, 0}, {1, 0, 0}, at.physical};
+    const PickId made = world_.pick(id, at, pick.target, {pick.frequency_hz, pick.most_force});
+    if (pick.locked != 0) world_.lockPick(made);
+    result_.picks.push_back({{pick.id}, made, id});
+  }
+
   /// Samples keep the rest shape that they have flowed to; new ones have the nearest one's.
   static void takePlasticity(const Piece& from, Piece& to) {
     if (from.state.plastic.empty() || to.state.plastic.empty()) return;
@@ -246,7 +262,7 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
     }
     world.setState(*made, x, v);
     heirs.remember(p, *body);
-    heirs.hold(p);
+    heirs.hold(p, body->activity);
   }
   undo.done = true;
   world.removeBody(id);

@@ -48,6 +48,14 @@ class ReportSolver final : public BodySolver {
     }
   }
   void activationChanged() override {}
+  void push(const PickedPoint& point, const Eigen::Vector3d& impulse) override { give(point, impulse.cast<float>()); }
+  WholeMotion motion() const override { return motionOfVertices(body_); }
+  void addMotion(const Eigen::Vector3d& linear, const Eigen::Vector3d& angular, const Eigen::Vector3d& about) override {
+    for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+      const Eigen::Vector3d arm = asVector(body_.x[i]).cast<double>() - about;
+      if (!isHeld(i)) asVector(body_.v[i]) += (linear + angular.cross(arm)).cast<float>();
+    }
+  }
   Eigen::Matrix3f restShape(std::uint32_t) const override { return Eigen::Matrix3f::Identity(); }
 
   void step(const StepWorld& world, double seconds, SolverScratch& scratch) override {
@@ -60,7 +68,8 @@ class ReportSolver final : public BodySolver {
     for (std::uint32_t c = 0; c < body_.clusterCount(); ++c) pullToGoals(c, pull);
     integrate(settings, h, pull);
     for (const Pick& pick : body_.picks) pullPick(pick, h);
-    const Vector3 gravity = asVector(settings.gravity);
+    for (const PointForce& force : body_.forces) give(force.point, h * asVector(force.force));
+    const Vector3 gravity = body_.settings.gravity_scale * asVector(settings.gravity);
     react(gravity, h, pull);
     for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
       if (isHeld(i)) continue;
@@ -166,7 +175,7 @@ class ReportSolver final : public BodySolver {
   // v += alpha (g - x) / h + h f / m (Müller et al. 2005, integration); the air takes its part.
   void integrate(const WorldSettings& settings, float h, std::span<const Vec3> pull) {
     const float kept = std::exp(-settings.damping * h);
-    const Vector3 gravity = asVector(settings.gravity);
+    const Vector3 gravity = body_.settings.gravity_scale * asVector(settings.gravity);
     for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
       if (!isHeld(i)) asVector(body_.v[i]) = kept * asVector(body_.v[i]) + asVector(pull[i]) / h + h * gravity;
     }
@@ -175,10 +184,10 @@ class ReportSolver final : public BodySolver {
   // The spring of picking (Henriques 2006, 6.1) between a point and a target: of the frequency on the whole body's
   // mass, critically damped, implicit: a stiff one on a light vertex would not stay finite.
   void pullPick(const Pick& pick, float h) {
-    const PickedPoint point = pickedPoint(body_, pick.visual_vertex);
+    const PickedPoint& point = pick.point;
     Vector3 x = Vector3::Zero(), v = Vector3::Zero();
     float mobility = 0;
-    for (std::size_t c = 0; c < 4; ++c) {
+    for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
       const std::uint32_t i = point.vertex[c];
       const float weight = float(point.weight[c]);
       x += weight * asVector(body_.x[i]);
@@ -189,9 +198,20 @@ class ReportSolver final : public BodySolver {
     const float spring = mass * omega * omega, damper = 2 * mass * omega;
     const Vector3 target = reachOf(body_, pick, x.cast<double>(), double(spring)).cast<float>();
     const Vector3 push = h * (spring * (target - x - h * v) - damper * v) / (1 + mobility * h * (damper + h * spring));
-    for (std::size_t c = 0; c < 4; ++c) {
+    give(point, push);
+  }
+
+  // What is held takes none of it.
+  void give(const PickedPoint& point, const Vector3& impulse) {
+    if (point.weight[0] == 0) {
+      const Vector3 change = impulse / body_.package().info().total_mass;
+      for (std::uint32_t i = 0; i < body_.vertexCount(); ++i) {
+        if (!isHeld(i)) asVector(body_.v[i]) += change;
+      }
+    }
+    for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
       const std::uint32_t i = point.vertex[c];
-      if (!isHeld(i)) asVector(body_.v[i]) += float(point.weight[c]) / body_.vertices()[i].mass * push;
+      if (!isHeld(i)) asVector(body_.v[i]) += float(point.weight[c]) / body_.vertices()[i].mass * impulse;
     }
   }
 

@@ -22,6 +22,14 @@ namespace sinew::internal {
 struct Body;
 struct Collider;
 struct SolverScratch;
+struct PickedPoint;
+
+/// The mean motion of a body.
+struct WholeMotion {
+  double mass = 0;
+  Eigen::Vector3d center = Eigen::Vector3d::Zero(), velocity = Eigen::Vector3d::Zero(),
+                  angular_velocity = Eigen::Vector3d::Zero();
+};
 
 /// What all bodies of a step see.
 struct StepWorld {
@@ -56,6 +64,12 @@ class BodySolver {
   /// What has become permanent and what is activated of a cluster's rest shape (World::clusterRestShape).
   virtual Eigen::Matrix3f restShape(std::uint32_t cluster) const = 0;
   virtual BodyEnergy energy(SolverScratch& scratch) = 0;
+  /// Gives it an impulse, N s. \param point no weights: on all of it alike.
+  virtual void push(const PickedPoint& point, const Eigen::Vector3d& impulse) = 0;
+  virtual WholeMotion motion() const = 0;
+  /// Adds a rigid motion: velocities, m/s and rad/s, about a place.
+  virtual void addMotion(const Eigen::Vector3d& linear, const Eigen::Vector3d& angular,
+                         const Eigen::Vector3d& about) = 0;
 
   /// What the motion depends on beside Body's own members, as bytes.
   virtual std::size_t stateBytes() const = 0;

@@ -73,7 +73,8 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       rows(memory),
       prediction(memory),
       predicted_velocity(memory),
-      external(memory) {}
+      external(memory),
+      forces(memory) {}
 
 void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   const auto grow = [](auto& array, std::size_t count) {
@@ -94,7 +95,7 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
   grow(samples, kStiffnessScratch * std::size_t(field.pack_count));
   contacts.reserve(contact_count);
   grow(rows, contact_count * k);
-  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external}) grow(*array, k);
+  for (Array<Vector3d>* array : {&prediction, &predicted_velocity, &external, &forces}) grow(*array, k);
 }
 
 void MinimizeScratch::reserveVectors(std::size_t size) {

@@ -80,6 +80,7 @@ struct MinimizeScratch {
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
   Array<Vector3d> prediction, predicted_velocity, external;
+  Array<Vector3d> forces;  ///< at points, on each coefficient, N
 };
 
 /// The step's objective, relative to its value at the prediction but for the elastic energy.

@@ -16,6 +16,8 @@ bool isIn(const Field& field, std::uint32_t vertex) {
   return vertex >= field.first_vertex && vertex - field.first_vertex < field.vertex_count;
 }
 
+bool touches(const Field& field, const PickedPoint& point) { return isIn(field, point.vertex[0]); }
+
 /// Whether the field itself holds a set: its functions and tethers do.
 bool isDriven(const Piece& piece, const PinSet& set) {
   if (!piece.state.held || set.source == formats::kNone) return false;
@@ -24,15 +26,6 @@ bool isDriven(const Piece& piece, const PinSet& set) {
     if (field.functions[j].pin_set == set.source) return true;
   }
   return false;
-}
-
-/// phi_j at a picked point.
-double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
-  double sum = 0;
-  for (std::size_t c = 0; c < 4; ++c) {
-    if (point.weight[c] != 0) sum += point.weight[c] * double(field.valueAt(point.vertex[c] - field.first_vertex, j));
-  }
-  return sum;
 }
 
 /// Calls visit(vertex, weight, target, set) for each vertex of the piece that springs hold; set is the pin set's number
@@ -71,8 +64,8 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     visit([&field, i](std::uint32_t j) { return double(field.valueAt(i, j)); }, firm * weight, target, set);
   });
   for (const Pick& pick : body.picks) {
-    const PickedPoint point = pickedPoint(body, pick.visual_vertex);
-    if (!isIn(field, point.vertex[0])) continue;
+    const PickedPoint& point = pick.point;
+    if (!touches(field, point)) continue;
     // The mass that a pull of this frequency moves; critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
     const double omega = 2 * M_PI * double(pick.frequency_hz);
     double answer = 0;
@@ -93,6 +86,15 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
 
 }  // namespace
 
+double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
+  double sum = 0;
+  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
+    if (!isIn(field, point.vertex[c])) continue;
+    sum += point.weight[c] * double(field.valueAt(point.vertex[c] - field.first_vertex, j));
+  }
+  return sum;
+}
+
 void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull) {
   std::fill(pull.begin(), pull.end(), Vector3d::Zero());
   if (field.tethers == nullptr) return;
@@ -110,7 +112,7 @@ bool hasSprings(const Body& body, const Piece& piece) {
   forEachHeld(body, piece, [&held](auto&&...) { held = true; });
   if (held) return true;
   for (const Pick& pick : body.picks) {
-    if (isIn(piece.field(), pickedPoint(body, pick.visual_vertex).vertex[0])) return true;
+    if (touches(piece.field(), pick.point)) return true;
   }
   return false;
 }

@@ -18,6 +18,9 @@ struct SpringStep {
   Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
 
+/// phi_j at a point; 0 where it is none of the piece's.
+double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j);
+
 /// Whether a spring acts on the piece.
 bool hasSprings(const Body& body, const Piece& piece);
 

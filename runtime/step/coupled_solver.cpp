@@ -8,7 +8,9 @@
 #include "runtime/contact/contacts.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/solver/plasticity.h"
+#include "runtime/solver/springs.h"
 #include "runtime/step/body_state.h"
+#include "runtime/step/rigid.h"
 #include "runtime/step/world_step.h"
 #include "runtime/world/body.h"
 
@@ -90,6 +92,40 @@ class CoupledSolver final : public BodySolver {
   }
   BodyEnergy energy(SolverScratch& scratch) override {
     return {kineticEnergy(body_), elasticEnergy(body_, scratch.pieces)};
+  }
+
+  void push(const PickedPoint& point, const Vector3d& impulse) override {
+    const double whole = double(body_.package().info().total_mass);
+    change([&](const Field& field, std::uint32_t j, const Vector3d&) {
+      const double part = point.weight[0] != 0 ? valueAt(field, point, j) : oneOf(field, j) / whole;
+      return Vector3d(part * impulse);
+    });
+  }
+
+  WholeMotion motion() const override {
+    WholeMotion whole;
+    for (const Piece& piece : body_.pieces) {
+      whole.mass += piece.field().mass;
+      whole.center += piece.field().mass * meanOf(piece.field(), piece.z());
+      whole.velocity += piece.field().mass * meanOf(piece.field(), piece.v());
+    }
+    whole.center /= whole.mass;
+    whole.velocity /= whole.mass;
+    Matrix3d inertia = Matrix3d::Zero();
+    Vector3d spin = Vector3d::Zero();
+    for (const Piece& piece : body_.pieces) {
+      inertia += inertiaOf(piece.field(), piece.z(), whole.center);
+      spin += angularMomentum(piece.field(), piece.z(), piece.v(), whole.center, whole.velocity);
+    }
+    whole.angular_velocity = solved(inertia, spin);
+    return whole;
+  }
+
+  void addMotion(const Vector3d& linear, const Vector3d& angular, const Vector3d& about) override {
+    change([&](const Field& field, std::uint32_t j, const Vector3d& z) {
+      const double one = oneOf(field, j);
+      return Vector3d(one * linear + angular.cross(Vector3d(z - one * about)));
+    });
   }
 
   void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) override {
@@ -211,6 +247,20 @@ class CoupledSolver final : public BodySolver {
   }
 
  private:
+  /// Adds added(field, j, z_j) to the velocities that no pin set prescribes: something acted, and there is no step
+  /// before.
+  template <class Added>
+  void change(const Added& added) {
+    for (Piece& piece : body_.pieces) {
+      PieceState& state = piece.state;
+      const Field& field = piece.field();
+      for (std::uint32_t j = field.driven; j < field.k; ++j) state.v[j] += added(field, j, state.z[j]);
+      state.h_before = 0;
+      state.budget = -1;
+    }
+    body_.outdated = true;
+  }
+
   Body& body_;
 };
 

@@ -21,6 +21,8 @@ constexpr double kLargeTurn = 0.1;
 constexpr double kMostParts = 64;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
+/// Of the step's length that of the inertia of what stands: a trillion times its mass.
+constexpr double kStanding = 1e-6;
 
 }  // namespace
 
@@ -36,7 +38,12 @@ void PieceStep::run() {
 
 void PieceStep::begin() {
   s_.reserve(field_, kMostContacts);
+  if (stands()) {
+    stand();
+    return;
+  }
   springs_ = hasSprings(body_, piece_);
+  forced_ = findForces();
   findMotion();
   two_step_ = mayContinue();
   predict();
@@ -47,9 +54,89 @@ void PieceStep::begin() {
     findExternal();
   }
   if (springs_ && s_.contacts.empty()) rebase();
+  if (body_.settings.drag > 0) addDrag();
+}
+
+void PieceStep::stand() {
+  const ConstCoefficientMap now = std::as_const(piece_).z();
+  rigid_.center = center_ = meanOf(field_, now);
+  effective_h_ = h_;
+  std::copy_n(piece_.state.z.begin(), k_, s_.prediction.begin());
+  std::fill_n(s_.predicted_velocity.begin(), k_, Vector3d::Zero());
+  setBase();
+  s_.contacts.clear();
+  findObjective();
+  objective_.h = kStanding * h_;
+}
+
+bool PieceStep::findForces() {
+  if (body_.forces.empty() && !(body_.settings.drag > 0)) return false;
+  std::fill_n(s_.forces.begin(), k_, Vector3d::Zero());
+  const double whole = double(body_.package().info().total_mass);
+  for (const PointForce& force : body_.forces) {
+    const Vector3d pull = asVector(force.force).cast<double>();
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const double part = force.point.weight[0] != 0 ? valueAt(field_, force.point, j)
+                          : j < field_.driven        ? field_.driven_mass[j] / whole
+                                                     : oneOf(field_, j) / whole;
+      s_.forces[j] += part * pull;
+    }
+  }
+  return true;
+}
+
+void PieceStep::addDrag() {
+  const Vector3d wind = asVector(settings_.wind).cast<double>();
+  const double factor = 0.5 * double(settings_.air_density) * double(body_.settings.drag);
+  float *const springs = s_.springs.data(), *const residual = s_.residual.data();
+  if (!springs_) {
+    std::fill_n(springs, std::size_t(k_) * k_, 0.0F);
+    std::fill_n(residual, 4 * k_, 0.0F);
+  }
+  for (std::uint32_t p = 0; p < field_.points.size(); ++p) {
+    Vector3d before = -wind, way = -h_ * wind;
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      const double phi = double(field_.valueAtPoint(p, j));
+      before += phi * piece_.state.v[j];
+      way += phi * (y().row(j).transpose() - piece_.state.z[j]);
+    }
+    const double c = factor * double(field_.points[p].area) * before.norm() / h_;
+    for (std::uint32_t i = 0; i < k_; ++i) {
+      const double row = c * double(field_.valueAtPoint(p, i));
+      for (std::uint32_t a = 0; a < 3; ++a) residual[4 * i + a] += float(row * way[int(a)]);
+      for (std::uint32_t j = 0; j < k_; ++j) {
+        springs[std::size_t(k_) * i + j] += float(row * double(field_.valueAtPoint(p, j)));
+      }
+    }
+  }
+  objective_.has_springs = true;
+  piece_.system.h = 0;
+}
+
+void PieceStep::takeDrag() {
+  piece_.system.h = 0;
+  if (springs_ || field_.driven > 0) return;
+  for (std::uint32_t i = 0; i < k_; ++i) {
+    Vector3d pull = Vector3d::Zero();
+    for (std::uint32_t a = 0; a < 3; ++a) {
+      double sum = double(s_.residual[4 * i + a]);
+      for (std::uint32_t j = 0; j < k_; ++j) {
+        sum += double(s_.springs[std::size_t(k_) * i + j]) * double(s_.d[4 * j + a]);
+      }
+      pull[int(a)] = -sum;
+    }
+    s_.external[i] = pull;
+  }
+  const ConstCoefficientMap drag(s_.external.data()->data(), Eigen::Index(k_), 3);
+  const Vector3d mean = meanOf(field_, drag);
+  twist_ += angularMomentum(field_, std::as_const(piece_).z(), drag, rigid_.center, mean);
+  forced_mean_ += mean;
+  rigid_velocity_ += h_ * mean;
+  dragged_ = h_ * h_ * mean;
 }
 
 void PieceStep::finishAlone() {
+  if (stands()) return;
   solve();
   settle();
 }
@@ -111,6 +198,7 @@ void PieceStep::oldPlace(float* d) const {
 }
 
 void PieceStep::finishTogether(bool leaning) {
+  if (stands()) return;
   value_ = {};
   value_.elastic = objective_.elastic(s_.d.data(), s_.next_gradient.data(), false);
   settle();
@@ -127,16 +215,23 @@ PieceStep::Whole PieceStep::whole() const {
   result.before = meanOf(field_, z_before);
   result.velocity_before = meanOf(field_, v_before);
   result.spin_before = angularMomentum(field_, z_before, v_before, result.before, result.velocity_before);
-  result.predicted = center_;
+  result.predicted = center_ + dragged_;
   result.velocity_predicted = rigid_velocity_;
   result.after = meanOf(field_, z);
   result.velocity = meanOf(field_, v);
   result.spin = angularMomentum(field_, z, v, result.after, result.velocity);
   result.inertia = inertiaOf(field_, z, result.after);
+  if (stands()) result.velocity = result.spin = Vector3d::Zero();
+  if (forced_) {
+    const double air = std::exp(-double(settings_.damping) * h_);
+    result.velocity_before += h_ / air * forced_mean_;
+    result.spin_before += h_ / air * twist_;
+  }
   return result;
 }
 
 void PieceStep::add(const Vector3d& way, const Vector3d& velocity, const Vector3d& omega, const Vector3d& about) {
+  if (stands()) return;
   CoefficientMap z = piece_.z(), v = piece_.v();
   for (std::uint32_t j = 0; j < k_; ++j) {
     z.row(j) += oneOf(field_, j) * way.transpose();
@@ -157,6 +252,7 @@ ContactStep PieceStep::contactStep() const {
 void PieceStep::findMotion() {
   const ConstCoefficientMap z = std::as_const(piece_).z(), v = std::as_const(piece_).v();
   rigid_ = {};
+  turn_.setIdentity();
   if (field_.driven > 0) {
     // A rigid motion of the pin sets moves the driven functions' coefficients like points: the mean of the sets.
     double sets = 0;
@@ -179,13 +275,20 @@ void PieceStep::findMotion() {
   }
   rigid_.center = meanOf(field_, z);
   rigid_.velocity = meanOf(field_, v);
-  const Vector3d momentum = angularMomentum(field_, z, v, rigid_.center, rigid_.velocity);
+  Vector3d momentum = angularMomentum(field_, z, v, rigid_.center, rigid_.velocity);
   const Matrix3d inertia = inertiaOf(field_, z, rigid_.center);
   rigid_.omega = solved(inertia, momentum);
+  Vector3d omega = rigid_.omega;
+  if (forced_) {
+    const ConstCoefficientMap forces(s_.forces.data()->data(), Eigen::Index(k_), 3);
+    forced_mean_ = meanOf(field_, forces);
+    twist_ = angularMomentum(field_, z, forces, rigid_.center, forced_mean_);
+    momentum += h_ / keptOfTurns() * twist_;
+    omega = solved(inertia, momentum);
+  }
   // The turn of a rigid body by the implicit midpoint, which keeps its energy, in parts of at most kLargeTurn and
   // three rounds each.
-  const double parts = std::clamp(std::ceil(h_ * rigid_.omega.norm() / kLargeTurn), 1.0, kMostParts);
-  Vector3d omega = rigid_.omega;
+  const double parts = std::clamp(std::ceil(h_ * omega.norm() / kLargeTurn), 1.0, kMostParts);
   for (double part = 0; part < parts; ++part) {
     const Matrix3d before = turn_;
     for (int round = 0; round < 3; ++round) {
@@ -197,7 +300,15 @@ void PieceStep::findMotion() {
   omega_after_ = turn_ * solved(inertia, turn_.transpose() * momentum);
 }
 
+/// Part of a turn that a step leaves of it.
+double PieceStep::keptOfTurns() const {
+  const bool supported = springs_ || leaned();
+  return std::exp(-double(settings_.damping) * h_) *
+         (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
+}
+
 bool PieceStep::mayContinue() const {
+  if (forced_) return false;  // forces come and go, and give their whole momentum in the step in which they act
   const double before = piece_.state.h_before;
   if (!(before > 0) || h_ > kUnlike * before || before > kUnlike * h_) return false;
   return h_ * rigid_.omega.norm() <= kLargeTurn;
@@ -228,8 +339,7 @@ void PieceStep::predict() {
   }
   const double air = std::exp(-double(settings_.damping) * h_);
   const double air_before = std::exp(-double(settings_.damping) * h_before);
-  const bool supported = springs_ || leaned();
-  const double turning = air * (supported ? std::exp(-double(settings_.support_damping) * h_) : 1);
+  const double turning = keptOfTurns();
   const Vector3d omega = rigid_.omega;
   // In the frame of the world what springs hold: they stop a turn at once, and a frame that has turned on takes that
   // for a turn back, larger each time.
@@ -258,6 +368,7 @@ void PieceStep::predict() {
     rigid_velocity_ = rigid_.velocity + fall;
   } else {
     rigid_velocity_ = air * (now * rigid_.velocity - before * air_before * velocity_before) + fall;
+    if (forced_) rigid_velocity_ += h_ * forced_mean_;
     center_ = now * rigid_.center - before * mean_before + effective_h_ * rigid_velocity_;
   }
   for (std::uint32_t j = 0; j < k_; ++j) {
@@ -290,7 +401,23 @@ void PieceStep::predict() {
     if (turns) s_.predicted_velocity[j] += rigid_omega_.cross(Vector3d(turn * arm));
     if (field_.driven > 0) s_.prediction[j] += one * effective_h_ * effective_h_ * gravity_;
   }
+  if (forced_) addForces();
   setBase();
+}
+
+/// Of a free piece what moves it as a whole is in its motion already.
+void PieceStep::addForces() {
+  const ConstCoefficientMap z = std::as_const(piece_).z();
+  const Vector3d spin = field_.driven > 0 ? Vector3d::Zero() : solved(inertiaOf(field_, z, rigid_.center), twist_);
+  for (std::uint32_t j = field_.driven; j < k_; ++j) {
+    Vector3d rest = s_.forces[j];
+    if (field_.driven == 0) {
+      const double one = oneOf(field_, j);
+      rest -= one * forced_mean_ + spin.cross(Vector3d(z.row(j).transpose() - one * rigid_.center));
+    }
+    s_.prediction[j] += h_ * h_ * rest;
+    s_.predicted_velocity[j] += h_ * rest;
+  }
 }
 
 [[gnu::noinline]] void PieceStep::setBase() {
@@ -303,13 +430,17 @@ void PieceStep::predict() {
   }
 }
 
-[[gnu::noinline]] void PieceStep::findExternal() {
+void PieceStep::findObjective() {
   objective_ = {};
   objective_.field = &field_;
   objective_.h = effective_h_;
   objective_.stiffness = stiffness_;
   objective_.scratch = &s_;
   setMaterial(piece_, objective_);
+}
+
+[[gnu::noinline]] void PieceStep::findExternal() {
+  findObjective();
   findNear(piece_, colliders_, contactStep(), y(), center_, scratch_.contacts);
   findContacts(piece_, contactStep(), y(), center_, scratch_.contacts, s_);
   objective_.has_springs = springs_;
@@ -400,6 +531,7 @@ void PieceStep::solve() {
 }
 
 void PieceStep::settle() {
+  if (body_.settings.drag > 0) takeDrag();
   PieceState& state = piece_.state;
   state.z_before.swap(state.z);
   state.v_before.swap(state.v);
@@ -420,11 +552,12 @@ void PieceStep::settle() {
   rememberContacts(piece_, contactStep(), y(), center_, effective_h_, held || together_ ? nullptr : &given, s_,
                    body_.touches);
   // A two-step formula does not reach across contacts: it would gain energy where they come and go.
-  state.h_before = touched || together_ || !state.touching.empty() ? 0 : h_;
+  state.h_before = touched || together_ || forced_ || !state.touching.empty() ? 0 : h_;
   state.leaning = false;
   // A contact may have stopped the piece and not touch any more.
   const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && !touched && !together_;
   state.elastic = value_.elastic;
+  if (forced_) state.budget = -1;
   if (free) keepMomentum(z, v);
   keepEnergy(z, v, free);
   if (springs_ || field_.driven > 0) react();
@@ -440,12 +573,13 @@ void PieceStep::becomePermanent() {
 
 void PieceStep::keepMomentum(CoefficientMap& z, CoefficientMap& v) const {
   const ConstCoefficientMap at(z.data(), z.rows(), 3), moving(v.data(), v.rows(), 3);
-  const Vector3d astray = meanOf(field_, at) - meanOf(field_, y());
+  const Vector3d astray = meanOf(field_, at) - meanOf(field_, y()) - dragged_;
   for (std::uint32_t j = 0; j < k_; ++j) z.row(j) -= (oneOf(field_, j) * astray).transpose();
   const Vector3d center = meanOf(field_, at);
   const Vector3d lacking = rigid_velocity_ - meanOf(field_, moving);
   // Angular momentum: what it was, less what the air took.
-  const Vector3d wanted = angularMomentumBefore() * std::exp(-double(settings_.damping) * h_);
+  Vector3d wanted = angularMomentumBefore() * std::exp(-double(settings_.damping) * h_);
+  if (forced_) wanted += h_ * twist_;
   const Vector3d found = angularMomentum(field_, at, moving, center, meanOf(field_, moving));
   const Vector3d turn = solved(inertiaOf(field_, at, center), wanted - found);
   for (std::uint32_t j = 0; j < k_; ++j) {
@@ -498,6 +632,7 @@ void PieceStep::react() {
     for (std::uint32_t j = 0; j < rows; ++j) {
       const float* const g = s_.gradient.data() + 4 * j;
       s_.external[j] += Vector3d(double(g[0]), double(g[1]), double(g[2])) - field_.driven_mass[j] * gravity_;
+      if (forced_) s_.external[j] -= s_.forces[j];
     }
   }
   addReactions(body_, piece_, springStep(), {s_.external.data(), rows});

@@ -40,7 +40,7 @@ class PieceStep {
         s_(scratch.minimize),
         k_(field_.k),
         stiffness_(body.settings.stiffness_scale * body.settings.stiffness_scale),
-        gravity_(asVector(world.settings.gravity).cast<double>()) {}
+        gravity_(double(body.settings.gravity_scale) * asVector(world.settings.gravity).cast<double>()) {}
 
   void run();
 
@@ -60,7 +60,9 @@ class PieceStep {
   SystemFactor& system() { return piece_.system; }
   MinimizeScratch& scratch() { return s_; }
   const Field& field() const { return field_; }
-  bool isSupported() const { return springs_ || field_.driven > 0 || !s_.contacts.empty(); }
+  /// It stands as if it were rock: a part of an island that does not move.
+  bool stands() const { return body_.activity != Activity::active; }
+  bool isSupported() const { return stands() || springs_ || field_.driven > 0 || !s_.contacts.empty(); }
   bool leaned() const { return piece_.state.leaning || !piece_.state.touching.empty(); }
 
   /// Takes the memory that prepareTogether() needs for so many rows.
@@ -88,6 +90,17 @@ class PieceStep {
   ContactStep contactStep() const;
   SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, center_}; }
 
+  /// begin() of what stands.
+  void stand();
+
+  /// Forces at points become generalized ones. \return whether there are any.
+  bool findForces();
+  /// The air's drag as springs to where the wind leads, c / h each.
+  void addDrag();
+  /// What it took of the momentum of what nothing holds.
+  void takeDrag();
+  double keptOfTurns() const;
+
   /// What moves as one: of a piece that the field holds, its pin sets; of another its mass.
   void findMotion();
 
@@ -99,8 +112,11 @@ class PieceStep {
   /// piece.
   void predict();
 
+  void addForces();
+
   void setBase();
 
+  void findObjective();
   void findExternal();
 
   /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
@@ -140,7 +156,10 @@ class PieceStep {
   const std::uint32_t k_;
   const float stiffness_;
   const Vector3d gravity_;
+  Vector3d dragged_ = Vector3d::Zero();  ///< way of the centre by the air, m
   bool springs_ = false, two_step_ = false, together_ = false;
+  bool forced_ = false;  ///< forces at points or the air act: scratch.forces
+  Vector3d forced_mean_ = Vector3d::Zero(), twist_ = Vector3d::Zero();  ///< their acceleration, m/s^2, and torque, N m
   Rigid rigid_;
   Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
   Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s

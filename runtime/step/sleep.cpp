@@ -93,10 +93,10 @@ void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, T
 
 void wake(BodyList& bodies, Body& body) {
   body.still = 0;
-  if (!body.asleep()) return;
+  if (!body.asleep() || body.activity != Activity::active) return;
   const std::uint32_t group = body.sleeps_with;
   for (const BodyPointer& other : bodies) {
-    if (other->sleeps_with != group) continue;
+    if (other->sleeps_with != group || other->activity != Activity::active) continue;
     other->sleeps_with = formats::kNone;
     other->still = 0;
   }
@@ -104,7 +104,7 @@ void wake(BodyList& bodies, Body& body) {
 
 void wakeAll(BodyList& bodies) {
   for (const BodyPointer& body : bodies) {
-    body->sleeps_with = formats::kNone;
+    if (body->activity == Activity::active) body->sleeps_with = formats::kNone;
     body->still = 0;
   }
 }

@@ -21,8 +21,11 @@ namespace {
 void addBox(const Body& body, std::uint32_t body_index, std::uint32_t piece_index, const Vector3d& gravity, double h,
             TogetherScratch& scratch) {
   const Piece& piece = body.pieces[piece_index];
-  if (piece.field().points.empty()) return;
-  const Eigen::AlignedBox3d box = body.asleep() ? piece.box : boxOf(body, piece, gravity, h, scratch.points);
+  if (piece.field().points.empty() || body.activity == Activity::disabled) return;
+  const bool stands = body.activity != Activity::active;
+  const Vector3d own_gravity = double(body.settings.gravity_scale) * gravity;
+  const Eigen::AlignedBox3d box =
+      body.asleep() && !stands ? piece.box : boxOf(body, piece, own_gravity, stands ? 0 : h, scratch.points);
   scratch.boxes.push_back({body_index,
                            piece_index,
                            {box.min()[0], box.min()[1], box.min()[2]},
@@ -127,14 +130,18 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
     for (const std::uint64_t pair : scratch.pairs) {
       Body *a = &body_of(std::uint32_t(pair >> 32)), *b = &body_of(std::uint32_t(pair));
       if (a->asleep()) std::swap(a, b);
-      if (a->asleep() || !b->asleep() || a->still > 0) continue;
+      if (a->asleep() || !b->asleep() || b->activity != Activity::active || a->still > 0) continue;
       wake(bodies, *b);
       woke = true;
     }
   }
   std::size_t kept = 0;
   for (const std::uint64_t pair : scratch.pairs) {
-    if (body_of(std::uint32_t(pair >> 32)).asleep() || body_of(std::uint32_t(pair)).asleep()) continue;
+    const Body &a = body_of(std::uint32_t(pair >> 32)), &b = body_of(std::uint32_t(pair));
+    if ((a.asleep() && (a.activity == Activity::active || b.asleep())) ||
+        (b.asleep() && b.activity == Activity::active)) {
+      continue;
+    }
     scratch.pairs[kept++] = pair;
     scratch.busy[boxes[pair >> 32].body] = scratch.busy[boxes[std::uint32_t(pair)].body] = 1;
   }

@@ -17,6 +17,7 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       pinned(vertexCount(), memory),
       pins(memory),
       picks(memory),
+      forces(memory),
       pin_sets(memory),
       activation(package().channels().size(), memory),
       pieces(memory),
@@ -29,6 +30,17 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
   solver = factory.make(*this, memory);
 }
 
+BodyPointer makeBody(std::shared_ptr<const Asset> asset, const BodySettings& settings, const SolverFactory& factory,
+                     std::pmr::memory_resource* memory) {
+  void* const place = memory->allocate(sizeof(Body), alignof(Body));
+  try {
+    return {new (place) Body(std::move(asset), settings, factory, memory), BodyRelease{memory}};
+  } catch (...) {
+    memory->deallocate(place, sizeof(Body), alignof(Body));
+    throw;
+  }
+}
+
 void Body::reset() {
   std::fill(pinned.begin(), pinned.end(), std::uint8_t(0));
   for (const PinSet& set : pin_sets) {
@@ -36,6 +48,7 @@ void Body::reset() {
   }
   pins.clear();
   picks.clear();
+  forces.clear();
   std::fill(activation.begin(), activation.end(), 0.0F);
   repaired = 0;
   const Matrix3 rotation = asMatrix(settings.rotation);
@@ -90,6 +103,32 @@ RigidTransform rigidMotionOf(const Body& body, VertexRun run) {
     motion.position[row] = float(center[int(row)] - turned);
   }
   return motion;
+}
+
+WholeMotion motionOfVertices(const Body& body) {
+  WholeMotion whole;
+  const auto forEach = [&](const auto& visit) {
+    for (std::uint32_t i = 0; i < body.vertexCount(); ++i) {
+      visit(double(body.vertices()[i].mass), Eigen::Vector3d(asVector(body.x[i]).cast<double>() - whole.center),
+            Eigen::Vector3d(asVector(body.v[i]).cast<double>() - whole.velocity));
+    }
+  };
+  Eigen::Vector3d center = Eigen::Vector3d::Zero(), velocity = center, spin = center;
+  forEach([&](double m, const Eigen::Vector3d& x, const Eigen::Vector3d& v) {
+    whole.mass += m;
+    center += m * x;
+    velocity += m * v;
+  });
+  whole.center = center / whole.mass;
+  whole.velocity = velocity / whole.mass;
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();
+  forEach([&](double m, const Eigen::Vector3d& arm, const Eigen::Vector3d& v) {
+    spin += m * arm.cross(v);
+    inertia += m * (arm.squaredNorm() * Eigen::Matrix3d::Identity() - arm * arm.transpose());
+  });
+  const Eigen::Vector3d omega = inertia.inverse() * spin;
+  if (omega.allFinite()) whole.angular_velocity = omega;
+  return whole;
 }
 
 namespace {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "runtime/solver/piece.h"
 #include "sinew/runtime/asset.h"
 #include "sinew/runtime/settings.h"
+#include "sinew/runtime/world.h"
 
 namespace sinew::internal {
 
@@ -53,13 +55,27 @@ struct PinSet {
   ~PinSet() = default;
 };
 
-/// A spring between a visual vertex and a target.
+/// A point of a body: weights of physical vertices.
+struct PickedPoint {
+  std::array<std::uint32_t, 12> vertex = {};
+  std::array<double, 12> weight = {};  ///< behind the first that is 0 all are
+};
+
+/// A spring between a point and a target.
 struct Pick {
   std::uint32_t id;
-  std::uint32_t visual_vertex;
+  std::uint32_t locked;  ///< 1: letGoPick() leaves it
+  BodyPoint at;
+  PickedPoint point;  ///< where `at` is attached
   Vec3 target;
   float frequency_hz;
   float most_force;  ///< N; 0: what reachOf() says (interact/picked_point.h)
+};
+
+/// A force that acts in the next step.
+struct PointForce {
+  PickedPoint point;  ///< no weights: on all of the body alike
+  Vec3 force;         ///< N
 };
 
 /// State of one body. Constants stay in the asset.
@@ -90,6 +106,7 @@ struct Body {
 
   Array<Pin> pins;  ///< vertices ascending
   Array<Pick> picks;
+  Array<PointForce> forces;
   OwningArray<PinSet> pin_sets;
   Array<float> activation;  ///< by channel of the package, 0..1
 
@@ -107,6 +124,8 @@ struct Body {
   double still = 0;                            ///< how long it has rested, s
   std::uint32_t sleeps_with = formats::kNone;  ///< the first body of those it fell asleep with; kNone: it is awake
   bool asleep() const { return sleeps_with != formats::kNone; }
+  /// What does not act is asleep, and nothing wakes it.
+  Activity activity = Activity::active;
 
   std::uint32_t repaired = 0;  ///< vertices whose state was lost in the last step
 
@@ -127,6 +146,10 @@ struct BodyRelease {
 };
 using BodyPointer = std::unique_ptr<Body, BodyRelease>;
 
+/// A body at rest, as Body's constructor makes it. May throw.
+BodyPointer makeBody(std::shared_ptr<const Asset> asset, const BodySettings& settings, const SolverFactory& factory,
+                     std::pmr::memory_resource* memory);
+
 /// Bodies of a world, ids ascending.
 using BodyList = OwningArray<BodyPointer>;
 
@@ -134,6 +157,9 @@ using BodyList = OwningArray<BodyPointer>;
 /// that are not usable do not count; where none is, the place where the body was added. \param run of vertices.
 RigidTransform rigidMotionOf(const Body& body, VertexRun run);
 inline RigidTransform rigidMotionOf(const Body& body) { return rigidMotionOf(body, {0, body.vertexCount()}); }
+
+/// Of its physical vertices.
+WholeMotion motionOfVertices(const Body& body);
 
 /// Colliders that the body touched as the last step ended, ids ascending, in place of what `ids` holds. May throw.
 void findTouched(const Body& body, Array<std::uint32_t>& ids);

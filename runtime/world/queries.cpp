@@ -57,6 +57,16 @@ double windingOf(const Corners& t, const Vector3d& p) {
   return std::atan2(a.dot(b.cross(c)), al * bl * cl + a.dot(b) * cl + b.dot(c) * al + c.dot(a) * bl) / (2 * M_PI);
 }
 
+/// Weights of a triangle's corners of a point in it.
+Vec3 weightsOf(const Corners& t, const Vector3d& point) {
+  const Vector3d normal = (t.at[1] - t.at[0]).cross(t.at[2] - t.at[0]);
+  const auto share = [&](int a, int b) {
+    return (t.at[a] - point).cross(t.at[b] - point).dot(normal) / std::max(normal.squaredNorm(), 1e-300);
+  };
+  const float first = float(share(1, 2)), second = float(share(2, 0));
+  return {first, second, 1 - first - second};
+}
+
 /// Whether points (a triangle's corners, a box's) have a part in a box about the origin: no axis separates them
 /// (Gottschalk 1996). \param edges, normals of their convex hull.
 bool meetsBox(std::span<const Vector3d> points, std::span<const Vector3d> edges, std::span<const Vector3d> normals,
@@ -137,19 +147,24 @@ struct Probe {
 
 }  // namespace
 
+void World::Impl::drawInto(const Body& body, internal::Array<Vec3>& drawn) const {
+  body.solver->refresh(shown);
+  drawn.resize(body.package().visualPositions().size());
+  if (drawn.empty()) return;
+  const VertexRun all = {0, std::uint32_t(drawn.size())};
+  VisualOutput output;
+  output.positions = {drawn[0].data(), sizeof(Vec3), all.count};
+  draw(body, {&all, 1}, output, jobs);
+}
+
 void World::Impl::forEachDrawn(const QueryFilter& filter,
                                const std::function<void(const Body&, std::span<const Vec3>)>& visit) const {
   internal::Array<Vec3> drawn(memory);
   for (const internal::BodyPointer& body : bodies) {
     if (!filter.bodies || (body->settings.layers & filter.layers) == 0) continue;
-    body->solver->refresh(shown);
-    drawn.resize(body->package().visualPositions().size());
-    if (drawn.empty()) continue;
-    const VertexRun all = {0, std::uint32_t(drawn.size())};
-    VisualOutput output;
-    output.positions = {drawn[0].data(), sizeof(Vec3), all.count};
-    draw(*body, {&all, 1}, output, jobs);
-    visit(*body, {drawn.data(), drawn.size()});
+    if (body->activity == Activity::disabled) continue;
+    drawInto(*body, drawn);
+    if (!drawn.empty()) visit(*body, {drawn.data(), drawn.size()});
   }
 }
 
@@ -168,8 +183,12 @@ std::optional<CastHit> World::Impl::cast(const char* call, Vec3 origin, double r
   const auto take = [&](const QueryObject& object, double at, const Vector3d& point, const Vector3d& normal,
                         std::uint32_t triangle) {
     part = at;
-    best = {object, float(at * double(distance)), asArray(Eigen::Vector3f(point.cast<float>())),
-            asArray(Eigen::Vector3f(normal.cast<float>())), triangle};
+    best = {object,
+            float(at * double(distance)),
+            asArray(Eigen::Vector3f(point.cast<float>())),
+            asArray(Eigen::Vector3f(normal.cast<float>())),
+            triangle,
+            {}};
   };
   const auto lookAt = [&](const Corners& t, const auto& found) {
     const Vector3d room = Vector3d::Constant(radius);
@@ -187,10 +206,11 @@ std::optional<CastHit> World::Impl::cast(const char* call, Vec3 origin, double r
     forEachDrawn(filter, [&](const Body& body, std::span<const Vec3> drawn) {
       std::uint32_t number = 0;
       for (const formats::Triangle& t : body.package().visualTriangles()) {
-        lookAt({{wide(drawn[t[0]]), wide(drawn[t[1]]), wide(drawn[t[2]])}},
-               [&](double at, const Vector3d& point, const Vector3d& normal) {
-                 take({body.id, {}}, at, point, normal, number);
-               });
+        const Corners corners = {{wide(drawn[t[0]]), wide(drawn[t[1]]), wide(drawn[t[2]])}};
+        lookAt(corners, [&](double at, const Vector3d& point, const Vector3d& normal) {
+          take({body.id, {}}, at, point, normal, number);
+          best->at = {t, weightsOf(corners, point)};
+        });
         ++number;
       }
     });
@@ -247,6 +267,32 @@ std::optional<CastHit> World::sphereCast(Vec3 origin, float radius, Vec3 directi
                                          const QueryFilter& filter) const {
   return impl_->cast("sphereCast", origin, double(std::max(radius, std::numeric_limits<float>::min())), direction,
                      distance, filter);
+}
+
+BodyPoint World::nearestPoint(BodyId id, Vec3 place) const {
+  BodyPoint nearest;
+  nearest.weight = {0, 0, 0};
+  const Body* const body = impl_->find(id, "nearestPoint");
+  const Impl::Presence presence(*impl_, "nearestPoint", Impl::Presence::As::output);
+  if (body == nullptr || !presence) return nearest;
+  if (!internal::stateIsUsable(place, {})) {
+    impl_->tell(LogSeverity::error, "nearestPoint: the place is not finite, or beyond 1e15 m");
+    return nearest;
+  }
+  return impl_->guarded("nearestPoint", nearest, [&] {
+    internal::Array<Vec3> drawn(impl_->memory);
+    impl_->drawInto(*body, drawn);
+    double least = kInfinity;
+    for (const formats::Triangle& t : body->package().visualTriangles()) {
+      const Corners corners = {{wide(drawn[t[0]]), wide(drawn[t[1]]), wide(drawn[t[2]])}};
+      const double distance = distanceTo(corners, wide(place));
+      if (!(distance < least)) continue;
+      least = distance;
+      const Vector3d point = geometry::closestPointOnTriangle(wide(place), corners.at[0], corners.at[1], corners.at[2]);
+      nearest = {t, weightsOf(corners, point)};
+    }
+    return nearest;
+  });
 }
 
 namespace {

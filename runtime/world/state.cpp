@@ -20,7 +20,7 @@ using internal::Body;
 namespace {
 
 constexpr std::array<char, 4> kStateMagic = {'S', 'N', 'W', 'B'};
-constexpr std::uint32_t kStateVersion = 13;
+constexpr std::uint32_t kStateVersion = 14;
 
 struct StateHeader {
   std::array<char, 4> magic;
@@ -31,11 +31,12 @@ struct StateHeader {
   std::uint32_t history_positions, history_columns;
   std::uint32_t repaired;
   std::uint32_t channels, pin_sets, pinned_vertices, asleep;
+  std::uint32_t forces, reserved;
   double still;                ///< Body::still, s
   std::uint64_t solver_bytes;  ///< of the solver, behind all else
   std::uint64_t checksum;      ///< of all, with this field as 0
 };
-static_assert(sizeof(StateHeader) == 88);
+static_assert(sizeof(StateHeader) == 96);
 
 /// XXH3 as in packages. \param bytes of a whole state, header first.
 std::uint64_t checksumOf(std::span<const std::byte> bytes) {
@@ -77,7 +78,8 @@ StateHeader headerOf(const Body& body) {
   header.channels = std::uint32_t(body.activation.size());
   header.pin_sets = std::uint32_t(body.pin_sets.size());
   for (const internal::PinSet& set : body.pin_sets) header.pinned_vertices += std::uint32_t(set.vertices.size());
-  header.asleep = body.asleep() ? 1 : 0;
+  header.asleep = body.asleep() && body.activity == Activity::active ? 1 : 0;
+  header.forces = std::uint32_t(body.forces.size());
   header.still = body.still;
   header.solver_bytes = body.solver->stateBytes();
   return header;
@@ -86,9 +88,10 @@ StateHeader headerOf(const Body& body) {
 // Sizes are bounded by 2^32 records of under 2 KB each: no overflow.
 std::size_t totalBytes(const StateHeader& h) {
   return h.solver_bytes + sizeof h + 2 * bytesOf<Vec3>(h.vertices) + bytesOf<internal::Pin>(h.pins) +
-         bytesOf<internal::Pick>(h.picks) + bytesOf<Vec3>(h.history_positions) +
-         bytesOf<internal::ClusterColumns>(h.history_columns) + bytesOf<float>(h.channels) +
-         bytesOf<SavedPinSet>(h.pin_sets) + bytesOf<internal::PinnedVertex>(h.pinned_vertices);
+         bytesOf<internal::Pick>(h.picks) + bytesOf<internal::PointForce>(h.forces) +
+         bytesOf<Vec3>(h.history_positions) + bytesOf<internal::ClusterColumns>(h.history_columns) +
+         bytesOf<float>(h.channels) + bytesOf<SavedPinSet>(h.pin_sets) +
+         bytesOf<internal::PinnedVertex>(h.pinned_vertices);
 }
 
 class Writer {
@@ -124,12 +127,24 @@ class Reader {
   const std::byte* at_;
 };
 
+/// \param least number of points that it must be one of: 1, or 0 where it may stand for all of the body.
+bool isSound(const internal::PickedPoint& point, std::uint32_t vertices, std::size_t least) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (; count < point.weight.size() && point.weight[count] != 0; ++count) {
+    if (!std::isfinite(point.weight[count]) || point.vertex[count] >= vertices) return false;
+    sum += point.weight[count];
+  }
+  return count >= least && (count == 0 || std::abs(sum - 1) < 1e-2);
+}
+
 bool allFinite(const float* values, std::size_t count) {
   return std::all_of(values, values + count, [](float value) { return std::isfinite(value); });
 }
 
-// Why saved bytes cannot be restored into a body; empty if they can.
-const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
+}  // namespace
+
+const char* internal::faultOfState(std::span<const std::byte> bytes, const Body& body) {
   if (bytes.size() < sizeof(StateHeader)) return "too few bytes for a saved state";
   StateHeader h;
   std::memcpy(&h, bytes.data(), sizeof h);
@@ -164,8 +179,15 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   const std::size_t visual_count = body.package().visualPositions().size();
   for (std::uint32_t i = 0; i < h.picks; ++i) {
     const auto pick = reader.get<internal::Pick>();
-    sound &= pick.id < kMostIds && pick.visual_vertex < visual_count && allFinite(pick.target.data(), 3) &&
-             pick.frequency_hz >= 0.1F && pick.frequency_hz <= 100.0F && pick.most_force >= 0;
+    const std::size_t most = pick.at.physical != 0 ? h.vertices : visual_count;
+    for (std::size_t c = 0; c < 3; ++c) sound &= pick.at.weight[c] == 0 || pick.at.vertex[c] < most;
+    sound &= pick.id < kMostIds && pick.locked <= 1 && isSound(pick.point, h.vertices, 1) &&
+             allFinite(pick.at.weight.data(), 3) && allFinite(pick.target.data(), 3) && pick.frequency_hz >= 0.1F &&
+             pick.frequency_hz <= 100.0F && pick.most_force >= 0;
+  }
+  for (std::uint32_t i = 0; i < h.forces; ++i) {
+    const auto force = reader.get<internal::PointForce>();
+    sound &= isSound(force.point, h.vertices, 0) && allFinite(force.force.data(), 3);
   }
   for (std::uint32_t i = 0; i < h.history_positions; ++i) reader.get<Vec3>();
   for (std::uint32_t i = 0; i < h.history_columns; ++i) reader.get<internal::ClusterColumns>();
@@ -186,8 +208,6 @@ const char* faultOf(std::span<const std::byte> bytes, const Body& body) {
   return sound ? "" : "the saved state is damaged";
 }
 
-}  // namespace
-
 std::size_t World::stateBytes(BodyId id) const {
   const Body* body = impl_->seen(id, "stateBytes");
   return body != nullptr ? totalBytes(headerOf(*body)) : 0;
@@ -205,6 +225,7 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
   writer.put(body->v.data(), header.vertices);
   writer.put(body->pins.data(), header.pins);
   writer.put(body->picks.data(), header.picks);
+  writer.put(body->forces.data(), header.forces);
   writer.put(body->history.positions.data(), header.history_positions);
   writer.put(body->history.columns.data(), header.history_columns);
   writer.put(body->activation.data(), header.channels);
@@ -231,7 +252,8 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
 Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> bytes) {
   Body* body = impl_->find(id, "restoreState");
   if (body == nullptr) return Error{"restoreState: no such body"};
-  if (const char* fault = faultOf(bytes, *body); *fault != '\0') return impl_->refuse("restoreState: %s", fault);
+  if (const char* fault = internal::faultOfState(bytes, *body); *fault != '\0')
+    return impl_->refuse("restoreState: %s", fault);
   StateHeader header;
   Reader reader(bytes.data());
   reader.get(&header, 1);
@@ -240,6 +262,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   const bool reserved = impl_->guarded("restoreState", false, [&] {
     body->pins.reserve(header.pins);
     body->picks.reserve(header.picks);
+    body->forces.resize(header.forces);
     if (body->settings.keep_previous) keepHistory(*body);
     Reader tail(bytes.data() + header.bytes - header.solver_bytes -
                 bytesOf<internal::PinnedVertex>(header.pinned_vertices) - bytesOf<SavedPinSet>(header.pin_sets));
@@ -275,6 +298,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
     impl_->next_pick = std::max(impl_->next_pick, pick.id + 1);
     body->picks.push_back(pick);
   }
+  reader.get(body->forces.data(), header.forces);
   body->still = header.still;
   body->repaired = header.repaired;
   if (body->settings.keep_previous) keepHistory(*body);  // where the saved body kept none

@@ -87,22 +87,6 @@ void World::Impl::holdsChanged(Body& body) {
   body.solver->holdsChanged();
 }
 
-std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
-  for (const internal::BodyPointer& body : bodies) {
-    for (std::size_t i = 0; i < body->picks.size(); ++i) {
-      if (body->picks[i].id == id.value) return {body.get(), i};
-    }
-  }
-  return {nullptr, 0};
-}
-
-std::pair<Body*, std::size_t> World::Impl::findPick(PickId id, const char* call) const {
-  if (isStepping(call)) return {nullptr, 0};
-  const auto found = findPick(id);
-  if (found.first == nullptr) tell(LogSeverity::error, "%s: there is no such pick", call);
-  return found;
-}
-
 bool internal::isProper(const Mat3& rotation) {
   const Matrix3 m = Eigen::Map<const Matrix3>(rotation.data()), product = m * m.transpose();
   float off2 = 0;
@@ -173,8 +157,8 @@ bool actsAlike(const WorldSettings& a, const WorldSettings& b) {
   const GroundPlane &one = a.ground, &other = b.ground;
   const bool same_ground = one.enabled == other.enabled && one.normal == other.normal && one.offset == other.offset &&
                            one.friction == other.friction;
-  return a.gravity == b.gravity && same_ground && a.collisions == b.collisions &&
-         (a.sleep_seconds > 0) == (b.sleep_seconds > 0);
+  return a.gravity == b.gravity && a.wind == b.wind && a.air_density == b.air_density && same_ground &&
+         a.collisions == b.collisions && (a.sleep_seconds > 0) == (b.sleep_seconds > 0);
 }
 
 // Settings with every value in range, and a text for each value that was replaced.
@@ -208,6 +192,8 @@ CheckedSettings checked(const WorldSettings& given) {
   in_range("support_damping", s.support_damping);
   in_range("ground.friction", s.ground.friction);
   in_range("sleep_seconds", s.sleep_seconds);
+  check("wind", usable(s.wind), s.wind, Vec3{0, 0, 0});
+  in_range("air_density", s.air_density);
   const float substep = s.substep_seconds > 1 ? 1.0F : 1e-5F;
   check("substep_seconds", s.substep_seconds >= 1e-5F && s.substep_seconds <= 1, s.substep_seconds, substep);
   check("most_substeps", s.most_substeps >= 1 && s.most_substeps <= 1000, s.most_substeps,
@@ -253,6 +239,13 @@ World& World::operator=(World&&) noexcept = default;
 WorldSettings& World::settings() { return impl_->settings; }
 const WorldSettings& World::settings() const { return impl_->settings; }
 
+const char* internal::faultOf(const BodySettings& settings) {
+  if (!(settings.friction <= 1e4F)) return "BodySettings::friction must be at most 1e4";
+  if (!(std::abs(settings.gravity_scale) <= 1e4F)) return "BodySettings::gravity_scale must be -1e4 to 1e4";
+  if (!(settings.drag >= 0 && settings.drag <= 1e4F)) return "BodySettings::drag must be 0 to 1e4";
+  return nullptr;
+}
+
 namespace {
 
 // Why a body cannot be added; null if it can.
@@ -261,7 +254,6 @@ const char* faultOf(const Asset* asset, const BodySettings& settings) {
   if (!internal::kernelsRun()) return "addBody: this build has no kernels for this processor";
   if (!usable(settings.position)) return "addBody: BodySettings::position is not finite, or beyond 1e15 m";
   if (!internal::isProper(settings.rotation)) return "addBody: BodySettings::rotation is not a proper rotation";
-  if (!(settings.friction <= 1e4F)) return "addBody: BodySettings::friction must be at most 1e4";
   if (!(settings.stiffness_scale >= 0 && settings.stiffness_scale <= 1e6F)) {
     return "addBody: BodySettings::stiffness_scale must be 0 to 1e6";
   }
@@ -277,18 +269,12 @@ const SolverFactory& solverOf(const BodySettings& settings) {
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
   if (impl_->isStepping("addBody")) return Error{"addBody: another thread steps this world"};
   if (const char* fault = faultOf(asset.get(), settings)) return Error{fault};
+  if (const char* fault = internal::faultOf(settings)) return impl_->refuse("addBody: %s", fault);
   if (const char* fault = solverOf(settings).faultOf(*asset)) return Error{fault};
   return impl_->guarded("addBody", Result<BodyId>(Error{"addBody: out of memory"}), [&]() -> Result<BodyId> {
     // All that can fail comes before the body is in its place.
     std::pmr::memory_resource* memory = impl_->memory;
-    void* place = memory->allocate(sizeof(Body), alignof(Body));
-    internal::BodyPointer body;
-    try {
-      body = {new (place) Body(std::move(asset), settings, solverOf(settings), memory), internal::BodyRelease{memory}};
-    } catch (...) {
-      memory->deallocate(place, sizeof(Body), alignof(Body));
-      throw;
-    }
+    internal::BodyPointer body = internal::makeBody(std::move(asset), settings, solverOf(settings), memory);
     internal::setPackagePins(*body, impl_->next_pin_set);
     body->reset();
     keepHistory(*body);
@@ -310,6 +296,7 @@ bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
 void World::resetBody(BodyId id) {
   Body* body = impl_->find(id, "resetBody");
   if (body == nullptr) return;
+  setActivity(id, Activity::active);
   // All that can fail comes first.
   impl_->guarded("resetBody", false, [&] {
     internal::setPackagePins(*body, impl_->next_pin_set);
@@ -320,9 +307,29 @@ void World::resetBody(BodyId id) {
   });
 }
 
+const BodySettings& World::bodySettings(BodyId id) const { return impl_->find(id)->settings; }
+
+bool World::setBodySettings(BodyId id, const BodySettings& settings) {
+  Body* body = impl_->find(id, "setBodySettings");
+  if (body == nullptr) return false;
+  if (const char* fault = internal::faultOf(settings)) {
+    impl_->tell(LogSeverity::error, "setBodySettings: %s", fault);
+    return false;
+  }
+  impl_->changed(*body);
+  // A two-step formula does not reach across another weight.
+  if (body->settings.gravity_scale != settings.gravity_scale) body->solver->addMotion({0, 0, 0}, {0, 0, 0}, {0, 0, 0});
+  body->settings.friction = settings.friction;
+  body->settings.layers = settings.layers;
+  body->settings.touches = settings.touches;
+  body->settings.gravity_scale = settings.gravity_scale;
+  body->settings.drag = settings.drag;
+  return true;
+}
+
 bool World::isAsleep(BodyId id) const {
   const Body* body = impl_->find(id, "isAsleep");
-  return body != nullptr && body->asleep();
+  return body != nullptr && body->asleep() && body->activity == Activity::active;
 }
 
 void World::wake(BodyId id) {
@@ -402,7 +409,7 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   if (!actsAlike(sound, acting)) internal::wakeAll(bodies);
   acting = sound;
   for (internal::Collider& collider : colliders) {
-    collider.move(share);
+    collider.move(share, seconds);
     if (collider.moves()) internal::wakeIn(bodies, collider.bounds());
   }
   met.clear();
@@ -416,7 +423,11 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
   }
   for (const internal::Collider& collider : colliders) met.push_back(&collider);
   internal::stepWorld(bodies, step_scratch, together, {sound, {met.data(), met.size()}}, jobs, seconds, share);
+  for (internal::Collider& collider : colliders) collider.impulse_before = collider.impulse;
   gatherTouches();
+  for (internal::Collider& collider : colliders) {
+    collider.giveWay(collider.impulse - collider.impulse_before, seconds);
+  }
   for (const internal::BodyPointer& body : bodies) {
     if (body->repaired == 0) continue;
     tell(LogSeverity::warning,
@@ -438,6 +449,7 @@ void World::step(float seconds) {
     impl_->forgetTouches();
     impl_->shown = 1;
     impl_->stepOnce(settings, double(seconds), 1);
+    impl_->forgetForces();
     return true;
   });
 }
@@ -458,6 +470,7 @@ std::uint32_t World::advance(float seconds) {
     impl_->keepDrawn();
     if (steps > 0) impl_->forgetTouches();
     for (std::uint32_t i = 0; i < steps; ++i) impl_->stepOnce(settings, h, 1.0 / (steps - i));
+    if (steps > 0) impl_->forgetForces();
     impl_->left_over = std::max(0.0, time - whole * h);
     impl_->shown = impl_->left_over / h;
     return steps;
@@ -688,6 +701,9 @@ Result<ColliderId> World::addCollider(const ColliderShape& shape, const Collider
         if (!(isWeight(settings.mass) && std::all_of(settings.inertia.begin(), settings.inertia.end(), isWeight))) {
           return impl_->refuse("addCollider: mass and inertia must be 0 or more, and finite");
         }
+        if (!(settings.most_speed > 0)) {
+          return impl_->refuse("addCollider: ColliderSettings::most_speed must be above 0");
+        }
         const auto& added = impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
         internal::wakeIn(impl_->bodies, added.bounds());
         return ColliderId{impl_->next_collider++};
@@ -724,55 +740,6 @@ ColliderReaction World::colliderReaction(ColliderId id) const {
 }
 
 std::span<const ContactEvent> World::contactEvents() const { return {impl_->events.data(), impl_->events.size()}; }
-
-PickId World::pick(BodyId id, std::uint32_t visual_vertex, Vec3 target, float frequency_hz, float most_force) {
-  Body* body = impl_->find(id, "pick");
-  if (body == nullptr) return {};
-  if (visual_vertex >= body->package().visualPositions().size()) {
-    impl_->tell(LogSeverity::error, "pick: body %u has no visual vertex %u", id.value, visual_vertex);
-    return {};
-  }
-  if (!usable(target) || std::isnan(frequency_hz)) {
-    impl_->tell(LogSeverity::error, "pick: target or frequency is not finite, or the target beyond 1e15 m");
-    return {};
-  }
-  if (!(most_force >= 0)) {
-    impl_->tell(LogSeverity::error, "pick: the largest force is negative or not a number");
-    return {};
-  }
-  return impl_->guarded("pick", PickId{}, [&] {
-    const PickId pick{impl_->next_pick};
-    body->picks.push_back({pick.value, visual_vertex, target, std::clamp(frequency_hz, 0.1F, 100.0F), most_force});
-    ++impl_->next_pick;
-    impl_->holdsChanged(*body);
-    return pick;
-  });
-}
-
-void World::movePick(PickId id, Vec3 target) {
-  const auto [body, index] = impl_->findPick(id, "movePick");
-  if (body == nullptr) return;
-  if (!usable(target)) {
-    impl_->tell(LogSeverity::error, "movePick: target is not finite, or beyond 1e15 m");
-    return;
-  }
-  body->picks[index].target = target;
-  internal::wake(impl_->bodies, *body);
-}
-
-void World::releasePick(PickId id) {
-  const auto [body, index] = impl_->findPick(id, "releasePick");
-  if (body == nullptr) return;
-  body->picks.erase(index);
-  impl_->holdsChanged(*body);
-}
-
-std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
-  const Body* body = impl_->find(id, "picks");
-  if (body == nullptr) return 0;
-  for (std::size_t i = 0; i < std::min(ids.size(), body->picks.size()); ++i) ids[i] = {body->picks[i].id};
-  return body->picks.size();
-}
 
 BodyEnergy World::energy(BodyId id) const {
   Body* body = impl_->seen(id, "energy");

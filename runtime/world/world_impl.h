@@ -24,6 +24,10 @@ namespace internal {
 bool isProper(const Mat3& rotation);
 /// The same with a finite position.
 bool isProper(const RigidTransform& transform);
+/// Why saved bytes cannot be restored into a body; empty if they can.
+const char* faultOfState(std::span<const std::byte> bytes, const Body& body);
+/// Why settings that may change are refused; null if they are not.
+const char* faultOf(const BodySettings& settings);
 }  // namespace internal
 
 struct SINEW_HIDDEN World::Impl {
@@ -112,6 +116,8 @@ struct SINEW_HIDDEN World::Impl {
   /// Reactions and events of a step. May throw std::bad_alloc.
   void gatherTouches();
 
+  /// Visual vertices as they are drawn. May throw.
+  void drawInto(const internal::Body& body, internal::Array<Vec3>& drawn) const;
   /// Calls visit with the visual vertices of each body that a filter lets through. May throw.
   void forEachDrawn(const QueryFilter& filter,
                     const std::function<void(const internal::Body&, std::span<const Vec3>)>& visit) const;
@@ -129,8 +135,23 @@ struct SINEW_HIDDEN World::Impl {
   /// To be called whenever a body changes.
   void changed(internal::Body& body) {
     visual.invalidate();
-    internal::wake(bodies, body);
+    if (body.activity == Activity::active) {
+      internal::wake(bodies, body);
+    } else {
+      internal::wakeAll(bodies);
+    }
   }
+
+  /// Whether a point is one of a body; tells the log where it is not.
+  bool isOf(const internal::Body& body, const BodyPoint& at, const char* call) const;
+  /// Whether an impulse or a force is a number; tells the log where it is not.
+  bool isPush(const Vec3& push, const char* call) const;
+  void addForce(BodyId id, const BodyPoint* at, const Vec3& force);
+  void addImpulse(BodyId id, const BodyPoint* at, const Vec3& impulse);
+  /// \param to room for all of it; null: only counts. \return bytes.
+  std::size_t writeSnapshot(const World& world, std::byte* to) const;
+  /// A step, or a call of advance(), ends: its forces have acted.
+  void forgetForces();
 
   WorldSettings settings;
   WorldSettings acting;  ///< of the last step

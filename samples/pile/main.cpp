@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// Bodies that touch: a pile falls into a box on two threads, is hit by a ball, and sleeps.
+// Bodies that touch: a pile falls into a box, sleeps, and is pushed, thrown, blown at, picked, paused and put back.
 //   sample_pile PACKAGE.sinew [BODIES]
 #include <algorithm>
 #include <cmath>
@@ -13,24 +13,19 @@
 
 int main(int argc, char** argv) {
   const int count = argc > 2 ? std::atoi(argv[2]) : 30;
-  if (argc < 2 || count < 1) {
-    std::fprintf(stderr, "usage: %s PACKAGE.sinew [BODIES]\n", argv[0]);
+  const auto asset = argc > 1 ? sinew::Asset::load(argv[1]) : sinew::Error{"usage: sample_pile PACKAGE.sinew [BODIES]"};
+  if (!asset || count < 1) {
+    std::fprintf(stderr, "%s\n", asset ? "there must be a body" : asset.reason().c_str());
     return 2;
   }
-  const auto asset = sinew::Asset::load(argv[1]);
-  if (!asset) {
-    std::fprintf(stderr, "%s\n", asset.reason().c_str());
-    return 3;
-  }
-  // 1. A world in which bodies touch each other and fall asleep where they rest.
+  // 1. A world in which bodies touch each other and fall asleep where they rest, in two threads.
   sinew::ThreadPool pool(2);
   sinew::WorldSettings settings;
-  settings.ground.enabled = true;
-  settings.collisions = true;
+  settings.ground.enabled = settings.collisions = true;
   settings.sleep_seconds = 0.5F;
   sinew::World world(settings, &pool);
 
-  // 2. Four walls, and a ball that an engine moves.
+  // 2. Four walls, and a hand that follows a cursor at its own speed and gives way by its mass.
   const float diagonal = (*asset)->package().info().diagonal;
   const int side = std::max(2, int(std::cbrt(float(count))));
   const float half = 0.6F * diagonal * float(side);
@@ -42,39 +37,43 @@ int main(int argc, char** argv) {
     at.at.position[across] = (wall % 2 == 0 ? 1.0F : -1.0F) * (half + diagonal);
     if (!world.addCollider(box, at)) return 3;
   }
-  sinew::ColliderSettings ball_at;
-  ball_at.at.position = {0, 30 * diagonal, 0};
-  const auto ball = world.addCollider(sinew::SphereShape{0.5F * diagonal}, ball_at);
+  const float mass = (*asset)->package().info().total_mass;
+  const auto hand = world.addCollider(sinew::SphereShape{0.5F * diagonal},
+                                      {.at = {{0, 30 * diagonal, 0}}, .most_speed = 20 * diagonal, .mass = 50 * mass});
 
   // 3. Bodies of one asset share its data: each costs what moves of it.
   std::vector<sinew::BodyId> bodies;
   for (int i = 0; i < count; ++i) {
     sinew::BodySettings place;
     const auto along = [&](int k) { return 1.1F * diagonal * (float(k) - 0.5F * float(side - 1)); };
-    const int layer = i / (side * side);
-    place.position = {along(i % side), diagonal * (1 + float(layer)), along(i / side % side)};
+    place.position = {along(i % side), diagonal * (1 + float(i / (side * side))), along(i / side % side)};
     const float turn = 2.4F * float(i);
     place.rotation = {std::cos(turn), 0, std::sin(turn), 0, 1, 0, -std::sin(turn), 0, std::cos(turn)};
+    place.drag = 0.1F;
     const auto body = world.addBody(*asset, place);
     if (!body) return 3;
     bodies.push_back(*body);
   }
 
-  // 4. Frames: the ball comes down after five seconds and goes up again.
+  // 4. Frames, and what happens in them.
+  std::vector<std::byte> snapshot;
+  sinew::PickId pick;
   for (int frame = 1; frame <= 900; ++frame) {
-    const float seconds = float(frame) / 60, phase = std::clamp((seconds - 5) / 4, 0.0F, 1.0F);
-    sinew::RigidTransform to = ball_at.at;
-    to.position[1] = diagonal * (30 - 29 * std::sin(3.14159F * phase));
-    world.moveCollider(*ball, to);
+    const float y = frame > 300 && frame < 450 ? diagonal : 30 * diagonal;
+    world.moveCollider(*hand, {{0, y, 0}});
+    if (frame == 450) world.saveSnapshot((snapshot.resize(world.snapshotBytes()), snapshot));
+    if (frame == 460) world.addImpulse(bodies[0], world.nearestPoint(bodies[0], {0, 0, 0}), {0, 5 * mass, 0});
+    if (frame == 500) pick = world.pickRay({0, 20 * diagonal, 0}, {0, -1, 0}, 30 * diagonal);  // none: nothing is there
+    if (frame == 500 && pick != sinew::PickId{}) world.movePick(pick, {0, 5 * diagonal, 0});
+    if (frame == 600) world.releasePicks();
+    world.settings().wind = {frame > 600 && frame < 660 ? 10.0F : 0.0F, 0, 0};
+    if (frame == 700) world.setActivity(bodies[0], sinew::Activity::paused);
+    if (frame == 750 && !world.restoreSnapshot(snapshot)) return 3;  // as it was at frame 450
     world.advance(1.0F / 60);
     for (const sinew::ContactEvent& event : world.contactEvents()) {
-      if (event.collider == *ball && event.began)
-        std::printf("%.2f s: the ball hits body %u\n", double(seconds), event.body);
+      if (event.collider == *hand && event.began) std::printf("frame %d: the hand hits body %u\n", frame, event.body);
     }
-    if (frame % 150 != 0) continue;
-    const auto sleeping =
-        std::count_if(bodies.begin(), bodies.end(), [&](sinew::BodyId id) { return world.isAsleep(id); });
-    std::printf("%.2f s: %d of %d asleep\n", double(seconds), int(sleeping), count);
+    const auto sleeping = std::count_if(bodies.begin(), bodies.end(), [&](auto id) { return world.isAsleep(id); });
+    if (frame % 150 == 0) std::printf("frame %d: %d of %d asleep\n", frame, int(sleeping), count);
   }
-  return 0;
 }

@@ -548,6 +548,91 @@ static void testPool(const sinew_asset* asset) {
   sinew_thread_pool_destroy(NULL);
 }
 
+static void testInteraction(const sinew_asset* asset) {
+  sinew_world* world = NULL;
+  sinew_world_settings settings;
+  sinew_body_settings body_settings;
+  sinew_body_point point;
+  sinew_body_motion motion;
+  sinew_collider_settings hand;
+  sinew_shape ball;
+  const float none[3] = {0, 0, 0}, up[3] = {0, 2, 0}, far_place[3] = {0, 100, 0}, down[3] = {0, -1, 0};
+  float place[3];
+  uint32_t body, collider, pick, count, activity, ids[2];
+  size_t size = 0, written = 0;
+  void* bytes;
+  sinew_world_settings_init(&settings, sizeof settings);
+  CHECK(settings.air_density > 1 && settings.wind[0] == 0);
+  settings.gravity[1] = settings.damping = 0;
+  CHECK_OK(sinew_world_create(&settings, NULL, &world));
+  sinew_body_settings_init(&body_settings, sizeof body_settings);
+  CHECK(body_settings.gravity_scale == 1 && body_settings.drag == 0);
+  body_settings.package_pins = 0;
+  CHECK_OK(sinew_body_add(world, asset, &body_settings, &body));
+  motion.struct_size = sizeof motion;
+  CHECK_OK(sinew_body_get_motion(world, body, &motion));
+  CHECK(motion.mass > 0 && motion.velocity[1] == 0);
+  {
+    const float impulse[3] = {0, motion.mass, 0};
+    CHECK_OK(sinew_body_add_impulse(world, body, NULL, impulse));
+    CHECK_OK(sinew_body_get_motion(world, body, &motion));
+    CHECK(motion.velocity[1] > 0.999f && motion.velocity[1] < 1.001f);
+    CHECK_OK(sinew_body_nearest_point(world, body, far_place, &point));
+    CHECK_OK(sinew_body_place_of(world, body, &point, place));
+    CHECK_OK(sinew_body_add_force(world, body, &point, impulse));
+    CHECK_OK(sinew_world_step(world, 1.0f / 60));
+    CHECK_OK(sinew_body_get_motion(world, body, &motion));
+    CHECK(motion.velocity[1] > 1.01f && motion.velocity[1] < 1.02f);
+  }
+  CHECK_OK(sinew_body_set_velocity(world, body, none, NULL));
+  point.weight[0] = 7;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_add_force(world, body, &point, up));
+  body_settings.drag = -1;
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_set_settings(world, body, &body_settings));
+  body_settings.drag = 2;
+  CHECK_OK(sinew_body_set_settings(world, body, &body_settings));
+  CHECK_OK(sinew_body_get_settings(world, body, &body_settings));
+  CHECK(body_settings.drag == 2);
+  place[1] += 10;
+  CHECK_OK(sinew_world_pick_ray(world, place, down, 100, 4, 0, &pick));
+  CHECK_OK(sinew_world_pick_along(world, place, down, 100, 1, &ids[0]));
+  CHECK(ids[0] == pick);
+  if (pick != SINEW_NONE) {
+    CHECK_OK(sinew_pick_lock(world, pick, 1));
+    CHECK_OK(sinew_pick_let_go(world, pick));
+    CHECK_OK(sinew_pick_move(world, pick, up));
+  }
+  CHECK_OK(sinew_picks_release(world, SINEW_NONE));
+  CHECK_OK(sinew_body_picks(world, body, NULL, 0, &count));
+  CHECK(count == 0);
+  sinew_shape_init(&ball, sizeof ball);
+  sinew_collider_settings_init(&hand, sizeof hand);
+  hand.most_speed = 3;
+  hand.position[1] = 50;
+  CHECK_OK(sinew_collider_add(world, &ball, &hand, &collider));
+  CHECK_OK(sinew_world_bodies(world, ids, 2, &count));
+  CHECK(count == 1 && ids[0] == body);
+  CHECK_OK(sinew_world_colliders(world, ids, 2, &count));
+  CHECK(count == 1 && ids[0] == collider);
+  CHECK_OK(sinew_body_pin_sets(world, body, ids, 2, &count));
+  CHECK(count == 0);
+  CHECK_OK(sinew_body_set_activity(world, body, SINEW_PAUSED));
+  CHECK_OK(sinew_body_get_activity(world, body, &activity));
+  CHECK(activity == SINEW_PAUSED);
+  CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_body_set_activity(world, body, 9));
+  CHECK_OK(sinew_world_snapshot_size(world, &size));
+  bytes = malloc(size);
+  CHECK_FAILS(SINEW_ERROR_CAPACITY, sinew_world_save(world, bytes, size - 1, &written));
+  CHECK_OK(sinew_world_save(world, bytes, size, &written));
+  CHECK(written == size);
+  CHECK_OK(sinew_body_remove(world, body));
+  CHECK_FAILS(SINEW_ERROR_STATE, sinew_world_restore(world, bytes, size, NULL, 0));
+  CHECK_OK(sinew_world_restore(world, bytes, size, &asset, 1));
+  CHECK(sinew_body_exists(world, body));
+  free(bytes);
+  sinew_world_destroy(world);
+}
+
 int main(int argc, char** argv) {
   sinew_asset* asset = NULL;
   if (argc != 2) {
@@ -558,6 +643,7 @@ int main(int argc, char** argv) {
   if (asset != NULL) {
     testMotion(asset);
     testColliders(asset);
+    testInteraction(asset);
     testPool(asset);
   }
   sinew_asset_release(asset);

@@ -77,6 +77,30 @@ TEST(Allocation, NoneWhereBodiesFallAsleep) {
   EXPECT_EQ(allocations, before);
 }
 
+TEST(Allocation, NoneWithAirAndAHand) {
+  WorldSettings settings;
+  settings.wind = {3, 0, 0};
+  World world(settings);
+  BodySettings in_air;
+  in_air.drag = 1;
+  const BodyId body = *world.addBody(makeAsset(boxContent({})), in_air);
+  ColliderSettings hand;
+  hand.at.position = {-2, 0, 0};
+  hand.most_speed = 1;
+  hand.mass = 3;
+  const ColliderId ball = *world.addCollider(SphereShape{0.5F}, hand);
+  world.addForce(body, {1, 0, 0});
+  world.step(1.0F / 60);
+  const std::size_t before = allocations;
+  for (int i = 0; i < 60; ++i) {
+    world.addForce(body, {1, 0, 0});
+    world.addImpulse(body, BodyPoint::visualVertex(0), {0, 1, 0});
+    world.moveCollider(ball, {{1, 0, 0}});
+    world.step(1.0F / 60);
+  }
+  EXPECT_EQ(allocations, before);
+}
+
 TEST(Allocation, NoneWithMechanicsAndPinSets) {
   for (const PinMethod method :
        {PinMethod::hold, PinMethod::infinite_mass, PinMethod::matrix, PinMethod::constrained_fit}) {

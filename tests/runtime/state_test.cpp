@@ -203,7 +203,7 @@ TEST(State, PicksComeBackWithTheirIdsUnlessTaken) {
 }
 
 // Bytes of a saved state before its vertices; the checksum is the last eight.
-constexpr std::size_t kHeader = 80;
+constexpr std::size_t kHeader = 96;
 
 // Makes the checksum of damaged bytes right again.
 void seal(std::vector<std::byte>& bytes) {
@@ -246,7 +246,7 @@ TEST(State, DamagedBytesAreRefusedAndChangeNothing) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const std::uint32_t far = 1U << 30;
   std::uint64_t solver_bytes = 0;
-  std::memcpy(&solver_bytes, bytes.data() + 64, sizeof solver_bytes);
+  std::memcpy(&solver_bytes, bytes.data() + 80, sizeof solver_bytes);
   const std::size_t positions = kHeader, pins = positions + 24 * world.positions(body).size();
   const std::size_t piece = bytes.size() - solver_bytes;
   const auto refused = [&](std::size_t place, const void* value) {

@@ -136,6 +136,64 @@ TEST(Touch, StacksComeToRest) {
   }
 }
 
+TEST(Touch, RestsOnWhatIsPausedAndFallsThroughWhatIsDisabled) {
+  const auto asset = touchingBox({1, 0.6, 1});
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.sleep_seconds = 0.5F;
+  World world(settings);
+  BodySettings at;
+  at.stiffness_scale = 8;
+  const BodyId rock = *world.addBody(asset, at);
+  world.setActivity(rock, Activity::paused);
+  const std::vector<Vec3> there(world.positions(rock).begin(), world.positions(rock).end());
+  at.position = {0.1F, 0.7F, 0};
+  const BodyId body = *world.addBody(asset, at);
+  for (int i = 0; i < 1200 && !world.isAsleep(body); ++i) world.step(i % 3 == 0 ? 0.02F : kStep);
+  EXPECT_TRUE(world.isAsleep(body));
+  EXPECT_NEAR(motionOf(world, {body}).center[1], 0.6, 0.02);
+  EXPECT_TRUE(std::ranges::equal(there, world.positions(rock)));
+  world.setActivity(rock, Activity::disabled);
+  for (int i = 0; i < 60; ++i) world.step(kStep);
+  EXPECT_LT(motionOf(world, {body}).center[1], -1);
+  EXPECT_TRUE(std::ranges::equal(there, world.positions(rock)));
+}
+
+TEST(Touch, ASnapshotGoesOnBitForBit) {
+  const auto asset = touchingBox({1, 0.6, 1});
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  settings.sleep_seconds = 0.5F;
+  World world(settings);
+  std::vector<BodyId> bodies;
+  for (int i = 0; i < 3; ++i) {
+    BodySettings at;
+    at.position = {i % 2 == 0 ? 0.05F : -0.05F, 0.3F + 0.61F * float(i), 0.02F * float(i)};
+    at.stiffness_scale = 8;
+    bodies.push_back(*world.addBody(asset, at));
+  }
+  for (const int before : {20, 50, 400}) {
+    for (int i = 0; i < before; ++i) world.step(kStep);
+    std::vector<std::byte> bytes(world.snapshotBytes());
+    ASSERT_EQ(world.saveSnapshot(bytes), bytes.size());
+    const auto play = [&] {
+      std::vector<Vec3> all;
+      for (int i = 0; i < 40; ++i) {
+        world.step(kStep);
+        for (const BodyId body : bodies) {
+          all.insert(all.end(), world.positions(body).begin(), world.positions(body).end());
+        }
+      }
+      return all;
+    };
+    const std::vector<Vec3> expected = play();
+    const auto restored = world.restoreSnapshot(bytes);
+    ASSERT_TRUE(restored) << restored.reason();
+    EXPECT_TRUE(play() == expected) << before;
+  }
+}
+
 // Sides in line and twice as many points on a face as carry: at edges the nearest way out is another one in each step.
 TEST(Touch, TenInLineRestAtAnyRate) {
   const auto asset = touchingBox({1, 1, 1}, 6);

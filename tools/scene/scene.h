@@ -89,6 +89,11 @@ class Scene {
   /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
   bool drive();
   void driveChannels(double time);
+  /// What a script's hands do in the step that ends at a time.
+  void driveHands(double time);
+  /// The body whose surface lies nearest to a place, and its point there.
+  std::pair<BodyId, BodyPoint> nearest(const Vec3& place) const;
+  Vec3 placed(const std::array<double, 3>& source) const;
   std::shared_ptr<const Asset> asset_;
   SceneOptions options_;
   std::optional<SceneDrive> script_;
@@ -100,7 +105,15 @@ class Scene {
     CutPlane plane;
   };
   std::vector<Cut> cuts_;  // in order of time
-  std::size_t next_cut_ = 0;
+  std::size_t next_cut_ = 0, next_impulse_ = 0;
+  struct Hand {
+    PickId pick;
+    Vec3 start = {0, 0, 0};
+    bool done = false;
+  };
+  std::vector<Hand> hands_;                                // by pick of the script
+  std::vector<ColliderId> pushers_;                        // by push of the script; unknown: not there
+  std::vector<std::pair<BodyId, BodyPoint>> held_points_;  // by force of the script
   RigidTransform placement_;
   double time_ = 0;
   std::uint64_t steps_ = 0;

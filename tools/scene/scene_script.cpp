@@ -35,9 +35,9 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(
-        json, "",
-        {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "cuts", "camera", "note"});
+    object(json, "",
+           {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "cuts", "picks",
+            "pushes", "impulses", "forces", "wind", "drag", "camera", "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -48,6 +48,12 @@ class Reader {
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);
     if (json.contains("cuts")) cuts(json["cuts"]);
+    if (json.contains("picks")) picks(json["picks"]);
+    if (json.contains("pushes")) pushes(json["pushes"]);
+    if (json.contains("impulses")) impulses(json["impulses"]);
+    if (json.contains("forces")) forces(json["forces"]);
+    if (json.contains("wind")) script_.wind = vectorKeys(json["wind"], "/wind", "velocity");
+    script_.drag = number(json, "", "drag", 0, 0, 1e4);
     if (json.contains("camera")) camera(json["camera"]);
   }
 
@@ -183,6 +189,93 @@ class Reader {
     return result;
   }
 
+  std::vector<SceneScript::VectorKey> vectorKeys(const Json& json, const std::string& pointer, const char* name) const {
+    const std::string cure = std::string("Write [{\"time\": seconds, \"") + name + "\": [x, y, z]}, ...].";
+    filled(json, pointer, cure);
+    std::vector<SceneScript::VectorKey> keys;
+    for (std::size_t k = 0; k < json.size(); ++k) {
+      const std::string here = childPointer(pointer, k);
+      object(json[k], here, {"time", name, "note"});
+      if (!json[k].contains("time")) text_.fail(here, "a keyframe needs a time", cure);
+      const SceneScript::VectorKey key = {number(json[k], here, "time", 0, 0, kMostSeconds),
+                                          point(json[k], here, name)};
+      if (k > 0) ascending(keys.back().time, key.time, here);
+      keys.push_back(key);
+    }
+    return keys;
+  }
+  std::vector<SceneScript::VectorKey> keysOf(const Json& json, const std::string& pointer, const char* name) const {
+    return vectorKeys(json.contains("keys") ? json["keys"] : Json(), childPointer(pointer, "keys"), name);
+  }
+  std::optional<std::array<double, 3>> perhaps(const Json& json, const std::string& pointer, const char* key) const {
+    if (!json.contains(key)) return std::nullopt;
+    return point(json, pointer, key);
+  }
+  /// Calls visit(object, its place) for each object of a list.
+  template <class Visit>
+  void each(const Json& json, const std::string& pointer, std::initializer_list<std::string> keys, const Visit& visit) {
+    if (!json.is_array()) text_.fail(pointer, "is no list", "Write [{...}, ...].");
+    for (std::size_t k = 0; k < json.size(); ++k) {
+      const std::string here = childPointer(pointer, k);
+      object(json[k], here, keys);
+      visit(json[k], here);
+    }
+  }
+
+  void picks(const Json& json) {
+    each(json, "/picks", {"at", "direction", "keys", "frequency_hz", "most_force", "lock", "release", "note"},
+         [&](const Json& from, const std::string& here) {
+           if (!from.contains("at")) text_.fail(here, "a pick needs a place", "Give \"at\": [x, y, z].");
+           SceneScript::Pick pick;
+           pick.at = point(from, here, "at");
+           pick.direction = perhaps(from, here, "direction");
+           if (pick.direction && !(std::hypot((*pick.direction)[0], (*pick.direction)[1], (*pick.direction)[2]) > 0)) {
+             text_.fail(childPointer(here, "direction"), "a ray needs a direction", "Give [0, 0, -1].");
+           }
+           pick.keys = keysOf(from, here, "move");
+           pick.frequency_hz = number(from, here, "frequency_hz", 4, 0.1, 100);
+           pick.most_force = number(from, here, "most_force", 0, 0, 1e12);
+           if (from.contains("lock")) {
+             if (!from["lock"].is_boolean()) text_.fail(childPointer(here, "lock"), "needs true or false", "");
+             pick.lock = from["lock"].get<bool>();
+           }
+           if (from.contains("release")) pick.release = number(from, here, "release", 0, 0, kMostSeconds);
+           script_.picks.push_back(std::move(pick));
+         });
+  }
+
+  void pushes(const Json& json) {
+    each(json, "/pushes", {"radius", "speed", "mass", "keys", "note"}, [&](const Json& from, const std::string& here) {
+      SceneScript::Push push;
+      if (!from.contains("radius")) text_.fail(here, "a sphere needs a radius", "Give \"radius\": metres.");
+      push.radius = number(from, here, "radius", 0, 1e-9, kFar);
+      push.speed = number(from, here, "speed", 1e9, 1e-9, 1e9);
+      push.mass = number(from, here, "mass", 0, 0, 1e12);
+      push.keys = keysOf(from, here, "at");
+      script_.pushes.push_back(std::move(push));
+    });
+  }
+
+  void impulses(const Json& json) {
+    each(json, "/impulses", {"time", "at", "impulse", "note"}, [&](const Json& from, const std::string& here) {
+      if (!from.contains("time") || !from.contains("impulse")) {
+        text_.fail(here, "an impulse needs a time and a vector", "Give \"time\" and \"impulse\": [x, y, z], N s.");
+      }
+      const SceneScript::Impulse impulse = {number(from, here, "time", 0, 0, kMostSeconds), perhaps(from, here, "at"),
+                                            point(from, here, "impulse")};
+      if (!script_.impulses.empty() && impulse.time < script_.impulses.back().time) {
+        text_.fail(here, "an impulse is earlier than the one before", "Sort them by time.");
+      }
+      script_.impulses.push_back(impulse);
+    });
+  }
+
+  void forces(const Json& json) {
+    each(json, "/forces", {"at", "keys", "note"}, [&](const Json& from, const std::string& here) {
+      script_.forces.push_back({perhaps(from, here, "at"), keysOf(from, here, "force")});
+    });
+  }
+
   void camera(const Json& json) {
     object(json, "/camera", {"yaw", "pitch", "at", "height", "note"});
     SceneScript::View view;
@@ -230,6 +323,13 @@ SceneScript SceneScript::read(const std::string& file) {
 double valueAt(std::span<const SceneScript::ChannelKey> keys, double time) {
   const auto [k, part] = placeOf(keys, time);
   return part > 0 ? keys[k].value + part * (keys[k + 1].value - keys[k].value) : keys[k].value;
+}
+
+std::array<double, 3> valueAt(std::span<const SceneScript::VectorKey> keys, double time) {
+  const auto [k, part] = placeOf(keys, time);
+  std::array<double, 3> value = keys[k].value;
+  for (std::size_t a = 0; a < 3 && part > 0; ++a) value[a] += part * (keys[k + 1].value[a] - value[a]);
+  return value;
 }
 
 RigidTransform motionAt(const SceneScript::Target& target, const std::array<double, 3>& origin, double time) {

@@ -44,6 +44,33 @@ struct SceneScript {
     /// Where it ends: a quadrilateral, which gives point and normal too.
     std::optional<std::array<std::array<double, 3>, 4>> corners = std::nullopt;
   };
+  struct VectorKey {
+    double time;                  ///< s
+    std::array<double, 3> value;  ///< m, N or m/s
+  };
+  /// A cursor that grabs a point of the surface at its first key, follows its keys, and lets go at the last.
+  struct Pick {
+    std::array<double, 3> at;                        ///< at rest: the nearest point of the surface is grabbed, or
+    std::optional<std::array<double, 3>> direction;  ///< what a ray from `at` meets first
+    std::vector<VectorKey> keys;                     ///< how far from where it was grabbed
+    double frequency_hz = 4, most_force = 0;         ///< as in PickSettings
+    bool lock = false;                               ///< it stays where it is let go
+    std::optional<double> release;                   ///< s, of one that is locked
+  };
+  /// A sphere that follows a cursor, from its first key to its last.
+  struct Push {
+    double radius = 0, speed = 0, mass = 0;  ///< m, m/s, kg
+    std::vector<VectorKey> keys;             ///< places
+  };
+  struct Impulse {
+    double time;                              ///< s
+    std::optional<std::array<double, 3>> at;  ///< nearest point of the surface as it lies; none: all of the mass
+    std::array<double, 3> impulse;            ///< N s
+  };
+  struct Force {
+    std::optional<std::array<double, 3>> at;  ///< nearest point of the surface at the start; none: all of the mass
+    std::vector<VectorKey> keys;              ///< N
+  };
   struct View {
     double yaw = 0, pitch = 0;                ///< rad; 0, 0 looks along -z; positive moves the eye to +x, up
     std::optional<std::array<double, 3>> at;  ///< middle of the picture; none: the body is fitted in
@@ -58,6 +85,12 @@ struct SceneScript {
   std::vector<Channel> channels;
   std::vector<Target> targets;
   std::vector<Cut> cuts;  ///< in order of time
+  std::vector<Pick> picks;
+  std::vector<Push> pushes;
+  std::vector<Impulse> impulses;  ///< in order of time
+  std::vector<Force> forces;
+  std::vector<VectorKey> wind;  ///< m/s; empty: still air
+  double drag = 0;              ///< as BodySettings::drag
   std::optional<View> view;
   JsonText text;  ///< for messages
 
@@ -67,6 +100,7 @@ struct SceneScript {
 
 /// Smooth between keys, constant before the first and after the last. \param keys times ascending, at least one.
 double valueAt(std::span<const SceneScript::ChannelKey> keys, double time);
+std::array<double, 3> valueAt(std::span<const SceneScript::VectorKey> keys, double time);
 /// Motion of the rest shape (in the package's coordinates) that a target has at a time.
 /// \param origin the package's, which its coordinates are relative to.
 RigidTransform motionAt(const SceneScript::Target& target, const std::array<double, 3>& origin, double time);

@@ -56,6 +56,12 @@ void ViewInput::keys(const ViewLayout& layout, Play& play, Shown& shown) {
       case GLFW_KEY_F:
         fit(layout, play);
         break;
+      case GLFW_KEY_L:
+        play.lock();
+        break;
+      case GLFW_KEY_U:
+        play.releaseAll();
+        break;
       case GLFW_KEY_P:
         shown.physical = !shown.physical;
         break;
@@ -99,6 +105,10 @@ void ViewInput::mouse(const ViewLayout& layout, Play& play) {
 }
 
 bool ViewInput::grab(const Eigen::Vector3f& ray, Play& play) {
+  if (play.regrab(camera_.eye() * play.diagonal(), ray)) {
+    grab_hit_ = play.grabbed()->start / play.diagonal();
+    return true;
+  }
   const auto triangles = play.package().visualTriangles();
   const auto hit = hitTriangles(play.shape().positions, triangles, camera_.eye() * play.diagonal(), ray);
   if (!hit) return false;

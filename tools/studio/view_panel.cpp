@@ -234,7 +234,8 @@ void drawViewHelp(const ViewLayout& layout, int width, int height) {
   ImGui::PushTextWrapPos(0);
   ImGui::TextUnformatted(
       "Drag the body: pull it.  Beside it, or right button: orbit.  Middle or Shift: pan.  Wheel: zoom.\n"
-      "Space: play   N: step   R: reset   F: fit   P: physical mesh   C: clusters   1-8: scenes");
+      "Space: play   N: step   R: reset   L: lock the pull   U: let all go   F: fit   P: physical mesh   C: clusters   "
+      "1-8: scenes");
   ImGui::PopTextWrapPos();
   ImGui::End();
 }

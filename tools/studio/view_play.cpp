@@ -13,6 +13,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double kStepSeconds = 1.0 / 60;
 constexpr int kMostStepsPerFrame = 4;  // a slow machine shows slow motion instead of falling ever further behind
 constexpr float kPickHz = 10;
+constexpr float kFarDiagonals = 1e3F, kNearDiagonals = 0.02F;  // of what a ray meets; of a pick beside it
 
 }  // namespace
 
@@ -84,6 +85,22 @@ void Play::advance(double elapsed) {
   captureShape(*scene_, shape_);
 }
 
+bool Play::regrab(const Eigen::Vector3f& from, const Eigen::Vector3f& along) {
+  World& world = scene_->world();
+  const PickId pick = world.pickAlong({from.x(), from.y(), from.z()}, {along.x(), along.y(), along.z()},
+                                      kFarDiagonals * diagonal(), kNearDiagonals * diagonal());
+  if (pick == PickId{}) return false;
+  world.lockPick(pick, false);
+  const PickState state = world.pickState(pick);
+  std::uint32_t first = 0;
+  for (std::size_t body = 0; scene_->bodies()[body] != state.body; ++body) {
+    first += static_cast<std::uint32_t>(shape_.assets[body]->package().visualPositions().size());
+  }
+  const Eigen::Vector3f target(state.target[0], state.target[1], state.target[2]);
+  grabbed_ = {first + state.at.vertex[0], target, target, pick};
+  return true;
+}
+
 void Play::grab(std::uint32_t vertex) {
   const Eigen::Vector3f& at = shape_.positions[vertex];
   std::uint32_t own = vertex;
@@ -93,7 +110,9 @@ void Play::grab(std::uint32_t vertex) {
     if (own < count) break;
     own -= count;
   }
-  grabbed_ = {vertex, at, at, scene_->world().pick(scene_->bodies()[body], own, {at.x(), at.y(), at.z()}, kPickHz)};
+  grabbed_ = {vertex, at, at,
+              scene_->world().pick(scene_->bodies()[body], BodyPoint::visualVertex(own), {at.x(), at.y(), at.z()},
+                                   {.frequency_hz = kPickHz})};
 }
 
 void Play::moveGrab(const Eigen::Vector3f& target) {
@@ -102,8 +121,17 @@ void Play::moveGrab(const Eigen::Vector3f& target) {
 }
 
 void Play::release() {
-  if (grabbed_) scene_->world().releasePick(grabbed_->pick);
+  if (grabbed_) scene_->world().letGoPick(grabbed_->pick);
   grabbed_.reset();
+}
+
+void Play::lock() {
+  if (grabbed_) scene_->world().lockPick(grabbed_->pick);
+}
+
+void Play::releaseAll() {
+  grabbed_.reset();
+  scene_->world().releasePicks();
 }
 
 }  // namespace sinew::tools

@@ -46,9 +46,14 @@ class Play {
     PickId pick;
   };
   void grab(std::uint32_t vertex);
+  /// Takes up a locked pick beside a ray, where there is one. \param from metres. \param along unit.
+  bool regrab(const Eigen::Vector3f& from, const Eigen::Vector3f& along);
   /// \param target metres
   void moveGrab(const Eigen::Vector3f& target);
+  /// Lets go; what is locked stays.
   void release();
+  void lock();
+  void releaseAll();
   const std::optional<Grab>& grabbed() const { return grabbed_; }
 
   Scene& scene() { return *scene_; }

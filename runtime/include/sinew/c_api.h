@@ -149,6 +149,8 @@ typedef struct sinew_world_settings {
   uint32_t most_substeps;          /* that one call of it takes, 1..1000; 8 */
   float sleep_seconds;             /* what rests so long falls asleep, s; 0 never; 0 */
   uint32_t collisions;             /* 0 or 1: bodies touch each other, where their packages have distances; 0 */
+  float wind[3];                   /* velocity of the air, m/s; 0 0 0 */
+  float air_density;               /* kg/m^3, 0..1e4; 1.2 */
 } sinew_world_settings;
 
 SINEW_API void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_size);
@@ -187,6 +189,8 @@ typedef struct sinew_body_settings {
   float friction;             /* Coulomb coefficient, 0..1e4; below 0: that of the ground; -1 */
   uint32_t layers;            /* bits: a pair touches where each has a layer that the other's touches has; 1 */
   uint32_t touches;           /* all */
+  float gravity_scale;        /* times the world's gravity, -1e4..1e4; 1 */
+  float drag;                 /* of the air, by area of surface, 0..1e4: see sinew::BodySettings; 0 */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -262,12 +266,69 @@ SINEW_API sinew_status sinew_body_set_activation(sinew_world* world, uint32_t bo
 SINEW_API sinew_status sinew_body_set_activation_by_name(sinew_world* world, uint32_t body, const char* channel,
                                                          float value);
 
+/* Changes friction, layers, touches, gravity_scale and drag of a body; get gives all that it has. */
+SINEW_API sinew_status sinew_body_set_settings(sinew_world* world, uint32_t body, const sinew_body_settings* settings);
+SINEW_API sinew_status sinew_body_get_settings(const sinew_world* world, uint32_t body, sinew_body_settings* settings);
+
+#define SINEW_ACTIVE 0u
+#define SINEW_PAUSED 1u   /* it stands where it is as if it were rock */
+#define SINEW_DISABLED 2u /* it stands, and neither touches nor is found */
+SINEW_API sinew_status sinew_body_set_activity(sinew_world* world, uint32_t body, uint32_t activity);
+SINEW_API sinew_status sinew_body_get_activity(const sinew_world* world, uint32_t body, uint32_t* activity);
+
+/* A point of a body that stays with its material: of a triangle of visual or physical vertices. */
+typedef struct sinew_body_point {
+  uint32_t vertex[3];
+  float weight[3];   /* of these, sum 1 */
+  uint32_t physical; /* 1: vertices are physical ones; 0: visual ones */
+} sinew_body_point;
+
+/* The point of the drawn surface that lies nearest to a place (m, world), and where a point lies. */
+SINEW_API sinew_status sinew_body_nearest_point(const sinew_world* world, uint32_t body, const float place[3],
+                                                sinew_body_point* point);
+SINEW_API sinew_status sinew_body_place_of(const sinew_world* world, uint32_t body, const sinew_body_point* point,
+                                           float place[3]);
+/* Gives a body momentum, N s, or pulls it in the next step, or call of sinew_world_advance() that takes one, N: at a
+   point, or where at is null on all of its mass alike. */
+SINEW_API sinew_status sinew_body_add_impulse(sinew_world* world, uint32_t body, const sinew_body_point* at,
+                                              const float impulse[3]);
+SINEW_API sinew_status sinew_body_add_force(sinew_world* world, uint32_t body, const sinew_body_point* at,
+                                            const float force[3]);
+
+/* The mean motion of a body's mass: its centre (m), velocities (m/s, rad/s) and mass (kg). */
+typedef struct sinew_body_motion {
+  uint32_t struct_size;
+  float center[3], velocity[3], angular_velocity[3];
+  float mass;
+} sinew_body_motion;
+
+/* Fills as much of motion as motion->struct_size (set by the caller) has room for. */
+SINEW_API sinew_status sinew_body_get_motion(const sinew_world* world, uint32_t body, sinew_body_motion* motion);
+/* Makes this the mean motion; how the body deforms stays. angular_velocity may be null (0). */
+SINEW_API sinew_status sinew_body_set_velocity(sinew_world* world, uint32_t body, const float velocity[3],
+                                               const float angular_velocity[3]);
+
 /* Pulls the point that a visual vertex is attached to towards a place (m, world), as a spring of this frequency
    (Hz, 0.1 .. 100), critically damped, with at most most_force (N; 0: 50 times the body's weight on Earth). */
 SINEW_API sinew_status sinew_body_pick(sinew_world* world, uint32_t body, uint32_t visual_vertex, const float target[3],
                                        float frequency_hz, float most_force, uint32_t* pick);
 SINEW_API sinew_status sinew_pick_move(sinew_world* world, uint32_t pick, const float target[3]);
 SINEW_API sinew_status sinew_pick_release(sinew_world* world, uint32_t pick);
+/* The same of a point, and of what a ray (unit direction, within distance) meets first: pick SINEW_NONE where that is
+   no body. */
+SINEW_API sinew_status sinew_body_pick_point(sinew_world* world, uint32_t body, const sinew_body_point* at,
+                                             const float target[3], float frequency_hz, float most_force,
+                                             uint32_t* pick);
+SINEW_API sinew_status sinew_world_pick_ray(sinew_world* world, const float origin[3], const float direction[3],
+                                            float distance, float frequency_hz, float most_force, uint32_t* pick);
+/* The pick whose target or point lies nearest to a ray, within radius (m): to take it up again; or SINEW_NONE. */
+SINEW_API sinew_status sinew_world_pick_along(const sinew_world* world, const float origin[3], const float direction[3],
+                                              float distance, float radius, uint32_t* pick);
+/* A locked pick stays where sinew_pick_let_go() leaves it; others that releases. */
+SINEW_API sinew_status sinew_pick_lock(sinew_world* world, uint32_t pick, uint32_t locked);
+SINEW_API sinew_status sinew_pick_let_go(sinew_world* world, uint32_t pick);
+/* All picks of a body; body SINEW_NONE: of the world. */
+SINEW_API sinew_status sinew_picks_release(sinew_world* world, uint32_t body);
 /* The ids of a body's picks, as many as fit into `capacity`. count: how many it has. */
 SINEW_API sinew_status sinew_body_picks(const sinew_world* world, uint32_t body, uint32_t* picks, uint32_t capacity,
                                         uint32_t* count);
@@ -314,6 +375,7 @@ typedef struct sinew_collider_settings {
   uint32_t touches;  /* all */
   float mass;        /* kg, of the engine's rigid body; 0: it moves as it is told; 0 */
   float inertia[3];  /* kg m^2, along its axes; 0: it does not turn about that; 0 0 0 */
+  float most_speed;  /* m/s, above 0, at which sinew_collider_move() is followed; infinity: in a step */
 } sinew_collider_settings;
 
 SINEW_API void sinew_collider_settings_init(sinew_collider_settings* settings, size_t struct_size);
@@ -374,6 +436,20 @@ SINEW_API sinew_status sinew_world_overlaps_box(const sinew_world* world, const 
                                                 const float position[3], const float rotation[9],
                                                 const sinew_query_filter* filter, sinew_query_object* objects,
                                                 uint32_t capacity, uint32_t* count);
+
+/* The bodies, colliders and pin sets there are, as many as fit into `capacity`. count: how many there are. */
+SINEW_API sinew_status sinew_world_bodies(const sinew_world* world, uint32_t* bodies, uint32_t capacity,
+                                          uint32_t* count);
+SINEW_API sinew_status sinew_world_colliders(const sinew_world* world, uint32_t* colliders, uint32_t capacity,
+                                             uint32_t* count);
+SINEW_API sinew_status sinew_body_pin_sets(const sinew_world* world, uint32_t body, uint32_t* pin_sets,
+                                           uint32_t capacity, uint32_t* count);
+
+/* The state of a whole world as bytes: see sinew::World::saveSnapshot. assets: of bodies that the world has not. */
+SINEW_API sinew_status sinew_world_snapshot_size(const sinew_world* world, size_t* size);
+SINEW_API sinew_status sinew_world_save(const sinew_world* world, void* bytes, size_t size, size_t* written);
+SINEW_API sinew_status sinew_world_restore(sinew_world* world, const void* bytes, size_t size,
+                                           const sinew_asset* const* assets, uint32_t asset_count);
 
 /* ---- Outputs ---- */
 

@@ -73,6 +73,10 @@ struct ColliderSettings {
   float restitution = 0;     ///< speed of a point of a body as it leaves, of that at which it came, 0..1
   std::uint32_t layers = 1;  ///< bits: two touch if each has a layer that is in the `touches` of the other
   std::uint32_t touches = 0xFFFFFFFFU;
+  /// m/s, > 0: moveCollider() is followed no faster than that, as a hand follows a cursor; it may take several steps. A
+  /// mass that it has then gives way to what it pushes, and comes back at this speed. Infinity: it is reached in a
+  /// step.
+  float most_speed = std::numeric_limits<float>::infinity();
   /// Mass of the engine's rigid body that this is, kg: bodies then feel how far it gives way (docs/method.md §4). 0: it
   /// moves as it is told, whatever pushes it.
   float mass = 0;

@@ -3,6 +3,7 @@
 // Filters and answers of World::rayCast(), sphereCast() and overlaps().
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "sinew/runtime/collider.h"
@@ -23,6 +24,16 @@ struct QueryObject {
   ColliderId collider;                  ///< kGroundCollider: the ground
 };
 
+/// A point of a body that stays with its material: of a triangle of visual or physical vertices.
+struct BodyPoint {
+  std::array<std::uint32_t, 3> vertex = {0, 0, 0};
+  Vec3 weight = {1, 0, 0};     ///< of these, sum 1
+  std::uint32_t physical = 0;  ///< 1: vertices are physical ones; 0: visual ones
+
+  static BodyPoint visualVertex(std::uint32_t vertex) { return {{vertex, 0, 0}, {1, 0, 0}, 0}; }
+  static BodyPoint physicalVertex(std::uint32_t vertex) { return {{vertex, 0, 0}, {1, 0, 0}, 1}; }
+};
+
 /// The first place that a cast meets.
 struct CastHit {
   QueryObject object;
@@ -30,6 +41,7 @@ struct CastHit {
   Vec3 point = {0, 0, 0};                   ///< of the surface, metres, world
   Vec3 normal = {0, 1, 0};                  ///< unit, of the surface there
   std::uint32_t triangle = formats::kNone;  ///< visual triangle of a body
+  BodyPoint at;                             ///< `point` of that body
 };
 
 }  // namespace sinew

@@ -83,6 +83,8 @@ struct WorldSettings {
   /// Most substeps of one call of World::advance(), 1..1000. The rest of a longer frame is left out: a world that is
   /// too slow then runs slow, and does not fall behind further and further.
   std::uint32_t most_substeps = 8;
+  Vec3 wind = {0, 0, 0};     ///< velocity of the air, m/s, that bodies with a BodySettings::drag are in
+  float air_density = 1.2F;  ///< kg/m^3, 0..1e4
 };
 
 /// Makes the solvers of one kind: see BodySettings::solver.
@@ -100,6 +102,10 @@ struct BodySettings {
                                ///< 0: the collider's, or the ground's
   std::uint32_t layers = 1;    ///< bits, as ColliderSettings::layers. The ground is in layer 1 and touches all
   std::uint32_t touches = 0xFFFFFFFFU;
+  float gravity_scale = 1;  ///< times the world's gravity, -1e4..1e4
+  /// How much the air drags at each part of the surface: force -1/2 density drag area |u| u, u the velocity against the
+  /// wind, N (docs/method.md). A ball of drag coefficient c has c / 4. 0..1e4; 0: not at all. Bodies in fields only.
+  float drag = 0;
   bool package_pins = true;  ///< the body starts held by the pin sets of its package (World::pinSet)
   /// Solver of the body; null: one energy for each piece (docs/method.md). The other one is reportSolver() of
   /// sinew/runtime/report.h. Outlives the body.

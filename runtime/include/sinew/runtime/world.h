@@ -39,6 +39,39 @@ struct PickId {
   bool operator==(const PickId&) const = default;
 };
 
+/// How a pick pulls.
+struct PickSettings {
+  /// Of the spring for the part of the body that it moves (docs/method.md): it grows with that mass. 0.1 .. 100,
+  /// critically damped.
+  float frequency_hz = 4;
+  /// N, what the spring pulls with at most however far its target is; 0: 50 times the body's weight on Earth; infinity:
+  /// no bound.
+  float most_force = 0;
+};
+
+/// A pick as it is now.
+struct PickState {
+  BodyId body;
+  BodyPoint at;
+  Vec3 point = {0, 0, 0}, target = {0, 0, 0};  ///< where that lies, and where it is pulled to, metres, world
+  bool locked = false;
+};
+
+/// The mean motion of a body's mass.
+struct BodyMotion {
+  Vec3 center = {0, 0, 0};            ///< of mass, metres, world
+  Vec3 velocity = {0, 0, 0};          ///< m/s
+  Vec3 angular_velocity = {0, 0, 0};  ///< rad/s: angular momentum about the centre over the inertia as it lies
+  float mass = 0;                     ///< kg
+};
+
+/// What a world does with a body.
+enum class Activity : std::uint32_t {
+  active = 0,
+  paused = 1,    ///< it stands where it is as if it were rock: others touch it, queries find it
+  disabled = 2,  ///< it stands, and neither touches nor is found; it can be drawn
+};
+
 /// Energy of a body, joule.
 struct BodyEnergy {
   double kinetic = 0;
@@ -124,6 +157,32 @@ class SINEW_API World {
   /// \pre contains(body)
   const Asset& asset(BodyId body) const;
 
+  /// The bodies, colliders (without the ground) and pin sets there are into `ids`, as many as fit, oldest first.
+  /// \return how many there are.
+  std::size_t bodies(std::span<BodyId> ids) const;
+  std::size_t colliders(std::span<ColliderId> ids) const;
+  std::size_t pinSets(BodyId body, std::span<PinSetId> ids) const;
+
+  /// The state of all of it as bytes: settings, bodies, colliders with their shapes, touches, what frames have left
+  /// over, ids. What follows is the same bit for bit where it is restored. For one version of the library.
+  std::size_t snapshotBytes() const;
+  /// \param bytes at least snapshotBytes(). \return bytes written, 0 where `bytes` is too small.
+  std::size_t saveSnapshot(std::span<std::byte> bytes) const;
+  /// Makes this world, or a new one, the one that was saved: bodies and colliders that came since go, those that went
+  /// come back with their ids, and ids given since are given again. \param assets of bodies that this world has not,
+  /// in any order; such bodies move in fields. \return bytes used, or why the world was left as it was.
+  Result<std::size_t> restoreSnapshot(std::span<const std::byte> bytes,
+                                      std::span<const std::shared_ptr<const Asset>> assets = {});
+
+  /// The settings it has. \pre contains(body)
+  const BodySettings& bodySettings(BodyId body) const;
+  /// Changes friction, layers, touches, gravity_scale and drag; the others stay as they were given to addBody().
+  /// \return false, and nothing is done, where one is out of range.
+  bool setBodySettings(BodyId body, const BodySettings& settings);
+  /// Stops a body or lets it go on: from rest where it was stopped and moved, else with the motion that it had.
+  void setActivity(BodyId body, Activity activity);
+  Activity activity(BodyId body) const;
+
   /// Advances all bodies. \param seconds step length, > 0 and at most 1e6 (1e-5 .. 1 s is tested); other values do
   /// nothing.
   void step(float seconds);
@@ -144,6 +203,22 @@ class SINEW_API World {
   /// nearest shape and motion that its fields can have (docs/method.md): positions() tell which. What is not finite, or
   /// beyond 1e15 m, is put where the others of its piece have it.
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
+
+  /// Gives a body momentum at a point, or all of its mass alike: its momentum changes by the impulse to rounding, and
+  /// its angular momentum by that about the point. What pin sets of the package hold takes none. \param impulse N s.
+  void addImpulse(BodyId body, const BodyPoint& at, Vec3 impulse);
+  void addImpulse(BodyId body, Vec3 impulse);
+  /// A force in the next step, or call of advance() that takes one, at a point that it follows, or on all of the mass
+  /// alike; several add up. \param force N, its direction in the world.
+  void addForce(BodyId body, const BodyPoint& at, Vec3 force);
+  void addForce(BodyId body, Vec3 force);
+  BodyMotion motion(BodyId body) const;
+  /// Makes this the mean motion of a body; how it deforms, and its pieces move among each other, stays.
+  void setVelocity(BodyId body, Vec3 velocity, Vec3 angular_velocity = {0, 0, 0});
+  /// The point of the drawn surface that lies nearest to a place (metres, world); all weights 0 where nothing is drawn.
+  BodyPoint nearestPoint(BodyId body, Vec3 place) const;
+  /// Where a point lies, metres, world.
+  Vec3 placeOf(BodyId body, const BodyPoint& at) const;
 
   /// Holds a physical vertex at a place until unpinned; call again to move it. Ignored for a vertex of a pin set.
   /// \param target metres, world.
@@ -204,13 +279,26 @@ class SINEW_API World {
   std::size_t overlaps(const BoxShape& box, const RigidTransform& at, std::span<QueryObject> found,
                        const QueryFilter& filter = {}) const;
 
-  /// Starts pulling the point that visual vertex `visual_vertex` is attached to towards `target`.
-  /// \param frequency_hz of the spring for the part of the body it moves; 0.1 .. 100, critically damped.
-  /// \param most_force N, what the spring pulls with at most however far its target is; 0: 50 times the body's weight
-  /// on Earth; infinity: no bound.
+  /// Starts pulling a point of a body towards `target` (metres, world): what a cursor does that has grabbed it.
+  PickId pick(BodyId body, const BodyPoint& at, Vec3 target, const PickSettings& settings = {});
+  /// The same of a visual vertex.
   PickId pick(BodyId body, std::uint32_t visual_vertex, Vec3 target, float frequency_hz = 4.0F, float most_force = 0);
+  /// The same of what a ray meets first, pulled to where it is: rayCast(). Unknown where that is no body.
+  PickId pickRay(Vec3 origin, Vec3 direction, float distance, const PickSettings& settings = {},
+                 const QueryFilter& filter = {});
+  /// The pick whose target or point lies nearest to a ray, within `radius` of it (m): to take it up again, by
+  /// movePick(). Unknown where there is none.
+  PickId pickAlong(Vec3 origin, Vec3 direction, float distance, float radius) const;
   void movePick(PickId pick, Vec3 target);
+  /// A locked pick stays where letGoPick() leaves it.
+  void lockPick(PickId pick, bool locked = true);
+  /// What a cursor does that lets go: releases the pick unless it is locked.
+  void letGoPick(PickId pick);
   void releasePick(PickId pick);
+  /// All picks of a body, or of the world.
+  void releasePicks(BodyId body);
+  void releasePicks();
+  PickState pickState(PickId pick) const;
 
   /// The ids of a body's picks into `ids`, as many as fit, oldest first. \return how many it has.
   std::size_t picks(BodyId body, std::span<PickId> ids) const;
