@@ -321,6 +321,41 @@ class CommandLine(unittest.TestCase):
         scene.write_text('{"sinew_scene": 1, "cuts": [{"time": 1, "normal": [0, 0, 0]}]}')
         self.assert_refused(run("simulate", package, "--scene", scene), 3, "a plane needs a direction")
 
+    def test_scenes_that_act_on_a_body(self):
+        package = self.bake_block()[1]
+        scene, out = self.path / "act.json", self.path / "act.obj"
+
+        def middle(**keys):
+            """Mean place of the block's vertices at the end; 1 m cube of 1000 kg, its middle at 0, 0.5, 0."""
+            scene.write_text(json.dumps({"sinew_scene": 1, **keys}))
+            result = run("simulate", package, "--scene", scene, "--export", out)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            places = [[float(x) for x in line.split()[1:4]] for line in out.read_text().splitlines() if line.startswith("v ")]
+            return [sum(axis) / len(places) for axis in zip(*places)]
+
+        # 1 m/s for half a second, then a metre per second squared for one; the air takes a little.
+        for at in ({}, {"at": [-0.5, 0.5, 0]}):
+            x, y, z = middle(seconds=0.6, impulses=[{"time": 0.1, "impulse": [1000, 0, 0], **at}])
+            self.assertAlmostEqual(x, 0.5, delta=0.015)
+            self.assertAlmostEqual(y, 0.5, delta=1e-3)
+            z = middle(seconds=1, forces=[{"keys": [{"time": 0, "force": [0, 0, 1000]}], **({"at": [0, 0.5, -0.5]} if at else {})}])[2]
+            self.assertAlmostEqual(z, 0.5, delta=0.03)
+        lifted = {"at": [0, 1, 0], "keys": [{"time": 0}, {"time": 0.5, "move": [0, 1, 0]}]}
+        self.assertAlmostEqual(middle(seconds=3, gravity=9.81, picks=[{**lifted, "lock": True}])[1], 1.5, delta=0.1)
+        self.assertLess(middle(seconds=3, gravity=9.81, picks=[{**lifted, "release": 1}])[1], -5)
+        # A sphere that comes to 0 with a radius of 0.3 leaves the block no place before 0.8.
+        ways = [{"time": 0, "at": [-2, 0.5, 0]}, {"time": 1, "at": [0, 0.5, 0]}]
+        self.assertGreater(middle(seconds=1, pushes=[{"radius": 0.3, "keys": ways}])[0], 0.79)
+        # rho c a u^2 / 2 = 360 N at first, for 6 m^2 at 10 m/s.
+        x = middle(seconds=1, drag=1, wind=[{"time": 0, "velocity": [10, 0, 0]}])[0]
+        self.assertGreater(x, 0.12)
+        self.assertLess(x, 0.5 * 0.37)
+        self.assertAlmostEqual(middle(seconds=1, drag=1)[0], 0, delta=1e-4)
+        for keys, said in (({"picks": [{"keys": []}]}, "a pick needs a place"), ({"pushes": [{"keys": ways}]}, "a sphere needs a radius"),
+                           ({"impulses": [{"time": 0}]}, "an impulse needs"), ({"wind": [{"velocity": [0, 0, 0]}]}, "a keyframe needs a time")):
+            scene.write_text(json.dumps({"sinew_scene": 1, **keys}))
+            self.assert_refused(run("simulate", package, "--scene", scene), 3, said)
+
     def test_scenes_of_several_bodies_end_asleep(self):
         mesh, package = self.bake_block()
         for scene, count, low, high in (("stack", 10, 9.8, 10.02), ("pyramid", 10, 3.95, 4.01), ("pile", 27, 1, 6)):
