@@ -108,7 +108,7 @@ struct BodyOutput {
 /// Failures: no call throws, once there is a world. A call with an unknown body (or vertex, pick, sub-mesh) does
 /// nothing and tells the log sink; a call that runs out of memory as well, and leaves the world as it was (step: in a
 /// state that may be stepped on). step() allocates nothing from the second one on, unless bodies, pins or picks came in
-/// between, or bodies touch each other (WorldSettings::collisions).
+/// between, or more touches than before (WorldSettings::collisions).
 class SINEW_API World {
  public:
   /// A world without bodies, or "out of memory". Never throws.
