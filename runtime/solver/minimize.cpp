@@ -127,7 +127,7 @@ float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
 /// What friction sees becomes the load at the push's way. \return what changes of its force.
 PushForce pressAnew(Push& push) {
   const bool pushes = gapOf(push) < 0;
-  const PushForce before = pushes ? rubForce(push) : PushForce();
+  PushForce before = pushes ? rubForce(push) : PushForce();
   push.pressed = push.kappa * std::max(0.0F, -gapOf(push));
   if (!pushes) return before;
   PushForce change = rubForce(push);

@@ -396,9 +396,9 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
           next = s.id + 1;
           Collider& collider = colliders.emplace_back(s.id, shape, given, memory);
           collider.goTo(s.before, s.at, s.target);
-          for (int k = 0; k < 3; ++k) {
-            collider.impulse[k] = s.reaction[std::size_t(k)];
-            collider.torque[k] = s.reaction[std::size_t(3 + k)];
+          for (std::size_t k = 0; k < 3; ++k) {
+            collider.impulse[Eigen::Index(k)] = s.reaction[k];
+            collider.torque[Eigen::Index(k)] = s.reaction[3 + k];
           }
         }
         internal::Array<internal::TouchMemory> touching(memory);

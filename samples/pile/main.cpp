@@ -44,12 +44,12 @@ int main(int argc, char** argv) {
   // 3. Bodies of one asset share its data: each costs what moves of it.
   std::vector<sinew::BodyId> bodies;
   for (int i = 0; i < count; ++i) {
-    sinew::BodySettings place;
+    sinew::BodySettings place{.drag = 0.1F};
     const auto along = [&](int k) { return 1.1F * diagonal * (float(k) - 0.5F * float(side - 1)); };
-    place.position = {along(i % side), diagonal * (1 + float(i / (side * side))), along(i / side % side)};
+    const int layer = i / (side * side);
+    place.position = {along(i % side), diagonal * float(1 + layer), along(i / side % side)};
     const float turn = 2.4F * float(i);
     place.rotation = {std::cos(turn), 0, std::sin(turn), 0, 1, 0, -std::sin(turn), 0, std::cos(turn)};
-    place.drag = 0.1F;
     const auto body = world.addBody(*asset, place);
     if (!body) return 3;
     bodies.push_back(*body);

@@ -149,7 +149,8 @@ TEST(Allocation, NoneInAHeapThatFallsAgain) {
   std::vector<BodyId> bodies;
   for (int i = 0; i < 27; ++i) {
     BodySettings place;
-    place.position = {1.05F * float(i % 3), 0.6F + 1.1F * float(i / 9), 1.05F * float(i / 3 % 3)};
+    const int layer = i / 9;
+    place.position = {1.05F * float(i % 3), 0.6F + 1.1F * float(layer), 1.05F * float(i / 3 % 3)};
     bodies.push_back(*world.addBody(asset, place));
   }
   const auto fall = [&] {

@@ -35,8 +35,8 @@ Motion motionOf(const World& world, const std::vector<BodyId>& bodies) {
     const auto x = world.positions(body), v = world.velocities(body);
     const auto vertices = world.asset(body).package().physicalVertices();
     for (std::size_t i = 0; i < x.size(); ++i) {
-      const Vector3d at(double(x[i][0]), double(x[i][1]), double(x[i][2]));
-      const Vector3d moving(double(v[i][0]), double(v[i][1]), double(v[i][2]));
+      const Vector3d at = {double(x[i][0]), double(x[i][1]), double(x[i][2])};
+      const Vector3d moving = {double(v[i][0]), double(v[i][1]), double(v[i][2])};
       const double m = double(vertices[i].mass);
       result.mass += m;
       result.center += m * at;
