@@ -156,15 +156,17 @@ class TouchSearch {
         margin_(float(kMargin * std::min(a.diagonal, b.diagonal))),
         apart_((a.center - b.center).cast<float>()),
         travel_(b.center_before - a.center_before),
-        is_fast_(travel_.norm() + a.turning + b.turning > b.map->spacing()),
+        is_fast_(travel_.norm() + a.stirring + b.stirring > b.map->spacing()),
         low_(b.low.array() - margin_),
         high_(b.high.array() + margin_) {}
 
+  bool isFast() const { return is_fast_; }
+
   /// Anywhere on the way.
   bool areNear() const {
-    const float turning = a_.turning + b_.turning;
+    const float stirring = a_.stirring + b_.stirring;
     const Vector3f low = a_.low + apart_ - travel_.cwiseMax(0.0F), high = a_.high + apart_ - travel_.cwiseMin(0.0F);
-    return !((low.array() - turning) > high_.array()).any() && !((high.array() + turning) < low_.array()).any();
+    return !((low.array() - stirring) > high_.array()).any() && !((high.array() + stirring) < low_.array()).any();
   }
 
   /// Takes in what all touches of the step before were. \return those of a's points with b.
@@ -187,12 +189,13 @@ class TouchSearch {
     const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
     Vector3f place, outward;
     float distance;
-    const bool entered = last == nullptr && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
+    const bool pushed = last != nullptr && last->depth > 0;
+    const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
     bool near = entered || isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
     if (!near && last != nullptr) {
       near = isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward);
     }
-    if (near) add(key, last, at, place, distance, outward);
+    if (near) add(key, last, entered, at, place, distance, outward);
   }
 
   Vector3f oldPlaceOf(std::uint32_t p) {
@@ -254,9 +257,9 @@ class TouchSearch {
     return !outward.isZero(0);
   }
 
-  /// \param last what the step before knew of it, or null.
-  void add(const TouchMemory& key, const TouchMemory* last, const Vector3f& at, const Vector3f& place, float distance,
-           Vector3f outward) {
+  /// \param last what the step before knew of it, or null. \param entered in this step, at `place`.
+  void add(const TouchMemory& key, const TouchMemory* last, bool entered, const Vector3f& at, const Vector3f& place,
+           float distance, Vector3f outward) {
     const Field &field_a = *a_.field, &field_b = *b_.field;
     const std::uint32_t p = key.point;
     MaterialPoint material;
@@ -277,7 +280,7 @@ class TouchSearch {
     if (!as_before) {
       if (!(distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
         way = outward;
-        if (a_.map != nullptr) {
+        if (a_.map != nullptr && !entered) {
           const Vector3f back = -(b_.turn.transpose() * (a_.turn * a_.map->outward(asVector(field_a.points[p].at))));
           if (outward.dot(back) < 0) way = back;
         }
@@ -366,7 +369,7 @@ class TouchSearch {
 /// What comes so fast that it could pass through is stopped in the step: few points share its momentum within
 /// kPressedIn. What a stiffer spring stored already stays what it was.
 void stopInTime(const TouchingPiece& a, const TouchingPiece& b, double h, FoundTouch& found) {
-  const double mass = 1 / (1 / a.field->mass + 1 / b.field->mass), diagonal = std::min(a.diagonal, b.diagonal);
+  const double mass = 1 / (1 / a.mass + 1 / b.mass), diagonal = std::min(a.diagonal, b.diagonal);
   const double needed = mass * double(found.coming) / (h * kFew * diagonal * kPressedIn);
   if (!(needed > double(found.touch.kappa))) return;
   found.touch.kappa = float(needed);
@@ -391,9 +394,10 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   const std::span<const TouchMemory> before = search.remember(known);
   std::uint32_t looked_at = before.empty() ? all : std::min(all, std::bit_ceil(before.back().point + 1));
   const auto found = [&] { return list.touches.size() - first; };
+  const std::uint32_t most = search.isFast() ? all : kMostTouches;
   for (std::uint32_t p = 0; p < looked_at; ++p) {
     search.look(p);
-    while (found() > kMostTouches) {
+    while (found() > most) {
       looked_at = std::bit_ceil(looked_at) / 2;
       while (found() > 0 && list.touches.back().memory.point >= looked_at) list.touches.resize(list.touches.size() - 1);
       list.rows.resize(found() > 0 ? list.touches.back().row_b + b.field->k : first_row);

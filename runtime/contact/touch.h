@@ -15,8 +15,6 @@ namespace sinew::internal {
 
 /// Most touches of one piece with another, and the number below which more of its points are looked at.
 inline constexpr std::uint32_t kMostTouches = 24, kFewTouches = 8;
-/// Of a pair, both ways, while one of them is looked at.
-inline constexpr std::uint32_t kMostPairTouches = 2 * kMostTouches + 1;
 
 /// A piece as contacts see it in a step.
 struct TouchingPiece {
@@ -27,9 +25,10 @@ struct TouchingPiece {
   const float* before = nullptr;  ///< those before the step, relative to the same place
   Vector3d center = Vector3d::Zero();
   Eigen::Vector3f center_before = Eigen::Vector3f::Zero();  ///< before the step, relative to it, m
-  float turning = 0;                                        ///< way of what it turns about the centre, at most, m
+  float stirring = 0;                                       ///< way in the step against the centre, at most, m
   Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();       ///< of the prediction
   Eigen::Vector3f rest_center = Eigen::Vector3f::Zero();
+  double mass = 0;    ///< kg; infinite: it does not move
   double weight = 0;  ///< N, with at least kLeastGravity
   double diagonal = 0;
   float stiffness = 1, friction = 0;

@@ -20,7 +20,7 @@ constexpr std::size_t kJumping = 12;
 /// Of the net's solution, relative: it only shapes a function.
 constexpr double kExact = 1e-3;
 /// Share of a tetrahedron that the net has of it at least.
-constexpr double kLeastShare = 1e-2;
+constexpr double kLeastOfTetrahedron = 1e-2;
 
 }  // namespace
 
@@ -113,7 +113,7 @@ Jumps findJumps(const FieldInput& input, const ParentField& parent) {
     Eigen::Matrix<double, 4, 3> slopes;
     slopes.topRows<3>() = edges.inverse();
     slopes.row(3) = -slopes.topRows<3>().colwise().sum();
-    const Eigen::Matrix4d net = std::max(t.volume, kLeastShare * volume) * slopes * slopes.transpose();
+    const Eigen::Matrix4d net = std::max(t.volume, kLeastOfTetrahedron * volume) * slopes * slopes.transpose();
     for (Index i = 0; i < 4; ++i) {
       for (Index j = 0; j < 4; ++j) {
         entries.emplace_back(int(t.corner[std::size_t(i)] - piece.first), int(t.corner[std::size_t(j)] - piece.first),

@@ -9,12 +9,10 @@
 namespace sinew::cutting {
 namespace {
 
-/// New vertices stay so far from the ends of their edge, of its length.
-constexpr double kLeastShare = 1e-7, kLeastOfSegment = 1e-6;
+/// The same of nodes where the outline crosses what the plane has of a triangle, of that's length.
+constexpr double kLeastOfSegment = 10 * kLeastOfEdge;
 /// Nodes along the outline at most.
 constexpr double kMostAlong = 2000;
-
-std::uint64_t pairKey(std::uint32_t a, std::uint32_t b) { return std::uint64_t(a) << 32 | b; }
 
 /// The part of a segment within a convex outline. \return false where there is none.
 bool clipToOutline(const Outline& outline, const Vector2d& p, const Vector2d& q, double& from, double& to) {
@@ -120,7 +118,7 @@ class Slit {
     made.a = sides_.face[low];
     made.b = sides_.face[high];
     const double from = sides_.visual_height[made.a], to = sides_.visual_height[made.b];
-    made.t = std::clamp(from / (from - to), kLeastShare, 1 - kLeastShare);
+    made.t = std::clamp(from / (from - to), kLeastOfEdge, 1 - kLeastOfEdge);
     const Vector3d rest = asVector(package_.visualPositions()[made.a]);
     made.rest = rest + made.t * (asVector(package_.visualPositions()[made.b]) - rest);
     made.at = sides_.visual_at[made.a] + made.t * (sides_.visual_at[made.b] - sides_.visual_at[made.a]);

@@ -8,11 +8,6 @@
 namespace sinew::cutting {
 namespace {
 
-/// New vertices stay so far from the ends of their edge, of its length: what lies nearer is on the plane.
-constexpr double kLeastShare = 1e-7;
-
-std::uint64_t pairKey(std::uint32_t a, std::uint32_t b) { return std::uint64_t(a) << 32 | b; }
-
 std::uint64_t keyOf(const std::array<std::uint32_t, 2>& edge) {
   return pairKey(std::min(edge[0], edge[1]), std::max(edge[0], edge[1]));
 }
@@ -120,7 +115,7 @@ class Clip {
         made.a = sides_.face[low];
         made.b = sides_.face[high];
         const double from = sides_.visual_height[made.a], to = sides_.visual_height[made.b];
-        made.t = std::clamp(from / (from - to), kLeastShare, 1 - kLeastShare);
+        made.t = std::clamp(from / (from - to), kLeastOfEdge, 1 - kLeastOfEdge);
         const Vector3d rest_a = asVector(package_.visualPositions()[made.a]),
                        rest_b = asVector(package_.visualPositions()[made.b]);
         made.rest = rest_a + made.t * (rest_b - rest_a);

@@ -11,6 +11,11 @@
 
 namespace sinew::cutting {
 
+/// New vertices stay so far from the ends of their edge, of its length: what lies nearer is on the plane.
+inline constexpr double kLeastOfEdge = 1e-7;
+
+inline std::uint64_t pairKey(std::uint32_t a, std::uint32_t b) { return std::uint64_t(a) << 32 | b; }
+
 /// Where a material point hangs.
 struct Hung {
   std::uint32_t tetrahedron = formats::kNone;

@@ -15,8 +15,8 @@ namespace {
 constexpr std::uint32_t kPairs = 5;
 /// Times that a step is cut before the matrix of the shape at hand is made: that costs as much as ten tries.
 constexpr std::uint32_t kCuts = 2;
-/// Pieces and touches of an island that one job takes.
-constexpr std::uint32_t kPiecesAJob = 8, kTouchesAJob = 64;
+/// Touches of an island that a job takes at least.
+constexpr std::uint32_t kTouchesAJob = 64;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
@@ -123,12 +123,13 @@ PushForce rubForce(const Push& push) {
 }
 
 float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
+float loadOf(const Push& push) { return push.kappa * std::max(0.0F, -gapOf(push)); }
 
 /// What friction sees becomes the load at the push's way. \return what changes of its force.
 PushForce pressAnew(Push& push) {
   const bool pushes = gapOf(push) < 0;
   PushForce before = pushes ? rubForce(push) : PushForce();
-  push.pressed = push.kappa * std::max(0.0F, -gapOf(push));
+  push.pressed = loadOf(push);
   if (!pushes) return before;
   PushForce change = rubForce(push);
   change.pull -= before.pull;
@@ -336,7 +337,7 @@ Objective::Value Objective::at(const float* d, float* gradient, bool mark) const
 void Objective::press(const float* d) const {
   for (Contact& contact : scratch->contacts) {
     contact.way = wayOf(contact, d, field->k);
-    contact.pressed = contact.kappa * std::max(0.0F, -gapOf(contact));
+    contact.pressed = loadOf(contact);
   }
 }
 
@@ -421,7 +422,7 @@ void Minimand::press(const float* d) const {
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) { pieces[i]->press(d + first[i]); });
   forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
     touches[i].way = wayOf(touches[i], d);
-    touches[i].pressed = touches[i].kappa * std::max(0.0F, -gapOf(touches[i]));
+    touches[i].pressed = loadOf(touches[i]);
   });
 }
 

@@ -10,9 +10,6 @@
 namespace sinew::internal {
 namespace {
 
-/// Pieces that one job takes.
-constexpr std::uint32_t kPiecesAJob = 8;
-
 /// Rows of one key are alike from step to step.
 std::uint32_t keyOf(const TouchMemory& memory) {
   return memory.point ^ (memory.body_a * 2654435761U) ^ (memory.body_b * 2246822519U);
@@ -27,18 +24,14 @@ void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory>
   bool leaning = false;
   for (const std::uint32_t m : members_) leaning = leaning || steps_[m].isSupported();
   const MinimizeScratch& all = scratch_.vectors;
-  const auto finish = [&](std::size_t i) {
+  // Pieces of a body share what they report.
+  const auto body_of = [&](std::uint32_t i) { return seen_[members_[i]].body; };
+  forEachByBody(jobs_, std::uint32_t(members_.size()), kPiecesAJob, body_of, [&](std::uint32_t i) {
     MinimizeScratch& own = member(i).scratch();
     const std::uint32_t size = 4 * member(i).field().k;
     std::copy_n(all.d.data() + scratch_.first[i], size, own.d.data());
     std::copy_n(all.gradient.data() + scratch_.first[i], size, own.gradient.data());
     member(i).finishTogether(leaning);
-  };
-  // A thread takes all pieces of a body, which share what they report.
-  forEach(jobs_, std::uint32_t(members_.size()), kPiecesAJob, [&](std::uint32_t i) {
-    const auto body_of = [&](std::size_t m) { return seen_[members_[m]].body; };
-    if (i > 0 && body_of(i) == body_of(i - 1)) return;
-    for (std::size_t m = i; m < members_.size() && body_of(m) == body_of(i); ++m) finish(m);
   });
   leaning ? dampSwing(h, settings) : keepMomentum(h, settings);
   forEach(jobs_, std::uint32_t(found_.size()), 8 * kPiecesAJob, [&](std::uint32_t i) {

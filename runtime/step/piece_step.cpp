@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
@@ -165,11 +166,15 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.before = before.data();
   result.center = center_;
   result.center_before = (rigid_.center - center_).cast<float>();
-  result.turning = float(0.5 * h_ * rigid_.omega.norm() * double(body_.package().info().diagonal));
+  for (std::uint32_t j = 0; j < k_; ++j) {
+    const Vector3d way = s_.prediction[j] - piece_.state.z[j] - oneOf(field_, j) * (center_ - rigid_.center);
+    result.stirring += piece_.reach()[j] * float(way.norm());
+  }
   const ConstCoefficientMap now = std::as_const(piece_).z();
   result.turn = (turn_ * rotationOf(field_, now, meanOf(field_, now))).cast<float>();
   result.rest_center = restCenterOf(field_).cast<float>();
   result.diagonal = double(body_.package().info().diagonal);
+  result.mass = stands() ? std::numeric_limits<double>::infinity() : field_.mass;
   result.weight = field_.mass * std::max(gravity_.norm(), kLeastGravity * result.diagonal);
   result.stiffness = stiffness_;
   const float own = body_.settings.friction;
@@ -252,7 +257,6 @@ ContactStep PieceStep::contactStep() const {
 void PieceStep::findMotion() {
   const ConstCoefficientMap z = std::as_const(piece_).z(), v = std::as_const(piece_).v();
   rigid_ = {};
-  turn_.setIdentity();
   if (field_.driven > 0) {
     // A rigid motion of the pin sets moves the driven functions' coefficients like points: the mean of the sets.
     double sets = 0;

@@ -160,8 +160,8 @@ void keepSleeping(const BodyList& bodies, TogetherScratch& scratch) {
 
 namespace {
 
-/// Pairs that a thread takes at once, and pieces.
-constexpr std::uint32_t kPairsAJob = 8, kPiecesAJob = 8;
+/// Pairs that a thread takes at once.
+constexpr std::uint32_t kPairsAJob = 8;
 
 /// What is stepped together: one step for each piece of a busy body, in the order of boxes.
 class Together {
@@ -216,7 +216,7 @@ class Together {
 
   void predict() {
     TogetherScratch& s = scratch_;
-    forEachBody([&](std::uint32_t i) {
+    forEachStep([&](std::uint32_t i) {
       s.steps[i].begin();
       s.steps[i].useEuler();
     });
@@ -238,13 +238,17 @@ class Together {
     s.found.rows.clear();
     const auto count = std::uint32_t(s.pairs.size());
     s.pair_touches.resize(count);
-    std::size_t most = 0;
-    for (PieceStep& step : s.steps) most = std::max(most, std::size_t(step.field().k));
+    std::size_t most = 0, touches = kMostTouches;
+    for (PieceStep& step : s.steps) {
+      most = std::max(most, std::size_t(step.field().k));
+      touches = std::max(touches, step.field().points.size());
+    }
+    touches = 2 * touches + 1;  // both ways, while one more is looked at
     const std::uint32_t lanes = jobs_ == nullptr ? 1 : std::clamp(jobs_->concurrency(), 1U, 64U);
     while (s.lanes.size() < lanes) s.lanes.emplace_back(s.touching.memory());
     for (TouchList& lane : s.lanes) {
-      lane.touches.reserve(kMostPairTouches);
-      lane.rows.reserve(2 * most * kMostPairTouches);
+      lane.touches.reserve(touches);
+      lane.rows.reserve(2 * most * touches);
     }
     std::atomic<std::uint32_t> next = 0;
     std::mutex handing_over;
@@ -315,21 +319,16 @@ class Together {
           .run(seconds_, world_.settings, {s.next_touching.data() + remembered, s.own.size()});
       remembered += s.own.size();
     }
-    forEachBody([&](std::uint32_t i) {
+    forEachStep([&](std::uint32_t i) {
       if (s.alone[i] != 0) s.steps[i].finishAlone();
     });
   }
 
-  /// Calls visit for each step. Pieces of one body share what they report: one thread takes them.
+  /// Calls visit for each step. Pieces of a body share what they report.
   template <class Visit>
-  void forEachBody(const Visit& visit) {
-    TogetherScratch& s = scratch_;
-    const auto count = std::uint32_t(s.steps.size());
-    forEach(jobs_, count, kPiecesAJob, [&](std::uint32_t i) {
-      const std::uint32_t body = s.seen[i].body;
-      if (i > 0 && s.seen[i - 1].body == body) return;
-      for (std::uint32_t m = i; m < count && s.seen[m].body == body; ++m) visit(m);
-    });
+  void forEachStep(const Visit& visit) {
+    const auto body_of = [this](std::uint32_t i) { return scratch_.seen[i].body; };
+    forEachByBody(jobs_, std::uint32_t(scratch_.steps.size()), kPiecesAJob, body_of, visit);
   }
 
   void finish() {

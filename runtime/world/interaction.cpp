@@ -200,7 +200,7 @@ PickId World::pickRay(Vec3 origin, Vec3 direction, float distance, const PickSet
 
 PickId World::pickAlong(Vec3 origin, Vec3 direction, float distance, float radius) const {
   PickId nearest;
-  if (impl_->isStepping("pickAlong")) return nearest;
+  if (impl_->isStepping("pickAlong") || !impl_->isRay("pickAlong", origin, direction, distance)) return nearest;
   double least = double(radius);
   for (const internal::BodyPointer& body : impl_->bodies) {
     if (body->picks.empty()) continue;

@@ -168,14 +168,21 @@ void World::Impl::forEachDrawn(const QueryFilter& filter,
   }
 }
 
+bool World::Impl::isRay(const char* call, const Vec3& origin, const Vec3& direction, float distance) const {
+  const bool unit = std::abs(asVector(direction).norm() - 1) < 1e-3F;
+  if (unit && internal::stateIsUsable(origin, {}) && distance > 0 && std::isfinite(distance)) return true;
+  tell(LogSeverity::error, "%s: the origin, direction (a unit vector) or distance is not usable", call);
+  return false;
+}
+
 std::optional<CastHit> World::Impl::cast(const char* call, Vec3 origin, double radius, Vec3 direction, float distance,
                                          const QueryFilter& filter) const {
   std::optional<CastHit> best;
   const Presence presence(*this, call, Presence::As::output);
   if (!presence) return best;
-  const bool unit = std::abs(asVector(direction).norm() - 1) < 1e-3F;
-  if (!(unit && internal::stateIsUsable(origin, {}) && radius >= 0 && distance > 0 && std::isfinite(distance))) {
-    tell(LogSeverity::error, "%s: the origin, direction (a unit vector), radius or distance is not usable", call);
+  if (!isRay(call, origin, direction, distance)) return best;
+  if (!(radius >= 0)) {
+    tell(LogSeverity::error, "%s: the radius is not usable", call);
     return best;
   }
   const Vector3d from = wide(origin), way = double(distance) * wide(direction);

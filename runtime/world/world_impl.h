@@ -122,6 +122,8 @@ struct SINEW_HIDDEN World::Impl {
   void forEachDrawn(const QueryFilter& filter,
                     const std::function<void(const internal::Body&, std::span<const Vec3>)>& visit) const;
   void forEachCollider(const QueryFilter& filter, const std::function<void(const internal::Collider&)>& visit) const;
+  /// Whether a ray can be followed; tells why not.
+  bool isRay(const char* call, const Vec3& origin, const Vec3& direction, float distance) const;
   /// \param radius of a ball; 0: a ray.
   std::optional<CastHit> cast(const char* call, Vec3 origin, double radius, Vec3 direction, float distance,
                               const QueryFilter& filter) const;

@@ -227,6 +227,7 @@ TEST(Picks, ARayPicksTheTriangleAndALockedPickStays) {
   EXPECT_LT((wide(world.pickState(pick).point) - Vector3d(0.04, 0.01, 0.5)).norm(), 1e-3);
   EXPECT_EQ(world.pickAlong({0.05F, 0, 2}, {0, 0, -1}, 5, 0.1F), pick);
   EXPECT_TRUE(world.pickAlong({0.5F, 0, 2}, {0, 0, -1}, 5, 0.1F) == PickId{});
+  EXPECT_TRUE(world.pickAlong({0.05F, 0, 2}, {0, 0, -2}, 5, 0.1F) == PickId{});  // no unit vector
   world.lockPick(pick, false);
   world.letGoPick(pick);
   EXPECT_EQ(world.picks(body, ids), 0U);

@@ -287,7 +287,7 @@ class SINEW_API World {
   PickId pickRay(Vec3 origin, Vec3 direction, float distance, const PickSettings& settings = {},
                  const QueryFilter& filter = {});
   /// The pick whose target or point lies nearest to a ray, within `radius` of it (m): to take it up again, by
-  /// movePick(). Unknown where there is none.
+  /// movePick(). Unknown where there is none. \param direction unit.
   PickId pickAlong(Vec3 origin, Vec3 direction, float distance, float radius) const;
   void movePick(PickId pick, Vec3 target);
   /// A locked pick stays where letGoPick() leaves it.
