@@ -186,6 +186,7 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.touches = s.touches;
   result.gravity_scale = s.gravity_scale;
   result.drag = s.drag;
+  result.self_contact = s.self_contact ? 1 : 0;
   return result;
 }
 
@@ -202,6 +203,7 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.touches = s.touches;
   result.gravity_scale = s.gravity_scale;
   result.drag = s.drag;
+  result.self_contact = s.self_contact != 0;
   return result;
 }
 

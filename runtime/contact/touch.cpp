@@ -23,6 +23,8 @@ constexpr double kNear = 2e-4;
 constexpr std::size_t kMostFunctions = 1024;
 /// Steps of a way out, each as long as the surface is far.
 constexpr int kLeaving = 16;
+/// So near points of one piece are, of the distance between neighbours, where its surface may touch itself.
+constexpr float kNeighbours = 1.5F;
 
 Vector3f sumOf(const float* row, const float* coefficients, std::uint32_t k) {
   Vector3f sum = Vector3f::Zero();
@@ -156,7 +158,7 @@ class TouchSearch {
         margin_(float(kMargin * std::min(a.diagonal, b.diagonal))),
         apart_((a.center - b.center).cast<float>()),
         travel_(b.center_before - a.center_before),
-        is_fast_(travel_.norm() + a.stirring + b.stirring > b.map->spacing()),
+        is_fast_(&a != &b && travel_.norm() + a.stirring + b.stirring > b.map->spacing()),
         low_(b.low.array() - margin_),
         high_(b.high.array() + margin_) {}
 
@@ -172,6 +174,10 @@ class TouchSearch {
   /// Takes in what all touches of the step before were. \return those of a's points with b.
   std::span<const TouchMemory> remember(std::span<const TouchMemory> known) {
     known_ = touchesOf(known, a_, b_);
+    if (isItself()) {
+      sortPoints();
+      return known_;
+    }
     // The way that the two pushed each other apart, by how deep they were.
     Vector3f way = Vector3f::Zero();
     for (const TouchMemory& touch : known_) way += pushOf(touch) * (b_.turn * outwardOf(touch));
@@ -189,6 +195,11 @@ class TouchSearch {
     const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
     Vector3f place, outward;
     float distance;
+    if (isItself()) {
+      if (findsItself(p, last, at, place, distance, outward)) add(key, last, false, at, place, distance, outward);
+      return;
+    }
+    if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
     const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
     bool near = entered || isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
@@ -196,6 +207,99 @@ class TouchSearch {
       near = isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward);
     }
     if (near) add(key, last, entered, at, place, distance, outward);
+  }
+
+  bool isItself() const { return &a_ == &b_; }
+
+  /// The material points X with x(X) = x(X_p) are X_p and those that the piece overlaps itself with. \return whether
+  /// one of these was found.
+  bool findsItself(std::uint32_t p, const TouchMemory* last, const Vector3f& at, Vector3f& place, float& distance,
+                   Vector3f& outward) {
+    const Vector3f own = asVector(a_.field->points[p].at);
+    const auto found = [&](const Vector3f& from) {
+      place = from;
+      return findsPlaceFrom(at, place) && (place - own).norm() > margin_ && isUnderSurface(place, distance, outward);
+    };
+    if (last != nullptr && found(Eigen::Map<const Vector3f>(last->anchor.data()))) return true;
+    const std::uint32_t q = comeNear(p);
+    return q != formats::kNone && found(asVector(a_.field->points[q].at));
+  }
+
+  /// Newton's method, whose steps end where the tetrahedron no longer changes.
+  bool findsPlaceFrom(const Vector3f& at, Vector3f& place) {
+    MaterialPoint material;
+    for (int round = 0; round < 2 * kRounds; ++round) {
+      if (!b_.map->locate(place, material)) return false;
+      const Vector3f left_over = leftOver(at, b_.base, material);
+      const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
+      if (!(gradient.determinant() > 0)) return false;
+      place += gradient.inverse() * left_over;
+      if (isSmall(left_over)) return true;
+      if (!place.allFinite()) return false;
+    }
+    return false;
+  }
+
+  /// Inverse of the deformation gradient at a rest place of b. \return false where it has none.
+  bool takesBack(const Vector3f& place, Matrix3f& back) const {
+    MaterialPoint material;
+    if (!b_.map->locate(place, material)) return false;
+    const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
+    if (!(gradient.determinant() > 0)) return false;
+    back = gradient.inverse();
+    return back.allFinite();
+  }
+
+  Vector3f pointAt(std::uint32_t p) const { return {a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]}; }
+
+  /// The nearest point of the surface that faces a point and that it is not far behind, or kNone. What lay behind such
+  /// a neighbour at rest is the other side of a thin part.
+  std::uint32_t comeNear(std::uint32_t p) {
+    const auto& points = a_.field->points;
+    const Vector3f x = pointAt(p), rest = asVector(points[p].at);
+    std::uint32_t best = formats::kNone;
+    float nearest2 = reach_ * reach_;
+    const auto look = [&](std::uint32_t q) {
+      const Vector3f way = x - pointAt(q), rest_q = asVector(points[q].at), rest_way = rest - rest_q;
+      const float reach2 = kNeighbours * kNeighbours * float(points[q].area);
+      if (way.squaredNorm() > std::min(nearest2, reach2)) return;
+      if (rest_way.squaredNorm() < reach2 && rest_way.dot(a_.map->outward(rest_q)) < 0) return;
+      if (!(normalAt(p).dot(normalAt(q)) < 0) || way.dot(normalAt(q)) < -0.5F * std::sqrt(reach2)) return;
+      nearest2 = way.squaredNorm();
+      best = q;
+    };
+    // Along the longest side points are in order.
+    const std::span<const std::uint64_t> order = a_.order;
+    const auto begin = std::lower_bound(order.begin(), order.end(), std::uint64_t(sortable(x[axis_] - reach_)) << 32);
+    for (auto i = begin; i != order.end() && std::uint32_t(*i >> 32) <= sortable(x[axis_] + reach_); ++i) {
+      if (std::uint32_t(*i) != p) look(std::uint32_t(*i));
+    }
+    return best;
+  }
+
+  /// Makes a's points ready for comeNear().
+  void sortPoints() {
+    (a_.high - a_.low).maxCoeff(&axis_);
+    float largest = 0;
+    for (std::uint32_t p = 0; p < a_.field->points.size(); ++p) {
+      a_.order[p] = std::uint64_t(sortable(pointAt(p)[axis_])) << 32 | p;
+      a_.normals[p].setConstant(2);
+      largest = std::max(largest, float(a_.field->points[p].area));
+    }
+    reach_ = kNeighbours * std::sqrt(largest);
+    sortAscending(a_.order);
+  }
+
+  /// Of the bent surface, unit, or 0.
+  Vector3f normalAt(std::uint32_t p) {
+    Vector3f& normal = a_.normals[p];
+    if (normal[0] > 1) {  // not known yet
+      const Vector3f rest = asVector(a_.field->points[p].at);
+      Matrix3f back;
+      normal = takesBack(rest, back) ? Vector3f((back.transpose() * a_.map->outward(rest)).normalized())
+                                     : Vector3f(Vector3f::Zero());
+    }
+    return normal;
   }
 
   Vector3f oldPlaceOf(std::uint32_t p) {
@@ -243,14 +347,24 @@ class TouchSearch {
     place = b_.turn.transpose() * arm + b_.rest_center;
     if (b_.map->distance(place) > margin_ + 2 * b_.bent) return false;
     MaterialPoint material;
-    const float near = float(kNear) * float(b_.diagonal);
     for (int round = 0; round < kRounds; ++round) {
       if (!b_.map->locate(place, material)) return false;
-      setRow(*b_.field, material, row_.data());
-      const Vector3f left_over = at - sumOf(row_.data(), base, b_.field->k);
+      const Vector3f left_over = leftOver(at, base, material);
       place += b_.turn.transpose() * left_over;
-      if (left_over.squaredNorm() < near * near) break;
+      if (isSmall(left_over)) break;
     }
+    return isUnderSurface(place, distance, outward);
+  }
+
+  /// From a material point to a place.
+  Vector3f leftOver(const Vector3f& at, const float* base, const MaterialPoint& material) {
+    setRow(*b_.field, material, row_.data());
+    return at - sumOf(row_.data(), base, b_.field->k);
+  }
+
+  bool isSmall(const Vector3f& left_over) const { return left_over.norm() < float(kNear) * float(b_.diagonal); }
+
+  bool isUnderSurface(const Vector3f& place, float& distance, Vector3f& outward) const {
     distance = b_.map->distance(place);
     if (distance > margin_) return false;
     outward = b_.map->outward(place);
@@ -280,10 +394,8 @@ class TouchSearch {
     if (!as_before) {
       if (!(distance < -margin_ && leave(*b_.map, place, way_, b_.diagonal, left_at, facing))) {
         way = outward;
-        if (a_.map != nullptr && !entered) {
-          const Vector3f back = -(b_.turn.transpose() * (a_.turn * a_.map->outward(asVector(field_a.points[p].at))));
-          if (outward.dot(back) < 0) way = back;
-        }
+        const Vector3f back = entered ? outward : wayBack(p, place);
+        if (outward.dot(back) < 0) way = back;
         if (!leave(*b_.map, place, way, b_.diagonal, left_at, facing)) return;
       }
       // What is pushed goes along the normal: out there, where that is a way out.
@@ -338,7 +450,19 @@ class TouchSearch {
     if (!touched) way = outward;
     touch.memory.outward = {way[0], way[1], way[2]};
     touch.over = over;
+    if (isItself()) {  // one row, of what the two points move apart
+      for (std::uint32_t j = 0; j < field_a.k; ++j) row_a[j] -= row_b[j], row_b[j] = 0;
+    }
     list_.touches.push_back(touch);
+  }
+
+  /// The way back into a from one of its points, in b's rest shape; 0: not known.
+  Vector3f wayBack(std::uint32_t p, const Vector3f& place) {
+    Matrix3f back;
+    if (isItself())
+      return takesBack(place, back) ? Vector3f(-(back.inverse().transpose() * normalAt(p))) : Vector3f::Zero();
+    if (a_.map == nullptr) return Vector3f::Zero();
+    return -(b_.turn.transpose() * (a_.turn * a_.map->outward(asVector(a_.field->points[p].at))));
   }
 
   /// leave(), from below the edge what lies beside it, where that is hardly farther than the nearest way out. \param
@@ -362,6 +486,8 @@ class TouchSearch {
   const bool is_fast_;
   const Vector3f low_, high_;
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
+  int axis_ = 0;                     ///< of a.order
+  float reach_ = 0;                  ///< of neighbours, m
   std::array<float, kMostFunctions> row_;
   std::array<float, 4 * kMostFunctions> between_;
 };
@@ -386,7 +512,7 @@ void stopInTime(const TouchingPiece& a, const TouchingPiece& b, double h, FoundT
 // many were looked at before is known from the last that touched.
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list) {
-  if (b.map == nullptr || a.points.empty()) return;
+  if (b.map == nullptr || a.points.empty() || (&a == &b && a.order.empty())) return;
   TouchSearch search(a, b, h, list);
   if (!search.areNear()) return;
   const auto all = std::uint32_t(a.field->points.size());
@@ -394,7 +520,8 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   const std::span<const TouchMemory> before = search.remember(known);
   std::uint32_t looked_at = before.empty() ? all : std::min(all, std::bit_ceil(before.back().point + 1));
   const auto found = [&] { return list.touches.size() - first; };
-  const std::uint32_t most = search.isFast() ? all : kMostTouches;
+  // Both sides of what touches itself are looked at here.
+  const std::uint32_t most = search.isFast() ? all : search.isItself() ? 2 * kMostTouches : kMostTouches;
   for (std::uint32_t p = 0; p < looked_at; ++p) {
     search.look(p);
     while (found() > most) {

@@ -33,6 +33,9 @@ struct TouchingPiece {
   double diagonal = 0;
   float stiffness = 1, friction = 0;
   std::span<float> points;  ///< x of all, y of all, z of all, relative to the centre
+  /// Of what touches itself, else empty: room for one number a point, and for the normals of the bent surface there.
+  std::span<std::uint64_t> order;
+  std::span<Eigen::Vector3f> normals;
   // By placePoints():
   Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = Eigen::Vector3f::Zero();
   float bent = 0;  ///< how far they are from where a rigid motion has them, at most
@@ -84,8 +87,9 @@ void placePoints(TouchingPiece& piece);
 /// Floats of TouchingPiece::points: three a point, rounded up to eight.
 std::size_t pointFloats(const Field& field);
 
-/// Adds the touches of a's points with b. \param index_a, index_b what Touch names the pieces by. \param h of the step,
-/// s. \param known of the last step, sorted.
+/// Adds the touches of a's points with b, which may be another piece of the same body, or a itself: of these not what
+/// is so at rest. \param index_a, index_b what Touch names the pieces by. \param h of the step, s. \param known of the
+/// last step, sorted.
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list);
 

@@ -4,6 +4,7 @@
 // quarter of a kilobyte for each way to grow.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory_resource>
@@ -169,5 +170,10 @@ class OwningArray : public ArrayBytes {
 /// Sorts numbers, smallest first: std::sort would compile a kilobyte for each type of element. Records are sorted by
 /// keys that hold the place of each in their low half.
 void sortAscending(std::span<std::uint64_t> keys);
+/// Ordered as the floats are.
+inline std::uint32_t sortable(float value) {
+  const auto bits = std::bit_cast<std::uint32_t>(value);
+  return (bits & 0x80000000U) != 0 ? ~bits : bits | 0x80000000U;
+}
 
 }  // namespace sinew::internal

@@ -386,7 +386,7 @@ void Minimand::addForces(std::uint32_t piece, float* gradient) const {
 
 // Touches first, each once, then what each piece has of them: in an order that no thread changes.
 Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const {
-  if (pieces.size() == 1) return pieces[0]->at(d, gradient, mark);
+  if (isAlone()) return pieces[0]->at(d, gradient, mark);
   forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
     touches[i].way = wayOf(touches[i], d);
     touches[i].force = pushForce(touches[i]);
@@ -405,7 +405,7 @@ Objective::Value Minimand::at(const float* d, float* gradient, bool mark) const 
 }
 
 double Minimand::rub(float* gradient) const {
-  if (pieces.size() == 1) return pieces[0]->rub(gradient);
+  if (isAlone()) return pieces[0]->rub(gradient);
   forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob,
           [&](std::uint32_t i) { touches[i].force = pressAnew(touches[i]); });
   forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {

@@ -45,7 +45,8 @@ struct Contact : Push {
   const float* phi;        ///< its row, k
 };
 
-/// Two points of different pieces that push each other apart, out of b. What pulls one pulls the other back.
+/// Two points that push each other apart, out of b. What pulls one pulls the other back. Of one piece (a = b) phi_a is
+/// the difference of their rows, phi_b 0.
 struct Touch : Push {
   std::uint32_t a, b;          ///< pieces of a Minimand
   const float *phi_a, *phi_b;  ///< their rows
@@ -155,6 +156,7 @@ struct Minimand {
   bool hasFriction() const;
 
  private:
+  bool isAlone() const { return pieces.size() == 1 && touches.empty(); }
   /// What a touch's points move apart.
   Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
   /// Adds the touches' forces on a piece.

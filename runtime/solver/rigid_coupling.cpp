@@ -109,7 +109,7 @@ void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t
     return std::min(a, b) << 32 | std::max(a, b);
   };
   const auto couples = [&](const Touch& touch) {
-    return node_of_[touch.a] != formats::kNone && node_of_[touch.b] != formats::kNone;
+    return touch.a != touch.b && node_of_[touch.a] != formats::kNone && node_of_[touch.b] != formats::kNone;
   };
   keys_.clear();
   for (const Touch& touch : minimand.touches) {

@@ -92,7 +92,7 @@ void Island::gatherRows() {
     touch.a = s.place[found_[i]->touch.a];
     touch.b = s.place[found_[i]->touch.b];
     ++s.next_row[touch.a + 1];
-    ++s.next_row[touch.b + 1];
+    if (touch.a != touch.b) ++s.next_row[touch.b + 1];
   }
   for (std::size_t i = 0; i < members_.size(); ++i) s.next_row[i + 1] += s.next_row[i];
   s.rows.resize(2 * found_.size());
@@ -100,7 +100,7 @@ void Island::gatherRows() {
     const Touch& touch = s.touches[i];
     const std::uint32_t key = keyOf(found_[i]->memory);
     s.rows[s.next_row[touch.a]++] = {touch.phi_a, touch.kappa, key, i, 1};
-    s.rows[s.next_row[touch.b]++] = {touch.phi_b, touch.kappa, ~key, i, -1};
+    if (touch.a != touch.b) s.rows[s.next_row[touch.b]++] = {touch.phi_b, touch.kappa, ~key, i, -1};
   }
 }
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <mutex>
 
 #include "runtime/contact/firmness.h"
@@ -36,12 +35,8 @@ bool mayTouch(const BodySettings& a, const BodySettings& b) {
   return (a.layers & b.touches) != 0 && (b.layers & a.touches) != 0;
 }
 
-/// Order of floats as that of their bits.
-std::uint64_t sortable(float value) {
-  std::uint32_t bits;
-  std::memcpy(&bits, &value, sizeof bits);
-  return (bits & 0x80000000U) != 0 ? ~bits : bits | 0x80000000U;
-}
+/// Whether a body's surface touches itself.
+bool touchesItself(const Body& body) { return body.settings.self_contact && body.activity == Activity::active; }
 
 }  // namespace
 
@@ -93,7 +88,8 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
   scratch.order.clear();
   scratch.busy.resize(bodies.size());
   std::fill(scratch.busy.begin(), scratch.busy.end(), std::uint8_t{0});
-  if (!settings.collisions || bodies.size() < 2) return;
+  if (!settings.collisions) return;
+  if (bodies.size() < 2 && (bodies.empty() || !touchesItself(*bodies[0]))) return;
   const Vector3d gravity = asVector(settings.gravity).cast<double>();
   for (std::uint32_t b = 0; b < bodies.size(); ++b) {
     for (std::uint32_t p = 0; p < bodies[b]->pieces.size(); ++p) addBox(*bodies[b], b, p, gravity, seconds, scratch);
@@ -103,7 +99,7 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
   // Sorted by their lower ends along x, in floats about the first: equal ones in their order.
   const double origin = boxes[0].low[0];
   for (std::uint32_t i = 0; i < boxes.size(); ++i) {
-    scratch.order.push_back(sortable(float(boxes[i].low[0] - origin)) << 32 | i);
+    scratch.order.push_back(std::uint64_t(sortable(float(boxes[i].low[0] - origin))) << 32 | i);
   }
   sortAscending({scratch.order.data(), scratch.order.size()});
   for (std::size_t n = 0; n < scratch.order.size(); ++n) {
@@ -112,7 +108,9 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
     for (std::size_t m = n + 1; m < scratch.order.size(); ++m) {
       const PieceBox& b = boxes[std::uint32_t(scratch.order[m])];
       if (b.low[0] > a.high[0] + tie) break;
-      if (a.body == b.body || !mayTouch(bodies[a.body]->settings, bodies[b.body]->settings)) continue;
+      const bool may = a.body == b.body ? touchesItself(*bodies[a.body])
+                                        : mayTouch(bodies[a.body]->settings, bodies[b.body]->settings);
+      if (!may) continue;
       bool meet = true;
       for (std::size_t axis = 0; axis < 3; ++axis) {
         meet = meet && a.low[axis] <= b.high[axis] && b.low[axis] <= a.high[axis];
@@ -121,6 +119,9 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
       const std::uint32_t i = std::uint32_t(scratch.order[n]), j = std::uint32_t(scratch.order[m]);
       scratch.pairs.push_back(std::uint64_t(std::min(i, j)) << 32 | std::max(i, j));
     }
+  }
+  for (std::uint32_t i = 0; i < boxes.size(); ++i) {
+    if (touchesItself(*bodies[boxes[i].body])) scratch.pairs.push_back(std::uint64_t(i) << 32 | i);
   }
   sortAscending({scratch.pairs.data(), scratch.pairs.size()});
   // What moves wakes what it meets, and that what it meets.
@@ -143,7 +144,9 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
       continue;
     }
     scratch.pairs[kept++] = pair;
-    scratch.busy[boxes[pair >> 32].body] = scratch.busy[boxes[std::uint32_t(pair)].body] = 1;
+    for (const std::uint32_t body : {boxes[pair >> 32].body, boxes[std::uint32_t(pair)].body}) {
+      scratch.busy[body] = &a == &b ? std::max(scratch.busy[body], kBusyWithItself) : kBusyWithOthers;
+    }
   }
   scratch.pairs.resize(kept);
 }
@@ -193,8 +196,8 @@ class Together {
     s.places.resize(s.boxes.size());
     s.steps.clear();
     s.before_at.clear();
-    std::uint32_t before = 0, points = 0;
-    forEachBusy([&](std::uint32_t, const Body&, const Piece& piece) {
+    std::uint32_t before = 0, points = 0, own_points = 0;
+    forEachBusy([&](std::uint32_t, const Body& body, const Piece& piece) {
       if (s.pieces.size() <= s.before_at.size()) s.pieces.emplace_back(s.touching.memory());
       PieceScratch& own = s.pieces[s.before_at.size()];
       own.reserve(piece);
@@ -202,7 +205,10 @@ class Together {
       s.before_at.push_back(before);
       before += 4 * piece.field().k;
       points += std::uint32_t(pointFloats(piece.field()));
+      if (touchesItself(body)) own_points += std::uint32_t(piece.field().points.size());
     });
+    s.own_order.resize(own_points);
+    s.own_normals.resize(own_points);
     s.before.resize(before);
     s.points.resize(points);
     s.seen.resize(s.before_at.size());
@@ -212,23 +218,46 @@ class Together {
       s.seen[i].body = body.id;
       s.steps.emplace_back(body, piece, world_, seconds_, s.pieces[i]);
     });
+    // What touched itself goes on by one step each, as what meets others does.
+    for (const TouchMemory& touch : s.touching) {
+      const std::uint32_t body = placeOf(bodies_, touch.body_a);
+      if (touch.body_a != touch.body_b || body >= bodies_.size() || s.busy[body] == 0) continue;
+      s.busy[body] = kBusyWithOthers;
+    }
   }
 
   void predict() {
     TogetherScratch& s = scratch_;
+    s.body_of.resize(s.steps.size());
+    forEachBusy([&](std::uint32_t box, const Body&, const Piece&) { s.body_of[s.places[box]] = s.boxes[box].body; });
     forEachStep([&](std::uint32_t i) {
       s.steps[i].begin();
-      s.steps[i].useEuler();
+      if (s.busy[s.body_of[i]] == kBusyWithOthers) s.steps[i].useEuler();
     });
     const auto count = std::uint32_t(s.steps.size());
-    std::size_t points = 0;
+    std::size_t points = 0, own_points = 0;
     for (std::uint32_t i = 0; i < count; ++i) {
-      const std::size_t size = pointFloats(s.steps[i].field());
-      s.seen[i] = s.steps[i].touchingPiece({s.before.data() + s.before_at[i], 4 * std::size_t(s.steps[i].field().k)});
+      const std::size_t size = pointFloats(s.steps[i].field()), number = s.steps[i].field().points.size();
       s.seen[i].points = {s.points.data() + points, size};
       points += size;
+      if (!touchesItself(*bodies_[s.body_of[i]])) continue;
+      s.seen[i].order = {s.own_order.data() + own_points, number};
+      s.seen[i].normals = {s.own_normals.data() + own_points, number};
+      own_points += number;
     }
-    forEach(jobs_, count, kPiecesAJob, [&](std::uint32_t i) { placePoints(s.seen[i]); });
+    forEach(jobs_, count, kPiecesAJob, [&](std::uint32_t i) { see(i); });
+  }
+
+  /// Where a step's prediction has its piece.
+  void see(std::uint32_t i) {
+    TogetherScratch& s = scratch_;
+    const TouchingPiece room = s.seen[i];
+    TouchingPiece& seen = s.seen[i];
+    seen = s.steps[i].touchingPiece({s.before.data() + s.before_at[i], 4 * std::size_t(s.steps[i].field().k)});
+    seen.points = room.points;
+    seen.order = room.order;
+    seen.normals = room.normals;
+    placePoints(seen);
   }
 
   /// Looks for touches. Each thread has a list that does not grow; what it finds it hands over.
@@ -266,13 +295,41 @@ class Together {
         }
       }
     });
+    lookAgain();
+  }
+
+  /// What has begun to touch itself goes on by one step, not by two.
+  void lookAgain() {
+    TogetherScratch& s = scratch_;
+    const auto body_of = [&](std::uint64_t pair) { return s.boxes[pair >> 32].body; };
+    bool changed = false;
+    for (std::size_t pair = 0; pair < s.pairs.size(); ++pair) {
+      std::uint8_t& busy = s.busy[body_of(s.pairs[pair])];
+      if (s.pair_touches[pair].count == 0 || busy != kBusyWithItself) continue;
+      busy = kBusyAnew;
+      changed = true;
+    }
+    if (!changed) return;
+    for (std::uint32_t i = 0; i < s.steps.size(); ++i) {
+      if (s.busy[s.body_of[i]] != kBusyAnew) continue;
+      s.steps[i].useEuler();
+      see(i);
+    }
+    TouchList& own = s.lanes[0];
+    for (std::size_t pair = 0; pair < s.pairs.size(); ++pair) {
+      if (s.busy[body_of(s.pairs[pair])] != kBusyAnew) continue;
+      own.touches.clear();
+      own.rows.clear();
+      lookAt(s.pairs[pair], own);
+      s.pair_touches[pair] = s.found.add(own);
+    }
   }
 
   void lookAt(std::uint64_t pair, TouchList& list) const {
     const std::uint32_t a = scratch_.places[pair >> 32], b = scratch_.places[std::uint32_t(pair)];
     const std::span<const TouchMemory> known(scratch_.touching.data(), scratch_.touching.size());
     findTouches(scratch_.seen[a], scratch_.seen[b], a, b, seconds_, known, list);
-    findTouches(scratch_.seen[b], scratch_.seen[a], b, a, seconds_, known, list);
+    if (a != b) findTouches(scratch_.seen[b], scratch_.seen[a], b, a, seconds_, known, list);
   }
 
   /// By island, members and pairs in their order.
@@ -319,6 +376,7 @@ class Together {
           .run(seconds_, world_.settings, {s.next_touching.data() + remembered, s.own.size()});
       remembered += s.own.size();
     }
+    s.next_touching.resize(remembered);
     forEachStep([&](std::uint32_t i) {
       if (s.alone[i] != 0) s.steps[i].finishAlone();
     });

@@ -11,6 +11,10 @@
 
 namespace sinew::internal {
 
+/// What the boxes of a body meet: nothing (0), its own, those of others or what it touched itself before, its own
+/// surface that it has not touched before.
+inline constexpr std::uint8_t kBusyWithItself = 1, kBusyWithOthers = 2, kBusyAnew = 3;
+
 /// A box around a piece's contact points over a step, metres, world.
 struct PieceBox {
   std::uint32_t body, piece;  ///< places in BodyList and Body::pieces
@@ -32,8 +36,11 @@ struct TogetherScratch {
         lanes(memory),
         before(memory),
         points(memory),
+        own_order(memory),
+        own_normals(memory),
         parent(memory),
         before_at(memory),
+        body_of(memory),
         steps(memory),
         seen(memory),
         alone(memory),
@@ -48,14 +55,17 @@ struct TogetherScratch {
 
   Array<PieceBox> boxes;
   Array<std::uint64_t> order, pairs;
-  Array<std::uint8_t> busy;          ///< by body: its box meets another's
+  Array<std::uint8_t> busy;          ///< by body: what its boxes meet
   Array<std::uint32_t> places;       ///< of boxes in the list of pieces that are stepped together
   OwningArray<PieceScratch> pieces;  ///< one for each of these
   TouchList found;                   ///< of one pair after the other, pairs in any order
   Array<TouchRange> pair_touches;    ///< of each pair
   OwningArray<TouchList> lanes;      ///< of threads that look at pairs
   Array<float> before, points;
+  Array<std::uint64_t> own_order;  ///< TouchingPiece::order, normals
+  Array<Eigen::Vector3f> own_normals;
   Array<std::uint32_t> parent, before_at;
+  Array<std::uint32_t> body_of;  ///< of each step, its place in BodyList
   OwningArray<PieceStep> steps;
   Array<TouchingPiece> seen;                     ///< of each step
   Array<std::uint8_t> alone;                     ///< of each step: nothing touches it

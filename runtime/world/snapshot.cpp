@@ -78,7 +78,7 @@ struct SavedBody {
   std::uint32_t id, sleeps_with;
   Activity activity;
   std::uint32_t touched, touches;
-  std::uint32_t in_fields, keep_previous, package_pins, layers, can_touch;
+  std::uint32_t in_fields, keep_previous, package_pins, layers, can_touch, self_contact, reserved;
   Vec3 position;
   Mat3 rotation;
   float stiffness_scale, friction, gravity_scale, drag;
@@ -222,10 +222,26 @@ std::size_t World::Impl::writeSnapshot(const World& world, std::byte* to) const 
   for (const internal::BodyPointer& body : bodies) {
     const BodySettings& s = body->settings;
     const std::uint64_t state_bytes = world.stateBytes({body->id});
-    out.put(SavedBody{body->asset->checksum(), state_bytes, body->id, body->sleeps_with, body->activity,
-                      std::uint32_t(body->touched.size()), std::uint32_t(body->touches.size()),
-                      s.solver == nullptr ? 1U : 0U, s.keep_previous ? 1U : 0U, s.package_pins ? 1U : 0U, s.layers,
-                      s.touches, s.position, s.rotation, s.stiffness_scale, s.friction, s.gravity_scale, s.drag});
+    out.put(SavedBody{body->asset->checksum(),
+                      state_bytes,
+                      body->id,
+                      body->sleeps_with,
+                      body->activity,
+                      std::uint32_t(body->touched.size()),
+                      std::uint32_t(body->touches.size()),
+                      s.solver == nullptr ? 1U : 0U,
+                      s.keep_previous ? 1U : 0U,
+                      s.package_pins ? 1U : 0U,
+                      s.layers,
+                      s.touches,
+                      s.self_contact ? 1U : 0U,
+                      0,
+                      s.position,
+                      s.rotation,
+                      s.stiffness_scale,
+                      s.friction,
+                      s.gravity_scale,
+                      s.drag});
     if (to != nullptr) world.saveState({body->id}, {out.at(), std::size_t(state_bytes)});
     out.size += std::size_t(state_bytes);
     out.put(body->touched.data(), body->touched.size());
@@ -442,6 +458,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
           body.settings.friction = s.friction;
           body.settings.layers = s.layers;
           body.settings.touches = s.can_touch;
+          body.settings.self_contact = s.self_contact != 0;
           body.settings.gravity_scale = s.gravity_scale;
           body.settings.drag = s.drag;
           body.settings.package_pins = s.package_pins != 0;

@@ -322,6 +322,7 @@ bool World::setBodySettings(BodyId id, const BodySettings& settings) {
   body->settings.friction = settings.friction;
   body->settings.layers = settings.layers;
   body->settings.touches = settings.touches;
+  body->settings.self_contact = settings.self_contact;
   body->settings.gravity_scale = settings.gravity_scale;
   body->settings.drag = settings.drag;
   return true;

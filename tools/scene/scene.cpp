@@ -269,7 +269,8 @@ void Scene::reset() {
                     "the package has no distance grids, by which bodies touch each other",
                     "Bake it again without field.distances=0.");
   }
-  world.collisions = several || is_cut;
+  const bool touches_itself = script_ && script_->script.self_contact;
+  world.collisions = several || is_cut || touches_itself;
   world.sleep_seconds = several || options_.scene.kind == SceneKind::cut ? kSleepSeconds : 0;
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
@@ -283,6 +284,7 @@ void Scene::reset() {
   BodySettings placement;
   placement.stiffness_scale = options_.stiffness_scale;
   placement.solver = options_.solver;
+  placement.self_contact = touches_itself;
   placement.drag = script_ ? float(script_->script.drag) : 0;
   placement.package_pins = options_.scene.kind == SceneKind::rest;
   if (options_.scene.kind == SceneKind::drop) {

@@ -37,7 +37,7 @@ class Reader {
     const Json& json = text_.json();
     object(json, "",
            {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "cuts", "picks",
-            "pushes", "impulses", "forces", "wind", "drag", "camera", "note"});
+            "pushes", "impulses", "forces", "wind", "drag", "self_contact", "camera", "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -54,6 +54,7 @@ class Reader {
     if (json.contains("forces")) forces(json["forces"]);
     if (json.contains("wind")) script_.wind = vectorKeys(json["wind"], "/wind", "velocity");
     script_.drag = number(json, "", "drag", 0, 0, 1e4);
+    script_.self_contact = flag(json, "", "self_contact");
     if (json.contains("camera")) camera(json["camera"]);
   }
 
@@ -66,6 +67,12 @@ class Reader {
       text_.fail(childPointer(pointer, key), "there is no key " + inQuotes(key) + " here",
                  "Did you mean " + nearestName(key, known) + "? Keys: " + list(known) + ".");
     }
+  }
+
+  bool flag(const Json& from, const std::string& pointer, const std::string& key) const {
+    if (!from.contains(key)) return false;
+    if (!from[key].is_boolean()) text_.fail(childPointer(pointer, key), "needs true or false", "");
+    return from[key].get<bool>();
   }
 
   double number(const Json& value, const std::string& pointer, double low, double high) const {
@@ -235,10 +242,7 @@ class Reader {
            pick.keys = keysOf(from, here, "move");
            pick.frequency_hz = number(from, here, "frequency_hz", 4, 0.1, 100);
            pick.most_force = number(from, here, "most_force", 0, 0, 1e12);
-           if (from.contains("lock")) {
-             if (!from["lock"].is_boolean()) text_.fail(childPointer(here, "lock"), "needs true or false", "");
-             pick.lock = from["lock"].get<bool>();
-           }
+           pick.lock = flag(from, here, "lock");
            if (from.contains("release")) pick.release = number(from, here, "release", 0, 0, kMostSeconds);
            script_.picks.push_back(std::move(pick));
          });

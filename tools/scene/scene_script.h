@@ -91,6 +91,7 @@ struct SceneScript {
   std::vector<Force> forces;
   std::vector<VectorKey> wind;  ///< m/s; empty: still air
   double drag = 0;              ///< as BodySettings::drag
+  bool self_contact = false;    ///< as BodySettings::self_contact
   std::optional<View> view;
   JsonText text;  ///< for messages
 

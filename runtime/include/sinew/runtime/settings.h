@@ -102,6 +102,9 @@ struct BodySettings {
                                ///< 0: the collider's, or the ground's
   std::uint32_t layers = 1;    ///< bits, as ColliderSettings::layers. The ground is in layer 1 and touches all
   std::uint32_t touches = 0xFFFFFFFFU;
+  /// Its surface touches itself, and its pieces touch each other, but for what they touch at rest. Costs a search in
+  /// each step (docs/performance.md). Bodies in fields only.
+  bool self_contact = false;
   float gravity_scale = 1;  ///< times the world's gravity, -1e4..1e4
   /// How much the air drags at each part of the surface: force -1/2 density drag area |u| u, u the velocity against the
   /// wind, N (docs/method.md). A ball of drag coefficient c has c / 4. 0..1e4; 0: not at all. Bodies in fields only.
