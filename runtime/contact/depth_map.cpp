@@ -28,6 +28,12 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
     : package_(&package), grid_(&grid) {
   values_ =
       package.distanceValues().subspan(grid.first_value, std::size_t(grid.nodes[0]) * grid.nodes[1] * grid.nodes[2]);
+  for (const formats::Field& field : package.fields()) {
+    if (field.piece != grid.piece) continue;
+    for (const formats::FieldPoint& point : package.fieldPoints().subspan(field.first_point, field.point_count)) {
+      point_normals_.push_back(outward(asVector(point.at)));
+    }
+  }
   const formats::PieceRange& body = package.pieces()[grid.piece];
   const auto tetrahedra = package.tetrahedra().subspan(body.first_tetrahedron, body.tetrahedron_count);
   if (tetrahedra.empty()) return;

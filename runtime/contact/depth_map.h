@@ -20,7 +20,7 @@ struct MaterialPoint {
   std::array<float, 4> weight;
 };
 
-/// One piece's distances (DIST) and tetrahedra (TETS).
+/// One piece's distances (DIST), tetrahedra (TETS) and contact points (FPNT).
 class DepthMap {
  public:
   DepthMap() = default;
@@ -31,6 +31,8 @@ class DepthMap {
   /// Unit way along which distances grow, or 0 where they do not: differences across nodes, interpolated like the
   /// distances, so that the way is continuous in the place.
   Eigen::Vector3f outward(const Eigen::Vector3f& place) const;
+  /// outward() at the piece's contact points.
+  const Eigen::Vector3f& pointNormal(std::size_t point) const { return point_normals_[point]; }
   /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \return false where
   /// none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
@@ -62,6 +64,7 @@ class DepthMap {
   std::array<std::uint32_t, 3> cells_ = {1, 1, 1};
   Array<std::uint32_t> first_, list_;
   std::uint32_t first_tetrahedron_ = 0;
+  Array<Eigen::Vector3f> point_normals_;
   Array<Eigen::Matrix3f> inverse_;  ///< of each tetrahedron's sides from its last corner
 };
 

@@ -252,18 +252,22 @@ class TouchSearch {
 
   Vector3f pointAt(std::uint32_t p) const { return {a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]}; }
 
-  /// The nearest point of the surface that faces a point and that it is not far behind, or kNone. What lay behind such
-  /// a neighbour at rest is the other side of a thin part.
+  /// The nearest point of the surface that faces a point and that it is not far behind, or kNone. Of neighbours at rest
+  /// these that faced it then as well.
   std::uint32_t comeNear(std::uint32_t p) {
     const auto& points = a_.field->points;
     const Vector3f x = pointAt(p), rest = asVector(points[p].at);
     std::uint32_t best = formats::kNone;
     float nearest2 = reach_ * reach_;
     const auto look = [&](std::uint32_t q) {
-      const Vector3f way = x - pointAt(q), rest_q = asVector(points[q].at), rest_way = rest - rest_q;
+      const Vector3f way = x - pointAt(q), rest_way = rest - asVector(points[q].at);
       const float reach2 = kNeighbours * kNeighbours * float(points[q].area);
       if (way.squaredNorm() > std::min(nearest2, reach2)) return;
-      if (rest_way.squaredNorm() < reach2 && rest_way.dot(a_.map->outward(rest_q)) < 0) return;
+      const Vector3f& normal_q = a_.map->pointNormal(q);
+      if (rest_way.squaredNorm() < reach2 &&
+          !(rest_way.dot(normal_q) > 0 && a_.map->pointNormal(p).dot(normal_q) < 0)) {
+        return;
+      }
       if (!(normalAt(p).dot(normalAt(q)) < 0) || way.dot(normalAt(q)) < -0.5F * std::sqrt(reach2)) return;
       nearest2 = way.squaredNorm();
       best = q;
@@ -296,7 +300,7 @@ class TouchSearch {
     if (normal[0] > 1) {  // not known yet
       const Vector3f rest = asVector(a_.field->points[p].at);
       Matrix3f back;
-      normal = takesBack(rest, back) ? Vector3f((back.transpose() * a_.map->outward(rest)).normalized())
+      normal = takesBack(rest, back) ? Vector3f((back.transpose() * a_.map->pointNormal(p)).normalized())
                                      : Vector3f(Vector3f::Zero());
     }
     return normal;
@@ -462,7 +466,7 @@ class TouchSearch {
     if (isItself())
       return takesBack(place, back) ? Vector3f(-(back.inverse().transpose() * normalAt(p))) : Vector3f::Zero();
     if (a_.map == nullptr) return Vector3f::Zero();
-    return -(b_.turn.transpose() * (a_.turn * a_.map->outward(asVector(a_.field->points[p].at))));
+    return -(b_.turn.transpose() * (a_.turn * a_.map->pointNormal(p)));
   }
 
   /// leave(), from below the edge what lies beside it, where that is hardly farther than the nearest way out. \param

@@ -103,7 +103,7 @@ struct BodySettings {
   std::uint32_t layers = 1;    ///< bits, as ColliderSettings::layers. The ground is in layer 1 and touches all
   std::uint32_t touches = 0xFFFFFFFFU;
   /// Its surface touches itself, and its pieces touch each other, but for what they touch at rest. Costs a search in
-  /// each step (docs/performance.md). Bodies in fields only.
+  /// each step (docs/runtime.md). Bodies in fields only.
   bool self_contact = false;
   float gravity_scale = 1;  ///< times the world's gravity, -1e4..1e4
   /// How much the air drags at each part of the surface: force -1/2 density drag area |u| u, u the velocity against the
