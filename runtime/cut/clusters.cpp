@@ -14,8 +14,6 @@ using formats::kNone;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 
-formats::Float3 asFloats(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
-
 Vector9d monomialsOf(const Vector3d& q) {
   Vector9d m;
   m << q[0], q[1], q[2], q[0] * q[0], q[1] * q[1], q[2] * q[2], q[0] * q[1], q[1] * q[2], q[2] * q[0];

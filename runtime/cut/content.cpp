@@ -19,8 +19,6 @@ using formats::kNone;
 constexpr const char* kSectionName = "section";
 constexpr const char* kSourceName = "cut";
 
-formats::Float3 asFloats(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
-
 class Maker {
  public:
   Maker(const Cut& cut, std::uint32_t part)

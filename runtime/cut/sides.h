@@ -18,6 +18,7 @@ namespace sinew::cutting {
 using Eigen::Vector3d;
 
 inline Vector3d asVector(const std::array<float, 3>& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
+inline std::array<float, 3> asFloats(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
 
 /// Against the plane: below -1, on it 0, above 1.
 using Side = std::int8_t;

@@ -18,7 +18,7 @@ constexpr std::size_t kMostTested = 200;
 
 /// Share of the sum of their sizes that six products of four numbers are at most off in doubles (differences are
 /// exact).
-constexpr double kRounding = 1e-14;
+constexpr double kRoundingOfTurns = 1e-14;
 
 /// Whether d lies within the circle through a, b, c (counter-clockwise): in doubles where these are sure, else exactly.
 bool isInCircle(const GridPoint& a, const GridPoint& b, const GridPoint& c, const GridPoint& d) {
@@ -30,7 +30,7 @@ bool isInCircle(const GridPoint& a, const GridPoint& b, const GridPoint& c, cons
   const double about = a2 * (bc - cb) - b2 * (ac - ca) + c2 * (ab - ba);
   const double sizes =
       a2 * (std::abs(bc) + std::abs(cb)) + b2 * (std::abs(ac) + std::abs(ca)) + c2 * (std::abs(ab) + std::abs(ba));
-  if (std::abs(about) > kRounding * sizes) return about > 0;
+  if (std::abs(about) > kRoundingOfTurns * sizes) return about > 0;
   const Wide aa = Wide(ax) * ax + Wide(ay) * ay, bb = Wide(bx) * bx + Wide(by) * by, cc = Wide(cx) * cx + Wide(cy) * cy;
   return aa * (Wide(bx) * cy - Wide(by) * cx) - bb * (Wide(ax) * cy - Wide(ay) * cx) +
              cc * (Wide(ax) * by - Wide(ay) * bx) >

@@ -50,7 +50,6 @@ bool World::Impl::isPush(const Vec3& push, const char* call) const {
 namespace {
 
 Vec3 asFloats(const Vector3d& v) { return {float(v[0]), float(v[1]), float(v[2])}; }
-Vector3d wide(const Vec3& v) { return asVector(v).cast<double>(); }
 
 Vector3d whereIs(const Body& body, const internal::PickedPoint& point) {
   Vector3d place = Vector3d::Zero();

@@ -28,8 +28,6 @@ constexpr double kTouches = 1e-4;
 /// Steps towards it: each leaves less than a half of the way unless the ball grazes.
 constexpr int kSteps = 100;
 
-Vector3d wide(const Vec3& v) { return asVector(v).cast<double>(); }
-
 Vector3d normalOf(const Corners& t) { return (t.at[1] - t.at[0]).cross(t.at[2] - t.at[0]).normalized(); }
 
 double distanceTo(const Corners& t, const Vector3d& p) {

@@ -19,6 +19,8 @@
 
 namespace sinew {
 
+inline internal::Vector3d wide(const Vec3& v) { return internal::asVector(v).cast<double>(); }
+
 namespace internal {
 /// Finite, orthonormal to 1e-3 and not mirrored.
 bool isProper(const Mat3& rotation);
