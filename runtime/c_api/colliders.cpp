@@ -157,7 +157,7 @@ sinew_status sinew_world_contact_events(const sinew_world* world, sinew_contact_
                    const std::span<const sinew::ContactEvent> found = w.contactEvents();
                    *count = uint32_t(found.size());
                    for (std::size_t i = 0; i < std::min<std::size_t>(capacity, found.size()); ++i) {
-                     events[i] = {found[i].body, found[i].collider.value, found[i].began ? 1U : 0U};
+                     events[i] = {found[i].body, found[i].collider.value, found[i].began ? 1U : 0U, found[i].other};
                    }
                    return SINEW_OK;
                  });

@@ -436,6 +436,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
         impl_->bodies.swap(bodies);
         impl_->colliders.swap(colliders);
         impl_->together.touching.swap(touching);
+        impl_->findTouching();
         impl_->events.clear();
         impl_->visual.invalidate();
         // Ids are free for those that have them.

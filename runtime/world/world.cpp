@@ -32,6 +32,8 @@ World::Impl::Impl(const WorldSettings& world_settings, const WorldResources& res
       met(memory),
       events(memory),
       touched(memory),
+      touching(memory),
+      touching_before(memory),
       visual(memory) {}
 
 std::pair<Body*, std::size_t> World::Impl::locate(BodyId id) const {
@@ -397,13 +399,40 @@ void World::Impl::gatherTouches() {
     const auto missing = [&](const internal::Array<std::uint32_t>& from, const internal::Array<std::uint32_t>& in,
                              bool began) {
       for (const std::uint32_t id : from) {
-        if (!std::binary_search(in.begin(), in.end(), id)) events.push_back({body->id, ColliderId{id}, began});
+        if (!std::binary_search(in.begin(), in.end(), id))
+          events.push_back({body->id, ColliderId{id}, began, formats::kNone});
       }
     };
     missing(body->touched, touched, false);
     missing(touched, body->touched, true);
     body->touched.assign({touched.data(), touched.size()});
   }
+}
+
+void World::Impl::findTouching() {
+  touching.clear();
+  for (const internal::TouchMemory& touch : together.touching) {
+    if (!(touch.depth > 0)) continue;
+    const std::uint64_t a = touch.body_a, b = touch.body_b, pair = std::min(a, b) << 32 | std::max(a, b);
+    if (touching.empty() || touching.back() != pair) touching.push_back(pair);
+  }
+  internal::sortAscending({touching.data(), touching.size()});
+  touching.truncate(std::size_t(std::unique(touching.begin(), touching.end()) - touching.begin()));
+}
+
+void World::Impl::tellTouching() {
+  touching_before.swap(touching);
+  findTouching();
+  const auto missing = [&](const internal::Array<std::uint64_t>& from, const internal::Array<std::uint64_t>& in,
+                           bool began) {
+    for (const std::uint64_t pair : from) {
+      const auto a = std::uint32_t(pair >> 32), b = std::uint32_t(pair);
+      if (std::binary_search(in.begin(), in.end(), pair)) continue;
+      if (locate(BodyId{a}).first != nullptr && locate(BodyId{b}).first != nullptr) events.push_back({a, {}, began, b});
+    }
+  };
+  missing(touching_before, touching, false);
+  missing(touching, touching_before, true);
 }
 
 void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double share) {
@@ -423,9 +452,11 @@ void World::Impl::stepOnce(const WorldSettings& sound, double seconds, double sh
     met.push_back(&ground);
   }
   for (const internal::Collider& collider : colliders) met.push_back(&collider);
+  const bool awake = !std::all_of(bodies.begin(), bodies.end(), [](const auto& body) { return body->asleep(); });
   internal::stepWorld(bodies, step_scratch, together, {sound, {met.data(), met.size()}}, jobs, seconds, share);
   for (internal::Collider& collider : colliders) collider.impulse_before = collider.impulse;
   gatherTouches();
+  if (awake) tellTouching();
   for (internal::Collider& collider : colliders) {
     collider.giveWay(collider.impulse - collider.impulse_before, seconds);
   }

@@ -117,6 +117,10 @@ struct SINEW_HIDDEN World::Impl {
   void forgetTouches();
   /// Reactions and events of a step. May throw std::bad_alloc.
   void gatherTouches();
+  /// Pairs of bodies that push each other, into `touching`.
+  void findTouching();
+  /// Events of what findTouching() finds, against what it found before. May throw std::bad_alloc.
+  void tellTouching();
 
   /// Visual vertices as they are drawn. May throw.
   void drawInto(const internal::Body& body, internal::Array<Vec3>& drawn) const;
@@ -173,10 +177,11 @@ struct SINEW_HIDDEN World::Impl {
   internal::OwningArray<internal::Collider> colliders;  ///< ids ascending
   internal::Array<const internal::Collider*> met;       ///< by a step: the ground and they
   internal::Array<ContactEvent> events;
-  internal::Array<std::uint32_t> touched;  ///< scratch
-  double left_over = 0;                    ///< time that advance() was given and no inner step has taken yet, s
-  double shown = 1;                        ///< part of the last step that is drawn
-  std::uint32_t settings_told = 0;         ///< bits of the settings that were told to be out of range
+  internal::Array<std::uint32_t> touched;                    ///< scratch
+  internal::Array<std::uint64_t> touching, touching_before;  ///< ids of two bodies, the lower one in the high half
+  double left_over = 0;             ///< time that advance() was given and no inner step has taken yet, s
+  double shown = 1;                 ///< part of the last step that is drawn
+  std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
   mutable internal::VisualPool visual;
   mutable std::atomic<std::int32_t> present{0};  ///< calls that draw; -1: a step
 };

@@ -94,6 +94,40 @@ TEST(Touch, KeepsMomentumAndGainsNoEnergy) {
   EXPECT_LT(first.momentum[0] / first.mass, 1.5);
 }
 
+TEST(Touch, TellsWhichBodiesBeganAndCeased) {
+  const auto asset = touchingBox({1, 1, 1});
+  World world(inSpace());
+  const BodyId one = addMoving(world, asset, {-0.9F, 0.2F, 0}, {2, 0, 0}),
+               other = addMoving(world, asset, {0.9F, 0, 0.1F}, {-1, 0, 0});
+  std::vector<ContactEvent> events;
+  std::vector<std::byte> snapshot;
+  for (int i = 0; i < 120; ++i) {
+    world.step(kStep);
+    const auto now = world.contactEvents();
+    if (!now.empty() && events.empty()) {
+      snapshot.resize(world.snapshotBytes());
+      ASSERT_TRUE(world.saveSnapshot(snapshot));
+    }
+    events.insert(events.end(), now.begin(), now.end());
+  }
+  ASSERT_EQ(events.size(), 2U);
+  for (const ContactEvent& event : events) {
+    EXPECT_EQ(event.body, one.value);
+    EXPECT_EQ(event.other, other.value);
+    EXPECT_TRUE(event.collider == ColliderId{});
+    EXPECT_EQ(event.began, &event == &events[0]);
+  }
+  // What a snapshot has touching does not begin again, and ends.
+  ASSERT_TRUE(world.restoreSnapshot(snapshot));
+  int began = 0, ended = 0;
+  for (int i = 0; i < 120; ++i) {
+    world.step(kStep);
+    for (const ContactEvent& event : world.contactEvents()) ++(event.began ? began : ended);
+  }
+  EXPECT_EQ(began, 0);
+  EXPECT_EQ(ended, 1);
+}
+
 TEST(Touch, LeavesWhatIsFarAsItIs) {
   const auto asset = touchingBox({1, 1, 1});
   for (const bool collisions : {false, true}) {

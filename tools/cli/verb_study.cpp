@@ -11,6 +11,7 @@
 #include "tools/render/headless.h"
 #include "tools/study/assets.h"
 #include "tools/study/beam.h"
+#include "tools/study/collision.h"
 #include "tools/study/error.h"
 #include "tools/study/kinks.h"
 #include "tools/study/steps.h"
@@ -323,6 +324,49 @@ void addBeam(CLI::App& study, int& exit_code) {
   });
 }
 
+void addCollision(CLI::App& study, int& exit_code) {
+  struct Command {
+    CollisionOptions options;
+    std::vector<std::string> packages;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand(
+      "collision",
+      "Two bent bodies by chance near or in one another: how contacts are found here against ray parity, "
+      "triangle/triangle and edge/triangle: what each misses, sees wrongly, leads the wrong way, and its time");
+  verb->add_option("packages", command->packages, "Packages of closed surfaces; without any, a box, a beam and a neck");
+  verb->add_option("--pairs", command->options.pairs, "So many")->check(CLI::Range(1, 1000000));
+  verb->add_option("--seed", command->options.seed, "What chance draws with");
+  verb->add_flag("--json", command->json, "Print one JSON document");
+  verb->callback([command, &exit_code] {
+    Progress progress(!command->json);
+    progress.stage("bodies");
+    std::vector<StepsBody> bodies;
+    for (const std::string& file : command->packages) {
+      bodies.push_back({std::filesystem::path(file).stem().string(), loadPackage(file)});
+      if (!bodies.back().asset->package().distanceGrids().empty()) continue;
+      throw ToolError(ExitCode::bad_input, file, "the package has no distance grids, by which bodies touch each other",
+                      "Bake it again without field.distances=0.");
+    }
+    if (bodies.empty()) {
+      for (StepsBody& body : builtInStepsBodies()) {
+        if (body.name == "box" || body.name == "beam" || body.name == "neck") bodies.push_back(std::move(body));
+      }
+    }
+    progress.stage("collision");
+    command->options.progress = [&](double part) { progress.fraction(part); };
+    const CollisionResult result = measureCollisions(bodies, command->options);
+    progress.finish();
+    if (command->json) {
+      std::cout << jsonText(collisionJson(result, command->options));
+    } else {
+      std::cout << collisionText(result);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
 }  // namespace
 
 void addStudyVerb(CLI::App& app, int& exit_code) {
@@ -333,6 +377,7 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   addError(*study, exit_code);
   addAssets(*study, exit_code);
   addBeam(*study, exit_code);
+  addCollision(*study, exit_code);
 }
 
 }  // namespace sinew::tools

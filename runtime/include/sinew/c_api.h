@@ -393,8 +393,9 @@ SINEW_API sinew_status sinew_collider_reaction(const sinew_world* world, uint32_
                                                float torque_impulse[3]);
 
 typedef struct sinew_contact_event {
-  uint32_t body, collider;
-  uint32_t began; /* 1; 0: ended */
+  uint32_t body, collider; /* collider SINEW_NONE: of two bodies */
+  uint32_t began;          /* 1; 0: ended */
+  uint32_t other;          /* second body, the same one of what touches itself; SINEW_NONE: of a collider */
 } sinew_contact_event;
 
 /* Which pairs began or ceased to touch in the last step, as many as fit into `capacity`. count: how many there are. */

@@ -92,11 +92,13 @@ struct ColliderReaction {
   Vec3 torque_impulse = {0, 0, 0};  ///< N m s, about the origin of the collider's transform
 };
 
-/// A pair of a body and a collider that began or ceased to touch in the last step, or call of advance().
+/// A pair of a body and a collider, or of two bodies, that began or ceased to touch in the last step, or call of
+/// advance().
 struct ContactEvent {
-  std::uint32_t body = formats::kNone;  ///< BodyId
-  ColliderId collider;                  ///< kGroundCollider: the ground
-  bool began = false;                   ///< else ended
+  std::uint32_t body = formats::kNone;   ///< BodyId
+  ColliderId collider;                   ///< kGroundCollider: the ground; none of two bodies
+  bool began = false;                    ///< else ended
+  std::uint32_t other = formats::kNone;  ///< BodyId of the second body, the same one of what touches itself
 };
 
 }  // namespace sinew

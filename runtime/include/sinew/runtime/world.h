@@ -263,8 +263,8 @@ class SINEW_API World {
   void removeCollider(ColliderId collider);
   /// What bodies did to it in the last step, or call of advance(). \param collider kGroundCollider too.
   ColliderReaction colliderReaction(ColliderId collider) const;
-  /// Which pairs of a body and a collider began or ceased to touch in the last step, or call of advance(), in order;
-  /// those of bodies that were removed are left out. Valid until the next call that is not const.
+  /// Which pairs of a body and a collider, or of bodies, began or ceased to touch in the last step, or call of
+  /// advance(), in order; those of bodies that were removed are left out. Valid until the next call that is not const.
   std::span<const ContactEvent> contactEvents() const;
 
   /// What a ray meets first, from outside: what it begins in is passed over. Costs a body what drawing it does, so ask
