@@ -335,7 +335,9 @@ void addCollision(CLI::App& study, int& exit_code) {
       "collision",
       "Two bent bodies by chance near or in one another: how contacts are found here against ray parity, "
       "triangle/triangle and edge/triangle: what each misses, sees wrongly, leads the wrong way, and its time");
-  verb->add_option("packages", command->packages, "Packages of closed surfaces; without any, a box, a beam and a neck");
+  verb->add_option("packages", command->packages,
+                   "Packages of closed surfaces, with triangles no larger than what touches")
+      ->required();
   verb->add_option("--pairs", command->options.pairs, "So many")->check(CLI::Range(1, 1000000));
   verb->add_option("--seed", command->options.seed, "What chance draws with");
   verb->add_flag("--json", command->json, "Print one JSON document");
@@ -348,11 +350,6 @@ void addCollision(CLI::App& study, int& exit_code) {
       if (!bodies.back().asset->package().distanceGrids().empty()) continue;
       throw ToolError(ExitCode::bad_input, file, "the package has no distance grids, by which bodies touch each other",
                       "Bake it again without field.distances=0.");
-    }
-    if (bodies.empty()) {
-      for (StepsBody& body : builtInStepsBodies()) {
-        if (body.name == "box" || body.name == "beam" || body.name == "neck") bodies.push_back(std::move(body));
-      }
     }
     progress.stage("collision");
     command->options.progress = [&](double part) { progress.fraction(part); };
