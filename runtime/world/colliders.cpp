@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: MIT
+//
+// Colliders, and what touched what.
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/world/world_impl.h"
+
+namespace sinew {
+
+std::pair<internal::Collider*, std::size_t> World::Impl::locate(ColliderId id) {
+  const auto comes_before = [](const internal::Collider& collider, std::uint32_t value) { return collider.id < value; };
+  internal::Collider* const place = std::lower_bound(colliders.begin(), colliders.end(), id.value, comes_before);
+  const bool there = place != colliders.end() && place->id == id.value;
+  return {there ? place : nullptr, std::size_t(place - colliders.begin())};
+}
+
+internal::Collider* World::Impl::find(ColliderId id, const char* call) {
+  if (isStepping(call)) return nullptr;
+  internal::Collider* const collider = locate(id).first;
+  if (collider == nullptr) tell(LogSeverity::error, "%s: there is no collider %u in this world", call, id.value);
+  return collider;
+}
+
+const internal::Collider* World::Impl::colliderOf(std::uint32_t id) const {
+  if (id == kGroundCollider.value) return &ground;
+  return const_cast<Impl*>(this)->locate(ColliderId{id}).first;
+}
+
+void World::Impl::forgetTouches() {
+  events.clear();
+  for (internal::Collider* collider = colliders.begin(); collider != colliders.end(); ++collider) {
+    collider->impulse.setZero();
+    collider->torque.setZero();
+  }
+  ground.impulse.setZero();
+  ground.torque.setZero();
+}
+
+void World::Impl::gatherTouches() {
+  for (const internal::BodyPointer& body : bodies) {
+    for (const internal::ColliderTouch& touch : body->touches) {
+      auto& collider = const_cast<internal::Collider&>(*colliderOf(touch.collider));
+      collider.impulse += touch.impulse;
+      collider.torque += touch.torque;
+    }
+    findTouched(*body, touched);
+    const auto missing = [&](const internal::Array<std::uint32_t>& from, const internal::Array<std::uint32_t>& in,
+                             bool began) {
+      for (const std::uint32_t id : from) {
+        if (!std::binary_search(in.begin(), in.end(), id))
+          events.push_back({body->id, ColliderId{id}, began, formats::kNone});
+      }
+    };
+    missing(body->touched, touched, false);
+    missing(touched, body->touched, true);
+    body->touched.assign({touched.data(), touched.size()});
+  }
+}
+
+void World::Impl::findTouching() {
+  touching.clear();
+  for (const internal::TouchMemory& touch : together.touching) {
+    if (!(touch.depth > 0)) continue;
+    const std::uint64_t a = touch.body_a, b = touch.body_b, pair = std::min(a, b) << 32 | std::max(a, b);
+    if (touching.empty() || touching.back() != pair) touching.push_back(pair);
+  }
+  internal::sortAscending({touching.data(), touching.size()});
+  touching.truncate(std::size_t(std::unique(touching.begin(), touching.end()) - touching.begin()));
+}
+
+void World::Impl::tellTouching() {
+  touching_before.swap(touching);
+  findTouching();
+  const auto missing = [&](const internal::Array<std::uint64_t>& from, const internal::Array<std::uint64_t>& in,
+                           bool began) {
+    for (const std::uint64_t pair : from) {
+      const auto a = std::uint32_t(pair >> 32), b = std::uint32_t(pair);
+      if (std::binary_search(in.begin(), in.end(), pair)) continue;
+      if (locate(BodyId{a}).first != nullptr && locate(BodyId{b}).first != nullptr) events.push_back({a, {}, began, b});
+    }
+  };
+  missing(touching_before, touching, false);
+  missing(touching, touching_before, true);
+}
+
+Result<ColliderId> World::addCollider(const ColliderShape& shape, const ColliderSettings& settings) {
+  if (impl_->isStepping("addCollider")) return Error{"addCollider: another thread steps this world"};
+  return impl_->guarded(
+      "addCollider", Result<ColliderId>(Error{"addCollider: out of memory"}), [&]() -> Result<ColliderId> {
+        if (const char* fault = internal::Shape::faultOf(shape)) return impl_->refuse("addCollider: %s", fault);
+        if (!internal::isProper(settings.at)) {
+          return impl_->refuse("addCollider: the transform is not finite, or its rotation not proper");
+        }
+        if (!(settings.friction >= 0 && settings.friction <= 1e4F)) {
+          return impl_->refuse("addCollider: ColliderSettings::friction must be 0 to 1e4");
+        }
+        if (!(settings.restitution >= 0 && settings.restitution <= 1)) {
+          return impl_->refuse("addCollider: ColliderSettings::restitution must be 0 to 1");
+        }
+        const auto isWeight = [](float value) { return value >= 0 && std::isfinite(value); };
+        if (!(isWeight(settings.mass) && std::all_of(settings.inertia.begin(), settings.inertia.end(), isWeight))) {
+          return impl_->refuse("addCollider: mass and inertia must be 0 or more, and finite");
+        }
+        if (!(settings.most_speed > 0)) {
+          return impl_->refuse("addCollider: ColliderSettings::most_speed must be above 0");
+        }
+        const auto& added = impl_->colliders.emplace_back(impl_->next_collider, shape, settings, impl_->memory);
+        internal::wakeIn(impl_->bodies, added.bounds());
+        return ColliderId{impl_->next_collider++};
+      });
+}
+
+void World::moveCollider(ColliderId id, const RigidTransform& to) {
+  internal::Collider* const collider = impl_->find(id, "moveCollider");
+  if (collider == nullptr) return;
+  if (!internal::isProper(to)) {
+    impl_->tell(LogSeverity::error, "moveCollider: the transform is not finite and proper");
+    return;
+  }
+  collider->target = to;
+}
+
+void World::removeCollider(ColliderId id) {
+  const internal::Collider* const collider = impl_->find(id, "removeCollider");
+  if (collider == nullptr) return;
+  internal::wakeIn(impl_->bodies, collider->bounds());
+  impl_->colliders.erase(impl_->locate(id).second);
+}
+
+ColliderReaction World::colliderReaction(ColliderId id) const {
+  const internal::Collider* const collider =
+      id == kGroundCollider ? &impl_->ground : impl_->find(id, "colliderReaction");
+  ColliderReaction reaction;
+  if (collider == nullptr) return reaction;
+  for (int k = 0; k < 3; ++k) {
+    reaction.impulse[std::size_t(k)] = float(collider->impulse[k]);
+    reaction.torque_impulse[std::size_t(k)] = float(collider->torque[k]);
+  }
+  return reaction;
+}
+
+std::span<const ContactEvent> World::contactEvents() const { return {impl_->events.data(), impl_->events.size()}; }
+
+}  // namespace sinew
