@@ -162,7 +162,7 @@ class TouchSearch {
         low_(b.low.array() - margin_),
         high_(b.high.array() + margin_) {}
 
-  bool isFast() const { return is_fast_; }
+  bool hasEntered() const { return has_entered_; }
 
   /// Anywhere on the way.
   bool areNear() const {
@@ -202,6 +202,7 @@ class TouchSearch {
     if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
     const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
+    has_entered_ = has_entered_ || entered;
     bool near = entered || isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
     if (!near && last != nullptr) {
       near = isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward);
@@ -488,6 +489,7 @@ class TouchSearch {
   const float margin_;
   const Vector3f apart_, travel_;
   const bool is_fast_;
+  bool has_entered_ = false;
   const Vector3f low_, high_;
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   int axis_ = 0;                     ///< of a.order
@@ -525,10 +527,10 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   std::uint32_t looked_at = before.empty() ? all : std::min(all, std::bit_ceil(before.back().point + 1));
   const auto found = [&] { return list.touches.size() - first; };
   // Both sides of what touches itself are looked at here.
-  const std::uint32_t most = search.isFast() ? all : search.isItself() ? 2 * kMostTouches : kMostTouches;
+  const std::uint32_t usual = search.isItself() ? 2 * kMostTouches : kMostTouches;
   for (std::uint32_t p = 0; p < looked_at; ++p) {
     search.look(p);
-    while (found() > most) {
+    while (found() > (search.hasEntered() ? all : usual)) {
       looked_at = std::bit_ceil(looked_at) / 2;
       while (found() > 0 && list.touches.back().memory.point >= looked_at) list.touches.resize(list.touches.size() - 1);
       list.rows.resize(found() > 0 ? list.touches.back().row_b + b.field->k : first_row);
