@@ -222,7 +222,7 @@ class TouchSearch {
       return findsPlaceFrom(at, place) && (place - own).norm() > margin_ && isUnderSurface(place, distance, outward);
     };
     if (last != nullptr && found(Eigen::Map<const Vector3f>(last->anchor.data()))) return true;
-    const std::uint32_t q = comeNear(p);
+    const std::uint32_t q = facingPoint(p);
     return q != formats::kNone && found(asVector(a_.field->points[q].at));
   }
 
@@ -254,8 +254,8 @@ class TouchSearch {
   Vector3f pointAt(std::uint32_t p) const { return {a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]}; }
 
   /// The nearest point of the surface that faces a point and that it is not far behind, or kNone. Of neighbours at rest
-  /// these that faced it then as well.
-  std::uint32_t comeNear(std::uint32_t p) {
+  /// those that faced it then as well.
+  std::uint32_t facingPoint(std::uint32_t p) {
     const auto& points = a_.field->points;
     const Vector3f x = pointAt(p), rest = asVector(points[p].at);
     std::uint32_t best = formats::kNone;
@@ -282,7 +282,7 @@ class TouchSearch {
     return best;
   }
 
-  /// Makes a's points ready for comeNear().
+  /// Makes a's points ready for facingPoint().
   void sortPoints() {
     (a_.high - a_.low).maxCoeff(&axis_);
     float largest = 0;
