@@ -30,6 +30,7 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
       package.distanceValues().subspan(grid.first_value, std::size_t(grid.nodes[0]) * grid.nodes[1] * grid.nodes[2]);
   for (const formats::Field& field : package.fields()) {
     if (field.piece != grid.piece) continue;
+    if (first_point_ == nullptr) first_point_ = package.fieldPoints().data() + field.first_point;
     for (const formats::FieldPoint& point : package.fieldPoints().subspan(field.first_point, field.point_count)) {
       point_normals_.push_back(outward(asVector(point.at)));
     }

@@ -31,8 +31,10 @@ class DepthMap {
   /// Unit way along which distances grow, or 0 where they do not: differences across nodes, interpolated like the
   /// distances, so that the way is continuous in the place.
   Eigen::Vector3f outward(const Eigen::Vector3f& place) const;
-  /// outward() at the piece's contact points.
-  const Eigen::Vector3f& pointNormal(std::size_t point) const { return point_normals_[point]; }
+  /// outward() at a contact point of one of the piece's fields. \pre the package's own record
+  const Eigen::Vector3f& pointNormal(const formats::FieldPoint& point) const {
+    return point_normals_[std::size_t(&point - first_point_)];
+  }
   /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \return false where
   /// none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
@@ -64,6 +66,7 @@ class DepthMap {
   std::array<std::uint32_t, 3> cells_ = {1, 1, 1};
   Array<std::uint32_t> first_, list_;
   std::uint32_t first_tetrahedron_ = 0;
+  const formats::FieldPoint* first_point_ = nullptr;  ///< of the free field; the held one's follow
   Array<Eigen::Vector3f> point_normals_;
   Array<Eigen::Matrix3f> inverse_;  ///< of each tetrahedron's sides from its last corner
 };

@@ -264,9 +264,9 @@ class TouchSearch {
       const Vector3f way = x - pointAt(q), rest_way = rest - asVector(points[q].at);
       const float reach2 = kNeighbours * kNeighbours * float(points[q].area);
       if (way.squaredNorm() > std::min(nearest2, reach2)) return;
-      const Vector3f& normal_q = a_.map->pointNormal(q);
+      const Vector3f& normal_q = a_.map->pointNormal(points[q]);
       if (rest_way.squaredNorm() < reach2 &&
-          !(rest_way.dot(normal_q) > 0 && a_.map->pointNormal(p).dot(normal_q) < 0)) {
+          !(rest_way.dot(normal_q) > 0 && a_.map->pointNormal(points[p]).dot(normal_q) < 0)) {
         return;
       }
       if (!(normalAt(p).dot(normalAt(q)) < 0) || way.dot(normalAt(q)) < -0.5F * std::sqrt(reach2)) return;
@@ -301,8 +301,9 @@ class TouchSearch {
     if (normal[0] > 1) {  // not known yet
       const Vector3f rest = asVector(a_.field->points[p].at);
       Matrix3f back;
-      normal = takesBack(rest, back) ? Vector3f((back.transpose() * a_.map->pointNormal(p)).normalized())
-                                     : Vector3f(Vector3f::Zero());
+      normal = takesBack(rest, back)
+                   ? Vector3f((back.transpose() * a_.map->pointNormal(a_.field->points[p])).normalized())
+                   : Vector3f(Vector3f::Zero());
     }
     return normal;
   }
@@ -467,7 +468,7 @@ class TouchSearch {
     if (isItself())
       return takesBack(place, back) ? Vector3f(-(back.inverse().transpose() * normalAt(p))) : Vector3f::Zero();
     if (a_.map == nullptr) return Vector3f::Zero();
-    return -(b_.turn.transpose() * (a_.turn * a_.map->pointNormal(p)));
+    return -(b_.turn.transpose() * (a_.turn * a_.map->pointNormal(a_.field->points[p])));
   }
 
   /// leave(), from below the edge what lies beside it, where that is hardly farther than the nearest way out. \param
