@@ -192,7 +192,7 @@ class TouchSearch {
     const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, 0, {}, {}};
     while (!known_.empty() && known_.front().point < p) known_ = known_.subspan(1);
     const TouchMemory* const last = !known_.empty() && known_.front().point == p ? &known_.front() : nullptr;
-    const Vector3f at = Vector3f(a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]) + apart_;
+    const Vector3f at = pointAt(p) + apart_;
     Vector3f place, outward;
     float distance;
     if (isItself()) {
@@ -232,19 +232,20 @@ class TouchSearch {
     for (int round = 0; round < 2 * kRounds; ++round) {
       if (!b_.map->locate(place, material)) return false;
       const Vector3f left_over = leftOver(at, b_.base, material);
-      const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
-      if (!(gradient.determinant() > 0)) return false;
-      place += gradient.inverse() * left_over;
+      Matrix3f back;
+      if (!takesBack(material, back)) return false;
+      place += back * left_over;
       if (isSmall(left_over)) return true;
-      if (!place.allFinite()) return false;
     }
     return false;
   }
 
-  /// Inverse of the deformation gradient at a rest place of b. \return false where it has none.
+  /// Inverse of b's deformation gradient. \return false where it has none.
   bool takesBack(const Vector3f& place, Matrix3f& back) const {
     MaterialPoint material;
-    if (!b_.map->locate(place, material)) return false;
+    return b_.map->locate(place, material) && takesBack(material, back);
+  }
+  bool takesBack(const MaterialPoint& material, Matrix3f& back) const {
     const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
     if (!(gradient.determinant() > 0)) return false;
     back = gradient.inverse();

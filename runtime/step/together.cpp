@@ -221,7 +221,8 @@ class Together {
     // What touched itself goes on by one step each, as what meets others does.
     for (const TouchMemory& touch : s.touching) {
       const std::uint32_t body = placeOf(bodies_, touch.body_a);
-      if (touch.body_a != touch.body_b || body >= bodies_.size() || s.busy[body] == 0) continue;
+      if (touch.body_a != touch.body_b || body >= bodies_.size() || bodies_[body]->id != touch.body_a) continue;
+      if (s.busy[body] == 0) continue;
       s.busy[body] = kBusyWithOthers;
     }
   }

@@ -13,17 +13,20 @@
 #include <map>
 #include <vector>
 
+#include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
+#include "tests/support/motion.h"
 #include "tools/bake/bake.h"
 
 namespace sinew::tools {
 namespace {
 
 using Eigen::Vector3d;
+using test::inSpace;
+using test::Motion;
+using test::motionOf;
 
 constexpr double kCell = 0.05, kArm = 0.15, kGap = 0.1, kDiagonal = 1.27;
-
-Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
 
 /// The surface of cells 0..23, 0..7, 0..2 without a slot between arms of three.
 void writeTongs(std::ofstream& obj) {
@@ -83,14 +86,6 @@ class SelfContact : public ::testing::Test {
   }
   static void TearDownTestSuite() { asset_.reset(); }
 
-  static WorldSettings inSpace() {
-    WorldSettings settings;
-    settings.collisions = true;
-    settings.gravity = {0, 0, 0};
-    settings.damping = 0;
-    return settings;
-  }
-
   /// Least height of the upper arm's lower side over the lower arm's upper one, at what is one above the other at rest.
   static double gapOf(const World& world, BodyId body) {
     const auto rest = asset_->package().visualPositions();
@@ -109,24 +104,6 @@ class SelfContact : public ::testing::Test {
       }
     }
     return least;
-  }
-
-  struct Motion {
-    Vector3d momentum = Vector3d::Zero(), spin = Vector3d::Zero();
-    double energy = 0;
-  };
-  static Motion motionOf(const World& world, BodyId body) {
-    Motion result;
-    const auto x = world.positions(body), v = world.velocities(body);
-    const auto vertices = asset_->package().physicalVertices();
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Vector3d push = double(vertices[i].mass) * wide(v[i]);
-      result.momentum += push;
-      result.spin += wide(x[i]).cross(push);
-    }
-    const BodyEnergy energy = world.energy(body);
-    result.energy = energy.kinetic + energy.elastic;
-    return result;
   }
 
   /// Arms turn toward each other about the joint, at so many rad/s.
@@ -159,13 +136,13 @@ TEST_F(SelfContact, ArmsMeetAndPart) {
         settings.stiffness_scale = 0.5F;
         const BodyId body = *world.addBody(asset_, settings);
         close(world, body, 8);
-        const Motion start = motionOf(world, body);
+        const Motion start = motionOf(world, {body});
         double most = start.energy;
         for (int i = 0; i < int(rate); ++i) {
           world.step(float((alternating ? (i % 2 == 0 ? 1.6 : 0.4) : 1) / rate));
           least[on ? 1 : 0] = std::min(least[on ? 1 : 0], gapOf(world, body));
           if (!on) continue;
-          const Motion now = motionOf(world, body);
+          const Motion now = motionOf(world, {body});
           EXPECT_LT((now.momentum - start.momentum).norm(), 1e-3 * std::sqrt(start.energy)) << rate << ", " << i;
           EXPECT_LT((now.spin - start.spin).norm(), 1e-3 * std::sqrt(start.energy)) << rate << ", " << i;
           EXPECT_LE(now.energy, most + 1e-4 * start.energy) << rate << ", " << i;
@@ -197,21 +174,60 @@ TEST_F(SelfContact, WhatDoesNotTouchMovesAsWithoutIt) {
 // It lies on its lower arm; the upper one is too heavy for its stiffness, and comes down on it.
 TEST_F(SelfContact, WhatSagsOnItselfSleeps) {
   for (const double rate : {60.0, 240.0}) {
-    WorldSettings settings;
-    settings.collisions = true;
-    settings.ground.enabled = true;
-    settings.sleep_seconds = 0.5F;
-    World world(settings);
-    BodySettings soft;
-    soft.self_contact = true;
-    soft.stiffness_scale = 0.15F;
-    soft.position = {0, 0.2F + float(asset_->package().info().origin[1]), 0};
-    const BodyId body = *world.addBody(asset_, soft);
-    for (int i = 0; i < int(10 * rate); ++i) world.step(float(1 / rate));
-    EXPECT_TRUE(world.isAsleep(body)) << rate;
-    EXPECT_LT(gapOf(world, body), 0.02 * kArm) << rate;
-    EXPECT_GT(gapOf(world, body), -0.01 * kDiagonal) << rate;
+    for (const double far : {0.0, 4000.0}) {
+      for (const bool hitches : {false, true}) {
+        WorldSettings settings;
+        settings.collisions = true;
+        settings.ground.enabled = true;
+        settings.sleep_seconds = 0.5F;
+        World world(settings);
+        BodySettings soft;
+        soft.self_contact = true;
+        soft.stiffness_scale = 0.15F;
+        soft.position = {float(far), 0.2F + float(asset_->package().info().origin[1]), 0};
+        const BodyId body = *world.addBody(asset_, soft);
+        for (int i = 0; i < int(10 * rate); ++i) {
+          world.step(hitches && i < int(2 * rate) && i % 20 == 19 ? 0.5F : float(1 / rate));
+        }
+        EXPECT_TRUE(world.isAsleep(body)) << rate << ", " << far << ", " << hitches;
+        EXPECT_LT(gapOf(world, body), 0.02 * kArm) << rate << ", " << far << ", " << hitches;
+        EXPECT_GT(gapOf(world, body), -0.01 * kDiagonal) << rate << ", " << far << ", " << hitches;
+      }
+    }
   }
+}
+
+// A snapshot taken while arms touch goes on as before, and so do a hundred bodies with any number of threads.
+TEST_F(SelfContact, SnapshotsAndThreadsChangeNothing) {
+  ThreadPool threads(3);
+  std::vector<Vec3> places[2];
+  for (const bool threaded : {false, true}) {
+    WorldResources resources;
+    if (threaded) resources.jobs = &threads;
+    World world(inSpace(), resources);
+    std::vector<BodyId> bodies;
+    for (int i = 0; i < 100; ++i) {
+      BodySettings settings;
+      settings.self_contact = true;
+      settings.stiffness_scale = 0.5F;
+      bodies.push_back(*world.addBody(asset_, settings));
+      close(world, bodies.back(), 4 + 0.06F * float(i));
+      world.teleport(bodies.back(), {1, 0, 0, 0, 1, 0, 0, 0, 1}, {3.0F * float(i), 0, 0});
+    }
+    for (int i = 0; i < 6; ++i) world.step(1.0F / 60);
+    std::vector<std::byte> snapshot(world.snapshotBytes());
+    ASSERT_TRUE(world.saveSnapshot(snapshot));
+    std::vector<Vec3> first, again;
+    for (std::vector<Vec3>* to : {&first, &again}) {
+      ASSERT_TRUE(world.restoreSnapshot(snapshot));
+      for (int i = 0; i < 20; ++i) world.step(1.0F / 60);
+      for (const BodyId body : bodies)
+        to->insert(to->end(), world.positions(body).begin(), world.positions(body).end());
+    }
+    EXPECT_EQ(first, again);
+    places[threaded ? 1 : 0] = first;
+  }
+  EXPECT_EQ(places[0], places[1]);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "sinew/runtime/world.h"
 #include "tests/support/box_package.h"
+#include "tests/support/motion.h"
 #include "tests/support/touching_box.h"
 
 namespace sinew::test {
@@ -36,14 +37,6 @@ formats::PackageContent pairContent(double apart) {
   return content;
 }
 
-WorldSettings inSpace() {
-  WorldSettings settings;
-  settings.collisions = true;
-  settings.gravity = {0, 0, 0};
-  settings.damping = 0;
-  return settings;
-}
-
 /// Velocities at rest places.
 template <class Field>
 void throwBy(World& world, BodyId body, const Field& velocity) {
@@ -54,25 +47,6 @@ void throwBy(World& world, BodyId body, const Field& velocity) {
   world.setState(body, at, moving);
 }
 
-struct Motion {
-  Vector3d momentum = Vector3d::Zero(), spin = Vector3d::Zero();
-  double energy = 0;
-};
-
-Motion motionOf(const World& world, BodyId body) {
-  Motion result;
-  const auto x = world.positions(body), v = world.velocities(body);
-  const auto vertices = world.asset(body).package().physicalVertices();
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    const Vector3d push = double(vertices[i].mass) * wide(v[i]);
-    result.momentum += push;
-    result.spin += wide(x[i]).cross(push);
-  }
-  const BodyEnergy energy = world.energy(body);
-  result.energy = energy.kinetic + energy.elastic;
-  return result;
-}
-
 TEST(SelfContact, PiecesOfABodyMeet) {
   const auto asset = makeAsset(pairContent(0.5));
   for (const bool on : {false, true}) {
@@ -81,10 +55,10 @@ TEST(SelfContact, PiecesOfABodyMeet) {
     settings.self_contact = on;
     const BodyId body = *world.addBody(asset, settings);
     throwBy(world, body, [](const Vec3& at) { return Vec3{at[0] < 0 ? 3.0F : -3.0F, 0, 0}; });
-    const Motion start = motionOf(world, body);
+    const Motion start = motionOf(world, {body});
     for (int i = 0; i < 60; ++i) {
       world.step(1.0F / 60);
-      const Motion now = motionOf(world, body);
+      const Motion now = motionOf(world, {body});
       EXPECT_LE(now.energy, start.energy * (1 + 1e-5)) << i;
       EXPECT_LT(now.momentum.norm(), 1e-3) << i;
     }

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <optional>
 #include <random>
+#include <span>
 #include <unordered_map>
 
 #include "runtime/geometry/triangle_bvh.h"
@@ -101,14 +102,18 @@ class Cells {
     }
   }
 
-  /// Visits each triangle in the cells of a box, several times where it is in several.
-  template <class Visit>
-  void forEachNear(const Eigen::AlignedBox3d& box, const Visit& visit) const {
+  /// Triangles in the cells of a box about some points, ascending.
+  std::vector<std::uint32_t> near(const Surface& surface, std::span<const std::uint32_t> points) const {
+    Eigen::AlignedBox3d box;
+    for (const std::uint32_t v : points) box.extend(surface.points[v]);
+    std::vector<std::uint32_t> found;
     forEachCell(box, [&](std::uint64_t key) {
-      const auto found = cells_.find(key);
-      if (found == cells_.end()) return;
-      for (const std::uint32_t t : found->second) visit(t);
+      const auto cell = cells_.find(key);
+      if (cell != cells_.end()) found.insert(found.end(), cell->second.begin(), cell->second.end());
     });
+    std::sort(found.begin(), found.end());
+    found.erase(std::unique(found.begin(), found.end()), found.end());
+    return found;
   }
 
  private:
@@ -172,13 +177,7 @@ Way byTriangles(const Surface& a, const Surface& b) {
   const Cells cells(b);
   for (std::uint32_t t = 0; t < a.triangles.size(); ++t) {
     const auto& f = a.triangles[t];
-    Eigen::AlignedBox3d box;
-    for (const std::uint32_t v : f) box.extend(a.points[v]);
-    std::vector<std::uint32_t> near;
-    cells.forEachNear(box, [&](std::uint32_t u) { near.push_back(u); });
-    std::sort(near.begin(), near.end());
-    near.erase(std::unique(near.begin(), near.end()), near.end());
-    for (const std::uint32_t u : near) {
+    for (const std::uint32_t u : cells.near(a, f)) {
       const auto& g = b.triangles[u];
       bool cross = false;
       for (std::size_t k = 0; k < 3 && !cross; ++k) {
@@ -212,13 +211,7 @@ Way byEdges(const Surface& a, const Surface& b) {
     std::vector<Vector3d> back(of.points.size(), Vector3d::Zero());
     std::vector<double> weight(of.points.size(), 0);
     for (const auto& e : of.edges) {
-      Eigen::AlignedBox3d box;
-      for (const std::uint32_t v : e) box.extend(of.points[v]);
-      std::vector<std::uint32_t> near;
-      cells.forEachNear(box, [&](std::uint32_t u) { near.push_back(u); });
-      std::sort(near.begin(), near.end());
-      near.erase(std::unique(near.begin(), near.end()), near.end());
-      for (const std::uint32_t u : near) {
+      for (const std::uint32_t u : cells.near(of, e)) {
         const auto at = crossing(of.points[e[0]], of.points[e[1]], in, u);
         if (!at) continue;
         for (const std::uint32_t v : e) {
@@ -352,12 +345,10 @@ class Parting {
   bool overlapping() const { return overlap(in_a_, in_b_, of_a_, of_b_, Vector3d::Zero()); }
 
   double along(const Vector3d& way) const {
-    double low = 0, high = 0;
-    for (const Vector3d& p : of_a_) high = std::max(high, p.dot(way));
     double least = 1e300, most = -1e300;
     for (const Vector3d& p : of_a_) most = std::max(most, p.dot(way));
     for (const Vector3d& p : of_b_) least = std::min(least, p.dot(way));
-    high = std::max(most - least, 0.0);
+    double low = 0, high = std::max(most - least, 0.0);
     for (int i = 0; i < kHalvings; ++i) {
       const double middle = 0.5 * (low + high);
       (overlap(in_a_, in_b_, of_a_, of_b_, middle * way) ? low : high) = middle;
