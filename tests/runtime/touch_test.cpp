@@ -89,6 +89,27 @@ TEST(Touch, TellsWhichBodiesBeganAndCeased) {
   EXPECT_EQ(ended, 1);
 }
 
+TEST(Touch, WhatRestsTellsNothing) {
+  const auto asset = touchingBox({1, 1, 1});
+  WorldSettings settings;
+  settings.collisions = true;
+  settings.ground.enabled = true;
+  World world(settings);
+  for (int i = 0; i < 3; ++i) {
+    BodySettings box;
+    box.position = {0.03F * float(i), 0.5F + 1.001F * float(i), 0};
+    box.stiffness_scale = 5;
+    ASSERT_TRUE(world.addBody(asset, box));
+  }
+  std::size_t told = 0, late = 0;
+  for (int i = 0; i < 900; ++i) {
+    world.step(i % 2 == 0 ? kStep : kStep / 4);
+    (i < 600 ? told : late) += world.contactEvents().size();
+  }
+  EXPECT_GE(told, 3U);  // of the lowest with the ground, and of two pairs
+  EXPECT_EQ(late, 0U);
+}
+
 TEST(Touch, LeavesWhatIsFarAsItIs) {
   const auto asset = touchingBox({1, 1, 1});
   for (const bool collisions : {false, true}) {
