@@ -57,9 +57,9 @@ function(sinew_target name)
       $<$<CXX_COMPILER_ID:GNU>:-Wno-error=maybe-uninitialized>)
     target_link_options(${name} PUBLIC -fsanitize=${SINEW_SANITIZE})
   endif()
-  # tools/CMakeLists.txt has the headers. CGAL is compiled for exact rounding, and the program has headers of its own.
+  # tools/CMakeLists.txt has the headers. CGAL is compiled for exact rounding, and the programs for size.
   if(TARGET sinew_tools_headers AND CMAKE_CURRENT_SOURCE_DIR MATCHES "^${PROJECT_SOURCE_DIR}/tools/"
-     AND NOT with_cgal AND NOT name STREQUAL "sinew")
+     AND NOT with_cgal AND NOT name MATCHES "^sinew(_program|-measure)?$")
     target_precompile_headers(${name} REUSE_FROM sinew_tools_headers)
     sinew_precompiled_warnings(${name})
   endif()

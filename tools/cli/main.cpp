@@ -1,73 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include <algorithm>
-#include <array>
-#include <exception>
-#include <iostream>
-#include <new>
-#include <string>
-#include <string_view>
-#include <vector>
-
-#include "sinew/formats/version.h"
-#include "tools/author/json_text.h"
+#include "tools/cli/program.h"
 #include "tools/cli/verb.h"
-#include "tools/core/error.h"
-#include "tools/import/import.h"
-
-namespace {
-
-int fail(const std::string& line, sinew::tools::ExitCode code) {
-  // One line, whatever a file name or a library put into it.
-  std::string clean;
-  for (char c : line) clean += static_cast<unsigned char>(c) < 32 || c == 127 ? ' ' : c;
-  std::cerr << "sinew: " << clean << "\n";
-  return int(code);
-}
-
-}  // namespace
 
 int main(int argument_count, char** arguments) {
-  using sinew::tools::ExitCode;
-  if (argument_count > 1 && std::string_view(arguments[1]) == "--import-worker") {
-    return sinew::tools::runImportWorker(argument_count, arguments);
-  }
-  CLI::App app(
-      "sinew: turns an artist's mesh into a soft body. A first try: sinew bake mesh.obj -o mesh.sinew && sinew view "
-      "mesh.sinew",
-      "sinew");
-  app.set_version_flag("--version", std::string("sinew ") + sinew::formats::kSoftwareVersion);
-  app.require_subcommand(1);
-  int exit_code = int(ExitCode::done);
-  for (auto* add :
-       {sinew::tools::addAuthorVerb, sinew::tools::addBakeVerb, sinew::tools::addCheckVerb,
-        sinew::tools::addInspectVerb, sinew::tools::addSimulateVerb, sinew::tools::addRenderVerb,
-        sinew::tools::addViewVerb, sinew::tools::addBenchVerb, sinew::tools::addStudyVerb, sinew::tools::addHelpVerb}) {
-    add(app, exit_code);
-  }
-  if (argument_count > 1 && !std::string_view(arguments[1]).starts_with('-')) {
-    std::vector<std::string> verbs;
-    for (const CLI::App* verb : app.get_subcommands({})) verbs.push_back(verb->get_name());
-    if (std::find(verbs.begin(), verbs.end(), arguments[1]) == verbs.end()) {
-      return fail("there is no verb '" + std::string(arguments[1]) + "'. Did you mean " +
-                      sinew::tools::nearestName(arguments[1], verbs) + "? All verbs: sinew --help.",
-                  ExitCode::usage);
-    }
-  }
-  try {
-    app.parse(argument_count, arguments);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == int(CLI::ExitCodes::Success)) {
-      app.exit(error);
-      return int(ExitCode::done);
-    }
-    return fail(std::string(error.what()) + ". Try: sinew --help", ExitCode::usage);
-  } catch (const sinew::tools::ToolError& error) {
-    return fail(error.what(), error.code());
-  } catch (const std::bad_alloc&) {
-    return fail("out of memory. Close other programs, or lower tetrahedra.vertices.", ExitCode::system);
-  } catch (const std::exception& error) {
-    return fail(std::string("unexpected fault: ") + error.what() + ". Please report it with the file.",
-                ExitCode::system);
-  }
-  return exit_code;
+  using namespace sinew::tools;
+  return runProgram(argument_count, arguments,
+                    {addAuthorVerb, addBakeVerb, addCheckVerb, addInspectVerb, addSimulateVerb, addRenderVerb,
+                     addViewVerb, addMeasureVerbs, addHelpVerb});
 }

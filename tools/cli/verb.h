@@ -5,6 +5,9 @@
 
 namespace sinew::tools {
 
+inline constexpr const char* kBenchSentence = "Measure this machine and what the runtime costs on it";
+inline constexpr const char* kStudySentence = "Measure the method itself";
+
 /// One file per verb: each adds its subcommand with its options to the program and sets `exit_code` from its callback
 /// (ToolError is caught in main). Results go to stdout, everything else to stderr.
 void addAuthorVerb(CLI::App& app, int& exit_code);
@@ -17,5 +20,7 @@ void addViewVerb(CLI::App& app, int& exit_code);
 void addBenchVerb(CLI::App& app, int& exit_code);
 void addStudyVerb(CLI::App& app, int& exit_code);
 void addHelpVerb(CLI::App& app, int& exit_code);
+/// `bench` and `study` of the program beside this one.
+void addMeasureVerbs(CLI::App& app, int& exit_code);
 
 }  // namespace sinew::tools

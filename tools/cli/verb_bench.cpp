@@ -75,7 +75,7 @@ void runBenchVerb(const BenchCommand& command, int& exit_code) {
 
 void addBenchVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<BenchCommand>();
-  CLI::App* verb = app.add_subcommand("bench", "Measure this machine and what the runtime costs on it");
+  CLI::App* verb = app.add_subcommand("bench", kBenchSentence);
   std::string names;
   for (const std::string_view name : benchGroups()) names += (names.empty() ? "" : ", ") + std::string(name);
   verb->add_option("--filter", command->options.filter, "Only groups with this in their name: " + names);

@@ -367,7 +367,7 @@ void addCollision(CLI::App& study, int& exit_code) {
 }  // namespace
 
 void addStudyVerb(CLI::App& app, int& exit_code) {
-  CLI::App* study = app.add_subcommand("study", "Measure the method itself");
+  CLI::App* study = app.add_subcommand("study", kStudySentence);
   study->require_subcommand(1);
   addSteps(*study, exit_code);
   addKinks(*study, exit_code);
