@@ -13,6 +13,7 @@
 #include "runtime/cut/places.h"
 #include "runtime/cut/samples.h"
 #include "runtime/cut/tethers.h"
+#include "runtime/geometry/symmetric_eigen.h"
 
 namespace sinew::cutting {
 namespace {
@@ -109,10 +110,10 @@ class CutField {
   void turn(MatrixXd& tethers) {
     const Index driven = functions_.driven, n = functions_.free();
     const MatrixXd energy = stiffnessOf(samples_, functions_.count());
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(energy.bottomRightCorner(n, n));
-    const MatrixXd& q = eigen.eigenvectors();
+    const geometry::SymmetricEigen eigen = geometry::symmetricEigen(energy.bottomRightCorner(n, n));
+    const MatrixXd& q = eigen.vectors;
     stiffness_ = VectorXd::Zero(functions_.count());
-    stiffness_.tail(n) = eigen.eigenvalues().cwiseMax(0.0);
+    stiffness_.tail(n) = eigen.values.cwiseMax(0.0);
     functions_.turn(q);
     for (Sample& sample : samples_) {
       sample.gradients.bottomRows(n) = (q.transpose() * sample.gradients.bottomRows(n)).eval();

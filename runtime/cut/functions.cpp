@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/cut/functions.h"
+#include "runtime/geometry/symmetric_eigen.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -114,11 +115,11 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   const MatrixXd driven = parent_values(Eigen::all, split.driven);
   const MatrixXd left = monomials - driven * by_sets.transpose();
   const Eigen::Matrix4d moment = left.transpose() * masses.asDiagonal() * left;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> eigen(moment);
+  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(moment);
   Index rank = 0;
-  while (rank < 4 && eigen.eigenvalues()[3 - rank] > kFlat * all) ++rank;
+  while (rank < 4 && eigen.values[3 - rank] > kFlat * all) ++rank;
   const MatrixXd affine =
-      eigen.eigenvectors().rightCols(rank) * eigen.eigenvalues().tail(rank).cwiseSqrt().cwiseInverse().asDiagonal();
+      eigen.vectors.rightCols(rank) * eigen.values.tail(rank).cwiseSqrt().cwiseInverse().asDiagonal();
   const MatrixXd coordinates = affine.transpose() * moment;  // rank x 4: of 1, (X - center) / size
   const MatrixXd affine_values = left * affine;
 
@@ -137,12 +138,12 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   MatrixXd gram = others.transpose() * weighed;
   const double largest = others.cols() > 0 ? gram.trace() / double(others.cols()) : 0;
   gram -= overlap.transpose() * overlap;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> beyond(gram);
+  const geometry::SymmetricEigen beyond = geometry::symmetricEigen(gram);
   Index kept = 0;
   const Index most = std::clamp<Index>(vertices - rank, 0, others.cols() - std::min(rank, others.cols()));
-  while (kept < most && beyond.eigenvalues()[others.cols() - 1 - kept] > kIndependent * largest) ++kept;
+  while (kept < most && beyond.values[others.cols() - 1 - kept] > kIndependent * largest) ++kept;
   const MatrixXd combine =
-      beyond.eigenvectors().rightCols(kept) * beyond.eigenvalues().tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
+      beyond.vectors.rightCols(kept) * beyond.values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
 
   const Index count = made.driven + rank + kept;
   made.of_monomials = MatrixXd::Zero(count, 4);

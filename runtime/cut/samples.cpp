@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "runtime/cut/places.h"
+#include "runtime/geometry/symmetric_eigen.h"
 #include "runtime/geometry/tet_mesh.h"
 
 namespace sinew::cutting {
@@ -300,8 +301,8 @@ Modes findModes(const std::vector<Sample>& samples, const MatrixXd& tethers, Ind
           energy(Eigen::seqN(a, n, 3), Eigen::seqN(b, n, 3)).transpose().eval();
     }
   }
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(energy);
-  return {eigen.eigenvectors(), eigen.eigenvalues().cwiseMax(0.0)};
+  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(energy);
+  return {eigen.vectors, eigen.values.cwiseMax(0.0)};
 }
 
 }  // namespace sinew::cutting

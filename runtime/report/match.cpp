@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/report/match.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <cmath>
 #include <numbers>
 
 #include "runtime/geometry/pseudo_inverse.h"
+#include "runtime/geometry/symmetric_eigen.h"
 #include "runtime/report/limits.h"
 
 namespace sinew::internal {
@@ -103,14 +103,14 @@ void constrain(const Body& body, std::uint32_t index, const ClusterConstants& co
     off += lacking.cast<double>() * b.transpose();
   }
   if (!any) return;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 10, 10>> solver(squares);
+  const geometry::SymmetricEigen solver = geometry::symmetricEigen(squares);
   Eigen::Matrix<double, 10, 1> inverse = Eigen::Matrix<double, 10, 1>::Zero();
   for (int k = 0; k < 10; ++k) {
-    if (solver.eigenvalues()[k] > geometry::kMomentCutoff * solver.eigenvalues()[9]) {
-      inverse[k] = 1 / solver.eigenvalues()[k];
+    if (solver.values[k] > geometry::kMomentCutoff * solver.values[9]) {
+      inverse[k] = 1 / solver.values[k];
     }
   }
-  const auto& v = solver.eigenvectors();
+  const auto& v = solver.vectors;
   const Eigen::Matrix<float, 3, 10> change = (off * v * inverse.asDiagonal() * v.transpose()).cast<float>();
   goal.center += cluster.radius * change.col(0);
   goal.f += change.rightCols<9>().lazyProduct(constants.root_a_qq);
@@ -130,9 +130,9 @@ ClusterConstants makeConstants(const Body& body, std::uint32_t index) {
   const float scale = body.settings.stiffness_scale;
   ClusterConstants constants;
   constants.a_qq = momentInverse(package, cluster);
-  const Eigen::SelfAdjointEigenSolver<Square<9>> solver(constants.a_qq);
-  constants.root_a_qq = solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
-                        solver.eigenvectors().transpose();
+  const geometry::SymmetricEigen solver = geometry::symmetricEigen(constants.a_qq.cast<double>());
+  constants.root_a_qq =
+      (solver.vectors * solver.values.cwiseMax(0).cwiseSqrt().asDiagonal() * solver.vectors.transpose()).cast<float>();
   const Matrix3 spread = body.rest().clusters[index].moment.leftCols<3>();
   constants.encloses_volume = spread.determinant() > kFlat * std::pow(spread.trace() / 3, 3.0F);
   if (mechanics.stiffness == formats::StiffnessModel::per_step) {

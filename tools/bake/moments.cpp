@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/bake/moments.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
 #include "runtime/geometry/pseudo_inverse.h"
 #include "runtime/geometry/rounded.h"
+#include "runtime/geometry/symmetric_eigen.h"
 
 namespace sinew::tools {
 namespace {
@@ -23,14 +23,14 @@ constexpr Eigen::Index kLeastBending = 3;
 
 template <class Matrix>
 Matrix pseudoInverse(const Matrix& moment, Eigen::Index& rank) {
-  const Eigen::SelfAdjointEigenSolver<Matrix> solver(moment);
-  const auto& values = solver.eigenvalues();
+  const geometry::SymmetricEigen solver = geometry::symmetricEigen(moment);
+  const auto& values = solver.values;
   const double cutoff = geometry::kMomentCutoff * values.maxCoeff();
   Matrix inverse = Matrix::Zero();
   rank = 0;
   for (Eigen::Index i = 0; i < values.size(); ++i) {
     if (values[i] <= cutoff) continue;
-    inverse += solver.eigenvectors().col(i) * solver.eigenvectors().col(i).transpose() / values[i];
+    inverse += solver.vectors.col(i) * solver.vectors.col(i).transpose() / values[i];
     ++rank;
   }
   return inverse;
@@ -54,8 +54,7 @@ bool bendingIsStretch(const Matrix9d& moment) {
   const Eigen::Matrix<double, 6, 6> all = scaled.bottomRightCorner<6, 6>();
   const Eigen::Matrix<double, 6, 6> rest = all - mixed * pseudoInverse(linear, linear_rank) * mixed.transpose();
   const auto rank = [](const Eigen::Matrix<double, 6, 6>& m) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(m, Eigen::EigenvaluesOnly);
-    return (solver.eigenvalues().array() > geometry::kMomentCutoff).count();
+    return (geometry::symmetricEigenvalues(m).array() > geometry::kMomentCutoff).count();
   };
   return rank(rest) < rank(all) && rank(rest) < kLeastBending;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/cubature.h"
+#include "runtime/geometry/symmetric_eigen.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -75,23 +76,23 @@ MatrixXd knownMotions(const MatrixXd& held_by, const Acting& acting, Index drive
 Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Eigen::MatrixX3d& rest, Index driven,
                 const Acting& acting) {
   const MatrixXd axes = byAxes(orthonormal);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(MatrixXd(axes.transpose() * stiffness * axes));
-  const VectorXd& lambda = modes.eigenvalues();
+  const geometry::SymmetricEigen modes = geometry::symmetricEigen(axes.transpose() * stiffness * axes);
+  const VectorXd& lambda = modes.values;
   const Index d = resisting(lambda);
   if (d == 0) return {};
   Whitened result;
-  result.from = axes * modes.eigenvectors().rightCols(d) * lambda.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
+  result.from = axes * modes.vectors.rightCols(d) * lambda.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
   result.metric = MatrixXd::Identity(d, d) / double(d);
   MatrixXd held_by = stiffness;
   if (acting.tethers.size() > 0) held_by += byAxes(acting.tethers);
   const Index inside = stiffness.rows() - 3 * driven;
-  Eigen::SelfAdjointEigenSolver<MatrixXd> inner;
-  if (inside > 0) inner.compute(held_by.bottomRightCorner(inside, inside));
-  const Index moving = inside > 0 ? resisting(inner.eigenvalues()) : 0;
+  geometry::SymmetricEigen inner;
+  if (inside > 0) inner = geometry::symmetricEigen(held_by.bottomRightCorner(inside, inside));
+  const Index moving = inside > 0 ? resisting(inner.values) : 0;
   const auto add = [&](const MatrixXd& y) { result.metric.selfadjointView<Eigen::Lower>().rankUpdate(y); };
   if (moving > 0) {
-    const VectorXd compliance = inner.eigenvalues().tail(moving).cwiseInverse();
-    const MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.eigenvectors().rightCols(moving);
+    const VectorXd compliance = inner.values.tail(moving).cwiseInverse();
+    const MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.vectors.rightCols(moving);
     add(y * (compliance.cwiseProduct(compliance) * (kForces / compliance.sum())).cwiseSqrt().asDiagonal());
   }
   MatrixXd strained(stiffness.rows(), 6);
@@ -230,11 +231,11 @@ class Fit {
     for (Index s = 0; s < weight_.size(); ++s) {
       sum.selfadjointView<Eigen::Lower>().rankUpdate(factor_.middleCols(6 * s, 6), weight_[s]);
     }
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(sum);
+    const geometry::SymmetricEigen eigen = geometry::symmetricEigen(sum);
     Index soft = 1;
-    while (soft < sum.rows() && eigen.eigenvalues()[soft] < kLeast + 0.05) ++soft;
-    directions_ = eigen.eigenvectors().leftCols(soft);
-    return eigen.eigenvalues()[0];
+    while (soft < sum.rows() && eigen.values[soft] < kLeast + 0.05) ++soft;
+    directions_ = eigen.vectors.leftCols(soft);
+    return eigen.values[0];
   }
 
   // For each of the softest directions: one more patch, the one of all that resists it most, and more weight in the

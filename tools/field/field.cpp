@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/answers.h"
 #include "tools/field/cubature.h"
 #include "tools/field/elastic.h"
@@ -114,9 +115,9 @@ MatrixXd diagonalized(const Elastic& elastic, const MatrixXd& values, VectorXd& 
   if (values.cols() == 0) return values;
   const MatrixXd nodes = nodeRows(elastic, values);
   const MatrixXd energy = nodes.transpose() * (elastic.scalar * nodes);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(MatrixXd(0.5 * (energy + energy.transpose())));
-  stiffness = eigen.eigenvalues().cwiseMax(0.0);
-  MatrixXd result = values * eigen.eigenvectors();
+  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(0.5 * (energy + energy.transpose()));
+  stiffness = eigen.values.cwiseMax(0.0);
+  MatrixXd result = values * eigen.vectors;
   for (Index j = 0; j < result.cols(); ++j) {
     Index most = 0;
     result.col(j).cwiseAbs().maxCoeff(&most);
@@ -202,16 +203,15 @@ void addDamping(FieldSpace& space) {
   const Index k = space.values.cols() - space.driven_count;
   if (k == 0 || space.samples.empty()) return;
   const VectorXd shape = space.stiffness.tail(k).cwiseSqrt();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(sampledStiffness(space));
+  const geometry::SymmetricEigen modes = geometry::symmetricEigen(sampledStiffness(space));
   Index first = 0;
-  const Index count = modes.eigenvalues().size();
-  while (first < count && !(hertz(modes.eigenvalues()[first]) > 0.5 * space.lowest_hz)) ++first;
+  const Index count = modes.values.size();
+  while (first < count && !(hertz(modes.values[first]) > 0.5 * space.lowest_hz)) ++first;
   if (first == count || !(space.lowest_hz > 0) || !(shape.maxCoeff() > 0)) return;
   MatrixXd rates(count - first, k);  // relative: of c sqrt(w)
   for (Index i = first; i < count; ++i) {
     for (Index j = 0; j < k; ++j) {
-      rates(i - first, j) =
-          modes.eigenvectors().col(i).segment<3>(3 * j).squaredNorm() * shape[j] / hertz(modes.eigenvalues()[i]);
+      rates(i - first, j) = modes.vectors.col(i).segment<3>(3 * j).squaredNorm() * shape[j] / hertz(modes.values[i]);
     }
   }
   const VectorXd sum = rates.rowwise().sum();
@@ -391,12 +391,12 @@ MatrixXd interiorColumns(const Elastic& elastic, const Answers& answers, const K
 // Combinations of columns on nodes, those of most energy K_s first: in mass, what is left of a thin shell's answers
 // would stretch it.
 MatrixXd byEnergy(const Elastic& elastic, const MatrixXd& columns, Index count) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(MatrixXd(columns.transpose() * (elastic.scalar * columns)));
-  const VectorXd& energy = gram.eigenvalues();
+  const geometry::SymmetricEigen gram = geometry::symmetricEigen(columns.transpose() * (elastic.scalar * columns));
+  const VectorXd& energy = gram.values;
   Index kept = 0;
   while (kept < std::min(count, energy.size()) && energy[energy.size() - 1 - kept] > 1e-11 * energy[energy.size() - 1])
     ++kept;
-  return columns * gram.eigenvectors().rightCols(kept).rowwise().reverse();
+  return columns * gram.vectors.rightCols(kept).rowwise().reverse();
 }
 
 // Combinations of functions that are M-orthonormal; functions that others make up give none.
@@ -404,13 +404,11 @@ MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
   VectorXd scale = (values.cwiseAbs2().transpose() * mass).cwiseSqrt();
   scale = (scale.array() > 0).select(scale.cwiseInverse(), 0.0).eval();
   const MatrixXd gram = scale.asDiagonal() * (values.transpose() * mass.asDiagonal() * values) * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(gram);
+  const geometry::SymmetricEigen eigen = geometry::symmetricEigen(gram);
   Index kept = 0;
-  while (kept < gram.cols() &&
-         eigen.eigenvalues()[gram.cols() - 1 - kept] > 1e-10 * eigen.eigenvalues()[gram.cols() - 1])
-    ++kept;
-  return scale.asDiagonal() * eigen.eigenvectors().rightCols(kept) *
-         eigen.eigenvalues().tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
+  while (kept < gram.cols() && eigen.values[gram.cols() - 1 - kept] > 1e-10 * eigen.values[gram.cols() - 1]) ++kept;
+  return scale.asDiagonal() * eigen.vectors.rightCols(kept) *
+         eigen.values.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal();
 }
 
 // Functions on nodes as such on vertices that are 0 on all pin sets.

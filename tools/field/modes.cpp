@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 
+#include "runtime/geometry/symmetric_eigen.h"
 #include "tools/field/answers.h"
 
 namespace sinew::tools::field {
@@ -23,13 +24,13 @@ MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& 
     if (known.cols() > 0) columns_left -= (known * (known.transpose() * columns_left)).eval();
   };
   for (int pass = 0; pass < 2; ++pass) takeOut(w);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(MatrixXd(w.transpose() * w));
-  const VectorXd& energy = gram.eigenvalues();
+  const geometry::SymmetricEigen gram = geometry::symmetricEigen(w.transpose() * w);
+  const VectorXd& energy = gram.values;
   Index kept = 0;
   const Index all = w.cols();
   while (kept < std::min(count, all) && energy[all - 1 - kept] > 1e-12 * energy[all - 1]) ++kept;
   if (kept == 0 || !(energy[all - 1] > 0)) return MatrixXd(columns.rows(), 0);
-  MatrixXd u = w * gram.eigenvectors().rightCols(kept).rowwise().reverse();
+  MatrixXd u = w * gram.vectors.rightCols(kept).rowwise().reverse();
   // Twice is enough (Giraud et al. 2005): the first Gram matrix loses half of the digits.
   for (int pass = 0; pass < 2; ++pass) {
     takeOut(u);
@@ -97,9 +98,9 @@ Modes lowestModes(const Elastic& elastic, const Solver& solver, const std::vecto
   const MatrixXd q = space.middleCols(without.cols(), filled - without.cols());
   MatrixXd projected = q.transpose() * (elastic.stiffness * q);
   projected = (0.5 * (projected + projected.transpose())).eval();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> ritz(projected);
+  const geometry::SymmetricEigen ritz = geometry::symmetricEigen(projected);
   count = std::min(count, q.cols());
-  return {q * ritz.eigenvectors().leftCols(count), ritz.eigenvalues().head(count).cwiseMax(0.0)};
+  return {q * ritz.vectors.leftCols(count), ritz.values.head(count).cwiseMax(0.0)};
 }
 
 }  // namespace sinew::tools::field
