@@ -179,6 +179,7 @@ class Search {
       contact.phi = row;
     }
     giveWay();
+    for (Contact& contact : scratch_.contacts) contact.firm = contact.kappa;
   }
 
   void add(const Candidate& candidate) {

@@ -3,7 +3,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "runtime/clusters/algebra.h"
@@ -162,8 +161,6 @@ class TouchSearch {
         low_(b.low.array() - margin_),
         high_(b.high.array() + margin_) {}
 
-  bool hasEntered() const { return has_entered_; }
-
   /// Anywhere on the way.
   bool areNear() const {
     const float stirring = a_.stirring + b_.stirring;
@@ -171,19 +168,18 @@ class TouchSearch {
     return !((low.array() - stirring) > high_.array()).any() && !((high.array() + stirring) < low_.array()).any();
   }
 
-  /// Takes in what all touches of the step before were. \return those of a's points with b.
-  std::span<const TouchMemory> remember(std::span<const TouchMemory> known) {
+  /// Takes in what all touches of the step before were.
+  void remember(std::span<const TouchMemory> known) {
     known_ = touchesOf(known, a_, b_);
     if (isItself()) {
       sortPoints();
-      return known_;
+      return;
     }
     // The way that the two pushed each other apart, by how deep they were.
     Vector3f way = Vector3f::Zero();
     for (const TouchMemory& touch : known_) way += pushOf(touch) * (b_.turn * outwardOf(touch));
     for (const TouchMemory& touch : touchesOf(known, b_, a_)) way -= pushOf(touch) * (a_.turn * outwardOf(touch));
     if (way.squaredNorm() > 0) way_ = b_.turn.transpose() * way.normalized();
-    return known_;
   }
 
   /// Adds the touch of a point, if it is one. What touched is one where it was as well: a prediction that goes on as a
@@ -202,7 +198,6 @@ class TouchSearch {
     if (a_.body == b_.body && b_.map->distance(asVector(a_.field->points[p].at)) < margin_) return;  // as at rest
     const bool pushed = last != nullptr && last->depth > 0;
     const bool entered = !pushed && is_fast_ && enters(at, oldPlaceOf(p), place, distance, outward);
-    has_entered_ = has_entered_ || entered;
     bool near = entered || isNear(at, b_.base, Vector3f::Zero(), place, distance, outward);
     if (!near && last != nullptr) {
       near = isNear(oldPlaceOf(p), b_.before, b_.center_before, place, distance, outward);
@@ -414,6 +409,7 @@ class TouchSearch {
     touch.place = left_at;
     if (!b_.map->locate(touch.place, material)) return;
     const Matrix3f gradient = gradientAt(b_, b_.map->package(), material);
+    touch.entered = entered;
     touch.to_rest = gradient.determinant() > 0 ? Matrix3f(gradient.inverse()) : Matrix3f(b_.turn.transpose());
     const Vector3f normal = touch.to_rest.transpose() * outward;
     if (!(normal.squaredNorm() > 0) || !normal.allFinite()) return;
@@ -491,7 +487,6 @@ class TouchSearch {
   const float margin_;
   const Vector3f apart_, travel_;
   const bool is_fast_;
-  bool has_entered_ = false;
   const Vector3f low_, high_;
   Vector3f way_ = Vector3f::Zero();  ///< in b's rest shape, unit; 0: not known
   int axis_ = 0;                     ///< of a.order
@@ -515,37 +510,20 @@ void stopInTime(const TouchingPiece& a, const TouchingPiece& b, double h, FoundT
 
 }  // namespace
 
-// The package's order spreads points over the surface, each first part of it too. So many of it are looked at that few
-// enough touch, and all that touch carry: of a choice among these what rests would be other springs in each step. How
-// many were looked at before is known from the last that touched.
+// All points count: of a choice among those that are near what rests would be other springs in each step.
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list) {
   if (b.map == nullptr || a.points.empty() || (&a == &b && a.order.empty())) return;
   TouchSearch search(a, b, h, list);
   if (!search.areNear()) return;
-  const auto all = std::uint32_t(a.field->points.size());
-  const std::size_t first = list.touches.size(), first_row = list.rows.size();
-  const std::span<const TouchMemory> before = search.remember(known);
-  std::uint32_t looked_at = before.empty() ? all : std::min(all, std::bit_ceil(before.back().point + 1));
-  const auto found = [&] { return list.touches.size() - first; };
-  // Both sides of what touches itself are looked at here.
-  const std::uint32_t usual = search.isItself() ? 2 * kMostTouches : kMostTouches;
-  for (std::uint32_t p = 0; p < looked_at; ++p) {
-    search.look(p);
-    while (found() > (search.hasEntered() ? all : usual)) {
-      looked_at = std::bit_ceil(looked_at) / 2;
-      while (found() > 0 && list.touches.back().memory.point >= looked_at) list.touches.resize(list.touches.size() - 1);
-      list.rows.resize(found() > 0 ? list.touches.back().row_b + b.field->k : first_row);
-    }
-    if (p + 1 == looked_at && found() < kFewTouches) looked_at = std::min(all, 2 * looked_at);
-  }
-  // Each stands for the area of those that are not looked at as well.
-  const double share = double(all) / double(looked_at);
+  const std::size_t first = list.touches.size();
+  search.remember(known);
+  for (std::uint32_t p = 0; p < a.field->points.size(); ++p) search.look(p);
   for (std::size_t i = first; i < list.touches.size(); ++i) {
     Touch& touch = list.touches[i].touch;
     touch.a = index_a;
     touch.b = index_b;
-    const double area = share * double(a.field->points[list.touches[i].memory.point].area);
+    const double area = double(a.field->points[list.touches[i].memory.point].area);
     touch.kappa = float(1 / (1 / firmness(a, area) + 1 / firmness(b, area)));
     stopInTime(a, b, h, list.touches[i]);
   }

@@ -13,9 +13,6 @@
 
 namespace sinew::internal {
 
-/// Most touches of one piece with another, and the number below which more of its points are looked at.
-inline constexpr std::uint32_t kMostTouches = 24, kFewTouches = 8;
-
 /// A piece as contacts see it in a step.
 struct TouchingPiece {
   std::uint32_t body = 0, piece = 0;  ///< BodyId, BODY record
@@ -63,6 +60,7 @@ struct FoundTouch {
   TouchMemory memory;
   bool held;                ///< by friction, at memory.anchor
   float coming;             ///< speed at which it comes, m/s
+  bool entered;             ///< on its way in this step
   Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
   Eigen::Vector3f place;    ///< rest place of b that it pushes at, metres
   Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres

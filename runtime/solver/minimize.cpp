@@ -21,6 +21,8 @@ constexpr std::uint32_t kTouchesAJob = 64;
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
 constexpr double kRounding = 3e-7;
+/// A direction is held by what does not push where contacts that do not push have this part of its curvature.
+constexpr double kHeld = 0.5;
 /// Squared frequencies of most elastic modes are below this times the lowest one's.
 constexpr double kRough = 30;
 /// Part of what the slope promises that a step must bring (Armijo's condition).
@@ -365,6 +367,15 @@ void Objective::precondition(float* g) const {
   }
 }
 
+double Objective::heldByContacts(const float* direction) const {
+  double held = 0;
+  for (const Contact& contact : scratch->contacts) {
+    if (gapOf(contact) < 0) continue;
+    held += double(contact.firm) * double(internal::wayOf(contact, direction, field->k).squaredNorm());
+  }
+  return held;
+}
+
 double Objective::roughStiffness() const {
   const double omega = 2 * M_PI * double(field->lowest_hz);
   return kRough * double(stiffness) * omega * omega;
@@ -444,6 +455,37 @@ bool Minimand::hasFriction() const {
   return std::any_of(touches.begin(), touches.end(), slows) || std::any_of(pieces.begin(), pieces.end(), rubs);
 }
 
+double Minimand::heldByContacts(const float* direction) const {
+  double held = 0;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Objective& piece = *pieces[i];
+    held += piece.heldByContacts(direction + first[i]);
+    for (const TouchRow& row : piece.touch_rows) {
+      if (gapOf(touches[row.touch]) < 0) continue;
+      const Eigen::Vector3f way = sumOf(row.phi, direction + first[i], piece.field->k).matrix().head<3>();
+      held += double(row.firm) * double(way.squaredNorm());
+    }
+  }
+  return held;
+}
+
+void Minimand::renew(const float* d, bool pushing_only) const {
+  for (Touch& touch : touches) {
+    touch.way = wayOf(touch, d);
+    touch.firm = !pushing_only || gapOf(touch) < 0 ? touch.kappa : 0;
+  }
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    Objective& piece = *pieces[i];
+    for (Contact& contact : piece.scratch->contacts) {
+      contact.way = internal::wayOf(contact, d + first[i], piece.field->k);
+      contact.firm = !pushing_only || gapOf(contact) < 0 ? contact.kappa : 0;
+    }
+    for (TouchRow& row : piece.touch_rows) row.firm = touches[row.touch].firm;
+    useSystemAt(piece, *systems[i], d + first[i]);
+  }
+  if (rigid != nullptr) rigid->make(*this);
+}
+
 namespace {
 
 double squaredSize(const Objective& objective) {
@@ -463,8 +505,10 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   float* const direction = objective.scratch->direction.data();
   const std::uint32_t first = 4 * objective.field->driven, n = 4 * objective.field->k - first;
   std::copy_n(gradient + first, n, direction + first);
+  std::fill_n(direction, first, 0.0F);
   objective.precondition(direction);
-  return dot(direction + first, direction + first, n) <= settledWay2(objective, dot(d + first, d + first, n));
+  return dot(direction + first, direction + first, n) <= settledWay2(objective, dot(d + first, d + first, n)) &&
+         !(objective.heldByContacts(direction) > kHeld * dot(gradient + first, direction + first, n));
 }
 
 Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations,
@@ -524,11 +568,13 @@ Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objectiv
     }
     const double way2 = dot(d, d, n);
     // What a scaled matrix leaves to go is longer where the first one was right.
-    if (dot(direction, direction, n) <= double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2)) break;
+    const bool settled =
+        dot(direction, direction, n) <= double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
+    if (settled && (renewed || !(minimand.heldByContacts(direction) > kHeld * slope))) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;
-    for (std::uint32_t tries = 0; tries < 6 && !taken; ++tries) {
+    for (std::uint32_t tries = 0; tries < 6 && !taken && !settled; ++tries) {
       for (std::uint32_t i = 0; i < n; ++i) trial[i] = d[i] - part * direction[i];
       next = minimand.at(s.next.data(), s.next_gradient.data(), false);
       const double noise = kEnergyNoise * (std::abs(value.elastic) + std::abs(next.elastic)) + energy_noise;
@@ -544,9 +590,7 @@ Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objectiv
     ++iteration;
     if (!taken) {
       if (renewed) break;
-      for (std::size_t i = 0; i < minimand.pieces.size(); ++i) {
-        useSystemAt(*minimand.pieces[i], *minimand.systems[i], d + minimand.first[i]);
-      }
+      minimand.renew(d, settled);
       renewed = true;
       pairs = 0;
       scale = 1;

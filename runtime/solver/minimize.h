@@ -23,6 +23,7 @@ struct Push {
   float floor;             ///< height that it is pushed to, m: see TouchingPoint
   Eigen::Vector3f slide;   ///< way across the normal from where friction holds it, at the prediction, m
   float kappa;             ///< N/m
+  float firm;              ///< the same in the matrix; 0 where it does not count
   float friction;          ///< Coulomb coefficient
   float pressed;           ///< N, that friction sees
   Eigen::Vector3f way;     ///< from the prediction to where its point was last evaluated, m
@@ -56,7 +57,7 @@ struct Touch : Push {
 /// A Touch as one of its pieces has it.
 struct TouchRow {
   const float* phi;
-  float kappa;
+  float firm;           ///< Push::firm
   std::uint32_t key;    ///< of what touches: rows of one key are alike from step to step
   std::uint32_t touch;  ///< of the Minimand
   float sign;           ///< of its force on the piece
@@ -94,8 +95,8 @@ struct Objective {
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
-  const float* system = nullptr;  ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
-  std::span<const TouchRow> touch_rows;  ///< of what couples it to other pieces
+  const float* system = nullptr;   ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
+  std::span<TouchRow> touch_rows;  ///< of what couples it to other pieces
   MinimizeScratch* scratch = nullptr;
 
   struct Value {
@@ -128,6 +129,9 @@ struct Objective {
   void press(const float* d) const;
   /// The first matrix's inverse times g, in place.
   void precondition(float* g) const;
+  /// What contacts that do not push where they were last evaluated, as the first matrix has them, hold of a direction:
+  /// sum of kappa |phi direction|^2, J.
+  double heldByContacts(const float* direction) const;
   /// Squared angular frequency above most elastic modes: what floats round of a shape pulls as if it were this stiff.
   double roughStiffness() const;
 };
@@ -141,10 +145,11 @@ struct Minimand {
   std::span<const std::uint32_t> first;  ///< of each piece's coefficients in the vectors, floats
   std::uint32_t size = 0;                ///< of the vectors, floats
   std::span<Touch> touches;
-  MinimizeScratch* vectors = nullptr;  ///< base, d, next, gradient, next_gradient, direction and pairs count
-  std::span<Objective::Value> values;  ///< of the pieces at the last at(); not of one piece alone
-  JobSystem* jobs = nullptr;           ///< that shares the work; null: none
-  RigidCoupling* rigid = nullptr;      ///< what precondition() knows of the touches; null: nothing
+  MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient, direction and pairs count
+  std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
+  JobSystem* jobs = nullptr;             ///< that shares the work; null: none
+  RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
+  std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`: those that hang or lie on others come first
 
   Objective::Value at(const float* d, float* gradient, bool mark) const;
   /// What friction sees is that at d.
@@ -154,6 +159,11 @@ struct Minimand {
   /// The first matrices' inverses and what couples them times g, in place; 0 where pins drive.
   void precondition(float* g) const;
   bool hasFriction() const;
+  /// Objective::heldByContacts() of all, and of the touches.
+  double heldByContacts(const float* direction) const;
+  /// The matrices become those of the shape at d. \param pushing_only of contacts and touches those count that push
+  /// there, not all that are near.
+  void renew(const float* d, bool pushing_only) const;
 
  private:
   bool isAlone() const { return pieces.size() == 1 && touches.empty(); }

@@ -65,7 +65,7 @@ void RigidCoupling::findArms(const Minimand& minimand) {
   }
 }
 
-void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t> order) {
+void RigidCoupling::make(const Minimand& minimand) {
   findArms(minimand);
   nodes_.clear();
   couplings_.clear();
@@ -77,7 +77,7 @@ void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t
     for (std::uint32_t j = 0; j < k; ++j) sum += double(phi[j]) * arms(piece)[j];
     return sum;
   };
-  for (const std::uint32_t piece : order) {
+  for (const std::uint32_t piece : minimand.order) {
     const Objective& objective = *minimand.pieces[piece];
     const Field& field = *objective.field;
     if (field.driven > 0) continue;  // pin sets leave it no rigid motion
@@ -92,11 +92,11 @@ void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t
     }
     for (const Contact& contact : objective.scratch->contacts) {
       const Eigen::Vector4d at = momentsOf(piece, contact.phi);
-      gram += double(contact.kappa) * at * at.transpose();
+      gram += double(contact.firm) * at * at.transpose();
     }
     for (const TouchRow& touch : objective.touch_rows) {
       const Eigen::Vector4d at = momentsOf(piece, touch.phi);
-      gram += double(touch.kappa) * at * at.transpose();
+      gram += double(touch.firm) * at * at.transpose();
     }
     node_of_[piece] = std::uint32_t(nodes_.size());
     Node& node = nodes_.add();
@@ -127,7 +127,7 @@ void RigidCoupling::make(const Minimand& minimand, std::span<const std::uint32_t
       std::swap(phi_later, phi_earlier);
     }
     find(keyOf(touch))->block +=
-        blockOf(-double(touch.kappa) * momentsOf(later, phi_later) * momentsOf(earlier, phi_earlier).transpose());
+        blockOf(-double(touch.firm) * momentsOf(later, phi_later) * momentsOf(earlier, phi_earlier).transpose());
   }
   takeApart();
 }

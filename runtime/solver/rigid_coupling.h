@@ -23,8 +23,8 @@ class RigidCoupling {
  public:
   explicit RigidCoupling(std::pmr::memory_resource* memory);
 
-  /// \param order of the pieces: those that hang or lie on others come first. \pre frames and systems are made
-  void make(const Minimand& minimand, std::span<const std::uint32_t> order);
+  /// \pre frames and systems are made
+  void make(const Minimand& minimand);
   /// R^T g of all pieces. \param g size() floats of the minimand.
   void take(const Minimand& minimand, const float* g);
   /// Adds R (A^-1 - D^-1) times the result of take().

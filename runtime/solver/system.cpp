@@ -24,11 +24,11 @@ void addSprings(const Objective& objective, float* matrix) {
       std::fill_n(row, i + 1, 0.0F);
     }
     for (const Contact& c : s.contacts) {
-      const float firm = c.kappa * c.phi[i];
+      const float firm = c.firm * c.phi[i];
       for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * c.phi[j];
     }
     for (const TouchRow& t : objective.touch_rows) {
-      const float firm = t.kappa * t.phi[i];
+      const float firm = t.firm * t.phi[i];
       for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * t.phi[j];
     }
     for (std::uint32_t j = driven; j <= i; ++j) {
@@ -76,10 +76,9 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
       system.h == objective.h &&
       std::equal(
           system.points.begin(), split, contacts.begin(), contacts.end(),
-          [](const SystemFactor::Point& p, const Contact& c) { return p.point == c.point && p.kappa == c.kappa; }) &&
-      std::equal(
-          split, system.points.end(), touches.begin(), touches.end(),
-          [](const SystemFactor::Point& p, const TouchRow& t) { return p.point == t.key && p.kappa == t.kappa; });
+          [](const SystemFactor::Point& p, const Contact& c) { return p.point == c.point && p.firm == c.firm; }) &&
+      std::equal(split, system.points.end(), touches.begin(), touches.end(),
+                 [](const SystemFactor::Point& p, const TouchRow& t) { return p.point == t.key && p.firm == t.firm; });
   if (same) {
     objective.system = system.factor.data();
     return;
@@ -87,8 +86,8 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   make(objective, system, nullptr);
   system.h = objective.system != nullptr ? objective.h : 0;
   system.points.clear();
-  for (const Contact& contact : contacts) system.points.push_back({contact.point, contact.kappa});
-  for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.kappa});
+  for (const Contact& contact : contacts) system.points.push_back({contact.point, contact.firm});
+  for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.firm});
 }
 
 void useSystemAt(Objective& objective, SystemFactor& system, const float* offset) {

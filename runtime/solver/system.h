@@ -18,7 +18,7 @@ struct SystemFactor {
   /// A contact among it.
   struct Point {
     std::uint32_t point;
-    float kappa;  ///< N/m
+    float firm;  ///< N/m
   };
 
   Array<float> factor;  ///< 3 n rows of `stride` floats; the lower triangle

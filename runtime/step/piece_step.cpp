@@ -187,7 +187,7 @@ void PieceStep::reserveSystem(std::size_t rows) {
   piece_.system.points.reserve(s_.contacts.size() + rows);
 }
 
-void PieceStep::prepareTogether(std::span<const TouchRow> rows) {
+void PieceStep::prepareTogether(std::span<TouchRow> rows) {
   objective_.touch_rows = rows;
   useRestSystem(objective_, piece_.system);
   const ConstCoefficientMap now = std::as_const(piece_).z();

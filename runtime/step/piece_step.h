@@ -68,7 +68,7 @@ class PieceStep {
   /// Takes the memory that prepareTogether() needs for so many rows.
   void reserveSystem(std::size_t rows);
   /// The objective with its touches: its first matrix and its frame.
-  void prepareTogether(std::span<const TouchRow> rows);
+  void prepareTogether(std::span<TouchRow> rows);
   /// Where it was, from the prediction. \param d k x 4.
   void oldPlace(float* d) const;
   /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held.

@@ -268,12 +268,12 @@ class Together {
     s.found.rows.clear();
     const auto count = std::uint32_t(s.pairs.size());
     s.pair_touches.resize(count);
-    std::size_t most = 0, touches = kMostTouches;
+    std::size_t most = 0, touches = 0;
     for (PieceStep& step : s.steps) {
       most = std::max(most, std::size_t(step.field().k));
       touches = std::max(touches, step.field().points.size());
     }
-    touches = 2 * touches + 1;  // both ways, while one more is looked at
+    touches *= 2;  // both ways
     const std::uint32_t lanes = jobs_ == nullptr ? 1 : std::clamp(jobs_->concurrency(), 1U, 64U);
     while (s.lanes.size() < lanes) s.lanes.emplace_back(s.touching.memory());
     for (TouchList& lane : s.lanes) {

@@ -372,6 +372,21 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run("bake", mesh, "-o", apart, "--no-cache", "--set=field.distances=0").returncode, 0)
         self.assert_refused(run("simulate", apart, "--scene", "stack"), 3, "field.distances")
 
+    def bake_box(self, name, x, y, z):
+        corners = [(i * x, j * y, k * z) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        mesh, package = self.path / (name + ".obj"), self.path / (name + ".sinew")
+        mesh.write_text("".join("v %g %g %g\n" % corner for corner in corners) +
+                        "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n")
+        self.assertEqual(run("bake", mesh, "-o", package, "--no-cache").returncode, 0)
+        return package
+
+    def test_what_falls_flat_does_not_hover(self):
+        # The first sheet comes so near to the ground that its next step presses in no more than a hair.
+        package = self.bake_box("sheet", 2, 0.01, 2)
+        for step in ("0.016667", "0.0163", "0.0153"):
+            measures = json.loads(run("simulate", package, "--scene", "pile", "--seconds", "3", "--step", step, "--json").stdout)
+            self.assertLess(measures["lowest_visual"], 1e-4, step)
+
     def test_pile_of_thin_bodies_ends_asleep(self):
         # Fins spring farther in a step than contacts reach.
         vertices, faces = [], []
