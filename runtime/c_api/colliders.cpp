@@ -139,6 +139,15 @@ sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider) {
   });
 }
 
+sinew_status sinew_collider_pose(const sinew_world* world, uint32_t collider, float position[3], float rotation[9]) {
+  return onWorld("sinew_collider_pose", world, position != nullptr && rotation != nullptr, [&](const sinew::World& w) {
+    const sinew::RigidTransform at = w.colliderPose({collider});
+    std::copy(at.position.begin(), at.position.end(), position);
+    std::copy(at.rotation.begin(), at.rotation.end(), rotation);
+    return SINEW_OK;
+  });
+}
+
 sinew_status sinew_collider_reaction(const sinew_world* world, uint32_t collider, float impulse[3],
                                      float torque_impulse[3]) {
   return onWorld("sinew_collider_reaction", world, impulse != nullptr && torque_impulse != nullptr,

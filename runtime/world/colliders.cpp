@@ -121,6 +121,17 @@ void World::moveCollider(ColliderId id, const RigidTransform& to) {
   collider->target = to;
 }
 
+RigidTransform World::colliderPose(ColliderId id) const {
+  RigidTransform at;
+  const internal::Collider* const collider = impl_->find(id, "colliderPose");
+  if (collider == nullptr) return at;
+  for (int r = 0; r < 3; ++r) {
+    at.position[std::size_t(r)] = float(collider->pose.position[r]);
+    for (int c = 0; c < 3; ++c) at.rotation[std::size_t(3 * r + c)] = float(collider->pose.rotation(r, c));
+  }
+  return at;
+}
+
 void World::removeCollider(ColliderId id) {
   const internal::Collider* const collider = impl_->find(id, "removeCollider");
   if (collider == nullptr) return;

@@ -358,7 +358,7 @@ class CommandLine(unittest.TestCase):
 
     def test_scenes_of_several_bodies_end_asleep(self):
         mesh, package = self.bake_block()
-        for scene, count, low, high in (("stack", 10, 9.8, 10.02), ("pyramid", 10, 3.95, 4.01), ("pile", 27, 1, 6)):
+        for scene, count, low, high in (("stack", 10, 9.8, 10.02), ("pyramid", 10, 3.95, 4.01), ("pile", 60, 1, 6), ("stairs", 6, 0.9, 6)):
             for steps in ("0.016667", "0.016667,0.004167"):
                 measures = json.loads(run("simulate", package, "--scene", scene, "--step", steps, "--json").stdout)
                 bodies = measures["bodies"]
@@ -371,6 +371,45 @@ class CommandLine(unittest.TestCase):
         apart = self.path / "apart.sinew"
         self.assertEqual(run("bake", mesh, "-o", apart, "--no-cache", "--set=field.distances=0").returncode, 0)
         self.assert_refused(run("simulate", apart, "--scene", "stack"), 3, "field.distances")
+
+    def test_scenes_with_colliders(self):
+        package = self.bake_block()[1]
+        scene, out = self.path / "colliders.json", self.path / "out.obj"
+        square = {"points": [[-3, 0, -3], [3, 0, -3], [3, 0, 3], [-3, 0, 3], [-3, -1, -3], [3, -1, -3], [3, -1, 3], [-3, -1, 3]]}
+        shapes = (({"plane": {}}, 0), ({"sphere": {"radius": 50}, "at": [0, -50, 0]}, 0),
+                  ({"capsule": {"radius": 20, "half_length": 5}, "at": [0, -25, 0]}, 0),
+                  ({"box": {"half_size": [2, 1, 2]}, "at": [0, -1, 0]}, 0), ({"hull": square}, 0),
+                  ({"mesh": {"points": square["points"][:4], "triangles": [[0, 2, 1], [0, 3, 2]]}}, 0),
+                  ({"heights": {"columns": 2, "cell": 4, "heights": [0, 0, 0, 0]}, "at": [-2, 0, -2]}, 0),
+                  ({"box": {"half_size": [2, 1, 2]}, "at": [0, -1, 0],
+                    "keys": [{"time": 0}, {"time": 1, "move": [0, 0.5, 0]}]}, 0.5))
+        for shape, lowest in shapes:
+            scene.write_text(json.dumps({"sinew_scene": 1, "seconds": 3, "gravity": 9.81, "colliders": [shape]}))
+            done = run("simulate", package, "--scene", scene, "--export", out)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            low = min(float(line.split()[2]) for line in out.read_text().splitlines() if line.startswith("v "))
+            self.assertAlmostEqual(low, lowest, delta=0.02, msg=str(shape))
+        picture = self.path / "colliders.png"
+        self.assertEqual(run("render", package, "--scene", scene, "--frames", "2", "-o", picture).returncode, 0)
+        # Two bodies of two packages on a ground of their own height: one falls onto the other.
+        other = self.bake_box("other", 1, 0.5, 1)
+        scene.write_text(json.dumps({"sinew_scene": 1, "seconds": 4, "gravity": 9.81, "ground": -1, "bodies": [
+            {"move": [0, -1, 0]}, {"package": 1, "move": [-0.5, 0.1, -0.5], "turn": 3, "axis": [0, 1, 0]}]}))
+        bodies = json.loads(run("simulate", package, other, "--scene", scene, "--json").stdout)["bodies"]
+        self.assertEqual((bodies["count"], bodies["asleep"]), (2, 2))
+        self.assertAlmostEqual(bodies["height_m"], 0.5, delta=0.05)
+        self.assert_refused(run("simulate", package, "--scene", scene), 3, "no such package", "line")
+        for keys, said in (({"colliders": [{}]}, "one shape"), ({"colliders": [{"sphere": {}}]}, "radius"),
+                           ({"colliders": [{"sphere": {"radius": -1}}]}, "number"),
+                           ({"colliders": [{"box": {"half_size": [1, 0, 1]}}]}, "half_size"),
+                           ({"colliders": [{"hull": {"points": [[0, 0, 0]]}}]}, "4 to 64"),
+                           ({"colliders": [{"hull": {"points": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]}}]}, "hull"),
+                           ({"colliders": [{"mesh": {"points": [[0, 0, 0]] * 3, "triangles": [[0, 1, 3]]}}]}, "corner"),
+                           ({"colliders": [{"heights": {"columns": 2, "cell": 1, "heights": [0]}}]}, "rows"),
+                           ({"colliders": [{"plane": {}, "frction": 1}]}, "friction"), ({"bodies": []}, "no body"),
+                           ({"ground": "low"}, "number")):
+            scene.write_text(json.dumps({"sinew_scene": 1, **keys}))
+            self.assert_refused(run("simulate", package, "--scene", scene), 3, said)
 
     def bake_box(self, name, x, y, z):
         corners = [(i * x, j * y, k * z) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
@@ -418,7 +457,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run("bake", mesh, "-o", package, "--no-cache").returncode, 0)
         for steps in ("0.016667", "0.004167", "0.016667,0.004167"):
             measures = json.loads(run("simulate", package, "--scene", "pile", "--seconds", "12", "--step", steps, "--json").stdout)
-            self.assertEqual((measures["bodies"]["count"], measures["bodies"]["asleep"]), (27, 27), steps)
+            self.assertEqual((measures["bodies"]["count"], measures["bodies"]["asleep"]), (60, 60), steps)
 
     def test_pieces_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]

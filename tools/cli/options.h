@@ -19,6 +19,8 @@
 
 namespace sinew::tools {
 
+inline constexpr const char* kOthersSentence = "More packages, for scenes of several bodies";
+
 /// Applies `--set KEY=VALUE` in order.
 inline void applyAssignments(Settings& settings, const std::vector<std::string>& assignments) {
   for (const std::string& assignment : assignments) settings.assign(assignment);

@@ -24,6 +24,7 @@ namespace {
 
 struct RenderCommand {
   std::string input;
+  std::vector<std::string> others;
   std::string output;
   std::vector<std::string> scenes;
   std::string solver = "coupled";
@@ -93,6 +94,7 @@ void renderPackage(const RenderCommand& command, bool video) {
                     "Lower --frames, or ask for an .mp4.");
   }
   const auto asset = loadPackage(command.input);
+  for (const std::string& other : command.others) options.others.push_back(loadPackage(other));
   if (asset->package().visualTriangles().empty()) {
     throw ToolError(ExitCode::bad_input, command.input, "the package has no visual mesh to draw",
                     "Bake it from a source with faces.");
@@ -144,6 +146,7 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
       "render",
       "Draw a package's scenes (contact sheet or video), or a source with its defects marked, without a display");
   verb->add_option("input", command->input, "A baked package (.sinew), or a source")->required();
+  verb->add_option("others", command->others, kOthersSentence);
   verb->add_option("-o,--output", command->output, "The picture (.png) or video (.mp4)")->required();
   verb->add_option(
       "--scene", command->scenes,

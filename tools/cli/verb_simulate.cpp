@@ -25,6 +25,7 @@ constexpr double kUsualSeconds = 6;  // of a built-in scene: long enough to come
 
 struct SimulateCommand {
   std::string package;
+  std::vector<std::string> others;
   std::string scene = "drop";
   double seconds = 0;
   std::vector<double> steps = {1.0 / 60};
@@ -51,6 +52,7 @@ void runSimulate(const SimulateCommand& command) {
   const auto asset = loadPackage(command.package);
   SceneOptions options;
   options.scene = choice;
+  for (const std::string& other : command.others) options.others.push_back(loadPackage(other));
   options.step_seconds = float(command.steps.front());
   if (command.steps.size() > 1) options.step_sequence.assign(command.steps.begin(), command.steps.end());
   options.solver = solverNamed(command.solver);
@@ -79,7 +81,10 @@ void runSimulate(const SimulateCommand& command) {
   double wall = 0;
   for (double t : microseconds) wall += t / 1e6;
   const GroupMeasure group = measureGroup(scene.world(), scene.bodies());
-  const BodyMeasure measure = measureBody(scene.world(), scene.body());
+  BodyMeasure measure = measureBody(scene.world(), scene.body());
+  const double ground = double(scene.groundHeight() / asset->package().info().diagonal);
+  measure.lowest -= ground;
+  measure.lowest_visual -= ground;
   if (!command.output.empty())
     writeFileAtomically(command.output,
                         meshText(scene, command.frame == "scene" ? ExportFrame::scene : ExportFrame::source));
@@ -151,6 +156,7 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<SimulateCommand>();
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene without a window");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
+  verb->add_option("others", command->others, kOthersSentence);
   verb->add_option("--scene", command->scene,
                    "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json): docs/scenes.md")
       ->capture_default_str();

@@ -13,6 +13,7 @@ namespace sinew::tools {
 void addViewVerb(CLI::App& app, int& exit_code) {
   struct ViewCommand {
     std::string package;
+    std::vector<std::string> others;
     std::string scene;
     std::string solver = "coupled";
     ViewOptions options;
@@ -20,6 +21,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   auto command = std::make_shared<ViewCommand>();
   CLI::App* verb = app.add_subcommand("view", "Open a window on a package: play scenes, grab the body with the mouse");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
+  verb->add_option("others", command->others, kOthersSentence);
   verb->add_option("--scene", command->scene,
                    "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json): docs/scenes.md. "
                    "Without: rest where pins of the "
@@ -40,6 +42,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
     }
     requireDisplay(command->package);
     const std::shared_ptr<const Asset> asset = loadPackage(command->package);
+    for (const std::string& other : command->others) command->options.others.push_back(loadPackage(other));
     if (command->scene.empty()) {
       command->options.scene = asset->package().pinSets().empty() ? SceneKind::drop : SceneKind::rest;
     }

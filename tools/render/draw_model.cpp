@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kMaxTextureSize = 4096;
 const Eigen::Vector3f kPlainColor(0.56F, 0.53F, 0.49F);  // of a mesh without materials and colours: unfired clay
+const Eigen::Vector3f kSolidColor(0.42F, 0.43F, 0.45F);  // linear, of colliders
 
 Eigen::Vector3f toVector(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
 
@@ -234,11 +235,18 @@ DrawModel joinedModel(std::span<const formats::PackageView* const> packages, flo
     const auto vertices = static_cast<std::uint32_t>(joined.positions.size());
     const auto triangles = static_cast<std::uint32_t>(joined.triangles.size());
     const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+    // A stream that one of them has is there for all.
+    const auto appendStream = [&](auto& to, const auto& from, const auto& none) {
+      if (to.empty() && from.empty()) return;
+      to.resize(vertices, none);
+      append(to, from);
+      to.resize(vertices + next.positions.size(), none);
+    };
     append(joined.positions, next.positions);
     append(joined.normals, next.normals);
-    append(joined.uvs, next.uvs);
-    append(joined.colors, next.colors);
-    append(joined.cluster_tint, next.cluster_tint);
+    appendStream(joined.uvs, next.uvs, Eigen::Vector2f(0, 0));
+    appendStream(joined.colors, next.colors, std::array<float, 4>{1, 1, 1, 1});
+    appendStream(joined.cluster_tint, next.cluster_tint, std::array<float, 3>{0.5F, 0.5F, 0.5F});
     for (std::array<std::uint32_t, 3> t : next.triangles) {
       for (std::uint32_t& v : t) v += vertices;
       joined.triangles.push_back(t);
@@ -250,6 +258,26 @@ DrawModel joinedModel(std::span<const formats::PackageView* const> packages, flo
     }
   }
   return joined;
+}
+
+void addSolid(DrawModel& model, std::span<const std::array<std::uint32_t, 3>> triangles, std::size_t vertices,
+              bool one_sided) {
+  const auto first = static_cast<std::uint32_t>(model.positions.size());
+  DrawPart part;
+  part.first_triangle = static_cast<std::uint32_t>(model.triangles.size());
+  part.triangle_count = static_cast<std::uint32_t>(triangles.size());
+  part.base_color = kSolidColor;
+  part.one_sided = one_sided;
+  model.parts.push_back(part);
+  for (const std::array<std::uint32_t, 3>& t : triangles) {
+    model.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  }
+  const std::size_t count = model.positions.size() + vertices;
+  model.positions.resize(count, Eigen::Vector3f::Zero());
+  model.normals.resize(count, Eigen::Vector3f::UnitY());
+  if (!model.uvs.empty()) model.uvs.resize(count, Eigen::Vector2f::Zero());
+  if (!model.colors.empty()) model.colors.resize(count, {1, 1, 1, 1});
+  if (!model.cluster_tint.empty()) model.cluster_tint.resize(count, {0.5F, 0.5F, 0.5F});
 }
 
 DrawModel makeDrawModel(const VisualMesh& mesh) {

@@ -24,6 +24,7 @@ struct DrawPart {
   Eigen::Vector3f base_color = Eigen::Vector3f::Ones();  ///< linear RGB, multiplied with texture or vertex colour
   std::uint32_t texture = kNoIndex;                      ///< into DrawModel::textures
   bool vertex_colors = false;
+  bool one_sided = false;  ///< not seen from behind
 };
 
 /// A mesh ready to be drawn. Drawing units: position / diagonal, so that lights, shadows and depth work alike
@@ -56,8 +57,12 @@ DrawModel makeDrawModel(const formats::PackageView& package);
 
 /// Several packages one after the other, for the bodies of a scene; what is drawn of the inside, and the diagonal, is
 /// that of the first. Equal pointers are equal packages. \param packages at least one; parts of a package that was cut,
-/// or the same one often: all have the streams that the first has. \param diagonal metres; 0: that of the first.
+/// the same one often, or others. \param diagonal metres; 0: that of the first.
 DrawModel joinedModel(std::span<const formats::PackageView* const> packages, float diagonal = 0);
+
+/// Adds what bodies collide with, in plain grey.
+void addSolid(DrawModel& model, std::span<const std::array<std::uint32_t, 3>> triangles, std::size_t vertices,
+              bool one_sided);
 
 /// From an imported source: positions are relative to the centre of its bounds.
 DrawModel makeDrawModel(const VisualMesh& mesh);

@@ -51,7 +51,13 @@ std::string counts(const formats::PackageView& package) {
 void addToHull(MotionHull& hull, const Shape& shape) {
   const std::size_t stride = shape.positions.size() / kHullVertices + 1;
   std::vector<Eigen::Vector3f> some;
-  for (std::size_t i = 0; i < shape.positions.size(); i += stride) some.push_back(shape.positions[i]);
+  for (std::size_t i = 0; i < shape.body_vertices; i += stride) some.push_back(shape.positions[i]);
+  std::size_t first = shape.body_vertices;
+  for (const auto& solid : shape.solids) {
+    const std::size_t count = solid->positions.size();
+    for (std::size_t i = 0; i < count && !solid->endless; ++i) some.push_back(shape.positions[first + i]);
+    first += count;
+  }
   hull.add(some);
 }
 
@@ -93,12 +99,19 @@ struct Take {
   DrawSettings settings;
 };
 
-Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& choice, const SolverFactory* solver,
-                double step_seconds, const std::vector<double>& times) {
+SceneOptions sceneOptions(const PictureOptions& from, const SceneChoice& choice) {
   SceneOptions options;
   options.scene = choice;
-  options.step_seconds = static_cast<float>(step_seconds);
-  options.solver = solver;
+  options.others = from.others;
+  options.step_seconds = static_cast<float>(from.step_seconds);
+  options.solver = from.solver;
+  return options;
+}
+
+Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneOptions& options,
+                const std::vector<double>& times) {
+  const SceneChoice& choice = options.scene;
+  const double step_seconds = static_cast<double>(options.step_seconds);
   Scene scene(asset, options);
   Take take;
   take.scene = choice;
@@ -120,6 +133,7 @@ Take recordTake(const std::shared_ptr<const Asset>& asset, const SceneChoice& ch
   const float factor = 1 / asset->package().info().diagonal;
   take.hull = scaled(hull.points(), factor);
   take.settings.ground = scene.hasGround();
+  take.settings.ground_height = scene.groundHeight() * factor;
   take.settings.shadow_center = hull.center() * factor;
   take.settings.shadow_radius = std::max(hull.radius() * factor, 1e-3F);
   return take;
@@ -198,6 +212,12 @@ void captureShape(const Scene& scene, Shape& shape) {
   shape.assets.assign(scene.assets().begin(), scene.assets().end());
   std::size_t count = 0;
   for (const auto& asset : shape.assets) count += asset->package().visualPositions().size();
+  shape.body_vertices = count;
+  shape.solids.clear();
+  for (const SceneSolid& solid : scene.solids()) {
+    shape.solids.push_back(solid.mesh);
+    count += solid.mesh->positions.size();
+  }
   shape.positions.resize(count);
   shape.normals.resize(count);
   std::size_t first = 0;
@@ -207,6 +227,15 @@ void captureShape(const Scene& scene, Shape& shape) {
     world.visualVertices(scene.bodies()[b], {shape.positions[first].data(), sizeof(Eigen::Vector3f), own},
                          {shape.normals[first].data(), sizeof(Eigen::Vector3f), own});
     first += own;
+  }
+  for (const SceneSolid& solid : scene.solids()) {
+    const RigidTransform at = world.colliderPose(solid.id);
+    const Eigen::Matrix3f turn = Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(at.rotation.data());
+    for (std::size_t i = 0; i < solid.mesh->positions.size(); ++i, ++first) {
+      shape.positions[first] = turn * Eigen::Map<const Eigen::Vector3f>(solid.mesh->positions[i].data()) +
+                               Eigen::Map<const Eigen::Vector3f>(at.position.data());
+      shape.normals[first] = turn * Eigen::Map<const Eigen::Vector3f>(solid.mesh->normals[i].data());
+    }
   }
   const std::span<const Vec3> physical = world.positions(body);
   shape.physical.resize(physical.size());
@@ -230,7 +259,11 @@ DrawModel modelOf(const Shape& shape, float diagonal) {
   std::vector<const formats::PackageView*> packages;
   packages.reserve(shape.assets.size());
   for (const auto& asset : shape.assets) packages.push_back(&asset->package());
-  return joinedModel(packages, diagonal);
+  DrawModel model = joinedModel(packages, diagonal);
+  for (const auto& solid : shape.solids) {
+    addSolid(model, solid->triangles, solid->positions.size(), solid->one_sided);
+  }
+  return model;
 }
 
 void showShape(Renderer& renderer, const Shape& shape) {
@@ -257,7 +290,7 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
     const std::string name = scene.name();
     const bool at_rest = scene == SceneKind::rest;
     const double length = options.seconds > 0 ? options.seconds : scene.seconds();
-    Take take = recordTake(asset, scene, options.solver, options.step_seconds, tileTimes(scene, length, frames));
+    Take take = recordTake(asset, sceneOptions(options, scene), tileTimes(scene, length, frames));
     applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
     take.settings.pinned = showsPinned(options, scene);
     scaleMarks(take.settings, height);
@@ -326,14 +359,14 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
   drawText(sheet, kMargin, kMargin + 29, 17, kGreyInk, fitText(counts(asset->package()), 17, room));
 
   std::optional<Renderer> renderer;
-  std::vector<std::shared_ptr<const Asset>> drawn;
+  Shape drawn;
   int y = kMargin + kTitleHeight;
   std::size_t done = 0;
   for (const auto& row : rows) {
     for (std::size_t k = 0; k < row.size(); ++k) {
       const Tile& tile = row[k];
-      if (tile.shape.assets != drawn) {
-        drawn = tile.shape.assets;
+      if (!renderer || !tile.shape.isLike(drawn)) {
+        drawn = tile.shape;
         renderer.reset();
         renderer.emplace(modelOf(tile.shape, asset->package().info().diagonal));
       }
@@ -369,11 +402,8 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
 
   // First the motion as a whole, for the camera; then the same again, frame by frame. The runtime repeats itself
   // exactly.
-  SceneOptions scene_options;
-  scene_options.scene = choice;
-  scene_options.step_seconds = static_cast<float>(options.step_seconds);
-  scene_options.solver = options.solver;
-  Take take = recordTake(asset, choice, options.solver, options.step_seconds, {0.0, (frames - 1) / kFramesPerSecond});
+  const SceneOptions scene_options = sceneOptions(options, choice);
+  Take take = recordTake(asset, scene_options, {0.0, (frames - 1) / kFramesPerSecond});
   applyOverlay(take.settings, options.overlay.value_or(OverlayName::none));
   take.settings.pinned = showsPinned(options, choice);
   const float aspect = static_cast<float>(width) / static_cast<float>(height);
@@ -403,15 +433,15 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
 
   Scene scene(asset, scene_options);
   std::optional<Renderer> renderer;
-  std::vector<std::shared_ptr<const Asset>> drawn;
+  Shape drawn;
   VideoFile video(file, width, height, kFramesPerSecond);
   Shape shape;
   for (int f = 0; f < frames; ++f) {
     const double time = f / kFramesPerSecond;
     while (scene.time() + 0.5 * options.step_seconds < time) scene.step();
     captureShape(scene, shape);
-    if (shape.assets != drawn) {
-      drawn = shape.assets;
+    if (!renderer || !shape.isLike(drawn)) {
+      drawn = shape;
       renderer.reset();
       renderer.emplace(modelOf(shape, asset->package().info().diagonal));
     }

@@ -25,10 +25,11 @@ std::span<const std::string_view> overlayNames();
 std::optional<OverlayName> overlayByName(std::string_view name);
 
 struct PictureOptions {
-  std::vector<SceneChoice> scenes;        ///< empty = rest, squash, drop, hang (a video: drop)
-  double seconds = 0;                     ///< of each scene, 0..; 0 = the scene's own length
-  double step_seconds = 1.0 / 60;         ///< 1e-5..1
-  const SolverFactory* solver = nullptr;  ///< null: its fields
+  std::vector<std::shared_ptr<const Asset>> others;  ///< as in SceneOptions
+  std::vector<SceneChoice> scenes;                   ///< empty = rest, squash, drop, hang (a video: drop)
+  double seconds = 0;                                ///< of each scene, 0..; 0 = the scene's own length
+  double step_seconds = 1.0 / 60;                    ///< 1e-5..1
+  const SolverFactory* solver = nullptr;             ///< null: its fields
   int frames = 0;  ///< pictures of each scene (1: all scenes in one row), or frames of the video; 0 = 6, or 30 a second
   int width = 0, height = 0;           ///< pixels of one picture, or of the video; 0 = 320 x 280, or 960 x 720
   std::optional<OverlayName> overlay;  ///< nothing: none, and a sheet has a row of overlays at the end
@@ -43,6 +44,10 @@ struct Shape {
   std::vector<ClusterFrame> frames;
   /// Of the bodies whose positions and normals follow each other; the rest is the first one's.
   std::vector<std::shared_ptr<const Asset>> assets;
+  std::vector<std::shared_ptr<const SolidMesh>> solids;  ///< colliders; their vertices follow those of the bodies
+  std::size_t body_vertices = 0;
+  /// Whether the same model draws both.
+  bool isLike(const Shape& other) const { return assets == other.assets && solids == other.solids; }
   double time = 0;  ///< s
 };
 void captureShape(const Scene& scene, Shape& shape);

@@ -372,7 +372,11 @@ void Renderer::drawDepthMaps(const DrawSettings& settings) {
     glClearDepth(1);
     glClear(GL_DEPTH_BUFFER_BIT);
     depth_program_.set("u_view_projection", matrix);
-    glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(triangles_.size() * 3), GL_UNSIGNED_INT, nullptr);
+    for (const DrawPart& part : parts_) {
+      if (part.one_sided) continue;  // what is not seen casts no shadow
+      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(part.triangle_count * 3), GL_UNSIGNED_INT,
+                     gl::offset(std::size_t{part.first_triangle} * 12));
+    }
   };
   drawMap(shadow_map_, light);
   if (settings.ground) drawMap(height_map_, from_below);
@@ -403,6 +407,8 @@ void Renderer::drawMesh(const Camera& camera, const Eigen::Matrix4f& view_projec
   program.set("u_shadow", kUnitShadow);
   program.set("u_shadow_matrix", shadow_matrix_);
   program.set("u_shadow_spread", 0.010F / height_range_);
+  // Offsets from the surface are for texels of 0.0015 drawing units.
+  program.set("u_shadow_bias", std::max(1.0F, height_range_ / static_cast<float>(kShadowMapSize) / 0.0015F));
   program.set("u_texture", kUnitTexture);
   glBindVertexArray(mesh_array_.name());
   glEnable(GL_SAMPLE_ALPHA_TO_COVERAGE);
@@ -413,8 +419,10 @@ void Renderer::drawMesh(const Camera& camera, const Eigen::Matrix4f& view_projec
     program.set("u_use_color", part.vertex_colors ? 1 : 0);
     program.set("u_cutout", textured && texture_cutout_[part.texture] ? 1.0F : 0.0F);
     glBindTexture(GL_TEXTURE_2D, textured ? textures_[part.texture].name() : 0);
+    if (part.one_sided) glEnable(GL_CULL_FACE);
     glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(part.triangle_count * 3), GL_UNSIGNED_INT,
                    gl::offset(std::size_t{part.first_triangle} * 12));
+    glDisable(GL_CULL_FACE);
   }
   glDisable(GL_SAMPLE_ALPHA_TO_COVERAGE);
   glBindTexture(GL_TEXTURE_2D, 0);

@@ -73,6 +73,7 @@ uniform int u_use_color;
 uniform float u_tint_amount;
 uniform float u_wash;
 uniform float u_shadow_spread;
+uniform float u_shadow_bias;
 uniform float u_cutout;
 layout(location = 0) out vec4 o_color;
 void main() {
@@ -98,7 +99,7 @@ void main() {
   if (dot(n, flat_normal) < 0.0) n = -n;
 
   float key = max(dot(n, u_key_direction), 0.0);
-  if (key > 0.0) key *= keyVisibility(v_position + 0.006 * n + 0.012 * u_key_direction, u_shadow_spread);
+  if (key > 0.0) key *= keyVisibility(v_position + u_shadow_bias * (0.006 * n + 0.012 * u_key_direction), u_shadow_spread);
   float fill = max(dot(n, u_fill_direction), 0.0);
   vec3 ambient = mix(u_ground_color, u_sky_color, 0.5 + 0.5 * n.y);
   vec3 color = albedo * (key * u_key_color + fill * u_fill_color + ambient);

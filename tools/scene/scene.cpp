@@ -13,8 +13,8 @@
 namespace sinew::tools {
 namespace {
 
-constexpr std::array<std::string_view, 9> kNames = {"rest",  "drop",    "squash", "stretch", "hang",
-                                                    "stack", "pyramid", "pile",   "cut"};
+constexpr std::array<std::string_view, 10> kNames = {"rest",  "drop",    "squash", "stretch", "hang",
+                                                     "stack", "pyramid", "pile",   "stairs",  "cut"};
 
 // Gravity of a scene, in diagonals per second squared: a body one metre across then falls as on Earth.
 constexpr float kGravityDiagonals = 9.81F;
@@ -36,10 +36,16 @@ constexpr float kDropDamping = 0.6F;
 
 // What rests so long falls asleep, s.
 constexpr float kSleepSeconds = 0.5F;
-// `stack` puts so many one on another, `pyramid` so many rows of one less each, `pile` drops so many a side.
+// `stack` puts so many one on another, `pyramid` so many rows of one less each, `pile` drops so many layers of so many
+// by so many into a box.
 constexpr int kStacked = 10;
 constexpr int kRows = 4;
-constexpr int kPiledSide = 3;
+constexpr int kPiledX = 5, kPiledZ = 4, kLayers = 3;
+// Walls of the box, of the diagonal.
+constexpr float kWallHeight = 2, kWallThickness = 0.1F;
+// `stairs`: so many steps, on each of which a body is thrown towards the foot; of the diagonal, and diagonals a second.
+constexpr int kSteps = 6;
+constexpr float kStepDepth = 1, kStepHeight = 0.35F, kStairWidth = 3, kThrown = 2;
 // Between what is put one on another, and between what is dropped, of the diagonal.
 constexpr float kStackGap = 1e-3F;
 constexpr float kPileGap = 0.05F;
@@ -48,7 +54,16 @@ constexpr double kCutSeconds = 0.25;
 constexpr float kCutSlope = 0.9F;
 
 bool hasSeveral(SceneKind kind) {
-  return kind == SceneKind::stack || kind == SceneKind::pyramid || kind == SceneKind::pile;
+  return kind == SceneKind::stack || kind == SceneKind::pyramid || kind == SceneKind::pile || kind == SceneKind::stairs;
+}
+
+// Where a motion takes a place.
+Vec3 placeAfter(const RigidTransform& motion, const Vec3& place) {
+  Vec3 to = motion.position;
+  for (std::size_t r = 0; r < 3; ++r) {
+    for (std::size_t c = 0; c < 3; ++c) to[r] += motion.rotation[3 * r + c] * place[c];
+  }
+  return to;
 }
 
 struct Bounds {
@@ -75,36 +90,56 @@ Bounds boundsOf(std::span<const Vec3> points) {
   return b;
 }
 
-// Places of the bodies of a scene with several; the first row of the lowest bounds lies on the ground.
-std::vector<BodySettings> placesOf(SceneKind kind, const Bounds& bounds, float diagonal, const BodySettings& common) {
+// Turned by golden angles about two axes: no two alike, and the same in each run.
+Mat3 turnOf(int i) {
+  const float a = 2.3999632F * float(i), b = 1.5F * a;
+  const float ca = std::cos(a), sa = std::sin(a), cb = std::cos(b), sb = std::sin(b);
+  return {ca, -sa * cb, sa * sb, sa, ca * cb, -ca * sb, 0, sb, cb};
+}
+
+float pilePitch(float diagonal) { return (1 + kPileGap) * diagonal; }
+
+// Places of the bodies of a scene with several; the first row lies on the ground. \param bounds of the packages, which
+// are taken in turn. \param diagonal the longest.
+std::vector<BodySettings> placesOf(SceneKind kind, std::span<const Bounds> bounds, float diagonal,
+                                   const BodySettings& common) {
   std::vector<BodySettings> places;
-  const float gap = kStackGap * diagonal, width = bounds.extent(0), height = bounds.extent(1);
-  const auto put = [&](float x, float y) {
+  const float gap = kStackGap * diagonal;
+  const auto next = [&]() -> const Bounds& { return bounds[places.size() % bounds.size()]; };
+  const auto put = [&](float x, float y, float z) {
     places.push_back(common);
-    places.back().position = {x, y - bounds.low[1], 0};
+    places.back().position = {x, y, z};
   };
   if (kind == SceneKind::stack) {
-    for (int i = 0; i < kStacked; ++i) put(0, float(i) * (height + gap));
+    float top = 0;
+    for (int i = 0; i < kStacked; ++i) {
+      const Bounds& own = next();
+      put(0, top - own.low[1], 0);
+      top += own.extent(1) + gap;
+    }
   } else if (kind == SceneKind::pyramid) {
+    float width = 0, height = 0;
+    for (const Bounds& one : bounds) width = std::max(width, one.extent(0)), height = std::max(height, one.extent(1));
     for (int row = 0; row < kRows; ++row) {
       for (int i = 0; i < kRows - row; ++i) {
-        put((float(i) - 0.5F * float(kRows - row - 1)) * (width + 2 * gap), float(row) * (height + gap));
+        put((float(i) - 0.5F * float(kRows - row - 1)) * (width + 2 * gap), float(row) * (height + gap) - next().low[1],
+            0);
       }
     }
+  } else if (kind == SceneKind::stairs) {
+    for (int i = 0; i < kSteps; ++i) {
+      const int step = kSteps - 1 - i;  // from the top
+      put((float(i) + 0.5F) * kStepDepth * diagonal, (float(step + 1) * kStepHeight + 0.6F) * diagonal,
+          (float(i % 3) - 1) * 0.3F * kStairWidth * diagonal);
+      places.back().rotation = turnOf(i);
+    }
   } else {
-    // Turned by golden angles about two axes: no two alike, and the same in each run.
-    const float pitch = (1 + kPileGap) * diagonal;
-    for (int i = 0; i < kPiledSide * kPiledSide * kPiledSide; ++i) {
-      const float a = 2.3999632F * float(i), b = 1.5F * a;
-      const float ca = std::cos(a), sa = std::sin(a), cb = std::cos(b), sb = std::sin(b);
-      places.push_back(common);
-      places.back().rotation = {ca, -sa * cb, sa * sb, sa, ca * cb, -ca * sb, 0, sb, cb};
-      const auto along = [&](int k) { return (float(k) - 0.5F * float(kPiledSide - 1)) * pitch; };
-      // A little aside in each layer, so that they do not stay on one another's tops.
-      const int layer = i / (kPiledSide * kPiledSide);
-      places.back().position = {along(i % kPiledSide) + 0.15F * pitch * float(layer),
-                                0.6F * diagonal + float(layer) * pitch,
-                                along(i / kPiledSide % kPiledSide) - 0.1F * pitch * float(layer)};
+    const float pitch = pilePitch(diagonal);
+    for (int i = 0; i < kPiledX * kPiledZ * kLayers; ++i) {
+      const auto along = [&](int k, int side) { return (float(k) - 0.5F * float(side - 1)) * pitch; };
+      const int layer = i / (kPiledX * kPiledZ);
+      put(along(i % kPiledX, kPiledX), 0.6F * diagonal + float(layer) * pitch, along(i / kPiledX % kPiledZ, kPiledZ));
+      places.back().rotation = turnOf(i);
     }
   }
   return places;
@@ -144,6 +179,7 @@ double SceneChoice::seconds() const {
     case SceneKind::stack:
     case SceneKind::pyramid:
     case SceneKind::pile:
+    case SceneKind::stairs:
       return 5;
     case SceneKind::cut:
       return 2.5;
@@ -163,18 +199,109 @@ Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, Jo
 
 bool Scene::hasGround() const {
   const SceneKind kind = options_.scene.kind;
-  return kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind);
+  return (script_ && script_->script.ground) || kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind);
 }
 
-void Scene::add(const BodySettings& settings) {
-  auto added = world_.addBody(asset_, settings);
+float Scene::groundHeight() const {
+  return script_ && script_->script.ground ? float(*script_->script.ground - script_->origin[1]) : 0;
+}
+
+float Scene::reach() const {
+  float most = 0;
+  for (std::size_t i = 0; i <= options_.others.size(); ++i) {
+    most = std::max(most, packageOf(i)->package().info().diagonal);
+  }
+  return most;
+}
+
+void Scene::add(const BodySettings& settings, const std::shared_ptr<const Asset>& asset) {
+  auto added = world_.addBody(asset, settings);
   if (!added) {
-    const formats::PackageView& package = asset_->package();
+    const formats::PackageView& package = asset->package();
     throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)), added.reason(),
                     "That is --solver report.");
   }
   bodies_.push_back(*added);
-  assets_.push_back(asset_);
+  assets_.push_back(asset);
+}
+
+ColliderId Scene::addSolid(const ColliderShape& shape, const ColliderSettings& settings,
+                           std::shared_ptr<const SolidMesh> mesh) {
+  const auto added = world_.addCollider(shape, settings);
+  if (!added) {
+    throw ToolError(ExitCode::bad_input, options_.scene.name(), added.reason(), "Change the collider of the scene.");
+  }
+  solids_.push_back({*added, mesh != nullptr ? std::move(mesh) : meshOf(shape, 2 * reach())});
+  return *added;
+}
+
+void Scene::removeSolid(ColliderId id) {
+  world_.removeCollider(id);
+  std::erase_if(solids_, [id](const SceneSolid& solid) { return solid.id == id; });
+}
+
+void Scene::addScriptSolids() {
+  for (const SceneScript::Solid& from : script_->script.colliders) {
+    ColliderSettings settings;
+    settings.at = from.motion.keys.empty() ? RigidTransform{} : motionAt(from.motion, script_->origin, 0);
+    settings.at.position = placeAfter(settings.at, placed(from.at));
+    settings.friction = float(from.friction);
+    settings.restitution = float(from.restitution);
+    script_solids_.push_back(addSolid(from.shape(), settings));
+  }
+}
+
+void Scene::addScriptBodies(const BodySettings& common) {
+  if (script_->script.bodies.empty()) add(common, asset_);
+  for (std::size_t i = 0; i < script_->script.bodies.size(); ++i) {
+    const SceneScript::Place& from = script_->script.bodies[i];
+    if (from.package > options_.others.size()) {
+      script_->script.text.fail(childPointer(childPointer("/bodies", i), "package"), "there is no such package",
+                                "They count from 0, in the order of the command line.");
+    }
+    const std::shared_ptr<const Asset>& asset = packageOf(from.package);
+    const formats::PackageInfo& info = asset->package().info();
+    SceneScript::Target hinge;
+    hinge.axis = from.axis;
+    for (std::size_t a = 0; a < 3; ++a) {
+      hinge.point[a] = 0.5 * (double(info.bounds_min[a]) + double(info.bounds_max[a]));
+    }
+    hinge.keys = {{0, from.turn, from.move}};
+    const RigidTransform at = motionAt(hinge, {0, 0, 0}, 0);
+    BodySettings settings = common;
+    settings.position = at.position;
+    settings.rotation = at.rotation;
+    add(settings, asset);
+    const auto& v = from.velocity;
+    if (v != std::array<double, 3>{}) {
+      world_.setVelocity(bodies_.back(), {float(v[0]), float(v[1]), float(v[2])}, {0, 0, 0});
+    }
+  }
+}
+
+void Scene::addBox() {
+  const float diagonal = reach(), pitch = pilePitch(diagonal), thick = kWallThickness * diagonal;
+  const Vec3 half = {0.5F * float(kPiledX) * pitch, 0.5F * kWallHeight * diagonal, 0.5F * float(kPiledZ) * pitch};
+  for (const std::size_t axis : {std::size_t(0), std::size_t(2)}) {
+    for (const float sign : {-1.0F, 1.0F}) {
+      Vec3 size = {half[0], half[1], half[2] + 2 * thick};
+      size[axis] = thick;
+      ColliderSettings settings;
+      settings.at.position = {0, half[1], 0};
+      settings.at.position[axis] = sign * (half[axis] + thick);
+      addSolid(BoxShape{size}, settings, wallOf(size, axis, -sign));
+    }
+  }
+}
+
+void Scene::addStairs() {
+  const float diagonal = reach();
+  for (int step = 0; step < kSteps; ++step) {
+    const float height = float(kSteps - step) * kStepHeight * diagonal;
+    ColliderSettings settings;
+    settings.at.position = {(float(step) + 0.5F) * kStepDepth * diagonal, 0.5F * height, 0};
+    addSolid(BoxShape{{0.5F * kStepDepth * diagonal, 0.5F * height, 0.5F * kStairWidth * diagonal}}, settings);
+  }
 }
 
 void Scene::planCuts() {
@@ -239,9 +366,8 @@ void Scene::reset() {
   for (const BodyId body : bodies_) world_.removeBody(body);
   bodies_.clear();
   assets_.clear();
-  for (const ColliderId pusher : pushers_) {
-    if (!(pusher == ColliderId{})) world_.removeCollider(pusher);
-  }
+  while (!solids_.empty()) removeSolid(solids_.back().id);
+  script_solids_.clear();
   pushers_.clear();
   hands_.clear();
   held_points_.clear();
@@ -250,12 +376,13 @@ void Scene::reset() {
   steps_ = 0;
   pinned_.clear();
 
-  const float diagonal = asset_->package().info().diagonal;
+  const SceneKind kind = options_.scene.kind;
+  const bool several = hasSeveral(kind) || (script_ && script_->script.bodies.size() > 1);
+  const float diagonal = several ? reach() : asset_->package().info().diagonal;
   WorldSettings& world = world_.settings();
   const std::uint32_t usual_iterations = script_ ? script_->script.iterations : 0;
   if (options_.iterations > 0 || usual_iterations > 0)
     world.iterations = options_.iterations > 0 ? options_.iterations : usual_iterations;
-  const bool several = hasSeveral(options_.scene.kind);
   const bool is_cut = options_.scene.kind == SceneKind::cut || (script_ && !script_->script.cuts.empty());
   const bool falls = several || options_.scene.kind == SceneKind::cut || options_.scene.kind == SceneKind::drop ||
                      options_.scene.kind == SceneKind::hang;
@@ -263,8 +390,9 @@ void Scene::reset() {
     throw ToolError(ExitCode::usage, "", "bodies that the report's solver moves do not touch each other",
                     "Choose another --scene, or the default solver.");
   }
-  if (several && asset_->package().distanceGrids().empty()) {
-    const formats::PackageView& package = asset_->package();
+  for (std::size_t i = 0; several && i <= options_.others.size(); ++i) {
+    const formats::PackageView& package = packageOf(i)->package();
+    if (!package.distanceGrids().empty()) continue;
     throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)),
                     "the package has no distance grids, by which bodies touch each other",
                     "Bake it again without field.distances=0.");
@@ -275,6 +403,7 @@ void Scene::reset() {
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
   world.ground.enabled = hasGround();
+  world.ground.offset = groundHeight();
   if (options_.scene.kind == SceneKind::drop) world.damping = kDropDamping;
 
   // Damping is towards the rigid motion of all pin sets together: where sets move apart (jaw and skull, lids) it would
@@ -304,14 +433,26 @@ void Scene::reset() {
   if (!script_) {
     placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
   }
-  if (several) {
-    std::vector<Vec3> rest;
-    for (const auto& vertex : asset_->package().physicalVertices()) rest.push_back(vertex.rest_position);
-    const std::vector<BodySettings> places = placesOf(options_.scene.kind, boundsOf(rest), diagonal, placement);
-    for (const BodySettings& place : places) add(place);
+  if (script_) {
+    addScriptSolids();
+    addScriptBodies(placement);
+  } else if (several) {
+    std::vector<Bounds> bounds;
+    for (std::size_t i = 0; i <= options_.others.size(); ++i) {
+      std::vector<Vec3> rest;
+      for (const auto& vertex : packageOf(i)->package().physicalVertices()) rest.push_back(vertex.rest_position);
+      bounds.push_back(boundsOf(rest));
+    }
+    if (kind == SceneKind::pile) addBox();
+    if (kind == SceneKind::stairs) addStairs();
+    const std::vector<BodySettings> places = placesOf(kind, bounds, diagonal, placement);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      add(places[i], packageOf(i % bounds.size()));
+      if (kind == SceneKind::stairs) world_.setVelocity(bodies_.back(), {kThrown * diagonal, 0, 0}, {0, 0, 0});
+    }
     placement = places.front();
   } else {
-    add(placement);
+    add(placement, asset_);
   }
   placement_ = {placement.position, placement.rotation};
   const auto positions = world_.positions(body());
@@ -403,21 +544,27 @@ void Scene::driveHands(double time) {
     if (let_go) world_.releasePick(hand.pick);
     hand.done = let_go;
   }
+  for (std::size_t i = 0; i < script_solids_.size(); ++i) {
+    const SceneScript::Solid& from = script.colliders[i];
+    if (from.motion.keys.empty()) continue;
+    RigidTransform to = motionAt(from.motion, script_->origin, time);
+    to.position = placeAfter(to, placed(from.at));
+    world_.moveCollider(script_solids_[i], to);
+  }
   pushers_.resize(script.pushes.size());
   for (std::size_t i = 0; i < pushers_.size(); ++i) {
     const SceneScript::Push& from = script.pushes[i];
     if (time < from.keys.front().time) continue;
     const RigidTransform to = {placed(valueAt(from.keys, time))};
     if (time > from.keys.back().time) {
-      if (!(pushers_[i] == ColliderId{})) world_.removeCollider(pushers_[i]);
+      if (!(pushers_[i] == ColliderId{})) removeSolid(pushers_[i]);
       pushers_[i] = {};
     } else if (pushers_[i] == ColliderId{}) {
       ColliderSettings settings;
       settings.at = to;
       settings.most_speed = float(from.speed);
       settings.mass = float(from.mass);
-      const auto added = world_.addCollider(SphereShape{float(from.radius)}, settings);
-      if (added) pushers_[i] = *added;
+      pushers_[i] = addSolid(SphereShape{float(from.radius)}, settings);
     } else {
       world_.moveCollider(pushers_[i], to);
     }

@@ -14,12 +14,14 @@
 #include "sinew/runtime/cut.h"
 #include "sinew/runtime/world.h"
 #include "tools/scene/scene_script.h"
+#include "tools/scene/solid_mesh.h"
 
 namespace sinew::tools {
 
-enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile, cut };
+enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile, stairs, cut };
 
-/// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile", "cut".
+/// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile", "stairs",
+/// "cut".
 std::span<const std::string_view> sceneNames();
 
 /// A built-in scene, or one from a file.
@@ -37,6 +39,8 @@ struct SceneChoice {
 
 struct SceneOptions {
   SceneChoice scene = SceneKind::drop;
+  /// Packages of a scene's several bodies, beside its first one: taken in turn, or by number in a scene from a file.
+  std::vector<std::shared_ptr<const Asset>> others = {};
   float step_seconds = 1.0F / 60;
   std::vector<float> step_sequence = {};  ///< step lengths taken in turn; empty: step_seconds
   std::uint32_t iterations = 0;           ///< as WorldSettings::iterations; 0 = the scene's default
@@ -46,9 +50,15 @@ struct SceneOptions {
       gravity;  ///< m/s^2 downwards; without it 9.81 diagonals per s^2, so that models of any size behave alike
 };
 
-/// One body of a package in one scene, or several that touch (stack, pyramid, pile; parts of one that is cut). Lengths
-/// in a built-in scene are relative to the rest diagonal. The package's own pins hold in `rest` and in scenes from
-/// files, where the body is where its source is.
+/// A collider of a scene, and what is drawn for it.
+struct SceneSolid {
+  ColliderId id;
+  std::shared_ptr<const SolidMesh> mesh;
+};
+
+/// One body of a package in one scene, or several that touch (stack, pyramid, pile, stairs; bodies of a file; parts of
+/// one that is cut). Lengths in a built-in scene are relative to the longest rest diagonal. The package's own pins hold
+/// in `rest` and in scenes from files, where the body is where its source is.
 class Scene {
  public:
   /// Throws ToolError(bad_input) where a scene from a file does not fit the package, or the solver cannot move it.
@@ -67,10 +77,12 @@ class Scene {
   BodyId body() const { return bodies_.front(); }
   std::span<const BodyId> bodies() const { return bodies_; }
   std::span<const std::shared_ptr<const Asset>> assets() const { return assets_; }  ///< of the bodies
+  std::span<const SceneSolid> solids() const { return solids_; }                    ///< colliders, as they come and go
   const RigidTransform& placement() const { return placement_; }                    ///< of the body at the start
   const SceneOptions& options() const { return options_; }
   double time() const { return time_; }                              ///< seconds since the start
-  bool hasGround() const;                                            ///< a ground plane at y = 0 is there to be drawn
+  bool hasGround() const;                                            ///< a level ground is there to be drawn
+  float groundHeight() const;                                        ///< m
   std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
 
   /// Gives a channel of the package this input from the next step on, whatever the scene says; without a value the
@@ -81,7 +93,21 @@ class Scene {
   std::span<const float> channelInputs() const { return inputs_; }
 
  private:
-  void add(const BodySettings& settings);
+  void add(const BodySettings& settings, const std::shared_ptr<const Asset>& asset);
+  const std::shared_ptr<const Asset>& packageOf(std::size_t number) const {
+    return number == 0 ? asset_ : options_.others[number - 1];
+  }
+  /// Longest rest diagonal of the packages, m.
+  float reach() const;
+  /// \param mesh null: that of the shape.
+  ColliderId addSolid(const ColliderShape& shape, const ColliderSettings& settings,
+                      std::shared_ptr<const SolidMesh> mesh = nullptr);
+  void removeSolid(ColliderId id);
+  void addScriptSolids();
+  void addScriptBodies(const BodySettings& common);
+  /// Colliders of the built-in scenes.
+  void addBox();
+  void addStairs();
   /// Planes of the scene, in the world.
   void planCuts();
   /// Cuts all bodies that a plane meets. Throws ToolError(bad_input) where it meets none.
@@ -111,7 +137,9 @@ class Scene {
     Vec3 start = {0, 0, 0};
     bool done = false;
   };
-  std::vector<Hand> hands_;                                // by pick of the script
+  std::vector<Hand> hands_;  // by pick of the script
+  std::vector<SceneSolid> solids_;
+  std::vector<ColliderId> script_solids_;                  // by collider of the script
   std::vector<ColliderId> pushers_;                        // by push of the script; unknown: not there
   std::vector<std::pair<BodyId, BodyPoint>> held_points_;  // by force of the script
   RigidTransform placement_;

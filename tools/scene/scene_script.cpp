@@ -19,6 +19,7 @@ using Eigen::Vector3d;
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMostSeconds = 600;
 constexpr double kFar = 1e6;  // m
+constexpr std::size_t kMostHull = 64, kMostShape = 1000000;
 
 std::string inQuotes(std::string_view name) { return "'" + std::string(name) + "'"; }
 
@@ -35,9 +36,9 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(json, "",
-           {"sinew_scene", "seconds", "still", "gravity", "iterations", "channels", "targets", "cuts", "picks",
-            "pushes", "impulses", "forces", "wind", "drag", "self_contact", "camera", "note"});
+    object(json, "", {"sinew_scene",  "seconds",   "still",  "gravity",  "iterations", "channels", "targets",
+                      "cuts",         "picks",     "pushes", "impulses", "forces",     "wind",     "drag",
+                      "self_contact", "colliders", "ground", "bodies",   "camera",     "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -47,6 +48,9 @@ class Reader {
     if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);
+    if (json.contains("colliders")) colliders(json["colliders"]);
+    if (json.contains("ground")) script_.ground = number(json["ground"], "/ground", -kFar, kFar);
+    if (json.contains("bodies")) bodies(json["bodies"]);
     if (json.contains("cuts")) cuts(json["cuts"]);
     if (json.contains("picks")) picks(json["picks"]);
     if (json.contains("pushes")) pushes(json["pushes"]);
@@ -136,31 +140,161 @@ class Reader {
     for (const auto& [name, value] : json.items()) {
       const std::string place = childPointer("/targets", name);
       object(value, place, {"axis", "point", "keys", "note"});
-      SceneScript::Target target;
+      SceneScript::Target target = motion(value, place, {0, 0, 0});
       target.name = name;
-      target.point = point(value, place, "point");
-      if (value.contains("axis")) {
-        const std::array<double, 3> axis = point(value, place, "axis");
-        const double length = std::hypot(axis[0], axis[1], axis[2]);
-        if (!(length > 0)) text_.fail(childPointer(place, "axis"), "an axis needs a direction", "Give [1, 0, 0].");
-        for (std::size_t i = 0; i < 3; ++i) target.axis[i] = axis[i] / length;
-      }
-      const std::string at = childPointer(place, "keys");
-      const std::string cure = R"(Write [{"time": seconds, "turn": degrees, "move": [x, y, z]}, ...].)";
-      filled(value.contains("keys") ? value["keys"] : Json(), at, cure);
-      for (std::size_t k = 0; k < value["keys"].size(); ++k) {
-        const Json& entry = value["keys"][k];
-        const std::string here = childPointer(at, k);
-        object(entry, here, {"time", "turn", "move", "note"});
-        if (!entry.contains("time")) text_.fail(here, "a keyframe needs a time", cure);
-        const SceneScript::TargetKey key = {number(entry, here, "time", 0, 0, kMostSeconds),
-                                            number(entry, here, "turn", 0, -360, 360) * kDegree,
-                                            point(entry, here, "move")};
-        if (k > 0) ascending(target.keys.back().time, key.time, here);
-        target.keys.push_back(key);
-      }
       script_.targets.push_back(std::move(target));
     }
+  }
+
+  /// A hinge's motion. \param about where the axis is if nothing says so.
+  SceneScript::Target motion(const Json& value, const std::string& place, const std::array<double, 3>& about) const {
+    SceneScript::Target target;
+    target.point = value.contains("point") ? point(value, place, "point") : about;
+    target.axis = unitVector(value, place, "axis", target.axis);
+    const std::string at = childPointer(place, "keys");
+    const std::string cure = R"(Write [{"time": seconds, "turn": degrees, "move": [x, y, z]}, ...].)";
+    filled(value.contains("keys") ? value["keys"] : Json(), at, cure);
+    for (std::size_t k = 0; k < value["keys"].size(); ++k) {
+      const Json& entry = value["keys"][k];
+      const std::string here = childPointer(at, k);
+      object(entry, here, {"time", "turn", "move", "note"});
+      if (!entry.contains("time")) text_.fail(here, "a keyframe needs a time", cure);
+      const SceneScript::TargetKey key = {number(entry, here, "time", 0, 0, kMostSeconds),
+                                          number(entry, here, "turn", 0, -360, 360) * kDegree,
+                                          point(entry, here, "move")};
+      if (k > 0) ascending(target.keys.back().time, key.time, here);
+      target.keys.push_back(key);
+    }
+    return target;
+  }
+
+  std::array<double, 3> unitVector(const Json& json, const std::string& pointer, const char* key,
+                                   const std::array<double, 3>& usual) const {
+    if (!json.contains(key)) return usual;
+    std::array<double, 3> v = point(json, pointer, key);
+    const double length = std::hypot(v[0], v[1], v[2]);
+    if (!(length > 0)) text_.fail(childPointer(pointer, key), "an axis needs a direction", "Give [1, 0, 0].");
+    for (double& x : v) x /= length;
+    return v;
+  }
+
+  void colliders(const Json& json) {
+    const std::string cure =
+        R"(Write [{"sphere": {"radius": m}, "at": [x, y, z]}, ...]; shapes: plane, sphere, capsule, box, hull, mesh, heights.)";
+    each(json, "/colliders",
+         {"plane", "sphere", "capsule", "box", "hull", "mesh", "heights", "at", "axis", "point", "keys", "friction",
+          "restitution", "note"},
+         [&](const Json& from, const std::string& here) {
+           SceneScript::Solid solid;
+           int shapes = 0;
+           for (const char* name : {"plane", "sphere", "capsule", "box", "hull", "mesh", "heights"}) {
+             if (!from.contains(name)) continue;
+             ++shapes;
+             shape(name, from[name], childPointer(here, name), solid);
+           }
+           if (shapes != 1) text_.fail(here, "a collider needs one shape", cure);
+           solid.at = point(from, here, "at");
+           if (from.contains("keys")) solid.motion = motion(from, here, solid.at);
+           solid.friction = number(from, here, "friction", 0.6, 0, 1e4);
+           solid.restitution = number(from, here, "restitution", 0, 0, 1);
+           script_.colliders.push_back(std::move(solid));
+         });
+  }
+
+  void shape(const std::string& name, const Json& json, const std::string& here, SceneScript::Solid& solid) const {
+    const auto length = [&](const char* key) {
+      if (!json.contains(key)) text_.fail(here, std::string("needs a ") + key, "Give metres.");
+      return float(number(json, here, key, 0, 1e-9, kFar));
+    };
+    if (name == "plane") {
+      object(json, here, {"normal", "note"});
+      const std::array<double, 3> n = unitVector(json, here, "normal", {0, 1, 0});
+      solid.base = PlaneShape{{float(n[0]), float(n[1]), float(n[2])}, 0};
+    } else if (name == "sphere") {
+      object(json, here, {"radius", "note"});
+      solid.base = SphereShape{length("radius")};
+    } else if (name == "capsule") {
+      object(json, here, {"radius", "half_length", "note"});
+      solid.base = CapsuleShape{length("radius"), length("half_length")};
+    } else if (name == "box") {
+      object(json, here, {"half_size", "note"});
+      const std::array<double, 3> half = point(json, here, "half_size");
+      for (const double x : half) {
+        if (!(x > 0)) text_.fail(here, "half_size needs three lengths above 0", "Give [0.5, 0.5, 0.5].");
+      }
+      solid.base = BoxShape{{float(half[0]), float(half[1]), float(half[2])}};
+    } else if (name == "hull") {
+      object(json, here, {"points", "note"});
+      solid.base = HullShape{};
+      points(json, here, "points", 4, kMostHull, solid.points);
+    } else if (name == "mesh") {
+      object(json, here, {"points", "triangles", "note"});
+      solid.base = MeshShape{};
+      points(json, here, "points", 3, kMostShape, solid.points);
+      for (const std::array<double, 3>& t : triples(json, here, "triangles", 1)) {
+        formats::Triangle triangle;
+        for (std::size_t i = 0; i < 3; ++i) {
+          if (!(t[i] >= 0 && t[i] < double(solid.points.size()) && t[i] == std::floor(t[i]))) {
+            text_.fail(childPointer(here, "triangles"), "a corner is no number of a point", "They count from 0.");
+          }
+          triangle[i] = std::uint32_t(t[i]);
+        }
+        solid.triangles.push_back(triangle);
+      }
+    } else {
+      object(json, here, {"heights", "columns", "cell", "note"});
+      HeightFieldShape field;
+      field.cell = length("cell");
+      const Json& heights = json.contains("heights") ? json["heights"] : Json();
+      field.columns = std::uint32_t(number(json, here, "columns", 0, 2, 4096));
+      if (!heights.is_array() || heights.size() > kMostShape || heights.size() < 2 * field.columns ||
+          heights.size() % field.columns != 0) {
+        text_.fail(here, "needs heights in two rows of `columns` or more",
+                   "Give {\"columns\": 2, \"cell\": m, \"heights\": [0, 0, 0, 0]}.");
+      }
+      for (std::size_t i = 0; i < heights.size(); ++i) {
+        solid.heights.push_back(float(number(heights[i], childPointer(childPointer(here, "heights"), i), -kFar, kFar)));
+      }
+      solid.base = field;
+    }
+  }
+
+  std::vector<std::array<double, 3>> triples(const Json& json, const std::string& pointer, const char* key,
+                                             std::size_t least, std::size_t most = kMostShape) const {
+    const std::string here = childPointer(pointer, key);
+    const Json& from = json.contains(key) ? json[key] : Json();
+    if (!from.is_array() || from.size() < least || from.size() > most) {
+      text_.fail(json.contains(key) ? here : pointer,
+                 "needs " + std::to_string(least) + " to " + std::to_string(most) + " " + key,
+                 "Write [[x, y, z], ...].");
+    }
+    std::vector<std::array<double, 3>> result;
+    for (std::size_t i = 0; i < from.size(); ++i) result.push_back(pointAt(from[i], childPointer(here, i)));
+    return result;
+  }
+  void points(const Json& json, const std::string& pointer, const char* key, std::size_t least, std::size_t most,
+              std::vector<Vec3>& to) const {
+    for (const std::array<double, 3>& p : triples(json, pointer, key, least, most)) {
+      to.push_back({float(p[0]), float(p[1]), float(p[2])});
+    }
+  }
+
+  void bodies(const Json& json) {
+    each(json, "/bodies", {"package", "move", "axis", "turn", "velocity", "note"},
+         [&](const Json& from, const std::string& here) {
+           SceneScript::Place place;
+           const double package = number(from, here, "package", 0, 0, 1e6);
+           if (package != std::floor(package)) {
+             text_.fail(childPointer(here, "package"), "needs a whole number", "Packages count from 0.");
+           }
+           place.package = std::uint32_t(package);
+           place.move = point(from, here, "move");
+           place.axis = unitVector(from, here, "axis", place.axis);
+           place.turn = number(from, here, "turn", 0, -3600, 3600) * kDegree;
+           place.velocity = point(from, here, "velocity");
+           script_.bodies.push_back(place);
+         });
+    if (script_.bodies.empty()) text_.fail("/bodies", "has no body", "Leave it out for one where its source is.");
   }
 
   void cuts(const Json& json) {
@@ -315,6 +449,17 @@ bool matches(std::string_view pattern, std::string_view name) {
 }
 
 }  // namespace
+
+ColliderShape SceneScript::Solid::shape() const {
+  ColliderShape result = base;
+  if (auto* hull = std::get_if<HullShape>(&result)) hull->points = points;
+  if (auto* mesh = std::get_if<MeshShape>(&result)) {
+    mesh->positions = points;
+    mesh->triangles = triangles;
+  }
+  if (auto* field = std::get_if<HeightFieldShape>(&result)) field->heights = heights;
+  return result;
+}
 
 SceneScript SceneScript::read(const std::string& file) {
   SceneScript script;

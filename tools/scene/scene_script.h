@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "sinew/runtime/collider.h"
 #include "sinew/runtime/world.h"
 #include "tools/author/json_text.h"
 
@@ -37,6 +38,23 @@ struct SceneScript {
     std::array<double, 3> axis = {1, 0, 0};   ///< unit
     std::array<double, 3> point = {0, 0, 0};  ///< of the axis
     std::vector<TargetKey> keys;
+  };
+  /// What bodies collide with. Points of its shape are about `at`.
+  struct Solid {
+    ColliderShape base;  ///< without what its spans show
+    std::vector<Vec3> points;
+    std::vector<formats::Triangle> triangles;
+    std::vector<float> heights;
+    std::array<double, 3> at = {0, 0, 0};
+    Target motion;  ///< of what is at `at`; no keys: it stands
+    double friction = 0.6, restitution = 0;
+    ColliderShape shape() const;
+  };
+  /// One of several bodies, moved from where its source is.
+  struct Place {
+    std::uint32_t package = 0;  ///< of those given, from 0
+    std::array<double, 3> move = {0, 0, 0}, axis = {1, 0, 0}, velocity = {0, 0, 0};
+    double turn = 0;  ///< rad about `axis` through the middle of its bounds
   };
   struct Cut {
     double time;                          ///< s
@@ -84,7 +102,10 @@ struct SceneScript {
   std::uint32_t iterations = 0;  ///< as WorldSettings::iterations, 1..16; 0 = the runtime's default
   std::vector<Channel> channels;
   std::vector<Target> targets;
-  std::vector<Cut> cuts;  ///< in order of time
+  std::vector<Solid> colliders;
+  std::optional<double> ground;  ///< m, where it is level
+  std::vector<Place> bodies;     ///< none: one, where its source is
+  std::vector<Cut> cuts;         ///< in order of time
   std::vector<Pick> picks;
   std::vector<Push> pushes;
   std::vector<Impulse> impulses;  ///< in order of time

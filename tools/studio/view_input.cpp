@@ -30,9 +30,11 @@ void ViewInput::frame(const ViewLayout& layout, Play& play, Shown& shown) {
 
 void ViewInput::fit(const ViewLayout& layout, const Play& play) {
   std::vector<Eigen::Vector3f> points;
-  for (const Eigen::Vector3f& p : play.shape().positions) {
+  for (const Eigen::Vector3f& p : std::span(play.shape().positions).first(play.shape().body_vertices)) {
     points.push_back(p / play.diagonal());
-    if (play.scene().hasGround()) points.emplace_back(p.x() / play.diagonal(), 0.0F, p.z() / play.diagonal());
+    if (play.scene().hasGround())
+      points.emplace_back(p.x() / play.diagonal(), play.scene().groundHeight() / play.diagonal(),
+                          p.z() / play.diagonal());
   }
   camera_ = viewCamera(ViewName::three_quarter);
   const SceneChoice& scene = play.scene().options().scene;

@@ -215,7 +215,7 @@ void ViewPanel::sceneControls(float width, double frame_seconds, Play& play, Sho
   row("step", "%.3f ms", play.stepMilliseconds());
   row("time", "%.2f s", play.scene().time());
   row("triangles", "%zu", package.visualTriangles().size());
-  row("visual vertices", "%zu", play.shape().positions.size());
+  row("visual vertices", "%zu", play.shape().body_vertices);
   row("physical vertices", "%zu", play.shape().physical.size());
   row("tetrahedra", "%zu", package.tetrahedra().size());
   row("clusters", "%zu", package.clusters().size());

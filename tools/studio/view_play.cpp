@@ -27,6 +27,7 @@ void Play::start(const SceneChoice& scene) {
   const bool same = scene_.has_value() && scene_->options().scene == scene;
   SceneOptions options;
   options.scene = scene;
+  options.others = options_.others;
   options.solver = options_.solver;
   options.step_seconds = static_cast<float>(kStepSeconds);
   options.stiffness_scale = settings.stiffness;

@@ -140,8 +140,8 @@ class View {
  private:
   void drawScene() {
     Camera& camera = input_.camera();
-    if (play_.shape().assets != drawn_) {
-      drawn_ = play_.shape().assets;
+    if (!play_.shape().isLike(drawn_)) {
+      drawn_ = play_.shape();
       renderer_.reset();
       renderer_.emplace(modelOf(play_.shape(), play_.diagonal()));
     }
@@ -160,6 +160,7 @@ class View {
     settings.clusters = shown_.clusters;
     settings.pinned = shown_.pinned;
     settings.ground = play_.scene().hasGround();
+    settings.ground_height = play_.scene().groundHeight() / play_.diagonal();
     settings.line_width = 1.1F * layout_.scale * layout_.pixels_per_unit;
     settings.dot_size = 8 * layout_.scale * layout_.pixels_per_unit;
     Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity());
@@ -205,7 +206,7 @@ class View {
   ViewInput& input_;
   Play play_;
   std::optional<Renderer> renderer_;
-  std::vector<std::shared_ptr<const Asset>> drawn_;  // by the renderer
+  Shape drawn_;  // by the renderer
   ViewLog log_;
   ViewPanel panel_;
   Shown shown_;

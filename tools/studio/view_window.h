@@ -11,11 +11,12 @@ namespace sinew::tools {
 
 struct ViewOptions {
   SceneChoice scene = SceneKind::drop;
-  const SolverFactory* solver = nullptr;  ///< null: its fields
-  std::string file;                       ///< the package as the user named it, for messages and the title
-  std::string screenshot;                 ///< PNG of the window after `frames` frames; empty = none
-  std::uint32_t frames = 0;               ///< end after so many; 0 = when closed (with a screenshot: 60)
-  std::string state_log;  ///< a line of JSON each frame: what is grabbed, where it is, the camera; empty = none
+  std::vector<std::shared_ptr<const Asset>> others = {};  ///< as in SceneOptions
+  const SolverFactory* solver = nullptr;                  ///< null: its fields
+  std::string file;          ///< the package as the user named it, for messages and the title
+  std::string screenshot;    ///< PNG of the window after `frames` frames; empty = none
+  std::uint32_t frames = 0;  ///< end after so many; 0 = when closed (with a screenshot: 60)
+  std::string state_log;     ///< a line of JSON each frame: what is grabbed, where it is, the camera; empty = none
 };
 
 /// Throws ToolError(system) that names `sinew render` where there is no display to open a window on.

@@ -387,6 +387,9 @@ SINEW_API sinew_status sinew_collider_add(sinew_world* world, const sinew_shape*
 /* Reached at the end of the next step, so that its speed is known. What jumps is removed and added. */
 SINEW_API sinew_status sinew_collider_move(sinew_world* world, uint32_t collider, const float position[3],
                                            const float rotation[9]);
+/* Where it is after the last step. */
+SINEW_API sinew_status sinew_collider_pose(const sinew_world* world, uint32_t collider, float position[3],
+                                           float rotation[9]);
 SINEW_API sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider);
 /* What bodies did to it in the last step: impulse, N s, and its moment about the collider's position, N m s. */
 SINEW_API sinew_status sinew_collider_reaction(const sinew_world* world, uint32_t collider, float impulse[3],

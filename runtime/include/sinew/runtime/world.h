@@ -259,6 +259,8 @@ class SINEW_API World {
   /// Moves it: reached at the end of the next step, or call of advance() that takes one, so that its speed is known and
   /// takes bodies along. What jumps is removed and added. Ignored where `to` is not finite or not a proper rotation.
   void moveCollider(ColliderId collider, const RigidTransform& to);
+  /// Where it is after the last step: not where it was told to go where it follows slowly or gives way.
+  RigidTransform colliderPose(ColliderId collider) const;
   /// Bodies that touched it have an event of the end in the next step.
   void removeCollider(ColliderId collider);
   /// What bodies did to it in the last step, or call of advance(). \param collider kGroundCollider too.
