@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "field_rules.h"
+#include "value_rules.h"
 
 #include <algorithm>
 #include <array>
@@ -7,6 +7,8 @@
 #include <cstring>
 #include <span>
 #include <vector>
+
+#include "value_tests.h"
 
 namespace sinew::formats {
 namespace {
@@ -16,14 +18,6 @@ constexpr std::uint32_t kMostFunctions = 1024;
 constexpr float kTolerance = 1e-3F;
 // Of a tether's diagonal: what a thousand rounded numbers may take from an eigenvalue.
 constexpr double kDefinite = 1e-4;
-
-// Tests on values are branch-free (| instead of ||) so that loops over them vectorize.
-unsigned beyond(float value) { return unsigned(!(std::fabs(value) <= kMostNumber)); }
-unsigned negativeOrBeyond(float value) { return unsigned(!(value >= 0.0F)) | unsigned(!(value <= kMostNumber)); }
-
-unsigned beyond(const std::array<float, 3>& values) {
-  return beyond(values[0]) | beyond(values[1]) | beyond(values[2]);
-}
 
 /// to += factor * from.
 void add(Lanes& to, float factor, const Lanes& from) {
@@ -53,35 +47,31 @@ static_assert(offsetof(Place, weight) == offsetof(PhysicalVertex, mass) &&
 
 class FieldRules {
  public:
-  FieldRules(const PackageView& view, const Reach& reach) : view_(view), reach_(reach) {}
+  FieldRules(const PackageView& view, const Reach& reach, Refusal& refuse)
+      : view_(view), reach_(reach), refuse_(refuse) {}
 
-  FieldFault find() {
+  bool hold() {
     for (index_ = 0; index_ < view_.fields().size(); ++index_) {
       if (!checkRecord() || !checkRuns() || !checkFunctions() || !checkSamples() || !checkVertices() ||
           !checkPoints() || !checkModes()) {
-        return fault_;
+        return false;
       }
     }
     if (!view_.fields().empty() && pieces_ != view_.pieces().size()) {
-      return {section::fields, FieldFault::kWhole, "a piece without its free field"};
+      return refuse_(section::fields, "a piece without its free field");
     }
     for (std::size_t r = 0; r < ends_.size(); ++r) {
       if (ends_[r] != view_.sectionData(kRuns[r].id).count) {
-        return {kRuns[r].id, FieldFault::kWhole, "has elements of no field"};
+        return refuse_(kRuns[r].id, "has elements of no field");
       }
     }
-    if (checkFibres() && checkTethers()) checkDistances();
-    return fault_;
+    return checkFibres() && checkTethers() && checkDistances();
   }
 
  private:
   const Field& field() const { return view_.fields()[index_]; }
 
-  bool refuse(std::uint32_t section, std::size_t element, const char* what) {
-    fault_ = {section, element, what};
-    return false;
-  }
-  bool refuse(const char* what) { return refuse(section::fields, index_, what); }
+  bool refuse(const char* what) { return refuse_(section::fields, index_, what); }
 
   bool checkRecord() {
     const Field& f = field();
@@ -147,7 +137,7 @@ class FieldRules {
     for (std::uint32_t j = 0; j < functions_.size(); ++j) {
       const FieldFunction& function = functions_[j];
       const auto bad = [&](const char* what) {
-        return refuse(section::field_functions, field().first_function + j, what);
+        return refuse_(section::field_functions, field().first_function + j, what);
       };
       if ((negativeOrBeyond(function.stiffness) | negativeOrBeyond(function.damping_hz) |
            negativeOrBeyond(function.decay) | beyond(function.one) | beyond(function.rest)) != 0) {
@@ -181,15 +171,15 @@ class FieldRules {
         bad |= unsigned(pack.volume[l] > 0) & away;
       }
       if (bad != 0) {
-        return refuse(section::field_packs, p,
-                      "a volume, mu or lambda is negative, not finite or above 1e18, or a place more than a diagonal "
-                      "outside the bounds of section INFO");
+        return refuse_(section::field_packs, p,
+                       "a volume, mu or lambda is negative, not finite or above 1e18, or a place more than a diagonal "
+                       "outside the bounds of section INFO");
       }
       for (const float volume : pack.volume) any = any || volume > 0;
       const PieceRange& piece = view_.pieces()[f.piece];
       for (const std::uint32_t cluster : pack.cluster) {
         if (cluster != kNone && (view_.mechanics().empty() || !hasCluster(piece, cluster))) {
-          return refuse(section::field_packs, p, "names a cluster of another piece, or one without mechanics");
+          return refuse_(section::field_packs, p, "names a cluster of another piece, or one without mechanics");
         }
       }
       const std::size_t first = f.first_gradient + 3 * k * (p - f.first_pack);
@@ -220,15 +210,15 @@ class FieldRules {
         bad |= unsigned(!(largest[l] <= (pack.volume[l] > 0 ? kMostNumber : 0.0F)));
       }
       if (bad != 0) {
-        return refuse(section::field_gradients, first,
-                      "the gradients of its eight samples do not give 1 at rest, or are above 1e18, or not 0 where a "
-                      "sample has no volume");
+        return refuse_(section::field_gradients, first,
+                       "the gradients of its eight samples do not give 1 at rest, or are above 1e18, or not 0 where a "
+                       "sample has no volume");
       }
       for (std::size_t l = 0; l < 8; ++l) {
         if (pack.volume[l] > 0) continue;
         if (pack.mu[l] != 0 || pack.lambda[l] != 0 || pack.at[0][l] != 0 || pack.at[1][l] != 0 || pack.at[2][l] != 0 ||
             pack.cluster[l] != kNone) {
-          return refuse(section::field_packs, p, "a number that is not 0, or a cluster, in a sample without volume");
+          return refuse_(section::field_packs, p, "a number that is not 0, or a cluster, in a sample without volume");
         }
       }
     }
@@ -275,9 +265,9 @@ class FieldRules {
         }
       }
       if (bad != 0) {
-        return refuse(id, element,
-                      "the functions at its eight places do not give 1 and the rest places, or are above 1e18, or not "
-                      "0 behind the last");
+        return refuse_(id, element,
+                       "the functions at its eight places do not give 1 and the rest places, or are above 1e18, or not "
+                       "0 behind the last");
       }
     }
     return true;
@@ -294,8 +284,8 @@ class FieldRules {
       double norm = 0;
       for (const float part : norms_[j]) norm += double(part);
       if (!(std::abs(norm - 1) <= double(kTolerance))) {
-        return refuse(section::field_functions, f.first_function + j,
-                      "the sum of mass phi^2 over the vertices of its piece is not 1");
+        return refuse_(section::field_functions, f.first_function + j,
+                       "the sum of mass phi^2 over the vertices of its piece is not 1");
       }
     }
     return f.held != 0 || carriesMass(vertices) ||
@@ -342,7 +332,7 @@ class FieldRules {
     const auto points = view_.fieldPoints().subspan(f.first_point, f.point_count);
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (reach_.beyond(points[i].at) != 0 || !(points[i].area > 0) || !(points[i].area <= kMostNumber)) {
-        return refuse(
+        return refuse_(
             section::field_points, f.first_point + i,
             "area is not above 0 to 1e18, or the place is more than a diagonal outside the bounds of section INFO");
       }
@@ -371,9 +361,9 @@ class FieldRules {
         bad |= unsigned(lanes[0][l] != 0) | unsigned(norm[l] != 0) | unsigned(largest[l] != 0);
       }
       if (bad != 0) {
-        return refuse(section::field_modes, element,
-                      "a mode of its eight is not of norm 1, its square of a frequency is negative, not finite or "
-                      "above 1e18, or a lane behind the last is not 0");
+        return refuse_(section::field_modes, element,
+                       "a mode of its eight is not of norm 1, its square of a frequency is negative, not finite or "
+                       "above 1e18, or a lane behind the last is not 0");
       }
     }
     return true;
@@ -385,7 +375,7 @@ class FieldRules {
     std::size_t values = 0;
     for (std::size_t i = 0; i < view_.fieldFibres().size(); ++i) {
       const FieldFibre& fibre = view_.fieldFibres()[i];
-      const auto bad = [&](const char* what) { return refuse(section::field_fibres, i, what); };
+      const auto bad = [&](const char* what) { return refuse_(section::field_fibres, i, what); };
       if (fibre.field >= view_.fields().size()) return bad("names a field that is not there");
       const Field& f = view_.fields()[fibre.field];
       const PieceRange& piece = view_.pieces()[f.piece];
@@ -421,7 +411,7 @@ class FieldRules {
       values += f.function_count;
     }
     return values == view_.fieldFibreValues().size() ||
-           refuse(section::field_fibre_values, FieldFault::kWhole, "has elements of no fibre");
+           refuse_(section::field_fibre_values, "has elements of no fibre");
   }
 
   bool checkDistances() {
@@ -429,7 +419,7 @@ class FieldRules {
     const auto grids = view_.distanceGrids();
     for (std::size_t i = 0; i < grids.size(); ++i) {
       const DistanceGrid& grid = grids[i];
-      const auto bad = [&](const char* what) { return refuse(section::distance_grids, i, what); };
+      const auto bad = [&](const char* what) { return refuse_(section::distance_grids, i, what); };
       if (grid.piece >= view_.pieces().size() || (i > 0 && grid.piece <= grids[i - 1].piece)) {
         return bad("names a piece that there is not, or not in their order");
       }
@@ -449,8 +439,7 @@ class FieldRules {
       }
       values += count;
     }
-    return values == view_.distanceValues().size() ||
-           refuse(section::distance_values, FieldFault::kWhole, "has elements of no grid");
+    return values == view_.distanceValues().size() || refuse_(section::distance_values, "has elements of no grid");
   }
 
   /// Tethers pull at nothing at rest, nor where all is moved or stretched alike. T = sum kappa r r^T: where its terms
@@ -459,7 +448,7 @@ class FieldRules {
     std::size_t values = 0;
     for (std::size_t i = 0; i < view_.fieldTethers().size(); ++i) {
       const FieldTethers& tethers = view_.fieldTethers()[i];
-      const auto bad = [&](const char* what) { return refuse(section::field_tethers, i, what); };
+      const auto bad = [&](const char* what) { return refuse_(section::field_tethers, i, what); };
       if (tethers.field >= view_.fields().size() || view_.fields()[tethers.field].held == 0 ||
           (i > 0 && tethers.field <= view_.fieldTethers()[i - 1].field)) {
         return bad("names a field that is not there, or not held, or fields are not ascending");
@@ -498,7 +487,7 @@ class FieldRules {
       values += k * k;
     }
     return values == view_.fieldTetherValues().size() ||
-           refuse(section::field_tether_values, FieldFault::kWhole, "has elements of no field");
+           refuse_(section::field_tether_values, "has elements of no field");
   }
 
   /// Whether a symmetric matrix, scaled to a diagonal of ones, has a Cholesky factor where each of these is larger by
@@ -521,7 +510,7 @@ class FieldRules {
 
   const PackageView& view_;
   const Reach& reach_;
-  FieldFault fault_;
+  Refusal& refuse_;
   std::size_t index_ = 0;     // of the field
   std::uint32_t pieces_ = 0;  // whose free fields were seen
   std::array<std::uint64_t, 7> ends_ = {};
@@ -533,6 +522,8 @@ class FieldRules {
 
 }  // namespace
 
-FieldFault findFieldFault(const PackageView& view, const Reach& reach) { return FieldRules(view, reach).find(); }
+bool checkFields(const PackageView& view, const Reach& reach, Refusal& refuse) {
+  return FieldRules(view, reach, refuse).hold();
+}
 
 }  // namespace sinew::formats

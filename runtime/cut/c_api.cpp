@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstring>
 #include <memory>
-#include <new>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,11 +27,9 @@ struct sinew_cut {
 
 namespace {
 
+using sinew::handles::failNull;
+using sinew::handles::guarded;
 using sinew::handles::tellFailure;
-
-sinew_status failNull(const char* call) {
-  return tellFailure(SINEW_ERROR_ARGUMENT, std::string(call) + ": a null pointer");
-}
 
 sinew_cut_settings fromCpp(const sinew::CutSettings& s) {
   sinew_cut_settings result = {};
@@ -78,7 +75,7 @@ sinew_status failPart(const char* call) {
 
 sinew_status cutAlong(sinew_world* world, std::uint32_t body, const sinew::CutPlane& plane,
                       const sinew_cut_settings* settings, sinew_cut** cut) {
-  try {
+  return guarded("sinew_body_cut", [&] {
     auto result = std::make_unique<sinew_cut>();
     auto made = sinew::cutBody(sinew::handles::worldOf(world), {body}, plane, toCpp(settings));
     if (!made) {
@@ -90,11 +87,7 @@ sinew_status cutAlong(sinew_world* world, std::uint32_t body, const sinew::CutPl
     result->picks = heirsOf(result->made.picks);
     *cut = result.release();
     return SINEW_OK;
-  } catch (const std::bad_alloc&) {
-    return tellFailure(SINEW_ERROR_MEMORY, "sinew_body_cut: out of memory");
-  } catch (...) {
-    return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_body_cut: a callback threw an exception");
-  }
+  });
 }
 
 }  // namespace
@@ -145,12 +138,10 @@ sinew_status sinew_cut_get_part(const sinew_cut* cut, uint32_t number, sinew_cut
 sinew_status sinew_cut_part_asset(const sinew_cut* cut, uint32_t number, sinew_asset** asset) {
   if (cut == nullptr || asset == nullptr) return failNull("sinew_cut_part_asset");
   if (number >= cut->made.bodies.size()) return failPart("sinew_cut_part_asset");
-  try {
+  return guarded("sinew_cut_part_asset", [&] {
     *asset = sinew::handles::handleOf(cut->made.cut.parts[number].asset);
     return SINEW_OK;
-  } catch (const std::bad_alloc&) {
-    return tellFailure(SINEW_ERROR_MEMORY, "sinew_cut_part_asset: out of memory");
-  }
+  });
 }
 
 sinew_status sinew_cut_pin_sets(const sinew_cut* cut, const sinew_cut_heir** heirs, uint32_t* count) {

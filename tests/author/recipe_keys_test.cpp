@@ -7,6 +7,9 @@
 #include <iterator>
 
 #include "tools/author/recipe_commands.h"
+#include "tools/author/recipe_markdown.h"
+#include "tools/author/recipe_schema.h"
+#include "tools/author/recipe_shape.h"
 #include "tools/author/selection.h"
 #include "tools/core/error.h"
 

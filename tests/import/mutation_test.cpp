@@ -107,7 +107,7 @@ TEST(Mutation, Off) {
 }
 
 TEST(Mutation, Gltf) {
-  const auto read = [](const std::string& b) { return readGltf(b, "/nonexistent", "a"); };
+  const auto read = [](const std::string& b) { return readGltf(b, "/nonexistent"); };
   const std::string hand = fileBytes(kAssets / "models/hand_rigged.glb");
   // Most damage of a GLB falls on numbers; the JSON is where structure breaks.
   EXPECT_GT(mutate(hand, "glb", 150, read), 5U);

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "tools/author/recipe_keys.h"
+#include "tools/author/recipe_shape.h"
 #include "tools/core/error.h"
 #include "tools/core/text.h"
 

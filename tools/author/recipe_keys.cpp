@@ -2,163 +2,20 @@
 #include "tools/author/recipe_keys.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
-#include <sstream>
 
-#include "tools/author/settings.h"
 #include "tools/core/text.h"
-#include "tools/core/units.h"
 
 namespace sinew::tools {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kFar = 1e9;  // metres; beyond any scene
-
 RecipeKey falloff() {
-  return {"falloff", kRecipeNumber, "Outside, the weight falls smoothly to 0 over this.", "0", "m", 0, kFar};
+  return {"falloff", kRecipeNumber, "Outside, the weight falls smoothly to 0 over this.", "0", "m", 0, kRecipeFar};
 }
-RecipeKey radius() { return {"radius", kRecipeNumber, "Inside this the weight is 1.", "", "m", 1e-9, kFar}; }
-RecipeKey by(std::string_view sentence) { return {"by", kRecipeNumber, sentence, "", "m", 0, kFar}; }
+RecipeKey radius() { return {"radius", kRecipeNumber, "Inside this the weight is 1.", "", "m", 1e-9, kRecipeFar}; }
+RecipeKey by(std::string_view sentence) { return {"by", kRecipeNumber, sentence, "", "m", 0, kRecipeFar}; }
 RecipeKey note() { return {"note", kRecipeText, "A comment.", "none"}; }
-
-bool isNumbers(const Json& value, std::size_t least, std::size_t most, double minimum, double maximum) {
-  if (!value.is_array() || value.size() < least || value.size() > most) return false;
-  return std::all_of(value.begin(), value.end(), [&](const Json& x) {
-    return x.is_number() && x.get<double>() >= minimum && x.get<double>() <= maximum;
-  });
-}
-
-bool isFilledText(const Json& value) { return value.is_string() && !value.get_ref<const std::string&>().empty(); }
-
-// Whether a value is legal in itself; what it holds (objects, selections) is looked at by check().
-bool legal(const RecipeKey& key, const Json& value) {
-  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
-  if (key.type == 0) return value.is_array();
-  if (has(kRecipeNumber) && value.is_number()) {
-    const double x = value.get<double>();
-    if (x >= key.minimum && x <= key.maximum) return true;
-  }
-  if (has(kRecipeInteger) && value.is_number()) {
-    const double x = value.get<double>();
-    if (x >= key.minimum && x <= key.maximum && x == std::floor(x)) return true;
-  }
-  if (has(kRecipeFlag) && value.is_boolean()) return true;
-  if (has(kRecipeChoice) && value.is_string() &&
-      std::find(key.choices.begin(), key.choices.end(), value.get_ref<const std::string&>()) != key.choices.end())
-    return true;
-  if (has(kRecipeText | kRecipePath) && isFilledText(value)) return true;
-  if (has(kRecipeTexts) && value.is_array() && !value.empty() && std::all_of(value.begin(), value.end(), isFilledText))
-    return true;
-  if (has(kRecipePoint) && isNumbers(value, 3, 3, -kFar, kFar)) return true;
-  if (has(kRecipePoints) && value.is_array() && value.size() == 2 && isNumbers(value[0], 3, 3, -kFar, kFar) &&
-      isNumbers(value[1], 3, 3, -kFar, kFar))
-    return true;
-  if (has(kRecipeColor) && isNumbers(value, 3, 4, 0, 1)) return true;
-  if (has(kRecipeSelection) && (isFilledText(value) || value.is_object())) return true;
-  if (has(kRecipeSelections) && value.is_array() && !value.empty()) return true;
-  return has(kRecipeMasks | kRecipeSettings | kRecipeClusterSettings) && value.is_object();
-}
-
-std::string shortened(const Json& value) {
-  std::string text = value.dump(-1, ' ', false, Json::error_handler_t::replace);
-  if (text.size() > 60) text = text.substr(0, 57) + "...";
-  return text;
-}
-
-class ShapeCheck {
- public:
-  explicit ShapeCheck(const JsonText& text) : text_(text) {}
-
-  void object(const RecipeObject& shape, const Json& json, const std::string& pointer) const {
-    if (!json.is_object()) {
-      text_.fail(pointer, "a " + std::string(shape.name) + " must be an object, not " + shortened(json),
-                 "It looks like " + std::string(shape.example) + ".");
-    }
-    std::vector<std::string> names;
-    for (const RecipeKey& key : shape.keys) names.emplace_back(key.name);
-    for (const auto& [name, value] : json.items()) {
-      const auto key = std::find_if(shape.keys.begin(), shape.keys.end(),
-                                    [wanted = std::string_view(name)](const RecipeKey& k) { return k.name == wanted; });
-      const std::string place = childPointer(pointer, name);
-      if (key == shape.keys.end()) {
-        std::string known;
-        for (const std::string& n : names) known += (known.empty() ? "" : ", ") + n;
-        text_.fail(place, "there is no key '" + name + "' in a " + std::string(shape.name),
-                   "Did you mean " + nearestName(name, names) + "? Known: " + known + ".");
-      }
-      if (!legal(*key, value)) {
-        text_.fail(place, std::string(key->name) + " cannot be " + shortened(value), "Legal: " + legalText(*key) + ".");
-      }
-      inside(*key, value, place);
-    }
-    for (const RecipeKey& key : shape.keys) {
-      const std::string name(key.name), place = childPointer(pointer, key.name);
-      const bool there = json.contains(key.name);
-      if (key.fallback.empty() && !there) {
-        text_.fail(pointer, "a " + std::string(shape.name) + " lacks its key '" + name + "'",
-                   "It looks like " + std::string(shape.example) + ".");
-      }
-      if (there && !key.needs.empty() && !json.contains(key.needs)) {
-        std::string cure = "Add \"";
-        cure.append(key.needs).append("\": ").append(recipeKey(shape.name, key.needs).sentence);
-        text_.fail(place, name + " says nothing without a " + std::string(key.needs), cure);
-      }
-      if (there && !key.excludes.empty() && json.contains(key.excludes)) {
-        text_.fail(place,
-                   "a " + std::string(shape.name) + " cannot have both " + name + " and " + std::string(key.excludes),
-                   "Remove one of the two.");
-      }
-    }
-  }
-
-  void selection(const Json& json, const std::string& pointer) const {
-    if (isFilledText(json)) return;
-    if (json.is_object()) {
-      if (const RecipeObject* kind = selectionKind(json)) {
-        object(*kind, json, pointer);
-        return;
-      }
-    }
-    std::vector<std::string> kinds;
-    std::string found;
-    for (const RecipeObject& kind : selectionKinds()) {
-      kinds.emplace_back(kind.name);
-      if (json.is_object() && json.contains(kind.name))
-        found += (found.empty() ? "" : " and ") + std::string(kind.name);
-    }
-    if (!found.empty()) {
-      text_.fail(pointer, "a selection is of one kind, this one is " + found,
-                 "Combine two with {\"and\": [..., ...]} or {\"or\": [..., ...]}.");
-    }
-    std::string known;
-    for (const std::string& k : kinds) known += (known.empty() ? "" : ", ") + k;
-    std::string cure;
-    if (json.is_object() && !json.empty()) cure = "Did you mean " + nearestName(json.begin().key(), kinds) + "? ";
-    text_.fail(json.is_object() && !json.empty() ? childPointer(pointer, json.begin().key()) : pointer,
-               shortened(json) + " is no selection",
-               cure + "Give a mask's name, or an object with one of: " + known + ".");
-  }
-
- private:
-  void inside(const RecipeKey& key, const Json& value, const std::string& pointer) const {
-    const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
-    if (key.type == 0) {
-      const RecipeObject& shape = recipeObject(key.object);
-      for (std::size_t i = 0; i < value.size(); ++i) object(shape, value[i], childPointer(pointer, i));
-    } else if (has(kRecipeSelection)) {
-      selection(value, pointer);
-    } else if (has(kRecipeSelections)) {
-      for (std::size_t i = 0; i < value.size(); ++i) selection(value[i], childPointer(pointer, i));
-    } else if (has(kRecipeMasks)) {
-      for (const auto& [name, mask] : value.items()) selection(mask, childPointer(pointer, name));
-    }
-  }
-
-  const JsonText& text_;
-};
 
 std::vector<RecipeObject> declareObjects() {
   return {
@@ -209,7 +66,7 @@ std::vector<RecipeObject> declareObjects() {
          "none",
          "m",
          1e-9,
-         kFar,
+         kRecipeFar,
          {},
          "",
          "",
@@ -357,8 +214,8 @@ std::vector<RecipeObject> declareKinds() {
        {{"attribute", kRecipeText, "Its name, as in the file.", ""},
         note(),
         {"component", kRecipeInteger, "Which one, where it has several.", "0", "", 0, 15},
-        {"low", kRecipeNumber, "Value of weight 0.", "0", "", -kFar, kFar},
-        {"high", kRecipeNumber, "Value of weight 1.", "1", "", -kFar, kFar}},
+        {"low", kRecipeNumber, "Value of weight 0.", "0", "", -kRecipeFar, kRecipeFar},
+        {"high", kRecipeNumber, "Value of weight 1.", "1", "", -kRecipeFar, kRecipeFar}},
        R"({"attribute": "_SMILE_L"})"},
       {"values",
        "A JSON file with one number 0..1 for each source vertex.",
@@ -391,7 +248,7 @@ std::vector<RecipeObject> declareKinds() {
         note(),
         {"tolerance", kRecipeNumber,
          "How far its vertices may lie from the surface; absent: half an edge, at most 2 % of the diagonal.", "none",
-         "m", 0, kFar}},
+         "m", 0, kRecipeFar}},
        R"({"cluster_mesh": "smile.L"})"},
       {"box",
        "Vertices in a box.",
@@ -469,143 +326,6 @@ std::vector<RecipeObject> declareKinds() {
   };
 }
 
-// JSON Schema of one key.
-Json keySchema(const RecipeKey& key);
-
-Json withRange(Json schema, const RecipeKey& key) {
-  schema["minimum"] = key.minimum;
-  schema["maximum"] = key.maximum;
-  return schema;
-}
-
-Json objectSchema(const RecipeObject& object) {
-  Json schema = {{"type", "object"}, {"description", object.sentence}, {"additionalProperties", false}};
-  Json properties = Json::object();
-  Json required = Json::array();
-  for (const RecipeKey& key : object.keys) {
-    properties[std::string(key.name)] = keySchema(key);
-    if (key.fallback.empty()) required.push_back(key.name);
-  }
-  schema["properties"] = properties;
-  schema["required"] = required;
-  for (const RecipeKey& key : object.keys) {
-    const std::string name(key.name);
-    if (!key.needs.empty()) schema["dependentRequired"][name] = {key.needs};
-    if (!key.excludes.empty()) schema["dependentSchemas"][name] = {{"not", {{"required", {key.excludes}}}}};
-  }
-  return schema;
-}
-
-Json numbersSchema(std::size_t least, std::size_t most, double minimum, double maximum) {
-  return {{"type", "array"},
-          {"items", {{"type", "number"}, {"minimum", minimum}, {"maximum", maximum}}},
-          {"minItems", least},
-          {"maxItems", most}};
-}
-
-Json pointSchema() { return numbersSchema(3, 3, -kFar, kFar); }
-
-Json keySchema(const RecipeKey& key) {
-  const auto has = [&](std::uint32_t type) { return (key.type & type) != 0; };
-  const Json selection = {{"$ref", "#/$defs/selection"}};
-  const Json filled = {{"type", "string"}, {"minLength", 1}};
-  Json any = Json::array();
-  if (key.type == 0) any.push_back({{"type", "array"}, {"items", {{"$ref", "#/$defs/" + std::string(key.object)}}}});
-  if (has(kRecipeNumber)) any.push_back(withRange({{"type", "number"}}, key));
-  if (has(kRecipeInteger)) any.push_back(withRange({{"type", "integer"}}, key));
-  if (has(kRecipeFlag)) any.push_back({{"type", "boolean"}});
-  if (has(kRecipeText | kRecipePath)) any.push_back(filled);
-  if (has(kRecipeTexts)) any.push_back({{"type", "array"}, {"items", filled}, {"minItems", 1}});
-  if (has(kRecipeChoice)) any.push_back({{"enum", key.choices}});
-  if (has(kRecipePoint)) any.push_back(pointSchema());
-  if (has(kRecipePoints)) {
-    any.push_back({{"type", "array"}, {"items", pointSchema()}, {"minItems", 2}, {"maxItems", 2}});
-  }
-  if (has(kRecipeColor)) any.push_back(numbersSchema(3, 4, 0, 1));
-  if (has(kRecipeSelection)) any.push_back(selection);
-  if (has(kRecipeSelections)) any.push_back({{"type", "array"}, {"items", selection}, {"minItems", 1}});
-  if (has(kRecipeMasks)) any.push_back({{"type", "object"}, {"additionalProperties", selection}});
-  if (has(kRecipeSettings)) any.push_back({{"$ref", "#/$defs/settings"}});
-  if (has(kRecipeClusterSettings)) any.push_back({{"$ref", "#/$defs/cluster_settings"}});
-  Json schema = any.size() == 1 ? any[0] : Json{{"anyOf", any}};
-  std::string sentence(key.sentence);
-  if (!key.unit.empty()) sentence += (sentence.empty() ? "" : " ") + ("[" + std::string(key.unit) + "]");
-  if (!sentence.empty()) schema["description"] = sentence;
-  if (!key.fallback.empty() && key.fallback != "none") schema["default"] = Json::parse(key.fallback);
-  return schema;
-}
-
-Json settingSchema(Settings& defaults, const Settings::Declaration& d) {
-  struct Visitor {
-    const Settings& defaults;
-    Json operator()(const Settings::Number& t) const {
-      return {{"type", "number"}, {"minimum", t.minimum}, {"maximum", t.maximum}, {"default", *t.value}};
-    }
-    Json operator()(const Settings::AutoNumber& t) const {
-      const Json number = {{"type", "number"}, {"minimum", 0}, {"maximum", t.maximum}};
-      return {{"anyOf", {{{"const", "auto"}}, number}}, {"default", *t.value ? Json(**t.value) : Json("auto")}};
-    }
-    Json operator()(const Settings::Count& t) const {
-      return {{"type", "integer"}, {"minimum", t.minimum}, {"maximum", t.maximum}, {"default", *t.value}};
-    }
-    Json operator()(const Settings::Flag& t) const { return {{"type", "boolean"}, {"default", *t.value}}; }
-    Json operator()(const Settings::Choice& t) const {
-      return {{"enum", t.names}, {"default", t.names[std::size_t(t.get(defaults))]}};
-    }
-    Json operator()(const Settings::Text& t) const {
-      Json text = {{"type", "string"}, {"pattern", t.pattern}, {"default", *t.value}};
-      if (!t.metres_per_unit) return text;
-      return {
-          {"anyOf", {text, {{"type", "number"}, {"exclusiveMinimum", kLeastUnit}, {"exclusiveMaximum", kMostUnit}}}}};
-    }
-    Json operator()(const Settings::Grid& t) const {
-      const Json boxes = {{"type", "array"},
-                          {"items", {{"type", "integer"}, {"minimum", 1}, {"maximum", t.maximum}}},
-                          {"minItems", 3},
-                          {"maxItems", 3}};
-      return {{"anyOf", {{{"const", "auto"}}, boxes}}, {"default", "auto"}};
-    }
-  };
-  Json schema = std::visit(Visitor{defaults}, d.type);
-  schema["description"] = std::string(d.sentence) + (d.unit.empty() ? "" : " [" + std::string(d.unit) + "]");
-  return schema;
-}
-
-constexpr std::string_view kColumns = "| key | holds | if absent | meaning |\n|---|---|---|---|\n";
-
-void writeRow(std::ostream& out, const RecipeKey& key, const std::string& name, std::string_view before = {}) {
-  if (key.name == "note") return;
-  out << "| " << name << " | " << legalText(key) << (key.unit.empty() ? "" : " ") << key.unit << " | ";
-  if (key.fallback.empty()) {
-    out << "required";
-  } else if (key.fallback != "none") {
-    out << "`" << key.fallback << "`";
-  }
-  out << " | " << before << (before.empty() || key.sentence.empty() ? "" : " ") << key.sentence << " |\n";
-}
-
-std::string quoted(const RecipeKey& key) { return "`" + std::string(key.name) + "`"; }
-
-void writeTable(std::ostream& out, const RecipeObject& object) {
-  out << object.sentence << "\n\n" << kColumns;
-  for (const RecipeKey& key : object.keys) writeRow(out, key, quoted(key));
-  out << "\n```json\n" << object.example << "\n```\n\n";
-}
-
-/// One table of all kinds: the key that names the kind is bold, its other keys follow it.
-void writeSelections(std::ostream& out) {
-  out << kColumns;
-  for (const RecipeObject& kind : selectionKinds()) {
-    for (const RecipeKey& key : kind.keys) {
-      const bool names_kind = key.name == kind.name;
-      writeRow(out, key, names_kind ? "**" + quoted(key) + "**" : quoted(key), names_kind ? kind.sentence : "");
-    }
-  }
-  out << "\nOne example of each kind:\n\n```\n";
-  for (const RecipeObject& kind : selectionKinds()) out << kind.example << "\n";
-  out << "```\n";
-}
-
 }  // namespace
 
 const std::vector<RecipeObject>& recipeObjects() {
@@ -670,12 +390,6 @@ const RecipeObject* selectionKind(const Json& selection) {
   return found;
 }
 
-void checkRecipeShape(const JsonText& text) { ShapeCheck(text).object(recipeObject("recipe"), text.json(), ""); }
-
-void checkSelectionShape(const JsonText& text, const std::string& pointer, const Json& selection) {
-  ShapeCheck(text).selection(selection, pointer);
-}
-
 Json recipeValue(const RecipeObject& object, const Json& json, std::string_view key) {
   const auto at = json.find(key);
   if (at != json.end()) return *at;
@@ -683,65 +397,6 @@ Json recipeValue(const RecipeObject& object, const Json& json, std::string_view 
     if (k.name == key && !k.fallback.empty() && k.fallback != "none") return Json::parse(k.fallback);
   }
   return nullptr;
-}
-
-Json recipeSchema() {
-  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
-                 {"title", "Sinew recipe, version 3"},
-                 {"description", "Written by `sinew help schema`."},
-                 {"$ref", "#/$defs/recipe"}};
-  Json defs = Json::object();
-  for (const RecipeObject& object : recipeObjects()) defs[std::string(object.name)] = objectSchema(object);
-  Json any = Json::array({{{"type", "string"}, {"minLength", 1}, {"description", "The name of a mask."}}});
-  for (const RecipeObject& kind : selectionKinds()) any.push_back(objectSchema(kind));
-  defs["selection"] = {{"anyOf", any}};
-  Settings defaults;
-  Json settings = Json::object();
-  Json cluster_settings = Json::object();
-  for (const Settings::Declaration& d : Settings::declarations(defaults)) {
-    settings[std::string(d.key)] = settingSchema(defaults, d);
-    if (d.of_cluster) cluster_settings[std::string(d.key.substr(kClusterPrefix.size()))] = settingSchema(defaults, d);
-  }
-  defs["settings"] = {{"type", "object"}, {"additionalProperties", false}, {"properties", settings}};
-  defs["cluster_settings"] = {{"type", "object"}, {"additionalProperties", false}, {"properties", cluster_settings}};
-  schema["$defs"] = defs;
-  return schema;
-}
-
-std::string recipeMarkdown() {
-  std::ostringstream out;
-  out << R"(# The recipe
-
-Written by `sinew help recipe --markdown` from `tools/author/recipe_keys.cpp`; a test compares. How to use it:
-[authoring.md](authoring.md). Editors complete it with [recipe.schema.json](recipe.schema.json) (`sinew help schema`).
-
-JSON, UTF-8, one object. Comments are allowed, but commands that change the recipe drop them; the key `note`, which every
-object may have, stays. An unknown key is an error. A wrong recipe ends with exit code 3 before anything is written.
-
-**Names** of clusters differ from each other, and so do names of pins. A text in place of a selection names a mask; masks
-may not need themselves.
-
-**Files** are relative to the recipe's folder. They lie in that folder, or in one above it that `project` names.
-
-**Versions.** This is version 3. Versions 1 (`source` and `settings` only) and 2 (`clusters.overlap_metres`, a cluster's
-key `overlap`, `clusters.overlap` in boxes) are read as what they mean now, with the finding `recipe-migrated`; the
-first command of `sinew author` that changes one writes version 3.
-
-)";
-  for (const RecipeObject& object : recipeObjects()) {
-    out << "## " << (object.name == "recipe" ? "The whole" : "A " + std::string(object.name)) << "\n\n";
-    writeTable(out, object);
-  }
-  out << R"(## Selections
-
-A selection gives every visual vertex a weight 0..1. It is the name of a mask, or an object of one of the kinds below:
-the key in bold names the kind, the rows after it are its other keys. Where vertices at one point differ (the two sides
-of a seam, a group's border), the largest weight counts for all of them. Distances "along the surface" are geodesic,
-exact on flat pieces and within 2 % on finely divided curved ones.
-
-)";
-  writeSelections(out);
-  return out.str();
 }
 
 }  // namespace sinew::tools

@@ -4,14 +4,16 @@
 // docs/recipe-format.md all come from recipeObjects() and selectionKinds().
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "tools/author/json_text.h"
-
 namespace sinew::tools {
+
+/// Metres; beyond any scene. No coordinate of a recipe is larger.
+inline constexpr double kRecipeFar = 1e9;
 
 /// What a key may hold; the sum where it may hold several.
 enum RecipeType : std::uint32_t {
@@ -66,19 +68,8 @@ const std::vector<RecipeObject>& selectionKinds();
 /// The kind that a selection's object is of, by the key that it has; null where it has none or several.
 const RecipeObject* selectionKind(const nlohmann::ordered_json& selection);
 
-/// Checks a whole recipe of the present version: types, ranges, unknown keys, kinds. Throws ToolError(bad_input) with
-/// line and cure. Does not look at files, names or cycles.
-void checkRecipeShape(const JsonText& text);
-/// The same of one selection that stands at `pointer`.
-void checkSelectionShape(const JsonText& text, const std::string& pointer, const nlohmann::ordered_json& selection);
-
 /// A key's value, or its fallback where the object lacks it.
 nlohmann::ordered_json recipeValue(const RecipeObject& object, const nlohmann::ordered_json& json,
                                    std::string_view key);
-
-/// docs/recipe.schema.json: JSON Schema, draft 2020-12, for editors.
-nlohmann::ordered_json recipeSchema();
-/// docs/recipe-format.md.
-std::string recipeMarkdown();
 
 }  // namespace sinew::tools

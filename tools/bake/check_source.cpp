@@ -15,6 +15,7 @@
 
 #include "runtime/geometry/triangle_bvh.h"
 #include "tools/core/text.h"
+#include "tools/tetrahedralize/piece_findings.h"
 #include "tools/tetrahedralize/pieces.h"
 
 namespace sinew::tools {

@@ -8,10 +8,9 @@
 
 namespace sinew::tools {
 
-/// The function space of each piece (sections FELD, FFUN, FPAK, FGRD, FVAL, FPNT, FPTV), made from its tetrahedra and
-/// the material of its clusters. To be called when all else of the content stands. \return for the report: by piece
-/// what was made. Nothing is added, and the report says why, where a cluster asks for what only the report's own scheme
-/// does.
+/// The function space of each piece (sections FELD to DVAL), made from its tetrahedra and the material of its clusters.
+/// To be called when all else of the content stands. \return for the report: by piece what was made; nothing is, and
+/// the report says why, where the settings ask for no functions.
 nlohmann::ordered_json addFields(const Settings& settings, formats::PackageContent& content);
 
 /// Takes all sections of fields out again.

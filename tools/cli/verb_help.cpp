@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <iostream>
 
-#include "tools/author/recipe_keys.h"
+#include "tools/author/recipe_markdown.h"
+#include "tools/author/recipe_schema.h"
 #include "tools/author/settings.h"
 #include "tools/cli/verb.h"
 #include "tools/core/error.h"

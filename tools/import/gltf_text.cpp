@@ -3,6 +3,13 @@
 
 namespace sinew::tools {
 
+void unsupportedExtension(const std::string& name, const std::string& path) {
+  const bool compressed =
+      name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression" || name == "KHR_meshopt_compression";
+  throw ReadError("needs the glTF extension " + name + ", which is not supported (at " + path + ")",
+                  compressed ? "Export it without mesh compression." : "Export it without that extension.");
+}
+
 std::string percentDecoded(std::string_view text) {
   const auto digit = [](char c) {
     return c >= '0' && c <= '9'   ? c - '0'

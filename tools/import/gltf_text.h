@@ -72,6 +72,13 @@ class GltfValue {
     const GltfValue value = get(key);
     return value ? value.integer() : otherwise;
   }
+  /// A whole number that names one of so many things.
+  std::uint64_t index(const char* thing, std::size_t count) const {
+    const std::uint64_t value = integer();
+    if (value >= count)
+      fail("names " + std::string(thing) + " " + std::to_string(value) + " of " + std::to_string(count));
+    return value;
+  }
   bool boolean(const char* key, bool otherwise) const {
     const GltfValue value = get(key);
     if (!value) return otherwise;
@@ -102,6 +109,8 @@ class GltfValue {
   const nlohmann::json* json_;
   std::string path_;
 };
+
+[[noreturn]] void unsupportedExtension(const std::string& name, const std::string& path);
 
 std::string percentDecoded(std::string_view text);
 

@@ -42,7 +42,7 @@ RawScene readStl(std::string_view bytes, const std::string& stem);
 /// OFF with C, N, ST prefixes, text only.
 RawScene readOff(std::string_view text, const std::string& stem);
 /// glTF 2.0, text or GLB.
-RawScene readGltf(std::string_view bytes, const std::filesystem::path& folder, const std::string& stem);
+RawScene readGltf(std::string_view bytes, const std::filesystem::path& folder);
 /// FBX, DAE and OGRE through assimp.
 RawScene readWithAssimp(const std::filesystem::path& file, const std::string& format);
 

@@ -106,7 +106,7 @@ RawScene readScene(const std::filesystem::path& file, const std::string& format)
   if (format == "ply") return readPly(bytes, stem);
   if (format == "stl") return readStl(bytes, stem);
   if (format == "off") return readOff(bytes, stem);
-  if (format == "gltf" || format == "glb") return readGltf(bytes, folder, stem);
+  if (format == "gltf" || format == "glb") return readGltf(bytes, folder);
   throw ReadError("has the unsupported format " + format);
 }
 

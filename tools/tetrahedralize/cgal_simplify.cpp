@@ -8,6 +8,7 @@
 #include <CGAL/Surface_mesh_simplification/Policies/Edge_collapse/Edge_length_cost.h>
 #include <CGAL/Surface_mesh_simplification/edge_collapse.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <boost/optional.hpp>

@@ -9,7 +9,6 @@
 
 #include "runtime/geometry/parallel.h"
 #include "runtime/geometry/winding_number.h"
-#include "tools/core/finding.h"
 #include "tools/import/topology.h"
 #include "tools/import/visual_mesh.h"
 
@@ -55,9 +54,11 @@ struct PieceSet {
 PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double join_distance,
                     const geometry::ParallelFor& parallel_for);
 
-/// Findings on these pieces: some nearly touch, large sheets ride along, covers are inside out.
-std::vector<Finding> pieceFindings(const VisualMesh& mesh, const Topology& topology, const PieceSet& set,
-                                   double join_distance);
+/// Of some parts of a surface the one with the largest area.
+std::uint32_t largestPart(const Topology& topology, const std::vector<std::uint32_t>& parts);
+
+/// What the source calls the largest of some parts.
+std::string pieceName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts);
 
 /// The names, numbered where several are equal.
 std::vector<std::string> distinctNames(const std::vector<std::string>& names);

@@ -1,617 +1,30 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/tetrahedralize/split.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
-#include <atomic>
-#include <cmath>
 #include <limits>
-#include <map>
-#include <span>
-#include <tuple>
 
 #include "tools/core/sets.h"
+#include "tools/tetrahedralize/cell_fragments.h"
+#include "tools/tetrahedralize/lattice_faces.h"
 
 namespace sinew::tools {
 namespace {
 
-using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
-using Eigen::Vector4d;
 using geometry::ParallelFor;
 using geometry::TetMesh;
 using geometry::Tetrahedron;
+using Pairs = std::vector<std::array<std::uint32_t, 2>>;
 
-// In barycentric coordinates: what touches a cell within this is in it.
-constexpr double kTouch = 1e-9;
-// Triangles of a sheet, the largest in the cell, that look for others through the solid.
-constexpr std::size_t kLookouts = 10;
-// A part of at most this fraction of another's volume joins no two fragments of it.
-constexpr double kSmallPart = 0.02;
 // Fragments of up to so many cells are not worth a join across a gap.
 constexpr std::uint32_t kCrumb = 12;
-// The face opposite to each corner.
-constexpr std::array<std::array<std::size_t, 3>, 4> kFaces = {{{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}}};
-
-// Points of a face in sixths, relative to its corners by ascending number: both cells of it mean the same ones.
-constexpr std::size_t kFaceSamples = 10;
-constexpr std::array<std::array<int, 3>, kFaceSamples> kFaceSample = {
-    {{2, 2, 2}, {4, 1, 1}, {1, 4, 1}, {1, 1, 4}, {3, 2, 1}, {3, 1, 2}, {2, 3, 1}, {1, 3, 2}, {2, 1, 3}, {1, 2, 3}}};
-// Points of a cell in sixths; with its middle 11.
-constexpr std::size_t kSamples = 11;
-std::array<Vector4d, kSamples> cellSamples() {
-  std::array<Vector4d, kSamples> samples;
-  std::size_t n = 0;
-  samples[n++] = Vector4d::Constant(0.25);
-  for (int a = 1; a <= 3; ++a) {
-    for (int b = 1; a + b <= 4; ++b) {
-      for (int c = 1; a + b + c <= 5; ++c) samples[n++] = Vector4d(a, b, c, 6 - a - b - c) / 6;
-    }
-  }
-  return samples;
-}
-
-// Winding numbers: of solid, and where two solids overlap.
-constexpr double kSolid = 0.5, kTwice = 1.5;
-constexpr std::int32_t kAir = -1, kUnknown = -2;
-
-// A tetrahedron of the lattice and what passes through it.
-struct Cell {
-  std::vector<std::uint32_t> triangles;  // of the surface, ascending
-  std::vector<std::uint32_t> fragment;   // of each
-  std::vector<std::uint8_t> faces;       // of each: bits of the cell's faces that it reaches
-  std::uint32_t fragments = 1;
-  bool solid = true;      // its middle, where no triangle passes through
-  bool doubtful = false;  // sheets of one part pierce each other
-  // Only where there are several fragments:
-  std::array<std::array<std::int32_t, kFaceSamples>, 4> face_fragment{};  // fragment of solid at each sample
-  std::vector<double> inside;                                             // of each fragment
-  // Points of the surface in it, with their fragments.
-  std::vector<std::array<std::uint32_t, 2>> points;
-};
-
-// A triangle within a cell.
-struct Clip {
-  std::array<Vector4d, 8> corners;
-  std::size_t count = 0;
-};
-
-Clip clip(const std::array<Vector4d, 3>& triangle) {
-  Clip now;
-  now.count = 3;
-  std::copy(triangle.begin(), triangle.end(), now.corners.begin());
-  for (int plane = 0; plane < 4 && now.count > 0; ++plane) {
-    Clip next;
-    for (std::size_t i = 0; i < now.count; ++i) {
-      const Vector4d &p = now.corners[i], &q = now.corners[(i + 1) % now.count];
-      const double a = p[plane] + kTouch, b = q[plane] + kTouch;
-      if (a >= 0) next.corners[next.count++] = p;
-      if ((a < 0) != (b < 0)) next.corners[next.count++] = p + (q - p) * (a / (a - b));
-    }
-    now = next;
-  }
-  return now;
-}
-
-bool segmentTouches(const Vector4d& p, const Vector4d& q) {
-  double low = 0, high = 1;
-  for (int plane = 0; plane < 4; ++plane) {
-    const double a = p[plane] + kTouch, b = q[plane] + kTouch;
-    if (a < 0 && b < 0) return false;
-    if (a < 0) low = std::max(low, a / (a - b));
-    if (b < 0) high = std::min(high, a / (a - b));
-  }
-  return low <= high;
-}
-
-// Facts about the surface that all cells share.
-struct SurfaceParts {
-  std::vector<std::uint32_t> of_triangle;
-  std::vector<double> volume;  // enclosed, of each part, m^3
-};
-
-SurfaceParts surfaceParts(const SolidPiece& piece) {
-  Sets sets(piece.positions.size());
-  for (const auto& t : piece.triangles) {
-    sets.join(t[0], t[1]);
-    sets.join(t[0], t[2]);
-  }
-  SurfaceParts parts;
-  std::vector<std::uint32_t> number(piece.positions.size(), kNoIndex);
-  for (const auto& t : piece.triangles) {
-    std::uint32_t& n = number[sets.find(t[0])];
-    if (n == kNoIndex) {
-      n = std::uint32_t(parts.volume.size());
-      parts.volume.push_back(0);
-    }
-    parts.of_triangle.push_back(n);
-    // About the part's first point, so that an open one counts as closed by a fan from there.
-    const Vector3d& apex = piece.positions[sets.find(t[0])];
-    const Vector3d a = piece.positions[t[0]] - apex, b = piece.positions[t[1]] - apex, c = piece.positions[t[2]] - apex;
-    parts.volume[n] += a.dot(b.cross(c)) / 6;
-  }
-  for (double& v : parts.volume) v = std::abs(v);
-  return parts;
-}
-
-struct InnerFace {
-  std::uint32_t first, second;           // tetrahedra
-  std::uint8_t first_face, second_face;  // of each
-};
-
-// The faces of a lattice, and what of the solid is at their samples: a face is asked from both of its sides, and a
-// winding number costs more than all else about it.
-class Faces {
- public:
-  Faces(const SolidPiece& piece, const TetMesh& lattice)
-      : piece_(piece), lattice_(lattice), number_(lattice.tetrahedra.size()) {
-    struct Face {
-      geometry::Triangle key;
-      std::uint32_t tetrahedron;
-      std::uint8_t face;
-      bool operator<(const Face& o) const { return std::tie(key, tetrahedron) < std::tie(o.key, o.tetrahedron); }
-    };
-    std::vector<Face> faces;
-    faces.reserve(lattice.tetrahedra.size() * 4);
-    for (std::uint32_t t = 0; t < lattice.tetrahedra.size(); ++t) {
-      for (std::uint8_t f = 0; f < 4; ++f) faces.push_back({corners(t, f), t, f});
-    }
-    std::sort(faces.begin(), faces.end());
-    std::uint32_t count = 0;
-    for (std::size_t i = 0; i < faces.size(); ++i) {
-      const bool shared = i > 0 && faces[i].key == faces[i - 1].key;
-      if (shared) inner_.push_back({faces[i - 1].tetrahedron, faces[i].tetrahedron, faces[i - 1].face, faces[i].face});
-      number_[faces[i].tetrahedron][faces[i].face] = shared ? count - 1 : count++;
-    }
-    answers_ = std::vector<std::atomic<std::uint32_t>>(count);
-  }
-  const std::vector<InnerFace>& inner() const { return inner_; }
-
-  std::array<Vector3d, kFaceSamples> points(std::uint32_t tetrahedron, std::size_t face) const {
-    const geometry::Triangle v = corners(tetrahedron, face);
-    std::array<Vector3d, kFaceSamples> points;
-    for (std::size_t k = 0; k < kFaceSamples; ++k) {
-      points[k] = (kFaceSample[k][0] * lattice_.positions[v[0]] + kFaceSample[k][1] * lattice_.positions[v[1]] +
-                   kFaceSample[k][2] * lattice_.positions[v[2]]) /
-                  6;
-    }
-    return points;
-  }
-  // Bits of the samples around which the surface winds more than half a time, and `most` times at most.
-  std::uint32_t solid(std::uint32_t tetrahedron, std::size_t face, double most) const {
-    // Threads that meet here find the same bits.
-    std::atomic<std::uint32_t>& kept = answers_[number_[tetrahedron][face]];
-    std::uint32_t answer = kept.load(std::memory_order_relaxed);
-    if (answer == 0) {
-      std::array<double, kFaceSamples> winding{};
-      piece_.winding.at(points(tetrahedron, face), winding);
-      answer = kKnown;
-      for (std::size_t k = 0; k < kFaceSamples; ++k) {
-        if (winding[k] > kSolid) answer |= 1U << k;
-        if (winding[k] > kSolid && winding[k] < kTwice) answer |= 1U << (k + kFaceSamples);
-      }
-      kept.store(answer, std::memory_order_relaxed);
-    }
-    return (most > kTwice ? answer : answer >> kFaceSamples) & ((1U << kFaceSamples) - 1);
-  }
-
- private:
-  static constexpr std::uint32_t kKnown = 1U << 31;
-  // By ascending number: both cells of a face mean the same samples.
-  geometry::Triangle corners(std::uint32_t tetrahedron, std::size_t face) const {
-    const Tetrahedron& t = lattice_.tetrahedra[tetrahedron];
-    geometry::Triangle v = {t[kFaces[face][0]], t[kFaces[face][1]], t[kFaces[face][2]]};
-    std::sort(v.begin(), v.end());
-    return v;
-  }
-
-  const SolidPiece& piece_;
-  const TetMesh& lattice_;
-  std::vector<InnerFace> inner_;
-  std::vector<std::array<std::uint32_t, 4>> number_;         // of the faces of each tetrahedron
-  mutable std::vector<std::atomic<std::uint32_t>> answers_;  // of each face; 0 where not asked yet
-};
-
-class CellCutter {
- public:
-  CellCutter(const SolidPiece& piece, const SurfaceParts& parts, const TetMesh& lattice, const Faces& faces,
-             double join_distance)
-      : piece_(piece), parts_(parts), lattice_(lattice), faces_(faces), join_(join_distance), samples_(cellSamples()) {}
-
-  Cell cut(std::uint32_t tetrahedron) {
-    start(tetrahedron);
-    Cell cell;
-    findTriangles(cell);
-    if (cell.triangles.empty()) {
-      cell.solid = !piece_.encloses || piece_.winding.inside(samplePosition(0));
-      return cell;
-    }
-    Sets sets(cell.triangles.size());
-    joinAlongSurface(cell, sets);
-    sample_set_.fill(kAir);
-    if (countPieces(cell, sets) > 1) {
-      cell.doubtful = pierced(cell, sets);
-      // Where solids of one part overlap, a sample between two sheets joins them only if its winding number is
-      // below 1.5.
-      most_winding_ = cell.doubtful ? kTwice : std::numeric_limits<double>::infinity();
-      if (piece_.encloses) joinThroughSolid(cell, sets);
-      if (countPieces(cell, sets) > 1) joinNearParts(cell, sets);
-    }
-    numberPieces(cell, sets);
-    for (const auto& [point, triangle] : inside_points_) cell.points.push_back({point, cell.fragment[triangle]});
-    std::sort(cell.points.begin(), cell.points.end());
-    cell.points.erase(std::unique(cell.points.begin(), cell.points.end()), cell.points.end());
-    if (cell.fragments > 1) labelSolid(cell, sets);
-    return cell;
-  }
-
- private:
-  // A triangle of the cell.
-  struct Local {
-    std::array<Vector4d, 3> corners;  // barycentric
-    Vector3d normal;                  // not of unit length
-    Clip inside;                      // what of it is inside the cell
-    Vector3d middle;                  // of that
-    double area = 0;                  // of that, relative
-  };
-
-  void start(std::uint32_t tetrahedron) {
-    number_ = tetrahedron;
-    for (std::size_t i = 0; i < 4; ++i) x_[i] = lattice_.positions[lattice_.tetrahedra[tetrahedron][i]];
-    Eigen::Matrix3d edges;
-    edges << x_[0] - x_[3], x_[1] - x_[3], x_[2] - x_[3];
-    to_barycentric_ = edges.inverse();
-    local_.clear();
-    planes_.clear();
-    inside_points_.clear();
-  }
-  Vector4d barycentric(const Vector3d& p) const {
-    const Vector3d w = to_barycentric_ * (p - x_[3]);
-    return {w[0], w[1], w[2], 1 - w.sum()};
-  }
-  Vector3d position(const Vector4d& b) const { return b[0] * x_[0] + b[1] * x_[1] + b[2] * x_[2] + b[3] * x_[3]; }
-  Vector3d samplePosition(std::size_t i) const { return position(samples_[i]); }
-
-  void findTriangles(Cell& cell) {
-    AlignedBox3d box;
-    for (const Vector3d& x : x_) box.extend(x);
-    const double margin = 4 * kTouch * box.sizes().maxCoeff();
-    box = AlignedBox3d(box.min().array() - margin, box.max().array() + margin);
-    const auto& bvh = piece_.winding.bvh();
-    candidates_.clear();
-    bvh.tree().descend([&](const auto& node, std::uint32_t) { return node.box.intersects(box); },
-                       [&](std::uint32_t i) { candidates_.push_back(bvh.order()[i]); });
-    std::sort(candidates_.begin(), candidates_.end());
-    for (const std::uint32_t t : candidates_) {
-      const auto& triangle = piece_.triangles[t];
-      Local local;
-      for (std::size_t i = 0; i < 3; ++i) local.corners[i] = barycentric(piece_.positions[triangle[i]]);
-      const Vector4d highest = local.corners[0].cwiseMax(local.corners[1]).cwiseMax(local.corners[2]);
-      if (highest.minCoeff() < -kTouch) continue;
-      local.inside = clip(local.corners);
-      const Clip& inside = local.inside;
-      if (inside.count == 0) continue;
-      std::uint8_t faces = 0;
-      Vector4d middle = Vector4d::Zero();
-      for (std::size_t i = 0; i < inside.count; ++i) {
-        middle += inside.corners[i];
-        for (unsigned f = 0; f < 4; ++f) {
-          if (inside.corners[i][f] <= kTouch) faces = std::uint8_t(faces | 1U << f);
-        }
-      }
-      local.middle = position(middle / double(inside.count));
-      for (std::size_t i = 2; i < inside.count; ++i) {
-        const auto edge = [&](std::size_t k) { return (inside.corners[k] - inside.corners[0]).head<3>().eval(); };
-        local.area += edge(i - 1).cross(edge(i)).norm();
-      }
-      const auto& p = piece_.positions;
-      local.normal = (p[triangle[1]] - p[triangle[0]]).cross(p[triangle[2]] - p[triangle[0]]);
-      const auto number = std::uint32_t(local_.size());
-      for (std::size_t i = 0; i < 3; ++i) {
-        if (local.corners[i].minCoeff() >= -kTouch) inside_points_.push_back({triangle[i], number});
-      }
-      local_.push_back(local);
-      planes_.push_back({local.normal, {p[triangle[0]], p[triangle[1]], p[triangle[2]]}});
-      cell.triangles.push_back(t);
-      cell.faces.push_back(faces);
-    }
-  }
-
-  void joinAlongSurface(const Cell& cell, Sets& sets) {
-    std::sort(inside_points_.begin(), inside_points_.end());
-    for (std::size_t i = 1; i < inside_points_.size(); ++i) {
-      if (inside_points_[i][0] == inside_points_[i - 1][0]) sets.join(inside_points_[i][1], inside_points_[i - 1][1]);
-    }
-    // Edges that pass through without an end inside.
-    edges_.clear();
-    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      const auto& triangle = piece_.triangles[cell.triangles[n]];
-      const auto& corners = local_[n].corners;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const std::size_t j = (i + 1) % 3;
-        if (corners[i].minCoeff() >= -kTouch || corners[j].minCoeff() >= -kTouch) continue;
-        if (!segmentTouches(corners[i], corners[j])) continue;
-        edges_.push_back({std::min(triangle[i], triangle[j]), std::max(triangle[i], triangle[j]), n});
-      }
-    }
-    std::sort(edges_.begin(), edges_.end());
-    for (std::size_t i = 1; i < edges_.size(); ++i) {
-      if (edges_[i][0] == edges_[i - 1][0] && edges_[i][1] == edges_[i - 1][1])
-        sets.join(edges_[i][2], edges_[i - 1][2]);
-    }
-  }
-
-  static std::size_t countPieces(const Cell& cell, Sets& sets) { return roots(cell, sets).size(); }
-
-  std::uint32_t part(const Cell& cell, std::uint32_t n) const { return parts_.of_triangle[cell.triangles[n]]; }
-  static std::vector<std::uint32_t> roots(const Cell& cell, Sets& sets) {
-    std::vector<std::uint32_t> roots;
-    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      if (sets.find(n) == n) roots.push_back(n);
-    }
-    return roots;
-  }
-  // Whether sheets of one part cross in the cell.
-  bool pierced(const Cell& cell, Sets& sets) const {
-    const auto all = roots(cell, sets);
-    const auto sheets = sheetsOf(sets);
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      for (std::size_t j = i + 1; j < all.size(); ++j) {
-        if (part(cell, all[i]) != part(cell, all[j])) continue;
-        if (near(sheets.at(all[i]), sheets.at(all[j]), 0)) return true;
-      }
-    }
-    return false;
-  }
-  void joinNearParts(const Cell& cell, Sets& sets) const {
-    const auto all = roots(cell, sets);
-    auto sheets = sheetsOf(sets);
-    const auto severalPieces = [&](std::uint32_t p) {
-      return std::count_if(all.begin(), all.end(), [&](std::uint32_t r) { return part(cell, r) == p; }) > 1;
-    };
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      for (std::size_t j = i + 1; j < all.size(); ++j) {
-        std::uint32_t small = part(cell, all[i]), large = part(cell, all[j]);
-        if (small == large || sets.find(all[i]) == sets.find(all[j])) continue;
-        if (parts_.volume[small] > parts_.volume[large]) std::swap(small, large);
-        if (parts_.volume[small] <= kSmallPart * parts_.volume[large] && severalPieces(large)) continue;
-        const std::uint32_t a = sets.find(all[i]), b = sets.find(all[j]);
-        if (!near(sheets[a], sheets[b], join_)) continue;
-        sets.join(a, b);
-        Sheet &whole = sheets[sets.find(a)], &other = sheets[sets.find(a) == a ? b : a];
-        whole.triangles.insert(whole.triangles.end(), other.triangles.begin(), other.triangles.end());
-        whole.box.extend(other.box);
-      }
-    }
-  }
-  // What of one set is inside the cell.
-  struct Sheet {
-    std::vector<std::array<Vector3d, 3>> triangles;
-    AlignedBox3d box;
-  };
-  static AlignedBox3d boxOf(const std::array<Vector3d, 3>& t) {
-    return {t[0].cwiseMin(t[1]).cwiseMin(t[2]), t[0].cwiseMax(t[1]).cwiseMax(t[2])};
-  }
-  // By root, gathered once: pairs of sheets are many.
-  std::map<std::uint32_t, Sheet> sheetsOf(Sets& sets) const {
-    std::map<std::uint32_t, Sheet> sheets;
-    for (std::uint32_t n = 0; n < local_.size(); ++n) {
-      Sheet& sheet = sheets[sets.find(n)];
-      const Clip& inside = local_[n].inside;
-      for (std::size_t i = 2; i < inside.count; ++i) {
-        sheet.triangles.push_back(
-            {position(inside.corners[0]), position(inside.corners[i - 1]), position(inside.corners[i])});
-        sheet.box.extend(boxOf(sheet.triangles.back()));
-      }
-    }
-    return sheets;
-  }
-  // Whether something of two sheets is as close.
-  static bool near(const Sheet& a, const Sheet& b, double distance) {
-    const auto wide = [&](const AlignedBox3d& box) {
-      return AlignedBox3d(box.min().array() - distance, box.max().array() + distance);
-    };
-    const AlignedBox3d about_a = wide(a.box), about_b = wide(b.box);
-    std::vector<std::size_t> others;
-    for (std::size_t t = 0; t < b.triangles.size(); ++t) {
-      if (about_a.intersects(boxOf(b.triangles[t]))) others.push_back(t);
-    }
-    if (others.empty()) return false;
-    for (const auto& s : a.triangles) {
-      const AlignedBox3d reach = wide(boxOf(s));
-      if (!about_b.intersects(reach)) continue;
-      for (const std::size_t t : others) {
-        if (!reach.intersects(boxOf(b.triangles[t]))) continue;
-        if (geometry::squaredDistance(s, b.triangles[t]) <= distance * distance) return true;
-      }
-    }
-    return false;
-  }
-
-  // Whether a triangle of the cell lies between two points of it.
-  bool blocked(const Vector3d& a, const Vector3d& b) const {
-    double nearest = 1;
-    return crossing(a, b, true, nearest) != kNoIndex;
-  }
-  // The first triangle of the cell that the segment crosses, or any one of them, and where (fraction).
-  std::uint32_t crossing(const Vector3d& a, const Vector3d& b, bool any, double& nearest) const {
-    constexpr double kEnd = 1e-7;  // a segment starts on triangles
-    std::uint32_t first = kNoIndex;
-    const Vector3d d = b - a;
-    for (std::uint32_t n = 0; n < planes_.size(); ++n) {
-      const auto& [normal, corners] = planes_[n];
-      const auto& [p, q, r] = corners;
-      const double slope = normal.dot(d);
-      if (slope == 0) continue;
-      const double at = normal.dot(p - a) / slope;
-      if (!(at > kEnd && at < 1 - kEnd && at < nearest)) continue;
-      const Vector3d x = a + at * d;
-      // A line through an edge must not slip between its triangles.
-      const double slack = -1e-9 * normal.squaredNorm();
-      const double u = (q - p).cross(x - p).dot(normal), v = (r - q).cross(x - q).dot(normal),
-                   w = (p - r).cross(x - r).dot(normal);
-      if (u < slack || v < slack || w < slack) continue;
-      nearest = at;
-      first = n;
-      if (any) break;
-    }
-    return first;
-  }
-
-  bool solidOnce(double winding) const { return winding > kSolid && winding < most_winding_; }
-  bool between(const Vector3d& a, const Vector3d& b) const {
-    return std::isinf(most_winding_) || solidOnce(piece_.winding.at((a + b) / 2));
-  }
-  void chooseLookouts(const Cell& cell, Sets& sets) {
-    lookouts_.clear();
-    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      if (local_[n].normal.squaredNorm() > 0) lookouts_.push_back(n);
-    }
-    std::stable_sort(lookouts_.begin(), lookouts_.end(), [&](std::uint32_t a, std::uint32_t b) {
-      const std::uint32_t ra = sets.find(a), rb = sets.find(b);
-      return ra != rb ? ra < rb : local_[a].area > local_[b].area;
-    });
-    std::size_t run = 0;
-    std::uint32_t last = kNoIndex;
-    std::erase_if(lookouts_, [&](std::uint32_t n) {
-      const std::uint32_t root = sets.find(n);
-      run = root == last ? run + 1 : 0;
-      last = root;
-      return run >= kLookouts;
-    });
-  }
-  // Whether a triangle has the point on its inner side, in plain sight.
-  bool sees(std::uint32_t n, const Vector3d& p) const {
-    return local_[n].normal.dot(p - local_[n].middle) < 0 && !blocked(local_[n].middle, p);
-  }
-
-  // Sheets that bound the same solid. sample_set_ receives which sheet a sample of the solid belongs to.
-  void joinThroughSolid(Cell& cell, Sets& sets) {
-    chooseLookouts(cell, sets);
-    std::array<Vector3d, kSamples> points;
-    std::array<double, kSamples> winding{};
-    for (std::size_t s = 0; s < kSamples; ++s) points[s] = samplePosition(s);
-    piece_.winding.at(points, winding);
-    for (std::size_t s = 0; s < kSamples; ++s) {
-      if (solidOnce(winding[s])) sample_set_[s] = kUnknown;
-    }
-    for (std::size_t s = 0; s < kSamples; ++s) {
-      if (sample_set_[s] == kAir) continue;
-      const Vector3d p = samplePosition(s);
-      for (const std::uint32_t n : lookouts_) {
-        if (sample_set_[s] >= 0 && sets.find(std::uint32_t(sample_set_[s])) == sets.find(n)) continue;
-        if (!sees(n, p)) continue;
-        if (sample_set_[s] >= 0) sets.join(std::uint32_t(sample_set_[s]), n);
-        sample_set_[s] = std::int32_t(n);
-      }
-    }
-    // Twice: a sample that no sheet sees takes the sheet of one that it sees.
-    for (int round = 0; round < 2; ++round) {
-      for (std::size_t s = 0; s < kSamples; ++s) {
-        for (std::size_t r = 0; r < s; ++r) {
-          if (sample_set_[s] == kAir || sample_set_[r] == kAir || (sample_set_[s] < 0 && sample_set_[r] < 0)) continue;
-          if (sample_set_[s] >= 0 && sample_set_[r] >= 0 &&
-              sets.find(std::uint32_t(sample_set_[s])) == sets.find(std::uint32_t(sample_set_[r]))) {
-            continue;
-          }
-          if (blocked(samplePosition(s), samplePosition(r))) continue;
-          if (sample_set_[s] < 0) sample_set_[s] = sample_set_[r];
-          if (sample_set_[r] < 0) sample_set_[r] = sample_set_[s];
-          sets.join(std::uint32_t(sample_set_[s]), std::uint32_t(sample_set_[r]));
-        }
-      }
-    }
-    const double length = (x_[0] - x_[1]).norm() + (x_[2] - x_[3]).norm();
-    for (std::size_t i = 0; i < lookouts_.size(); ++i) {
-      const std::uint32_t m = lookouts_[i];
-      const Local& mine = local_[m];
-      for (std::size_t j = 0; j < i; ++j) {
-        const std::uint32_t n = lookouts_[j];
-        if (sets.find(m) == sets.find(n)) continue;
-        if (mine.normal.dot(local_[n].middle - mine.middle) < 0 && sees(n, mine.middle) &&
-            between(mine.middle, local_[n].middle)) {
-          sets.join(m, n);
-        }
-      }
-      // Straight inwards: a triangle met from behind is the other side of the same solid.
-      const Vector3d inwards = mine.middle - length * mine.normal.normalized();
-      double at = 1;
-      const std::uint32_t n = crossing(mine.middle, inwards, false, at);
-      if (n == kNoIndex || local_[n].normal.dot(inwards - mine.middle) <= 0) continue;
-      const Vector3d met = mine.middle + at * (inwards - mine.middle);
-      if (barycentric(met).minCoeff() >= -kTouch && between(mine.middle, met)) sets.join(m, n);
-    }
-  }
-
-  static void numberPieces(Cell& cell, Sets& sets) {
-    cell.fragments = 0;
-    cell.fragment.assign(cell.triangles.size(), 0);
-    for (std::uint32_t n = 0; n < cell.triangles.size(); ++n) {
-      const std::uint32_t root = sets.find(n);
-      cell.fragment[n] = root == n ? cell.fragments++ : cell.fragment[root];
-    }
-  }
-
-  void labelSolid(Cell& cell, Sets& sets) {
-    for (auto& face : cell.face_fragment) face.fill(kAir);
-    cell.inside.assign(cell.fragments, -1);
-    if (!piece_.encloses) return;
-    chooseLookouts(cell, sets);
-    std::fill(cell.inside.begin(), cell.inside.end(), 0);
-    // The middle is one more point than the ten that fill fractions are made from.
-    for (std::size_t s = 1; s < kSamples; ++s) {
-      if (sample_set_[s] >= 0) cell.inside[cell.fragment[std::size_t(sample_set_[s])]] += 1.0 / (kSamples - 1);
-    }
-    for (std::size_t f = 0; f < 4; ++f) {
-      const auto points = faces_.points(number_, f);
-      const std::uint32_t solid = faces_.solid(number_, f, most_winding_);
-      for (std::size_t k = 0; k < kFaceSamples; ++k) {
-        if ((solid & 1U << k) != 0) cell.face_fragment[f][k] = pieceAt(cell, points[k]);
-      }
-    }
-  }
-  std::int32_t pieceAt(const Cell& cell, const Vector3d& p) const {
-    for (std::size_t s = 0; s < kSamples; ++s) {
-      if (sample_set_[s] >= 0 && !blocked(samplePosition(s), p)) {
-        return std::int32_t(cell.fragment[std::size_t(sample_set_[s])]);
-      }
-    }
-    for (const std::uint32_t n : lookouts_) {
-      if (sees(n, p)) return std::int32_t(cell.fragment[n]);
-    }
-    return kUnknown;
-  }
-
- private:
-  const SolidPiece& piece_;
-  const SurfaceParts& parts_;
-  const TetMesh& lattice_;
-  const Faces& faces_;
-  const double join_;
-  const std::array<Vector4d, kSamples> samples_;
-  // Of the present cell.
-  std::uint32_t number_ = 0;
-  std::array<Vector3d, 4> x_;
-  Eigen::Matrix3d to_barycentric_;
-  std::vector<Local> local_;
-  // What crossing() needs of each: cells of thousands of triangles are asked hundreds of times.
-  struct Plane {
-    Vector3d normal;
-    std::array<Vector3d, 3> corners;
-  };
-  std::vector<Plane> planes_;
-  std::vector<std::array<std::uint32_t, 2>> inside_points_;  // point, triangle of the cell
-  std::vector<std::array<std::uint32_t, 3>> edges_;
-  std::vector<std::uint32_t> candidates_, lookouts_;
-  double most_winding_ = 0;
-  std::array<std::int32_t, kSamples> sample_set_{};  // triangle of the cell whose solid it is, or kAir, kUnknown
-};
 
 // Pairs of fragments of two neighbours that meet on their face.
-std::vector<std::array<std::uint32_t, 2>> meetings(const SolidPiece& piece, const Faces& faces, const InnerFace& face,
-                                                   const Cell& first, const Cell& second) {
-  std::vector<std::array<std::uint32_t, 2>> pairs;
+Pairs meetings(const SolidPiece& piece, const LatticeFaces& faces, const InnerFace& face, const LatticeCell& first,
+               const LatticeCell& second) {
+  Pairs pairs;
   const auto add = [&](std::uint32_t a, std::uint32_t b) {
     if (std::find(pairs.begin(), pairs.end(), std::array{a, b}) == pairs.end()) pairs.push_back({a, b});
   };
@@ -647,76 +60,61 @@ std::vector<std::array<std::uint32_t, 2>> meetings(const SolidPiece& piece, cons
   return pairs;
 }
 
-}  // namespace
+// One copy of a cell for each fragment in it; corners of copies that meet are one vertex. Phases in this order: each
+// relies on the joins before it.
+class Copies {
+ public:
+  Copies(const SolidPiece& piece, const TetMesh& lattice, const std::vector<LatticeCell>& cells)
+      : piece_(piece), lattice_(lattice), cells_(cells), count_(std::uint32_t(cells.size())) {
+    first_copy_.assign(count_ + 1, 0);
+    for (std::uint32_t t = 0; t < count_; ++t) first_copy_[t + 1] = first_copy_[t] + cells_[t].fragments;
+    copies_ = first_copy_[count_];
+    corners_ = Sets(std::size_t(copies_) * 4);
+    pieces_ = Sets(copies_);
+    air_.assign(count_, 0);
+    dropped_.assign(copies_, 0);
+  }
 
-SplitMesh splitAtGaps(const SolidPiece& piece, const TetMesh& lattice, double join_distance,
-                      const ParallelFor& parallel_for) {
-  const auto count = std::uint32_t(lattice.tetrahedra.size());
-  const SurfaceParts parts = surfaceParts(piece);
-  std::vector<Cell> cells(count);
-  const Faces lattice_faces(piece, lattice);
-  parallel_for(count, 64, [&](std::size_t begin, std::size_t end) {
-    CellCutter cutter(piece, parts, lattice, lattice_faces, join_distance);
-    for (std::size_t t = begin; t < end; ++t) cells[t] = cutter.cut(std::uint32_t(t));
-  });
-  const std::vector<InnerFace>& faces = lattice_faces.inner();
-  std::vector<std::vector<std::array<std::uint32_t, 2>>> pairs(faces.size());
-  parallel_for(faces.size(), 256, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      pairs[f] = meetings(piece, lattice_faces, faces[f], cells[faces[f].first], cells[faces[f].second]);
-    }
-  });
-
-  // One copy a fragment; corners of copies that meet across a face are one vertex.
-  std::vector<std::uint32_t> first_copy(count + 1, 0);
-  for (std::uint32_t t = 0; t < count; ++t) first_copy[t + 1] = first_copy[t] + cells[t].fragments;
-  const std::uint32_t copies = first_copy[count];
-  Sets corners(std::size_t(copies) * 4), pieces(copies);
-  const auto joinFace = [&](const InnerFace& face, std::uint32_t a, std::uint32_t b) {
-    const Tetrahedron &s = lattice.tetrahedra[face.first], &t = lattice.tetrahedra[face.second];
-    const std::uint32_t copy_a = first_copy[face.first] + a, copy_b = first_copy[face.second] + b;
-    for (const std::size_t i : kFaces[face.first_face]) {
+  // Fragments a and b of the cells of a face meet there.
+  void joinFace(const InnerFace& face, std::uint32_t a, std::uint32_t b) {
+    const Tetrahedron &s = lattice_.tetrahedra[face.first], &t = lattice_.tetrahedra[face.second];
+    const std::uint32_t copy_a = first_copy_[face.first] + a, copy_b = first_copy_[face.second] + b;
+    for (const std::size_t i : kTetrahedronFaces[face.first_face]) {
       const auto j = std::uint32_t(std::find(t.begin(), t.end(), s[i]) - t.begin());
-      corners.join(4 * copy_a + std::uint32_t(i), 4 * copy_b + j);
+      corners_.join(4 * copy_a + std::uint32_t(i), 4 * copy_b + j);
     }
-    pieces.join(copy_a, copy_b);
-  };
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    for (const auto& pair : pairs[f]) joinFace(faces[f], pair[0], pair[1]);
+    pieces_.join(copy_a, copy_b);
   }
 
   // Cells of air fall away, unless they hold the piece together.
-  SplitMesh result;
-  std::vector<char> air(count, 0);
-  for (std::uint32_t t = 0; t < count; ++t) air[t] = cells[t].triangles.empty() && !cells[t].solid ? 1 : 0;
-  const auto fragments = [&] {
-    std::vector<std::uint32_t> holder(std::size_t(copies) * 4, kNoIndex);
-    for (std::uint32_t t = 0; t < count; ++t) {
-      if (air[t] != 0) continue;
-      for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1]; ++copy) {
+  void dropAir() {
+    for (std::uint32_t t = 0; t < count_; ++t) air_[t] = cells_[t].triangles.empty() && !cells_[t].solid ? 1 : 0;
+    std::vector<std::uint32_t> holder(std::size_t(copies_) * 4, kNoIndex);
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      if (air_[t] != 0) continue;
+      for (std::uint32_t copy = first_copy_[t]; copy < first_copy_[t + 1]; ++copy) {
         for (std::uint32_t k = 0; k < 4; ++k) {
-          std::uint32_t& h = holder[corners.find(4 * copy + k)];
+          std::uint32_t& h = holder[corners_.find(4 * copy + k)];
           if (h == kNoIndex) h = copy;
-          pieces.join(h, copy);
+          pieces_.join(h, copy);
         }
       }
     }
-    std::uint32_t number = 0;
-    for (std::uint32_t t = 0; t < count; ++t) {
-      for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1] && air[t] == 0; ++copy) {
-        number += std::uint32_t(pieces.find(copy) == copy);
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      for (std::uint32_t copy = first_copy_[t]; copy < first_copy_[t + 1] && air_[t] == 0; ++copy) {
+        number_ += std::uint32_t(pieces_.find(copy) == copy);
       }
     }
-    return number;
-  };
-  std::uint32_t number = fragments();
+  }
+
   // What meets along the surface where the lattice has no cell: copies that share a point of the surface and a corner.
-  if (number > 1) {
+  void joinAlongSurface() {
+    if (number_ <= 1) return;
     std::vector<std::array<std::uint32_t, 3>> copies_at;  // point, copy, cell
-    for (std::uint32_t t = 0; t < count; ++t) {
-      for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
-        for (const std::uint32_t point : piece.triangles[cells[t].triangles[n]]) {
-          copies_at.push_back({point, first_copy[t] + cells[t].fragment[n], t});
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      for (std::size_t n = 0; n < cells_[t].triangles.size(); ++n) {
+        for (const std::uint32_t point : piece_.triangles[cells_[t].triangles[n]]) {
+          copies_at.push_back({point, first_copy_[t] + cells_[t].fragment[n], t});
         }
       }
     }
@@ -725,156 +123,214 @@ SplitMesh splitAtGaps(const SolidPiece& piece, const TetMesh& lattice, double jo
     for (std::size_t i = 0; i < copies_at.size();) {
       std::size_t end = i + 1;
       while (end < copies_at.size() && copies_at[end][0] == copies_at[i][0]) ++end;
-      const auto apart = [&](std::size_t k) { return pieces.find(copies_at[k][1]) != pieces.find(copies_at[i][1]); };
+      const auto apart = [&](std::size_t k) { return pieces_.find(copies_at[k][1]) != pieces_.find(copies_at[i][1]); };
       for (std::size_t k = i + 1; k < end; ++k) {
         for (std::size_t m = i; m < k && apart(k); ++m) {
           const std::uint32_t a = copies_at[m][1], b = copies_at[k][1];
-          const Tetrahedron &s = lattice.tetrahedra[copies_at[m][2]], &t = lattice.tetrahedra[copies_at[k][2]];
-          if (copies_at[m][2] == copies_at[k][2] || pieces.find(a) == pieces.find(b)) continue;
+          const Tetrahedron &s = lattice_.tetrahedra[copies_at[m][2]], &t = lattice_.tetrahedra[copies_at[k][2]];
+          if (copies_at[m][2] == copies_at[k][2] || pieces_.find(a) == pieces_.find(b)) continue;
           for (std::uint32_t p = 0; p < 4; ++p) {
             const auto q = std::uint32_t(std::find(t.begin(), t.end(), s[p]) - t.begin());
             if (q == 4) continue;
-            corners.join(4 * a + p, 4 * b + q);
-            if (pieces.join(a, b)) --number;
+            corners_.join(4 * a + p, 4 * b + q);
+            if (pieces_.join(a, b)) --number_;
           }
         }
       }
       i = end;
     }
   }
+
   // A few cells that nothing holds but cells of air are left out: joined elsewhere they would hang across a gap.
-  std::vector<char> dropped(copies, 0);
-  if (number > 1) {
-    std::vector<std::uint32_t> size(copies, 0);
-    for (std::uint32_t copy = 0; copy < copies; ++copy) ++size[pieces.find(copy)];
+  void dropCrumbs() {
+    if (number_ <= 1) return;
+    std::vector<std::uint32_t> size(copies_, 0);
+    for (std::uint32_t copy = 0; copy < copies_; ++copy) ++size[pieces_.find(copy)];
     const std::uint32_t largest = *std::max_element(size.begin(), size.end());
-    for (std::uint32_t t = 0; t < count; ++t) {
-      for (std::uint32_t copy = first_copy[t]; copy < first_copy[t + 1] && air[t] == 0; ++copy) {
-        const std::uint32_t root = pieces.find(copy);
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      for (std::uint32_t copy = first_copy_[t]; copy < first_copy_[t + 1] && air_[t] == 0; ++copy) {
+        const std::uint32_t root = pieces_.find(copy);
         if (size[root] > kCrumb || size[root] == largest) continue;
-        dropped[copy] = 1;
-        if (root == copy) --number;
+        dropped_[copy] = 1;
+        if (root == copy) --number_;
       }
     }
   }
-  for (std::uint32_t t = 0; t < count && number > 1; ++t) {
-    for (std::uint32_t copy = first_copy[t] + 1; copy < first_copy[t + 1]; ++copy) {
-      if (dropped[copy] != 0 || dropped[copy - 1] != 0 || !pieces.join(copy - 1, copy)) continue;
-      for (std::uint32_t k = 0; k < 4; ++k) corners.join(4 * (copy - 1) + k, 4 * copy + k);
-      ++result.joined;
-      --number;
+
+  // Splits taken back, until the piece hangs together: within cells, across faces, at last where cells of a cage share
+  // only an edge or a corner. \return how many.
+  std::uint32_t takeBack(const std::vector<InnerFace>& faces) {
+    std::uint32_t joined = 0;
+    for (std::uint32_t t = 0; t < count_ && number_ > 1; ++t) {
+      for (std::uint32_t copy = first_copy_[t] + 1; copy < first_copy_[t + 1]; ++copy) {
+        if (dropped_[copy] != 0 || dropped_[copy - 1] != 0 || !pieces_.join(copy - 1, copy)) continue;
+        for (std::uint32_t k = 0; k < 4; ++k) corners_.join(4 * (copy - 1) + k, 4 * copy + k);
+        ++joined;
+        --number_;
+      }
     }
+    for (std::size_t f = 0; f < faces.size() && number_ > 1; ++f) {
+      const InnerFace& face = faces[f];
+      const std::uint32_t a = first_copy_[face.first], b = first_copy_[face.second];
+      if (air_[face.first] != 0 || air_[face.second] != 0) continue;
+      if (dropped_[a] != 0 || dropped_[b] != 0 || pieces_.find(a) == pieces_.find(b)) continue;
+      joinFace(face, 0, 0);
+      ++joined;
+      --number_;
+    }
+    std::vector<std::uint32_t> holder(number_ > 1 ? lattice_.positions.size() : 0, kNoIndex);
+    for (std::uint32_t corner = 0; corner < 4 * count_ && number_ > 1; ++corner) {
+      const std::uint32_t t = corner / 4, k = corner % 4;
+      if (air_[t] != 0 || dropped_[first_copy_[t]] != 0) continue;
+      std::uint32_t& held = holder[lattice_.tetrahedra[t][k]];
+      if (held == kNoIndex) held = 4 * first_copy_[t] + k;
+      if (!pieces_.join(held / 4, first_copy_[t])) continue;
+      corners_.join(held, 4 * first_copy_[t] + k);
+      ++joined;
+      --number_;
+    }
+    return joined;
   }
-  for (std::size_t f = 0; f < faces.size() && number > 1; ++f) {
-    const InnerFace& face = faces[f];
-    if (air[face.first] != 0 || air[face.second] != 0) continue;
-    if (dropped[first_copy[face.first]] != 0 || dropped[first_copy[face.second]] != 0) continue;
-    if (pieces.find(first_copy[face.first]) == pieces.find(first_copy[face.second])) continue;
-    joinFace(face, 0, 0);
-    ++result.joined;
-    --number;
-  }
-  // Cells of a cage that share only an edge or a corner.
-  std::vector<std::uint32_t> holder(number > 1 ? lattice.positions.size() : 0, kNoIndex);
-  for (std::uint32_t corner = 0; corner < 4 * count && number > 1; ++corner) {
-    const std::uint32_t t = corner / 4, k = corner % 4;
-    if (air[t] != 0 || dropped[first_copy[t]] != 0) continue;
-    std::uint32_t& held = holder[lattice.tetrahedra[t][k]];
-    if (held == kNoIndex) held = 4 * first_copy[t] + k;
-    if (!pieces.join(held / 4, first_copy[t])) continue;
-    corners.join(held, 4 * first_copy[t] + k);
-    ++result.joined;
-    --number;
-  }
-  if (number != 1) {
-    std::fill(air.begin(), air.end(), char(0));
-    std::fill(dropped.begin(), dropped.end(), char(0));
+
+  // The cells of air, where nothing else makes it one piece.
+  void restoreAir(const std::vector<InnerFace>& faces) {
+    if (number_ == 1) return;
+    std::fill(air_.begin(), air_.end(), char(0));
+    std::fill(dropped_.begin(), dropped_.end(), char(0));
     for (const InnerFace& face : faces) {
-      if (cells[face.first].triangles.empty() || cells[face.second].triangles.empty()) joinFace(face, 0, 0);
+      if (cells_[face.first].triangles.empty() || cells_[face.second].triangles.empty()) joinFace(face, 0, 0);
     }
   }
 
-  const auto hasDropped = [&](std::uint32_t t) {
-    return std::find(dropped.begin() + first_copy[t], dropped.begin() + first_copy[t + 1], char(1)) !=
-           dropped.begin() + first_copy[t + 1];
-  };
+  // The first copy's vertices keep the lattice's numbers.
+  void makeMesh(SplitMesh& result) {
+    result.mesh.positions = lattice_.positions;
+    std::vector<std::uint32_t> vertex(std::size_t(copies_) * 4, kNoIndex);
+    tetrahedron_of_.assign(copies_, kNoIndex);
+    std::vector<char> taken(lattice_.positions.size(), 0);
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      if (air_[t] != 0) continue;
+      const std::size_t begin = result.mesh.tetrahedra.size();
+      for (std::uint32_t p = 0; p < cells_[t].fragments; ++p) {
+        const std::uint32_t copy = first_copy_[t] + p;
+        if (dropped_[copy] != 0) continue;
+        Tetrahedron tetrahedron{};
+        for (std::uint32_t k = 0; k < 4; ++k) {
+          std::uint32_t& v = vertex[corners_.find(4 * copy + k)];
+          const std::uint32_t original = lattice_.tetrahedra[t][k];
+          if (v == kNoIndex && taken[original] == 0) {
+            taken[original] = 1;
+            v = original;
+          } else if (v == kNoIndex) {
+            v = std::uint32_t(result.mesh.positions.size());
+            result.mesh.positions.push_back(Vector3d(lattice_.positions[original]));
+            ++result.vertices;
+          }
+          tetrahedron[k] = v;
+        }
+        const double inside = cells_[t].fragments > 1 ? cells_[t].inside[p] : -1;
+        // Fragments whose copies met all round are one again.
+        const auto same = std::find(result.mesh.tetrahedra.begin() + std::ptrdiff_t(begin),
+                                    result.mesh.tetrahedra.end(), tetrahedron);
+        tetrahedron_of_[copy] = std::uint32_t(same - result.mesh.tetrahedra.begin());
+        if (same == result.mesh.tetrahedra.end()) {
+          result.mesh.tetrahedra.push_back(tetrahedron);
+          result.inside.push_back(inside);
+        } else if (inside > 0) {
+          result.inside[tetrahedron_of_[copy]] += inside;
+        }
+      }
+      const std::size_t made = result.mesh.tetrahedra.size() - begin;
+      if (made > 0) result.volume += geometry::volume(lattice_, lattice_.tetrahedra[t]);
+      if (made > 1) ++result.cells;
+      if (made == 1 && cells_[t].fragments > 1 && !hasDropped(t)) result.inside[begin] = -1;
+      if (cells_[t].doubtful) result.doubtful.push_back(cells_[t].triangles.front());
+    }
+    // Vertices of cells that fell away.
+    if (std::find(taken.begin(), taken.end(), char(0)) != taken.end()) {
+      result.mesh = geometry::compact(result.mesh, std::vector<char>(result.mesh.tetrahedra.size(), 1));
+    }
+  }
 
-  // Vertices: the first copy keeps the lattice's number.
-  result.mesh.positions = lattice.positions;
-  std::vector<std::uint32_t> vertex(std::size_t(copies) * 4, kNoIndex), tetrahedron_of(copies, kNoIndex);
-  std::vector<char> taken(lattice.positions.size(), 0);
-  for (std::uint32_t t = 0; t < count; ++t) {
-    if (air[t] != 0) continue;
-    const std::size_t begin = result.mesh.tetrahedra.size();
-    for (std::uint32_t p = 0; p < cells[t].fragments; ++p) {
-      const std::uint32_t copy = first_copy[t] + p;
-      if (dropped[copy] != 0) continue;
-      Tetrahedron tetrahedron{};
-      for (std::uint32_t k = 0; k < 4; ++k) {
-        std::uint32_t& v = vertex[corners.find(4 * copy + k)];
-        const std::uint32_t original = lattice.tetrahedra[t][k];
-        if (v == kNoIndex && taken[original] == 0) {
-          taken[original] = 1;
-          v = original;
-        } else if (v == kNoIndex) {
-          v = std::uint32_t(result.mesh.positions.size());
-          result.mesh.positions.push_back(Vector3d(lattice.positions[original]));
-          ++result.vertices;
+  // Where the points of the surface lie. To be called once there are tetrahedra.
+  std::vector<std::uint32_t> homes() const {
+    std::vector<std::uint32_t> home(piece_.positions.size(), kNoIndex);
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      if (air_[t] != 0) continue;
+      for (const auto& [point, fragment] : cells_[t].points) {
+        if (home[point] == kNoIndex) home[point] = tetrahedron_of_[first_copy_[t] + fragment];
+      }
+    }
+    // Points outside: where their own triangles enter the cells, the nearest place.
+    std::vector<double> nearest(home.size(), std::numeric_limits<double>::infinity());
+    for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = home[p] == kNoIndex ? nearest[p] : -1;
+    for (std::uint32_t t = 0; t < count_; ++t) {
+      if (air_[t] != 0) continue;
+      const Tetrahedron& v = lattice_.tetrahedra[t];
+      for (std::size_t n = 0; n < cells_[t].triangles.size(); ++n) {
+        for (const std::uint32_t point : piece_.triangles[cells_[t].triangles[n]]) {
+          if (nearest[point] < 0) continue;
+          double distance = std::numeric_limits<double>::infinity();
+          for (const auto& f : kTetrahedronFaces) {
+            const Vector3d& p = piece_.positions[point];
+            const Vector3d q = geometry::closestPointOnTriangle(
+                p, lattice_.positions[v[f[0]]], lattice_.positions[v[f[1]]], lattice_.positions[v[f[2]]]);
+            distance = std::min(distance, (q - p).squaredNorm());
+          }
+          if (distance >= nearest[point]) continue;
+          const std::uint32_t copy = first_copy_[t] + cells_[t].fragment[n];
+          if (dropped_[copy] != 0) continue;
+          nearest[point] = distance;
+          home[point] = tetrahedron_of_[copy];
         }
-        tetrahedron[k] = v;
-      }
-      const double inside = cells[t].fragments > 1 ? cells[t].inside[p] : -1;
-      // Fragments whose copies met all round are one again.
-      const auto same =
-          std::find(result.mesh.tetrahedra.begin() + std::ptrdiff_t(begin), result.mesh.tetrahedra.end(), tetrahedron);
-      tetrahedron_of[copy] = std::uint32_t(same - result.mesh.tetrahedra.begin());
-      if (same == result.mesh.tetrahedra.end()) {
-        result.mesh.tetrahedra.push_back(tetrahedron);
-        result.inside.push_back(inside);
-      } else if (inside > 0) {
-        result.inside[tetrahedron_of[copy]] += inside;
       }
     }
-    const std::size_t made = result.mesh.tetrahedra.size() - begin;
-    if (made > 0) result.volume += geometry::volume(lattice, lattice.tetrahedra[t]);
-    if (made > 1) ++result.cells;
-    if (made == 1 && cells[t].fragments > 1 && !hasDropped(t)) result.inside[begin] = -1;
-    if (cells[t].doubtful) result.doubtful.push_back(cells[t].triangles.front());
+    return home;
   }
-  result.home.assign(piece.positions.size(), kNoIndex);
-  for (std::uint32_t t = 0; t < count; ++t) {
-    if (air[t] != 0) continue;
-    for (const auto& [point, fragment] : cells[t].points) {
-      if (result.home[point] == kNoIndex) result.home[point] = tetrahedron_of[first_copy[t] + fragment];
+
+ private:
+  bool hasDropped(std::uint32_t t) const {
+    const auto end = dropped_.begin() + first_copy_[t + 1];
+    return std::find(dropped_.begin() + first_copy_[t], end, char(1)) != end;
+  }
+
+  const SolidPiece& piece_;
+  const TetMesh& lattice_;
+  const std::vector<LatticeCell>& cells_;
+  const std::uint32_t count_;
+  std::uint32_t copies_ = 0, number_ = 0;  // of all cells; of what hangs together
+  std::vector<std::uint32_t> first_copy_;  // of each cell
+  Sets corners_{0}, pieces_{0};            // of copies
+  std::vector<char> air_, dropped_;        // cells; copies
+  std::vector<std::uint32_t> tetrahedron_of_;
+};
+
+}  // namespace
+
+SplitMesh splitAtGaps(const SolidPiece& piece, const TetMesh& lattice, double join_distance,
+                      const ParallelFor& parallel_for) {
+  const LatticeFaces lattice_faces(piece, lattice);
+  const std::vector<LatticeCell> cells = cellFragments(piece, lattice, lattice_faces, join_distance, parallel_for);
+  const std::vector<InnerFace>& faces = lattice_faces.inner();
+  std::vector<Pairs> pairs(faces.size());
+  parallel_for(faces.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      pairs[f] = meetings(piece, lattice_faces, faces[f], cells[faces[f].first], cells[faces[f].second]);
     }
+  });
+
+  Copies copies(piece, lattice, cells);
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    for (const auto& pair : pairs[f]) copies.joinFace(faces[f], pair[0], pair[1]);
   }
-  // Points outside: where their own triangles enter the cells, the nearest place.
-  std::vector<double> nearest(piece.positions.size(), std::numeric_limits<double>::infinity());
-  for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = result.home[p] == kNoIndex ? nearest[p] : -1;
-  for (std::uint32_t t = 0; t < count; ++t) {
-    if (air[t] != 0) continue;
-    const Tetrahedron& v = lattice.tetrahedra[t];
-    for (std::size_t n = 0; n < cells[t].triangles.size(); ++n) {
-      for (const std::uint32_t point : piece.triangles[cells[t].triangles[n]]) {
-        if (nearest[point] < 0) continue;
-        double distance = std::numeric_limits<double>::infinity();
-        for (const auto& f : kFaces) {
-          const Vector3d& p = piece.positions[point];
-          const Vector3d q = geometry::closestPointOnTriangle(p, lattice.positions[v[f[0]]], lattice.positions[v[f[1]]],
-                                                              lattice.positions[v[f[2]]]);
-          distance = std::min(distance, (q - p).squaredNorm());
-        }
-        if (distance >= nearest[point]) continue;
-        if (dropped[first_copy[t] + cells[t].fragment[n]] != 0) continue;
-        nearest[point] = distance;
-        result.home[point] = tetrahedron_of[first_copy[t] + cells[t].fragment[n]];
-      }
-    }
-  }
-  // Vertices of cells that fell away.
-  if (std::find(taken.begin(), taken.end(), char(0)) != taken.end()) {
-    result.mesh = geometry::compact(result.mesh, std::vector<char>(result.mesh.tetrahedra.size(), 1));
-  }
+  copies.dropAir();
+  copies.joinAlongSurface();
+  copies.dropCrumbs();
+  SplitMesh result;
+  result.joined = copies.takeBack(faces);
+  copies.restoreAir(faces);
+  copies.makeMesh(result);
+  result.home = copies.homes();
   return result;
 }
 

@@ -13,6 +13,7 @@
 #include "tools/core/error.h"
 #include "tools/tetrahedralize/delaunay.h"
 #include "tools/tetrahedralize/fill.h"
+#include "tools/tetrahedralize/piece_findings.h"
 #include "tools/tetrahedralize/pieces.h"
 #include "tools/tetrahedralize/shell.h"
 #include "tools/tetrahedralize/split.h"
