@@ -358,9 +358,13 @@ class CommandLine(unittest.TestCase):
 
     def test_scenes_of_several_bodies_end_asleep(self):
         mesh, package = self.bake_block()
-        for scene, count, low, high in (("stack", 10, 9.8, 10.02), ("pyramid", 10, 3.95, 4.01), ("pile", 60, 1, 6), ("stairs", 6, 0.9, 6)):
-            for steps in ("0.016667", "0.016667,0.004167"):
-                measures = json.loads(run("simulate", package, "--scene", scene, "--step", steps, "--json").stdout)
+        even, uneven = "0.016667", "0.016667,0.004167"
+        for scene, count, low, high, sequences in (("stack", 10, 9.8, 10.02, (even, uneven)), ("pyramid", 10, 3.95, 4.01, (even, uneven)),
+                                                   ("stairs", 6, 0.4, 6, (even, uneven)), ("pile", 60, 1, 6, (even,)),
+                                                   (self.heap_scene(mesh), 27, 1, 6, (even, uneven))):
+            for steps in sequences:
+                measures = json.loads(run("simulate", package, "--scene", scene, "--seconds", "12" if scene == "pile" else "6",
+                                          "--step", steps, "--json").stdout)
                 bodies = measures["bodies"]
                 self.assertEqual((bodies["count"], bodies["asleep"]), (count, count), (scene, steps))
                 self.assertGreater(bodies["height_m"], low, (scene, steps))
@@ -397,8 +401,21 @@ class CommandLine(unittest.TestCase):
             {"move": [0, -1, 0]}, {"package": 1, "move": [-0.5, 0.1, -0.5], "turn": 3, "axis": [0, 1, 0]}]}))
         bodies = json.loads(run("simulate", package, other, "--scene", scene, "--json").stdout)["bodies"]
         self.assertEqual((bodies["count"], bodies["asleep"]), (2, 2))
-        self.assertAlmostEqual(bodies["height_m"], 0.5, delta=0.05)
+        self.assertAlmostEqual(bodies["height_m"], 1.5, delta=0.05)
         self.assert_refused(run("simulate", package, "--scene", scene), 3, "no such package", "line")
+        mixed = json.loads(run("simulate", package, other, "--scene", "stairs", "--json").stdout)["bodies"]
+        self.assertEqual((mixed["count"], mixed["asleep"]), (6, 6))
+        self.assert_refused(run("simulate", package, other, "--scene", "drop"), 2, "one body", "pile")
+        # What falls into a box of colliders stays in it.
+        walls = [{"box": {"half_size": [0.1, 1, 1.2] if x else [1.2, 1, 0.1]}, "at": [x, 0.5, z]} for x, z in ((-1, 0), (1, 0), (0, -1), (0, 1))]
+        scene.write_text(json.dumps({"sinew_scene": 1, "seconds": 3, "gravity": 9.81, "ground": 0, "colliders": walls, "bodies": [
+            {"move": [0, 0.2, 0], "velocity": [6, 0, 5], "turn": 20, "axis": [1, 1, 0]}]}))
+        self.assertEqual(run("simulate", package, "--scene", scene, "--export", out).returncode, 0)
+        for line in out.read_text().splitlines():
+            if line.startswith("v "):
+                x, y, z = map(float, line.split()[1:4])
+                self.assertLess(max(abs(x), abs(z)), 0.92)
+                self.assertGreater(y, -0.02)
         for keys, said in (({"colliders": [{}]}, "one shape"), ({"colliders": [{"sphere": {}}]}, "radius"),
                            ({"colliders": [{"sphere": {"radius": -1}}]}, "number"),
                            ({"colliders": [{"box": {"half_size": [1, 0, 1]}}]}, "half_size"),
@@ -407,9 +424,28 @@ class CommandLine(unittest.TestCase):
                            ({"colliders": [{"mesh": {"points": [[0, 0, 0]] * 3, "triangles": [[0, 1, 3]]}}]}, "corner"),
                            ({"colliders": [{"heights": {"columns": 2, "cell": 1, "heights": [0]}}]}, "rows"),
                            ({"colliders": [{"plane": {}, "frction": 1}]}, "friction"), ({"bodies": []}, "no body"),
+                           ({"colliders": [{"plane": {}, "axis": [0, 1, 0]}]}, "no keys"),
                            ({"ground": "low"}, "number")):
             scene.write_text(json.dumps({"sinew_scene": 1, **keys}))
             self.assert_refused(run("simulate", package, "--scene", scene), 3, said)
+
+    def heap_scene(self, mesh):
+        """A scene file of 27 bodies in random orientations that fall onto open ground, three by three by three."""
+        places = [[float(x) for x in line.split()[1:]] for line in mesh.read_text().splitlines() if line.startswith("v ")]
+        low, high = ([side(p[a] for p in places) for a in range(3)] for side in (min, max))
+        diagonal = math.dist(low, high)
+        pitch, bodies = 1.05 * diagonal, []
+        for i in range(27):
+            a, b = 2.3999632 * i, 1.5 * 2.3999632 * i
+            # Turned by b about x, then by a about z.
+            w, x, y, z = (math.cos(a / 2) * math.cos(b / 2), math.cos(a / 2) * math.sin(b / 2),
+                          math.sin(a / 2) * math.sin(b / 2), math.sin(a / 2) * math.cos(b / 2))
+            layer, length = i // 9, math.hypot(x, y, z)
+            bodies.append({"axis": [x, y, z] if length > 1e-9 else [1, 0, 0], "turn": math.degrees(2 * math.atan2(length, w)),
+                           "move": [(i % 3 - 1 + 0.15 * layer) * pitch, 0.6 * diagonal + layer * pitch, (i // 3 % 3 - 1 - 0.1 * layer) * pitch]})
+        scene = self.path / "heap.json"
+        scene.write_text(json.dumps({"sinew_scene": 1, "seconds": 6, "gravity": 9.81 * diagonal, "ground": (low[1] + high[1]) / 2, "bodies": bodies}))
+        return scene
 
     def bake_box(self, name, x, y, z):
         corners = [(i * x, j * y, k * z) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
@@ -456,8 +492,8 @@ class CommandLine(unittest.TestCase):
         mesh.write_text("".join("v %g %g %g\n" % v for v in vertices) + "".join("f %d %d %d\n" % f for f in faces))
         self.assertEqual(run("bake", mesh, "-o", package, "--no-cache").returncode, 0)
         for steps in ("0.016667", "0.004167", "0.016667,0.004167"):
-            measures = json.loads(run("simulate", package, "--scene", "pile", "--seconds", "12", "--step", steps, "--json").stdout)
-            self.assertEqual((measures["bodies"]["count"], measures["bodies"]["asleep"]), (60, 60), steps)
+            measures = json.loads(run("simulate", package, "--scene", self.heap_scene(mesh), "--seconds", "12", "--step", steps, "--json").stdout)
+            self.assertEqual((measures["bodies"]["count"], measures["bodies"]["asleep"]), (27, 27), steps)
 
     def test_pieces_of_one_name_are_told_apart(self):
         corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]

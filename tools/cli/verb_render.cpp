@@ -129,6 +129,8 @@ void runRender(const RenderCommand& command) {
   const bool video = extension == ".mp4" || extension == ".MP4";
   if (std::filesystem::path(command.input).extension() == ".sinew") {
     renderPackage(command, video);
+  } else if (!command.others.empty()) {
+    throw ToolError(ExitCode::usage, command.others.front(), "a source is drawn alone", "Bake it first (sinew bake).");
   } else if (video) {
     throw ToolError(ExitCode::usage, command.input, "only a package moves",
                     "Bake it first (sinew bake), or ask for a .png of its defects.");
@@ -148,11 +150,8 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
   verb->add_option("input", command->input, "A baked package (.sinew), or a source")->required();
   verb->add_option("others", command->others, kOthersSentence);
   verb->add_option("-o,--output", command->output, "The picture (.png) or video (.mp4)")->required();
-  verb->add_option(
-      "--scene", command->scenes,
-      "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json); again for more rows "
-      "(default: rest, squash, drop, hang; "
-      "video: drop)");
+  verb->add_option("--scene", command->scenes,
+                   sceneList() + "; again for more rows (default: rest, squash, drop, hang; video: drop)");
   addSolverOption(*verb, command->solver);
   verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")
       ->check(CLI::Range(0.0, 600.0))

@@ -80,7 +80,8 @@ void runSimulate(const SimulateCommand& command) {
   }
   double wall = 0;
   for (double t : microseconds) wall += t / 1e6;
-  const GroupMeasure group = measureGroup(scene.world(), scene.bodies());
+  GroupMeasure group = measureGroup(scene.world(), scene.bodies());
+  group.height -= double(scene.groundHeight());
   BodyMeasure measure = measureBody(scene.world(), scene.body());
   const double ground = double(scene.groundHeight() / asset->package().info().diagonal);
   measure.lowest -= ground;
@@ -157,9 +158,7 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   CLI::App* verb = app.add_subcommand("simulate", "Run a scene without a window");
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
   verb->add_option("others", command->others, kOthersSentence);
-  verb->add_option("--scene", command->scene,
-                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json): docs/scenes.md")
-      ->capture_default_str();
+  verb->add_option("--scene", command->scene, sceneList() + ": docs/scenes.md")->capture_default_str();
   verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")
       ->check(CLI::Range(0.0, 1e6))
       ->check(finiteNumber());

@@ -23,9 +23,7 @@ void addViewVerb(CLI::App& app, int& exit_code) {
   verb->add_option("package", command->package, "A baked package (.sinew)")->required();
   verb->add_option("others", command->others, kOthersSentence);
   verb->add_option("--scene", command->scene,
-                   "rest, drop, squash, stretch, hang, stack, pyramid, pile, cut, or a file (.json): docs/scenes.md. "
-                   "Without: rest where pins of the "
-                   "package hold it, else drop");
+                   sceneList() + ": docs/scenes.md. Without: rest where pins of the package hold it, else drop");
   addSolverOption(*verb, command->solver);
   verb->add_option("--screenshot", command->options.screenshot,
                    "Write a picture of the window (.png) after --frames frames and end");

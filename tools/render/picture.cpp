@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/render/picture.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -52,11 +53,18 @@ void addToHull(MotionHull& hull, const Shape& shape) {
   const std::size_t stride = shape.positions.size() / kHullVertices + 1;
   std::vector<Eigen::Vector3f> some;
   for (std::size_t i = 0; i < shape.body_vertices; i += stride) some.push_back(shape.positions[i]);
+  // Of colliders those that are not much larger than all bodies together.
+  constexpr float kMuch = 4;
+  Eigen::AlignedBox3f bodies;
+  for (const Eigen::Vector3f& p : some) bodies.extend(p);
   std::size_t first = shape.body_vertices;
   for (const auto& solid : shape.solids) {
-    const std::size_t count = solid->positions.size();
-    for (std::size_t i = 0; i < count && !solid->endless; ++i) some.push_back(shape.positions[first + i]);
-    first += count;
+    const std::span<const Eigen::Vector3f> own = std::span(shape.positions).subspan(first, solid->positions.size());
+    first += own.size();
+    Eigen::AlignedBox3f box;
+    for (const Eigen::Vector3f& p : own) box.extend(p);
+    if (solid->endless || own.empty() || box.diagonal().norm() > kMuch * bodies.diagonal().norm()) continue;
+    some.insert(some.end(), own.begin(), own.end());
   }
   hull.add(some);
 }

@@ -149,6 +149,12 @@ std::vector<BodySettings> placesOf(SceneKind kind, std::span<const Bounds> bound
 
 std::span<const std::string_view> sceneNames() { return kNames; }
 
+std::string sceneList() {
+  std::string names;
+  for (const auto& known : kNames) names += std::string(known) + ", ";
+  return names + "or a file that ends in .json";
+}
+
 SceneChoice SceneChoice::byName(const std::string& name) {
   if (name.ends_with(".json")) {
     SceneChoice choice = SceneKind::rest;
@@ -157,10 +163,7 @@ SceneChoice SceneChoice::byName(const std::string& name) {
   }
   const auto at = std::find(kNames.begin(), kNames.end(), name);
   if (at != kNames.end()) return SceneKind(at - kNames.begin());
-  std::string names;
-  for (const auto& known : kNames) names += std::string(known) + ", ";
-  throw ToolError(ExitCode::usage, "", "there is no scene '" + name + "'",
-                  "Scenes: " + names + "or a file that ends in .json.");
+  throw ToolError(ExitCode::usage, "", "there is no scene '" + name + "'", "Scenes: " + sceneList() + ".");
 }
 
 std::string SceneChoice::name() const { return script ? script->name : std::string(kNames[std::size_t(kind)]); }
@@ -271,6 +274,8 @@ void Scene::addScriptBodies(const BodySettings& common) {
     BodySettings settings = common;
     settings.position = at.position;
     settings.rotation = at.rotation;
+    // Places of a package are relative to its own origin, the world's to the first one's.
+    for (std::size_t a = 0; a < 3; ++a) settings.position[a] += float(info.origin[a] - script_->origin[a]);
     add(settings, asset);
     const auto& v = from.velocity;
     if (v != std::array<double, 3>{}) {
@@ -389,6 +394,11 @@ void Scene::reset() {
   if (several && options_.solver != nullptr) {
     throw ToolError(ExitCode::usage, "", "bodies that the report's solver moves do not touch each other",
                     "Choose another --scene, or the default solver.");
+  }
+  if (!several && !(script_ && !script_->script.bodies.empty()) && !options_.others.empty()) {
+    throw ToolError(ExitCode::usage, "",
+                    "the scene " + options_.scene.name() + " has one body, but more packages are given",
+                    "Choose stack, pyramid, pile, stairs or a file with bodies.");
   }
   for (std::size_t i = 0; several && i <= options_.others.size(); ++i) {
     const formats::PackageView& package = packageOf(i)->package();

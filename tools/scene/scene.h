@@ -23,6 +23,8 @@ enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile, 
 /// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile", "stairs",
 /// "cut".
 std::span<const std::string_view> sceneNames();
+/// What --scene takes, in words.
+std::string sceneList();
 
 /// A built-in scene, or one from a file.
 struct SceneChoice {

@@ -194,7 +194,11 @@ class Reader {
            }
            if (shapes != 1) text_.fail(here, "a collider needs one shape", cure);
            solid.at = point(from, here, "at");
-           if (from.contains("keys")) solid.motion = motion(from, here, solid.at);
+           if (from.contains("keys")) {
+             solid.motion = motion(from, here, solid.at);
+           } else if (from.contains("axis") || from.contains("point")) {
+             text_.fail(here, "has an axis but no keys", R"(Give "keys": [{"time": s, "turn": degrees}, ...].)");
+           }
            solid.friction = number(from, here, "friction", 0.6, 0, 1e4);
            solid.restitution = number(from, here, "restitution", 0, 0, 1);
            script_.colliders.push_back(std::move(solid));
