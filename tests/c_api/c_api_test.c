@@ -516,6 +516,12 @@ static void testColliders(const sinew_asset* asset) {
   settings.position[1] -= 1;
   CHECK_OK(sinew_collider_move(world, floor, settings.position, identity));
   CHECK_OK(sinew_world_step(world, 1.0f / 60));
+  {
+    float position[3], rotation[9];
+    CHECK_OK(sinew_collider_pose(world, floor, position, rotation));
+    CHECK(position[1] == settings.position[1] && rotation[0] == 1 && rotation[1] == 0);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_collider_pose(world, floor, NULL, rotation));
+  }
   CHECK_OK(sinew_collider_remove(world, floor));
 
   shape.kind = 99;

@@ -229,6 +229,20 @@ TEST(Colliders, EnergyNeverGrows) {
   }
 }
 
+TEST(Colliders, PoseIsWhereItIsNotWhereItWasTold) {
+  World world;
+  ColliderSettings settings;
+  settings.at = {{1, 2, 3}, turned(0.3, {0, 1, 0})};
+  settings.most_speed = 3;
+  const ColliderId hand = *world.addCollider(SphereShape{0.1F}, settings);
+  world.moveCollider(hand, {{11, 2, 3}, settings.at.rotation});
+  world.step(0.1F);
+  const RigidTransform at = world.colliderPose(hand);
+  EXPECT_NEAR(at.position[0], 1.3, 1e-5);
+  EXPECT_NEAR(at.position[2], 3, 1e-6);
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(at.rotation[i], settings.at.rotation[i], 1e-6) << i;
+}
+
 TEST(Colliders, AMovingFloorTakesABodyAlong) {
   const auto asset = boxAsset(cube());
   World world;
