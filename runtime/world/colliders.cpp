@@ -127,7 +127,7 @@ RigidTransform World::colliderPose(ColliderId id) const {
   if (collider == nullptr) return at;
   for (int r = 0; r < 3; ++r) {
     at.position[std::size_t(r)] = float(collider->pose.position[r]);
-    for (int c = 0; c < 3; ++c) at.rotation[std::size_t(3 * r + c)] = float(collider->pose.rotation(r, c));
+    for (int c = 0; c < 3; ++c) at.rotation[3 * std::size_t(r) + std::size_t(c)] = float(collider->pose.rotation(r, c));
   }
   return at;
 }
