@@ -510,7 +510,8 @@ void stopInTime(const TouchingPiece& a, const TouchingPiece& b, double h, FoundT
 
 }  // namespace
 
-// All points count: of a choice among those that are near what rests would be other springs in each step.
+// All points count: a subset would change as bodies sway, and with it the springs
+// (docs/decisions/0017-touch-at-rest.md).
 void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t index_a, std::uint32_t index_b, double h,
                  std::span<const TouchMemory> known, TouchList& list) {
   if (b.map == nullptr || a.points.empty() || (&a == &b && a.order.empty())) return;

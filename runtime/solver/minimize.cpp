@@ -21,8 +21,6 @@ constexpr std::uint32_t kTouchesAJob = 64;
 constexpr double kSettled = 1e-3;
 /// Rounding of shapes in floats, of their size.
 constexpr double kRounding = 3e-7;
-/// A direction is held by what does not push where contacts that do not push have this part of its curvature.
-constexpr double kHeld = 0.5;
 /// Squared frequencies of most elastic modes are below this times the lowest one's.
 constexpr double kRough = 30;
 /// Part of what the slope promises that a step must bring (Armijo's condition).
@@ -492,6 +490,13 @@ double squaredSize(const Objective& objective) {
   return dot(objective.scratch->base.data(), objective.scratch->base.data(), 4 * objective.field->k);
 }
 
+/// Whether a direction stays short without what holds it but does not push: along it the curvature is slope - held, not
+/// slope, so that the minimum lies at slope / (slope - held) times its length.
+bool staysShort(double squared_length, double most, double slope, double held) {
+  const double left = 1 - held / slope;
+  return left > 0 && squared_length <= left * left * most;
+}
+
 /// Squared length below which a direction changes nothing, or is what floats round. \param way2 squared length of the
 /// way from the prediction.
 double settledWay2(const Objective& objective, double way2) {
@@ -507,8 +512,8 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   std::copy_n(gradient + first, n, direction + first);
   std::fill_n(direction, first, 0.0F);
   objective.precondition(direction);
-  return dot(direction + first, direction + first, n) <= settledWay2(objective, dot(d + first, d + first, n)) &&
-         !(objective.heldByContacts(direction) > kHeld * dot(gradient + first, direction + first, n));
+  return staysShort(dot(direction + first, direction + first, n), settledWay2(objective, dot(d + first, d + first, n)),
+                    dot(gradient + first, direction + first, n), objective.heldByContacts(direction));
 }
 
 Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations,
@@ -568,9 +573,10 @@ Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objectiv
     }
     const double way2 = dot(d, d, n);
     // What a scaled matrix leaves to go is longer where the first one was right.
-    const bool settled =
-        dot(direction, direction, n) <= double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
-    if (settled && (renewed || !(minimand.heldByContacts(direction) > kHeld * slope))) break;
+    const double most = double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
+    const double length2 = dot(direction, direction, n);
+    const bool settled = length2 <= most;
+    if (settled && (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction)))) break;
     float part = 1;
     bool taken = false;
     Objective::Value next;

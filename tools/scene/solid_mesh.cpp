@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/scene/solid_mesh.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -13,19 +14,20 @@ namespace {
 constexpr unsigned kAround = 32;  ///< corners of a circle
 constexpr float kPi = std::numbers::pi_v<float>;
 
-Vec3 minus(const Vec3& a, const Vec3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-Vec3 unit(const Vec3& v) {
-  const float length = std::hypot(v[0], v[1], v[2]);
-  return length > 0 ? Vec3{v[0] / length, v[1] / length, v[2] / length} : Vec3{0, 1, 0};
+using Eigen::Vector3f;
+
+Eigen::Map<const Vector3f> vectorOf(const Vec3& v) { return Eigen::Map<const Vector3f>(v.data()); }
+Vec3 vec3(const Vector3f& v) { return {v[0], v[1], v[2]}; }
+/// Unit; up where three points lie in a line.
+Vector3f normalOf(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vector3f across = (vectorOf(b) - vectorOf(a)).cross(vectorOf(c) - vectorOf(a));
+  return across.norm() > 0 ? Vector3f(across.normalized()) : Vector3f::UnitY();
 }
 
 void addFlat(SolidMesh& mesh, std::initializer_list<Vec3> corners) {
   const auto first = std::uint32_t(mesh.positions.size());
   const Vec3* const at = corners.begin();
-  const Vec3 normal = unit(cross(minus(at[1], at[0]), minus(at[2], at[0])));
+  const Vec3 normal = vec3(normalOf(at[0], at[1], at[2]));
   for (const Vec3& corner : corners) {
     mesh.positions.push_back(corner);
     mesh.normals.push_back(normal);
@@ -57,9 +59,10 @@ void addRound(SolidMesh& mesh, float radius, float half_length) {
     // The middle ring stands at both ends of the segment.
     const bool lower = ring <= kRings / 2;
     const float polar = kPi * float(lower ? ring : ring - 1) / float(kRings);
+    const float out = std::max(0.0F, std::sin(polar));  // the sine of pi in floats is below 0
     for (unsigned i = 0; i <= kAround; ++i) {
       const float turn = 2 * kPi * float(i % kAround) / float(kAround);
-      const Vec3 normal = {std::sin(polar) * std::cos(turn), -std::cos(polar), std::sin(polar) * std::sin(turn)};
+      const Vec3 normal = {out * std::cos(turn), -std::cos(polar), out * std::sin(turn)};
       mesh.normals.push_back(normal);
       mesh.positions.push_back(
           {radius * normal[0], radius * normal[1] + (lower ? -half_length : half_length), radius * normal[2]});
@@ -75,13 +78,8 @@ void addRound(SolidMesh& mesh, float radius, float half_length) {
 }
 
 void add(SolidMesh& mesh, const PlaneShape& plane, float reach) {
-  const Vec3 n = unit(plane.normal);
-  const Vec3 u = unit(cross(n, std::abs(n[1]) < 0.9F ? Vec3{0, 1, 0} : Vec3{1, 0, 0})), v = cross(n, u);
-  const auto corner = [&](float a, float b) {
-    Vec3 at;
-    for (std::size_t k = 0; k < 3; ++k) at[k] = plane.offset * n[k] + reach * (a * u[k] + b * v[k]);
-    return at;
-  };
+  const Vector3f n = vectorOf(plane.normal).normalized(), u = n.unitOrthogonal(), v = n.cross(u);
+  const auto corner = [&](float a, float b) { return vec3(plane.offset * n + reach * (a * u + b * v)); };
   addFlat(mesh, {corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)});
   mesh.endless = true;
 }
@@ -96,25 +94,23 @@ void add(SolidMesh& mesh, const MeshShape& shape) {
 void add(SolidMesh& mesh, const HullShape& hull) {
   const std::span<const Vec3> points = hull.points;
   float size = 0;
-  for (const Vec3& p : points) {
-    for (std::size_t a = 0; a < 3; ++a) size = std::max(size, std::abs(p[a] - points[0][a]));
-  }
+  for (const Vec3& p : points) size = std::max(size, (vectorOf(p) - vectorOf(points[0])).norm());
+  const float rounding = 1e-5F * size;
   for (std::size_t i = 0; i < points.size(); ++i) {
     for (std::size_t j = i + 1; j < points.size(); ++j) {
       for (std::size_t k = j + 1; k < points.size(); ++k) {
-        const Vec3 across = cross(minus(points[j], points[i]), minus(points[k], points[i]));
-        if (!(std::hypot(across[0], across[1], across[2]) > 1e-6F * size * size)) continue;
-        const Vec3 normal = unit(across);
+        const Vector3f across =
+            (vectorOf(points[j]) - vectorOf(points[i])).cross(vectorOf(points[k]) - vectorOf(points[i]));
+        if (!(across.norm() > rounding * size)) continue;  // in a line
         float low = 0, high = 0;
         for (const Vec3& p : points) {
-          const Vec3 arm = minus(p, points[i]);
-          const float height = arm[0] * normal[0] + arm[1] * normal[1] + arm[2] * normal[2];
+          const float height = across.normalized().dot(vectorOf(p) - vectorOf(points[i]));
           low = std::min(low, height);
           high = std::max(high, height);
         }
-        if (!(high > 1e-5F * size)) {
+        if (!(high > rounding)) {
           addFlat(mesh, {points[i], points[j], points[k]});
-        } else if (!(low < -1e-5F * size)) {
+        } else if (!(low < -rounding)) {
           addFlat(mesh, {points[i], points[k], points[j]});
         }
       }
