@@ -97,4 +97,16 @@ std::shared_ptr<const Asset> loadPackage(const std::string& file) {
   throw ToolError(ExitCode::bad_input, file, reason, cure);
 }
 
+std::vector<std::shared_ptr<const Asset>> loadOthers(const std::vector<std::string>& files,
+                                                     std::span<const SceneChoice> scenes) {
+  const auto takes = [](const SceneChoice& scene) { return scene.takesSeveral(); };
+  if (!files.empty() && std::none_of(scenes.begin(), scenes.end(), takes)) {
+    throw ToolError(ExitCode::usage, files.front(), "the scene has one body, but more packages are given",
+                    "Choose --scene stack, pyramid, pile, stairs or a file with bodies.");
+  }
+  std::vector<std::shared_ptr<const Asset>> others;
+  for (const std::string& file : files) others.push_back(loadPackage(file));
+  return others;
+}
+
 }  // namespace sinew::tools

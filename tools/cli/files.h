@@ -7,9 +7,12 @@
 #include <filesystem>
 #include <initializer_list>
 #include <memory>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "sinew/runtime/asset.h"
+#include "tools/scene/scene.h"
 
 namespace sinew::tools {
 
@@ -23,5 +26,10 @@ void requireOutput(Output what, const std::filesystem::path& file,
 
 /// Loads a package or throws ToolError(bad_input).
 std::shared_ptr<const Asset> loadPackage(const std::string& file);
+
+/// Loads the packages of `files` for scenes of several bodies. Throws ToolError(usage) where there are some and none of
+/// the scenes takes them.
+std::vector<std::shared_ptr<const Asset>> loadOthers(const std::vector<std::string>& files,
+                                                     std::span<const SceneChoice> scenes);
 
 }  // namespace sinew::tools

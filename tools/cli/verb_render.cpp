@@ -94,7 +94,7 @@ void renderPackage(const RenderCommand& command, bool video) {
                     "Lower --frames, or ask for an .mp4.");
   }
   const auto asset = loadPackage(command.input);
-  for (const std::string& other : command.others) options.others.push_back(loadPackage(other));
+  options.others = loadOthers(command.others, options.scenes);
   if (asset->package().visualTriangles().empty()) {
     throw ToolError(ExitCode::bad_input, command.input, "the package has no visual mesh to draw",
                     "Bake it from a source with faces.");

@@ -52,7 +52,7 @@ void runSimulate(const SimulateCommand& command) {
   const auto asset = loadPackage(command.package);
   SceneOptions options;
   options.scene = choice;
-  for (const std::string& other : command.others) options.others.push_back(loadPackage(other));
+  options.others = loadOthers(command.others, {&choice, 1});
   options.step_seconds = float(command.steps.front());
   if (command.steps.size() > 1) options.step_sequence.assign(command.steps.begin(), command.steps.end());
   options.solver = solverNamed(command.solver);

@@ -40,10 +40,10 @@ void addViewVerb(CLI::App& app, int& exit_code) {
     }
     requireDisplay(command->package);
     const std::shared_ptr<const Asset> asset = loadPackage(command->package);
-    for (const std::string& other : command->others) command->options.others.push_back(loadPackage(other));
     if (command->scene.empty()) {
       command->options.scene = asset->package().pinSets().empty() ? SceneKind::drop : SceneKind::rest;
     }
+    command->options.others = loadOthers(command->others, {&command->options.scene, 1});
     runViewWindow(asset, command->options);
     exit_code = static_cast<int>(ExitCode::done);
   });

@@ -168,6 +168,8 @@ SceneChoice SceneChoice::byName(const std::string& name) {
 
 std::string SceneChoice::name() const { return script ? script->name : std::string(kNames[std::size_t(kind)]); }
 
+bool SceneChoice::takesSeveral() const { return script ? !script->bodies.empty() : hasSeveral(kind); }
+
 double SceneChoice::seconds() const {
   if (script) return script->seconds;
   switch (kind) {
@@ -394,11 +396,6 @@ void Scene::reset() {
   if (several && options_.solver != nullptr) {
     throw ToolError(ExitCode::usage, "", "bodies that the report's solver moves do not touch each other",
                     "Choose another --scene, or the default solver.");
-  }
-  if (!several && !(script_ && !script_->script.bodies.empty()) && !options_.others.empty()) {
-    throw ToolError(ExitCode::usage, "",
-                    "the scene " + options_.scene.name() + " has one body, but more packages are given",
-                    "Choose stack, pyramid, pile, stairs or a file with bodies.");
   }
   for (std::size_t i = 0; several && i <= options_.others.size(); ++i) {
     const formats::PackageView& package = packageOf(i)->package();

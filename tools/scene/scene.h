@@ -35,7 +35,8 @@ struct SceneChoice {
   /// By name, or the file of a name that ends in .json. Throws ToolError.
   static SceneChoice byName(const std::string& name);
   std::string name() const;
-  double seconds() const;  ///< its own length, s
+  bool takesSeveral() const;  ///< it has bodies of several packages where they are given; others take the first
+  double seconds() const;     ///< its own length, s
   bool operator==(const SceneChoice&) const = default;
 };
 

@@ -4,6 +4,7 @@
 #define GLFW_INCLUDE_NONE  // epoxy declares OpenGL
 #include <GLFW/glfw3.h>
 #include <imgui.h>
+#include <algorithm>
 
 #include <utility>
 
@@ -71,7 +72,7 @@ void ViewInput::keys(const ViewLayout& layout, Play& play, Shown& shown) {
         shown.clusters = !shown.clusters;
         break;
       default:
-        if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + static_cast<int>(sceneNames().size())) {
+        if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + std::min(9, static_cast<int>(sceneNames().size()))) {
           play.start(static_cast<SceneKind>(key - GLFW_KEY_1));
         }
     }

@@ -235,7 +235,7 @@ void drawViewHelp(const ViewLayout& layout, int width, int height) {
   ImGui::TextUnformatted(
       "Drag the body: pull it.  Beside it, or right button: orbit.  Middle or Shift: pan.  Wheel: zoom.\n"
       "Space: play   N: step   R: reset   L: lock the pull   U: let all go   F: fit   P: physical mesh   C: clusters   "
-      "1-8: scenes");
+      "1-9: scenes");
   ImGui::PopTextWrapPos();
   ImGui::End();
 }
