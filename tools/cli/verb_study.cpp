@@ -7,13 +7,16 @@
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
+#include "tools/core/atomic_file.h"
 #include "tools/core/progress.h"
 #include "tools/render/headless.h"
 #include "tools/study/assets.h"
 #include "tools/study/beam.h"
 #include "tools/study/collision.h"
 #include "tools/study/error.h"
+#include "tools/study/error_page.h"
 #include "tools/study/kinks.h"
+#include "tools/study/pull.h"
 #include "tools/study/steps.h"
 
 namespace sinew::tools {
@@ -138,9 +141,9 @@ void addKinks(CLI::App& study, int& exit_code) {
 
 std::array<double, 3> vectorOf(const std::vector<double>& three) { return {three[0], three[1], three[2]}; }
 
-void addError(CLI::App& study, int& exit_code) {
+void addPull(CLI::App& study, int& exit_code) {
   struct Command {
-    ErrorOptions options;
+    PullOptions options;
     std::string solver = "coupled", input, picture;
     std::vector<std::string> assignments;
     std::vector<double> pick, pull;
@@ -148,9 +151,9 @@ void addError(CLI::App& study, int& exit_code) {
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = study.add_subcommand(
-      "error",
-      "A held body pulled at a point: error against finite elements, and run time, by functions, clusters, iterations");
-  ErrorOptions& options = command->options;
+      "pull",
+      "A held body pulled at a point, at rest: error against finite elements, by functions, clusters, iterations");
+  PullOptions& options = command->options;
   verb->add_option("input", command->input, "A source or a recipe; its pins hold it, else its under side")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
       ->type_name("KEY=VALUE");
@@ -196,15 +199,79 @@ void addError(CLI::App& study, int& exit_code) {
     Recipe recipe = recipeFor(command->input);
     applyAssignments(recipe.settings, command->assignments);
     Progress progress(!command->json);
-    progress.stage("error");
-    const ErrorStudy result = measureError(recipe, command->options, [&](double part) { progress.fraction(part); });
+    progress.stage("pull");
+    const PullStudy result = measurePull(recipe, command->options, [&](double part) { progress.fraction(part); });
     if (!command->picture.empty()) {
       const HeadlessContext context;
-      writePng(errorPicture(result), command->picture);
+      writePng(pullPicture(result), command->picture);
     }
     progress.finish();
     if (command->json) {
-      std::cout << errorJson(result).dump(2) << "\n";
+      std::cout << pullJson(result).dump(2) << "\n";
+    } else {
+      std::cout << pullText(result);
+    }
+    exit_code = int(ExitCode::done);
+  });
+}
+
+void addError(CLI::App& study, int& exit_code) {
+  struct Command {
+    ErrorOptions options;
+    std::string input, page;
+    std::vector<std::string> assignments;
+    double target = 2;
+    bool json = false;
+  };
+  auto command = std::make_shared<Command>();
+  CLI::App* verb = study.add_subcommand(
+      "error",
+      "A body in several scenes, by this runtime and by others, each with many settings: error against fine finite "
+      "elements over processor time (minutes)");
+  ErrorOptions& options = command->options;
+  verb->add_option("input", command->input, "A source or a recipe")->required();
+  verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
+      ->type_name("KEY=VALUE");
+  verb->add_option("--scene", options.scenes,
+                   "Several with commas. hang, lean, cantilever, press, twist, pins: as study assets; release: a "
+                   "cantilever that is let go. Absent: hang,release,press,twist")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "twist", "pins"}));
+  verb->add_option("--target", command->target,
+                   "Gravity is made as strong as moves the reference by this, rms, percent of the diagonal")
+      ->check(CLI::Range(0.01, 50.0))
+      ->check(finiteNumber());
+  verb->add_option("--functions", options.functions, "field.functions, several with commas")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 256));
+  verb->add_option("--vertices", options.vertices, "tetrahedra.vertices of the meshes besides the recipe's, for others")
+      ->delimiter(',')
+      ->check(CLI::Range(8, 1000000));
+  verb->add_flag("--refine", options.refine, "The reference cuts each tetrahedron into eight (an hour)");
+  verb->add_flag("!--no-peers", options.peers, "This runtime alone");
+  verb->add_option("--html", command->page, "Write one page with diagrams, tables and pictures")
+      ->type_name("FILE.html");
+  verb->add_flag("--json", command->json, "Print one JSON document (shares, not percents)");
+  verb->callback([command, &exit_code] {
+    if (!command->page.empty()) requireWritable(command->page, {command->input});
+    command->options.target = command->target / 100;
+    if (command->input.ends_with(".sinew")) {
+      throw ToolError(ExitCode::bad_input, command->input,
+                      "is a package: other meshes and functions are made of its source",
+                      "Give the recipe or the source that it was baked from.");
+    }
+    Recipe recipe = recipeFor(command->input);
+    applyAssignments(recipe.settings, command->assignments);
+    Progress progress(!command->json);
+    progress.stage("error");
+    const ErrorStudy result = measureError(recipe, command->options, [&](double part) { progress.fraction(part); });
+    if (!command->page.empty()) {
+      const HeadlessContext context;
+      writeFileAtomically(command->page, errorPage(result));
+    }
+    progress.finish();
+    if (command->json) {
+      std::cout << jsonText(errorJson(result));
     } else {
       std::cout << errorText(result);
     }
@@ -372,6 +439,7 @@ void addStudyVerb(CLI::App& app, int& exit_code) {
   addSteps(*study, exit_code);
   addKinks(*study, exit_code);
   addError(*study, exit_code);
+  addPull(*study, exit_code);
   addAssets(*study, exit_code);
   addBeam(*study, exit_code);
   addCollision(*study, exit_code);

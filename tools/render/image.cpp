@@ -134,11 +134,15 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
   return result;
 }
 
-void writePng(const Image& image, const std::filesystem::path& file) {
+std::vector<std::uint8_t> encodedPng(const Image& image) {
   const cv::Mat rgb(image.height, image.width, CV_8UC3, const_cast<std::uint8_t*>(image.rgb.data()));
   cv::Mat bgr;
   cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  const std::vector<std::uint8_t> encoded = pictureFiles().encodePng(bgr, 4);
+  return pictureFiles().encodePng(bgr, 4);
+}
+
+void writePng(const Image& image, const std::filesystem::path& file) {
+  const std::vector<std::uint8_t> encoded = encodedPng(image);
   writeFileAtomically(file, std::as_bytes(std::span(encoded)));
 }
 

@@ -42,6 +42,8 @@ struct TexturePixels {
 /// texels a side shrunk. \return width 0 where the bytes are no picture. Never throws for bad bytes.
 TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size);
 
+std::vector<std::uint8_t> encodedPng(const Image& image);
+
 /// Writes a PNG beside its place, syncs it, and renames it: a reader sees the old file or the whole new one.
 /// Throws ToolError(system), with nothing left behind, where that fails.
 void writePng(const Image& image, const std::filesystem::path& file);

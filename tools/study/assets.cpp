@@ -20,22 +20,8 @@ constexpr double kPress = 0.2;                          // of the height
 constexpr double kTwist = 60 * std::numbers::pi / 180;  // radians
 constexpr float kHeldWhole = 0.999F;
 
-struct Extent {
-  Vector3d low, high;
-};
-
-Extent extentOf(const PackageSolid& solid) {
-  Extent extent{Vector3d::Constant(1e300), Vector3d::Constant(-1e300)};
-  for (std::size_t v = 0; v < solid.rest.size(); ++v) {
-    if (solid.kept[v] == 0) continue;
-    extent.low = extent.low.cwiseMin(solid.rest[v]);
-    extent.high = extent.high.cwiseMax(solid.rest[v]);
-  }
-  return extent;
-}
-
 // The vertices of an end of an axis. \param share of the length.
-HeldRegion endOf(const PackageSolid& solid, const Extent& extent, Eigen::Index axis, double share, bool high) {
+HeldRegion endOf(const PackageSolid& solid, const SolidExtent& extent, Eigen::Index axis, double share, bool high) {
   const double depth = share * (extent.high[axis] - extent.low[axis]);
   HeldRegion region;
   for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
@@ -134,6 +120,16 @@ AssetsRow measureOne(const NamedAsset& asset, const PackageSolid& solid, const s
 
 }  // namespace
 
+SolidExtent extentOf(const PackageSolid& solid) {
+  SolidExtent extent{Vector3d::Constant(1e300), Vector3d::Constant(-1e300)};
+  for (std::size_t v = 0; v < solid.rest.size(); ++v) {
+    if (solid.kept[v] == 0) continue;
+    extent.low = extent.low.cwiseMin(solid.rest[v]);
+    extent.high = extent.high.cwiseMax(solid.rest[v]);
+  }
+  return extent;
+}
+
 std::string_view nameOf(HoldScene scene) { return kNames[std::size_t(scene)]; }
 
 std::optional<HoldScene> holdSceneOf(std::string_view name) {
@@ -142,8 +138,8 @@ std::optional<HoldScene> holdSceneOf(std::string_view name) {
   return HoldScene(at - kNames.begin());
 }
 
-HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene) {
-  const Extent extent = extentOf(solid);
+HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene,
+                  const SolidExtent& extent) {
   const Vector3d size = extent.high - extent.low;
   HeldCase held;
   switch (scene) {

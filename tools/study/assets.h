@@ -32,9 +32,20 @@ std::string_view nameOf(HoldScene scene);
 /// The scene of a name; nothing where there is none.
 std::optional<HoldScene> holdSceneOf(std::string_view name);
 
+/// Bounds of the vertices that are kept, metres.
+struct SolidExtent {
+  Eigen::Vector3d low, high;
+};
+SolidExtent extentOf(const PackageSolid& solid);
+
 /// What is done in a scene. Gravity has a strength of 1 m/s². No regions where the scene does not exist for the body:
-/// `pins` without pin sets.
-HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene);
+/// `pins` without pin sets. \param extent what heights and lengths are shares of: the solid's own, or another's of the
+/// same source.
+HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene,
+                  const SolidExtent& extent);
+inline HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene) {
+  return heldCase(solid, package, scene, extentOf(solid));
+}
 
 struct AssetsOptions {
   std::vector<HoldScene> scenes = {HoldScene::hang, HoldScene::lean, HoldScene::cantilever, HoldScene::press,

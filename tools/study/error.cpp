@@ -3,15 +3,17 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
+#include <map>
+#include <numbers>
 
-#include "sinew/runtime/world.h"
+#include "sinew/runtime/report.h"
 #include "tools/bake/bake.h"
 #include "tools/core/error.h"
-#include "tools/study/finite_elements.h"
-#include "tools/study/row_picture.h"
+#include "tools/study/explicit_solid.h"
+#include "tools/study/peers.h"
 
 namespace sinew::tools {
 namespace {
@@ -19,457 +21,559 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr double kStep = 1.0 / 60;
-constexpr double kDefaultPull = 0.02;  // of the diagonal
-// Beside the middle, which lies on a border of an even number of clusters; of the bounds.
-constexpr double kBesideMiddle = 0.08;
-constexpr float kStandsOn = 0.1F;  // of the height
-constexpr double kDriftSeconds = 0.5;
-constexpr double kReferenceTolerance = 1e-5;
-// A visual vertex hangs on a physical one that has this part of its weight.
-constexpr float kCarries = 0.1F;
-constexpr float kHeldWhole = 0.999F;
-// Of the diagonal: small displacements are drawn as large as that.
-constexpr double kDrawnDisplacement = 0.12;
-constexpr float kPictureYaw = 0.35F;
+constexpr std::array<std::string_view, kMethodCount> kMethods = {
+    "sinew", "report", "xpbd", "stiffness warping", "bullet fem", "bullet fem, implicit", "bullet links"};
+constexpr double kSeconds = 1.5;
+constexpr double kEndSeconds = 0.25;
+constexpr double kLost = 10;  // diagonals
 
-struct Baked {
+struct Mesh {
   std::shared_ptr<const Asset> asset;
-  bool sheet = false;
+  std::string name;
 };
 
-std::shared_ptr<const Baked> bakeWith(Recipe recipe, const std::array<std::uint32_t, 3>& grid, const std::string& mode,
-                                      std::uint32_t functions) {
-  recipe.settings.set("clusters.mode", mode);
-  recipe.settings.set("field.functions", std::to_string(functions));
-  if (grid[0] > 0) {
-    recipe.clusters.clear();
-    recipe.settings.set("clusters.method", "grid");
-    recipe.settings.set("clusters.grid",
-                        std::to_string(grid[0]) + "," + std::to_string(grid[1]) + "," + std::to_string(grid[2]));
-  }
+std::shared_ptr<const Asset> bakeWith(Recipe recipe, const std::vector<std::pair<std::string, std::string>>& settings) {
+  for (const auto& [key, value] : settings) recipe.settings.set(key, value);
   Progress progress(false);
-  BakeResult result = bake(recipe, progress);
-  auto baked = std::make_shared<Baked>();
-  for (const auto& piece : result.report.at("pieces")) baked->sheet = baked->sheet || piece.at("method") == "shell";
+  const BakeResult result = bake(recipe, progress);
   const auto asset = Asset::fromMemory(result.package);
   if (!asset) {
     throw ToolError(ExitCode::system, recipe.source.string(), "the baked package does not load: " + asset.reason(),
                     "This is a fault of sinew: please report it with the file.");
   }
-  baked->asset = *asset;
-  return baked;
+  if (asset->get()->package().barycentric().empty()) {
+    throw ToolError(ExitCode::bad_input, recipe.source.string(), "its surface hangs on clusters, not on tetrahedra",
+                    "Set attachment.method to barycentric.");
+  }
+  return *asset;
 }
 
-std::array<float, 4> weightsOf(const formats::BarycentricAttachment& a) {
-  return {a.weight[0], a.weight[1], a.weight[2], 1 - a.weight[0] - a.weight[1] - a.weight[2]};
+MotionScene sceneOf(std::string_view name) {
+  MotionScene scene;
+  scene.release = name == kReleaseScene;
+  scene.seconds = scene.release ? MotionScene::kReleaseSeconds + kSeconds : kSeconds;
+  scene.hold = HoldScene::cantilever;
+  if (scene.release) return scene;
+  const std::optional<HoldScene> hold = holdSceneOf(name);
+  if (!hold) {
+    throw ToolError(ExitCode::usage, "", "no scene is named " + std::string(name),
+                    "Scenes: hang, lean, cantilever, release, press, twist, pins.");
+  }
+  scene.hold = *hold;
+  return scene;
 }
 
-Vector3d point(const std::array<float, 3>& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
+// Where the reference went and what counts of it.
+class Judge {
+ public:
+  Judge(const MotionScene& scene, const MotionBody& body, const std::vector<std::uint8_t>& counts, Motion reference,
+        const formats::PackageView& package, double diagonal)
+      : body_(body),
+        reference_(std::move(reference)),
+        first_(std::size_t(std::lround(scene.comparedFrom() / kFrameSeconds))),
+        diagonal_(diagonal) {
+    for (std::uint32_t v = 0; v < body.surface.size(); ++v) {
+      if (counts[v] == 0) continue;
+      vertices_.push_back(v);
+      area_ += body.areas[v];
+    }
+    double square = 0, weight = 0;
+    for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
+      double here = 0;
+      for (const std::uint32_t v : vertices_) {
+        const double way = (reference_.frames[frame][v].cast<double>() - body.surface[v]).norm();
+        here += body.areas[v] * way * way;
+        if (way > largest_) {
+          largest_ = way;
+          widest_ = frame;
+        }
+      }
+      square += here;
+      weight += area_;
+    }
+    rms_ = std::sqrt(square / weight);
+    end_ = meanOfEnd(reference_);
+    double end = 0;
+    for (const std::uint32_t v : vertices_) end += body.areas[v] * (end_[v] - body.surface[v]).squaredNorm();
+    end_rms_ = std::sqrt(end / area_);
+    setTriangles(package);
+    if (scene.release) {
+      before_ = reference_.frames[first_ - 1];
+      swing_ = swingOf(reference_);
+    }
+  }
 
-// Held and pulled physical vertices by number. All packages of a study share them, as they share tetrahedra.
-struct Load {
-  std::vector<std::uint32_t> held, pulled;
-  bool own_pins = false;  // held by the package's pin sets
-  Vector3d pull;
+  double rms() const { return rms_ / diagonal_; }
+  double largest() const { return largest_ / diagonal_; }
+  std::uint32_t compared() const { return std::uint32_t(vertices_.size()); }
+  const std::vector<Vector3f>& shape() const { return reference_.frames[widest_]; }
+  std::optional<double> frequency() const { return swing_ ? std::optional(swing_->frequency) : std::nullopt; }
+  std::vector<double> areas() const {
+    std::vector<double> result(body_.surface.size(), 0);
+    for (const std::uint32_t v : vertices_) result[v] = body_.areas[v];
+    return result;
+  }
+
+  void judge(const Motion& motion, ErrorRow& row) const {
+    row.lost = !motion.finite || motion.frames.size() < reference_.frames.size();
+    if (row.lost) return;
+    double square = 0, weight = 0, furthest = 0;
+    for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
+      for (const std::uint32_t v : vertices_) {
+        const double off = double((motion.frames[frame][v] - reference_.frames[frame][v]).norm());
+        square += body_.areas[v] * off * off;
+        furthest = std::max(furthest, off);
+      }
+      weight += area_;
+    }
+    row.lost = !(furthest < kLost * diagonal_);
+    row.path = std::sqrt(square / weight) / rms_;
+    row.largest = furthest / largest_;
+    const std::vector<Vector3d> end = meanOfEnd(motion);
+    double off = 0;
+    for (const std::uint32_t v : vertices_) off += body_.areas[v] * (end[v] - end_[v]).squaredNorm();
+    // What is let go swings about its rest: its end is measured by how far it went.
+    row.end = std::sqrt(off / area_) / std::max(end_rms_, swing_ ? rms_ : 0);
+    if (!triangles_.empty()) {
+      for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
+        row.volume = std::max(row.volume,
+                              std::abs(volumeOf(motion.frames[frame]) - volumeOf(reference_.frames[frame])) / volume_);
+      }
+    }
+    row.shape = motion.frames[widest_];
+    if (!swing_) return;
+    if (const std::optional<Swing> swing = swingOf(motion)) {
+      row.frequency = swing->frequency / swing_->frequency;
+      row.decay = swing->decay / swing_->decay;
+    }
+  }
+
+  // Of a motion that was judged by this reference's means against another: rms difference of the paths.
+  double apart(const Motion& one, const Motion& other) const {
+    double square = 0, weight = 0;
+    for (std::size_t frame = first_; frame < std::min(one.frames.size(), other.frames.size()); ++frame) {
+      for (const std::uint32_t v : vertices_) {
+        square += body_.areas[v] * double((one.frames[frame][v] - other.frames[frame][v]).squaredNorm());
+      }
+      weight += area_;
+    }
+    return std::sqrt(square / weight) / rms_;
+  }
+
+ private:
+  struct Swing {
+    double frequency, decay;  // Hz, 1/s
+  };
+
+  std::vector<Vector3d> meanOfEnd(const Motion& motion) const {
+    const auto frames = std::size_t(std::lround(kEndSeconds / kFrameSeconds));
+    std::vector<Vector3d> mean(body_.surface.size(), Vector3d::Zero());
+    for (std::size_t frame = motion.frames.size() - frames; frame < motion.frames.size(); ++frame) {
+      for (const std::uint32_t v : vertices_) mean[v] += motion.frames[frame][v].cast<double>() / double(frames);
+    }
+    return mean;
+  }
+
+  // Part of the way that it had when it was let go, by its crossings of zero and its extremes between them.
+  std::optional<Swing> swingOf(const Motion& motion) const {
+    std::vector<double> s;
+    double norm = 0;
+    for (const std::uint32_t v : vertices_)
+      norm += body_.areas[v] * (before_[v].cast<double>() - body_.surface[v]).squaredNorm();
+    for (std::size_t frame = first_; frame < motion.frames.size(); ++frame) {
+      double sum = 0;
+      for (const std::uint32_t v : vertices_) {
+        sum += body_.areas[v] * (motion.frames[frame][v].cast<double>() - body_.surface[v])
+                                    .dot(before_[v].cast<double>() - body_.surface[v]);
+      }
+      s.push_back(sum / norm);
+    }
+    std::vector<double> crossings;
+    std::vector<std::pair<double, double>> extremes;  // time, log of the size
+    double most = 0, when = 0;
+    for (std::size_t i = 1; i < s.size(); ++i) {
+      if (std::abs(s[i]) > most) {
+        most = std::abs(s[i]);
+        when = double(i);
+      }
+      if ((s[i - 1] > 0) == (s[i] > 0)) continue;
+      crossings.push_back(double(i) - s[i] / (s[i] - s[i - 1]));
+      if (crossings.size() > 1 && most > 1e-3) extremes.emplace_back(when * kFrameSeconds, std::log(most));
+      most = 0;
+    }
+    if (crossings.size() < 3 || extremes.size() < 2) return {};
+    const double halves = double(crossings.size() - 1);
+    const double time = (crossings.back() - crossings.front()) * kFrameSeconds;
+    double t = 0, y = 0, tt = 0, ty = 0;
+    for (const auto& [at, size] : extremes) {
+      t += at, y += size, tt += at * at, ty += at * size;
+    }
+    const auto n = double(extremes.size());
+    return Swing{0.5 * halves / time, -(n * ty - t * y) / (n * tt - t * t)};
+  }
+
+  void setTriangles(const formats::PackageView& package) {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, int> open;
+    std::map<std::array<float, 3>, std::uint32_t> places;  // vertices that were split at seams are one
+    const auto place = [&](std::uint32_t v) {
+      return places.try_emplace(package.visualPositions()[v], v).first->second;
+    };
+    for (const auto& c : package.visualTriangles()) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t a = place(c[k]), b = place(c[(k + 1) % 3]);
+        open[std::minmax(a, b)] += a < b ? 1 : -1;
+      }
+    }
+    if (std::any_of(open.begin(), open.end(), [](const auto& edge) { return edge.second != 0; })) return;
+    for (const auto& c : package.visualTriangles()) triangles_.push_back({c[0], c[1], c[2]});
+    std::vector<Vector3f> rest;
+    for (const Vector3d& x : body_.surface) rest.push_back(x.cast<float>());
+    volume_ = volumeOf(rest);
+    if (!(volume_ > 0)) triangles_.clear();
+  }
+  double volumeOf(const std::vector<Vector3f>& x) const {
+    double six = 0;
+    for (const auto& c : triangles_) {
+      six += x[c[0]].cast<double>().dot(x[c[1]].cast<double>().cross(x[c[2]].cast<double>()));
+    }
+    return six / 6;
+  }
+
+  const MotionBody& body_;
+  Motion reference_;
+  std::size_t first_, widest_ = 0;
+  double diagonal_;
+  std::vector<std::uint32_t> vertices_;
+  double area_ = 0, rms_ = 0, largest_ = 0, end_rms_ = 0, volume_ = 0;
+  std::vector<Vector3d> end_;
+  std::vector<Vector3f> before_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;
+  std::optional<Swing> swing_;
 };
 
-// Of a shell, which lies on both sides of its surface: physical vertices against the normals of the visual vertices on
-// them, or of the nearest visual vertex where there is none.
-std::vector<std::uint32_t> underSide(const formats::PackageView& package) {
-  const auto vertices = package.physicalVertices();
-  std::vector<double> above(vertices.size(), 0);
-  const auto add = [&](std::uint32_t visual, std::uint32_t physical, double weight) {
-    above[physical] +=
-        weight * point(package.visualNormals()[visual])
-                     .dot(point(vertices[physical].rest_position) - point(package.visualPositions()[visual]));
+void markFronts(ErrorStudy& study) {
+  const auto beats = [](const ErrorRow& one, const ErrorRow& other) {
+    return one.scene == other.scene && !one.lost && !one.slow &&
+           ((one.path < other.path && one.milliseconds <= other.milliseconds) ||
+            (one.path <= other.path && one.milliseconds < other.milliseconds));
   };
-  std::vector<std::uint8_t> known(vertices.size(), 0);
-  for (std::uint32_t v = 0; v < package.barycentric().size(); ++v) {
-    const std::array<float, 4> w = weightsOf(package.barycentric()[v]);
-    for (std::size_t k = 0; k < 4; ++k) {
-      if (w[k] < kCarries) continue;
-      const std::uint32_t physical = package.tetrahedra()[package.barycentric()[v].tetrahedron].vertex[k];
-      known[physical] = 1;
-      add(v, physical, double(w[k]));
-    }
-  }
-  std::vector<std::uint32_t> side;
-  for (std::uint32_t v = 0; v < vertices.size(); ++v) {
-    if (known[v] == 0) {
-      const auto away = [&](const std::array<float, 3>& x) {
-        return (point(x) - point(vertices[v].rest_position)).squaredNorm();
-      };
-      const auto all = package.visualPositions();
-      const auto nearest = std::min_element(
-          all.begin(), all.end(), [&](const auto& one, const auto& other) { return away(one) < away(other); });
-      add(std::uint32_t(nearest - all.begin()), v, 1);
-    }
-    if (above[v] < 0) side.push_back(v);
-  }
-  return side;
-}
-
-// The lowest tenth of a solid: it stands on these vertices.
-std::vector<std::uint32_t> lowest(const formats::PackageView& package) {
-  const auto vertices = package.physicalVertices();
-  const auto height = [](const auto& v) { return v.rest_position[1]; };
-  const auto [low, high] =
-      std::minmax_element(vertices.begin(), vertices.end(),
-                          [&](const auto& one, const auto& other) { return height(one) < height(other); });
-  const float level = height(*low) + kStandsOn * (height(*high) - height(*low));
-  std::vector<std::uint32_t> feet;
-  for (std::uint32_t v = 0; v < vertices.size(); ++v) {
-    if (height(vertices[v]) <= level) feet.push_back(v);
-  }
-  return feet;
-}
-
-std::vector<std::uint32_t> pinnedWhole(const formats::PackageView& package) {
-  std::vector<std::uint32_t> held;
-  for (const std::uint32_t v : package.pinSetVertices()) {
-    if (package.pinWeights().empty() || package.pinWeights()[v] >= kHeldWhole) held.push_back(v);
-  }
-  std::sort(held.begin(), held.end());
-  held.erase(std::unique(held.begin(), held.end()), held.end());
-  return held;
-}
-
-Load loadOf(const Recipe& recipe, const Baked& baked, const ErrorOptions& options) {
-  const formats::PackageView& package = baked.asset->package();
-  const auto& info = package.info();
-  Load load;
-  load.held = pinnedWhole(package);
-  load.own_pins = !load.held.empty();
-  if (!load.own_pins) load.held = baked.sheet ? underSide(package) : lowest(package);
-  const auto fromHeld = [&](const Vector3d& x) {
-    double nearest = 1e300;
-    for (const std::uint32_t v : load.held) {
-      nearest = std::min(nearest, (x - point(package.physicalVertices()[v].rest_position)).squaredNorm());
-    }
-    return nearest;
-  };
-  Vector3d aim = Vector3d::Zero();
-  const bool middle = !options.pick && !load.own_pins && baked.sheet;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const auto low = double(info.bounds_min[k]), high = double(info.bounds_max[k]);
-    if (options.pick) aim[Eigen::Index(k)] = (*options.pick)[k] - info.origin[k];
-    if (middle) aim[Eigen::Index(k)] = 0.5 * (low + high) + kBesideMiddle * (high - low);
-  }
-  std::uint32_t picked = 0;
-  double best = 1e300;
-  for (std::uint32_t v = 0; v < package.visualPositions().size(); ++v) {
-    const Vector3d x = point(package.visualPositions()[v]);
-    const double score = options.pick || middle ? (x - aim).norm() : -fromHeld(x);
-    if (score >= best) continue;
-    best = score;
-    picked = v;
-  }
-  const auto diagonal = double(info.diagonal);
-  load.pull = options.pull ? Vector3d(options.pull->data())
-                           : Vector3d(kDefaultPull * diagonal * point(package.visualNormals()[picked]));
-  const Vector3d at = point(package.visualPositions()[picked]);
-  // What a pin set holds in part is neither held nor free to be pulled.
-  std::vector<std::uint8_t> taken(package.physicalVertices().size(), 0);
-  for (const std::uint32_t v : load.held) taken[v] = 1;
-  for (const std::uint32_t v : package.pinSetVertices()) taken[v] = 1;
-  for (std::uint32_t v = 0; v < package.physicalVertices().size(); ++v) {
-    if (taken[v] != 0) continue;
-    if ((point(package.physicalVertices()[v].rest_position) - at).norm() <= options.finger * diagonal)
-      load.pulled.push_back(v);
-  }
-  if (load.pulled.empty() || load.pull.norm() <= 0) {
-    throw ToolError(ExitCode::bad_input, recipe.source.string(),
-                    "nothing is pulled: no free physical vertex is near the point",
-                    "Raise --finger, or give --pick a point that nothing holds.");
-  }
-  return load;
-}
-
-struct Reference {
-  std::vector<Vector3d> positions;  // of the visual vertices
-  double change_rms = 0, change_max = 0, largest = 0, rms = 0;
-  std::uint32_t tetrahedra = 0;
-};
-
-// \param progress called with 0..1.
-Reference referenceOf(const formats::PackageView& package, const Load& load, double poisson, std::uint32_t refinements,
-                      const std::function<void(double)>& progress) {
-  ElasticSolid coarse;
-  for (const auto& v : package.physicalVertices()) coarse.rest.push_back(point(v.rest_position));
-  for (const auto& t : package.tetrahedra()) {
-    coarse.tetrahedra.push_back({t.vertex[0], t.vertex[1], t.vertex[2], t.vertex[3]});
-  }
-  coarse.prescribed.resize(coarse.rest.size());
-  for (const std::uint32_t v : load.held) coarse.prescribed[v] = coarse.rest[v];
-  for (const std::uint32_t v : load.pulled) coarse.prescribed[v] = coarse.rest[v] + load.pull;
-  Reference reference;
-  std::vector<Vector3d> shape = equilibrium(coarse, {}, poisson, kReferenceTolerance).positions;
-  ElasticSolid fine = coarse;
-  for (std::uint32_t level = 1; level <= refinements; ++level) {
-    fine = refined(fine, &shape);
-    shape = equilibrium(fine, std::move(shape), poisson, kReferenceTolerance).positions;
-    if (level + 1 < refinements) continue;
-    const std::vector<Vector3d> before = std::move(reference.positions);
-    reference.positions.clear();
-    for (const auto& a : package.barycentric()) {
-      const std::array<float, 4> w = weightsOf(a);
-      reference.positions.push_back(deformedPoint(coarse, fine, int(level), a.tetrahedron,
-                                                  {double(w[0]), double(w[1]), double(w[2]), double(w[3])}, shape));
-    }
-    double square = 0, all = 0;
-    for (std::size_t v = 0; v < reference.positions.size(); ++v) {
-      const double way = (reference.positions[v] - point(package.visualPositions()[v])).norm();
-      all += way * way;
-      reference.largest = std::max(reference.largest, way);
-      if (before.empty()) continue;
-      const double moved = (reference.positions[v] - before[v]).norm();
-      square += moved * moved;
-      reference.change_max = std::max(reference.change_max, moved);
-    }
-    reference.change_rms = std::sqrt(square / double(reference.positions.size()));
-    reference.rms = std::sqrt(all / double(reference.positions.size()));
-    progress(double(level) / refinements);
-  }
-  reference.change_rms /= reference.largest;
-  reference.change_max /= reference.largest;
-  reference.rms /= reference.largest;
-  reference.tetrahedra = std::uint32_t(fine.tetrahedra.size());
-  return reference;
-}
-
-Shape shapeOf(const World& world, BodyId body) {
-  Shape shape;
-  const std::size_t count = world.asset(body).package().visualPositions().size();
-  shape.positions.resize(count);
-  shape.normals.resize(count);
-  world.visualVertices(body, {shape.positions[0].data(), sizeof(Vector3f), std::uint32_t(count)},
-                       {shape.normals[0].data(), sizeof(Vector3f), std::uint32_t(count)});
-  for (const Vec3& x : world.positions(body)) shape.physical.emplace_back(x[0], x[1], x[2]);
-  return shape;
-}
-
-// What this thread has had of the processor: others that run beside it do not count.
-double threadSeconds() {
-  std::timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
-}
-
-void simulate(ErrorRow& row, const Load& load, const ErrorOptions& options) {
-  WorldSettings settings;
-  settings.gravity = {0, 0, 0};
-  settings.iterations = row.iterations;
-  World world(settings);
-  BodySettings body_settings;
-  body_settings.solver = options.solver;
-  const auto added = world.addBody(row.asset, body_settings);
-  if (!added) throw ToolError(ExitCode::system, "", added.reason(), "Free some memory.");
-  const BodyId body = *added;
-  const std::vector<Vec3> rest(world.positions(body).begin(), world.positions(body).end());
-  if (!load.own_pins) {
-    for (const std::uint32_t v : load.held) world.pin(body, v, rest[v]);
-  }
-  std::vector<double> times;
-  const int steps = std::max(1, int(std::lround(options.seconds / kStep)));
-  const int late = steps - std::min(steps, int(std::lround(kDriftSeconds / kStep)));
-  Shape before;
-  for (int step = 0; step < steps; ++step) {
-    const double part = std::min(1.0, 3.0 * (step + 1) / steps);
-    for (const std::uint32_t v : load.pulled) {
-      Vec3 target = rest[v];
-      for (std::size_t k = 0; k < 3; ++k) target[k] += float(part * load.pull[Eigen::Index(k)]);
-      world.pin(body, v, target);
-    }
-    if (step == late) before = shapeOf(world, body);
-    const double start = threadSeconds();
-    world.step(float(kStep));
-    times.push_back(threadSeconds() - start);
-  }
-  std::nth_element(times.begin(), times.begin() + std::ptrdiff_t(times.size() / 2), times.end());
-  row.microseconds = 1e6 * times[times.size() / 2];
-  row.shape = shapeOf(world, body);
-  for (std::size_t v = 0; v < row.shape.positions.size(); ++v) {
-    row.drift = std::max(row.drift, double((row.shape.positions[v] - before.positions[v]).norm()));
-  }
-}
-
-void compare(ErrorRow& row, const Reference& reference) {
-  double square = 0;
-  for (std::size_t v = 0; v < reference.positions.size(); ++v) {
-    const double off = (row.shape.positions[v].cast<double>() - reference.positions[v]).norm();
-    square += off * off;
-    row.max = std::max(row.max, off);
-  }
-  row.rms = std::sqrt(square / double(reference.positions.size())) / reference.largest;
-  row.max /= reference.largest;
-  row.drift /= reference.largest;
-}
-
-void markBest(std::vector<ErrorRow>& rows) {
-  for (ErrorRow& row : rows) {
-    row.best = std::none_of(rows.begin(), rows.end(), [&](const ErrorRow& other) {
-      return other.rms < row.rms && other.microseconds < row.microseconds;
+  for (ErrorRow& row : study.rows) {
+    if (row.lost || row.slow) continue;
+    row.front =
+        std::none_of(study.rows.begin(), study.rows.end(), [&](const ErrorRow& other) { return beats(other, row); });
+    row.own_front = std::none_of(study.rows.begin(), study.rows.end(), [&](const ErrorRow& other) {
+      return other.method == row.method && beats(other, row);
     });
   }
 }
 
-std::vector<Vector3f> normalsOf(const formats::PackageView& package, const std::vector<Vector3f>& positions) {
-  std::vector<Vector3f> normals(positions.size(), Vector3f::Zero());
-  for (const auto& c : package.visualTriangles()) {
-    const Vector3f n = (positions[c[1]] - positions[c[0]]).cross(positions[c[2]] - positions[c[0]]);
-    for (const std::uint32_t v : c) normals[v] += n;
-  }
-  for (Vector3f& n : normals) n.normalize();
-  return normals;
-}
-
-std::array<std::uint32_t, 3> gridOf(const formats::PackageView& package, std::uint32_t clusters) {
-  std::array<double, 3> extent{};
-  for (std::size_t k = 0; k < 3; ++k) extent[k] = double(package.info().bounds_max[k] - package.info().bounds_min[k]);
-  const double longest = *std::max_element(extent.begin(), extent.end());
-  std::array<std::uint32_t, 3> grid{};
-  for (std::size_t k = 0; k < 3; ++k) {
-    grid[k] = std::max(1U, std::uint32_t(std::floor(clusters * extent[k] / longest + 1e-6)));
-  }
-  return grid;
-}
-
-std::string gridText(const ErrorRow& row) {
-  if (row.grid[0] == 0) return "recipe";
-  return std::to_string(row.grid[0]) + "x" + std::to_string(row.grid[1]) + "x" + std::to_string(row.grid[2]);
-}
+std::string counted(std::uint32_t n, const char* what) { return std::to_string(n) + " " + what + (n == 1 ? "" : "s"); }
 
 }  // namespace
 
+std::string_view nameOf(Method method) { return kMethods[std::size_t(method)]; }
+
 ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options,
                         const std::function<void(double)>& progress) {
-  // Half of the bar is the reference.
   ErrorStudy study;
-  study.poisson = recipe.settings.clusters.poisson;
-  std::vector<std::uint32_t> functions = options.functions;
-  if (functions.empty()) functions = {recipe.settings.field.functions};
-  std::shared_ptr<const Baked> first = bakeWith(recipe, {1, 1, 1}, options.modes.front(), functions.front());
-  const formats::PackageView& package = first->asset->package();
-  if (package.barycentric().empty()) {
-    throw ToolError(ExitCode::bad_input, recipe.source.string(), "its surface hangs on clusters, not on tetrahedra",
-                    "Set attachment.method to barycentric.");
+  study.input = recipe.source.filename().string();
+  std::vector<std::string> names = options.scenes;
+  if (names.empty()) names.assign(kDefaultErrorScenes.begin(), kDefaultErrorScenes.end());
+  for (const std::string& name : names) sceneOf(name);
+
+  const std::shared_ptr<const Asset> own = bakeWith(recipe, {});
+  const formats::PackageView& package = own->package();
+  study.asset = own;
+  const PackageSolid solid = packageSolid(package);
+  const SolidExtent extent = extentOf(solid);
+  study.diagonal = solid.diagonal;
+  study.vertices = std::uint32_t(solid.rest.size());
+  study.tetrahedra = std::uint32_t(solid.tetrahedra.size());
+  std::vector<ElasticMaterial> materials;
+  for (const PieceMaterial& m : materialsOf(package)) materials.push_back(m.material);
+  study.material = materials.front();
+
+  struct Play {
+    std::string knobs;
+    std::shared_ptr<const Asset> asset;
+    Method method;
+    std::function<Motion(const MotionBody&, const MotionScene&)> play;
+  };
+  std::vector<Play> plays;
+  const auto add = [&](Method method, const std::shared_ptr<const Asset>& asset, std::string knobs, auto play) {
+    plays.push_back({std::move(knobs), asset, method, play});
+  };
+  for (const std::uint32_t functions : options.functions) {
+    const auto asset = functions == recipe.settings.field.functions
+                           ? own
+                           : bakeWith(recipe, {{"field.functions", std::to_string(functions)}});
+    const auto sinew = [&](std::uint32_t iterations, std::uint32_t substeps) {
+      add(Method::sinew, asset,
+          counted(functions, "function") + ", " + counted(iterations, "iteration") + ", " + counted(substeps, "step"),
+          [asset, iterations, substeps](const MotionBody&, const MotionScene& scene) {
+            return playSinew(asset, scene, {nullptr, iterations, substeps});
+          });
+    };
+    sinew(1, 1);
+    sinew(4, 1);
+    sinew(4, 4);
+    progress(0.05 * double(plays.size()) / double(3 * options.functions.size()));
   }
-  const Load load = loadOf(recipe, *first, options);
-  study.held = std::uint32_t(load.held.size());
-  study.pulled = std::uint32_t(load.pulled.size());
-  const Reference reference =
-      referenceOf(package, load, study.poisson, options.refinements, [&](double part) { progress(0.5 * part); });
-  study.largest = reference.largest;
-  study.change_rms = reference.change_rms;
-  study.change_max = reference.change_max;
-  study.rms = reference.rms;
-  study.reference_tetrahedra = reference.tetrahedra;
-  for (const Vector3d& x : reference.positions) study.reference.positions.push_back(x.cast<float>());
-  study.reference.normals = normalsOf(package, study.reference.positions);
-  const std::size_t count =
-      options.clusters.size() * options.modes.size() * functions.size() * options.iterations.size();
-  for (const std::uint32_t clusters : options.clusters) {
-    const std::array<std::uint32_t, 3> grid =
-        clusters > 0 ? gridOf(package, clusters) : std::array<std::uint32_t, 3>{0, 0, 0};
-    for (const std::string& mode : options.modes) {
-      for (const std::uint32_t wanted : functions) {
-        const std::shared_ptr<const Baked> baked = bakeWith(recipe, grid, mode, wanted);
-        for (const std::uint32_t iterations : options.iterations) {
-          ErrorRow row;
-          row.grid = grid;
-          row.mode = mode;
-          row.functions = wanted;
-          row.iterations = iterations;
-          row.asset = {baked, baked->asset.get()};
-          row.clusters = std::uint32_t(row.asset->package().clusters().size());
-          row.memberships = std::uint32_t(row.asset->package().memberships().size());
-          simulate(row, load, options);
-          compare(row, reference);
-          study.rows.push_back(std::move(row));
-          progress(0.5 + 0.5 * double(study.rows.size()) / double(count));
-        }
+  std::vector<Mesh> meshes;
+  if (options.peers) {
+    for (const std::uint32_t vertices : options.vertices) {
+      if (vertices >= study.vertices) continue;
+      try {
+        const auto asset =
+            bakeWith(recipe, {{"tetrahedra.vertices", std::to_string(vertices)}, {"field.functions", "4"}});
+        if (asset->package().visualPositions().size() != package.visualPositions().size()) continue;
+        meshes.push_back({asset, counted(std::uint32_t(asset->package().physicalVertices().size()), "vertice")});
+      } catch (const ToolError& error) {
+        study.notes.push_back("no mesh of " + std::to_string(vertices) + " vertices: " + error.what());
+      }
+    }
+    meshes.push_back({own, counted(study.vertices, "vertice")});
+    for (const Mesh& mesh : meshes) {
+      for (const std::uint32_t substeps : {5U, 10U, 20U, 40U}) {
+        add(Method::xpbd, mesh.asset, mesh.name + ", " + counted(substeps, "step"),
+            [substeps](const MotionBody& body, const MotionScene& scene) { return playXpbd(body, scene, substeps); });
+      }
+      for (const auto& [substeps, iterations] : {std::pair{1U, 8U}, {1U, 40U}, {4U, 8U}, {4U, 40U}}) {
+        add(Method::warping, mesh.asset,
+            mesh.name + ", " + counted(substeps, "step") + ", " + counted(iterations, "iteration"),
+            [substeps = substeps, iterations = iterations](const MotionBody& body, const MotionScene& scene) {
+              return playStiffnessWarping(body, scene, substeps, iterations);
+            });
+      }
+#if SINEW_WITH_BULLET
+      for (const std::uint32_t substeps : {1U, 4U, 16U}) {
+        add(Method::bullet, mesh.asset, mesh.name + ", " + counted(substeps, "step"),
+            [substeps](const MotionBody& body, const MotionScene& scene) {
+              return playBullet(body, scene, BulletKind::finite_elements, substeps, 0);
+            });
+      }
+      for (const std::uint32_t substeps : {1U, 4U}) {
+        add(Method::bullet_implicit, mesh.asset, mesh.name + ", " + counted(substeps, "step"),
+            [substeps](const MotionBody& body, const MotionScene& scene) {
+              return playBullet(body, scene, BulletKind::implicit_finite_elements, substeps, 0);
+            });
+      }
+      for (const std::uint32_t iterations : {1U, 4U, 16U}) {
+        add(Method::bullet_links, mesh.asset, mesh.name + ", " + counted(iterations, "iteration"),
+            [iterations](const MotionBody& body, const MotionScene& scene) {
+              return playBullet(body, scene, BulletKind::links, 1, iterations);
+            });
+      }
+#endif
+    }
+    for (const std::string boxes : {"1,1,1", "2,2,2", "4,4,4"}) {
+      const auto asset = bakeWith(recipe, {{"clusters.grid", boxes}, {"field.functions", "4"}});
+      for (const std::uint32_t iterations : {1U, 4U}) {
+        add(Method::report, asset,
+            counted(std::uint32_t(asset->package().clusters().size()), "cluster") + ", " +
+                counted(iterations, "iteration"),
+            [asset, iterations](const MotionBody&, const MotionScene& scene) {
+              return playSinew(asset, scene, {&reportSolver(), iterations, 1});
+            });
       }
     }
   }
-  markBest(study.rows);
+#if !SINEW_WITH_BULLET
+  if (options.peers) study.notes.emplace_back("no Bullet: this build has none (Debian: libbullet-dev)");
+#endif
+
+  for (std::size_t s = 0; s < names.size(); ++s) {
+    const auto part = [&](double of) { progress(0.1 + 0.9 * (double(s) + of) / double(names.size())); };
+    MotionScene scene = sceneOf(names[s]);
+    const HeldCase held = heldCase(solid, package, scene.hold);
+    scene.regions = held.regions;
+    const MotionBody body = motionBody(package, scene, materials, {});
+    if (body.rest.empty()) {
+      study.notes.push_back(names[s] + ": nothing is held");
+      continue;
+    }
+    ErrorScene result;
+    result.name = names[s];
+    result.seconds = scene.seconds;
+    if (held.gravity.norm() > 0) {
+      const ReferenceShape rest = referenceShape(solid, materials, held, 0, options.target * study.diagonal);
+      scene.gravity = rest.gravity;
+      result.gravity = rest.gravity.norm();
+    }
+    std::vector<std::uint8_t> counts(body.surface.size(), 0);
+    for (std::size_t v = 0; v < counts.size(); ++v) {
+      if (!body.probes[v]) continue;
+      for (const std::uint32_t corner : body.probes[v]->vertex)
+        counts[v] = std::uint8_t(counts[v] | (body.region[corner] < 0 ? 1 : 0));
+    }
+    std::map<const Asset*, MotionBody> bodies;
+    for (const Mesh& mesh : meshes) {
+      const MotionBody& other =
+          bodies
+              .emplace(mesh.asset.get(),
+                       mesh.asset == own ? body : motionBody(mesh.asset->package(), scene, materials, extent))
+              .first->second;
+      for (std::size_t v = 0; v < counts.size(); ++v) {
+        if (!other.probes[v]) counts[v] = 0;
+      }
+    }
+    // The reference: quadratic elements on the recipe's own tetrahedra.
+    const auto begin = std::chrono::steady_clock::now();
+    const auto nothing = [](double) {};
+    // Cheap linear tetrahedra show what is not the elements' matter: the length of steps, the law.
+    const ExplicitRun linear = playSolid(body, scene, {.quadratic = false}, nothing);
+    const ExplicitRun longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
+    const ExplicitRun other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
+    part(0.1);
+    ExplicitRun reference = playSolid(options.refine ? refined(body) : body, scene,
+                                      {.most_work = options.reference_work}, [&](double of) { part(0.1 + 0.4 * of); });
+    const bool affordable = reference.work <= options.reference_work;
+    if (!affordable) reference = linear;
+    if (!reference.motion.finite) {
+      study.notes.push_back(names[s] + ": the reference is lost");
+      continue;
+    }
+    const Judge judge(scene, body, counts, reference.motion, package, study.diagonal);
+    result.compared = judge.compared();
+    result.tetrahedra = reference.tetrahedra;
+    result.step_seconds = reference.step_seconds;
+    result.rms = judge.rms();
+    result.largest = judge.largest();
+    result.frequency = judge.frequency();
+    result.shape = judge.shape();
+    if (affordable) result.linear = judge.apart(reference.motion, linear.motion);
+    result.shorter = judge.apart(linear.motion, longer.motion);
+    result.neo_hookean = judge.apart(linear.motion, other_law.motion);
+    result.reference_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    study.scenes.push_back(std::move(result));
+    part(0.5);
+    for (std::size_t i = 0; i < plays.size(); ++i) {
+      const Play& play = plays[i];
+      MotionScene timed = scene;
+      timed.slowest_seconds = 1e-3 * options.slowest_ms;
+      const auto at = bodies.find(play.asset.get());
+      const Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
+      ErrorRow row;
+      row.scene = std::uint32_t(study.scenes.size() - 1);
+      row.method = play.method;
+      row.knobs = play.knobs;
+      row.vertices = std::uint32_t(play.asset->package().physicalVertices().size());
+      row.milliseconds = 1e3 * motion.cpu_seconds / std::max<double>(1, double(motion.frames.size()));
+      row.slow = motion.slow;
+      if (!row.slow) judge.judge(motion, row);
+      study.rows.push_back(std::move(row));
+      part(0.5 + 0.5 * double(i + 1) / double(plays.size()));
+    }
+  }
+  markFronts(study);
   return study;
+}
+
+const ErrorRow* bestWithin(const ErrorStudy& study, std::uint32_t scene, std::optional<Method> method,
+                           double milliseconds) {
+  const ErrorRow* best = nullptr;
+  for (const ErrorRow& row : study.rows) {
+    if (row.scene != scene || (method && row.method != *method) || row.lost || row.slow) continue;
+    if (row.milliseconds <= milliseconds && (best == nullptr || row.path < best->path)) best = &row;
+  }
+  return best;
 }
 
 nlohmann::ordered_json errorJson(const ErrorStudy& study) {
   nlohmann::ordered_json json = {{"study", "error"},
-                                 {"held_vertices", study.held},
-                                 {"pulled_vertices", study.pulled},
-                                 {"reference",
-                                  {{"tetrahedra", study.reference_tetrahedra},
-                                   {"poisson", study.poisson},
-                                   {"largest_displacement", study.largest},
-                                   {"rms_displacement", study.rms},
-                                   {"change_rms", study.change_rms},
-                                   {"change_max", study.change_max}}}};
-  json["results"] = nlohmann::ordered_json::array();
-  for (const ErrorRow& row : study.rows) {
-    json["results"].push_back({{"clusters", row.clusters},
-                               {"grid", gridText(row)},
-                               {"mode", row.mode},
-                               {"functions", row.functions},
-                               {"iterations", row.iterations},
-                               {"memberships", row.memberships},
-                               {"rms", row.rms},
-                               {"max", row.max},
-                               {"drift", row.drift},
-                               {"microseconds_per_step", row.microseconds},
-                               {"best", row.best}});
+                                 {"input", study.input},
+                                 {"material", {{"young", study.material.young}, {"poisson", study.material.poisson}}},
+                                 {"diagonal", study.diagonal},
+                                 {"vertices", study.vertices},
+                                 {"tetrahedra", study.tetrahedra},
+                                 {"notes", study.notes}};
+  json["scenes"] = nlohmann::ordered_json::array();
+  for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
+    const ErrorScene& scene = study.scenes[s];
+    nlohmann::ordered_json one = {
+        {"name", scene.name},
+        {"gravity", scene.gravity},
+        {"seconds", scene.seconds},
+        {"compared_vertices", scene.compared},
+        {"reference",
+         {{"tetrahedra", scene.tetrahedra},
+          {"step_seconds", scene.step_seconds},
+          {"seconds", scene.reference_seconds},
+          {"rms_displacement", scene.rms},
+          {"largest_displacement", scene.largest},
+          {"quadratic", scene.linear.has_value()},
+          {"from_linear", scene.linear ? nlohmann::ordered_json(*scene.linear) : nullptr},
+          {"change_shorter_steps", scene.shorter},
+          {"change_neo_hookean", scene.neo_hookean},
+          {"frequency_hz", scene.frequency ? nlohmann::ordered_json(*scene.frequency) : nullptr}}}};
+    one["results"] = nlohmann::ordered_json::array();
+    for (const ErrorRow& row : study.rows) {
+      if (row.scene != s) continue;
+      nlohmann::ordered_json r = {{"method", nameOf(row.method)},
+                                  {"knobs", row.knobs},
+                                  {"vertices", row.vertices},
+                                  {"milliseconds_per_frame", row.milliseconds},
+                                  {"lost", row.lost},
+                                  {"slow", row.slow}};
+      if (!row.lost && !row.slow) {
+        r["path"] = row.path;
+        r["end"] = row.end;
+        r["largest"] = row.largest;
+        r["volume"] = row.volume;
+        if (row.frequency) r["frequency_ratio"] = *row.frequency;
+        if (row.decay) r["decay_ratio"] = *row.decay;
+        r["front"] = row.front;
+        r["own_front"] = row.own_front;
+      }
+      one["results"].push_back(std::move(r));
+    }
+    json["scenes"].push_back(std::move(one));
   }
   return json;
 }
 
 std::string errorText(const ErrorStudy& study) {
-  std::array<char, 256> line{};
-  std::snprintf(
-      line.data(), line.size(),
-      "reference: %u tetrahedra, nu %.3g; largest displacement %.4g m, rms %.1f %% of it; the last refinement "
-      "changed %.2f %% (rms), %.1f %% (most)\n",
-      study.reference_tetrahedra, study.poisson, study.largest, 100 * study.rms, 100 * study.change_rms,
-      100 * study.change_max);
-  std::string text = line.data();
-  text += "clusters        mode  functions  iterations  memberships  rms, %  max, %  drift, %  us per 1/60 s\n";
-  for (const ErrorRow& row : study.rows) {
-    std::snprintf(line.data(), line.size(), "%8s  %10s  %9u  %10u  %11u  %6.2f  %6.1f  %8.2f  %13.0f%s\n",
-                  gridText(row).c_str(), row.mode.c_str(), row.functions, row.iterations, row.memberships,
-                  100 * row.rms, 100 * row.max, 100 * row.drift, row.microseconds, row.best ? "  *" : "");
+  std::array<char, 512> line{};
+  std::string text;
+  const auto print = [&](const char* format, auto... values) {
+    std::snprintf(line.data(), line.size(), format, values...);
     text += line.data();
-  }
-  return text + "* no other row is both nearer and faster\n";
-}
-
-Image errorPicture(const ErrorStudy& study) {
-  const formats::PackageView& package = study.rows.front().asset->package();
-  const double larger = std::max(1.0, kDrawnDisplacement * double(package.info().diagonal) / study.largest);
-  const auto enlarged = [&](const Shape& shape) {
-    Shape drawn;
-    for (std::size_t v = 0; v < shape.positions.size(); ++v) {
-      const Vector3f rest = point(package.visualPositions()[v]).cast<float>();
-      drawn.positions.push_back(rest + float(larger) * (shape.positions[v] - rest));
-    }
-    drawn.normals = normalsOf(package, drawn.positions);
-    return drawn;
   };
-  std::array<char, 96> text{};
-  std::snprintf(text.data(), text.size(), "finite elements (displacements drawn x %.1f)", larger);
-  std::vector<RowPicture> row = {{study.rows.front().asset, enlarged(study.reference), text.data()}};
-  for (const ErrorRow& one : study.rows) {
-    std::snprintf(text.data(), text.size(), "%u functions, clusters %s: max %.0f %%, rms %.0f %%", one.functions,
-                  gridText(one).c_str(), 100 * one.max, 100 * one.rms);
-    row.push_back({one.asset, enlarged(one.shape), text.data()});
+  print("%s: %u physical vertices, %u tetrahedra, E %.3g Pa, nu %.2g\n", study.input.c_str(), study.vertices,
+        study.tetrahedra, study.material.young, study.material.poisson);
+  for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
+    const ErrorScene& scene = study.scenes[s];
+    print("\n%s: reference %u tetrahedra, %.2g ms steps, moved %.2f %% of the diagonal (rms). ", scene.name.c_str(),
+          scene.tetrahedra, 1e3 * scene.step_seconds, 100 * scene.rms);
+    if (scene.linear) {
+      print("Quadratic; linear elements are off by %.0f %%, ", 100 * *scene.linear);
+    } else {
+      print("LINEAR elements, too stiff: too large for quadratic ones; ");
+    }
+    print("half the steps change %.2g %%, the neo-Hookean law %.1f %%\n", 100 * scene.shorter, 100 * scene.neo_hookean);
+    if (scene.lawMatters()) text += "  strains are so large that the law of elasticity matters: compare with care\n";
+    print("  %-20s  %-38s  %8s  %7s  %7s  %7s  %7s  %6s  %6s\n", "method", "knobs", "ms/frame", "path, %", "end, %",
+          "most, %", "vol., %", "freq.", "decay");
+    for (const ErrorRow& row : study.rows) {
+      if (row.scene != s) continue;
+      print("%c %-20s  %-38s  %8.3f",
+            row.front       ? '*'
+            : row.own_front ? '.'
+                            : ' ',
+            nameOf(row.method).data(), row.knobs.c_str(), row.milliseconds);
+      if (row.lost || row.slow) {
+        text += row.slow ? "  too slow\n" : "  lost\n";
+        continue;
+      }
+      print("  %7.1f  %7.1f  %7.1f  %7.2f", 100 * row.path, 100 * row.end, 100 * row.largest, 100 * row.volume);
+      if (row.frequency) print("  %6.3f  %6.2f", *row.frequency, *row.decay);
+      text += "\n";
+    }
   }
-  RowOptions options;
-  options.width = 360;
-  options.height = 220;
-  options.columns = 5;
-  Camera camera = viewCamera(ViewName::three_quarter);
-  camera.yaw = kPictureYaw;
-  return drawRow(row, camera, options);
+  for (const std::string& note : study.notes) text += "note: " + note + "\n";
+  return text +
+         "\nErrors are shares of the reference's rms displacement (not moving: 100). path: over all frames. end: mean "
+         "shape of the last quarter of a second.\n* nothing is nearer for less time; . nothing of this method is\n";
 }
 
 }  // namespace sinew::tools

@@ -1,77 +1,110 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// Error against run time: a body that is held and pulled at a point, in few or many functions and clusters, against
-// finite elements on the same tetrahedra. The report's skin patch (its figures 10 and 11) is
-// samples/gallery/skin_patch.
+// Error against run time: one body in several scenes, by this runtime and by others, each swept over its own knobs,
+// against finer finite elements.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tools/author/recipe.h"
-#include "tools/render/image.h"
-#include "tools/render/picture.h"
+#include "tools/study/motion.h"
 
 namespace sinew::tools {
 
+enum class Method : std::uint8_t {
+  sinew,
+  report,           ///< averaged clusters, as the report has them
+  xpbd,             ///< playXpbd()
+  warping,          ///< playStiffnessWarping()
+  bullet,           ///< Bullet's finite elements, explicit in elasticity as by default
+  bullet_implicit,  ///< Bullet's finite elements, implicit
+  bullet_links,     ///< Bullet's soft body of links
+};
+inline constexpr std::size_t kMethodCount = 7;
+std::string_view nameOf(Method method);
+
+inline constexpr std::string_view kReleaseScene = "release";
+
 struct ErrorOptions {
-  std::vector<std::uint32_t> clusters = {1, 2, 5};  ///< along the longest axis, in proportion along the others, 1..64;
-                                                    ///< 0: those of the recipe
-  std::vector<std::string> modes = {"quadratic"};   ///< values of clusters.mode
-  std::vector<std::uint32_t> functions = {};        ///< values of field.functions, 1..256; empty: the recipe's
-  std::vector<std::uint32_t> iterations = {4};      ///< WorldSettings::iterations, 1..16
-  const SolverFactory* solver = nullptr;            ///< as BodySettings::solver
-  std::uint32_t refinements = 2;                    ///< how often the reference cuts each tetrahedron into eight, 1..4
-  std::optional<std::array<double, 3>> pick;        ///< where it is pulled, metres, as `sinew inspect` shows the source
-  std::optional<std::array<double, 3>> pull;        ///< how far, metres
-  double finger = 0.04;                             ///< radius of what is held there, of the diagonal
-  double seconds = 4;                               ///< simulated, 60 steps a second
+  std::vector<std::string> scenes;  ///< names of HoldScene, or kReleaseScene; empty: kDefaultErrorScenes
+  double target = 0.02;             ///< rms displacement by gravity, of the diagonal, 1e-4..0.5
+  std::vector<std::uint32_t> functions = {8, 16, 32, 64, 128};  ///< field.functions of the bakes
+  std::vector<std::uint32_t> vertices = {80, 250};  ///< tetrahedra.vertices of the meshes besides the recipe's
+  bool peers = true;                                ///< false: this runtime alone
+  /// The reference cuts every tetrahedron into eight: ten times its time, or more.
+  bool refine = false;
+  double reference_work = 2e10;  ///< ExplicitOptions::most_work of the reference; beyond, its elements are linear
+  double slowest_ms = 20;        ///< a method that takes more for a frame is stopped
 };
 
+inline constexpr std::array<std::string_view, 4> kDefaultErrorScenes = {"hang", kReleaseScene, "press", "twist"};
+
+/// Errors are shares of the reference's own rms displacement: a body that does not move scores 1.
 struct ErrorRow {
-  std::array<std::uint32_t, 3> grid = {0, 0, 0};  ///< of clusters; zeros: those of the recipe
-  std::string mode;
-  std::uint32_t functions = 0;  ///< asked for
-  std::uint32_t iterations = 0, clusters = 0, memberships = 0;
-  double rms = 0, max = 0;  ///< distance of the visual vertices from the reference, of its largest displacement
-  double drift = 0;         ///< largest motion in the last half second, of the same: not yet at rest
-  double microseconds = 0;  ///< median processor time of a step, one thread
-  bool best = false;        ///< no other row has a smaller RMS error for less time
-  Shape shape;
-  std::shared_ptr<const Asset> asset;
+  std::uint32_t scene = 0;  ///< into ErrorStudy::scenes
+  Method method = Method::sinew;
+  std::string knobs;           ///< what the method was set to
+  std::uint32_t vertices = 0;  ///< physical
+  double milliseconds = 0;     ///< processor time of a frame of 1/60 s, one thread
+  double path = 0;             ///< rms over vertices and frames
+  double end = 0;              ///< rms of the last quarter of a second's mean shape
+  double largest = 0;          ///< largest distance of any vertex at any time, of the reference's largest displacement
+  double volume = 0;           ///< largest difference of volume, of that at rest; 0 where the surface is open
+  std::optional<double> frequency, decay;  ///< `release`: of the swing, over the reference's
+  bool lost = false;                       ///< not finite, or further away than 10 diagonals: errors mean nothing
+  bool slow = false;                       ///< stopped: slower than ErrorOptions::slowest_ms
+  bool front = false;                      ///< nothing of the same scene is nearer (path) for less time
+  bool own_front = false;                  ///< nothing of the same scene and method is
+  std::vector<Eigen::Vector3f> shape;      ///< the visual vertices in the frame of the reference's largest displacement
+};
+
+struct ErrorScene {
+  std::string name;
+  double gravity = 0;  ///< m/s²
+  double seconds = 0;
+  std::uint32_t compared = 0;    ///< visual vertices
+  std::uint32_t tetrahedra = 0;  ///< of the reference
+  double step_seconds = 0;       ///< of the reference
+  double reference_seconds = 0;  ///< that it took, all threads
+  double rms = 0, largest = 0;   ///< displacement, diagonals
+  std::optional<double>
+      linear;              ///< how far linear elements are off its quadratic ones, path; nothing: it has linear ones
+  double shorter = 0;      ///< change of the path by steps of half the length (linear elements)
+  double neo_hookean = 0;  ///< of the path by the other law of elasticity (linear elements)
+  std::optional<double> frequency;  ///< `release`, Hz
+  /// Strains are so large that these figures depend on the law of elasticity.
+  bool lawMatters() const { return neo_hookean > 0.1; }
+  std::vector<Eigen::Vector3f> shape;  ///< as ErrorRow::shape
 };
 
 struct ErrorStudy {
+  std::string input;
+  std::vector<ErrorScene> scenes;
   std::vector<ErrorRow> rows;
-  Shape reference;
-  std::uint32_t reference_tetrahedra = 0;
-  double largest = 0;     ///< displacement of the reference, metres
-  double rms = 0;         ///< of the reference's displacements, of the largest: the error of a body that does not move
-  double change_rms = 0;  ///< of the reference by its last refinement, of the largest displacement
-  double change_max = 0;
-  double poisson = 0;                  ///< of the reference: clusters.poisson
-  std::uint32_t held = 0, pulled = 0;  ///< physical vertices
+  ElasticMaterial material;                    ///< of the first piece
+  double diagonal = 0;                         ///< metres
+  std::uint32_t vertices = 0, tetrahedra = 0;  ///< of the recipe's own mesh
+  std::vector<std::string> notes;              ///< what was left out, and why
+  std::shared_ptr<const Asset> asset;
 };
 
-/// Bakes the recipe once for each kind of clusters and number of functions, and pulls each body the same way, without
-/// gravity: what the recipe's pins hold stays (where it has none: the under side of a shell, the lowest tenth of a
-/// solid), and free vertices within a fingertip of `pick` move by `pull` in the first third of the time. Places are
-/// prescribed, not forces, so that all are asked the same and Young's modulus does not matter to the reference. Without
-/// `pick`: near the middle of a sheet, else the visual vertex farthest from what is held; without `pull`: 2 % of the
-/// diagonal along the normal there. Throws ToolError where the recipe cannot be baked, or nothing free is near the
-/// pick.
+/// Bakes the recipe for each number of functions, and for meshes of fewer vertices, and plays all scenes by all
+/// methods. Throws ToolError where the recipe cannot be baked, its surface does not hang on tetrahedra, or a scene is
+/// unknown.
 ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options, const std::function<void(double)>& progress);
+
+/// The row of least path error within a time, of a scene and a method (of any: nothing). Null where there is none.
+const ErrorRow* bestWithin(const ErrorStudy& study, std::uint32_t scene, std::optional<Method> method,
+                           double milliseconds);
 
 nlohmann::ordered_json errorJson(const ErrorStudy& study);
 std::string errorText(const ErrorStudy& study);
-
-/// The reference, then the rows; small displacements enlarged, all alike. Needs a current OpenGL context.
-Image errorPicture(const ErrorStudy& study);
 
 }  // namespace sinew::tools

@@ -26,7 +26,17 @@ Image drawRow(std::span<const RowPicture> row, Camera camera, const RowOptions& 
   Image image(columns * options.width, lines * (options.height + kLabel));
   for (int i = 0; i < count; ++i) {
     const RowPicture& one = row[std::size_t(i)];
-    Renderer renderer(makeDrawModel(one.asset->package()));
+    DrawModel model = makeDrawModel(one.asset->package());
+    if (!one.colors.empty()) {
+      model.colors.clear();
+      for (const auto& c : one.colors) model.colors.push_back({c[0], c[1], c[2], 1});
+      for (DrawPart& part : model.parts) {
+        part.vertex_colors = true;
+        part.texture = kNoIndex;
+        part.base_color = Eigen::Vector3f::Ones();
+      }
+    }
+    Renderer renderer(model);
     DrawSettings settings;
     settings.pinned = false;
     showShape(renderer, one.shape);

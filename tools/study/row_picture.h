@@ -3,9 +3,11 @@
 // Shapes side by side under their names: what studies show.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "sinew/runtime/asset.h"
 #include "tools/render/camera.h"
@@ -18,6 +20,8 @@ struct RowPicture {
   std::shared_ptr<const Asset> asset;
   Shape shape;
   std::string label;
+  std::vector<std::array<float, 3>> colors =
+      {};  ///< of the visual vertices, linear RGB, in place of the asset's; empty: those
 };
 
 struct RowOptions {

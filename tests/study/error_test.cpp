@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// The yardstick of `study error`, by theory and by the other finite elements here; its peers, by the yardstick.
+#include "tools/study/error.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tests/support/box_package.h"
+#include "tools/study/explicit_solid.h"
+#include "tools/study/packages.h"
+#include "tools/study/peers.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr double kDensity = 1000;
+const auto kNothing = [](double) {};
+
+struct Beam {
+  MotionBody body;
+  MotionScene scene;
+  std::array<double, 3> size;
+  double young;
+
+  // A beam along x, its rear quarter held.
+  Beam(std::array<int, 3> cells, std::array<double, 3> box_size, double poisson, double modulus)
+      : size(box_size), young(modulus) {
+    BoxBody box;
+    box.cells = cells;
+    box.size = size;
+    const auto asset = boxPackage(box, {});
+    scene.hold = HoldScene::cantilever;
+    scene.regions = heldCase(packageSolid(asset->package()), asset->package(), scene.hold).regions;
+    body = motionBody(asset->package(), scene, {{modulus, poisson}}, {});
+    // One density, whatever the package's masses are.
+    ElasticSolid solid;
+    solid.rest = body.rest;
+    solid.tetrahedra = body.tetrahedra;
+    const std::vector<double> volumes = nodalVolumes(solid);
+    for (std::size_t v = 0; v < volumes.size(); ++v) body.masses[v] = kDensity * volumes[v];
+    // Seen are the vertices themselves.
+    body.surface = body.rest;
+    body.areas.assign(body.rest.size(), 1);
+    body.probes.assign(body.rest.size(), {});
+    for (const auto& t : body.tetrahedra) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        Probe probe{t, {}};
+        probe.weight[k] = 1;
+        body.probes[t[k]] = probe;
+      }
+    }
+  }
+
+  // Length beyond what is held, from the held vertices that are farthest out.
+  double length() const {
+    double held = -1e300, end = -1e300;
+    for (std::size_t v = 0; v < body.rest.size(); ++v) {
+      end = std::max(end, body.rest[v][0]);
+      if (body.region[v] >= 0) held = std::max(held, body.rest[v][0]);
+    }
+    return end - held;
+  }
+  // Mean height of the surface at the end, from its rest.
+  double tip(const std::vector<Vector3f>& frame) const {
+    double sum = 0, count = 0;
+    double end = -1e300;
+    for (const Vector3d& x : body.surface) end = std::max(end, x[0]);
+    for (std::size_t v = 0; v < frame.size(); ++v) {
+      if (body.surface[v][0] < end - 1e-6 * size[0]) continue;
+      sum += double(frame[v][1]) - body.surface[v][1];
+      ++count;
+    }
+    return sum / count;
+  }
+};
+
+double rmsApart(const Motion& one, const Motion& other) {
+  double sum = 0, count = 0;
+  for (std::size_t f = 0; f < one.frames.size(); ++f) {
+    for (std::size_t v = 0; v < one.frames[f].size(); ++v) {
+      sum += double((one.frames[f][v] - other.frames[f][v]).squaredNorm());
+      ++count;
+    }
+  }
+  return std::sqrt(sum / count);
+}
+
+double rmsMoved(const MotionBody& body, const Motion& motion) {
+  double sum = 0, count = 0;
+  for (const auto& frame : motion.frames) {
+    for (std::size_t v = 0; v < frame.size(); ++v) {
+      sum += (frame[v].cast<double>() - body.surface[v]).squaredNorm();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / count);
+}
+
+// Under a sudden gravity the end of a slender beam swings about the deflection that Euler and Bernoulli give,
+// rho A g L^4 / 8 E I, at 1.875² / 2 pi sqrt(E I / rho A L^4) Hz, less what the damping slows it. Quadratic elements
+// agree; linear ones are too stiff.
+TEST(StudyError, AQuadraticBeamSagsAndSwingsAsTheorySays) {
+  Beam beam({24, 2, 2}, {2.4, 0.2, 0.2}, 0, 2e6);
+  beam.scene.gravity = {0, -0.05, 0};
+  beam.scene.seconds = 10;
+  const ExplicitRun quadratic = playSolid(beam.body, beam.scene, {}, kNothing);
+  const ExplicitRun linear = playSolid(beam.body, beam.scene, {.quadratic = false}, kNothing);
+  ASSERT_TRUE(quadratic.motion.finite);
+  const double length = beam.length(), inertia = std::pow(beam.size[1], 4) / 12;
+  const double weight = kDensity * beam.size[1] * beam.size[2];  // of a metre, kg
+  const double sag = -weight * beam.scene.gravity[1] * std::pow(length, 4) / (8 * beam.young * inertia);
+  const double hertz =
+      1.875104 * 1.875104 / (2 * std::numbers::pi) * std::sqrt(beam.young * inertia / (weight * std::pow(length, 4)));
+  std::vector<double> tip;
+  double mean = 0;
+  for (const auto& frame : quadratic.motion.frames) tip.push_back(beam.tip(frame));
+  const std::size_t late = tip.size() * 3 / 4;
+  for (std::size_t f = late; f < tip.size(); ++f) mean += tip[f] / double(tip.size() - late);
+  EXPECT_NEAR(mean, -sag, 0.02 * sag);
+  // Crossings of the rest that it swings about, while it swings.
+  std::vector<double> crossings;
+  for (std::size_t f = 1; f < tip.size() / 2; ++f) {
+    if ((tip[f - 1] > mean) == (tip[f] > mean)) continue;
+    crossings.push_back((double(f) - (tip[f] - mean) / (tip[f] - tip[f - 1])) * kFrameSeconds);
+  }
+  ASSERT_GT(crossings.size(), 3U);
+  const std::size_t whole = (crossings.size() - 1) / 2 * 2;
+  EXPECT_NEAR(0.5 * double(whole) / (crossings[whole] - crossings[0]), hertz, 0.02 * hertz);
+  double linear_mean = 0;
+  for (std::size_t f = late; f < tip.size(); ++f) {
+    linear_mean += beam.tip(linear.motion.frames[f]) / double(tip.size() - late);
+  }
+  EXPECT_GT(linear_mean, -0.9 * sag);
+}
+
+// Linear elements come to the rest that the static solution of the same elements has, far from small strains too.
+TEST(StudyError, TheReferenceComesToTheRestOfStatics) {
+  Beam beam({8, 2, 2}, {1, 0.2, 0.2}, 0.3, 1e5);
+  beam.scene.gravity = {0, -4, 0};
+  beam.scene.release = true;  // what damps most; gravity ends too late to matter here
+  beam.scene.seconds = 1;
+  const ExplicitRun run = playSolid(beam.body, beam.scene, {.quadratic = false}, kNothing);
+  ElasticSolid solid;
+  solid.rest = beam.body.rest;
+  solid.tetrahedra = beam.body.tetrahedra;
+  solid.prescribed.resize(solid.rest.size());
+  ElasticLoad load{beam.body.materials, {}};
+  for (std::size_t v = 0; v < solid.rest.size(); ++v) {
+    if (beam.body.region[v] >= 0) solid.prescribed[v] = solid.rest[v];
+    load.forces.push_back(beam.body.masses[v] * beam.scene.gravity);
+  }
+  const Equilibrium rest = equilibrium(solid, load, {}, 1e-9);
+  const double wanted = beam.tip(probed(beam.body, rest.positions));
+  EXPECT_LT(wanted, -0.05);
+  EXPECT_NEAR(beam.tip(run.motion.frames.back()), wanted, 0.02 * std::abs(wanted));
+}
+
+// For small strains both laws are linear elasticity.
+TEST(StudyError, TheLawsAgreeForSmallStrains) {
+  Beam beam({6, 2, 2}, {1, 0.3, 0.3}, 0.35, 1e6);
+  beam.scene.gravity = {0, -0.02, 0};
+  beam.scene.seconds = 0.5;
+  const ExplicitRun one = playSolid(beam.body, beam.scene, {}, kNothing);
+  const ExplicitRun other = playSolid(beam.body, beam.scene, {.law = ElasticLaw::neo_hookean}, kNothing);
+  EXPECT_LT(rmsApart(one.motion, other.motion), 2e-3 * rmsMoved(beam.body, one.motion));
+}
+
+// In short steps the peers are the same linear elements: what the study measures of them is theirs.
+TEST(StudyError, PeersComeNearTheSameElementsInShortSteps) {
+  Beam beam({6, 2, 2}, {1, 0.3, 0.3}, 0.3, 1e6);
+  beam.scene.gravity = {0, -20, 0};
+  beam.scene.seconds = 0.75;
+  const Motion same = playSolid(beam.body, beam.scene, {.quadratic = false}, kNothing).motion;
+  const double moved = rmsMoved(beam.body, same);
+  const auto off = [&](const Motion& motion) { return rmsApart(motion, same) / moved; };
+  EXPECT_LT(off(playXpbd(beam.body, beam.scene, 40)), 0.03);
+  EXPECT_GT(off(playXpbd(beam.body, beam.scene, 4)), 0.5);
+  EXPECT_LT(off(playStiffnessWarping(beam.body, beam.scene, 40, 40)), 0.03);
+  EXPECT_GT(off(playStiffnessWarping(beam.body, beam.scene, 1, 40)), 0.1);
+#if SINEW_WITH_BULLET
+  EXPECT_LT(off(playBullet(beam.body, beam.scene, BulletKind::finite_elements, 20, 0)), 0.03);
+  EXPECT_LT(off(playBullet(beam.body, beam.scene, BulletKind::implicit_finite_elements, 4, 0)), 0.05);
+#endif
+}
+
+// What is slower than asked is stopped, and said to be.
+TEST(StudyError, WhatIsTooSlowIsStopped) {
+  Beam beam({6, 2, 2}, {1, 0.3, 0.3}, 0.3, 3e4);
+  beam.scene.slowest_seconds = 1e-9;
+  const Motion motion = playXpbd(beam.body, beam.scene, 4);
+  EXPECT_TRUE(motion.slow);
+  EXPECT_LT(motion.frames.size(), 20U);
+  beam.scene.slowest_seconds = 1e9;
+  EXPECT_EQ(playXpbd(beam.body, beam.scene, 4).frames.size(), std::size_t(std::lround(beam.scene.seconds * 60)));
+}
+
+}  // namespace
+}  // namespace sinew::tools

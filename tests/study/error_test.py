@@ -1,0 +1,96 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`sinew study error` on a bar: its numbers make sense, its page is whole in itself, what it cannot take it refuses."""
+import argparse
+import json
+import os
+import pathlib
+import re
+import subprocess
+import tempfile
+import unittest
+
+SINEW = None
+SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
+BAR = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "l_bar"
+
+
+def run(*arguments):
+    return subprocess.run([SINEW, *map(str, arguments)], capture_output=True, text=True, timeout=300 * SLOWNESS)
+
+
+class Error(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.page = pathlib.Path(cls.folder.name) / "bar.html"
+        done = run("study", "error", BAR / "l_bar.obj", "--set", "tetrahedra.vertices=300", "--scene", "cantilever,release",
+                   "--functions", "6,32", "--vertices", 60, "--html", cls.page, "--json")
+        if done.returncode != 0:
+            raise AssertionError(done.stderr)
+        cls.study = json.loads(done.stdout)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def rows(self, scene, method):
+        return [row for row in self.study["scenes"][scene]["results"] if row["method"] == method]
+
+    def test_gravity_moves_the_reference_about_as_asked(self):
+        for scene in self.study["scenes"]:
+            self.assertTrue(scene["reference"]["quadratic"])
+            self.assertGreater(scene["reference"]["rms_displacement"], 0.02)
+            self.assertLess(scene["reference"]["change_shorter_steps"], 0.01)
+
+    def test_more_functions_come_nearer(self):
+        coarse, fine = (min(row["path"] for row in self.rows(0, "sinew") if row["knobs"].startswith(f"{n} functions"))
+                        for n in (6, 32))
+        self.assertLess(fine, coarse)
+        self.assertLess(fine, 0.5)
+
+    def test_what_is_let_go_swings_at_about_the_frequency_of_the_reference(self):
+        self.assertGreater(self.study["scenes"][1]["reference"]["frequency_hz"], 1)
+        for row in self.rows(1, "sinew"):
+            if row["knobs"].startswith("32 functions"):
+                self.assertAlmostEqual(row["frequency_ratio"], 1, delta=0.15)
+
+    def test_every_method_was_tried(self):
+        for scene in range(2):
+            for method in ("sinew", "report", "xpbd", "stiffness warping"):
+                self.assertTrue(any("path" in row for row in self.rows(scene, method)), method)
+
+    def test_fronts_are_marked(self):
+        for scene in self.study["scenes"]:
+            rows = [row for row in scene["results"] if "path" in row]
+            for row in rows:
+                beaten = any((other["path"] < row["path"] and other["milliseconds_per_frame"] <= row["milliseconds_per_frame"]) or
+                             (other["path"] <= row["path"] and other["milliseconds_per_frame"] < row["milliseconds_per_frame"])
+                             for other in rows)
+                self.assertEqual(row["front"], not beaten)
+
+    def test_the_page_needs_nothing_else(self):
+        page = self.page.read_text()
+        self.assertFalse(re.search(r"(src|href)\s*=\s*['\"](?!data:)", page))
+        self.assertNotIn("<script", page)
+        self.assertEqual(page.count("data:image/png;base64,"), 2)
+        self.assertEqual(page.count("aria-label='Error over time'"), 2)
+        for word in ("nan", "inf "):
+            self.assertNotIn(word, re.sub(r"base64,[^']*", "", page))
+
+    def test_a_package_is_refused(self):
+        package = pathlib.Path(self.folder.name) / "bar.sinew"
+        self.assertEqual(run("bake", BAR / "l_bar.obj", "-o", package).returncode, 0)
+        page = pathlib.Path(self.folder.name) / "none.html"
+        done = run("study", "error", package, "--html", page)
+        self.assertEqual(done.returncode, 3)
+        self.assertIn("Give the recipe or the source", done.stderr)
+        self.assertFalse(page.exists())
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sinew", required=True)
+    arguments, rest = parser.parse_known_args()
+    SINEW = arguments.sinew
+    unittest.main(argv=[__file__, *rest])

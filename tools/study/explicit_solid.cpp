@@ -1,0 +1,410 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/study/explicit_solid.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/LU>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr std::size_t kLanes = 8;
+using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
+constexpr std::size_t kGrain = 64;
+constexpr int kPowers = 60;
+// What power iteration may have missed, of the highest frequency; what stretched tetrahedra ring higher.
+constexpr double kPowerMargin = 1.05;
+// Of the size: so small that a force is linear.
+constexpr double kLinear = 1e-7;
+
+// Of linear tetrahedra (4 nodes) and quadratic ones (10: corners, then midway along their edges, which are straight at
+// rest): points of quadrature, of equal weight, and the derivatives of the nodes' shape functions there.
+constexpr std::array<std::array<std::size_t, 2>, 6> kEdges = {{{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
+template <std::size_t kNodes>
+struct Element {
+  static constexpr std::size_t kPoints = kNodes == 4 ? 1 : 4;
+  double derivative[kPoints][kNodes][3] = {};
+
+  constexpr Element() {
+    constexpr double kGradient[4][3] = {{-1, -1, -1}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};  // of barycentric coordinates
+    for (std::size_t point = 0; point < kPoints; ++point) {
+      double at[4] = {};  // Keast's rule of degree 2
+      for (std::size_t k = 0; k < 4; ++k) at[k] = k == point ? 0.58541019662496845 : 0.13819660112501052;
+      for (int k = 0; k < 3; ++k) {
+        for (std::size_t n = 0; n < 4; ++n)
+          derivative[point][n][k] = (kNodes == 4 ? 1 : 4 * at[n] - 1) * kGradient[n][k];
+        for (std::size_t n = 4; n < kNodes; ++n) {
+          const std::size_t i = kEdges[n - 4][0], j = kEdges[n - 4][1];
+          derivative[point][n][k] = 4 * (at[i] * kGradient[j][k] + at[j] * kGradient[i][k]);
+        }
+      }
+    }
+  }
+};
+
+// Eight tetrahedra. Those that fill up the last block have no volume.
+template <std::size_t kNodes>
+struct alignas(64) Block {
+  Lanes inverse[9];                         // of the edges at rest, rows by edge
+  Lanes volume, mu, lambda;                 // of a point, m³; Pa
+  Lanes turn[Element<kNodes>::kPoints][4];  // rotation as a quaternion w, x, y, z
+  std::uint32_t node[kNodes][kLanes];
+};
+
+// Forces of the nodes of a block, x, y, z each. Aligned for the widest instructions that a clone may have.
+template <std::size_t kNodes>
+struct alignas(64) Forces {
+  Lanes of[kNodes][3];
+};
+
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
+#define SINEW_FOR_PROCESSORS __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define SINEW_FOR_PROCESSORS
+#endif
+
+[[gnu::always_inline]] inline void rotationOf(const Lanes (&q)[4], Lanes (&r)[9]) {
+  const Lanes &w = q[0], &x = q[1], &y = q[2], &z = q[3];
+  r[0] = 1 - 2 * (y * y + z * z), r[1] = 2 * (x * y - w * z), r[2] = 2 * (x * z + w * y);
+  r[3] = 2 * (x * y + w * z), r[4] = 1 - 2 * (x * x + z * z), r[5] = 2 * (y * z - w * x);
+  r[6] = 2 * (x * z - w * y), r[7] = 2 * (y * z + w * x), r[8] = 1 - 2 * (x * x + y * y);
+}
+
+// One step of Newton's method for the rotation R that makes S = RᵀF symmetric: (tr S - S) w = axial(RᵀF - FᵀR).
+[[gnu::always_inline]] inline void follow(const Lanes (&f)[9], Lanes (&q)[4]) {
+  Lanes r[9];
+  rotationOf(q, r);
+  Lanes a[9];
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) a[3 * i + j] = r[i] * f[j] + r[3 + i] * f[3 + j] + r[6 + i] * f[6 + j];
+  }
+  const Lanes ax = a[7] - a[5], ay = a[2] - a[6], az = a[3] - a[1];
+  const Lanes g00 = a[4] + a[8], g11 = a[0] + a[8], g22 = a[0] + a[4];
+  const Lanes g01 = -0.5 * (a[1] + a[3]), g02 = -0.5 * (a[2] + a[6]), g12 = -0.5 * (a[5] + a[7]);
+  const Lanes c00 = g11 * g22 - g12 * g12, c01 = g02 * g12 - g01 * g22, c02 = g01 * g12 - g02 * g11;
+  const Lanes c11 = g00 * g22 - g02 * g02, c12 = g01 * g02 - g00 * g12, c22 = g00 * g11 - g01 * g01;
+  const Lanes determinant = g00 * c00 + g01 * c01 + g02 * c02;
+  const Lanes least = Lanes{} + 1e-3;
+  const Lanes half = 0.5 / (determinant > least ? determinant : least);
+  const Lanes x = half * (c00 * ax + c01 * ay + c02 * az), y = half * (c01 * ax + c11 * ay + c12 * az),
+              z = half * (c02 * ax + c12 * ay + c22 * az);
+  const Lanes qw = q[0], qx = q[1], qy = q[2], qz = q[3];
+  Lanes n[4] = {qw - qx * x - qy * y - qz * z, qx + qw * x + qy * z - qz * y, qy + qw * y + qz * x - qx * z,
+                qz + qw * z + qx * y - qy * x};
+  for (int i = 0; i < 2; ++i) {
+    const Lanes scale = 1.5 - 0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]);
+    for (Lanes& c : n) c *= scale;
+  }
+  for (int i = 0; i < 4; ++i) q[i] = n[i];
+}
+
+// Of `count` blocks. \param x by node: x, y, z.
+template <std::size_t kNodes>
+[[gnu::always_inline]] inline void forcesOf(Block<kNodes>* blocks, std::size_t count, ElasticLaw law, const double* x,
+                                            Forces<kNodes>* out) {
+  static constexpr Element<kNodes> kElement;
+  for (std::size_t b = 0; b < count; ++b) {
+    Block<kNodes>& block = blocks[b];
+    Lanes node[kNodes][3] = {};
+    for (std::size_t k = 0; k < kNodes; ++k) {
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const double* at = x + 3 * std::size_t(block.node[k][lane]);
+        node[k][0][lane] = at[0], node[k][1][lane] = at[1], node[k][2][lane] = at[2];
+      }
+    }
+    Lanes force[kNodes][3] = {};
+    for (std::size_t point = 0; point < Element<kNodes>::kPoints; ++point) {
+      const auto& derivative = kElement.derivative[point];
+      Lanes f[9];
+      for (int row = 0; row < 3; ++row) {
+        Lanes d[3] = {};
+        for (std::size_t n = 0; n < kNodes; ++n) {
+          for (int k = 0; k < 3; ++k) d[k] += node[n][row] * derivative[n][k];
+        }
+        for (int c = 0; c < 3; ++c) {
+          f[3 * row + c] = d[0] * block.inverse[c] + d[1] * block.inverse[3 + c] + d[2] * block.inverse[6 + c];
+        }
+      }
+      Lanes p[9];
+      if (law == ElasticLaw::corotated) {
+        follow(f, block.turn[point]);
+        Lanes r[9];
+        rotationOf(block.turn[point], r);
+        Lanes trace = Lanes{} - 3;
+        for (int i = 0; i < 9; ++i) trace += r[i] * f[i];
+        for (int i = 0; i < 9; ++i) p[i] = 2 * block.mu * (f[i] - r[i]) + block.lambda * trace * r[i];
+      } else {
+        const Lanes c[9] = {f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6],
+                            f[2] * f[7] - f[1] * f[8], f[0] * f[8] - f[2] * f[6], f[1] * f[6] - f[0] * f[7],
+                            f[1] * f[5] - f[2] * f[4], f[2] * f[3] - f[0] * f[5], f[0] * f[4] - f[1] * f[3]};
+        const Lanes j = f[0] * c[0] + f[1] * c[1] + f[2] * c[2];
+        // mu/2 (tr FᵀF - 3) - mu (J - 1) + (lambda + mu)/2 (J - 1)²
+        const Lanes pressure = (block.lambda + block.mu) * (j - 1) - block.mu;
+        for (int i = 0; i < 9; ++i) p[i] = block.mu * f[i] + pressure * c[i];
+      }
+      for (int row = 0; row < 3; ++row) {
+        for (int k = 0; k < 3; ++k) {
+          const Lanes h =
+              -block.volume * (p[3 * row] * block.inverse[3 * k] + p[3 * row + 1] * block.inverse[3 * k + 1] +
+                               p[3 * row + 2] * block.inverse[3 * k + 2]);
+          for (std::size_t n = 0; n < kNodes; ++n) force[n][row] += h * derivative[n][k];
+        }
+      }
+    }
+    for (std::size_t n = 0; n < kNodes; ++n) {
+      for (int row = 0; row < 3; ++row) out[b].of[n][row] = force[n][row];
+    }
+  }
+}
+SINEW_FOR_PROCESSORS void forcesOfAll(Block<4>* blocks, std::size_t count, ElasticLaw law, const double* x,
+                                      Forces<4>* out) {
+  forcesOf<4>(blocks, count, law, x, out);
+}
+SINEW_FOR_PROCESSORS void forcesOfAll(Block<10>* blocks, std::size_t count, ElasticLaw law, const double* x,
+                                      Forces<10>* out) {
+  forcesOf<10>(blocks, count, law, x, out);
+}
+
+// A body's nodes: its vertices, and of quadratic tetrahedra one midway along each edge.
+template <std::size_t kNodes>
+struct Nodes {
+  std::vector<Vector3d> rest;
+  std::vector<double> masses;
+  std::vector<std::int32_t> region;
+  std::vector<std::array<std::uint32_t, kNodes>> tetrahedra;
+  std::vector<std::optional<std::array<std::pair<std::uint32_t, double>, kNodes>>> probes;
+
+  explicit Nodes(const MotionBody& body) : rest(body.rest), masses(body.masses), region(body.region) {
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
+    for (const auto& t : body.tetrahedra) {
+      std::array<std::uint32_t, kNodes> nodes{};
+      std::copy(t.begin(), t.end(), nodes.begin());
+      for (std::size_t n = 4; n < kNodes; ++n) {
+        const std::uint32_t a = t[kEdges[n - 4][0]], b = t[kEdges[n - 4][1]];
+        const auto [at, fresh] = middles.try_emplace(std::minmax(a, b), std::uint32_t(rest.size()));
+        if (fresh) {
+          rest.push_back(0.5 * (body.rest[a] + body.rest[b]));
+          region.push_back(body.region[a] == body.region[b] ? body.region[a] : -1);
+        }
+        nodes[n] = at->second;
+      }
+      tetrahedra.push_back(nodes);
+    }
+    if constexpr (kNodes > 4) lump(body);
+    for (const std::optional<Probe>& probe : body.probes) {
+      probes.emplace_back();
+      if (!probe) continue;
+      auto& points = probes.back().emplace();
+      for (std::size_t k = 0; k < 4; ++k) {
+        const double w = probe->weight[k];
+        points[k] = {probe->vertex[k], kNodes == 4 ? w : w * (2 * w - 1)};
+      }
+      for (std::size_t n = 4; n < kNodes; ++n) {
+        const std::size_t i = kEdges[n - 4][0], j = kEdges[n - 4][1];
+        const auto at = middles.find(std::minmax(probe->vertex[i], probe->vertex[j]));
+        // Of a crumb that was left out, whose corners others have: nothing is known of it.
+        if (at == middles.end()) {
+          probes.back().reset();
+          break;
+        }
+        points[n] = {at->second, 4 * probe->weight[i] * probe->weight[j]};
+      }
+    }
+  }
+
+ private:
+  // In proportion to the diagonal of the consistent mass (Hinton, Rock, Zienkiewicz 1976): a corner 1/36 of the
+  // tetrahedron, a node midway 4/27.
+  void lump(const MotionBody& body) {
+    std::vector<double> volumes(body.rest.size(), 0);
+    std::vector<double> volume;
+    for (const auto& t : body.tetrahedra) {
+      Matrix3d edges;
+      for (int k = 0; k < 3; ++k) edges.col(k) = body.rest[t[std::size_t(k) + 1]] - body.rest[t[0]];
+      volume.push_back(edges.determinant() / 6);
+      for (const std::uint32_t v : t) volumes[v] += volume.back() / 4;
+    }
+    masses.assign(rest.size(), 0);
+    double before = 0, after = 0;
+    for (std::size_t t = 0; t < tetrahedra.size(); ++t) {
+      double density = 0;
+      for (const std::uint32_t v : body.tetrahedra[t]) density += body.masses[v] / volumes[v] / 4;
+      for (std::size_t n = 0; n < kNodes; ++n) {
+        masses[tetrahedra[t][n]] += density * volume[t] * (n < 4 ? 1.0 / 36 : 4.0 / 27);
+      }
+    }
+    for (const double m : body.masses) before += m;
+    for (const double m : masses) after += m;
+    for (double& m : masses) m *= before / after;
+  }
+};
+
+template <std::size_t kNodes>
+class Solid {
+ public:
+  Solid(const MotionBody& body, const Nodes<kNodes>& nodes) : count_(nodes.rest.size()) {
+    const std::size_t tetrahedra = body.tetrahedra.size();
+    blocks_.resize((tetrahedra + kLanes - 1) / kLanes);
+    out_.resize(blocks_.size());
+    first_.assign(count_ + 1, 0);
+    for (const auto& t : nodes.tetrahedra) {
+      for (const std::uint32_t v : t) ++first_[v + 1];
+    }
+    for (std::size_t v = 0; v < count_; ++v) first_[v + 1] += first_[v];
+    places_.resize(first_.back());
+    std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
+    for (std::size_t i = 0; i < kLanes * blocks_.size(); ++i) {
+      const std::size_t t = std::min(i, tetrahedra - 1), b = i / kLanes, lane = i % kLanes;
+      Block<kNodes>& block = blocks_[b];
+      const auto& corners = body.tetrahedra[t];
+      Matrix3d edges;
+      for (int k = 0; k < 3; ++k) edges.col(k) = body.rest[corners[std::size_t(k) + 1]] - body.rest[corners[0]];
+      const Matrix3d inverse = edges.inverse();
+      for (int k = 0; k < 9; ++k) block.inverse[k][lane] = inverse(k / 3, k % 3);
+      const ElasticMaterial& m = body.materials[t];
+      block.volume[lane] = i < tetrahedra ? edges.determinant() / 6 / double(Element<kNodes>::kPoints) : 0;
+      block.mu[lane] = 0.5 * m.young / (1 + m.poisson);
+      block.lambda[lane] = m.young * m.poisson / ((1 + m.poisson) * (1 - 2 * m.poisson));
+      for (std::size_t k = 0; k < kNodes; ++k) {
+        block.node[k][lane] = nodes.tetrahedra[t][k];
+        if (i < tetrahedra) {
+          places_[next[block.node[k][lane]]++] = std::uint32_t((3 * (kNodes * b + k)) * kLanes + lane);
+        }
+      }
+    }
+    startOver();
+  }
+
+  void startOver() {
+    for (Block<kNodes>& block : blocks_) {
+      for (auto& turn : block.turn) {
+        turn[0] = Lanes{} + 1;
+        for (int k = 1; k < 4; ++k) turn[k] = Lanes{};
+      }
+    }
+  }
+
+  // \param each called with a node and its elastic force, N.
+  template <class Each>
+  void forces(const std::vector<double>& x, ElasticLaw law, const Each& each) {
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks_.size(), kGrain), [&](const auto& range) {
+      forcesOfAll(&blocks_[range.begin()], range.size(), law, x.data(), &out_[range.begin()]);
+    });
+    const auto* values = reinterpret_cast<const double*>(out_.data());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count_, 16 * kGrain), [&](const auto& range) {
+      for (std::size_t v = range.begin(); v < range.end(); ++v) {
+        Vector3d force = Vector3d::Zero();
+        for (std::size_t i = first_[v]; i < first_[v + 1]; ++i) {
+          const double* at = values + places_[i];
+          force += Vector3d(at[0], at[kLanes], at[2 * kLanes]);
+        }
+        each(v, force);
+      }
+    });
+  }
+
+ private:
+  std::size_t count_;
+  std::vector<Block<kNodes>> blocks_;
+  std::vector<Forces<kNodes>> out_;
+  std::vector<std::size_t> first_;     // of each vertex in places_
+  std::vector<std::uint32_t> places_;  // where its forces lie in out_
+};
+
+template <std::size_t kNodes>
+double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes) {
+  const std::size_t count = nodes.rest.size();
+  double size = 0;
+  for (const Vector3d& x : nodes.rest) size = std::max(size, (x - nodes.rest.front()).norm());
+  std::vector<Vector3d> mode(count);
+  for (std::size_t v = 0; v < count; ++v) {
+    mode[v] = Vector3d(std::sin(1.0 * double(v)), std::sin(2.3 * double(v)), std::cos(3.1 * double(v)));
+  }
+  double omega2 = 0;
+  std::vector<double> x(3 * count);
+  for (int i = 0; i < kPowers; ++i) {
+    double square = 0;
+    for (std::size_t v = 0; v < count; ++v) {
+      if (nodes.region[v] >= 0) mode[v].setZero();
+      square += mode[v].squaredNorm();
+    }
+    const double scale = kLinear * size / std::sqrt(square);
+    for (std::size_t v = 0; v < count; ++v) {
+      Eigen::Map<Vector3d> place(&x[3 * v]);
+      place = nodes.rest[v] + scale * mode[v];
+    }
+    solid.startOver();
+    solid.forces(x, ElasticLaw::corotated,
+                 [&](std::size_t v, const Vector3d& force) { mode[v] = -force / (scale * nodes.masses[v]); });
+    double after = 0;
+    for (std::size_t v = 0; v < count; ++v) after += nodes.region[v] >= 0 ? 0 : mode[v].squaredNorm();
+    omega2 = std::sqrt(after / square);
+    for (Vector3d& part : mode) part /= std::sqrt(after);
+  }
+  solid.startOver();
+  return 2 / (kPowerMargin * std::sqrt(omega2));
+}
+
+template <std::size_t kNodes>
+ExplicitRun play(const MotionBody& body, const MotionScene& scene, ElasticLaw law, double share, double most_work,
+                 const std::function<void(double)>& progress) {
+  ExplicitRun run;
+  run.tetrahedra = std::uint32_t(body.tetrahedra.size());
+  const Nodes<kNodes> nodes(body);
+  Solid<kNodes> solid(body, nodes);
+  const auto steps = std::uint32_t(std::ceil(kFrameSeconds / (share * longestStep(solid, nodes))));
+  const double h = run.step_seconds = kFrameSeconds / steps;
+  const int frames = int(std::lround(scene.seconds / kFrameSeconds));
+  run.work = double(run.tetrahedra) * double(Element<kNodes>::kPoints) * steps * frames;
+  if (run.work > most_work) return run;
+  std::vector<double> x, v(3 * nodes.rest.size(), 0);
+  for (const Vector3d& p : nodes.rest) x.insert(x.end(), p.data(), p.data() + 3);
+  for (int frame = 0; frame < frames && run.motion.finite; ++frame) {
+    for (std::uint32_t i = 0; i < steps; ++i) {
+      const double now = frame * kFrameSeconds + i * h;
+      const Vector3d gravity = scene.gravityAt(now);
+      const double decay = std::exp(-scene.dampingAt(now) * h), part = scene.part(now + h);
+      solid.forces(x, law, [&](std::size_t node, const Vector3d& force) {
+        Eigen::Map<Vector3d> position(&x[3 * node]), velocity(&v[3 * node]);
+        if (nodes.region[node] >= 0) {
+          position = scene.regions[std::size_t(nodes.region[node])].at(nodes.rest[node], part);
+          return;
+        }
+        velocity = decay * (velocity + h * (force / nodes.masses[node] + gravity));
+        position += h * velocity;
+      });
+    }
+    run.motion.finite = std::all_of(x.begin(), x.end(), [](double c) { return std::isfinite(c); });
+    if (!run.motion.finite) break;
+    std::vector<Eigen::Vector3f> points;
+    for (std::size_t i = 0; i < nodes.probes.size(); ++i) {
+      Vector3d at = body.surface[i];
+      if (nodes.probes[i]) {
+        at.setZero();
+        for (const auto& [node, weight] : *nodes.probes[i]) at += weight * Eigen::Map<const Vector3d>(&x[3 * node]);
+      }
+      points.push_back(at.cast<float>());
+    }
+    run.motion.frames.push_back(std::move(points));
+    progress(double(frame + 1) / frames);
+  }
+  return run;
+}
+
+}  // namespace
+
+ExplicitRun playSolid(const MotionBody& body, const MotionScene& scene, const ExplicitOptions& options,
+                      const std::function<void(double)>& progress) {
+  return options.quadratic ? play<10>(body, scene, options.law, options.step_share, options.most_work, progress)
+                           : play<4>(body, scene, options.law, options.step_share, options.most_work, progress);
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/study/motion.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <numeric>
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+
+// Of what a scene holds swinging; of what moves it and of what is let go.
+constexpr double kDamping = 1;
+constexpr double kDampingToRest = 8, kDampingReleased = 0.5;
+
+Vector3d point(const std::array<float, 3>& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
+
+ElasticSolid solidOf(const MotionBody& body) {
+  ElasticSolid solid;
+  solid.rest = body.rest;
+  solid.tetrahedra = body.tetrahedra;
+  solid.prescribed.resize(body.rest.size());
+  return solid;
+}
+
+}  // namespace
+
+Vector3d MotionScene::gravityAt(double time) const {
+  return release && time >= kReleaseSeconds ? Vector3d(Vector3d::Zero()) : gravity;
+}
+
+double MotionScene::dampingAt(double time) const {
+  if (!release) return kDamping;
+  return time >= kReleaseSeconds ? kDampingReleased : kDampingToRest;
+}
+
+std::string_view nameOf(const MotionScene& scene) { return scene.release ? "release" : nameOf(scene.hold); }
+
+MotionBody motionBody(const formats::PackageView& package, const MotionScene& scene,
+                      const std::vector<ElasticMaterial>& materials, const std::optional<SolidExtent>& extent) {
+  const PackageSolid solid = packageSolid(package);
+  const HeldCase held = heldCase(solid, package, scene.hold, extent ? *extent : extentOf(solid));
+  MotionBody body;
+  std::vector<std::int32_t> region(solid.rest.size(), -1), number(solid.rest.size(), -1);
+  std::vector<std::uint8_t> piece_held(solid.pieces, 0);
+  for (std::size_t i = 0; i < held.regions.size(); ++i) {
+    for (const std::uint32_t v : held.regions[i].vertices) {
+      region[v] = std::int32_t(i);
+      if (solid.kept[v] != 0) piece_held[solid.piece[v]] = 1;
+    }
+  }
+  for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
+    if (solid.kept[v] == 0 || piece_held[solid.piece[v]] == 0) continue;
+    number[v] = std::int32_t(body.rest.size());
+    body.rest.push_back(solid.rest[v]);
+    body.masses.push_back(solid.masses[v]);
+    body.region.push_back(region[v]);
+  }
+  for (const auto& t : solid.tetrahedra) {
+    if (number[t[0]] < 0) continue;
+    std::array<std::uint32_t, 4> own{};
+    for (std::size_t k = 0; k < 4; ++k) own[k] = std::uint32_t(number[t[k]]);
+    body.tetrahedra.push_back(own);
+    const std::uint32_t piece = solid.piece[t[0]];
+    body.materials.push_back(materials[std::min<std::size_t>(piece, materials.size() - 1)]);
+  }
+  for (const auto& a : package.barycentric()) {
+    const auto& corners = package.tetrahedra()[a.tetrahedron].vertex;
+    Probe probe;
+    probe.weight = {double(a.weight[0]), double(a.weight[1]), double(a.weight[2]), 0};
+    probe.weight[3] = 1 - probe.weight[0] - probe.weight[1] - probe.weight[2];
+    bool whole = true;
+    for (std::size_t k = 0; k < 4; ++k) {
+      whole = whole && number[corners[k]] >= 0;
+      probe.vertex[k] = whole ? std::uint32_t(number[corners[k]]) : 0;
+    }
+    body.probes.push_back(whole ? std::optional(probe) : std::nullopt);
+  }
+  for (const auto& x : package.visualPositions()) body.surface.push_back(point(x));
+  body.areas.assign(body.surface.size(), 0);
+  for (const auto& c : package.visualTriangles()) {
+    const double area =
+        0.5 * (body.surface[c[1]] - body.surface[c[0]]).cross(body.surface[c[2]] - body.surface[c[0]]).norm();
+    for (const std::uint32_t v : c) body.areas[v] += area / 3;
+  }
+  return body;
+}
+
+MotionBody refined(const MotionBody& body) {
+  const ElasticSolid coarse = solidOf(body);
+  // What a vertex midway is: held where both ends are, by the same region; of the density between theirs.
+  std::vector<double> volumes = nodalVolumes(coarse);
+  std::vector<Vector3d> midway;
+  for (std::size_t v = 0; v < body.rest.size(); ++v) {
+    midway.emplace_back(body.region[v] >= 0 ? 1 : 0, body.region[v], body.masses[v] / volumes[v]);
+  }
+  const ElasticSolid fine = refined(coarse, &midway);
+  MotionBody result;
+  result.rest = fine.rest;
+  result.tetrahedra = fine.tetrahedra;
+  result.surface = body.surface;
+  result.areas = body.areas;
+  for (const ElasticMaterial& m : body.materials) result.materials.insert(result.materials.end(), 8, m);
+  volumes = nodalVolumes(fine);
+  for (std::size_t v = 0; v < fine.rest.size(); ++v) {
+    const bool held = midway[v][0] == 1 && midway[v][1] == std::round(midway[v][1]);
+    result.region.push_back(held ? std::int32_t(std::lround(midway[v][1])) : -1);
+    result.masses.push_back(midway[v][2] * volumes[v]);
+  }
+  const double factor = std::accumulate(body.masses.begin(), body.masses.end(), 0.0) /
+                        std::accumulate(result.masses.begin(), result.masses.end(), 0.0);
+  for (double& m : result.masses) m *= factor;
+  // A probe lies in one of the eight that have come of its tetrahedron, found by its corners.
+  std::vector<std::array<std::uint32_t, 5>> home;  // corners in order, then the tetrahedron
+  for (std::uint32_t t = 0; t < body.tetrahedra.size(); ++t) {
+    std::array<std::uint32_t, 5> one{};
+    std::copy(body.tetrahedra[t].begin(), body.tetrahedra[t].end(), one.begin());
+    std::sort(one.begin(), one.begin() + 4);
+    one[4] = t;
+    home.push_back(one);
+  }
+  std::sort(home.begin(), home.end());
+  for (const std::optional<Probe>& probe : body.probes) {
+    result.probes.emplace_back();
+    if (!probe) continue;
+    std::array<std::uint32_t, 5> key{};
+    std::copy(probe->vertex.begin(), probe->vertex.end(), key.begin());
+    std::sort(key.begin(), key.begin() + 4);
+    const auto at = std::lower_bound(home.begin(), home.end(), key);
+    if (at == home.end() || !std::equal(key.begin(), key.begin() + 4, at->begin())) continue;
+    Vector3d x = Vector3d::Zero();
+    for (std::size_t k = 0; k < 4; ++k) x += probe->weight[k] * body.rest[probe->vertex[k]];
+    double inside = -1e300;
+    Probe best;
+    for (std::uint32_t child = 8 * (*at)[4]; child < 8 * (*at)[4] + 8; ++child) {
+      const auto& t = fine.tetrahedra[child];
+      Eigen::Matrix3d edges;
+      for (int k = 0; k < 3; ++k) edges.col(k) = fine.rest[t[std::size_t(k) + 1]] - fine.rest[t[0]];
+      const Vector3d w = edges.inverse() * (x - fine.rest[t[0]]);
+      const double least = std::min(w.minCoeff(), 1 - w.sum());
+      if (least <= inside) continue;
+      inside = least;
+      best = {t, {1 - w.sum(), w[0], w[1], w[2]}};
+    }
+    result.probes.back() = best;
+  }
+  return result;
+}
+
+std::vector<Eigen::Vector3f> probed(const MotionBody& body, const std::vector<Vector3d>& positions) {
+  std::vector<Eigen::Vector3f> result;
+  result.reserve(body.probes.size());
+  for (std::size_t i = 0; i < body.probes.size(); ++i) {
+    Vector3d x = body.surface[i];
+    if (const auto& probe = body.probes[i]) {
+      x.setZero();
+      for (std::size_t k = 0; k < 4; ++k) x += probe->weight[k] * positions[probe->vertex[k]];
+    }
+    result.push_back(x.cast<float>());
+  }
+  return result;
+}
+
+}  // namespace sinew::tools
