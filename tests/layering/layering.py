@@ -82,6 +82,7 @@ TOOL_THIRD = {
 TOOL_OWN = {
     # The references that its figures are compared with.
     "bench": ("tests/benchmarks/",),
+    "study": ("tests/benchmarks/",),
 }
 # Each of these sits behind the named files of its part.
 BEHIND = {

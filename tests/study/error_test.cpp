@@ -115,8 +115,9 @@ TEST(StudyError, AQuadraticBeamSagsAndSwingsAsTheorySays) {
   const double length = beam.length(), inertia = std::pow(beam.size[1], 4) / 12;
   const double weight = kDensity * beam.size[1] * beam.size[2];  // of a metre, kg
   const double sag = -weight * beam.scene.gravity[1] * std::pow(length, 4) / (8 * beam.young * inertia);
-  const double hertz =
-      1.875104 * 1.875104 / (2 * std::numbers::pi) * std::sqrt(beam.young * inertia / (weight * std::pow(length, 4)));
+  const double omega = 1.875104 * 1.875104 * std::sqrt(beam.young * inertia / (weight * std::pow(length, 4)));
+  const double decay = 0.5 * beam.scene.dampingAt(0);
+  const double hertz = std::sqrt(omega * omega - decay * decay) / (2 * std::numbers::pi);
   std::vector<double> tip;
   double mean = 0;
   for (const auto& frame : quadratic.motion.frames) tip.push_back(beam.tip(frame));

@@ -30,7 +30,8 @@ constexpr std::array<const char*, kMethodCount> kTold = {
     "finite elements with stiffness warping, implicit Euler, conjugate gradients",
     "Bullet's deformable finite elements, as by default",
     "Bullet's deformable finite elements, implicit",
-    "Bullet's soft body of links, default configuration"};
+    "Bullet's soft body of links, default configuration: they have no modulus, and how stiff they are depends on mesh "
+    "and iterations"};
 
 template <class... Values>
 std::string text(const char* format, Values... values) {
@@ -323,7 +324,9 @@ std::string errorPage(const ErrorStudy& study) {
       budgets(study) + legend(study);
   for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
     const ErrorScene& scene = study.scenes[s];
-    html += "<h2>" + escaped(scene.name) + "</h2>" + crossovers(study, s) + diagram(study, s);
+    html += "<h2>" + escaped(scene.name) + "</h2>" + crossovers(study, s) + diagram(study, s) +
+            "<p><small>Lines join what nothing of the same method beats; marks on the upper edge are further away. "
+            "Settings: under a mark.</small></p>";
     html +=
         "<p>At the reference's largest displacement, the best of each method within " +
         text(
