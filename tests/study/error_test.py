@@ -40,7 +40,9 @@ class Error(unittest.TestCase):
     def test_gravity_moves_the_reference_about_as_asked(self):
         for scene in self.study["scenes"]:
             self.assertTrue(scene["reference"]["quadratic"])
-            self.assertGreater(scene["reference"]["rms_displacement"], 0.02)
+            # 2 % of the diagonal at rest; a swing about that, or one that dies away.
+            self.assertGreater(scene["reference"]["rms_displacement"], 0.01)
+            self.assertLess(scene["reference"]["rms_displacement"], 0.05)
             self.assertLess(scene["reference"]["change_shorter_steps"], 0.01)
 
     def test_more_functions_come_nearer(self):
