@@ -34,7 +34,6 @@ struct SinewPlay {
 };
 
 /// The package in a World, with the scene's one damping in place of the world's.
-/// \param body of the same package: which vertices are compared
 Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& scene, const SinewPlay& play);
 
 }  // namespace sinew::tools
