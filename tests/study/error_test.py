@@ -80,13 +80,27 @@ class Error(unittest.TestCase):
         for word in ("nan", "inf "):
             self.assertNotIn(word, re.sub(r"base64,[^']*", "", page))
 
-    def test_a_package_is_refused(self):
+    def test_a_package_is_played_as_it_is(self):
         package = pathlib.Path(self.folder.name) / "bar.sinew"
-        self.assertEqual(run("bake", BAR / "l_bar.obj", "-o", package).returncode, 0)
+        self.assertEqual(run("bake", BAR / "l_bar.obj", "-o", package, "--set", "tetrahedra.vertices=300").returncode, 0)
+        done = run("study", "error", package, "--scene", "cantilever", "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = json.loads(done.stdout)["scenes"][0]["results"]
+        self.assertEqual({row["knobs"].split(",")[0] for row in rows if row["method"] == "sinew"}, {"32 functions"})
+        self.assertEqual(len({row["vertices"] for row in rows}), 1)
+        fine = min(row["path"] for row in self.rows(0, "sinew") if row["knobs"].startswith("32 functions"))
+        self.assertAlmostEqual(min(row["path"] for row in rows if row["method"] == "sinew"), fine, delta=1e-3)
+
+    def test_what_cannot_be_compared_is_refused(self):
         page = pathlib.Path(self.folder.name) / "none.html"
+        package = pathlib.Path(self.folder.name) / "clusters.sinew"
+        done = run("bake", BAR / "l_bar.obj", "-o", package, "--set", "attachment.method=clusters")
+        self.assertEqual(done.returncode, 0, done.stderr)
         done = run("study", "error", package, "--html", page)
         self.assertEqual(done.returncode, 3)
-        self.assertIn("Give the recipe or the source", done.stderr)
+        self.assertIn("does not hang on tetrahedra", done.stderr)
+        done = run("study", "error", package, "--set", "field.functions=4", "--html", page)
+        self.assertEqual(done.returncode, 2)
         self.assertFalse(page.exists())
 
 

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 
 #include "tools/author/settings.h"
 #include "tools/cli/files.h"
@@ -229,12 +230,12 @@ void addError(CLI::App& study, int& exit_code) {
       "A body in several scenes, by this runtime and by others, each with many settings: error against fine finite "
       "elements over processor time (minutes)");
   ErrorOptions& options = command->options;
-  verb->add_option("input", command->input, "A source or a recipe")->required();
+  verb->add_option("input", command->input, "A source, a recipe, or a package: that is played as it is")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
       ->type_name("KEY=VALUE");
   verb->add_option("--scene", options.scenes,
                    "Several with commas. hang, lean, cantilever, press, twist, pins: as study assets; release: a "
-                   "cantilever that is let go. Absent: hang,release,press,twist")
+                   "cantilever that is let go. Absent: hang,release,press,twist, and pins where there are any")
       ->delimiter(',')
       ->check(CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "twist", "pins"}));
   verb->add_option("--target", command->target,
@@ -255,16 +256,22 @@ void addError(CLI::App& study, int& exit_code) {
   verb->callback([command, &exit_code] {
     if (!command->page.empty()) requireWritable(command->page, {command->input});
     command->options.target = command->target / 100;
+    std::optional<Recipe> recipe;
+    ErrorInput input{std::filesystem::path(command->input).filename().string(), nullptr, nullptr};
     if (command->input.ends_with(".sinew")) {
-      throw ToolError(ExitCode::bad_input, command->input,
-                      "is a package: other meshes and functions are made of its source",
-                      "Give the recipe or the source that it was baked from.");
+      if (!command->assignments.empty()) {
+        throw ToolError(ExitCode::usage, command->input, "is a package: --set changes nothing in it",
+                        "Give the recipe or the source that it was baked from.");
+      }
+      input.package = loadPackage(command->input);
+    } else {
+      recipe = recipeFor(command->input);
+      applyAssignments(recipe->settings, command->assignments);
+      input.recipe = &*recipe;
     }
-    Recipe recipe = recipeFor(command->input);
-    applyAssignments(recipe.settings, command->assignments);
     Progress progress(!command->json);
     progress.stage("error");
-    const ErrorStudy result = measureError(recipe, command->options, [&](double part) { progress.fraction(part); });
+    const ErrorStudy result = measureError(input, command->options, [&](double part) { progress.fraction(part); });
     if (!command->page.empty()) {
       const HeadlessContext context;
       writeFileAtomically(command->page, errorPage(result));

@@ -32,6 +32,23 @@ struct Mesh {
   std::string name;
 };
 
+// A method as it is set.
+struct Play {
+  Method method;
+  std::shared_ptr<const Asset> asset;
+  std::string knobs;
+  std::function<Motion(const MotionBody&, const MotionScene&)> play;
+};
+
+// What is played, in every scene.
+struct Plan {
+  std::shared_ptr<const Asset> own;
+  PackageSolid solid;
+  std::vector<ElasticMaterial> materials;
+  std::vector<Mesh> meshes;  // of the peers
+  std::vector<Play> plays;
+};
+
 std::shared_ptr<const Asset> bakeWith(Recipe recipe, const std::vector<std::pair<std::string, std::string>>& settings) {
   for (const auto& [key, value] : settings) recipe.settings.set(key, value);
   Progress progress(false);
@@ -41,11 +58,19 @@ std::shared_ptr<const Asset> bakeWith(Recipe recipe, const std::vector<std::pair
     throw ToolError(ExitCode::system, recipe.source.string(), "the baked package does not load: " + asset.reason(),
                     "This is a fault of sinew: please report it with the file.");
   }
-  if (asset->get()->package().barycentric().empty()) {
-    throw ToolError(ExitCode::bad_input, recipe.source.string(), "its surface hangs on clusters, not on tetrahedra",
-                    "Set attachment.method to barycentric.");
-  }
   return *asset;
+}
+
+// What can be compared with finite elements.
+void requireTetrahedra(const Asset& asset, const std::string& name) {
+  if (asset.package().tetrahedra().empty() || asset.package().barycentric().empty()) {
+    throw ToolError(ExitCode::bad_input, name, "its surface does not hang on tetrahedra",
+                    "Bake it with attachment.method=barycentric.");
+  }
+  if (asset.package().fields().empty()) {
+    throw ToolError(ExitCode::bad_input, name, "it has no fields to move in",
+                    "Bake it again without field.functions=0.");
+  }
 }
 
 MotionScene sceneOf(std::string_view name) {
@@ -269,201 +294,220 @@ void markFronts(ErrorStudy& study) {
 
 std::string counted(std::uint32_t n, const char* what) { return std::to_string(n) + " " + what + (n == 1 ? "" : "s"); }
 
+// Methods of others, and of the report.
+void addPeers(const Recipe* recipe, Plan& plan) {
+  const auto add = [&](Method method, const Mesh& mesh, const std::string& knobs, auto play) {
+    plan.plays.push_back({method, mesh.asset, mesh.name + ", " + knobs, play});
+  };
+  for (const Mesh& mesh : plan.meshes) {
+    for (const std::uint32_t substeps : {5U, 10U, 20U, 40U}) {
+      add(Method::xpbd, mesh, counted(substeps, "step"),
+          [substeps](const MotionBody& body, const MotionScene& scene) { return playXpbd(body, scene, substeps); });
+    }
+    for (const auto& [substeps, iterations] : {std::pair{1U, 8U}, {1U, 40U}, {4U, 8U}, {4U, 40U}}) {
+      add(Method::warping, mesh, counted(substeps, "step") + ", " + counted(iterations, "iteration"),
+          [substeps = substeps, iterations = iterations](const MotionBody& body, const MotionScene& scene) {
+            return playStiffnessWarping(body, scene, substeps, iterations);
+          });
+    }
+#if SINEW_WITH_BULLET
+    const auto bullet = [&](Method method, BulletKind kind, std::uint32_t substeps, std::uint32_t iterations,
+                            const std::string& knobs) {
+      add(method, mesh, knobs, [=](const MotionBody& body, const MotionScene& scene) {
+        return playBullet(body, scene, kind, substeps, iterations);
+      });
+    };
+    for (const std::uint32_t n : {1U, 4U, 16U})
+      bullet(Method::bullet, BulletKind::finite_elements, n, 0, counted(n, "step"));
+    for (const std::uint32_t n : {1U, 4U}) {
+      bullet(Method::bullet_implicit, BulletKind::implicit_finite_elements, n, 0, counted(n, "step"));
+    }
+    for (const std::uint32_t n : {1U, 4U, 16U})
+      bullet(Method::bullet_links, BulletKind::links, 1, n, counted(n, "iteration"));
+#endif
+  }
+  std::vector<Mesh> clustered;
+  const auto addClusters = [&](const std::shared_ptr<const Asset>& asset) {
+    clustered.push_back({asset, counted(std::uint32_t(asset->package().clusters().size()), "cluster")});
+  };
+  if (recipe == nullptr) addClusters(plan.own);
+  for (const std::string boxes : {"1,1,1", "2,2,2", "4,4,4"}) {
+    if (recipe != nullptr) addClusters(bakeWith(*recipe, {{"clusters.grid", boxes}, {"field.functions", "4"}}));
+  }
+  for (const Mesh& mesh : clustered) {
+    for (const std::uint32_t iterations : {1U, 4U}) {
+      add(Method::report, mesh, counted(iterations, "iteration"),
+          [asset = mesh.asset, iterations](const MotionBody&, const MotionScene& scene) {
+            return playSinew(asset, scene, {&reportSolver(), iterations, 1});
+          });
+    }
+  }
+}
+
+// Of a recipe, bakes of several numbers of functions and vertices; of a package itself alone.
+Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<std::string>& notes,
+            const std::function<void(double)>& progress) {
+  Plan plan;
+  plan.own = input.recipe != nullptr ? bakeWith(*input.recipe, {}) : input.package;
+  requireTetrahedra(*plan.own, input.name);
+  plan.solid = packageSolid(plan.own->package());
+  for (const PieceMaterial& m : materialsOf(plan.own->package())) plan.materials.push_back(m.material);
+  const auto addOwn = [&](const std::shared_ptr<const Asset>& asset, const std::string& name) {
+    for (const auto& [iterations, substeps] : {std::pair{1U, 1U}, {4U, 1U}, {4U, 4U}}) {
+      plan.plays.push_back(
+          {Method::sinew, asset, name + ", " + counted(iterations, "iteration") + ", " + counted(substeps, "step"),
+           [asset, iterations = iterations, substeps = substeps](const MotionBody&, const MotionScene& scene) {
+             return playSinew(asset, scene, {nullptr, iterations, substeps});
+           }});
+    }
+  };
+  if (input.recipe == nullptr) {
+    std::uint32_t functions = 0;
+    for (const auto& field : plan.own->package().fields())
+      functions = std::max(functions, std::uint32_t(field.function_count));
+    addOwn(plan.own, counted(functions, "function"));
+  } else {
+    for (std::size_t i = 0; i < options.functions.size(); ++i) {
+      const std::uint32_t functions = options.functions[i];
+      addOwn(functions == input.recipe->settings.field.functions
+                 ? plan.own
+                 : bakeWith(*input.recipe, {{"field.functions", std::to_string(functions)}}),
+             counted(functions, "function"));
+      progress(double(i + 1) / double(options.functions.size()));
+    }
+  }
+  if (!options.peers) return plan;
+  const auto own_vertices = std::uint32_t(plan.solid.rest.size());
+  for (const std::uint32_t vertices : options.vertices) {
+    if (input.recipe == nullptr || vertices >= own_vertices) continue;
+    try {
+      const auto asset =
+          bakeWith(*input.recipe, {{"tetrahedra.vertices", std::to_string(vertices)}, {"field.functions", "4"}});
+      if (asset->package().visualPositions().size() != plan.own->package().visualPositions().size()) continue;
+      requireTetrahedra(*asset, input.name);
+      plan.meshes.push_back({asset, std::to_string(asset->package().physicalVertices().size()) + " vertices"});
+    } catch (const ToolError& error) {
+      notes.push_back("no mesh of " + std::to_string(vertices) + " vertices: " + error.what());
+    }
+  }
+  plan.meshes.push_back({plan.own, std::to_string(own_vertices) + " vertices"});
+  addPeers(input.recipe, plan);
+#if !SINEW_WITH_BULLET
+  notes.emplace_back("no Bullet: this build has none (Debian: libbullet-dev)");
+#endif
+  return plan;
+}
+
+// One scene: its reference, then all that is planned.
+void measureScene(const std::string& name, const Plan& plan, const ErrorOptions& options, ErrorStudy& study,
+                  const std::function<void(double)>& progress) {
+  const formats::PackageView& package = plan.own->package();
+  MotionScene scene = sceneOf(name);
+  const HeldCase held = heldCase(plan.solid, package, scene.hold);
+  scene.regions = held.regions;
+  const MotionBody body = motionBody(package, scene, plan.materials, {});
+  if (body.rest.empty()) {
+    study.notes.push_back(name + ": nothing is held");
+    return;
+  }
+  ErrorScene result;
+  result.name = name;
+  result.seconds = scene.seconds;
+  if (held.gravity.norm() > 0) {
+    const ReferenceShape rest = referenceShape(plan.solid, plan.materials, held, 0, options.target * study.diagonal);
+    scene.gravity = rest.gravity;
+    result.gravity = rest.gravity.norm();
+  }
+  std::vector<std::uint8_t> counts(body.surface.size(), 0);
+  for (std::size_t v = 0; v < counts.size(); ++v) {
+    if (!body.probes[v]) continue;
+    for (const std::uint32_t corner : body.probes[v]->vertex)
+      counts[v] = std::uint8_t(counts[v] | (body.region[corner] < 0 ? 1 : 0));
+  }
+  std::map<const Asset*, MotionBody> bodies;
+  for (const Mesh& mesh : plan.meshes) {
+    const MotionBody& other =
+        bodies
+            .emplace(mesh.asset.get(), mesh.asset == plan.own ? body
+                                                              : motionBody(mesh.asset->package(), scene, plan.materials,
+                                                                           extentOf(plan.solid)))
+            .first->second;
+    for (std::size_t v = 0; v < counts.size(); ++v) {
+      if (!other.probes[v]) counts[v] = 0;
+    }
+  }
+  // The reference: quadratic elements on the recipe's own tetrahedra.
+  const auto begin = std::chrono::steady_clock::now();
+  const auto nothing = [](double) {};
+  // Cheap linear tetrahedra show what is not the elements' matter: the length of steps, the law.
+  const ExplicitRun linear = playSolid(body, scene, {.quadratic = false}, nothing);
+  const ExplicitRun longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
+  const ExplicitRun other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
+  progress(0.1);
+  ExplicitRun reference = playSolid(options.refine ? refined(body) : body, scene, {.most_work = options.reference_work},
+                                    [&](double of) { progress(0.1 + 0.4 * of); });
+  const bool affordable = reference.work <= options.reference_work;
+  if (!affordable) reference = linear;
+  if (!reference.motion.finite) {
+    study.notes.push_back(name + ": the reference is lost");
+    return;
+  }
+  const Judge judge(scene, body, counts, reference.motion, package, study.diagonal);
+  result.compared = judge.compared();
+  result.tetrahedra = reference.tetrahedra;
+  result.step_seconds = reference.step_seconds;
+  result.rms = judge.rms();
+  result.largest = judge.largest();
+  result.frequency = judge.frequency();
+  result.shape = judge.shape();
+  if (affordable) result.linear = judge.apart(reference.motion, linear.motion);
+  result.shorter = judge.apart(linear.motion, longer.motion);
+  result.neo_hookean = judge.apart(linear.motion, other_law.motion);
+  result.reference_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  study.scenes.push_back(std::move(result));
+  progress(0.5);
+  for (std::size_t i = 0; i < plan.plays.size(); ++i) {
+    const Play& play = plan.plays[i];
+    MotionScene timed = scene;
+    timed.slowest_seconds = 1e-3 * options.slowest_ms;
+    const auto at = bodies.find(play.asset.get());
+    const Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
+    ErrorRow row;
+    row.scene = std::uint32_t(study.scenes.size() - 1);
+    row.method = play.method;
+    row.knobs = play.knobs;
+    row.vertices = std::uint32_t(play.asset->package().physicalVertices().size());
+    row.milliseconds = 1e3 * motion.cpu_seconds / std::max<double>(1, double(motion.frames.size()));
+    row.slow = motion.slow;
+    if (!row.slow) judge.judge(motion, row);
+    study.rows.push_back(std::move(row));
+    progress(0.5 + 0.5 * double(i + 1) / double(plan.plays.size()));
+  }
+}
+
 }  // namespace
 
 std::string_view nameOf(Method method) { return kMethods[std::size_t(method)]; }
 
-ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options,
+ErrorStudy measureError(const ErrorInput& input, const ErrorOptions& options,
                         const std::function<void(double)>& progress) {
   ErrorStudy study;
-  study.input = recipe.source.filename().string();
+  study.input = input.name;
+  for (const std::string& name : options.scenes) sceneOf(name);
+  const Plan plan = planOf(input, options, study.notes, [&](double part) { progress(0.1 * part); });
+  study.asset = plan.own;
+  study.diagonal = plan.solid.diagonal;
+  study.vertices = std::uint32_t(plan.solid.rest.size());
+  study.tetrahedra = std::uint32_t(plan.solid.tetrahedra.size());
+  study.material = plan.materials.front();
   std::vector<std::string> names = options.scenes;
-  if (names.empty()) names.assign(kDefaultErrorScenes.begin(), kDefaultErrorScenes.end());
-  for (const std::string& name : names) sceneOf(name);
-
-  const std::shared_ptr<const Asset> own = bakeWith(recipe, {});
-  const formats::PackageView& package = own->package();
-  study.asset = own;
-  const PackageSolid solid = packageSolid(package);
-  const SolidExtent extent = extentOf(solid);
-  study.diagonal = solid.diagonal;
-  study.vertices = std::uint32_t(solid.rest.size());
-  study.tetrahedra = std::uint32_t(solid.tetrahedra.size());
-  std::vector<ElasticMaterial> materials;
-  for (const PieceMaterial& m : materialsOf(package)) materials.push_back(m.material);
-  study.material = materials.front();
-
-  struct Play {
-    std::string knobs;
-    std::shared_ptr<const Asset> asset;
-    Method method;
-    std::function<Motion(const MotionBody&, const MotionScene&)> play;
-  };
-  std::vector<Play> plays;
-  const auto add = [&](Method method, const std::shared_ptr<const Asset>& asset, std::string knobs, auto play) {
-    plays.push_back({std::move(knobs), asset, method, play});
-  };
-  for (const std::uint32_t functions : options.functions) {
-    const auto asset = functions == recipe.settings.field.functions
-                           ? own
-                           : bakeWith(recipe, {{"field.functions", std::to_string(functions)}});
-    const auto sinew = [&](std::uint32_t iterations, std::uint32_t substeps) {
-      add(Method::sinew, asset,
-          counted(functions, "function") + ", " + counted(iterations, "iteration") + ", " + counted(substeps, "step"),
-          [asset, iterations, substeps](const MotionBody&, const MotionScene& scene) {
-            return playSinew(asset, scene, {nullptr, iterations, substeps});
-          });
-    };
-    sinew(1, 1);
-    sinew(4, 1);
-    sinew(4, 4);
-    progress(0.05 * double(plays.size()) / double(3 * options.functions.size()));
+  if (names.empty()) {
+    names.assign(kDefaultErrorScenes.begin(), kDefaultErrorScenes.end());
+    if (!plan.own->package().pinSets().empty()) names.emplace_back(nameOf(HoldScene::pins));
   }
-  std::vector<Mesh> meshes;
-  if (options.peers) {
-    for (const std::uint32_t vertices : options.vertices) {
-      if (vertices >= study.vertices) continue;
-      try {
-        const auto asset =
-            bakeWith(recipe, {{"tetrahedra.vertices", std::to_string(vertices)}, {"field.functions", "4"}});
-        if (asset->package().visualPositions().size() != package.visualPositions().size()) continue;
-        meshes.push_back({asset, counted(std::uint32_t(asset->package().physicalVertices().size()), "vertice")});
-      } catch (const ToolError& error) {
-        study.notes.push_back("no mesh of " + std::to_string(vertices) + " vertices: " + error.what());
-      }
-    }
-    meshes.push_back({own, counted(study.vertices, "vertice")});
-    for (const Mesh& mesh : meshes) {
-      for (const std::uint32_t substeps : {5U, 10U, 20U, 40U}) {
-        add(Method::xpbd, mesh.asset, mesh.name + ", " + counted(substeps, "step"),
-            [substeps](const MotionBody& body, const MotionScene& scene) { return playXpbd(body, scene, substeps); });
-      }
-      for (const auto& [substeps, iterations] : {std::pair{1U, 8U}, {1U, 40U}, {4U, 8U}, {4U, 40U}}) {
-        add(Method::warping, mesh.asset,
-            mesh.name + ", " + counted(substeps, "step") + ", " + counted(iterations, "iteration"),
-            [substeps = substeps, iterations = iterations](const MotionBody& body, const MotionScene& scene) {
-              return playStiffnessWarping(body, scene, substeps, iterations);
-            });
-      }
-#if SINEW_WITH_BULLET
-      for (const std::uint32_t substeps : {1U, 4U, 16U}) {
-        add(Method::bullet, mesh.asset, mesh.name + ", " + counted(substeps, "step"),
-            [substeps](const MotionBody& body, const MotionScene& scene) {
-              return playBullet(body, scene, BulletKind::finite_elements, substeps, 0);
-            });
-      }
-      for (const std::uint32_t substeps : {1U, 4U}) {
-        add(Method::bullet_implicit, mesh.asset, mesh.name + ", " + counted(substeps, "step"),
-            [substeps](const MotionBody& body, const MotionScene& scene) {
-              return playBullet(body, scene, BulletKind::implicit_finite_elements, substeps, 0);
-            });
-      }
-      for (const std::uint32_t iterations : {1U, 4U, 16U}) {
-        add(Method::bullet_links, mesh.asset, mesh.name + ", " + counted(iterations, "iteration"),
-            [iterations](const MotionBody& body, const MotionScene& scene) {
-              return playBullet(body, scene, BulletKind::links, 1, iterations);
-            });
-      }
-#endif
-    }
-    for (const std::string boxes : {"1,1,1", "2,2,2", "4,4,4"}) {
-      const auto asset = bakeWith(recipe, {{"clusters.grid", boxes}, {"field.functions", "4"}});
-      for (const std::uint32_t iterations : {1U, 4U}) {
-        add(Method::report, asset,
-            counted(std::uint32_t(asset->package().clusters().size()), "cluster") + ", " +
-                counted(iterations, "iteration"),
-            [asset, iterations](const MotionBody&, const MotionScene& scene) {
-              return playSinew(asset, scene, {&reportSolver(), iterations, 1});
-            });
-      }
-    }
-  }
-#if !SINEW_WITH_BULLET
-  if (options.peers) study.notes.emplace_back("no Bullet: this build has none (Debian: libbullet-dev)");
-#endif
-
   for (std::size_t s = 0; s < names.size(); ++s) {
-    const auto part = [&](double of) { progress(0.1 + 0.9 * (double(s) + of) / double(names.size())); };
-    MotionScene scene = sceneOf(names[s]);
-    const HeldCase held = heldCase(solid, package, scene.hold);
-    scene.regions = held.regions;
-    const MotionBody body = motionBody(package, scene, materials, {});
-    if (body.rest.empty()) {
-      study.notes.push_back(names[s] + ": nothing is held");
-      continue;
-    }
-    ErrorScene result;
-    result.name = names[s];
-    result.seconds = scene.seconds;
-    if (held.gravity.norm() > 0) {
-      const ReferenceShape rest = referenceShape(solid, materials, held, 0, options.target * study.diagonal);
-      scene.gravity = rest.gravity;
-      result.gravity = rest.gravity.norm();
-    }
-    std::vector<std::uint8_t> counts(body.surface.size(), 0);
-    for (std::size_t v = 0; v < counts.size(); ++v) {
-      if (!body.probes[v]) continue;
-      for (const std::uint32_t corner : body.probes[v]->vertex)
-        counts[v] = std::uint8_t(counts[v] | (body.region[corner] < 0 ? 1 : 0));
-    }
-    std::map<const Asset*, MotionBody> bodies;
-    for (const Mesh& mesh : meshes) {
-      const MotionBody& other =
-          bodies
-              .emplace(mesh.asset.get(),
-                       mesh.asset == own ? body : motionBody(mesh.asset->package(), scene, materials, extent))
-              .first->second;
-      for (std::size_t v = 0; v < counts.size(); ++v) {
-        if (!other.probes[v]) counts[v] = 0;
-      }
-    }
-    // The reference: quadratic elements on the recipe's own tetrahedra.
-    const auto begin = std::chrono::steady_clock::now();
-    const auto nothing = [](double) {};
-    // Cheap linear tetrahedra show what is not the elements' matter: the length of steps, the law.
-    const ExplicitRun linear = playSolid(body, scene, {.quadratic = false}, nothing);
-    const ExplicitRun longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
-    const ExplicitRun other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
-    part(0.1);
-    ExplicitRun reference = playSolid(options.refine ? refined(body) : body, scene,
-                                      {.most_work = options.reference_work}, [&](double of) { part(0.1 + 0.4 * of); });
-    const bool affordable = reference.work <= options.reference_work;
-    if (!affordable) reference = linear;
-    if (!reference.motion.finite) {
-      study.notes.push_back(names[s] + ": the reference is lost");
-      continue;
-    }
-    const Judge judge(scene, body, counts, reference.motion, package, study.diagonal);
-    result.compared = judge.compared();
-    result.tetrahedra = reference.tetrahedra;
-    result.step_seconds = reference.step_seconds;
-    result.rms = judge.rms();
-    result.largest = judge.largest();
-    result.frequency = judge.frequency();
-    result.shape = judge.shape();
-    if (affordable) result.linear = judge.apart(reference.motion, linear.motion);
-    result.shorter = judge.apart(linear.motion, longer.motion);
-    result.neo_hookean = judge.apart(linear.motion, other_law.motion);
-    result.reference_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    study.scenes.push_back(std::move(result));
-    part(0.5);
-    for (std::size_t i = 0; i < plays.size(); ++i) {
-      const Play& play = plays[i];
-      MotionScene timed = scene;
-      timed.slowest_seconds = 1e-3 * options.slowest_ms;
-      const auto at = bodies.find(play.asset.get());
-      const Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
-      ErrorRow row;
-      row.scene = std::uint32_t(study.scenes.size() - 1);
-      row.method = play.method;
-      row.knobs = play.knobs;
-      row.vertices = std::uint32_t(play.asset->package().physicalVertices().size());
-      row.milliseconds = 1e3 * motion.cpu_seconds / std::max<double>(1, double(motion.frames.size()));
-      row.slow = motion.slow;
-      if (!row.slow) judge.judge(motion, row);
-      study.rows.push_back(std::move(row));
-      part(0.5 + 0.5 * double(i + 1) / double(plays.size()));
-    }
+    measureScene(names[s], plan, options, study,
+                 [&](double part) { progress(0.1 + 0.9 * (double(s) + part) / double(names.size())); });
   }
   markFronts(study);
   return study;

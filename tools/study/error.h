@@ -33,8 +33,9 @@ std::string_view nameOf(Method method);
 inline constexpr std::string_view kReleaseScene = "release";
 
 struct ErrorOptions {
-  std::vector<std::string> scenes;  ///< names of HoldScene, or kReleaseScene; empty: kDefaultErrorScenes
-  double target = 0.02;             ///< rms displacement by gravity, of the diagonal, 1e-4..0.5
+  std::vector<std::string>
+      scenes;  ///< names of HoldScene, or kReleaseScene; empty: kDefaultErrorScenes, and pins where there are any
+  double target = 0.02;  ///< rms displacement by gravity, of the diagonal, 1e-4..0.5
   std::vector<std::uint32_t> functions = {8, 16, 32, 64, 128};  ///< field.functions of the bakes
   std::vector<std::uint32_t> vertices = {80, 250};  ///< tetrahedra.vertices of the meshes besides the recipe's
   bool peers = true;                                ///< false: this runtime alone
@@ -95,10 +96,17 @@ struct ErrorStudy {
   std::shared_ptr<const Asset> asset;
 };
 
-/// Bakes the recipe for each number of functions, and for meshes of fewer vertices, and plays all scenes by all
-/// methods. Throws ToolError where the recipe cannot be baked, its surface does not hang on tetrahedra, or a scene is
-/// unknown.
-ErrorStudy measureError(const Recipe& recipe, const ErrorOptions& options, const std::function<void(double)>& progress);
+/// A recipe, of which bakes with other functions and vertices are made, or a package as it is.
+struct ErrorInput {
+  std::string name;
+  const Recipe* recipe = nullptr;
+  std::shared_ptr<const Asset> package;  ///< where there is no recipe
+};
+
+/// Plays all scenes by all methods. Throws ToolError where the recipe cannot be baked, its surface does not hang on
+/// tetrahedra, it has no fields, or a scene is unknown.
+ErrorStudy measureError(const ErrorInput& input, const ErrorOptions& options,
+                        const std::function<void(double)>& progress);
 
 /// The row of least path error within a time, of a scene and a method (of any: nothing). Null where there is none.
 const ErrorRow* bestWithin(const ErrorStudy& study, std::uint32_t scene, std::optional<Method> method,
