@@ -4,6 +4,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 #include <map>
@@ -16,14 +17,15 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kLanes = 8;
-using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
-constexpr std::size_t kGrain = 64;
+// Floats: of displacements and of what differs from no rotation, so that small strains are exact.
+constexpr std::size_t kLanes = 16;
+using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+constexpr std::size_t kGrain = 16;
 constexpr int kPowers = 60;
 // What power iteration may have missed, of the highest frequency; what stretched tetrahedra ring higher.
 constexpr double kPowerMargin = 1.05;
 // Of the size: so small that a force is linear.
-constexpr double kLinear = 1e-7;
+constexpr double kLinear = 1e-4;
 
 // Of linear tetrahedra (4 nodes) and quadratic ones (10: corners, then midway along their edges, which are straight at
 // rest): points of quadrature, of equal weight, and the derivatives of the nodes' shape functions there.
@@ -31,7 +33,7 @@ constexpr std::array<std::array<std::size_t, 2>, 6> kEdges = {{{0, 1}, {0, 2}, {
 template <std::size_t kNodes>
 struct Element {
   static constexpr std::size_t kPoints = kNodes == 4 ? 1 : 4;
-  double derivative[kPoints][kNodes][3] = {};
+  float derivative[kPoints][kNodes][3] = {};
 
   constexpr Element() {
     constexpr double kGradient[4][3] = {{-1, -1, -1}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};  // of barycentric coordinates
@@ -40,17 +42,17 @@ struct Element {
       for (std::size_t k = 0; k < 4; ++k) at[k] = k == point ? 0.58541019662496845 : 0.13819660112501052;
       for (int k = 0; k < 3; ++k) {
         for (std::size_t n = 0; n < 4; ++n)
-          derivative[point][n][k] = (kNodes == 4 ? 1 : 4 * at[n] - 1) * kGradient[n][k];
+          derivative[point][n][k] = float((kNodes == 4 ? 1 : 4 * at[n] - 1) * kGradient[n][k]);
         for (std::size_t n = 4; n < kNodes; ++n) {
           const std::size_t i = kEdges[n - 4][0], j = kEdges[n - 4][1];
-          derivative[point][n][k] = 4 * (at[i] * kGradient[j][k] + at[j] * kGradient[i][k]);
+          derivative[point][n][k] = float(4 * (at[i] * kGradient[j][k] + at[j] * kGradient[i][k]));
         }
       }
     }
   }
 };
 
-// Eight tetrahedra. Those that fill up the last block have no volume.
+// Sixteen tetrahedra. Those that fill up the last block have no volume.
 template <std::size_t kNodes>
 struct alignas(64) Block {
   Lanes inverse[9];                         // of the edges at rest, rows by edge
@@ -71,44 +73,48 @@ struct alignas(64) Forces {
 #define SINEW_FOR_PROCESSORS
 #endif
 
-[[gnu::always_inline]] inline void rotationOf(const Lanes (&q)[4], Lanes (&r)[9]) {
+// R - 1.
+[[gnu::always_inline]] inline void turnOf(const Lanes (&q)[4], Lanes (&d)[9]) {
   const Lanes &w = q[0], &x = q[1], &y = q[2], &z = q[3];
-  r[0] = 1 - 2 * (y * y + z * z), r[1] = 2 * (x * y - w * z), r[2] = 2 * (x * z + w * y);
-  r[3] = 2 * (x * y + w * z), r[4] = 1 - 2 * (x * x + z * z), r[5] = 2 * (y * z - w * x);
-  r[6] = 2 * (x * z - w * y), r[7] = 2 * (y * z + w * x), r[8] = 1 - 2 * (x * x + y * y);
+  d[0] = -2 * (y * y + z * z), d[1] = 2 * (x * y - w * z), d[2] = 2 * (x * z + w * y);
+  d[3] = 2 * (x * y + w * z), d[4] = -2 * (x * x + z * z), d[5] = 2 * (y * z - w * x);
+  d[6] = 2 * (x * z - w * y), d[7] = 2 * (y * z + w * x), d[8] = -2 * (x * x + y * y);
 }
 
 // One step of Newton's method for the rotation R that makes S = RᵀF symmetric: (tr S - S) w = axial(RᵀF - FᵀR).
-[[gnu::always_inline]] inline void follow(const Lanes (&f)[9], Lanes (&q)[4]) {
-  Lanes r[9];
-  rotationOf(q, r);
-  Lanes a[9];
+// \param g F - 1
+[[gnu::always_inline]] inline void follow(const Lanes (&g)[9], Lanes (&q)[4]) {
+  Lanes d[9];
+  turnOf(q, d);
+  Lanes a[9];  // RᵀF - 1
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) a[3 * i + j] = r[i] * f[j] + r[3 + i] * f[3 + j] + r[6 + i] * f[6 + j];
+    for (int j = 0; j < 3; ++j) {
+      a[3 * i + j] = g[3 * i + j] + d[3 * j + i] + d[i] * g[j] + d[3 + i] * g[3 + j] + d[6 + i] * g[6 + j];
+    }
   }
   const Lanes ax = a[7] - a[5], ay = a[2] - a[6], az = a[3] - a[1];
-  const Lanes g00 = a[4] + a[8], g11 = a[0] + a[8], g22 = a[0] + a[4];
-  const Lanes g01 = -0.5 * (a[1] + a[3]), g02 = -0.5 * (a[2] + a[6]), g12 = -0.5 * (a[5] + a[7]);
+  const Lanes g00 = 2 + a[4] + a[8], g11 = 2 + a[0] + a[8], g22 = 2 + a[0] + a[4];
+  const Lanes g01 = -0.5F * (a[1] + a[3]), g02 = -0.5F * (a[2] + a[6]), g12 = -0.5F * (a[5] + a[7]);
   const Lanes c00 = g11 * g22 - g12 * g12, c01 = g02 * g12 - g01 * g22, c02 = g01 * g12 - g02 * g11;
   const Lanes c11 = g00 * g22 - g02 * g02, c12 = g01 * g02 - g00 * g12, c22 = g00 * g11 - g01 * g01;
   const Lanes determinant = g00 * c00 + g01 * c01 + g02 * c02;
-  const Lanes least = Lanes{} + 1e-3;
-  const Lanes half = 0.5 / (determinant > least ? determinant : least);
+  const Lanes least = Lanes{} + 1e-3F;
+  const Lanes half = 0.5F / (determinant > least ? determinant : least);
   const Lanes x = half * (c00 * ax + c01 * ay + c02 * az), y = half * (c01 * ax + c11 * ay + c12 * az),
               z = half * (c02 * ax + c12 * ay + c22 * az);
   const Lanes qw = q[0], qx = q[1], qy = q[2], qz = q[3];
   Lanes n[4] = {qw - qx * x - qy * y - qz * z, qx + qw * x + qy * z - qz * y, qy + qw * y + qz * x - qx * z,
                 qz + qw * z + qx * y - qy * x};
   for (int i = 0; i < 2; ++i) {
-    const Lanes scale = 1.5 - 0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]);
+    const Lanes scale = 1.5F - 0.5F * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]);
     for (Lanes& c : n) c *= scale;
   }
   for (int i = 0; i < 4; ++i) q[i] = n[i];
 }
 
-// Of `count` blocks. \param x by node: x, y, z.
+// Of `count` blocks. \param u displacement by node: x, y, z.
 template <std::size_t kNodes>
-[[gnu::always_inline]] inline void forcesOf(Block<kNodes>* blocks, std::size_t count, ElasticLaw law, const double* x,
+[[gnu::always_inline]] inline void forcesOf(Block<kNodes>* blocks, std::size_t count, ElasticLaw law, const double* u,
                                             Forces<kNodes>* out) {
   static constexpr Element<kNodes> kElement;
   for (std::size_t b = 0; b < count; ++b) {
@@ -116,39 +122,46 @@ template <std::size_t kNodes>
     Lanes node[kNodes][3] = {};
     for (std::size_t k = 0; k < kNodes; ++k) {
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const double* at = x + 3 * std::size_t(block.node[k][lane]);
-        node[k][0][lane] = at[0], node[k][1][lane] = at[1], node[k][2][lane] = at[2];
+        const double* at = u + 3 * std::size_t(block.node[k][lane]);
+        for (std::size_t i = 0; i < 3; ++i) node[k][i][lane] = float(at[i]);
       }
     }
     Lanes force[kNodes][3] = {};
     for (std::size_t point = 0; point < Element<kNodes>::kPoints; ++point) {
       const auto& derivative = kElement.derivative[point];
-      Lanes f[9];
+      Lanes g[9];  // F - 1
       for (int row = 0; row < 3; ++row) {
         Lanes d[3] = {};
         for (std::size_t n = 0; n < kNodes; ++n) {
           for (int k = 0; k < 3; ++k) d[k] += node[n][row] * derivative[n][k];
         }
         for (int c = 0; c < 3; ++c) {
-          f[3 * row + c] = d[0] * block.inverse[c] + d[1] * block.inverse[3 + c] + d[2] * block.inverse[6 + c];
+          g[3 * row + c] = d[0] * block.inverse[c] + d[1] * block.inverse[3 + c] + d[2] * block.inverse[6 + c];
         }
       }
       Lanes p[9];
       if (law == ElasticLaw::corotated) {
-        follow(f, block.turn[point]);
-        Lanes r[9];
-        rotationOf(block.turn[point], r);
-        Lanes trace = Lanes{} - 3;
-        for (int i = 0; i < 9; ++i) trace += r[i] * f[i];
-        for (int i = 0; i < 9; ++i) p[i] = 2 * block.mu * (f[i] - r[i]) + block.lambda * trace * r[i];
+        follow(g, block.turn[point]);
+        Lanes d[9];
+        turnOf(block.turn[point], d);
+        Lanes trace = g[0] + g[4] + g[8] + d[0] + d[4] + d[8];  // of RᵀF - 1
+        for (int i = 0; i < 9; ++i) trace += d[i] * g[i];
+        for (int i = 0; i < 9; ++i) {
+          p[i] = 2 * block.mu * (g[i] - d[i]) + block.lambda * trace * (i % 4 == 0 ? 1 + d[i] : d[i]);
+        }
       } else {
-        const Lanes c[9] = {f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6],
-                            f[2] * f[7] - f[1] * f[8], f[0] * f[8] - f[2] * f[6], f[1] * f[6] - f[0] * f[7],
-                            f[1] * f[5] - f[2] * f[4], f[2] * f[3] - f[0] * f[5], f[0] * f[4] - f[1] * f[3]};
-        const Lanes j = f[0] * c[0] + f[1] * c[1] + f[2] * c[2];
+        // Cofactors of F less 1, and J - 1.
+        const Lanes e[9] = {g[4] + g[8] + g[4] * g[8] - g[5] * g[7], g[5] * g[6] - g[3] * g[8] - g[3],
+                            g[3] * g[7] - g[4] * g[6] - g[6],        g[2] * g[7] - g[1] * g[8] - g[1],
+                            g[0] + g[8] + g[0] * g[8] - g[2] * g[6], g[1] * g[6] - g[0] * g[7] - g[7],
+                            g[1] * g[5] - g[2] * g[4] - g[2],        g[2] * g[3] - g[0] * g[5] - g[5],
+                            g[0] + g[4] + g[0] * g[4] - g[1] * g[3]};
+        const Lanes j = g[0] + e[0] + g[0] * e[0] + g[1] * e[1] + g[2] * e[2];
         // mu/2 (tr FᵀF - 3) - mu (J - 1) + (lambda + mu)/2 (J - 1)²
-        const Lanes pressure = (block.lambda + block.mu) * (j - 1) - block.mu;
-        for (int i = 0; i < 9; ++i) p[i] = block.mu * f[i] + pressure * c[i];
+        const Lanes pressure = (block.lambda + block.mu) * j;
+        for (int i = 0; i < 9; ++i) {
+          p[i] = block.mu * (g[i] - e[i]) + pressure * (i % 4 == 0 ? 1 + e[i] : e[i]);
+        }
       }
       for (int row = 0; row < 3; ++row) {
         for (int k = 0; k < 3; ++k) {
@@ -164,13 +177,13 @@ template <std::size_t kNodes>
     }
   }
 }
-SINEW_FOR_PROCESSORS void forcesOfAll(Block<4>* blocks, std::size_t count, ElasticLaw law, const double* x,
+SINEW_FOR_PROCESSORS void forcesOfAll(Block<4>* blocks, std::size_t count, ElasticLaw law, const double* u,
                                       Forces<4>* out) {
-  forcesOf<4>(blocks, count, law, x, out);
+  forcesOf<4>(blocks, count, law, u, out);
 }
-SINEW_FOR_PROCESSORS void forcesOfAll(Block<10>* blocks, std::size_t count, ElasticLaw law, const double* x,
+SINEW_FOR_PROCESSORS void forcesOfAll(Block<10>* blocks, std::size_t count, ElasticLaw law, const double* u,
                                       Forces<10>* out) {
-  forcesOf<10>(blocks, count, law, x, out);
+  forcesOf<10>(blocks, count, law, u, out);
 }
 
 // A body's nodes: its vertices, and of quadratic tetrahedra one midway along each edge.
@@ -268,11 +281,11 @@ class Solid {
       Matrix3d edges;
       for (int k = 0; k < 3; ++k) edges.col(k) = body.rest[corners[std::size_t(k) + 1]] - body.rest[corners[0]];
       const Matrix3d inverse = edges.inverse();
-      for (int k = 0; k < 9; ++k) block.inverse[k][lane] = inverse(k / 3, k % 3);
+      for (int k = 0; k < 9; ++k) block.inverse[k][lane] = float(inverse(k / 3, k % 3));
       const ElasticMaterial& m = body.materials[t];
-      block.volume[lane] = i < tetrahedra ? edges.determinant() / 6 / double(Element<kNodes>::kPoints) : 0;
-      block.mu[lane] = 0.5 * m.young / (1 + m.poisson);
-      block.lambda[lane] = m.young * m.poisson / ((1 + m.poisson) * (1 - 2 * m.poisson));
+      block.volume[lane] = i < tetrahedra ? float(edges.determinant() / 6 / double(Element<kNodes>::kPoints)) : 0;
+      block.mu[lane] = float(0.5 * m.young / (1 + m.poisson));
+      block.lambda[lane] = float(m.young * m.poisson / ((1 + m.poisson) * (1 - 2 * m.poisson)));
       for (std::size_t k = 0; k < kNodes; ++k) {
         block.node[k][lane] = nodes.tetrahedra[t][k];
         if (i < tetrahedra) {
@@ -292,19 +305,19 @@ class Solid {
     }
   }
 
-  // \param each called with a node and its elastic force, N.
+  // \param u displacement by node. \param each called with a node and its elastic force, N.
   template <class Each>
-  void forces(const std::vector<double>& x, ElasticLaw law, const Each& each) {
+  void forces(const std::vector<double>& u, ElasticLaw law, const Each& each) {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks_.size(), kGrain), [&](const auto& range) {
-      forcesOfAll(&blocks_[range.begin()], range.size(), law, x.data(), &out_[range.begin()]);
+      forcesOfAll(&blocks_[range.begin()], range.size(), law, u.data(), &out_[range.begin()]);
     });
-    const auto* values = reinterpret_cast<const double*>(out_.data());
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count_, 16 * kGrain), [&](const auto& range) {
+    const auto* values = reinterpret_cast<const float*>(out_.data());
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count_, 64 * kGrain), [&](const auto& range) {
       for (std::size_t v = range.begin(); v < range.end(); ++v) {
         Vector3d force = Vector3d::Zero();
         for (std::size_t i = first_[v]; i < first_[v + 1]; ++i) {
-          const double* at = values + places_[i];
-          force += Vector3d(at[0], at[kLanes], at[2 * kLanes]);
+          const float* at = values + places_[i];
+          force += Vector3d(double(at[0]), double(at[kLanes]), double(at[2 * kLanes]));
         }
         each(v, force);
       }
@@ -329,7 +342,7 @@ double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes) {
     mode[v] = Vector3d(std::sin(1.0 * double(v)), std::sin(2.3 * double(v)), std::cos(3.1 * double(v)));
   }
   double omega2 = 0;
-  std::vector<double> x(3 * count);
+  std::vector<double> u(3 * count);
   for (int i = 0; i < kPowers; ++i) {
     double square = 0;
     for (std::size_t v = 0; v < count; ++v) {
@@ -338,11 +351,11 @@ double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes) {
     }
     const double scale = kLinear * size / std::sqrt(square);
     for (std::size_t v = 0; v < count; ++v) {
-      Eigen::Map<Vector3d> place(&x[3 * v]);
-      place = nodes.rest[v] + scale * mode[v];
+      Eigen::Map<Vector3d> place(&u[3 * v]);
+      place = scale * mode[v];
     }
     solid.startOver();
-    solid.forces(x, ElasticLaw::corotated,
+    solid.forces(u, ElasticLaw::corotated,
                  [&](std::size_t v, const Vector3d& force) { mode[v] = -force / (scale * nodes.masses[v]); });
     double after = 0;
     for (std::size_t v = 0; v < count; ++v) after += nodes.region[v] >= 0 ? 0 : mode[v].squaredNorm();
@@ -365,31 +378,39 @@ ExplicitRun play(const MotionBody& body, const MotionScene& scene, ElasticLaw la
   const int frames = int(std::lround(scene.seconds / kFrameSeconds));
   run.work = double(run.tetrahedra) * double(Element<kNodes>::kPoints) * steps * frames;
   if (run.work > most_work) return run;
-  std::vector<double> x, v(3 * nodes.rest.size(), 0);
-  for (const Vector3d& p : nodes.rest) x.insert(x.end(), p.data(), p.data() + 3);
+  std::vector<double> u(3 * nodes.rest.size(), 0), v(u);
+  std::vector<Eigen::Affine3d> held(scene.regions.size());
   for (int frame = 0; frame < frames && run.motion.finite; ++frame) {
     for (std::uint32_t i = 0; i < steps; ++i) {
       const double now = frame * kFrameSeconds + i * h;
       const Vector3d gravity = scene.gravityAt(now);
       const double decay = std::exp(-scene.dampingAt(now) * h), part = scene.part(now + h);
-      solid.forces(x, law, [&](std::size_t node, const Vector3d& force) {
-        Eigen::Map<Vector3d> position(&x[3 * node]), velocity(&v[3 * node]);
+      for (std::size_t r = 0; r < held.size(); ++r) {
+        held[r].translation() = scene.regions[r].at(Vector3d::Zero(), part);
+        for (int k = 0; k < 3; ++k) {
+          held[r].linear().col(k) = scene.regions[r].at(Vector3d::Unit(k), part) - held[r].translation();
+        }
+      }
+      solid.forces(u, law, [&](std::size_t node, const Vector3d& force) {
+        Eigen::Map<Vector3d> displacement(&u[3 * node]), velocity(&v[3 * node]);
         if (nodes.region[node] >= 0) {
-          position = scene.regions[std::size_t(nodes.region[node])].at(nodes.rest[node], part);
+          displacement = held[std::size_t(nodes.region[node])] * nodes.rest[node] - nodes.rest[node];
           return;
         }
         velocity = decay * (velocity + h * (force / nodes.masses[node] + gravity));
-        position += h * velocity;
+        displacement += h * velocity;
       });
     }
-    run.motion.finite = std::all_of(x.begin(), x.end(), [](double c) { return std::isfinite(c); });
+    run.motion.finite = std::all_of(u.begin(), u.end(), [](double c) { return std::isfinite(c); });
     if (!run.motion.finite) break;
     std::vector<Eigen::Vector3f> points;
     for (std::size_t i = 0; i < nodes.probes.size(); ++i) {
       Vector3d at = body.surface[i];
       if (nodes.probes[i]) {
         at.setZero();
-        for (const auto& [node, weight] : *nodes.probes[i]) at += weight * Eigen::Map<const Vector3d>(&x[3 * node]);
+        for (const auto& [node, weight] : *nodes.probes[i]) {
+          at += weight * (nodes.rest[node] + Eigen::Map<const Vector3d>(&u[3 * node]));
+        }
       }
       points.push_back(at.cast<float>());
     }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -68,7 +69,7 @@ struct Motion {
 
   /// Whether it goes on. \param scene of MotionScene::slowest_seconds
   bool goesOn(const MotionScene& scene) {
-    slow = frames.size() >= 8 && cpu_seconds > double(frames.size()) * scene.slowest_seconds;
+    slow = cpu_seconds > double(std::max<std::size_t>(frames.size(), 8)) * scene.slowest_seconds;
     return finite && !slow;
   }
 };
