@@ -190,6 +190,42 @@ TEST(StudyError, PeersComeNearTheSameElementsInShortSteps) {
 #endif
 }
 
+// Ten million times as stiff and as heavy, a body moves alike.
+TEST(StudyError, PeersDoNotMindTheUnit) {
+  Beam beam({6, 2, 2}, {1, 0.3, 0.3}, 0.3, 1e6);
+  beam.scene.gravity = {0, -20, 0};
+  beam.scene.seconds = 0.25;
+  const Motion warped = playStiffnessWarping(beam.body, beam.scene, 4, 40);
+  const Motion xpbd = playXpbd(beam.body, beam.scene, 20);
+  const double moved = rmsMoved(beam.body, warped);
+  for (double& m : beam.body.masses) m *= 1e7;
+  for (ElasticMaterial& m : beam.body.materials) m.young *= 1e7;
+  EXPECT_LT(rmsApart(playStiffnessWarping(beam.body, beam.scene, 4, 40), warped), 1e-2 * moved);
+  EXPECT_LT(rmsApart(playXpbd(beam.body, beam.scene, 20), xpbd), 1e-2 * moved);
+}
+
+// Cut into eight it is the same body: its mass, what is held, where its surface lies.
+TEST(StudyError, ARefinedBodyIsTheSame) {
+  Beam beam({4, 2, 2}, {1, 0.3, 0.3}, 0.3, 3e4);
+  const MotionBody fine = refined(beam.body);
+  EXPECT_EQ(fine.tetrahedra.size(), 8 * beam.body.tetrahedra.size());
+  const auto massOf = [](const MotionBody& body) {
+    double sum = 0;
+    for (const double m : body.masses) sum += m;
+    return sum;
+  };
+  EXPECT_NEAR(massOf(fine), massOf(beam.body), 1e-9 * massOf(beam.body));
+  double farthest = -1e300;
+  for (std::size_t v = 0; v < beam.body.rest.size(); ++v) {
+    if (beam.body.region[v] >= 0) farthest = std::max(farthest, beam.body.rest[v][0]);
+  }
+  for (std::size_t v = 0; v < fine.rest.size(); ++v) {
+    EXPECT_EQ(fine.region[v] >= 0, fine.rest[v][0] <= farthest + 1e-9) << v;
+  }
+  const std::vector<Vector3f> seen = probed(fine, fine.rest);
+  for (std::size_t v = 0; v < seen.size(); ++v) EXPECT_LT((seen[v].cast<double>() - beam.body.surface[v]).norm(), 1e-6);
+}
+
 // What is slower than asked is stopped, and said to be.
 TEST(StudyError, WhatIsTooSlowIsStopped) {
   Beam beam({6, 2, 2}, {1, 0.3, 0.3}, 0.3, 3e4);

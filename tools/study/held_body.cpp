@@ -184,33 +184,6 @@ Equilibrium solveForTarget(Problem& problem, double target, double scale, double
   return found;
 }
 
-// What this thread has had of the processor: others that run beside it do not count.
-double threadSeconds() {
-  std::timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
-}
-
-RigidTransform transformOf(const HeldRegion& region, double part, const Vector3d& offset) {
-  HeldRegion placed = region;
-  placed.about += offset;
-  const Vector3d origin = placed.at(Vector3d::Zero(), part);
-  RigidTransform result;
-  for (int row = 0; row < 3; ++row) {
-    result.position[std::size_t(row)] = float(origin[row]);
-    for (int column = 0; column < 3; ++column) {
-      result.rotation[3 * std::size_t(row) + std::size_t(column)] =
-          float((placed.at(Vector3d::Unit(column), part) - origin)[row]);
-    }
-  }
-  return result;
-}
-
-[[noreturn]] void refuse(const std::string& reason) {
-  throw ToolError(ExitCode::system, "", "the runtime refuses what is held: " + reason,
-                  "This is a fault of the study: please report it.");
-}
-
 }  // namespace
 
 std::string_view nameOf(StiffnessSource source) {
@@ -281,23 +254,58 @@ Vector3d HeldRegion::at(const Vector3d& rest, double part) const {
   return about + Eigen::AngleAxisd(part * turn, axis) * (rest - about) + part * shift;
 }
 
+std::vector<std::uint8_t> heldPieces(const PackageSolid& solid, const HeldCase& held) {
+  std::vector<Vectors> points(solid.pieces);
+  for (const HeldRegion& region : held.regions) {
+    for (const std::uint32_t v : region.vertices) {
+      if (solid.kept[v] != 0) points[solid.piece[v]].push_back(solid.rest[v]);
+    }
+  }
+  std::vector<std::uint8_t> result;
+  for (const Vectors& one : points) result.push_back(holds(one, solid.diagonal) ? 1 : 0);
+  return result;
+}
+
+double threadSeconds() {
+  std::timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
+}
+
+RigidTransform poseOf(const HeldRegion& region, double part, const Vector3d& offset) {
+  HeldRegion placed = region;
+  placed.about += offset;
+  const Vector3d origin = placed.at(Vector3d::Zero(), part);
+  RigidTransform result;
+  for (int row = 0; row < 3; ++row) {
+    result.position[std::size_t(row)] = float(origin[row]);
+    for (int column = 0; column < 3; ++column) {
+      result.rotation[3 * std::size_t(row) + std::size_t(column)] =
+          float((placed.at(Vector3d::Unit(column), part) - origin)[row]);
+    }
+  }
+  return result;
+}
+
+void refuseHold(const std::string& reason) {
+  throw ToolError(ExitCode::system, "", "the runtime refuses what is held: " + reason,
+                  "This is a fault of the study: please report it.");
+}
+
 ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<ElasticMaterial>& materials,
                               const HeldCase& held, std::uint32_t refinements, double target) {
   ReferenceShape reference;
   reference.displacement.assign(solid.rest.size(), Vector3d::Zero());
   reference.gravity = held.gravity;
   std::vector<const HeldRegion*> region(solid.rest.size(), nullptr);
-  std::vector<Vectors> held_points(solid.pieces);
   bool moves = false;
   for (const HeldRegion& one : held.regions) {
     moves = moves || one.moves();
     for (const std::uint32_t v : one.vertices) {
       region[v] = &one;
-      if (solid.kept[v] != 0) held_points[solid.piece[v]].push_back(solid.rest[v]);
     }
   }
-  std::vector<std::uint8_t> piece_held;
-  for (const Vectors& points : held_points) piece_held.push_back(holds(points, solid.diagonal) ? 1 : 0);
+  const std::vector<std::uint8_t> piece_held = heldPieces(solid, held);
   Problem problem;
   std::vector<std::uint32_t> number(solid.rest.size(), 0);
   for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
@@ -363,14 +371,14 @@ PlayedShape playHeld(const std::shared_ptr<const Asset>& asset, const PackageSol
   body_settings.package_pins = held.package_pins;
   body_settings.solver = options.solver;
   const auto added = world.addBody(asset, body_settings);
-  if (!added) refuse(added.reason());
+  if (!added) refuseHold(added.reason());
   const BodyId body = *added;
   const std::vector<Vec3> start(world.positions(body).begin(), world.positions(body).end());
   std::vector<std::uint8_t> taken(start.size(), 0);
   std::vector<PinSetId> sets;
   const auto hold = [&](const std::vector<std::uint32_t>& vertices) {
     const auto set = world.addPinSet(body, vertices);
-    if (!set) refuse(set.reason());
+    if (!set) refuseHold(set.reason());
     return *set;
   };
   for (const HeldRegion& region : held.regions) {
@@ -392,7 +400,7 @@ PlayedShape playHeld(const std::shared_ptr<const Asset>& asset, const PackageSol
   for (int step = 1; step <= steps && played.rest_seconds < 0 && played.finite; ++step) {
     const double now = step / options.rate_hz, part = std::min(1.0, now / kMotionSeconds);
     for (std::size_t i = 0; i < sets.size(); ++i) {
-      if (held.regions[i].moves()) world.movePinSet(sets[i], transformOf(held.regions[i], part, offset));
+      if (held.regions[i].moves()) world.movePinSet(sets[i], poseOf(held.regions[i], part, offset));
     }
     const double begin = threadSeconds();
     world.step(float(1 / options.rate_hz));

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -78,6 +79,19 @@ struct HeldCase {
   /// The package's own pin sets hold the regions (they do not move); else pin sets that are added at run time.
   bool package_pins = false;
 };
+
+/// By piece: 1 where regions hold it by three points or more that are not in line.
+std::vector<std::uint8_t> heldPieces(const PackageSolid& solid, const HeldCase& held);
+
+/// Where World::movePinSet() puts a region. \param part of the motion, 0..1. \param offset of the world from the rest,
+/// m
+RigidTransform poseOf(const HeldRegion& region, double part, const Eigen::Vector3d& offset);
+
+/// What this thread has had of the processor, s: others that run beside it do not count.
+double threadSeconds();
+
+/// Throws ToolError(system): a World did not take what a study gave it.
+[[noreturn]] void refuseHold(const std::string& reason);
 
 /// What finite elements say.
 struct ReferenceShape {

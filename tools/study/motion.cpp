@@ -44,12 +44,9 @@ MotionBody motionBody(const formats::PackageView& package, const MotionScene& sc
   const HeldCase held = heldCase(solid, package, scene.hold, extent ? *extent : extentOf(solid));
   MotionBody body;
   std::vector<std::int32_t> region(solid.rest.size(), -1), number(solid.rest.size(), -1);
-  std::vector<std::uint8_t> piece_held(solid.pieces, 0);
+  const std::vector<std::uint8_t> piece_held = heldPieces(solid, held);
   for (std::size_t i = 0; i < held.regions.size(); ++i) {
-    for (const std::uint32_t v : held.regions[i].vertices) {
-      region[v] = std::int32_t(i);
-      if (solid.kept[v] != 0) piece_held[solid.piece[v]] = 1;
-    }
+    for (const std::uint32_t v : held.regions[i].vertices) region[v] = std::int32_t(i);
   }
   for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
     if (solid.kept[v] == 0 || piece_held[solid.piece[v]] == 0) continue;

@@ -5,7 +5,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 
 #include "sinew/runtime/world.h"
 #include "tools/core/error.h"
@@ -19,13 +18,6 @@ namespace {
 using Eigen::Matrix3f;
 using Eigen::Vector3d;
 using Eigen::Vector3f;
-
-// What this thread has had of the processor: others that run beside it do not count.
-double threadSeconds() {
-  std::timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
-}
 
 // Frames of a method that has vertices. \param step called with a frame's time at its begin; a call is what is timed.
 // \param positions of the vertices
@@ -151,26 +143,6 @@ float dot(const std::vector<Vector3f>& a, const std::vector<Vector3f>& b) {
   return sum;
 }
 
-RigidTransform transformOf(const HeldRegion& region, double part, const Vector3d& offset) {
-  HeldRegion placed = region;
-  placed.about += offset;
-  const Vector3d origin = placed.at(Vector3d::Zero(), part);
-  RigidTransform result;
-  for (int row = 0; row < 3; ++row) {
-    result.position[std::size_t(row)] = float(origin[row]);
-    for (int column = 0; column < 3; ++column) {
-      result.rotation[3 * std::size_t(row) + std::size_t(column)] =
-          float((placed.at(Vector3d::Unit(column), part) - origin)[row]);
-    }
-  }
-  return result;
-}
-
-[[noreturn]] void refuse(const std::string& reason) {
-  throw ToolError(ExitCode::system, "", "the runtime refuses what is held: " + reason,
-                  "This is a fault of the study: please report it.");
-}
-
 }  // namespace
 
 Motion playXpbd(const MotionBody& body, const MotionScene& scene, std::uint32_t substeps) {
@@ -272,7 +244,8 @@ Motion playStiffnessWarping(const MotionBody& body, const MotionScene& scene, st
       for (std::size_t k = 0; k < count; ++k) {
         const auto mass = float(body.masses[k] / (h * h));
         matrix.block(diagonal[k]) += mass * Matrix3f::Identity();
-        inverse[k] = matrix.block(diagonal[k]).inverse();
+        // In doubles: the determinant of what is very stiff is no float.
+        inverse[k] = matrix.block(diagonal[k]).cast<double>().inverse().cast<float>();
         if (body.region[k] >= 0) {
           way[k] =
               scene.regions[std::size_t(body.region[k])].at(body.rest[k], scene.part(now + h)).cast<float>() - x[k];
@@ -367,15 +340,14 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   body_settings.package_pins = held.package_pins;
   body_settings.solver = play.solver;
   const auto added = world.addBody(asset, body_settings);
-  if (!added) refuse(added.reason());
+  if (!added) refuseHold(added.reason());
   const BodyId body = *added;
   std::vector<PinSetId> sets;
-  std::vector<std::uint8_t> piece_held(solid.pieces, 0);
+  const std::vector<std::uint8_t> piece_held = heldPieces(solid, held);
   for (const HeldRegion& region : held.regions) {
-    for (const std::uint32_t v : region.vertices) piece_held[solid.piece[v]] = 1;
     if (held.package_pins) continue;
     const auto set = world.addPinSet(body, region.vertices);
-    if (!set) refuse(set.reason());
+    if (!set) refuseHold(set.reason());
     sets.push_back(*set);
   }
   std::vector<std::uint32_t> idle;
@@ -384,7 +356,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   }
   if (!idle.empty()) {
     const auto set = world.addPinSet(body, idle);
-    if (!set) refuse(set.reason());
+    if (!set) refuseHold(set.reason());
   }
   const Vec3 first = world.positions(body).front();
   const Vector3d offset = Vector3d(double(first[0]), double(first[1]), double(first[2])) - solid.rest.front();
@@ -399,8 +371,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
       for (std::size_t k = 0; k < 3; ++k) world.settings().gravity[k] = float(gravity[Eigen::Index(k)]);
       world.settings().damping = float(scene.dampingAt(now));
       for (std::size_t k = 0; k < sets.size(); ++k) {
-        if (scene.regions[k].moves())
-          world.movePinSet(sets[k], transformOf(scene.regions[k], scene.part(now + h), offset));
+        if (scene.regions[k].moves()) world.movePinSet(sets[k], poseOf(scene.regions[k], scene.part(now + h), offset));
       }
       const double begin = threadSeconds();
       world.step(float(h));

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 
 #include "sinew/runtime/world.h"
 #include "tools/bake/bake.h"
 #include "tools/core/error.h"
 #include "tools/study/finite_elements.h"
+#include "tools/study/held_body.h"
 #include "tools/study/row_picture.h"
 
 namespace sinew::tools {
@@ -247,13 +247,6 @@ Shape shapeOf(const World& world, BodyId body) {
                        {shape.normals[0].data(), sizeof(Vector3f), std::uint32_t(count)});
   for (const Vec3& x : world.positions(body)) shape.physical.emplace_back(x[0], x[1], x[2]);
   return shape;
-}
-
-// What this thread has had of the processor: others that run beside it do not count.
-double threadSeconds() {
-  std::timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
 void simulate(PullRow& row, const Load& load, const PullOptions& options) {
