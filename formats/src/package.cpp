@@ -6,8 +6,10 @@
 #include <cinttypes>
 #include <cmath>
 #include <cstring>
+#include <new>
 #include <utility>
 
+#include "packing.h"
 #include "reach.h"
 #include "refusal.h"
 #include "section_rules.h"
@@ -111,20 +113,41 @@ class PackageReader {
 
     const std::size_t rule_index = section::indexOf(id);
     const bool known = rule_index < kSectionRules.size();
-    view_.sections_.push_back({id, entry.bytes, entry.element_count, known});
+    view_.sections_.push_back({id, entry.bytes, entry.element_count, known, (entry.flags & kSectionPacked) != 0});
     if (!known) {
       if ((entry.flags & kSectionRequired) == 0) return true;
       return refuse_.section(id, "required, but unknown to this software (%s): use a newer version", kSoftwareVersion);
     }
     const SectionRule& rule = kSectionRules[rule_index];
-    if (entry.flags != rule.flags) return refuse_(id, "its flags are not those that the format gives it");
-    if (entry.element_bytes != rule.element_bytes) {
+    const bool packed = rule.packing.possible() && (entry.flags & kSectionPacked) != 0;
+    if (entry.flags != (rule.flags | (packed ? std::uint32_t(kSectionPacked) : 0U))) {
+      return refuse_(id, "its flags are not those that the format gives it");
+    }
+    if (!packed && entry.element_bytes != rule.element_bytes) {
       return refuse_.section(id, "elements of %u bytes, must be %u", unsigned(entry.element_bytes), rule.element_bytes);
     }
     if (entry.element_count >= kNone) return refuse_(id, "more elements than 32-bit indices can name");
     PackageView::List& list = view_.lists_[rule_index];
     if (list.count != 0) return refuse_(id, "occurs twice");
     list = {bytes_.data() + entry.offset, entry.element_count};
+    return !packed || unpackSection(entry, rule, list);
+  }
+
+  bool unpackSection(const SectionEntry& entry, const SectionRule& rule, PackageView::List& list) {
+    const std::uint32_t width = packedWidth(rule.packing, entry.element_bytes);
+    if (width == 0) {
+      return refuse_.section(rule.id, "packed elements of %u bytes, must be %u or %u", unsigned(entry.element_bytes),
+                             rule.packing.bytes(2), rule.packing.bytes(3));
+    }
+    const auto memory = std::align_val_t(kSectionAlignment);
+    std::shared_ptr<std::byte> plain(
+        static_cast<std::byte*>(::operator new(entry.element_count* rule.element_bytes, memory)),
+        [](std::byte* p) { ::operator delete(p, std::align_val_t(kSectionAlignment)); });
+    if (!unpack(rule.packing, width, bytes_.subspan(entry.offset, entry.bytes), plain.get())) {
+      return refuse_(rule.id, "an exponent of its packed numbers is outside -111 to 127");
+    }
+    list.data = plain.get();
+    view_.unpacked_.push_back(std::move(plain));
     return true;
   }
 

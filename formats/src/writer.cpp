@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "content_sections.h"
+#include "packing.h"
 #include "section_rules.h"
 #include "sinew/formats/checksum.h"
 #include "sinew/formats/version.h"
@@ -20,118 +22,11 @@ struct Payload {
   std::size_t count = 0;
 };
 
-template <class T>
-Payload payload(const std::vector<T>& items) {
-  return {items.data(), items.size()};
-}
-
 Payload payloadOf(const PackageContent& content, std::uint32_t id) {
-  switch (id) {
-    case section::info:
-      return {&content.info, 1};
-    case section::strings:
-      return payload(content.strings);
-    case section::pieces:
-      return payload(content.pieces);
-    case section::physical_vertices:
-      return payload(content.physical_vertices);
-    case section::tetrahedra:
-      return payload(content.tetrahedra);
-    case section::clusters:
-      return payload(content.clusters);
-    case section::memberships:
-      return payload(content.memberships);
-    case section::quadratic_moments:
-      return payload(content.quadratic_moments);
-    case section::mechanics:
-      return payload(content.mechanics);
-    case section::curve_points:
-      return payload(content.curve_points);
-    case section::channels:
-      return payload(content.channels);
-    case section::vertex_stiffness:
-      return payload(content.vertex_stiffness);
-    case section::pin_weights:
-      return payload(content.pin_weights);
-    case section::pin_sets:
-      return payload(content.pin_sets);
-    case section::pin_set_vertices:
-      return payload(content.pin_set_vertices);
-    case section::parts:
-      return payload(content.parts);
-    case section::part_vertices:
-      return payload(content.part_vertices);
-    case section::visual_positions:
-      return payload(content.visual_positions);
-    case section::visual_normals:
-      return payload(content.visual_normals);
-    case section::visual_uv:
-      return payload(content.visual_uvs);
-    case section::visual_colors:
-      return payload(content.visual_colors);
-    case section::visual_triangles:
-      return payload(content.visual_triangles);
-    case section::sub_meshes:
-      return payload(content.sub_meshes);
-    case section::materials:
-      return payload(content.materials);
-    case section::textures:
-      return payload(content.textures);
-    case section::texture_bytes:
-      return payload(content.texture_bytes);
-    case section::barycentric:
-      return payload(content.barycentric);
-    case section::cluster_attachment_ranges:
-      return payload(content.cluster_attachment_ranges);
-    case section::cluster_attachments:
-      return payload(content.cluster_attachments);
-    case section::visual_identity:
-      return payload(content.visual_identity);
-    case section::source_identity:
-      return payload(content.source_identity);
-    case section::source_visual_list:
-      return payload(content.source_visual_list);
-    case section::source_meshes:
-      return payload(content.source_meshes);
-    case section::groups:
-      return payload(content.groups);
-    case section::group_vertices:
-      return payload(content.group_vertices);
-    case section::masks:
-      return payload(content.masks);
-    case section::mask_weights:
-      return payload(content.mask_weights);
-    case section::fields:
-      return payload(content.fields);
-    case section::field_functions:
-      return payload(content.field_functions);
-    case section::field_packs:
-      return payload(content.field_packs);
-    case section::field_gradients:
-      return payload(content.field_gradients);
-    case section::field_values:
-      return payload(content.field_values);
-    case section::field_points:
-      return payload(content.field_points);
-    case section::field_point_values:
-      return payload(content.field_point_values);
-    case section::field_modes:
-      return payload(content.field_modes);
-    case section::field_fibres:
-      return payload(content.field_fibres);
-    case section::field_fibre_values:
-      return payload(content.field_fibre_values);
-    case section::field_tethers:
-      return payload(content.field_tethers);
-    case section::field_tether_values:
-      return payload(content.field_tether_values);
-    case section::distance_grids:
-      return payload(content.distance_grids);
-    case section::distance_values:
-      return payload(content.distance_values);
-    default:
-      return {};
-  }
+  Payload result;
+  if (id == section::info) return {&content.info, 1};
+  withSection(content, id, [&](const auto& items) { result = {items.data(), items.size()}; });
+  return result;
 }
 
 }  // namespace
@@ -158,10 +53,12 @@ StringRef PackageContent::addText(std::string_view text) {
   return {static_cast<std::uint32_t>(offset), static_cast<std::uint32_t>(text.size())};
 }
 
-std::vector<std::byte> writePackage(const PackageContent& content) {
+std::vector<std::byte> writePackage(const PackageContent& content, bool packed) {
   struct Part {
     const SectionRule* rule;
     Payload payload;
+    std::uint32_t flags, element_bytes;
+    std::vector<std::byte> owned;  // of a packed one
   };
   std::vector<Part> parts;
   Header header{};
@@ -169,30 +66,38 @@ std::vector<std::byte> writePackage(const PackageContent& content) {
   header.format_version = kFormatVersion;
   header.header_bytes = sizeof(Header);
   for (const SectionRule& rule : kSectionRules) {
-    const Payload part = payloadOf(content, rule.id);
-    if (part.count == 0) continue;
-    parts.push_back({&rule, part});
+    const Payload plain = payloadOf(content, rule.id);
+    if (plain.count == 0) continue;
     header.features |= rule.feature;
+    Part& part = parts.emplace_back(Part{&rule, plain, rule.flags, rule.element_bytes, {}});
+    if (!packed || !rule.packing.possible()) continue;
+    std::uint32_t width = 0;
+    part.owned =
+        pack(rule.packing, {static_cast<const std::byte*>(plain.data), plain.count * rule.element_bytes}, width);
+    if (part.owned.empty()) continue;
+    part.payload.data = part.owned.data();
+    part.flags |= kSectionPacked;
+    part.element_bytes = rule.packing.bytes(width);
   }
   header.section_count = static_cast<std::uint32_t>(parts.size());
   const std::size_t table_bytes = parts.size() * sizeof(SectionEntry);
   std::uint64_t end = alignedSize(sizeof(Header) + table_bytes);
-  for (const Part& part : parts) end += alignedSize(part.payload.count * part.rule->element_bytes);
+  for (const Part& part : parts) end += alignedSize(part.payload.count * part.element_bytes);
   header.total_bytes = end;
 
   std::vector<std::byte> bytes(end);  // zeros, so padding is zero
   const std::span<std::byte> all{bytes};
   std::uint64_t offset = alignedSize(sizeof(Header) + table_bytes);
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    const auto& [rule, part] = parts[i];
+    const Part& part = parts[i];
     SectionEntry entry{};
-    entry.id = rule->id;
-    entry.flags = rule->flags;
+    entry.id = part.rule->id;
+    entry.flags = part.flags;
     entry.offset = offset;
-    entry.bytes = part.count * rule->element_bytes;
-    entry.element_count = part.count;
-    entry.element_bytes = rule->element_bytes;
-    std::memcpy(bytes.data() + offset, part.data, entry.bytes);
+    entry.bytes = part.payload.count * part.element_bytes;
+    entry.element_count = part.payload.count;
+    entry.element_bytes = part.element_bytes;
+    std::memcpy(bytes.data() + offset, part.payload.data, entry.bytes);
     entry.checksum = checksum(all.subspan(offset, alignedSize(entry.bytes)));
     std::memcpy(bytes.data() + sizeof(Header) + i * sizeof(SectionEntry), &entry, sizeof entry);
     offset += alignedSize(entry.bytes);

@@ -17,7 +17,7 @@ namespace {
 constexpr std::uint32_t kVisualGrain = 4096, kPhysicalGrain = 1024, kClusterGrain = 4;
 
 // The records of a package as kernels know them: same bytes, other names.
-static_assert(sizeof(BlendTerm) == sizeof(ClusterUse) && sizeof(BlendTerm) == sizeof(formats::ClusterAttachment));
+static_assert(sizeof(BlendTerm) == sizeof(formats::ClusterAttachment));
 static_assert(sizeof(BlendRun) == sizeof(formats::ClusterAttachmentRange));
 static_assert(sizeof(formats::PhysicalVertex) == 4 * sizeof(float) && sizeof(Vec3) == 3 * sizeof(float));
 
@@ -50,7 +50,6 @@ const float* floats(std::span<const formats::Float3> v) { return v.empty() ? nul
 const BlendTerm* terms(std::span<const formats::ClusterAttachment> v) {
   return reinterpret_cast<const BlendTerm*>(v.data());
 }
-const BlendTerm* terms(std::span<const ClusterUse> v) { return reinterpret_cast<const BlendTerm*>(v.data()); }
 
 const BlendRun* runsOf(const formats::PackageView& package) {
   return reinterpret_cast<const BlendRun*>(package.clusterAttachmentRanges().data());
@@ -98,7 +97,12 @@ bool boundsOf(std::span<const Vec3> positions, Bounds& result) {
 }
 
 VisualScratch::VisualScratch(std::pmr::memory_resource* memory)
-    : frames_(memory), previous_frames_(memory), columns_(memory), cofactors_(memory), gradients_(memory) {}
+    : frames_(memory),
+      previous_frames_(memory),
+      columns_(memory),
+      slot_gradients_(memory),
+      cofactors_(memory),
+      gradients_(memory) {}
 
 void VisualScratch::prepare(const Body& body, bool positions, bool previous, bool normals, bool tangents,
                             JobSystem* jobs) {
@@ -109,7 +113,7 @@ void VisualScratch::prepare(const Body& body, bool positions, bool previous, boo
   const formats::PackageView& package = body.package();
   const std::uint32_t vertex_count = std::uint32_t(package.physicalVertices().size());
   const bool tetrahedra = hangsOnTetrahedra(body), directions = normals || tangents;
-  if (tetrahedra && positions && !has_frames_) {
+  if (tetrahedra && (positions || directions) && !has_frames_) {
     fillFrames(body, body.positions(), frames_, jobs);
     has_frames_ = true;
   }
@@ -117,7 +121,7 @@ void VisualScratch::prepare(const Body& body, bool positions, bool previous, boo
     fillFrames(body, body.history.positions, previous_frames_, jobs);
     has_previous_ = true;
   }
-  if ((directions || !tetrahedra) && !has_columns_) {
+  if (!tetrahedra && !has_columns_) {
     columns_.resize(package.clusters().size());
     parallel(jobs, std::uint32_t(columns_.size()), kClusterGrain, [&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t c = begin; c < end; ++c) columns_[c] = clusterColumns(body, c);
@@ -127,12 +131,17 @@ void VisualScratch::prepare(const Body& body, bool positions, bool previous, boo
   if (!tetrahedra) return;
   const bool cofactors = directions && !has_cofactors_, gradients = tangents && !has_gradients_;
   if (!cofactors && !gradients) return;
+  const VisualConstants& visual = body.asset->visualConstants();
+  slot_gradients_.resize(visual.inverses.size());
+  parallel(jobs, std::uint32_t(visual.inverses.size()), kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {
+    kernels().attach.slot_gradients(frames_.data(), visual.inverses.data(), slot_gradients_.data(), begin, end);
+  });
   if (cofactors) cofactors_.resize(vertex_count);
   if (gradients) gradients_.resize(vertex_count);
   parallel(jobs, vertex_count, kPhysicalGrain, [&](std::uint32_t begin, std::uint32_t end) {
-    kernels().attach.gradients(package.physicalVertices().data()->rest_position.data(), body.rest().first_use.data(),
-                               terms(body.rest().uses), columns_.data(), gradients ? gradients_.data() : nullptr,
-                               cofactors ? cofactors_.data() : nullptr, begin, end);
+    kernels().attach.gradients(visual.slots_at.data(), visual.slot_terms.data(), slot_gradients_.data(),
+                               gradients ? gradients_.data() : nullptr, cofactors ? cofactors_.data() : nullptr, begin,
+                               end);
   });
   has_cofactors_ = true;
   has_gradients_ |= gradients;

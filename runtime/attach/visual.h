@@ -37,6 +37,7 @@ class VisualScratch {
   bool has_frames_ = false, has_previous_ = false, has_columns_ = false, has_cofactors_ = false, has_gradients_ = false;
   Array<SlotFrame> frames_, previous_frames_;  ///< by slot of the attachment
   Array<ClusterColumns> columns_;              ///< by cluster
+  Array<PaddedMatrix> slot_gradients_;         ///< by slot
   Array<PaddedMatrix> cofactors_, gradients_;  ///< by physical vertex
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/attach/visual_constants.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -61,6 +62,45 @@ void makeSlots(const formats::PackageView& package, VisualConstants& result) {
   }
 }
 
+// What directions are computed from: the deformation of the slots, at a physical vertex their mean by volume.
+void makeSlotGradients(const formats::PackageView& package, VisualConstants& result) {
+  const auto vertices = package.physicalVertices();
+  result.slots_at.resize(result.corners.empty() ? 0 : vertices.size(), BlendRun{0, 0});
+  Array<double> volumes, volume_at(result.slots_at.size());
+  for (const SlotCorners& slot : result.corners) {
+    const auto at = [&](std::size_t k) { return wide(vertices[slot.vertex[k]].rest_position); };
+    Eigen::Matrix3d edges;
+    edges << at(0) - at(3), at(1) - at(3), at(2) - at(3);
+    const double volume = std::abs(edges.determinant());
+    const Eigen::Matrix3d inverse = edges.inverse();
+    SlotInverse rows = {};
+    if (inverse.allFinite()) {
+      for (int row = 0; row < 3; ++row) {
+        for (int axis = 0; axis < 3; ++axis) rows.row[row][axis] = float(inverse(row, axis));
+      }
+    }
+    result.inverses.push_back(rows);
+    volumes.push_back(volume);
+    for (const std::uint32_t v : slot.vertex) {
+      ++result.slots_at[v].count;
+      volume_at[v] += volume;
+    }
+  }
+  std::uint32_t end = 0;
+  for (BlendRun& run : result.slots_at) {
+    run.first = end;
+    end += run.count;
+    run.count = 0;
+  }
+  result.slot_terms.resize(end);
+  for (std::uint32_t slot = 0; slot < result.corners.size(); ++slot) {
+    for (const std::uint32_t v : result.corners[slot].vertex) {
+      BlendRun& run = result.slots_at[v];
+      result.slot_terms[run.first + run.count++] = {slot, float(volumes[slot] / volume_at[v])};
+    }
+  }
+}
+
 // For a mesh without normals: angle-weighted mean of the faces around each vertex.
 void makeNormals(const formats::PackageView& package, VisualConstants& result) {
   const auto positions = package.visualPositions();
@@ -105,6 +145,7 @@ void makeSubMeshRuns(const formats::PackageView& package, VisualConstants& resul
 VisualConstants makeVisualConstants(const formats::PackageView& package) {
   VisualConstants result;
   makeSlots(package, result);
+  makeSlotGradients(package, result);
   if (package.visualNormals().empty()) makeNormals(package, result);
   makeSubMeshRuns(package, result);
   return result;

@@ -18,7 +18,10 @@ namespace sinew::internal {
 struct VisualConstants {
   Array<AttachmentRecord> records;     ///< barycentric attachments, by visual vertex
   Array<AttachmentRecord> directions;  ///< with weights brought into 0..1, sum 1; empty: as `records`
-  Array<SlotCorners> corners;          ///< of the tetrahedra that a visual vertex hangs on
+  Array<SlotCorners> corners;          ///< of the tetrahedra that a visual vertex hangs on: slots
+  Array<SlotInverse> inverses;         ///< by slot
+  Array<BlendRun> slots_at;            ///< by physical vertex: slots that it is a corner of
+  Array<BlendTerm> slot_terms;         ///< their parts of the volume of these slots
   Array<Vec3> made_normals;            ///< rest normals where the package has none
 
   Array<VertexRun> sub_mesh_runs;           ///< visual vertices of the sub-meshes, ascending within one

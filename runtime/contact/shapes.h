@@ -47,7 +47,6 @@ class Shape {
   /// What it can be made of again, bit for bit. \pre outlived by the shape.
   ColliderShape source() const;
 
-  bool isPlane() const { return kind_ == Kind::plane; }
   /// Whether it has an inside: all but meshes with a border.
   bool isSolid() const { return solid_; }
   /// Infinite for a plane.
@@ -60,7 +59,8 @@ class Shape {
   bool enters(const Vector3d& from, const Vector3d& to, PathHit& hit) const;
 
   bool isBox() const { return kind_ == Kind::box; }
-  /// Half of a box's sides, and of a capsule's segment; the capsule's radius.
+  bool isPlane() const { return kind_ == Kind::plane; }
+  /// Half of a box's sides, and of a capsule's segment; a plane's normal. The capsule's radius; a plane's offset.
   const Vector3d& half() const { return size_; }
   double radius() const { return radius_; }
   bool hasTriangles() const { return kind_ >= Kind::mesh; }

@@ -240,17 +240,30 @@ SINEW_INLINE void store(PaddedMatrix& out, const Columns3& a) {
   store4(out.column[2], a.z);
 }
 
-/// Deformation gradients of physical vertices [begin, end), and their cofactors; either output may be null.
-/// \param rest rest position and one more float for each vertex. \param first_use terms of vertex i are
-/// first_use[i] .. first_use[i + 1] - 1.
-inline void fillGradients(const float* rest, const std::uint32_t* first_use, const BlendTerm* terms,
-                          const ClusterColumns* clusters, PaddedMatrix* gradients, PaddedMatrix* cofactors,
-                          std::uint32_t begin, std::uint32_t end) {
+/// Deformation gradients of slots [begin, end).
+inline void fillSlotGradients(const SlotFrame* frames, const SlotInverse* inverses, PaddedMatrix* gradients,
+                              std::uint32_t begin, std::uint32_t end) {
   for (std::uint32_t i = begin; i < end; ++i) {
-    const Float4 position = load4(rest + 4 * std::size_t(i));
     Columns3 sum = {};
-    for (std::uint32_t k = first_use[i]; k < first_use[i + 1]; ++k) {
-      addScaled(sum, terms[k].weight, clusterSlope(clusters[terms[k].cluster], position));
+    for (int k = 0; k < 3; ++k) {
+      const Float4 edge = load4(frames[i].column[k]), row = load4(inverses[i].row[k]);
+      sum.x += spread<0>(row) * edge;
+      sum.y += spread<1>(row) * edge;
+      sum.z += spread<2>(row) * edge;
+    }
+    store(gradients[i], sum);
+  }
+}
+
+/// Deformation gradients of physical vertices [begin, end), and their cofactors; either output may be null.
+/// \param runs of the slots at a vertex, by vertex.
+inline void fillGradients(const BlendRun* runs, const BlendTerm* terms, const PaddedMatrix* slots,
+                          PaddedMatrix* gradients, PaddedMatrix* cofactors, std::uint32_t begin, std::uint32_t end) {
+  for (std::uint32_t i = begin; i < end; ++i) {
+    Columns3 sum = {};
+    for (std::uint32_t k = runs[i].first; k < runs[i].first + runs[i].count; ++k) {
+      const PaddedMatrix& slot = slots[terms[k].of];
+      addScaled(sum, terms[k].weight, {load4(slot.column[0]), load4(slot.column[1]), load4(slot.column[2])});
     }
     if (gradients != nullptr) store(gradients[i], sum);
     if (cofactors != nullptr) store(cofactors[i], cofactor(sum));
@@ -343,7 +356,7 @@ inline void writeBlendedPositions(const float* rest, const BlendRun* runs, const
     const Float4 position = load3(rest + 3 * std::size_t(i));
     Float4 sum = {};
     for (std::uint32_t k = runs[i].first; k < runs[i].first + runs[i].count; ++k) {
-      sum += splat4(terms[k].weight) * clusterPoint(clusters[terms[k].cluster], position);
+      sum += splat4(terms[k].weight) * clusterPoint(clusters[terms[k].of], position);
     }
     store3(out.data + std::size_t(i) * out.stride, sum);
   }
@@ -361,7 +374,7 @@ inline void writeBlendedDirections(const float* rest, const BlendRun* runs, cons
                       const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
                       Float4 sum_n = {}, sum_t = {};
                       for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
-                        const Columns3 slope = clusterSlope(clusters[terms[j].cluster], position);
+                        const Columns3 slope = clusterSlope(clusters[terms[j].of], position);
                         const Float4 w = splat4(terms[j].weight);
                         sum_n += w * times(cofactor(slope), rest_n);
                         if (tangents.data != nullptr) sum_t += w * times(slope, load4(rest_tangents + 4 * i));
@@ -391,8 +404,8 @@ inline void growBounds(const float* points, std::uint32_t count, float* low, flo
 }
 
 inline constexpr AttachKernels attachTable() {
-  return {fillSlotFrames,         fillGradients, writeAttachedPositions, writeAttachedDirections, writeBlendedPositions,
-          writeBlendedDirections, growBounds};
+  return {fillSlotFrames,          fillSlotGradients,     fillGradients,          writeAttachedPositions,
+          writeAttachedDirections, writeBlendedPositions, writeBlendedDirections, growBounds};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

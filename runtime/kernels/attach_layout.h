@@ -25,6 +25,11 @@ struct alignas(64) SlotFrame {
   float column[4][4];
 };
 
+/// The reverse of a slot's edges at rest: rows of (X_0 - X_3, X_1 - X_3, X_2 - X_3)^-1, each xyz and one unused float.
+struct alignas(16) SlotInverse {
+  float row[3][4];
+};
+
 /// The goal transform of a cluster as attachments use it: g = column[0] + Σ_k column[k] m_k(q) with q = (X - center) *
 /// inverse_radius and m the monomials of docs/report.md §1; columns 4.. count for quadratic clusters only.
 struct ClusterColumns {
@@ -41,9 +46,9 @@ struct alignas(64) PaddedMatrix {
   float column[4][4];
 };
 
-/// One cluster that moves a vertex, and how much of it.
+/// One cluster that moves a vertex, or one slot at a physical vertex, and its weight.
 struct BlendTerm {
-  std::uint32_t cluster;
+  std::uint32_t of;
   float weight;
 };
 
@@ -62,9 +67,10 @@ struct OutputStream {
 struct AttachKernels {
   void (*slot_frames)(const float* positions, const SlotCorners* corners, SlotFrame* frames, std::uint32_t begin,
                       std::uint32_t end);
-  void (*gradients)(const float* rest, const std::uint32_t* first_use, const BlendTerm* terms,
-                    const ClusterColumns* clusters, PaddedMatrix* gradients, PaddedMatrix* cofactors,
-                    std::uint32_t begin, std::uint32_t end);
+  void (*slot_gradients)(const SlotFrame* frames, const SlotInverse* inverses, PaddedMatrix* gradients,
+                         std::uint32_t begin, std::uint32_t end);
+  void (*gradients)(const BlendRun* runs, const BlendTerm* terms, const PaddedMatrix* slots, PaddedMatrix* gradients,
+                    PaddedMatrix* cofactors, std::uint32_t begin, std::uint32_t end);
   void (*attached_positions)(const AttachmentRecord* records, const SlotFrame* frames, std::uint32_t begin,
                              std::uint32_t end, OutputStream out);
   void (*attached_directions)(const AttachmentRecord* records, const SlotCorners* corners,

@@ -26,22 +26,8 @@ RestConstants makeRestConstants(const formats::PackageView& package) {
   result.fields = makeFields(package, result.driven_masses, result.field_stiffness, result.field_limits);
   for (const formats::DistanceGrid& grid : package.distanceGrids()) result.depths.emplace_back(package, grid);
   const auto clusters = package.clusters();
-  const auto members = package.memberships();
   result.clusters.resize(clusters.size());
   for (std::size_t c = 0; c < clusters.size(); ++c) addMoments(package, clusters[c], result.clusters[c]);
-
-  const std::size_t vertex_count = package.physicalVertices().size();
-  result.first_use.resize(vertex_count + 1);
-  for (const formats::Membership& member : members) ++result.first_use[member.vertex + 1];
-  for (std::size_t i = 0; i < vertex_count; ++i) result.first_use[i + 1] += result.first_use[i];
-  result.uses.resize(members.size());
-  Array<std::uint32_t> next;
-  next.assign(result.first_use);
-  for (std::size_t c = 0; c < clusters.size(); ++c) {
-    for (const formats::Membership& member : members.subspan(clusters[c].first_member, clusters[c].member_count)) {
-      result.uses[next[member.vertex]++] = {std::uint32_t(c), member.share};
-    }
-  }
   return result;
 }
 

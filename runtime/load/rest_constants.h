@@ -12,12 +12,6 @@
 
 namespace sinew::internal {
 
-/// One membership as seen from its vertex.
-struct ClusterUse {
-  std::uint32_t cluster;
-  float share;  ///< w_ic / W_i
-};
-
 /// Rest-shape constants of one cluster, beside its CLUS record.
 struct ClusterRest {
   Monomials<9> mean = Monomials<9>::Zero();  ///< Σ mu q~ as floats evaluate it; columns 3.. only if quadratic
@@ -27,9 +21,6 @@ struct ClusterRest {
 /// Constants of a world's steps that a package does not hold in this form. One per Asset, shared by its bodies.
 struct RestConstants {
   Array<ClusterRest> clusters;
-  Array<std::uint32_t> first_use;  ///< vertex -> uses, vertex count + 1 entries
-  Array<ClusterUse> uses;          ///< by vertex, clusters ascending
-
   Array<double> driven_masses;       ///< Field::driven_mass
   Array<float> field_stiffness;      ///< Field::stiffness
   Array<SampleLimits> field_limits;  ///< Field::limits

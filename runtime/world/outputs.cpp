@@ -121,11 +121,14 @@ void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun>
     const internal::Collider* const collider = colliderOf(id);
     if (collider == nullptr) continue;
     const internal::Pose pose(internal::between(collider->before, collider->at, shown));
+    const bool plane = collider->shape.isPlane();  // above it are most vertices of what rests on it
+    const Eigen::Vector3d up = pose.rotation * collider->shape.half();
+    const double level = collider->shape.radius() + up.dot(pose.position);
     for (const VertexRun& run : runs) {
       for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
         float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
         const Eigen::Vector3d at = Eigen::Map<const Eigen::Vector3f>(x).cast<double>();
-        if (!collider->bounds().contains(at)) continue;
+        if (plane ? up.dot(at) >= level : !collider->bounds().contains(at)) continue;
         const internal::NearPlace near = collider->shape.near(pose.toLocal(at), deepest);
         if (!(near.distance < 0 && near.distance > -deepest)) continue;
         const Eigen::Vector3d out_of = at - near.distance * (pose.rotation * near.normal);

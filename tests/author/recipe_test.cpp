@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tools/author/needs.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -46,7 +47,7 @@ TEST_F(RecipeFile, ReadsSourceBesideItselfAndSettings) {
   EXPECT_EQ(recipe.source, folder_ / "meshes/cow.obj");
   EXPECT_EQ(recipe.settings.tetrahedra.target_vertices, 700U);
   EXPECT_EQ(recipe.settings.clusters.grid, (std::array<std::uint32_t, 3>{2, 3, 4}));
-  EXPECT_FALSE(recipe.settings.package.groups);
+  EXPECT_EQ(Needs::parse(recipe.settings.package.needs), Needs::all().without(Need::groups));
   EXPECT_EQ(recipe.settings.import.unit, "cm");
 }
 
@@ -67,7 +68,7 @@ TEST_F(RecipeFile, UntilVersionTwoSettingsCouldBeTexts) {
     "settings": {"package.groups": "off", "clusters.grid": "2,3,4", "tetrahedra.vertices": "700"},
     "clusters": [{"name": "a", "from": {"all": true}, "settings": {"stretch_hz": "20"}}]})";
   const Recipe recipe = readRecipe(write(R"({"sinew_recipe": 2, )" + rest));
-  EXPECT_FALSE(recipe.settings.package.groups);
+  EXPECT_EQ(Needs::parse(recipe.settings.package.needs), Needs::all().without(Need::groups));
   EXPECT_EQ(recipe.settings.clusters.grid, (std::array<std::uint32_t, 3>{2, 3, 4}));
   EXPECT_EQ(recipe.settings.tetrahedra.target_vertices, 700U);
   EXPECT_EQ(recipe.clusters[0].settings[0].second, 20);
@@ -77,7 +78,7 @@ TEST_F(RecipeFile, UntilVersionTwoSettingsCouldBeTexts) {
   EXPECT_NE(
       errorOf(R"({"sinew_recipe": 2, "source": "x.obj", "settings": {"package.groups": "maybe"}})").find("groups"),
       std::string::npos);
-  EXPECT_NE(errorOf(R"({"sinew_recipe": 3, )" + rest).find("package.groups"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 3, )" + rest).find("tetrahedra.vertices"), std::string::npos);
 }
 
 TEST_F(RecipeFile, FaultsNameThePlace) {

@@ -92,8 +92,7 @@ TEST(Settings, ChoicesStandInTheOrderOfTheirEnumerations) {
 TEST(Settings, ARecipesValuesHaveTheirTypes) {
   Settings settings;
   EXPECT_THROW(settings.setJson("clusters.stretch_hz", "20"), ToolError);
-  EXPECT_THROW(settings.setJson("package.groups", "on"), ToolError);
-  EXPECT_THROW(settings.setJson("package.groups", 1), ToolError);
+  EXPECT_THROW(settings.setJson("package.needs", true), ToolError);
   EXPECT_THROW(settings.setJson("clusters.grid", "2,2,2"), ToolError);
   EXPECT_THROW(settings.setJson("import.up", 1), ToolError);
   settings.setJson("clusters.grid", {2, 3, 4});
@@ -116,12 +115,12 @@ TEST(Settings, ValuesArriveWhereTheToolsReadThem) {
   settings.assign("clusters.grid=[4, 2,3]");
   settings.assign("clusters.overlap=0.25");
   settings.assign("import.unit=0.0254");
-  settings.assign("package.textures=off");
+  settings.assign("package.needs=contact,cut");
   EXPECT_EQ(settings.tetrahedra.method, TetrahedraMethod::delaunay);
   EXPECT_EQ(settings.clusters.grid, (std::array<std::uint32_t, 3>{4, 2, 3}));
   EXPECT_EQ(settings.clusters.overlap, 0.25);
   EXPECT_EQ(settings.import.unit, "0.0254");
-  EXPECT_FALSE(settings.package.textures);
+  EXPECT_EQ(settings.package.needs, "contact,cut");
 }
 
 TEST(Settings, WrongValuesAreRefusedWithTheLegalOnes) {
@@ -136,7 +135,7 @@ TEST(Settings, WrongValuesAreRefusedWithTheLegalOnes) {
   EXPECT_NE(errorOf("clusters.grid=[0,2,3]"), "");
   EXPECT_NE(errorOf("import.unit=furlong"), "");
   EXPECT_NE(errorOf("import.unit=-1"), "");
-  EXPECT_NE(errorOf("package.groups=maybe"), "");
+  EXPECT_NE(errorOf("package.needs=maybe"), "");
   EXPECT_NE(errorOf("tetrahedra.vertices"), "");
 }
 

@@ -201,8 +201,8 @@ double follow(const PackageView& view) {
   return sum + followFields(view);
 }
 
-void damageAtRandom(const PackageContent& content, std::size_t least_opened) {
-  const std::vector<std::byte> good = writePackage(content);
+void damageAtRandom(const PackageContent& content, std::size_t least_opened, bool packed = false) {
+  const std::vector<std::byte> good = writePackage(content, packed);
   Header header;
   std::memcpy(&header, good.data(), sizeof header);
   std::mt19937 random(20240607);
@@ -253,6 +253,11 @@ void damageAtRandom(const PackageContent& content, std::size_t least_opened) {
 TEST(PackageBytes, RandomDamageUnderRightChecksumsIsRefusedOrHarmless) { damageAtRandom(samplePackage(), 1000); }
 
 TEST(PackageBytes, RandomDamageToFieldsIsRefusedOrHarmless) { damageAtRandom(test::fieldPackage(), 1000); }
+
+TEST(PackageBytes, RandomDamageToPackedSectionsIsRefusedOrHarmless) {
+  damageAtRandom(samplePackage(), 1000, true);
+  damageAtRandom(test::fieldPackage(), 1000, true);
+}
 
 }  // namespace
 }  // namespace sinew::formats

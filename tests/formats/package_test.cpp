@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -13,6 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "formats/src/packing.h"
+#include "formats/src/section_rules.h"
 #include "sinew/formats/version.h"
 #include "sinew/formats/writer.h"
 #include "tests/support/package_bytes.h"
@@ -75,9 +78,9 @@ TEST(Package, EqualContentGivesEqualBytes) { EXPECT_EQ(writePackage(samplePackag
 
 // The golden file is what this version of the format looks like: a difference means that packages already out there no
 // longer read the same. SINEW_UPDATE_GOLDEN=1 writes it anew, for a new format version only.
-void compareWithGolden(const PackageContent& content, const std::string& name) {
+void compareWithGolden(const PackageContent& content, const std::string& name, bool packed = false) {
   const std::string path = std::string(SINEW_GOLDEN) + "/" + name + "_v" + std::to_string(kFormatVersion) + ".sinew";
-  const std::vector<std::byte> bytes = writePackage(content);
+  const std::vector<std::byte> bytes = writePackage(content, packed);
   if (std::getenv("SINEW_UPDATE_GOLDEN") != nullptr) {
     std::ofstream(path, std::ios::binary)
         .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -93,6 +96,145 @@ TEST(Package, MatchesGoldenBytes) { compareWithGolden(test::samplePackage(), "sa
 TEST(Package, WithMechanicsMatchesGoldenBytes) { compareWithGolden(test::mechanicsPackage(), "mechanics"); }
 
 TEST(Package, WithFieldsMatchesGoldenBytes) { compareWithGolden(test::fieldPackage(), "fields"); }
+
+TEST(Package, PackedMatchesGoldenBytes) {
+  compareWithGolden(test::samplePackage(), "sample_packed", true);
+  compareWithGolden(test::fieldPackage(), "fields_packed", true);
+}
+
+// What a block of numbers with one exponent rounds to.
+void expectClose(const void* packed, const void* plain, const SectionRule& rule, std::size_t count) {
+  const std::size_t words = rule.element_bytes / 4, block = rule.packing.block;
+  for (std::size_t e = 0; e < count; ++e) {
+    const char* a = static_cast<const char*>(packed) + e * rule.element_bytes;
+    const char* b = static_cast<const char*>(plain) + e * rule.element_bytes;
+    EXPECT_EQ(std::memcmp(a, b, 4 * (words - block)), 0) << sectionName(rule.id) << " element " << e;
+    std::vector<float> read(block), written(block);
+    if (block == 0) continue;
+    std::memcpy(read.data(), a + 4 * (words - block), 4 * block);
+    std::memcpy(written.data(), b + 4 * (words - block), 4 * block);
+    float largest = 0;
+    for (const float x : written) largest = std::max(largest, std::fabs(x));
+    for (std::size_t i = 0; i < block; ++i) {
+      EXPECT_NEAR(read[i], written[i], std::ldexp(largest, -15)) << sectionName(rule.id) << " element " << e;
+    }
+  }
+}
+
+TEST(Package, PackedSectionsReadAsWrittenButForTheirRounding) {
+  PackageContent sample = samplePackage(), fields = test::fieldPackage();
+  // A source vertex that no face uses: none in the narrow index too.
+  ASSERT_TRUE(std::any_of(sample.source_identity.begin(), sample.source_identity.end(),
+                          [](const SourceIdentity& s) { return s.welded == kNone; }));
+  for (const PackageContent* content : {&sample, &fields}) {
+    const std::vector<std::byte> plain_bytes = writePackage(*content), packed_bytes = writePackage(*content, true);
+    EXPECT_LT(packed_bytes.size(), plain_bytes.size());
+    const AlignedBytes plain(plain_bytes), packed(packed_bytes);
+    PackageView a, b;
+    ASSERT_EQ(PackageView::open(plain.span(), a).reason, "");
+    ASSERT_EQ(PackageView::open(packed.span(), b).reason, "");
+    ASSERT_EQ(a.sections().size(), b.sections().size());
+    std::size_t smaller = 0;
+    for (std::size_t i = 0; i < a.sections().size(); ++i) {
+      const SectionRule& rule = kSectionRules[section::indexOf(a.sections()[i].id)];
+      const SectionData one = a.sectionData(rule.id), other = b.sectionData(rule.id);
+      ASSERT_EQ(one.count, other.count);
+      EXPECT_EQ(b.sections()[i].packed, rule.packing.possible());
+      EXPECT_EQ(b.sections()[i].bytes,
+                one.count * (rule.packing.possible() ? rule.packing.bytes(2) : rule.element_bytes));
+      smaller += b.sections()[i].packed ? 1U : 0U;
+      if (rule.packing.possible()) {
+        expectClose(other.data, one.data, rule, one.count);
+      } else {
+        EXPECT_EQ(std::memcmp(one.data, other.data, one.count * rule.element_bytes), 0);
+      }
+    }
+    EXPECT_GT(smaller, 5U);
+    // What was unpacked lives with the view, also with a copy of it.
+    PackageView copy = b;
+    b = PackageView();
+    EXPECT_EQ(copy.tetrahedra().size(), a.tetrahedra().size());
+    EXPECT_EQ(copy.tetrahedra()[0].vertex, a.tetrahedra()[0].vertex);
+  }
+}
+
+TEST(Packing, IndicesTakeThreeBytesWhereTwoAreFewAndAreLeftAloneWhereThreeAre) {
+  const Packing indices = {3, 0, 0};
+  const auto packedAs = [&](std::array<std::uint32_t, 3> triangle, std::uint32_t& width) {
+    const std::vector<std::byte> packed = pack(indices, std::as_bytes(std::span(triangle)), width);
+    std::array<std::uint32_t, 3> back{};
+    if (!packed.empty()) {
+      EXPECT_EQ(packed.size(), indices.bytes(width));
+      EXPECT_EQ(packedWidth(indices, indices.bytes(width)), width);
+      EXPECT_TRUE(unpack(indices, width, packed, reinterpret_cast<std::byte*>(back.data())));
+      EXPECT_EQ(back, triangle);
+    }
+    return packed.size();
+  };
+  std::uint32_t width = 0;
+  EXPECT_EQ(packedAs({0, 0xfffe, kNone}, width), 6U);
+  EXPECT_EQ(packedAs({0, 0xffff, kNone}, width), 9U);
+  EXPECT_EQ(packedAs({0, 0xfffffe, kNone}, width), 9U);
+  EXPECT_EQ(packedAs({0, 0xffffff, 0}, width), 0U);
+}
+
+TEST(Packing, NumbersOfAnySizeKeepTheirBlocksPrecision) {
+  const Packing block = {0, 0, 3};
+  for (const float scale : {0.0F, 1e-30F, 1e-9F, 1.0F, 1e18F, 1e37F}) {
+    const std::array<float, 3> written = {scale, -0.9999999F * scale, 1e-5F * scale};
+    std::uint32_t width = 0;
+    const std::vector<std::byte> packed = pack(block, std::as_bytes(std::span(written)), width);
+    std::array<float, 3> read{};
+    ASSERT_TRUE(unpack(block, 2, packed, reinterpret_cast<std::byte*>(read.data())));
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(read[i], written[i], std::ldexp(scale, -15)) << scale;
+  }
+}
+
+TEST(Package, PackedElementsOfAnotherSizeOrExponentAreRefused) {
+  const std::vector<std::byte> good = writePackage(samplePackage(), true);
+  const auto refusalAfter = [&](std::uint32_t id, auto change) {
+    AlignedBytes bytes(good);
+    Header header;
+    std::memcpy(&header, bytes.span().data(), sizeof header);
+    for (std::uint32_t i = 0; i < header.section_count; ++i) {
+      std::byte* at = bytes.span().data() + sizeof(Header) + i * sizeof(SectionEntry);
+      SectionEntry entry;
+      std::memcpy(&entry, at, sizeof entry);
+      if (entry.id != id) continue;
+      change(entry, bytes.span().data() + entry.offset);
+      std::memcpy(at, &entry, sizeof entry);
+    }
+    test::reseal(bytes.span());
+    PackageView view;
+    return PackageView::open(bytes.span(), view).reason;
+  };
+  EXPECT_EQ(refusalAfter(section::visual_positions, [](SectionEntry&, std::byte*) {}), "");
+  EXPECT_NE(refusalAfter(section::visual_positions,
+                         [](SectionEntry&, std::byte* p) {
+                           const std::int16_t exponent = 128;
+                           std::memcpy(p, &exponent, 2);
+                         })
+                .find("VPOS: an exponent"),
+            std::string::npos);
+  EXPECT_NE(refusalAfter(section::visual_positions,
+                         [](SectionEntry& e, std::byte*) {
+                           e.element_count *= 2;
+                           e.element_bytes /= 2;
+                         })
+                .find("packed elements of 4 bytes, must be 8"),
+            std::string::npos);
+  EXPECT_NE(refusalAfter(section::info, [](SectionEntry& e, std::byte*) { e.flags |= kSectionPacked; }).find("flags"),
+            std::string::npos);
+}
+
+TEST(Package, ContentOfAViewIsWhatWasWritten) {
+  for (const PackageContent& content : {samplePackage(), test::mechanicsPackage(), test::fieldPackage()}) {
+    const AlignedBytes bytes(writePackage(content));
+    PackageView view;
+    ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
+    EXPECT_EQ(writePackage(contentOf(view)), writePackage(content));
+  }
+}
 
 TEST(Package, FieldsReadAsWritten) {
   const PackageContent content = test::fieldPackage();

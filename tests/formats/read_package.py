@@ -149,7 +149,7 @@ HEADER = struct.Struct("<8sIIQQIIQ2Q")
 ENTRY = struct.Struct("<IIQQQIIQ2Q")
 MAGIC = b"SINEW\r\n\x1a"
 FORMAT_VERSION = 3
-REQUIRED = 1
+REQUIRED, PACKED = 1, 2
 
 # id: (layout of a record, required flag, always present, feature bit or None)
 SECTIONS = {
@@ -205,6 +205,11 @@ SECTIONS = {
     "DIST": ("<5I5f", 0, False, None),
     "DVAL": ("<h", 0, False, None),
 }
+# id: (indices, plain numbers, numbers of a block) of an element of a packed section, in this order
+PACKINGS = {"TETS": (4, 0, 0), "MEMB": (1, 2, 0), "VPOS": (0, 0, 3), "VNRM": (0, 0, 3), "VUV0": (0, 0, 2), "VTRI": (3, 0, 0),
+            "ATBC": (1, 0, 3), "ATCR": (2, 0, 0), "ATCW": (1, 1, 0), "VSRC": (2, 0, 0), "SVTX": (3, 0, 0), "SVLS": (1, 0, 0),
+            "GRPV": (1, 0, 0), "MSKV": (1, 1, 0), "PSTV": (1, 0, 0), "PRTV": (1, 0, 0), "FGRD": (0, 0, 8), "FVAL": (0, 0, 8),
+            "FPTV": (0, 0, 8), "FMOD": (0, 0, 8)}
 FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "cluster_attachment", "identity", "groups",
             "textures", "mechanics", "activation", "vertex_stiffness", "pin_weights",
             "fields"]
@@ -225,6 +230,28 @@ def need(condition, reason):
 
 def padded(size):
     return (size + 63) // 64 * 64
+
+
+def unpacked(name, data, element_bytes):
+    """The elements of a packed section as its row of SECTIONS lays them out."""
+    indices, plain, block = PACKINGS[name]
+    rest = 4 * plain + (2 + 2 * block if block else 0)
+    width = next((w for w in (2, 3) if w * indices + rest == element_bytes), None)
+    need(width, f"section {name}: wrong size of packed elements")
+    none = (1 << 8 * width) - 1
+    out = bytearray()
+    for at in range(0, len(data), element_bytes):
+        for _ in range(indices):
+            index = int.from_bytes(data[at:at + width], "little")
+            out += struct.pack("<I", NONE if index == none else index)
+            at += width
+        out += data[at:at + 4 * plain]
+        at += 4 * plain
+        if block:
+            exponent, *numbers = struct.unpack_from(f"<{1 + block}h", data, at)
+            need(-111 <= exponent <= 127, f"section {name}: exponent of packed numbers")
+            out += struct.pack(f"<{block}f", *(math.ldexp(q, exponent - 15) for q in numbers))
+    return bytes(out)
 
 
 def read_frame(data):
@@ -259,11 +286,14 @@ def read_frame(data):
             need(not flags & REQUIRED, where + "required, but unknown: use a newer version")
             continue
         layout, wanted_flags, _, _ = SECTIONS[name]
-        need(flags == wanted_flags, where + "wrong flags")
-        need(element_bytes == struct.calcsize(layout), where + "wrong element size")
+        packed = name in PACKINGS and bool(flags & PACKED)
+        need(flags == wanted_flags | (PACKED if packed else 0), where + "wrong flags")
+        need(packed or element_bytes == struct.calcsize(layout), where + "wrong element size")
         need(elements < NONE, where + "too many elements")
         need(name not in found, where + "occurs twice")
         found[name] = data[offset:offset + size]
+        if packed:
+            found[name] = unpacked(name, found[name], element_bytes)
     need(expected == len(data), "the sections do not end where the file ends")
     need(features < 1 << len(FEATURES), "header: unknown feature bit: use a newer version")
     for name, (_, _, always, bit) in SECTIONS.items():

@@ -101,6 +101,22 @@ class Reader(unittest.TestCase):
         with open(EXPECTED, encoding="utf-8") as file:
             self.assertEqual(json.loads(result.stdout), json.load(file))
 
+    def test_packed_values_are_those_unpacked(self):
+        for name, plain in (("sample_packed", GOLDEN), ("fields_packed", FIELDS)):
+            with open(os.path.join(HERE, "golden", name + "_v3.sinew"), "rb") as file:
+                packed = read_package.Package(file.read())
+            with open(plain, "rb") as file:
+                package = read_package.Package(file.read())
+            self.assertLess(packed.bytes, package.bytes)
+            for section, records in package.records.items():
+                self.assertEqual(len(packed.records[section]), len(records))
+                block = read_package.PACKINGS.get(section, (0, 0, 0))[2]
+                for one, other in zip(packed.records[section], records):
+                    exact = len(other) - block  # infinite numbers among them
+                    self.assertEqual(one[:exact], other[:exact], section)
+                    bound = max(map(abs, other[exact:]), default=0) / 2**15
+                    self.assertTrue(all(abs(a - b) <= bound for a, b in zip(one[exact:], other[exact:])), section)
+
     def test_program_refuses_with_exit_3_and_one_line(self):
         cut, flipped, appended, version = golden()[:-1], golden(), golden() + b"\0", golden()
         flipped[2000] ^= 1

@@ -316,26 +316,16 @@ TEST(Outputs, SameBitsForEveryInstructionSet) {
   const VisualConstants& visual = asset->visualConstants();
   const std::size_t slots = visual.corners.size(), vertices = asset->package().physicalVertices().size();
   const auto count = std::uint32_t(visual.records.size());
-  std::vector<ClusterColumns> columns(asset->package().clusters().size());
-  for (std::uint32_t c = 0; c < columns.size(); ++c) {
-    columns[c] = {};
-    for (int k = 0; k < 10; ++k) {
-      for (int j = 0; j < 3; ++j) {
-        columns[c].column[k][j] = (k == j + 1 ? 1.0F : 0.0F) + 0.01F * float((7 * k + 3 * j) % 11);
-      }
-    }
-    columns[c].inverse_radius = 1.7F;
-    columns[c].quadratic = c % 2;
-  }
   struct Result {
     std::vector<SlotFrame> frames;
-    std::vector<PaddedMatrix> gradients, cofactors;
+    std::vector<PaddedMatrix> slot_gradients, gradients, cofactors;
     std::vector<Vec3> positions, normals;
     std::vector<Vec4> tangents;
   };
   const auto run = [&](const AttachKernels& kernel) {
     Result r;
     r.frames.resize(slots);
+    r.slot_gradients.resize(slots);
     r.gradients.resize(vertices);
     r.cofactors.resize(vertices);
     r.positions.resize(count);
@@ -344,10 +334,8 @@ TEST(Outputs, SameBitsForEveryInstructionSet) {
     const auto bytes = [](auto& v) { return reinterpret_cast<std::byte*>(v.data()); };
     kernel.slot_frames(world.positions(id).data()->data(), visual.corners.data(), r.frames.data(), 0,
                        std::uint32_t(slots));
-    std::vector<BlendTerm> terms;
-    for (const ClusterUse& use : asset->constants().uses) terms.push_back({use.cluster, use.share});
-    kernel.gradients(asset->package().physicalVertices().data()->rest_position.data(),
-                     asset->constants().first_use.data(), terms.data(), columns.data(), r.gradients.data(),
+    kernel.slot_gradients(r.frames.data(), visual.inverses.data(), r.slot_gradients.data(), 0, std::uint32_t(slots));
+    kernel.gradients(visual.slots_at.data(), visual.slot_terms.data(), r.slot_gradients.data(), r.gradients.data(),
                      r.cofactors.data(), 0, std::uint32_t(vertices));
     kernel.attached_positions(visual.records.data(), r.frames.data(), 0, count, {bytes(r.positions), 12});
     kernel.attached_directions(visual.directionRecords().data(), visual.corners.data(), r.cofactors.data(),
@@ -381,6 +369,31 @@ TEST(Outputs, SameBitsForEveryInstructionSet) {
       place += double(attachment.weight[k]) * (wide(world.positions(id)[corners[k]]) - last);
     }
     ASSERT_LT((wide(expected.positions[i]) - place).norm(), 1e-6);
+  }
+  // A physical vertex deforms like the tetrahedra around it that carry something, by their volume.
+  const auto restOf = [&](std::uint32_t v) { return wide(asset->package().physicalVertices()[v].rest_position); };
+  std::vector<Eigen::Matrix3d> mean(vertices, Eigen::Matrix3d::Zero());
+  std::vector<double> volume(vertices, 0);
+  for (const SlotCorners& slot : visual.corners) {
+    const std::uint32_t* v = slot.vertex;
+    Eigen::Matrix3d rest, now;
+    for (int k = 0; k < 3; ++k) {
+      rest.col(k) = restOf(v[k]) - restOf(v[3]);
+      now.col(k) = wide(world.positions(id)[v[k]]) - wide(world.positions(id)[v[3]]);
+    }
+    const double weight = std::abs(rest.determinant());
+    for (int k = 0; k < 4; ++k) {
+      mean[v[k]] += weight * now * rest.inverse();
+      volume[v[k]] += weight;
+    }
+  }
+  for (std::size_t v = 0; v < vertices; ++v) {
+    if (volume[v] == 0) continue;
+    Eigen::Matrix3d got;
+    for (int c = 0; c < 3; ++c) {
+      for (int a = 0; a < 3; ++a) got(a, c) = double(expected.gradients[v].column[c][a]);
+    }
+    ASSERT_LT((got - mean[v] / volume[v]).norm(), 1e-4) << v;
   }
 }
 

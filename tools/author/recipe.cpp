@@ -5,6 +5,7 @@
 #include <functional>
 #include <set>
 
+#include "tools/author/needs.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/recipe_shape.h"
 #include "tools/core/error.h"
@@ -250,19 +251,49 @@ void typeSettings(Json& owner, std::string_view prefix) {
   for (auto& [key, value] : owner["settings"].items()) value = typedSetting(std::string(prefix) + key, value);
 }
 
+Finding migration(const std::string& message, Severity severity, const std::string& cure) {
+  Finding finding;
+  finding.id = "recipe-migrated";
+  finding.severity = severity;
+  finding.count = 1;
+  finding.message = message;
+  finding.cure = cure;
+  return finding;
+}
+
+// Before package.needs three flags said what a package keeps.
+Json withNeeds(Json json, std::vector<Finding>& findings) {
+  if (!json.contains("settings") || !json["settings"].is_object()) return json;
+  Json& settings = json["settings"];
+  Needs needs = Needs::all();
+  for (const auto& [key, need] :
+       {std::pair("package.textures", Need::textures), std::pair("package.identity", Need::identity),
+        std::pair("package.groups", Need::groups)}) {
+    if (!settings.contains(key)) continue;
+    const bool no =
+        settings[key] == false || settings[key] == "off" || settings[key] == "false" || settings[key] == "no";
+    const bool yes =
+        settings[key] == true || settings[key] == "on" || settings[key] == "true" || settings[key] == "yes";
+    if (!no && !yes) continue;  // told where it is read
+    if (no) needs = needs.without(need);
+    settings.erase(key);
+  }
+  if (needs == Needs::all()) return json;
+  settings["package.needs"] = needs.text();
+  findings.push_back(migration("flags of package are now package.needs = " + needs.text(), Severity::info,
+                               "The next command of sinew author that changes the recipe writes it so."));
+  return json;
+}
+
 // Until version 2 a setting's value could be a text of any type ("off"), and the overlap had three names: in boxes for
 // grids, in metres (0: automatic) for authored clusters, and a cluster's own key.
 Json asVersion3(Json json, std::vector<Finding>& findings) {
   json["sinew_recipe"] = Recipe::kVersion;
   const auto say = [&](const std::string& message, Severity severity) {
-    Finding finding;
-    finding.id = "recipe-migrated";
-    finding.severity = severity;
-    finding.count = 1;
-    finding.message = message;
-    finding.cure = severity == Severity::info ? "The next command of sinew author that changes the recipe writes it so."
-                                              : "Give clusters.overlap in metres where it is to differ.";
-    findings.push_back(finding);
+    findings.push_back(migration(message, severity,
+                                 severity == Severity::info
+                                     ? "The next command of sinew author that changes the recipe writes it so."
+                                     : "Give clusters.overlap in metres where it is to differ."));
   };
   if (json.contains("settings") && json["settings"].is_object()) {
     Json& settings = json["settings"];
@@ -314,8 +345,8 @@ Json migratedRecipe(const JsonText& text, const fs::path& file, std::vector<Find
     throw ToolError(ExitCode::bad_input, text.file(), "is JSON but no recipe (the key sinew_recipe is missing)",
                     R"(A recipe looks like {"sinew_recipe": 3, "source": "mesh.obj", "settings": {}}.)");
   }
-  if (json["sinew_recipe"] == Recipe::kVersion) return json;
-  if (json["sinew_recipe"] == 2) return asVersion3(json, findings);
+  if (json["sinew_recipe"] == Recipe::kVersion) return withNeeds(json, findings);
+  if (json["sinew_recipe"] == 2) return asVersion3(withNeeds(json, findings), findings);
   if (json["sinew_recipe"] != 1) {
     text.fail("/sinew_recipe",
               "is a recipe of version " + json["sinew_recipe"].dump() + ", this program reads versions 1 to " +
@@ -329,7 +360,7 @@ Json migratedRecipe(const JsonText& text, const fs::path& file, std::vector<Find
     }
   }
   // Version 1 had no project folder: take the nearest one that holds the source.
-  Json migrated = asVersion3(json, findings);
+  Json migrated = asVersion3(withNeeds(json, findings), findings);
   if (json.contains("source") && json["source"].is_string()) {
     const fs::path folder = folderOf(file);
     const fs::path source = folder / json["source"].get<std::string>();

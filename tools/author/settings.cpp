@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "tools/author/json_text.h"
+#include "tools/author/needs.h"
 #include "tools/core/error.h"
 #include "tools/core/text.h"
 #include "tools/core/units.h"
@@ -21,19 +22,19 @@ constexpr std::array<std::string_view, 4> kLayoutKeys = {"clusters.method", "clu
                                                          "clusters.soften_metres"};
 
 // What says nothing unless another setting has a value.
-struct Need {
+struct Dependence {
   std::string_view key, needs_key, needs_value;
 };
-constexpr std::array<Need, 10> kNeeds = {{{"clusters.grid", "clusters.method", "grid"},
-                                          {"clusters.size", "clusters.method", "kmeans"},
-                                          {"clusters.bend_hz", "clusters.mode", "quadratic"},
-                                          {"clusters.twist_hz", "clusters.mode", "quadratic"},
-                                          {"clusters.stretch_hz", "clusters.stiffness", "frequency"},
-                                          {"clusters.per_step_beta", "clusters.stiffness", "per_step"},
-                                          {"clusters.young", "clusters.stiffness", "elastic"},
-                                          {"clusters.poisson", "clusters.stiffness", "elastic"},
-                                          {"clusters.limit_norm_max", "clusters.limit", "soft"},
-                                          {"clusters.limit_curve", "clusters.limit", "curve"}}};
+constexpr std::array<Dependence, 10> kDependences = {{{"clusters.grid", "clusters.method", "grid"},
+                                                      {"clusters.size", "clusters.method", "kmeans"},
+                                                      {"clusters.bend_hz", "clusters.mode", "quadratic"},
+                                                      {"clusters.twist_hz", "clusters.mode", "quadratic"},
+                                                      {"clusters.stretch_hz", "clusters.stiffness", "frequency"},
+                                                      {"clusters.per_step_beta", "clusters.stiffness", "per_step"},
+                                                      {"clusters.young", "clusters.stiffness", "elastic"},
+                                                      {"clusters.poisson", "clusters.stiffness", "elastic"},
+                                                      {"clusters.limit_norm_max", "clusters.limit", "soft"},
+                                                      {"clusters.limit_curve", "clusters.limit", "curve"}}};
 
 // A number without a sign, as a regular expression.
 const std::string kPositive = "([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][+-]?[0-9]+)?";
@@ -323,15 +324,20 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Choice{{"barycentric", "clusters"},
               [](const Settings& x) { return int(x.attachment.method); },
               [](Settings& x, int v) { x.attachment.method = AttachmentMethod(v); }}},
-      {"package.textures", "", "Keep the texture pictures in the package.", Flag{&s.package.textures}},
-      {"package.identity", "", "Keep the maps between source vertices and visual vertices.", Flag{&s.package.identity}},
-      {"package.groups", "", "Keep the artist's named groups.", Flag{&s.package.groups}},
+      {"package.needs", "",
+       "What a game wants of the package, separated by commas; sections that serve none of it are left out, and "
+       "without "
+       "exact numbers have 16 bits. Names: sinew bake --help.",
+       Text{&s.package.needs, [](const std::string& text) { return Needs::parse(text).has_value(); },
+            "all | none | " + Needs::names(" | "),
+            "^(all|none|(" + Needs::names("|") + ")( *, *(" + Needs::names("|") + "))*)$"}},
   };
   for (Declaration& d : all) {
     d.of_cluster = d.key.starts_with(kClusterPrefix) &&
                    std::find(kLayoutKeys.begin(), kLayoutKeys.end(), d.key) == kLayoutKeys.end();
-    const auto* need = std::find_if(kNeeds.begin(), kNeeds.end(), [&](const Need& n) { return n.key == d.key; });
-    if (need == kNeeds.end()) continue;
+    const auto* need =
+        std::find_if(kDependences.begin(), kDependences.end(), [&](const Dependence& n) { return n.key == d.key; });
+    if (need == kDependences.end()) continue;
     d.needs_key = need->needs_key;
     d.needs_value = need->needs_value;
   }

@@ -33,9 +33,7 @@ struct FieldSettings {
 };
 
 struct PackageOptions {
-  bool textures = true;  ///< embed the pictures
-  bool identity = true;  ///< source vertex <-> visual vertex maps
-  bool groups = true;    ///< the artist's named groups
+  std::string needs = "all";  ///< as Needs::parse() takes it
 };
 
 struct Settings {

@@ -14,6 +14,7 @@
 #include "tools/author/regions.h"
 #include "tools/bake/fields.h"
 #include "tools/bake/findings_json.h"
+#include "tools/bake/leave_out.h"
 #include "tools/bake/stages.h"
 #include "tools/bake/suggest_parts.h"
 #include "tools/core/error.h"
@@ -25,16 +26,18 @@ namespace {
 using Eigen::Vector3d;
 using nlohmann::ordered_json;
 
-// Why a package is refused, empty if it is not: what passes here is what every user will load.
-std::string refusalOf(std::span<const std::byte> package) {
-  // The reader wants aligned bytes.
-  const std::unique_ptr<std::byte, void (*)(std::byte*)> aligned(
-      static_cast<std::byte*>(::operator new(package.size(), std::align_val_t(formats::kSectionAlignment))),
-      [](std::byte* p) { ::operator delete(p, std::align_val_t(formats::kSectionAlignment)); });
-  std::memcpy(aligned.get(), package.data(), package.size());
+// A package as a reader has it, in aligned memory.
+struct Opened {
+  explicit Opened(std::span<const std::byte> package)
+      : memory(static_cast<std::byte*>(::operator new(package.size(), std::align_val_t(formats::kSectionAlignment))),
+               [](std::byte* p) { ::operator delete(p, std::align_val_t(formats::kSectionAlignment)); }) {
+    std::memcpy(memory.get(), package.data(), package.size());
+    refusal = formats::PackageView::open({memory.get(), package.size()}, view).reason;
+  }
+  std::unique_ptr<std::byte, void (*)(std::byte*)> memory;
   formats::PackageView view;
-  return formats::PackageView::open({aligned.get(), package.size()}, view).reason;
-}
+  std::string refusal;  // empty if it opens: what passes here is what every user will load
+};
 
 void moveToOrigin(const Vector3d& origin, VisualMesh& mesh) {
   for (Vector3d& x : mesh.positions) x = geometry::roundedToFloat(x - origin);
@@ -114,7 +117,7 @@ Clustered clusterSource(const Settings& settings, const Solid& solid, const Plac
 std::vector<std::byte> openingPackage(formats::PackageContent& content, const std::string& file, ordered_json& fields,
                                       std::vector<Finding>& findings) {
   std::vector<std::byte> package = formats::writePackage(content);
-  std::string refusal = refusalOf(package);
+  std::string refusal = Opened(package).refusal;
   if (!refusal.empty() && !content.fields.empty()) {
     // Sizes at which numbers of fields leave their bounds, and pieces thinner than rounding: clusters move those.
     removeFields(content);
@@ -128,11 +131,38 @@ std::vector<std::byte> openingPackage(formats::PackageContent& content, const st
                         "",
                         "Simulate it with --solver report, or give the source other units or a greater thickness."});
     package = formats::writePackage(content);
-    refusal = refusalOf(package);
+    refusal = Opened(package).refusal;
   }
   if (refusal.empty()) return package;
   throw ToolError(ExitCode::system, file, "the baked package does not pass its own check: " + refusal,
                   "This is a fault of sinew: please report it with the file.");
+}
+
+// Bytes of 16-bit numbers instead of a package's, where a reader takes them. \return what the report says.
+ordered_json packNumbers(formats::PackageContent& content, std::vector<std::byte>& package,
+                         std::vector<Finding>& findings) {
+  std::vector<std::byte> packed = formats::writePackage(content, true);
+  const Opened plain(package), opened(packed);
+  if (opened.refusal.empty()) {
+    content.info.max_rest_error = float(restErrorOf(opened.view));
+    packed = formats::writePackage(content, true);
+  }
+  if (!opened.refusal.empty()) {
+    findings.push_back({"not-packed",
+                        Severity::warning,
+                        "numbers of 16 bits are too coarse for this body (" + opened.refusal + "): they have 32",
+                        1,
+                        "",
+                        {},
+                        "",
+                        "Nothing is wrong with the package; add exact to package.needs and this is not tried."});
+    return {{"packed", false}};
+  }
+  ordered_json said = {{"packed", true},
+                       {"bytes_exact", package.size()},
+                       {"drawn_difference", drawnDifference(plain.view, opened.view)}};
+  package = std::move(packed);
+  return said;
 }
 
 BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache,
@@ -152,9 +182,14 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& pro
   }
   progress.stage("package");
   BakeResult result;
+  const Needs needs = Needs::parse(recipe.settings.package.needs).value_or(Needs::all());
+  if (needs != Needs::all()) leaveOut(content.package, needs);
   result.package = openingPackage(content.package, solid.source.mesh.file, fields, content.findings);
+  ordered_json left_out = {{"needs", needs.text()}};
+  if (!needs.has(Need::exact)) left_out.update(packNumbers(content.package, result.package, content.findings));
   result.findings = content.findings;
   result.report = reportOf(recipe.settings, solid, placed, content, fields, result.package.size());
+  result.report["left_out"] = left_out;
   progress.finish();
   return result;
 }

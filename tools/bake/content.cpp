@@ -134,22 +134,20 @@ void addBodies(const PhysicalMesh& physical, std::span<const ClusterSource> clus
   }
 }
 
-void addVisual(const VisualMesh& mesh, const PackageOptions& options, formats::PackageContent& content) {
+void addVisual(const VisualMesh& mesh, formats::PackageContent& content) {
   for (const Vector3d& x : mesh.positions) content.visual_positions.push_back(toFloat(x));
   for (const auto& n : mesh.normals) content.visual_normals.push_back({n[0], n[1], n[2]});
   for (const auto& uv : mesh.uvs) content.visual_uvs.push_back({uv[0], uv[1]});
   if (content.visual_colors.empty()) content.visual_colors = packedColors(mesh.colors);  // else: the recipe's
   content.visual_triangles = mesh.triangles;
   std::vector<std::uint32_t> texture_index(mesh.textures.size(), formats::kNone);
-  if (options.textures) {
-    for (std::size_t t = 0; t < mesh.textures.size(); ++t) {
-      const TextureSource& texture = mesh.textures[t];
-      if (texture.bytes.empty()) continue;
-      texture_index[t] = std::uint32_t(content.textures.size());
-      content.textures.push_back({content.addText(texture.name), content.addText(texture.mime),
-                                  content.texture_bytes.size(), texture.bytes.size()});
-      content.texture_bytes.insert(content.texture_bytes.end(), texture.bytes.begin(), texture.bytes.end());
-    }
+  for (std::size_t t = 0; t < mesh.textures.size(); ++t) {
+    const TextureSource& texture = mesh.textures[t];
+    if (texture.bytes.empty()) continue;
+    texture_index[t] = std::uint32_t(content.textures.size());
+    content.textures.push_back({content.addText(texture.name), content.addText(texture.mime),
+                                content.texture_bytes.size(), texture.bytes.size()});
+    content.texture_bytes.insert(content.texture_bytes.end(), texture.bytes.begin(), texture.bytes.end());
   }
   for (const MaterialSource& material : mesh.materials) {
     std::array<float, 4> color = material.base_color;
@@ -165,12 +163,10 @@ void addVisual(const VisualMesh& mesh, const PackageOptions& options, formats::P
     content.sub_meshes.push_back({content.addText(name), sub.material == kNoIndex ? formats::kNone : sub.material,
                                   sub.first_triangle, sub.triangle_count, 0});
   }
-  if (options.groups) {
-    for (const GroupSource& group : mesh.groups) {
-      content.groups.push_back({content.addText(group.name), std::uint32_t(content.group_vertices.size()),
-                                std::uint32_t(group.vertices.size())});
-      content.group_vertices.insert(content.group_vertices.end(), group.vertices.begin(), group.vertices.end());
-    }
+  for (const GroupSource& group : mesh.groups) {
+    content.groups.push_back({content.addText(group.name), std::uint32_t(content.group_vertices.size()),
+                              std::uint32_t(group.vertices.size())});
+    content.group_vertices.insert(content.group_vertices.end(), group.vertices.begin(), group.vertices.end());
   }
 }
 
@@ -312,8 +308,8 @@ Content contentOf(const Recipe& recipe, const Solid& solid, const Placed& placed
   for (const formats::PhysicalVertex& vertex : content.physical_vertices) result.mass += double(vertex.mass);
 
   progress.stage("attachment");
-  addVisual(mesh, settings.package, content);
-  if (settings.package.identity) addIdentity(mesh, content);
+  addVisual(mesh, content);
+  addIdentity(mesh, content);
   if (settings.attachment.method == AttachmentMethod::clusters) {
     attachToClusters(placed.places, content);
   } else {

@@ -158,7 +158,7 @@ ordered_json inspectVertex(const PackageView& package, const std::string& file, 
   if (!visual) {
     const std::size_t count = countOf(package, asked.kind);
     usage(file, "there is no vertex " + text,
-          count == 0 ? "The package was baked without them: set package.identity=true."
+          count == 0 ? "The package was baked without them: add identity to package.needs."
                      : "There are " + std::to_string(count) + ", counted from 0.");
   }
   std::vector<std::uint32_t> sources;

@@ -11,6 +11,7 @@
 #if SINEW_WITH_BULLET
 #include "tests/benchmarks/bullet_soft_body.h"
 #endif
+#include "tools/bake/leave_out.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/lattice.h"
 #include "tools/bench/meshes.h"
@@ -22,7 +23,7 @@ namespace {
 constexpr float kStep = 1.0F / 60;
 constexpr unsigned kSteps = 60;         // in a sample
 constexpr unsigned kStepsToRest = 900;  // after which a dropped body rests
-constexpr double kAirMicroseconds = 30, kGroundTimes = 2, kHeldTimes = 1.2, kSizeTimes = 1.1;
+constexpr double kAirMicroseconds = 30, kGroundTimes = 2, kHeldTimes = 1.2, kSizeTimes = 1.1, kUnusedTimes = 1.02;
 constexpr double kFaceMicroseconds = 200, kTimesCheaper = 10;
 
 enum class Place { air, falling_on_the_ground, resting, held, hanging };
@@ -129,6 +130,15 @@ void emitPlaces(const BenchContext& context, const std::string& mesh, const std:
   Scene report(asset, Place::air, true);
   context.emit(
       stepLine(name(Place::air) + ", by the report's solver", *asset, measure(report.timed(), context.timing())));
+}
+
+// What a package has and a scene does not use takes no time.
+void emitUnused(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& asset) {
+  const auto least = Asset::fromMemory(packageWith(asset->package(), Needs::none().with(Need::exact)));
+  if (!least) throw ToolError(ExitCode::system, "", "a package without needs is refused: " + least.reason(), "");
+  Scene all(asset, Place::air), none(*least, Place::air);
+  emitAgainst(context, mesh + ", in the air, with all that a bake has", asset, all, "with no needs", none, kUnusedTimes,
+              "<= 1.02 x with no needs");
 }
 
 void emitSizes(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& small,
@@ -261,6 +271,7 @@ void benchStep(const BenchContext& context) {
       };
       const auto asset = baked(small);
       emitPlaces(context, mesh.name, asset);
+      emitUnused(context, mesh.name, asset);
       emitPeers(context, mesh, asset);
       if (!quick || mesh.name == kSpot.name) emitSizes(context, mesh.name, asset, baked(large), std::to_string(large));
     }

@@ -10,6 +10,7 @@
 #include "sinew/formats/sections.h"
 #include "sinew/runtime/asset.h"
 #include "sinew/runtime/settings.h"
+#include "tools/bench/moving_state.h"
 
 namespace sinew::tools {
 
@@ -39,12 +40,5 @@ LatticeBody makeLattice(const LatticeOptions& options);
 /// The body of most groups: 1,500 vertices, as many as a bake makes by default, in 12 clusters. Made once for each
 /// number of visual vertices.
 const LatticeBody& blockBody(std::uint32_t visual_vertices);
-
-/// A state that every phase has to work for: turned, bent, twisted by a few percent, spinning and swinging.
-struct MovingState {
-  std::vector<Vec3> positions;   ///< metres
-  std::vector<Vec3> velocities;  ///< m/s
-};
-MovingState movingState(const Asset& asset);
 
 }  // namespace sinew::tools

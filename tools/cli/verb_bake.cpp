@@ -3,14 +3,18 @@
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 
+#include "tools/author/needs.h"
 #include "tools/bake/bake.h"
 #include "tools/bake/findings_json.h"
+#include "tools/bench/budget.h"
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/units.h"
+#include "tools/scene/scene_script.h"
 #include "tools/tetrahedralize/pieces.h"
 
 namespace sinew::tools {
@@ -22,11 +26,50 @@ struct BakeCommand {
   std::string report_file;
   std::vector<std::string> assignments;
   std::string unit;
+  std::vector<std::string> needs;
+  std::string time_budget, byte_budget, max_error, cost_file;
   unsigned threads = 0;
   bool json = false;
   bool quiet = false;
   bool no_cache = false;
 };
+
+// Of names, lists of them, and scene files. Throws ToolError.
+Needs needsOf(const std::vector<std::string>& texts) {
+  Needs needs = Needs::none();
+  for (const std::string& text : texts) {
+    const auto known = text.ends_with(".json") ? neededBy(SceneScript::read(text)) : Needs::parse(text);
+    if (!known) {
+      throw ToolError(ExitCode::usage, "", "--needs does not know '" + text + "'",
+                      "Give all, none, a scene file, or some of these: " + Needs::names(", ") + ".");
+    }
+    needs = needs.with(*known);
+  }
+  return needs;
+}
+
+// What is asked for by --budget, --budget-bytes and --max-error; nothing without them. Throws ToolError.
+std::optional<Budget> budgetOf(const BakeCommand& command) {
+  Budget budget;
+  const auto refuse = [](const char* option, const std::string& text, const char* cure) {
+    throw ToolError(ExitCode::usage, "", std::string(option) + " cannot be '" + text + "'", cure);
+  };
+  if (!command.time_budget.empty() && !(budget.microseconds = Budget::readTime(command.time_budget))) {
+    refuse("--budget", command.time_budget, "Give a time above 0, as in --budget 0.1ms or --budget 80us.");
+  }
+  if (!command.byte_budget.empty() && !(budget.bytes = Budget::readBytes(command.byte_budget))) {
+    refuse("--budget-bytes", command.byte_budget, "Give a size above 0, as in --budget-bytes 200k or 1.5M.");
+  }
+  if (!command.max_error.empty() && !(budget.error = Budget::readError(command.max_error))) {
+    refuse("--max-error", command.max_error, "Give a share above 0, as in --max-error 5% or 0.05.");
+  }
+  if (budget.microseconds || budget.bytes || budget.error) return budget;
+  if (!command.cost_file.empty()) {
+    throw ToolError(ExitCode::usage, command.cost_file, "--cost-file is of no use without a budget",
+                    "Give --budget, --budget-bytes or --max-error too.");
+  }
+  return std::nullopt;
+}
 
 std::string count(std::uint64_t n, const std::string& noun) {
   const std::string plural = noun.ends_with("ex")   ? noun.substr(0, noun.size() - 2) + "ices"
@@ -34,6 +77,25 @@ std::string count(std::uint64_t n, const std::string& noun) {
                              : noun.ends_with("y")  ? noun.substr(0, noun.size() - 1) + "ies"
                                                     : noun + "s";
   return std::to_string(n) + " " + (n == 1 ? noun : plural);
+}
+
+// The chosen bake, and the next ones down and up.
+void printBudget(const nlohmann::ordered_json& budget) {
+  const auto functionsOf = [](const nlohmann::ordered_json& made) { return made["functions"].get<unsigned>(); };
+  const auto print = [&](const char* what, const nlohmann::ordered_json& made) {
+    const double step = made["step_us"].get<double>(), drawn = made["drawn_us"].get<double>();
+    std::printf("  %-10s %u functions: %.0f us a frame (%.0f step, %.0f drawn), %.0f kB, error %.2g %%\n", what,
+                functionsOf(made), step + drawn, step, drawn, made["bytes"].get<double>() / 1000,
+                100 * made["error"].get<double>());
+  };
+  const auto& tries = budget["tries"];
+  std::size_t chosen = 0;
+  while (functionsOf(tries[chosen]) != functionsOf(budget["chosen"])) ++chosen;
+  print("chosen", tries[chosen]);
+  if (chosen > 0) print("one down", tries[chosen - 1]);
+  if (chosen + 1 < tries.size()) print("one up", tries[chosen + 1]);
+  std::printf("  frames     of 1/60 s, %s, with positions and normals; one thread of this machine\n",
+              budget["scene"].get<std::string>().c_str());
 }
 
 void printSummary(const BakeCommand& command, const nlohmann::ordered_json& report,
@@ -69,6 +131,12 @@ void printSummary(const BakeCommand& command, const nlohmann::ordered_json& repo
                 count(piece["clusters"], "cluster").c_str(), volume.c_str());
   }
   std::printf("  attachment rest error %.1e of the diagonal\n", report["attachment"]["max_rest_error"].get<double>());
+  if (report.contains("left_out") && report["left_out"].value("packed", false)) {
+    std::printf("  packed     drawn within %.1e of the diagonal of exact numbers, %.0f kB of them\n",
+                report["left_out"]["drawn_difference"].get<double>(),
+                report["left_out"]["bytes_exact"].get<double>() / 1000);
+  }
+  if (report.contains("budget")) printBudget(report["budget"]);
   std::fflush(stdout);
   printFindings(std::cout, findings, false);
 }
@@ -78,7 +146,10 @@ void runBake(const BakeCommand& command) {
   Recipe recipe = recipeFor(command.input);
   if (!command.unit.empty()) recipe.settings.set("import.unit", command.unit);
   applyAssignments(recipe.settings, command.assignments);
+  if (!command.needs.empty()) recipe.settings.package.needs = needsOf(command.needs).text();
+  const std::optional<Budget> budget = budgetOf(command);
   requireOutput(Output::package, command.output, {command.input, recipe.source});
+  if (!command.cost_file.empty()) requireOutput(Output::report, command.cost_file, {command.input, recipe.source});
   if (!command.report_file.empty()) {
     requireOutput(Output::report, command.report_file, {command.input, recipe.source});
     const auto place = [](const std::string& file) {
@@ -92,7 +163,14 @@ void runBake(const BakeCommand& command) {
   const auto limit = limitThreads(command.threads);
   Progress progress(!command.quiet);
   StageCache cache(command.no_cache ? std::filesystem::path() : StageCache::userFolder());
-  BakeResult result = bake(recipe, progress, &cache);
+  BakeResult result;
+  if (budget) {
+    BudgetResult fitted = bakeWithin(recipe, *budget, command.cost_file, progress, &cache);
+    result = std::move(fitted.bake);
+    result.report["budget"] = budgetJson(*budget, fitted);
+  } else {
+    result = bake(recipe, progress, &cache);
+  }
   progress.stage("write");
   writeFileAtomically(command.output, result.package);
   progress.finish();
@@ -124,6 +202,23 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
   verb->add_option(
       "--unit", command->unit,
       "Unit of the source: " + lengthUnitNames(", ") + " or metres per unit; the same as --set import.unit=");
+  verb->add_option("--needs", command->needs,
+                   "What the game wants of the package, the rest is left out; the same as --set package.needs=. all, "
+                   "none, scene "
+                   "files (what they use, and what is drawn), or some of: " +
+                       Needs::names("; ", true))
+      ->delimiter(',')
+      ->type_name("NEED ...");
+  verb->add_option("--budget", command->time_budget,
+                   "The finest bake that a frame of one body takes this long, as in 0.1ms (chooses field.functions)")
+      ->type_name("TIME");
+  verb->add_option("--budget-bytes", command->byte_budget, "The finest bake of at most this size, as in 200k")
+      ->type_name("SIZE");
+  verb->add_option("--max-error", command->max_error,
+                   "The cheapest bake whose answers to constant loads are this near to all tetrahedra's, as in 5%")
+      ->type_name("SHARE");
+  verb->add_option("--cost-file", command->cost_file,
+                   "Times of packages, read and added to: with the same file a budget chooses the same everywhere");
   verb->add_flag("--no-cache", command->no_cache, "Make every stage anew, and keep none for the next bake");
   verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
   verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));

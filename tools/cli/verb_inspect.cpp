@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <cstdint>
+#include <cstdio>
 #include <iostream>
 
 #include "tools/bake/inspect.h"
+#include "tools/bench/cost.h"
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
@@ -23,6 +26,34 @@ std::string shortened(const nlohmann::ordered_json& value) {
   if (value.is_string()) return text;
   if (text.size() > kMost) text = text.substr(0, kMost) + " ... (--json shows all)";
   return text;
+}
+
+// What --cost says, as a table.
+void printCost(const nlohmann::ordered_json& cost) {
+  std::printf("%llu bytes; with nothing that can be left out %llu\n\n",
+              static_cast<unsigned long long>(cost["bytes"].get<std::uint64_t>()),
+              static_cast<unsigned long long>(cost["none"]["bytes"].get<std::uint64_t>()));
+  std::printf("  section      bytes\n");
+  for (const auto& section : cost["sections"]) {
+    std::printf("  %-7s %10llu%s\n", section["name"].get<std::string>().c_str(),
+                static_cast<unsigned long long>(section["bytes"].get<std::uint64_t>()),
+                section.contains("packed") ? "  packed" : "");
+  }
+  std::printf("\n  without      saves bytes   us a step while used\n");
+  for (const auto& need : cost["needs"]) {
+    char time[32] = "";
+    if (need.contains("microseconds")) std::snprintf(time, sizeof time, "%.1f", need["microseconds"].get<double>());
+    std::printf("  %-11s %12lld   %20s   %s\n", need["need"].get<std::string>().c_str(),
+                static_cast<long long>(need["bytes"].get<std::int64_t>()), time,
+                need["for"].get<std::string>().c_str());
+  }
+  const auto& times = cost["times"];
+  const auto microseconds = [&](const char* name) { return times[name].get<double>(); };
+  std::printf(
+      "\n  a step in the air %.1f us; drawn positions %.1f us, normals %.1f us more; load %.2f ms, with nothing %.2f "
+      "ms\n",
+      microseconds("step_in_the_air_us"), microseconds("drawn_positions_us"), microseconds("drawn_normals_us"),
+      microseconds("load_us") / 1000, microseconds("load_none_us") / 1000);
 }
 
 // Arrays of records become lines, everything else a "key value" line.
@@ -56,7 +87,7 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
     std::vector<std::string> assignments;
     std::string unit;
     std::string vertex, name;
-    bool json = false;
+    bool cost = false, json = false;
   };
   auto command = std::make_shared<Command>();
   CLI::App* verb = app.add_subcommand("inspect", "Show what is inside a package or a source, and what each part costs");
@@ -67,18 +98,23 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
                    "Of a package: what a vertex is and hangs on: source:N, visual:N, welded:N, physical:N or MESH:N");
   verb->add_option("--name", command->name, "Of a package: the group, mask, cluster, pin set, channel of this name")
       ->excludes("--vertex");
+  verb->add_flag("--cost", command->cost,
+                 "Of a package: bytes of each section, bytes and microseconds of what could be left out (bake --needs)")
+      ->excludes("--vertex")
+      ->excludes("--name");
   verb->add_flag("--json", command->json, "Print one JSON document");
   verb->callback([command, &exit_code] {
     nlohmann::ordered_json json;
-    const bool asks = !command->vertex.empty() || !command->name.empty();
+    const bool asks = !command->vertex.empty() || !command->name.empty() || command->cost;
     if (command->file.ends_with(".sinew")) {
       const auto asset = loadPackage(command->file);
       const formats::PackageView& package = asset->package();
-      json = !command->vertex.empty() ? inspectVertex(package, command->file, command->vertex)
-             : !command->name.empty() ? inspectName(package, command->file, command->name)
-                                      : inspectPackage(package);
+      json = command->cost              ? packageCost(asset)
+             : !command->vertex.empty() ? inspectVertex(package, command->file, command->vertex)
+             : !command->name.empty()   ? inspectName(package, command->file, command->name)
+                                        : inspectPackage(package);
     } else if (asks) {
-      throw ToolError(ExitCode::usage, command->file, "--vertex and --name ask a package",
+      throw ToolError(ExitCode::usage, command->file, "--vertex, --name and --cost ask a package",
                       "Bake it first: " + commandLine({"sinew", "bake", command->file, "-o", "OUT.sinew"}) + ".");
     } else {
       Recipe recipe = recipeFor(command->file);
@@ -92,6 +128,8 @@ void addInspectVerb(CLI::App& app, int& exit_code) {
     }
     if (command->json)
       std::cout << jsonText(json);
+    else if (command->cost)
+      printCost(json);
     else
       printJson(json);
     exit_code = int(ExitCode::done);

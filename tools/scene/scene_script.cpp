@@ -473,6 +473,19 @@ SceneScript SceneScript::read(const std::string& file) {
   return script;
 }
 
+Needs neededBy(const SceneScript& script) {
+  Needs needs = Needs::none();
+  for (const Need always : {Need::pins, Need::plasticity, Need::normals, Need::uvs, Need::colors, Need::textures}) {
+    needs = needs.with(always);
+  }
+  const bool touches = script.ground || script.self_contact || script.bodies.size() > 1 || !script.colliders.empty() ||
+                       !script.pushes.empty() || !script.cuts.empty();
+  if (touches) needs = needs.with(Need::contact);
+  if (!script.cuts.empty()) needs = needs.with(Need::cut);
+  if (!script.channels.empty()) needs = needs.with(Need::activation);
+  return needs;
+}
+
 double valueAt(std::span<const SceneScript::ChannelKey> keys, double time) {
   const auto [k, part] = placeOf(keys, time);
   return part > 0 ? keys[k].value + part * (keys[k + 1].value - keys[k].value) : keys[k].value;

@@ -13,6 +13,7 @@
 #include "sinew/runtime/collider.h"
 #include "sinew/runtime/world.h"
 #include "tools/author/json_text.h"
+#include "tools/author/needs.h"
 
 namespace sinew::tools {
 
@@ -119,6 +120,9 @@ struct SceneScript {
   /// Throws ToolError(bad_input) naming file, line and cure.
   static SceneScript read(const std::string& file);
 };
+
+/// What a scene uses of its packages, and what is drawn of them.
+Needs neededBy(const SceneScript& script);
 
 /// Smooth between keys, constant before the first and after the last. \param keys times ascending, at least one.
 double valueAt(std::span<const SceneScript::ChannelKey> keys, double time);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,12 +19,12 @@ struct PackageError {
   std::string reason;
 };
 
-/// An entry of the section table; `known`: this software reads it.
+/// An entry of the section table, its bytes as the file has them; `known`: this software reads it.
 struct SectionInfo {
   std::uint32_t id;
   std::uint64_t bytes;
   std::uint64_t element_count;
-  bool known;
+  bool known, packed;
 };
 
 /// Place and number of the elements of a section.
@@ -36,7 +37,8 @@ struct SectionData {
 /// The four characters of a section's id; bytes that do not print as \xHH.
 [[nodiscard]] std::string sectionName(std::uint32_t id);
 
-/// A checked, read-only view of a package's bytes. Never copies: every span points into the bytes given to open().
+/// A checked, read-only view of a package's bytes. Every span points into the bytes given to open(), but those of
+/// packed sections, which are unpacked into memory of the view's.
 ///
 /// Guarantee: after open() succeeded, every span is aligned for its type, every index in every section is inside the
 /// section it refers to, every count adds up, and every float is finite where the format says so; code that uses the
@@ -141,6 +143,7 @@ class PackageView {
   std::uint64_t total_bytes_ = 0;
   std::vector<SectionInfo> sections_;
   std::array<List, section::kAll.size()> lists_;  // in the order of section::kAll
+  std::vector<std::shared_ptr<const std::byte>> unpacked_;
 };
 
 }  // namespace sinew::formats

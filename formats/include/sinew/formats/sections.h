@@ -63,6 +63,7 @@ static_assert(sizeof(Header) == 64);
 
 enum SectionFlag : std::uint32_t {
   kSectionRequired = 1U << 0,  ///< a reader that does not know this section must refuse the package
+  kSectionPacked = 1U << 1,    ///< its elements are packed: in fewer bytes, to be unpacked before they are used
 };
 
 /// The table follows the header at once; entries are in file order, and sections tile the rest of the file: each starts

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "sinew/formats/package.h"
 #include "sinew/formats/sections.h"
 
 namespace sinew::formats {
@@ -72,6 +73,10 @@ struct PackageContent {
 
 /// The bytes of a package: header, table, sections, checksums. Equal content gives equal bytes.
 /// The content is not checked here: open the result with PackageView::open() before saving it.
-[[nodiscard]] std::vector<std::byte> writePackage(const PackageContent& content);
+/// \param packed sections that can be are packed (kSectionPacked).
+[[nodiscard]] std::vector<std::byte> writePackage(const PackageContent& content, bool packed = false);
+
+/// What a package has, to be changed and written anew; sections that this software does not know are left out.
+[[nodiscard]] PackageContent contentOf(const PackageView& package);
 
 }  // namespace sinew::formats

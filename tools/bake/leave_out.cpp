@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bake/leave_out.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "tools/attach/attach.h"
+#include "tools/bake/moments.h"
+
+namespace sinew::tools {
+namespace {
+
+using formats::kNone;
+using formats::PackageContent;
+
+constexpr std::uint32_t lanesOf(std::uint32_t count) { return (count + 7) / 8; }
+
+// Copies runs of a section one behind the other: what stays of it.
+template <class T>
+class Kept {
+ public:
+  explicit Kept(std::vector<T>& items) : items_(items) {}
+  ~Kept() { items_ = std::move(kept_); }
+  Kept(const Kept&) = delete;
+  Kept& operator=(const Kept&) = delete;
+
+  void run(std::uint32_t& first, std::size_t count) {
+    const auto from = items_.begin() + first;
+    first = std::uint32_t(kept_.size());
+    kept_.insert(kept_.end(), from, from + std::ptrdiff_t(count));
+  }
+
+ private:
+  std::vector<T>& items_;
+  std::vector<T> kept_;
+};
+
+void removeContact(PackageContent& content) {
+  content.field_points.clear();
+  content.field_point_values.clear();
+  content.distance_grids.clear();
+  content.distance_values.clear();
+  for (formats::Field& field : content.fields) field.first_point = field.point_count = field.first_point_value = 0;
+}
+
+void removeFibres(PackageContent& content) {
+  content.channels.clear();
+  content.field_fibres.clear();
+  content.field_fibre_values.clear();
+  for (formats::ClusterMechanics& m : content.mechanics) {
+    m.fibre = {0, 0, 0};
+    m.channel = kNone;
+    m.contraction = 0;
+  }
+}
+
+// Pin sets and the fields that they hold.
+void removePins(PackageContent& content) {
+  content.pin_sets.clear();
+  content.pin_set_vertices.clear();
+  content.pin_weights.clear();
+  content.field_tethers.clear();
+  content.field_tether_values.clear();
+  std::vector<std::uint32_t> number(content.fields.size(), kNone);
+  std::vector<formats::Field> free;
+  {
+    Kept functions(content.field_functions);
+    Kept packs(content.field_packs);
+    Kept gradients(content.field_gradients), values(content.field_values), point_values(content.field_point_values);
+    Kept modes(content.field_modes);
+    Kept points(content.field_points);
+    for (std::size_t f = 0; f < content.fields.size(); ++f) {
+      formats::Field field = content.fields[f];
+      if (field.held != 0) continue;
+      number[f] = std::uint32_t(free.size());
+      const std::uint32_t k = field.function_count;
+      functions.run(field.first_function, k);
+      packs.run(field.first_pack, field.pack_count);
+      gradients.run(field.first_gradient, std::size_t{3} * k * field.pack_count);
+      values.run(field.first_value, std::size_t{k} * lanesOf(content.pieces[field.piece].vertex_count));
+      points.run(field.first_point, field.point_count);
+      point_values.run(field.first_point_value, std::size_t{k} * lanesOf(field.point_count));
+      modes.run(field.first_mode, std::size_t{3 * k + 1} * lanesOf(3 * k));
+      free.push_back(field);
+    }
+  }
+  std::vector<formats::FieldFibre> fibres;
+  {
+    Kept values(content.field_fibre_values);
+    for (formats::FieldFibre fibre : content.field_fibres) {
+      if (number[fibre.field] == kNone) continue;
+      values.run(fibre.first_value, content.fields[fibre.field].function_count);
+      fibre.field = number[fibre.field];
+      fibres.push_back(fibre);
+    }
+  }
+  content.field_fibres = std::move(fibres);
+  content.fields = std::move(free);
+}
+
+// Tetrahedra that carry no visual vertex.
+void removeInnerTetrahedra(PackageContent& content) {
+  if (content.barycentric.empty()) return;
+  std::vector<std::uint32_t> number(content.tetrahedra.size(), kNone);
+  for (const formats::BarycentricAttachment& a : content.barycentric) number[a.tetrahedron] = 0;
+  std::vector<formats::Tetrahedron> kept;
+  for (formats::PieceRange& piece : content.pieces) {
+    const std::uint32_t first = std::uint32_t(kept.size()), end = piece.first_tetrahedron + piece.tetrahedron_count;
+    for (std::uint32_t t = piece.first_tetrahedron; t < end; ++t) {
+      if (number[t] == kNone) continue;
+      number[t] = std::uint32_t(kept.size());
+      kept.push_back(content.tetrahedra[t]);
+    }
+    piece.first_tetrahedron = first;
+    piece.tetrahedron_count = std::uint32_t(kept.size()) - first;
+  }
+  for (formats::BarycentricAttachment& a : content.barycentric) a.tetrahedron = number[a.tetrahedron];
+  content.tetrahedra = std::move(kept);
+  content.info.inverted_tetrahedra = 0;
+}
+
+// Clusters of a piece that have the same mechanics become one, all linear: their frequencies, modes and moments are the
+// report's solver's. Those of accessories stay as they are.
+void joinClusters(PackageContent& content) {
+  if (!content.cluster_attachments.empty()) return;
+  std::vector<char> rides(content.clusters.size(), 0);
+  for (const formats::AttachedPart& part : content.parts) {
+    if (part.cluster != kNone) rides[part.cluster] = 1;
+  }
+  struct Joined {
+    std::uint32_t first;                     // of its clusters
+    std::map<std::uint32_t, double> shares;  // by vertex
+  };
+  std::vector<Joined> joined;
+  std::vector<std::uint32_t> number(content.clusters.size());
+  std::map<std::pair<std::uint32_t, std::string>, std::uint32_t> alike;  // by piece and mechanics
+  for (std::uint32_t c = 0; c < content.clusters.size(); ++c) {
+    const formats::Cluster& cluster = content.clusters[c];
+    std::string mechanics;
+    if (!content.mechanics.empty()) {
+      mechanics.assign(reinterpret_cast<const char*>(&content.mechanics[c]), sizeof content.mechanics[c]);
+    }
+    if (rides[c] != 0) mechanics += std::to_string(c);
+    const auto [at, fresh] = alike.try_emplace({cluster.piece, mechanics}, std::uint32_t(joined.size()));
+    if (fresh) joined.push_back({c, {}});
+    number[c] = at->second;
+    for (std::uint32_t m = 0; m < cluster.member_count; ++m) {
+      const formats::Membership& member = content.memberships[cluster.first_member + m];
+      joined[at->second].shares[member.vertex] += double(member.share);
+    }
+  }
+  std::vector<ClusterSource> sources;
+  for (const Joined& j : joined) {
+    if (rides[j.first] != 0) continue;
+    ClusterSource& source = sources.emplace_back();
+    source.piece = content.clusters[j.first].piece;
+    for (const auto& [vertex, share] : j.shares) {
+      if (!(share > 0)) continue;
+      source.vertices.push_back(vertex);
+      source.weights.push_back(share);
+    }
+  }
+  std::vector<Finding> flat;  // no news: they were rigid before
+  const ClusterConstants constants = clusterConstants(sources, content.physical_vertices, {}, flat);
+  std::vector<formats::Cluster> clusters;
+  std::vector<formats::Membership> memberships;
+  std::vector<formats::ClusterMechanics> mechanics;
+  for (std::size_t j = 0, next = 0; j < joined.size(); ++j) {
+    const bool rider = rides[joined[j].first] != 0;
+    const formats::Cluster& old = content.clusters[joined[j].first];
+    formats::Cluster cluster = rider ? old : constants.clusters[next++];
+    const auto from = (rider ? content.memberships : constants.memberships).begin() + cluster.first_member;
+    cluster.first_member = std::uint32_t(memberships.size());
+    memberships.insert(memberships.end(), from, from + cluster.member_count);
+    cluster.name =
+        std::count(number.begin(), number.end(), std::uint32_t(j)) == 1 ? old.name : content.pieces[old.piece].name;
+    cluster.alpha = old.alpha;
+    cluster.stretch_hz = old.stretch_hz;
+    cluster.bend_hz = old.bend_hz;
+    cluster.twist_hz = old.twist_hz;
+    clusters.push_back(cluster);
+    if (!content.mechanics.empty()) mechanics.push_back(content.mechanics[joined[j].first]);
+  }
+  content.clusters = std::move(clusters);
+  content.memberships = std::move(memberships);
+  content.mechanics = std::move(mechanics);
+  content.quadratic_moments.clear();
+  content.vertex_stiffness.clear();
+  for (formats::PieceRange& piece : content.pieces) piece.cluster_count = 0;
+  for (std::uint32_t c = 0; c < content.clusters.size(); ++c) {
+    formats::PieceRange& piece = content.pieces[content.clusters[c].piece];
+    if (piece.cluster_count++ == 0) piece.first_cluster = c;
+  }
+  for (formats::AttachedPart& part : content.parts) {
+    if (part.cluster != kNone) part.cluster = number[part.cluster];
+  }
+  for (formats::FieldFibre& fibre : content.field_fibres) fibre.cluster = number[fibre.cluster];
+  for (formats::FieldPack& pack : content.field_packs) {
+    for (std::uint32_t& cluster : pack.cluster) {
+      if (cluster != kNone) cluster = number[cluster];
+    }
+  }
+}
+
+// STRS with the texts that are still referred to.
+void keepTexts(PackageContent& content) {
+  const std::vector<char> before = std::exchange(content.strings, {});
+  content.texts_behind.clear();
+  const auto keep = [&](formats::StringRef& ref) { ref = content.addText({before.data() + ref.offset, ref.bytes}); };
+  const auto keepNames = [&](auto& items) {
+    for (auto& item : items) keep(item.name);
+  };
+  keepNames(content.pieces);
+  keepNames(content.clusters);
+  keepNames(content.channels);
+  keepNames(content.pin_sets);
+  for (formats::PinSet& set : content.pin_sets) keep(set.target);
+  keepNames(content.parts);
+  keepNames(content.sub_meshes);
+  keepNames(content.materials);
+  keepNames(content.textures);
+  for (formats::Texture& texture : content.textures) keep(texture.mime);
+  keepNames(content.source_meshes);
+  keepNames(content.groups);
+  keepNames(content.masks);
+  formats::PackageInfo& info = content.info;
+  for (auto* ref : {&info.name, &info.tool_version, &info.source_file, &info.unit_source, &info.settings_json})
+    keep(*ref);
+}
+
+// Visual vertices of a package whose pieces move by `deform` (metres a function, by field and function).
+std::vector<Eigen::Vector3d> drawn(const formats::PackageView& package,
+                                   const std::vector<std::vector<Eigen::Vector3d>>& deform) {
+  std::vector<Eigen::Vector3d> places(package.physicalVertices().size());
+  for (std::size_t f = 0; f < package.fields().size(); ++f) {
+    const formats::Field& field = package.fields()[f];
+    if (field.held != 0) continue;
+    const formats::PieceRange& piece = package.pieces()[field.piece];
+    const auto functions = package.fieldFunctions().subspan(field.first_function, field.function_count);
+    for (std::uint32_t i = 0; i < piece.vertex_count; ++i) {
+      Eigen::Vector3d x = Eigen::Vector3d::Zero();
+      for (std::uint32_t j = 0; j < field.function_count; ++j) {
+        const float phi =
+            package.fieldValues()[field.first_value + std::size_t{field.function_count} * (i / 8) + j][i % 8];
+        const auto& rest = functions[j].rest;
+        x +=
+            double(phi) * (Eigen::Vector3d(double(rest[0]), double(rest[1]), double(rest[2])) + deform[field.piece][j]);
+      }
+      places[piece.first_vertex + i] = x;
+    }
+  }
+  std::vector<Eigen::Vector3d> visual;
+  for (const formats::BarycentricAttachment& a : package.barycentric()) {
+    const auto& v = package.tetrahedra()[a.tetrahedron].vertex;
+    Eigen::Vector3d x = places[v[3]];
+    for (std::size_t k = 0; k < 3; ++k) x += double(a.weight[k]) * (places[v[k]] - places[v[3]]);
+    visual.push_back(x);
+  }
+  return visual;
+}
+
+}  // namespace
+
+void leaveOut(PackageContent& content, Needs needs) {
+  if (!needs.has(Need::pins)) removePins(content);
+  if (!needs.has(Need::contact)) removeContact(content);
+  if (!needs.has(Need::activation)) removeFibres(content);
+  if (!needs.has(Need::plasticity)) {
+    for (formats::ClusterMechanics& m : content.mechanics) m.plastic_creep = 0;
+  }
+  if (!needs.has(Need::cut) && !needs.has(Need::contact)) removeInnerTetrahedra(content);
+  if (!needs.has(Need::clusters)) joinClusters(content);
+  if (!needs.has(Need::normals)) content.visual_normals.clear();
+  if (!needs.has(Need::uvs)) content.visual_uvs.clear();
+  if (!needs.has(Need::colors)) content.visual_colors.clear();
+  if (!needs.has(Need::textures)) {
+    content.textures.clear();
+    content.texture_bytes.clear();
+    for (formats::Material& material : content.materials) material.texture = kNone;
+  }
+  if (!needs.has(Need::identity)) {
+    content.visual_identity.clear();
+    content.source_identity.clear();
+    content.source_visual_list.clear();
+    content.source_meshes.clear();
+  }
+  if (!needs.has(Need::groups)) {
+    content.groups.clear();
+    content.group_vertices.clear();
+  }
+  if (!needs.has(Need::masks)) {
+    content.masks.clear();
+    content.mask_weights.clear();
+  }
+  keepTexts(content);
+}
+
+std::vector<std::byte> packageWith(const formats::PackageView& package, Needs needs) {
+  PackageContent content = formats::contentOf(package);
+  leaveOut(content, needs);
+  return formats::writePackage(content, !needs.has(Need::exact));
+}
+
+double restErrorOf(const formats::PackageView& package) {
+  double largest = 0;
+  for (std::size_t v = 0; v < package.visualPositions().size(); ++v) {
+    const formats::Float3& at = package.visualPositions()[v];
+    HungPlace hung;
+    if (!package.barycentric().empty()) {
+      const formats::BarycentricAttachment& a = package.barycentric()[v];
+      hung = hungOn(a, package.tetrahedra()[a.tetrahedron],
+                    [&](std::uint32_t p) { return package.physicalVertices()[p].rest_position; });
+    } else {
+      const formats::ClusterAttachmentRange& run = package.clusterAttachmentRanges()[v];
+      hung = hungAtRest(package.clusterAttachments().subspan(run.first, run.count), package.clusters(), at);
+    }
+    double squared = 0;
+    for (std::size_t a = 0; a < 3; ++a) squared += std::pow(double(hung.place[a]) - double(at[a]), 2);
+    largest = std::max(largest, std::sqrt(squared));
+  }
+  return largest / double(package.info().diagonal);
+}
+
+double drawnDifference(const formats::PackageView& one, const formats::PackageView& other) {
+  const double diagonal = double(one.info().diagonal);
+  double largest = 0;
+  for (std::size_t v = 0; v < one.visualPositions().size(); ++v) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      largest = std::max(largest, double(std::fabs(one.visualPositions()[v][a] - other.visualPositions()[v][a])));
+    }
+  }
+  if (one.barycentric().empty() || one.fields().empty()) return largest / diagonal;
+  // Every function bent by a tenth of a diagonal of the whole mass's mean.
+  const double amount = 0.1 * diagonal * std::sqrt(double(one.info().total_mass));
+  std::vector<std::vector<Eigen::Vector3d>> deform(one.pieces().size());
+  std::uint32_t most = 0;
+  for (const formats::Field& field : one.fields()) most = std::max(most, field.function_count);
+  for (std::uint32_t j = 0; j <= most; ++j) {
+    for (auto& piece : deform) {
+      piece.assign(most, Eigen::Vector3d::Zero());
+      if (j < most) piece[j][j % 3] = amount / std::sqrt(3.0);  // and last, at rest
+    }
+    const std::vector<Eigen::Vector3d> a = drawn(one, deform), b = drawn(other, deform);
+    for (std::size_t v = 0; v < a.size(); ++v) largest = std::max(largest, (a[v] - b[v]).norm());
+  }
+  return largest / diagonal;
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "sinew/formats/package.h"
+#include "sinew/formats/writer.h"
+#include "tools/author/needs.h"
+
+namespace sinew::tools {
+
+/// Takes out of a package whatever serves none of the needs (Need::exact apart: that is writePackage()'s). What stays
+/// moves and looks as before, but that a body without `contact` passes through everything, and so on; normals that are
+/// made at run time are those of the surface. Idempotent.
+void leaveOut(formats::PackageContent& content, Needs needs);
+
+/// The bytes of a package without what serves none of the needs.
+std::vector<std::byte> packageWith(const formats::PackageView& package, Needs needs);
+
+/// Largest distance between where two packages of one body draw a visual vertex: at rest, and bent along each function
+/// by a tenth of the diagonal (root mean square). Diagonals. \pre the same visual vertices and functions
+double drawnDifference(const formats::PackageView& one, const formats::PackageView& other);
+
+/// Largest distance of a visual vertex from where it is attached at rest, diagonals: PackageInfo::max_rest_error.
+double restErrorOf(const formats::PackageView& package);
+
+}  // namespace sinew::tools

@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/bench/budget.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cinttypes>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "tools/author/json_text.h"
+#include "tools/core/atomic_file.h"
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+using nlohmann::ordered_json;
+
+// Numbers of functions that are tried first, each about a fifth above the one before.
+constexpr std::array<std::uint32_t, 21> kLadder = {8,  10, 12, 14, 16,  20,  24,  28,  32,  40, 48,
+                                                   56, 64, 80, 96, 112, 128, 160, 192, 224, 256};
+// A time this near to its budget is not searched further.
+constexpr double kNear = 0.9;
+// Halvings of the tetrahedra's vertices, and the fewest.
+constexpr unsigned kMostHalvings = 4;
+constexpr std::uint32_t kFewestVertices = 60;
+
+std::optional<double> leadingNumber(std::string_view text, std::string_view& unit) {
+  double value = 0;
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (read.ec != std::errc() || !std::isfinite(value) || !(value > 0)) return std::nullopt;
+  unit = text.substr(std::size_t(read.ptr - text.data()));
+  while (unit.starts_with(' ')) unit.remove_prefix(1);
+  return value;
+}
+
+// Times of packages by their checksum, kept from one run to the next.
+class Costs {
+ public:
+  explicit Costs(std::filesystem::path file) : file_(std::move(file)) {
+    if (file_.empty() || !std::filesystem::exists(file_)) return;
+    json_ = JsonText::read(file_.string()).json();
+    if (!json_.is_object()) json_ = {{"", nullptr}};
+    for (const auto& [key, times] : json_.items()) {
+      const bool good = times.is_object() && times.contains("step") && times.contains("drawn") &&
+                        times["step"].is_number() && times["drawn"].is_number();
+      if (!good) {
+        throw ToolError(ExitCode::bad_input, file_.string(), "'" + key + "' has no step and drawn, microseconds",
+                        "It is no file of --cost-file: give another name.");
+      }
+    }
+  }
+
+  FrameCost of(const std::shared_ptr<const Asset>& asset, FrameScene scene) {
+    char key[20];
+    std::snprintf(key, sizeof key, "%016" PRIx64, asset->checksum());
+    if (json_.contains(key)) return {json_[key]["step"].get<double>(), json_[key]["drawn"].get<double>()};
+    const FrameCost cost = measureFrame(asset, scene);
+    json_[key] = {{"step", cost.step}, {"drawn", cost.drawn}};
+    if (!file_.empty()) writeFileAtomically(file_, json_.dump(2) + "\n");
+    return cost;
+  }
+
+ private:
+  std::filesystem::path file_;
+  ordered_json json_ = ordered_json::object();
+};
+
+// Bakes of one mesh by their number of functions.
+class Search {
+ public:
+  Search(Recipe recipe, const Budget& budget, Costs& costs, StageCache* cache)
+      : recipe_(std::move(recipe)), budget_(budget), costs_(costs), cache_(cache) {}
+
+  const BudgetTry& tried(std::uint32_t functions) {
+    const auto known = tries_.find(functions);
+    if (known != tries_.end()) return known->second.first;
+    Recipe recipe = recipe_;
+    recipe.settings.field.functions = functions;
+    Progress progress(false);
+    BakeResult result = bake(recipe, progress, cache_);
+    const auto asset = Asset::fromMemory(result.package);
+    if (!asset) {
+      throw ToolError(ExitCode::system, recipe.source.string(), "the baked package does not load: " + asset.reason(),
+                      "This is a fault of sinew: please report it with the file.");
+    }
+    const formats::PackageView& package = (*asset)->package();
+    if (package.fields().empty()) {
+      throw ToolError(ExitCode::bad_input, recipe.source.string(), "it gets no fields, which a budget is about",
+                      "Bake it without a budget, and see what the bake says of its fields.");
+    }
+    scene_ = usualScene(**asset);
+    BudgetTry made{functions, std::uint32_t(package.physicalVertices().size()), result.package.size(),
+                   costs_.of(*asset, scene_), 0};
+    for (const formats::Field& field : package.fields()) made.error = std::max(made.error, double(field.static_error));
+    return tries_.emplace(functions, std::pair(made, std::move(result))).first->second.first;
+  }
+
+  bool fits(std::uint32_t functions) {
+    const BudgetTry& made = tried(functions);
+    return (!budget_.microseconds || made.frame.all() <= *budget_.microseconds) &&
+           (!budget_.bytes || made.bytes <= *budget_.bytes);
+  }
+
+  /// The most functions that fit. \pre kLadder[0] fits
+  std::uint32_t most() {
+    std::size_t low = 0, high = kLadder.size();
+    while (high - low > 1) {
+      const std::size_t middle = (low + high) / 2;
+      (fits(kLadder[middle]) ? low : high) = middle;
+    }
+    std::uint32_t best = kLadder[low], over = high < kLadder.size() ? kLadder[high] : best + 1;
+    while (over - best > 1 && !isNear(best)) {
+      const std::uint32_t middle = (best + over) / 2;
+      (fits(middle) ? best : over) = middle;
+    }
+    return best;
+  }
+
+  /// The fewest functions within the error. \return nothing where none is.
+  std::optional<std::uint32_t> fewest() {
+    const auto within = [&](std::uint32_t functions) { return tried(functions).error <= *budget_.error; };
+    if (!within(kLadder.back())) return std::nullopt;
+    std::size_t low = 0, high = kLadder.size() - 1;  // what is within: high
+    while (low < high) {
+      const std::size_t middle = (low + high) / 2;
+      if (within(kLadder[middle])) {
+        high = middle;
+      } else {
+        low = middle + 1;
+      }
+    }
+    return kLadder[high];
+  }
+
+  BudgetResult take(std::uint32_t functions) {
+    // What the next steps down and up cost.
+    const auto at = std::lower_bound(kLadder.begin(), kLadder.end(), functions);
+    if (at != kLadder.begin()) tried(*(at - 1));
+    const auto above = at != kLadder.end() && *at == functions ? at + 1 : at;
+    if (above != kLadder.end()) tried(*above);
+    BudgetResult result;
+    for (const auto& [k, made] : tries_) result.tries.push_back(made.first);
+    result.chosen = tried(functions);
+    result.bake = std::move(tries_.at(functions).second);
+    result.scene = scene_;
+    return result;
+  }
+
+ private:
+  bool isNear(std::uint32_t functions) {
+    const BudgetTry& made = tried(functions);
+    return (budget_.microseconds && made.frame.all() >= kNear * *budget_.microseconds) ||
+           (budget_.bytes && double(made.bytes) >= kNear * double(*budget_.bytes));
+  }
+
+  Recipe recipe_;
+  const Budget& budget_;
+  Costs& costs_;
+  StageCache* cache_;
+  FrameScene scene_ = FrameScene::air;
+  std::map<std::uint32_t, std::pair<BudgetTry, BakeResult>> tries_;
+};
+
+std::string figures(const BudgetTry& made) {
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "%u functions, %u vertices: %.0f us a frame (%.0f step, %.0f drawn), %.0f kB, error %.2g %%",
+                made.functions, made.vertices, made.frame.all(), made.frame.step, made.frame.drawn,
+                double(made.bytes) / 1000, 100 * made.error);
+  return text;
+}
+
+ordered_json tryJson(const BudgetTry& made) {
+  return {{"functions", made.functions}, {"physical_vertices", made.vertices},
+          {"step_us", made.frame.step},  {"drawn_us", made.frame.drawn},
+          {"bytes", made.bytes},         {"error", made.error}};
+}
+
+}  // namespace
+
+std::optional<double> Budget::readTime(std::string_view text) {
+  std::string_view unit;
+  const auto value = leadingNumber(text, unit);
+  if (!value || (unit != "ms" && unit != "us")) return std::nullopt;
+  return unit == "ms" ? 1000 * *value : *value;
+}
+
+std::optional<std::uint64_t> Budget::readBytes(std::string_view text) {
+  std::string_view unit;
+  const auto value = leadingNumber(text, unit);
+  if (unit.ends_with('B')) unit.remove_suffix(1);
+  const double factor = unit == "M" ? 1e6 : unit == "k" ? 1e3 : unit.empty() ? 1 : 0;
+  if (!value || factor == 0 || *value * factor < 1 || *value * factor > 1e15) return std::nullopt;
+  return std::uint64_t(*value * factor);
+}
+
+std::optional<double> Budget::readError(std::string_view text) {
+  std::string_view unit;
+  const auto value = leadingNumber(text, unit);
+  if (!value || (!unit.empty() && unit != "%")) return std::nullopt;
+  return unit == "%" ? *value / 100 : *value;
+}
+
+BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::filesystem::path& costs,
+                        Progress& progress, StageCache* cache) {
+  progress.stage("budget");
+  Costs known(costs);
+  Recipe trial = recipe;
+  for (unsigned halving = 0;; ++halving) {
+    Search search(trial, budget, known, cache);
+    if (budget.error) {
+      const auto functions = search.fewest();
+      if (!functions) {
+        throw ToolError(ExitCode::bad_input, recipe.source.string(),
+                        "no bake comes within this error: " + figures(search.tried(kLadder.back())),
+                        "Allow more with --max-error.");
+      }
+      if (!search.fits(*functions)) {
+        throw ToolError(ExitCode::bad_input, recipe.source.string(),
+                        "what comes within this error exceeds the budget: " + figures(search.tried(*functions)),
+                        "Allow more time or bytes, or a larger --max-error.");
+      }
+      return search.take(*functions);
+    }
+    if (search.fits(kLadder.front())) return search.take(search.most());
+    const BudgetTry& least = search.tried(kLadder.front());
+    if (halving == kMostHalvings || least.vertices / 2 < kFewestVertices) {
+      throw ToolError(ExitCode::bad_input, recipe.source.string(), "nothing fits the budget: " + figures(least),
+                      "Allow more; leave out what the game does not want (--needs); or simplify the drawn mesh, which "
+                      "has its part in time and bytes.");
+    }
+    trial.settings.tetrahedra.target_vertices = least.vertices / 2;
+  }
+}
+
+ordered_json budgetJson(const Budget& budget, const BudgetResult& result) {
+  constexpr std::array<const char*, 3> kScenes = {"in the air", "dropped onto the ground", "held by its pins"};
+  ordered_json json;
+  if (budget.microseconds) json["microseconds"] = *budget.microseconds;
+  if (budget.bytes) json["bytes"] = *budget.bytes;
+  if (budget.error) json["error"] = *budget.error;
+  json["scene"] = kScenes[std::size_t(result.scene)];
+  json["chosen"] = tryJson(result.chosen);
+  json["tries"] = ordered_json::array();
+  for (const BudgetTry& made : result.tries) json["tries"].push_back(tryJson(made));
+  return json;
+}
+
+}  // namespace sinew::tools
