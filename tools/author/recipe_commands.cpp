@@ -124,14 +124,16 @@ void visitMaskNames(Json& selection, const Visit& visit) {
   if (!selection.is_object()) return;
   const RecipeObject* kind = selectionKind(selection);
   if (kind == nullptr) return;
-  Json& value = selection[std::string(kind->name)];
-  const std::uint32_t type = kind->keys.front().type;
-  if (kind->name == "rest" && value.is_array()) {
-    for (Json& name : value) visit(name);
-  } else if ((type & kRecipeSelections) != 0) {
-    for (Json& each : value) visitMaskNames(each, visit);
-  } else if ((type & kRecipeSelection) != 0) {
-    visitMaskNames(value, visit);
+  for (const RecipeKey& key : kind->keys) {
+    if (!selection.contains(key.name)) continue;
+    Json& value = selection[std::string(key.name)];
+    if (key.name == "rest" && value.is_array()) {
+      for (Json& name : value) visit(name);
+    } else if ((key.type & kRecipeSelections) != 0) {
+      for (Json& each : value) visitMaskNames(each, visit);
+    } else if ((key.type & kRecipeSelection) != 0) {
+      visitMaskNames(value, visit);
+    }
   }
 }
 
@@ -543,6 +545,11 @@ std::vector<std::string> RecipeEditor::history() const {
   std::vector<std::string> commands;
   for (const State& state : states_) commands.push_back(state.command);
   return commands;
+}
+
+bool RecipeEditor::everMentions(std::string_view letters) const {
+  return std::any_of(states_.begin(), states_.end(),
+                     [&](const State& state) { return state.text.find(letters) != std::string::npos; });
 }
 
 void RecipeEditor::save() const {

@@ -87,6 +87,8 @@ class RecipeEditor {
   /// The recipe as it would be written.
   const std::string& text() const { return states_[at_].text; }
   const std::filesystem::path& file() const { return file_; }
+  /// Whether any step of the history, undone ones too, has these letters in its text.
+  bool everMentions(std::string_view letters) const;
   /// Writes recipe and history, whole or not at all.
   void save() const;
 
