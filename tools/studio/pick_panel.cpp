@@ -108,9 +108,10 @@ void PickPanel::place(Document& document, StudioState& state, Widgets& widgets) 
     if (widgets.radio(kShapes[std::size_t(k)], state.pick_shape == k)) state.pick_shape = k;
   }
   const auto largest = float(document.evaluated()->source->mesh.diagonal);
-  if (state.pick_shape != 2) widgets.slider("Radius ", state.pick_radius, largest * 1e-3F, largest / 2, "%.4f m", true);
-  widgets.slider("Falloff ", state.pick_falloff, 0, largest / 2, "%.4f m", true);
-  widgets.text("Name of it", state.pick_name, "cheek.L");
+  if (state.pick_shape != 2)
+    widgets.slider("Radius##of it", state.pick_radius, largest * 1e-3F, largest / 2, "%.4f m", true);
+  widgets.slider("Falloff##of it", state.pick_falloff, 0, largest / 2, "%.4f m", true);
+  widgets.text("Name##of it", state.pick_name, "cheek.L");
   const std::string selection =
       selectionAt(*state.picked, state.pick_shape, double(state.pick_radius), double(state.pick_falloff)).dump();
   const std::string name = state.pick_name;
@@ -143,7 +144,7 @@ void PickPanel::muscle(Document& document, StudioState& state, Widgets& widgets)
   widgets.slider("Width", state.muscle_width, float(source.mesh.diagonal) * 1e-3F, float(source.mesh.diagonal) / 4,
                  "%.4f m", true);
   widgets.checkbox("Mirror image too", state.muscle_mirror, source.plane.has_value());
-  widgets.text("Name of the muscle", state.muscle_name, "smile.L");
+  widgets.text("Name##of the muscle", state.muscle_name, "smile.L");
   const bool ready = state.muscle_from && state.muscle_to && !state.muscle_name.empty();
   if (!widgets.button("Make the muscle", -1, ready)) return;
   MuscleOptions options;

@@ -13,7 +13,7 @@
 namespace sinew::tools {
 namespace {
 
-constexpr float kListRows = 9;
+constexpr float kListRows = 8;
 
 float encoded(float linear) { return std::pow(std::clamp(linear, 0.0F, 1.0F), 1 / 2.2F); }
 float decoded(float value) { return std::pow(value, 2.2F); }

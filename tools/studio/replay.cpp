@@ -125,6 +125,14 @@ bool Replay::begin(const Window& window) {
     const auto box = window.widgets.find(name);
     if (!box && ++waited_ > kMostSearch)
       fail("there is no control '" + name + "' to be seen", "Open its tab first; names are the labels that are shown.");
+    if (box && box->scroll != 0) {
+      // As a hand would: the wheel over the panel.
+      if (++waited_ > kMostSearch) fail("'" + name + "' cannot be scrolled to", "Choose a larger window.");
+      steps_.emplace_back().move = Eigen::Vector2f(box->left + 20, ImGui::GetIO().DisplaySize.y - 30);
+      steps_.emplace_back().wheel = box->scroll > 0 ? -1.0F : 1.0F;
+      steps_.emplace_back().idle = 1;
+      return std::nullopt;
+    }
     return box;
   };
   if (kind == "wait") {

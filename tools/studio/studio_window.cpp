@@ -9,6 +9,7 @@
 #include <imgui.h>
 
 #include <chrono>
+#include <thread>
 #include <utility>
 
 namespace sinew::tools {
@@ -19,6 +20,7 @@ using Clock = std::chrono::steady_clock;
 constexpr float kViewPanel = 290, kStudioPanel = 340;  // at 100 % scale
 constexpr std::uint32_t kScreenshotFrames = 60;
 constexpr std::uint32_t kAfterReplay = 4;
+constexpr std::uint32_t kReplayDrawn = 30;  // one frame of so many
 
 }  // namespace
 
@@ -39,8 +41,10 @@ StudioWindow::StudioWindow(const std::shared_ptr<const Asset>& asset, Document* 
 
 void StudioWindow::run() {
   auto before = Clock::now();
+  constexpr auto kReplayFrame = std::chrono::milliseconds(8);
   while (glfwWindowShouldClose(window_.get()) == GLFW_FALSE) {
     glfwPollEvents();
+    if (replay_) std::this_thread::sleep_until(before + kReplayFrame);  // waits are for others
     const auto now = Clock::now();
     const double elapsed = std::chrono::duration<double>(now - before).count();
     before = now;
@@ -109,14 +113,16 @@ void StudioWindow::frame(double elapsed) {
   if (state_.tool == Tool::play) {
     if (play_) {
       play_input_.frame(layout_, pressed, *play_, shown_);
-      play_->advance(elapsed);
+      play_->advance(replay_ ? 1.0 / 60 : elapsed);
     }
   } else {
     author_view_.frame(layout_, pressed, *document_, state_);
   }
-  draw();
+  // Where there is no graphics card, drawing is all the time a replay takes: only what is to be seen is.
+  const bool is_seen = !replay_ || frame_ % kReplayDrawn == 0 || !screenshot_.empty() || isLast();
+  if (is_seen) draw();
   ImGui::Render();
-  ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+  if (is_seen) ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
   if (play_) log_.write(frame_, layout_, play_input_.camera(), *play_, shown_, bakes_taken_);
 }
 

@@ -12,8 +12,22 @@ namespace {
 
 constexpr std::size_t kMostText = 128;
 
-// The name without what only tells two of the same label apart.
-std::string hidden(const std::string& label) { return "##" + label; }
+constexpr float kLabelWidth = 5.6F;  // of the text's size
+
+std::string shownName(const std::string& label) { return label.substr(0, label.find("##")); }
+std::string fullName(const std::string& label) {
+  const std::size_t at = label.find("##");
+  return at == std::string::npos ? label : label.substr(0, at) + " " + label.substr(at + 2);
+}
+
+// The label at the left; the next item fills the rest of the line.
+std::string beside(const std::string& label) {
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextDisabled("%s", shownName(label).c_str());
+  ImGui::SameLine(ImGui::GetFontSize() * kLabelWidth);
+  ImGui::SetNextItemWidth(-1);
+  return "##" + fullName(label);
+}
 
 }  // namespace
 
@@ -21,11 +35,10 @@ void Widgets::beginFrame() { boxes_.clear(); }
 
 void Widgets::mark(const std::string& name) {
   const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
-  const ImVec2 from = ImGui::GetWindowPos();
-  const ImVec2 size = ImGui::GetWindowSize();
-  const Box box = {std::max(low.x, from.x), std::max(low.y, from.y), std::min(high.x, from.x + size.x),
-                   std::min(high.y, from.y + size.y)};
-  if (box.right - box.left > 2 && box.bottom - box.top > 2) boxes_[name] = box;
+  const float top = ImGui::GetWindowPos().y;
+  const float bottom = top + ImGui::GetWindowSize().y;
+  const int scroll = high.y > bottom ? 1 : low.y < top ? -1 : 0;
+  boxes_[fullName(name)] = {low.x, low.y, high.x, high.y, scroll};
 }
 
 std::optional<Widgets::Box> Widgets::find(const std::string& name) const {
@@ -63,10 +76,9 @@ bool Widgets::selectable(const std::string& label, bool selected) {
 
 bool Widgets::slider(const std::string& label, float& value, float low, float high, const char* format,
                      bool logarithmic) {
-  ImGui::TextDisabled("%s", label.c_str());
-  ImGui::SetNextItemWidth(-1);
+  const std::string id = beside(label);
   const ImGuiSliderFlags flags = ImGuiSliderFlags_AlwaysClamp | (logarithmic ? ImGuiSliderFlags_Logarithmic : 0);
-  const bool changed = ImGui::SliderFloat(hidden(label).c_str(), &value, low, high, format, flags);
+  const bool changed = ImGui::SliderFloat(id.c_str(), &value, low, high, format, flags);
   mark(label);
   return changed;
 }
@@ -74,10 +86,9 @@ bool Widgets::slider(const std::string& label, float& value, float low, float hi
 bool Widgets::text(const std::string& label, std::string& value, const char* hint) {
   std::array<char, kMostText> buffer{};
   value.copy(buffer.data(), buffer.size() - 1);
-  ImGui::TextDisabled("%s", label.c_str());
-  ImGui::SetNextItemWidth(-1);
-  const bool entered = ImGui::InputTextWithHint(hidden(label).c_str(), hint, buffer.data(), buffer.size(),
-                                                ImGuiInputTextFlags_EnterReturnsTrue);
+  const std::string id = beside(label);
+  const bool entered =
+      ImGui::InputTextWithHint(id.c_str(), hint, buffer.data(), buffer.size(), ImGuiInputTextFlags_EnterReturnsTrue);
   mark(label);
   value = buffer.data();
   return entered;
@@ -85,9 +96,8 @@ bool Widgets::text(const std::string& label, std::string& value, const char* hin
 
 bool Widgets::combo(const std::string& label, std::string& value, std::span<const std::string> choices) {
   bool changed = false;
-  ImGui::TextDisabled("%s", label.c_str());
-  ImGui::SetNextItemWidth(-1);
-  const bool open = ImGui::BeginCombo(hidden(label).c_str(), value.c_str());
+  const std::string id = beside(label);
+  const bool open = ImGui::BeginCombo(id.c_str(), value.c_str());
   mark(label);
   if (!open) return false;
   for (const std::string& choice : choices) {

@@ -14,23 +14,25 @@ namespace sinew::tools {
 class Widgets {
  public:
   struct Box {
-    float left = 0, top = 0, right = 0, bottom = 0;  ///< window coordinates, of what can be seen
+    float left = 0, top = 0, right = 0, bottom = 0;  ///< window coordinates
+    int scroll = 0;  ///< 0: it can be seen; 1, -1: it is below, above of what its panel shows
   };
 
   /// Forgets those of the last frame.
   void beginFrame();
-  /// Names the control that was drawn last. What is clipped away cannot be found.
+  /// Names the control that was drawn last.
   void mark(const std::string& name);
   std::optional<Box> find(const std::string& name) const;
 
-  // Each draws a control that fills the width (or `width`) and is named by its label.
+  // Each draws a control that fills the width (or `width`) and is named by its label; of "Name##of the mask" only
+  // "Name" is shown, and "Name of the mask" is what it is found by.
   bool button(const std::string& label, float width = -1, bool enabled = true);
   bool checkbox(const std::string& label, bool& value, bool enabled = true);
   bool radio(const std::string& label, bool active);
   bool selectable(const std::string& label, bool selected);
-  /// Label above the slider. \return whether it has another value
+  /// Label beside the slider. \return whether it has another value
   bool slider(const std::string& label, float& value, float low, float high, const char* format, bool logarithmic);
-  /// Label above the field. \return whether Return was pressed in it
+  /// Label beside the field. \return whether Return was pressed in it
   bool text(const std::string& label, std::string& value, const char* hint = "");
   bool combo(const std::string& label, std::string& value, std::span<const std::string> choices);
 
