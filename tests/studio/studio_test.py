@@ -15,6 +15,7 @@ parser.add_argument("--keep", help="folder for the screenshots")
 parser.add_argument("--write-expected", action="store_true", help="make the recipe of this run the expected one")
 arguments = parser.parse_args()
 here = pathlib.Path(__file__).resolve().parent
+arguments.sinew = str(pathlib.Path(arguments.sinew).resolve())
 slowness = int(os.environ.get("SINEW_TEST_SLOWNESS", "1"))
 
 if not shutil.which("Xvfb"):

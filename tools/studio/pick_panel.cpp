@@ -18,8 +18,8 @@ constexpr std::array<const char*, 3> kShapes = {"Disc", "Sphere", "Half space"};
 
 Json jsonOf(const Eigen::Vector3d& p) { return {sevenDigits(p[0]), sevenDigits(p[1]), sevenDigits(p[2])}; }
 
-std::string pointText(const Eigen::Vector3d& p) {
-  return rounded(p[0], 4) + ", " + rounded(p[1], 4) + ", " + rounded(p[2], 4);
+std::string pointText(const Eigen::Vector3d& p, int digits) {
+  return rounded(p[0], digits) + ", " + rounded(p[1], digits) + ", " + rounded(p[2], digits);
 }
 
 void row(const char* what, const std::string& value) {
@@ -63,7 +63,7 @@ void PickPanel::describe(const Document& document, const PickedPoint& point, Wid
   const VisualMesh& mesh = evaluated.source->mesh;
   if (point.vertex >= mesh.positions.size()) return;
   heading("Point");
-  std::string all = pointText(point.at.position);
+  std::string all = pointText(point.at.position, 5);
   row("x y z", all + " m");
   row("vertex", std::to_string(mesh.source_vertex[point.vertex]) + " of the source");
   all += "\nvertex " + std::to_string(mesh.source_vertex[point.vertex]);
@@ -137,7 +137,7 @@ void PickPanel::muscle(Document& document, StudioState& state, Widgets& widgets)
     if (widgets.button(label, ImGui::GetContentRegionAvail().x * 0.45F, state.picked.has_value()))
       point = state.picked->at.position;
     ImGui::SameLine();
-    ImGui::TextDisabled("%s", point ? pointText(*point).c_str() : "the point picked");
+    ImGui::TextDisabled("%s", point ? pointText(*point, 3).c_str() : "the point picked");
   };
   end("Hangs here", state.muscle_from);
   end("Pulls here", state.muscle_to);

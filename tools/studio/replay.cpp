@@ -17,8 +17,8 @@ constexpr int kMostWait = 60 * 300;   // frames for a bake or an evaluation
 constexpr int kMostSearch = 60 * 10;  // for a control
 
 const std::vector<std::string>& eventKinds() {
-  static const std::vector<std::string> kinds = {"move", "click", "drag", "stroke", "wheel",     "key",
-                                                 "text", "wait",  "set",  "orbit",  "screenshot"};
+  static const std::vector<std::string> kinds = {"move", "click", "drag", "stroke", "wheel",
+                                                 "key",  "text",  "wait", "orbit",  "screenshot"};
   return kinds;
 }
 
@@ -74,7 +74,7 @@ void Replay::check() const {
     }
     const std::string kind = event.begin().key();
     const Json& value = event.begin().value();
-    const bool names = kind == "text" || kind == "key" || kind == "set" || kind == "drag" || kind == "screenshot";
+    const bool names = kind == "text" || kind == "key" || kind == "drag" || kind == "screenshot";
     if (names && !value.is_string()) text_.fail(place, kind + " wants a text", "Write the name of a control or key.");
     if (kind == "key" && !pressNamed(value.get<std::string>()))
       text_.fail(place, "there is no key " + value.dump(), "Write a letter, a digit, enter, escape, space, tab.");
@@ -85,7 +85,7 @@ void Replay::check() const {
     if ((kind == "click" || kind == "move") && !value.is_string() && !isPoint(value) &&
         !(value.is_array() && value.size() == 2))
       text_.fail(place, kind + " wants a control, a pixel or a place", R"(Write "Paint", [600, 400] or [x, y, z].)");
-    if ((kind == "set" || kind == "drag") && (!event.contains("to") || !event["to"].is_number()))
+    if ((kind == "drag") && (!event.contains("to") || !event["to"].is_number()))
       text_.fail(place, kind + " wants a number `to`", R"(Write {"drag": "channel smile.L", "to": 1}, 0..1.)");
   }
 }
@@ -135,6 +135,11 @@ bool Replay::begin(const Window& window) {
     }
     return box;
   };
+  const auto placeOf = [&](const Json& point) {
+    const auto at = window.on_screen(pointOf(point));
+    if (!at && ++waited_ > kMostWait) fail("the source does not come", "Look whether it can be read by itself.");
+    return at;
+  };
   if (kind == "wait") {
     if (value.is_number()) {
       steps_.emplace_back().idle = value.get<int>();
@@ -165,7 +170,7 @@ bool Replay::begin(const Window& window) {
     steps_.emplace_back().press = 1;
     glide(from + by, 8);
     steps_.emplace_back().release = 1;
-  } else if (kind == "drag" || kind == "set") {
+  } else if (kind == "drag") {
     const auto box = boxOf(value.get<std::string>());
     if (!box) return false;
     // The grab's centre goes from half a grab inside of one end to that of the other.
@@ -177,8 +182,8 @@ bool Replay::begin(const Window& window) {
   } else if (kind == "stroke") {
     std::vector<Eigen::Vector2f> way;
     for (const Json& p : value) {
-      const auto at = window.on_screen(pointOf(p));
-      if (!at) return ++waited_ > kMostWait ? throw std::runtime_error("no source came") : false;
+      const auto at = placeOf(p);
+      if (!at) return false;
       way.push_back(*at);
     }
     glide(way.front(), 2);
@@ -196,8 +201,8 @@ bool Replay::begin(const Window& window) {
     } else if (value.size() == 2) {
       at = {value[0].get<float>(), value[1].get<float>()};
     } else {
-      const auto place = window.on_screen(pointOf(value));
-      if (!place) return ++waited_ > kMostWait ? throw std::runtime_error("no source came") : false;
+      const auto place = placeOf(value);
+      if (!place) return false;
       at = *place;
     }
     glide(at, 2);

@@ -17,7 +17,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr float kViewPanel = 290, kStudioPanel = 340;  // at 100 % scale
+constexpr float kViewPanel = 290, kStudioPanel = 384;  // at 100 % scale
 constexpr std::uint32_t kScreenshotFrames = 60;
 constexpr std::uint32_t kAfterReplay = 4;
 constexpr std::uint32_t kReplayDrawn = 30;  // one frame of so many
