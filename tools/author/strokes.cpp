@@ -196,6 +196,11 @@ bool StrokeBrush::advance(std::size_t most) {
   return done;
 }
 
+bool StrokeBrush::hasChanged() const {
+  return std::any_of(front_.reached().begin(), front_.reached().end(),
+                     [&](std::uint32_t p) { return weights_[p] != before_[p]; });
+}
+
 void StrokeBrush::smooth() {
   changed_ = front_.reached();
   for (const std::uint32_t p : changed_) weights_[p] = before_[p];

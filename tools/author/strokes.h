@@ -60,6 +60,8 @@ class StrokeBrush {
   const std::vector<double>& weights() const { return weights_; }
   std::vector<double> takeWeights() { return std::move(weights_); }
   const std::vector<std::uint32_t>& changed() const { return changed_; }
+  /// Whether the stroke has changed any weight so far.
+  bool hasChanged() const;
   /// Points of this stroke that lie further than 5 % of the diagonal from the surface.
   std::size_t off() const { return off_; }
 

@@ -61,7 +61,8 @@ void AuthorView::fit(const ViewLayout& layout) {
   for (const Eigen::Vector3f& p : model_.positions) points.push_back(p / model_.diagonal);
   camera_.yaw = 0.35F;
   camera_.pitch = 0.15F;
-  fitCamera(camera_, points, layout.aspect(), 0.12F);
+  fitCamera(camera_, points, layout.aspect(), 0.14F);
+  camera_.target -= 0.02F * camera_.distance * camera_.up();  // above the line of help
   fits_ = true;
 }
 
@@ -113,6 +114,7 @@ void AuthorView::frame(const ViewLayout& layout, std::span<const Keys::Press> pr
     if (hover_.triangle == kNoIndex || io.KeyShift) {
       drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
     } else if (state.tool == Tool::paint && !state.painted.empty() && !document.isInConflict()) {
+      state.brush_milliseconds = 0;
       beginStroke(hover_, document, state);
     } else if (state.tool == Tool::pick) {
       state.picked = PickedPoint{hover_, normalAt(*source_, hover_),
@@ -137,7 +139,7 @@ void AuthorView::frame(const ViewLayout& layout, std::span<const Keys::Press> pr
     }
     const bool done = brush_->advance(kMostPoints);
     tintStroke();
-    state.brush_milliseconds = cpuMilliseconds() - start;
+    state.brush_milliseconds = std::max(state.brush_milliseconds, cpuMilliseconds() - start);
     if (!left && done) endStroke(document, state);
   }
   moveCamera(layout, stroking_ ? CameraDrag::none : drag_, over_view, camera_);
@@ -174,6 +176,10 @@ void AuthorView::tintStroke() {
 void AuthorView::endStroke(Document& document, StudioState& state) {
   stroking_ = false;
   const std::vector<double>& points = brush_->weights();
+  if (!brush_->hasChanged()) {
+    document.say("the stroke changes no vertex: it meets none that is not so already. A larger radius reaches more.");
+    return;
+  }
   VisualWeights weights(source_->mesh.positions.size());
   for (std::size_t v = 0; v < weights.size(); ++v) weights[v] = points[source_->mesh.welded[v]];
   document.stroke(state.painted, stroke_, std::move(weights));

@@ -58,7 +58,7 @@ void PaintPanel::draw(Document& document, StudioState& state, Widgets& widgets) 
   }
   widgets.checkbox("Front faces only", brush.front_only);
   char text[64];
-  std::snprintf(text, sizeof text, "Last step: %.2f ms", state.brush_milliseconds);
+  std::snprintf(text, sizeof text, "Longest step of the last stroke: %.2f ms", state.brush_milliseconds);
   note(text);
 }
 

@@ -113,6 +113,7 @@ std::vector<std::array<float, 3>> tintsOf(const StudioState& state, const Evalua
     return tints;
   }
   const auto& clusters = evaluated.weights.cluster_weights;
+  if (state.show == Show::all && regionsOf(evaluated).empty()) return {};
   if (state.show != Show::all) {
     for (std::size_t v = 0; v < count; ++v) {
       std::size_t own = 0;

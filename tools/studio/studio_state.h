@@ -56,7 +56,7 @@ struct StudioState {
   Show show = Show::all;
   BrushSettings brush;
   std::string painted;            ///< name of the mask that is painted
-  double brush_milliseconds = 0;  ///< of the last step
+  double brush_milliseconds = 0;  ///< of the longest step of the last stroke
   std::optional<PickedPoint> picked;
   float pick_radius = 0, pick_falloff = 0;
   int pick_shape = 0;  ///< disc, sphere, half space
