@@ -8,12 +8,14 @@
 #include <sstream>
 
 #include "tools/author/mask_image.h"
+#include "tools/author/material_presets.h"
 #include "tools/author/recipe.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/command_line.h"
 #include "tools/core/error.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -334,7 +336,32 @@ void RecipeEditor::addPart(const std::string& name, const std::string& selection
   commit("add-part " + name, document);
 }
 
+std::vector<RecipeEditor::Change> RecipeEditor::setMaterial(const std::string& owner, const std::string& value) {
+  const std::span<const MaterialPreset> presets = materialPresets();
+  std::vector<std::string> names;
+  const MaterialPreset* chosen = value == "default" ? &presets.front() : nullptr;
+  for (const MaterialPreset& preset : presets) {
+    names.emplace_back(preset.name);
+    if (preset.name == value) chosen = &preset;
+  }
+  if (chosen == nullptr) {
+    usage("there is no material '" + value + "'", "Did you mean " + nearestName(value, names) + "? There are " +
+                                                      listed(names, names.size()) + ", and default.");
+  }
+  RecipeEditor trial = *this;
+  std::vector<Change> changes;
+  for (const MaterialPreset::Value& one : chosen->values) {
+    const auto made = trial.set(owner + "." + std::string(one.key), value == "default" ? value : exactText(one.value));
+    changes.insert(changes.end(), made.begin(), made.end());
+  }
+  commit("set " + owner + ".material=" + value, trial.document());
+  return changes;
+}
+
 std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, const std::string& value) {
+  constexpr std::string_view kMaterial = ".material";
+  if (key.size() > kMaterial.size() && key.front() != '/' && key.ends_with(kMaterial))
+    return setMaterial(key.substr(0, key.size() - kMaterial.size()), value);
   Json document = this->document();
   const bool removes = value == "default";
   std::vector<Change> changes;

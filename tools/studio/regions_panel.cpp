@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/author/material_presets.h"
 #include "tools/author/weights.h"
 #include "tools/core/text.h"
 #include "tools/render/draw_model.h"
@@ -166,6 +167,12 @@ void RegionsPanel::material(Document& document, const std::string& cluster, Widg
     return;
   }
   const ClusterOptions options = optionsOf(*own, document.recipe().settings);
+  std::vector<std::string> materials;
+  for (const MaterialPreset& preset : materialPresets()) materials.emplace_back(preset.name);
+  std::string material(materialPresetOf(options));
+  if (material.empty()) material = "its own";
+  if (widgets.combo("Material", material, materials))
+    document.edit([&](RecipeEditor& editor) { editor.set("clusters." + cluster + ".material", material); });
   const std::vector<std::string> modes = choicesOf("clusters.mode");
   std::string mode = modes[std::size_t(options.mode)];
   if (widgets.combo("Mode", mode, modes))
