@@ -167,6 +167,17 @@ try:
     check(json.loads((folder / "face.json").read_text())["clusters"][0]["settings"] == {"stretch_hz": 40}, "killed, the recipe is whole")
     done("author", "face.json", "undo")
 
+    # Another program leaves a recipe that cannot be read, and the window has an edit: it asks, and keeps both.
+    (folder / "keep.json").write_text(json.dumps({"events": [
+        {"wait": "bake"}, {"wait": 500}, {"click": "tab Pick"}, {"click": [0.04, 0.633, 0.125]}, {"click": "Name of it"}, {"text": "spot"},
+        {"click": "Mask"}, {"wait": 5}, {"click": "Keep mine"}, {"wait": 5}]}))
+    studio = Studio("face.json", "--replay", "keep.json")
+    studio.wait(lambda s: s["bakes"] > 0, "the window has a body")
+    (folder / "face.json").write_text('{"sinew_recipe": 3, "source": ')
+    check(studio.process.wait(120 * slowness) == 0, "asked, the window's edit is kept")
+    check("spot" in json.loads((folder / "face.json").read_text())["masks"], "the edit is in the recipe")
+    check((folder / "face.json.theirs").read_text() == '{"sinew_recipe": 3, "source": ', "what could not be read is put aside")
+
     # A source without a recipe gets one beside it; another one's is not taken.
     (folder / "open.json").write_text('{"events": [{"wait": "evaluation"}]}')
     done("studio", "head.obj", "--replay", "open.json")

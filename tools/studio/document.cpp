@@ -134,14 +134,25 @@ void Document::takeTheirs() {
 }
 
 void Document::keepMine() {
+  const RecipeEditor mine = *pending_;
+  const fs::path file = editor_.file();
   try {
-    // Theirs becomes a step of the history, and mine one after it.
-    const RecipeEditor mine = std::move(*std::exchange(pending_, std::nullopt));
-    RecipeEditor editor = RecipeEditor::open(editor_.file());
-    editor.replace("kept in the studio: " + mine.history()[mine.position()], mine.document());
-    editor.save();
-    accept(std::move(editor));
-    say("written over what another program had changed; undo brings that back");
+    std::optional<RecipeEditor> editor;
+    try {
+      // Theirs becomes a step of the history, and mine one after it.
+      editor.emplace(RecipeEditor::open(file));
+      editor->replace("kept in the studio: " + mine.history()[mine.position()], mine.document());
+      say("written over what another program had changed; undo brings that back");
+    } catch (const ToolError&) {
+      // No recipe any more: it is put aside.
+      const fs::path theirs = fs::path(file).concat(".theirs");
+      writeFileAtomically(theirs, bytesOf(file));
+      editor.emplace(mine);
+      say("written over what another program had left, which cannot be read: that is in " + theirs.string());
+    }
+    editor->save();
+    pending_.reset();
+    accept(std::move(*editor));
   } catch (const std::exception& error) {
     say(error.what(), true);
   }
