@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
 #include <utility>
 
 #include "tools/author/json_text.h"
@@ -24,6 +25,8 @@ namespace sinew::tools {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::string_view kFolderName = "sinew_studio_";
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -48,11 +51,24 @@ std::vector<Finding> findingsOf(const nlohmann::ordered_json& report) {
   return findings;
 }
 
+// Folders of studios that were killed: their names have the numbers of processes that are no more.
+void removeLeftFolders(const fs::path& temporary) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(temporary, error)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(kFolderName)) continue;
+    const long pid = std::strtol(name.c_str() + kFolderName.size(), nullptr, 10);
+    if (pid > 0 && kill(pid_t(pid), 0) != 0 && errno == ESRCH) fs::remove_all(entry.path(), error);
+  }
+}
+
 }  // namespace
 
 BakeJob::BakeJob() {
   std::error_code error;
-  std::string name = (fs::temp_directory_path(error) / "sinew_studio_XXXXXX").string();
+  removeLeftFolders(fs::temp_directory_path(error));
+  const std::string own = std::string(kFolderName) + std::to_string(getpid()) + "_XXXXXX";
+  std::string name = (fs::temp_directory_path(error) / own).string();
   if (error || mkdtemp(name.data()) == nullptr) {
     throw ToolError(ExitCode::system, name, "no folder for packages can be made",
                     "Free some space there, or set TMPDIR to a folder you may write in.");

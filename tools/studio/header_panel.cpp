@@ -45,21 +45,30 @@ void HeaderPanel::draw(Document& document, Widgets& widgets) {
   char text[128];
   if (running) {
     std::snprintf(text, sizeof text, "%s", document.bake().stage().c_str());
-    ImGui::ProgressBar(document.bake().fraction(), {-1, ImGui::GetFontSize() * 1.2F}, text);
+    ImGui::ProgressBar(document.bake().fraction(), {-1, ImGui::GetFrameHeight()}, text);
   } else {
     if (document.isBaked())
       std::snprintf(text, sizeof text, "Baked in %.1f s", document.bake().seconds());
     else
       std::snprintf(text, sizeof text, "%s", state == BakeJob::State::failed ? "The bake failed" : "Not baked yet");
+    ImGui::AlignTextToFramePadding();
     ImGui::TextDisabled("%s", text);
   }
-  if (!document.message().empty()) {
-    const ImVec4 color = document.isTrouble() ? ImVec4(1.0F, 0.5F, 0.4F, 1) : ImVec4(0.6F, 0.8F, 0.65F, 1);
-    ImGui::PushStyleColor(ImGuiCol_Text, color);
-    ImGui::PushTextWrapPos(0);
+  // Room for two lines, whatever there is to say: nothing below moves under the mouse.
+  ImGui::BeginChild("##message", {0, 2 * ImGui::GetTextLineHeight() + ImGui::GetStyle().ItemSpacing.y});
+  const ImVec4 color = document.isTrouble() ? ImVec4(1.0F, 0.5F, 0.4F, 1) : ImVec4(0.6F, 0.8F, 0.65F, 1);
+  ImGui::PushStyleColor(ImGuiCol_Text, color);
+  ImGui::PushTextWrapPos(0);
+  ImGui::TextUnformatted(document.message().c_str());
+  ImGui::PopTextWrapPos();
+  ImGui::PopStyleColor();
+  ImGui::EndChild();
+  if (!document.message().empty() && ImGui::IsItemHovered()) {
+    ImGui::BeginTooltip();
+    ImGui::PushTextWrapPos(ImGui::GetFontSize() * 30);
     ImGui::TextUnformatted(document.message().c_str());
     ImGui::PopTextWrapPos();
-    ImGui::PopStyleColor();
+    ImGui::EndTooltip();
   }
 }
 
