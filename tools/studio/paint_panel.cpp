@@ -21,7 +21,7 @@ void PaintPanel::draw(Document& document, StudioState& state, Widgets& widgets) 
     state.painted = name;
     state.selected = Region{RegionKind::mask, name};
   }
-  if (widgets.text("New mask", new_name_, "name, then Return") && !new_name_.empty()) {
+  if (widgets.text("New mask", new_name_, "its name") && !new_name_.empty()) {
     state.painted = new_name_;
     state.selected = Region{RegionKind::mask, new_name_};
     document.say("paint on the surface: the first stroke makes " + new_name_);

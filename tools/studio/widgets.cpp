@@ -89,9 +89,10 @@ bool Widgets::text(const std::string& label, std::string& value, const char* hin
   const std::string id = beside(label);
   const bool entered =
       ImGui::InputTextWithHint(id.c_str(), hint, buffer.data(), buffer.size(), ImGuiInputTextFlags_EnterReturnsTrue);
+  const bool left = ImGui::IsItemDeactivatedAfterEdit();
   mark(label);
   value = buffer.data();
-  return entered;
+  return entered || left;
 }
 
 bool Widgets::combo(const std::string& label, std::string& value, std::span<const std::string> choices) {

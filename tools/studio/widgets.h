@@ -32,7 +32,7 @@ class Widgets {
   bool selectable(const std::string& label, bool selected);
   /// Label beside the slider. \return whether it has another value
   bool slider(const std::string& label, float& value, float low, float high, const char* format, bool logarithmic);
-  /// Label beside the field. \return whether Return was pressed in it
+  /// Label beside the field. \return whether it was edited and left, by Return or a click elsewhere
   bool text(const std::string& label, std::string& value, const char* hint = "");
   bool combo(const std::string& label, std::string& value, std::span<const std::string> choices);
 
