@@ -136,7 +136,7 @@ bool Replay::begin(const Window& window) {
     return box;
   };
   const auto placeOf = [&](const Json& point) {
-    const auto at = window.on_screen(pointOf(point));
+    auto at = window.on_screen(pointOf(point));
     if (!at && ++waited_ > kMostWait) fail("the source does not come", "Look whether it can be read by itself.");
     return at;
   };
