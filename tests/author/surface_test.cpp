@@ -8,44 +8,12 @@
 #include <functional>
 #include <numbers>
 
+#include "tests/author/sheet.h"
+
 namespace sinew::tools {
 namespace {
 
 using Eigen::Vector3d;
-
-// A sheet of (n + 1)^2 vertices, bent by `place`.
-VisualMesh sheet(std::uint32_t n, const std::function<Vector3d(double, double)>& place) {
-  VisualMesh mesh;
-  for (std::uint32_t j = 0; j <= n; ++j) {
-    for (std::uint32_t i = 0; i <= n; ++i) mesh.positions.push_back(place(double(i) / n, double(j) / n));
-  }
-  for (std::uint32_t j = 0; j < n; ++j) {
-    for (std::uint32_t i = 0; i < n; ++i) {
-      const std::uint32_t a = j * (n + 1) + i;
-      // Alternating diagonals, so that no direction is the mesh's own.
-      if ((i + j) % 2 == 0) {
-        mesh.triangles.push_back({a, a + 1, a + n + 2});
-        mesh.triangles.push_back({a, a + n + 2, a + n + 1});
-      } else {
-        mesh.triangles.push_back({a, a + 1, a + n + 1});
-        mesh.triangles.push_back({a + 1, a + n + 2, a + n + 1});
-      }
-    }
-  }
-  mesh.welded_positions = mesh.positions;
-  mesh.bounds_min = mesh.bounds_max = mesh.positions[0];
-  for (std::uint32_t v = 0; v < mesh.positions.size(); ++v) {
-    mesh.welded.push_back(v);
-    mesh.bounds_min = mesh.bounds_min.cwiseMin(mesh.positions[v]);
-    mesh.bounds_max = mesh.bounds_max.cwiseMax(mesh.positions[v]);
-  }
-  mesh.diagonal = (mesh.bounds_max - mesh.bounds_min).norm();
-  return mesh;
-}
-
-VisualMesh flat(std::uint32_t n) {
-  return sheet(n, [](double u, double v) { return Vector3d(u, v, 0); });
-}
 
 TEST(Surface, DistanceOnAPlaneIsTheStraightOne) {
   const VisualMesh mesh = flat(40);

@@ -153,18 +153,20 @@ void namedThings(const Json& selection, const std::string& pointer, Places& name
   }
   const RecipeObject* kind = selectionKind(selection);
   if (kind == nullptr) return;
-  const Json& value = selection[std::string(kind->name)];
-  const std::string place = childPointer(pointer, kind->name);
-  if (kind->name == "rest" && value.is_array()) {
-    for (std::size_t i = 0; i < value.size(); ++i) {
-      names.emplace_back(value[i].get<std::string>(), childPointer(place, i));
+  for (const RecipeKey& key : kind->keys) {
+    if (!selection.contains(key.name)) continue;
+    const Json& value = selection[std::string(key.name)];
+    const std::string place = childPointer(pointer, key.name);
+    if (key.name == "rest" && value.is_array()) {
+      for (std::size_t i = 0; i < value.size(); ++i) {
+        names.emplace_back(value[i].get<std::string>(), childPointer(place, i));
+      }
     }
-  }
-  const std::uint32_t type = kind->keys.front().type;
-  if ((type & kRecipePath) != 0) files.emplace_back(value.get<std::string>(), place);
-  if ((type & kRecipeSelection) != 0) namedThings(value, place, names, files);
-  if ((type & kRecipeSelections) != 0) {
-    for (std::size_t i = 0; i < value.size(); ++i) namedThings(value[i], childPointer(place, i), names, files);
+    if ((key.type & kRecipePath) != 0) files.emplace_back(value.get<std::string>(), place);
+    if ((key.type & kRecipeSelection) != 0) namedThings(value, place, names, files);
+    if ((key.type & kRecipeSelections) != 0) {
+      for (std::size_t i = 0; i < value.size(); ++i) namedThings(value[i], childPointer(place, i), names, files);
+    }
   }
 }
 

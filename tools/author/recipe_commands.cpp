@@ -8,12 +8,14 @@
 #include <sstream>
 
 #include "tools/author/mask_image.h"
+#include "tools/author/material_presets.h"
 #include "tools/author/recipe.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/command_line.h"
 #include "tools/core/error.h"
+#include "tools/core/text.h"
 
 namespace sinew::tools {
 namespace {
@@ -124,14 +126,16 @@ void visitMaskNames(Json& selection, const Visit& visit) {
   if (!selection.is_object()) return;
   const RecipeObject* kind = selectionKind(selection);
   if (kind == nullptr) return;
-  Json& value = selection[std::string(kind->name)];
-  const std::uint32_t type = kind->keys.front().type;
-  if (kind->name == "rest" && value.is_array()) {
-    for (Json& name : value) visit(name);
-  } else if ((type & kRecipeSelections) != 0) {
-    for (Json& each : value) visitMaskNames(each, visit);
-  } else if ((type & kRecipeSelection) != 0) {
-    visitMaskNames(value, visit);
+  for (const RecipeKey& key : kind->keys) {
+    if (!selection.contains(key.name)) continue;
+    Json& value = selection[std::string(key.name)];
+    if (key.name == "rest" && value.is_array()) {
+      for (Json& name : value) visit(name);
+    } else if ((key.type & kRecipeSelections) != 0) {
+      for (Json& each : value) visitMaskNames(each, visit);
+    } else if ((key.type & kRecipeSelection) != 0) {
+      visitMaskNames(value, visit);
+    }
   }
 }
 
@@ -332,7 +336,32 @@ void RecipeEditor::addPart(const std::string& name, const std::string& selection
   commit("add-part " + name, document);
 }
 
+std::vector<RecipeEditor::Change> RecipeEditor::setMaterial(const std::string& owner, const std::string& value) {
+  const std::span<const MaterialPreset> presets = materialPresets();
+  std::vector<std::string> names;
+  const MaterialPreset* chosen = value == "default" ? &presets.front() : nullptr;
+  for (const MaterialPreset& preset : presets) {
+    names.emplace_back(preset.name);
+    if (preset.name == value) chosen = &preset;
+  }
+  if (chosen == nullptr) {
+    usage("there is no material '" + value + "'", "Did you mean " + nearestName(value, names) + "? There are " +
+                                                      listed(names, names.size()) + ", and default.");
+  }
+  RecipeEditor trial = *this;
+  std::vector<Change> changes;
+  for (const MaterialPreset::Value& one : chosen->values) {
+    const auto made = trial.set(owner + "." + std::string(one.key), value == "default" ? value : exactText(one.value));
+    changes.insert(changes.end(), made.begin(), made.end());
+  }
+  commit("set " + owner + ".material=" + value, trial.document());
+  return changes;
+}
+
 std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, const std::string& value) {
+  constexpr std::string_view kMaterial = ".material";
+  if (key.size() > kMaterial.size() && key.front() != '/' && key.ends_with(kMaterial))
+    return setMaterial(key.substr(0, key.size() - kMaterial.size()), value);
   Json document = this->document();
   const bool removes = value == "default";
   std::vector<Change> changes;
@@ -543,6 +572,11 @@ std::vector<std::string> RecipeEditor::history() const {
   std::vector<std::string> commands;
   for (const State& state : states_) commands.push_back(state.command);
   return commands;
+}
+
+bool RecipeEditor::everMentions(std::string_view letters) const {
+  return std::any_of(states_.begin(), states_.end(),
+                     [&](const State& state) { return state.text.find(letters) != std::string::npos; });
 }
 
 void RecipeEditor::save() const {

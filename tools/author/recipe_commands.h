@@ -56,8 +56,9 @@ class RecipeEditor {
   };
   /// Sets values. \param key a setting ("clusters.mode"), a key or setting of a cluster, a set of pins or a part
   /// ("NAME.split", "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"); * in a setting's key or in NAME stands
-  /// for any letters, "clusters.*.mode" means clusters only. \param value JSON, or plain text; "default" removes it.
-  /// \return every value that differs now.
+  /// for any letters, "clusters.*.mode" means clusters only. "clusters.material" and "NAME.material" set all values of
+  /// a preset (material_presets.h). \param value JSON, or plain text; "default" removes it. \return every value that
+  /// differs now.
   std::vector<Change> set(const std::string& key, const std::string& value);
   /// Renames a mask (with all selections that use it), a cluster or a set of pins.
   void rename(const std::string& from, const std::string& to);
@@ -87,6 +88,8 @@ class RecipeEditor {
   /// The recipe as it would be written.
   const std::string& text() const { return states_[at_].text; }
   const std::filesystem::path& file() const { return file_; }
+  /// Whether any step of the history, undone ones too, has these letters in its text.
+  bool everMentions(std::string_view letters) const;
   /// Writes recipe and history, whole or not at all.
   void save() const;
 
@@ -97,6 +100,7 @@ class RecipeEditor {
   };
   RecipeEditor() = default;
   void commit(const std::string& command, const nlohmann::ordered_json& document);
+  std::vector<Change> setMaterial(const std::string& owner, const std::string& value);
   void commitText(const std::string& command, std::string text);
 
   std::filesystem::path file_;

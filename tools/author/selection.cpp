@@ -30,9 +30,11 @@ bool usesRest(const Recipe& recipe, const Json& selection) {
     return std::any_of(selection.begin(), selection.end(), [&](const Json& s) { return usesRest(recipe, s); });
   const RecipeObject* kind = selection.is_object() ? selectionKind(selection) : nullptr;
   if (kind == nullptr) return false;
-  const Json& value = selection[std::string(kind->name)];
-  if (kind->name == "rest" && value.is_boolean()) return true;
-  return (kind->keys.front().type & (kRecipeSelection | kRecipeSelections)) != 0 && usesRest(recipe, value);
+  if (kind->name == "rest" && selection["rest"].is_boolean()) return true;
+  return std::any_of(kind->keys.begin(), kind->keys.end(), [&](const RecipeKey& key) {
+    return (key.type & (kRecipeSelection | kRecipeSelections)) != 0 && selection.contains(key.name) &&
+           usesRest(recipe, selection[std::string(key.name)]);
+  });
 }
 
 bool matchesPattern(std::string_view name, std::string_view pattern) {
@@ -63,7 +65,16 @@ class Selections::Evaluator {
  public:
   Evaluator(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
             const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings)
-      : source_{recipe, mesh, topology, cluster_meshes, findings, Surface(mesh)} {}
+      : source_{recipe,
+                mesh,
+                topology,
+                cluster_meshes,
+                findings,
+                Surface(mesh),
+                [this](const Json& json, const std::string& pointer) { return at(json, pointer); }} {}
+  ~Evaluator() = default;
+  Evaluator(const Evaluator&) = delete;
+  Evaluator& operator=(const Evaluator&) = delete;
 
   const Surface& surface() const { return source_.surface; }
   void define(const std::string& name, VisualWeights weights) { masks_[name] = std::move(weights); }

@@ -38,6 +38,8 @@ struct SelectionSource {
   const std::vector<ClusterMesh>& cluster_meshes;
   std::vector<Finding>& findings;
   Surface surface;
+  /// Evaluates another selection, which stands at a pointer.
+  std::function<std::vector<double>(const nlohmann::ordered_json&, const std::string&)> other = {};
 
   std::size_t count() const { return mesh.positions.size(); }
   [[noreturn]] void fail(const std::string& pointer, const std::string& what, const std::string& cure) const {

@@ -5,6 +5,7 @@
 
 #include "tools/author/mask_image.h"
 #include "tools/author/selection_kinds.h"
+#include "tools/author/strokes.h"
 #include "tools/core/ramp.h"
 
 namespace sinew::tools {
@@ -16,8 +17,6 @@ using Place = SelectionPlace;
 
 // A mask is looked at this finely for regions that share UV space.
 constexpr int kOverlapCells = 256;
-// Of the diagonal: points of a stroke further from the surface than this were meant for another model.
-constexpr double kOffSurface = 0.05;
 
 // 1 up to the edge, falling to 0 over `falloff` outside.
 double ramp(double outside, double falloff) {
@@ -194,78 +193,20 @@ VisualWeights disc(const SelectionSource& source, const Place& place) {
   return source.onVertices(points);
 }
 
-struct Stroke {
-  std::vector<Vector3d> points;
-  double radius = 0, falloff = 0, strength = 1;
-  bool erase = false;
-};
-
-Stroke readStroke(const JsonText& text, const Json& json, const std::string& pointer) {
-  Stroke stroke;
-  if (!json.is_object()) text.fail(pointer, "a stroke must be an object", "Give points and radius.");
-  const std::vector<std::string> known = {"points", "radius", "falloff", "strength", "erase"};
-  for (const auto& [key, value] : json.items()) {
-    const std::string place = childPointer(pointer, key);
-    const auto number = [&, &entry = value](double minimum, double maximum) {
-      if (!entry.is_number() || entry.template get<double>() < minimum || entry.template get<double>() > maximum)
-        text.fail(place, "cannot be " + entry.dump(), "Give a number in metres, or 0 .. 1 for strength.");
-      return entry.template get<double>();
-    };
-    if (key == "points") {
-      const auto isPoint = [](const Json& p) {
-        return p.is_array() && p.size() == 3 && p[0].is_number() && p[1].is_number() && p[2].is_number();
-      };
-      if (!value.is_array() || value.empty() || !std::all_of(value.begin(), value.end(), isPoint))
-        text.fail(place, "must be a list of points", "Write [[x, y, z], ...], in metres.");
-      for (const Json& p : value) stroke.points.push_back(pointOf(p));
-    } else if (key == "radius") {
-      stroke.radius = number(1e-9, 1e9);
-    } else if (key == "falloff") {
-      stroke.falloff = number(0, 1e9);
-    } else if (key == "strength") {
-      stroke.strength = number(0, 1);
-    } else if (key == "erase") {
-      if (!value.is_boolean()) text.fail(place, "must be true or false", "Write true to erase.");
-      stroke.erase = value.get<bool>();
-    } else {
-      text.fail(place, "there is no key '" + key + "' in a stroke", "Did you mean " + nearestName(key, known) + "?");
-    }
-  }
-  if (stroke.points.empty() || !(stroke.radius > 0)) {
-    text.fail(pointer, "a stroke needs points and a radius", R"(Write {"points": [[x, y, z]], "radius": 0.01}.)");
-  }
-  return stroke;
-}
-
 VisualWeights strokes(const SelectionSource& source, const Place& place) {
   const auto file = source.recipe.file(place.value.get<std::string>(), place.value_pointer);
   source.requireFile(file, place.value_pointer);
-  const JsonText text = JsonText::read(file.string());
-  const Json& json = text.json();
-  const auto isList = [](const Json& value) { return value.is_array() && !value.empty(); };
-  if (!json.is_object() || !json.contains("strokes") || !isList(json["strokes"])) {
-    text.fail("", "is no stroke file", R"(It looks like {"strokes": [{"points": [[x, y, z]], "radius": 0.01}]}.)");
-  }
   std::vector<double> painted(source.mesh.welded_positions.size(), 0);
+  if (const Json over = place.get("over"); !over.is_null())
+    painted = source.onPoints(source.other(over, childPointer(place.pointer, "over")));
+  StrokeBrush brush(source.surface);
   std::size_t off = 0;
-  for (std::size_t i = 0; i < json["strokes"].size(); ++i) {
-    const std::string pointer = childPointer("/strokes", i);
-    const Stroke stroke = readStroke(text, json["strokes"][i], pointer);
-    std::vector<SurfacePoint> places;
-    for (std::size_t p = 0; p < stroke.points.size(); ++p) {
-      // Points of a quick stroke lie far apart: in between, half a radius at a time.
-      const Vector3d step = p == 0 ? Vector3d(Vector3d::Zero()) : Vector3d(stroke.points[p] - stroke.points[p - 1]);
-      const int pieces = std::clamp(int(std::ceil(2 * step.norm() / stroke.radius)), 1, 1000);
-      for (int s = p == 0 ? pieces : 1; s <= pieces; ++s) {
-        places.push_back(source.surface.nearest(stroke.points[p] - step * (1 - double(s) / pieces)));
-      }
-      if (places.back().distance > kOffSurface * source.mesh.diagonal) ++off;
-    }
-    const std::vector<double> distance = source.surface.distancesFrom(places);
-    for (std::size_t p = 0; p < painted.size(); ++p) {
-      const double w = stroke.strength * ramp(distance[p] - stroke.radius, stroke.falloff);
-      painted[p] = stroke.erase ? std::min(painted[p], 1 - w) : std::max(painted[p], w);
-    }
+  for (const Stroke& stroke : readStrokes(file)) {
+    brush.begin(stroke, std::move(painted));
+    for (const Vector3d& point : stroke.points) brush.add(point);
+    brush.advance();
+    off += brush.off();
+    painted = brush.takeWeights();
   }
   if (off > 0) {
     Finding finding;

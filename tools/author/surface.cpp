@@ -4,10 +4,13 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <queue>
+
+#include "tools/author/unfold.h"
 
 namespace sinew::tools {
 namespace {
@@ -19,35 +22,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kAsymmetric = 0.03;
 constexpr std::size_t kSymmetrySamples = 600;
 constexpr int kSymmetryRounds = 20;
-
-// Distance at c of a front that has reached a after da and b after db: from one source in the triangle's plane, on the
-// other side of ab, or straight. Where the way to c does not cross ab, along the edges.
-double across(const Vector3d& a, const Vector3d& b, const Vector3d& c, double da, double db, Front front) {
-  const double along_edges = std::min(da + (c - a).norm(), db + (c - b).norm());
-  const Vector3d ab = b - a;
-  const double length = ab.norm();
-  if (!(length > 0)) return along_edges;
-  const Vector3d u = ab / length;
-  const Vector3d ac = c - a;
-  const double cx = ac.dot(u);
-  const double cy = (ac - cx * u).norm();
-  if (front == Front::line) {
-    const double gx = (db - da) / length;
-    if (!(std::abs(gx) < 1)) return along_edges;
-    const double gy = std::sqrt(1 - gx * gx);
-    const double from = cx - gx / gy * cy;
-    if (from < 0 || from > length) return along_edges;
-    return std::min(along_edges, da + gx * cx + gy * cy);
-  }
-  const double sx = (da * da - db * db + length * length) / (2 * length);
-  const double sy2 = da * da - sx * sx;
-  if (sy2 < 0) return along_edges;  // no such source: the distances differ by more than the edge
-  const double sy = -std::sqrt(sy2);
-  if (!(cy - sy > 0)) return along_edges;
-  const double crossing = sx + (cx - sx) * (-sy / (cy - sy));
-  if (crossing < 0 || crossing > length) return along_edges;
-  return std::min(along_edges, std::hypot(cx - sx, cy - sy));
-}
 
 std::vector<geometry::Triangle> bvhTriangles(const std::vector<Triangle>& triangles) {
   return {triangles.begin(), triangles.end()};
@@ -103,7 +77,7 @@ std::vector<double> Surface::distances(std::vector<double> start, Front kind) co
         const std::uint32_t other = t[0] != c && t[0] != p ? t[0] : t[1] != c && t[1] != p ? t[1] : t[2];
         double reach = d + (x[c] - x[p]).norm();
         if (other != c && other != p && std::isfinite(distance[other])) {
-          reach = std::min(reach, across(x[p], x[other], x[c], d, distance[other], kind));
+          reach = std::min(reach, unfoldedDistance(x[p], x[other], x[c], d, distance[other], kind));
         }
         offer(c, reach);
       }
@@ -154,6 +128,100 @@ std::vector<double> Surface::signedDistances(std::span<const double> weight) con
 SurfacePoint Surface::nearest(const Vector3d& place) const {
   const auto hit = tree_.closest(place);
   return {hit.triangle, hit.point, std::sqrt(hit.squared_distance)};
+}
+
+SurfacePoint Surface::along(const Vector3d& origin, const Vector3d& direction) const {
+  SurfacePoint best;
+  best.distance = kInfinity;
+  const Vector3d inverse = direction.cwiseInverse();
+  // Where the ray enters a node's box; infinite where it misses it, or the best hit comes first.
+  const auto entry = [&](const geometry::BoxTree::Node& node) {
+    double near = 0;
+    double far = best.distance;
+    for (int k = 0; k < 3; ++k) {
+      // A ray within a side's plane gives 0 / 0, which neither min nor max lets through.
+      const double a = (node.box.min()[k] - origin[k]) * inverse[k];
+      const double b = (node.box.max()[k] - origin[k]) * inverse[k];
+      near = std::max(near, std::min(a, b));
+      far = std::min(far, std::max(a, b));
+    }
+    return near <= far ? near : kInfinity;
+  };
+  const auto& nodes = tree_.nodes();
+  if (nodes.empty()) return {};
+  std::array<std::uint32_t, 64> stack{};
+  std::size_t depth = 1;
+  while (depth > 0) {
+    const std::uint32_t index = stack[--depth];
+    const auto& node = nodes[index];
+    if (entry(node) == kInfinity) continue;
+    if (node.right != 0) {
+      const bool left_first = entry(nodes[index + 1]) <= entry(nodes[node.right]);
+      stack[depth++] = left_first ? node.right : index + 1;
+      stack[depth++] = left_first ? index + 1 : node.right;
+      continue;
+    }
+    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+      // Moeller and Trumbore 1997, without culling.
+      const auto& c = tree_.corners()[i];
+      const Vector3d ab = c[1] - c[0];
+      const Vector3d ac = c[2] - c[0];
+      const Vector3d p = direction.cross(ac);
+      const double determinant = ab.dot(p);
+      if (determinant == 0) continue;
+      const Vector3d s = origin - c[0];
+      const double u = s.dot(p) / determinant;
+      if (!(u >= 0 && u <= 1)) continue;
+      const Vector3d q = s.cross(ab);
+      const double v = direction.dot(q) / determinant;
+      if (!(v >= 0 && u + v <= 1)) continue;
+      const double distance = ac.dot(q) / determinant;
+      if (distance > 0 && distance < best.distance) best = {tree_.order()[i], origin + distance * direction, distance};
+    }
+  }
+  return best.triangle == kNoIndex ? SurfacePoint{} : best;
+}
+
+std::uint32_t Surface::nearestCorner(const SurfacePoint& at) const {
+  const Triangle& t = triangles_[at.triangle];
+  return *std::min_element(t.begin(), t.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return (mesh_.welded_positions[a] - at.position).squaredNorm() <
+           (mesh_.welded_positions[b] - at.position).squaredNorm();
+  });
+}
+
+std::vector<Vector3d> Surface::path(const SurfacePoint& from, const SurfacePoint& to) const {
+  if (from.triangle == kNoIndex || to.triangle == kNoIndex) return {};
+  const std::vector<double> distance = distancesFrom({&to, 1});
+  std::vector<Vector3d> places = {from.position};
+  std::uint32_t at = nearestCorner(from);
+  if (!std::isfinite(distance[at])) return {};
+  while (true) {
+    std::uint32_t next = at;
+    for (std::uint32_t i = first_[at]; i < first_[at + 1]; ++i) {
+      for (const std::uint32_t p : triangles_[around_[i]]) {
+        if (distance[p] < distance[next]) next = p;
+      }
+    }
+    if (next == at) break;
+    at = next;
+    places.push_back(mesh_.welded_positions[at]);
+  }
+  // The last corner may lie beyond the place.
+  if (places.size() > 1) places.pop_back();
+  places.push_back(to.position);
+  return places;
+}
+
+std::vector<Vector3d> Surface::pointNormals() const {
+  std::vector<Vector3d> normals(mesh_.welded_positions.size(), Vector3d::Zero());
+  const auto& x = mesh_.welded_positions;
+  for (const Triangle& t : triangles_) {
+    const Vector3d n = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]);
+    for (const std::uint32_t p : t) normals[p] += n;
+  }
+  for (Vector3d& n : normals) n = n.norm() > 0 ? Vector3d(n.normalized()) : Vector3d(Vector3d::Zero());
+  return normals;
 }
 
 Vector3d Surface::normal(std::uint32_t triangle) const {

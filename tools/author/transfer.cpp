@@ -117,12 +117,14 @@ void visitFiles(Json& selection, const Visit& visit) {
   if (!selection.is_object()) return;
   const RecipeObject* kind = selectionKind(selection);
   if (kind == nullptr) return;
-  Json& value = selection[std::string(kind->name)];
-  const std::uint32_t type = kind->keys.front().type;
-  if ((type & kRecipePath) != 0) visit(value);
-  if ((type & kRecipeSelection) != 0) visitFiles(value, visit);
-  if ((type & kRecipeSelections) != 0) {
-    for (Json& entry : value) visitFiles(entry, visit);
+  for (const RecipeKey& key : kind->keys) {
+    if (!selection.contains(key.name)) continue;
+    Json& value = selection[std::string(key.name)];
+    if ((key.type & kRecipePath) != 0) visit(value);
+    if ((key.type & kRecipeSelection) != 0) visitFiles(value, visit);
+    if ((key.type & kRecipeSelections) != 0) {
+      for (Json& entry : value) visitFiles(entry, visit);
+    }
   }
 }
 
@@ -432,18 +434,20 @@ class Carrier {
     const std::size_t stored_before = stored.size();
     if (fresh.is_object()) {
       const RecipeObject& kind = *selectionKind(fresh);
-      const std::string key(kind.name);
-      const std::uint32_t type = kind.keys.front().type;
-      const std::string place = childPointer(pointer, key);
-      if ((type & kRecipeSelection) != 0) {
-        Carried inner = transferred(old[key], fresh[key], place, name);
-        result.written[key] = inner.written;
-        result.trial[key] = inner.trial;
-      } else if ((type & kRecipeSelections) != 0) {
-        for (std::size_t i = 0; i < fresh[key].size(); ++i) {
-          Carried inner = transferred(old[key][i], fresh[key][i], childPointer(place, i), name);
-          result.written[key][i] = inner.written;
-          result.trial[key][i] = inner.trial;
+      for (const RecipeKey& declared : kind.keys) {
+        const std::string key(declared.name);
+        if (!fresh.contains(key)) continue;
+        const std::string place = childPointer(pointer, key);
+        if ((declared.type & kRecipeSelection) != 0) {
+          Carried inner = transferred(old[key], fresh[key], place, name);
+          result.written[key] = inner.written;
+          result.trial[key] = inner.trial;
+        } else if ((declared.type & kRecipeSelections) != 0) {
+          for (std::size_t i = 0; i < fresh[key].size(); ++i) {
+            Carried inner = transferred(old[key][i], fresh[key][i], childPointer(place, i), name);
+            result.written[key][i] = inner.written;
+            result.trial[key][i] = inner.trial;
+          }
         }
       }
     }
@@ -509,14 +513,16 @@ class Carrier {
     }
     const RecipeObject* kind = selection.is_object() ? selectionKind(selection) : nullptr;
     if (kind == nullptr) return;
-    const Json& value = selection[std::string(kind->name)];
-    const std::uint32_t type = kind->keys.front().type;
-    if (kind->name == "rest" && value.is_array()) {
-      for (const Json& name : value) visit(name.get<std::string>());
-    } else if ((type & kRecipeSelection) != 0) {
-      visitNames(value, visit);
-    } else if ((type & kRecipeSelections) != 0) {
-      for (const Json& each : value) visitNames(each, visit);
+    for (const RecipeKey& key : kind->keys) {
+      if (!selection.contains(key.name)) continue;
+      const Json& value = selection[std::string(key.name)];
+      if (key.name == "rest" && value.is_array()) {
+        for (const Json& name : value) visit(name.get<std::string>());
+      } else if ((key.type & kRecipeSelection) != 0) {
+        visitNames(value, visit);
+      } else if ((key.type & kRecipeSelections) != 0) {
+        for (const Json& each : value) visitNames(each, visit);
+      }
     }
   }
 

@@ -252,6 +252,24 @@ std::vector<Finding> judgePins(const Recipe& recipe, const AuthoredWeights& auth
   return judgePins(sets, rigid, "visual");
 }
 
+std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after, const VisualMesh& mesh,
+                                        const Topology& topology, const std::vector<ClusterMesh>& cluster_meshes) {
+  std::vector<Finding> findings;
+  Selections selections(after, mesh, topology, cluster_meshes, findings);
+  for (const SelectionText& selection : newSelections(before, after)) {
+    if (usesRest(after, selection.json))
+      selections.clusters();
+    else
+      selections.evaluate(selection);
+  }
+  if (!after.pins.empty()) {
+    const std::vector<Finding> judged =
+        judgePins(after, evaluateRecipe(after, mesh, topology, cluster_meshes, findings));
+    findings.insert(findings.end(), judged.begin(), judged.end());
+  }
+  return findings;
+}
+
 std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh) {
   std::vector<double> factors(recipe.thickness.empty() ? 0 : mesh.welded_positions.size(), 1);
   for (std::size_t i = 0; i < recipe.thickness.size(); ++i) {

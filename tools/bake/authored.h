@@ -35,6 +35,11 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
 /// ones.
 std::vector<Finding> judgePins(const Recipe& recipe, const AuthoredWeights& authored);
 
+/// What an edit adds, evaluated on the source: throws ToolError(bad_input) where a new or changed selection selects
+/// nothing or cannot be. \return what is worth knowing, and what of its pins will not move.
+std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after, const VisualMesh& mesh,
+                                        const Topology& topology, const std::vector<ClusterMesh>& cluster_meshes);
+
 /// Linear RGBA 0..1 as bytes 0..255, as the package keeps colours.
 std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors);
 

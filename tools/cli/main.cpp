@@ -6,5 +6,5 @@ int main(int argument_count, char** arguments) {
   using namespace sinew::tools;
   return runProgram(argument_count, arguments,
                     {addAuthorVerb, addBakeVerb, addCheckVerb, addInspectVerb, addSimulateVerb, addRenderVerb,
-                     addViewVerb, addMeasureVerbs, addHelpVerb});
+                     addViewVerb, addStudioVerb, addMeasureVerbs, addHelpVerb});
 }

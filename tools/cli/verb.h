@@ -17,6 +17,7 @@ void addInspectVerb(CLI::App& app, int& exit_code);
 void addSimulateVerb(CLI::App& app, int& exit_code);
 void addRenderVerb(CLI::App& app, int& exit_code);
 void addViewVerb(CLI::App& app, int& exit_code);
+void addStudioVerb(CLI::App& app, int& exit_code);
 void addBenchVerb(CLI::App& app, int& exit_code);
 void addStudyVerb(CLI::App& app, int& exit_code);
 void addHelpVerb(CLI::App& app, int& exit_code);

@@ -7,6 +7,7 @@
 
 #include "tools/author/recipe_commands.h"
 #include "tools/author/recipe_keys.h"
+#include "tools/author/recipe_strokes.h"
 #include "tools/author/transfer.h"
 #include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
@@ -26,9 +27,11 @@ namespace {
 struct AuthorCommand {
   std::string recipe;
   std::string name, other, from, method, target, attach, to, plane, options, picture, old_source;
+  std::string mode = "paint";
   std::vector<std::string> assignments, names;
   double value = 1;
-  bool json = false;
+  bool json = false, mirror = false;
+  Stroke stroke;
 };
 
 // Part of the surface that a weight covers.
@@ -138,27 +141,13 @@ void say(const std::string& what) { std::cout << what << "\n"; }
 
 // Refuses what a command adds that selects nothing, and says what of its pins will not move.
 std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after) {
-  const std::vector<SelectionText> fresh = newSelections(before, after);
-  if (fresh.empty() && before.pins.size() == after.pins.size()) return {};
+  if (newSelections(before, after).empty() && before.pins.size() == after.pins.size()) return {};
   Progress progress(true);
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(after.source, after.settings.import, progress);
   const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
   progress.stage("selections");
-  const Topology topology = analyzeTopology(mesh);
-  std::vector<Finding> findings;
-  Selections selections(after, mesh, topology, cluster_meshes, findings);
-  for (const SelectionText& selection : fresh) {
-    if (usesRest(after, selection.json))
-      selections.clusters();
-    else
-      selections.evaluate(selection);
-  }
-  if (!after.pins.empty()) {
-    const std::vector<Finding> judged =
-        judgePins(after, evaluateRecipe(after, mesh, topology, cluster_meshes, findings));
-    findings.insert(findings.end(), judged.begin(), judged.end());
-  }
+  const std::vector<Finding> findings = checkNewSelections(before, after, mesh, analyzeTopology(mesh), cluster_meshes);
   progress.finish();
   return findings;
 }
@@ -177,18 +166,61 @@ void edit(const AuthorCommand& command, const std::function<void(RecipeEditor&)>
   printFindings(std::cout, findings, false);
 }
 
-// The normal of the plane of symmetry that "plane": "auto" finds.
-Eigen::Vector3d symmetryNormal(const RecipeEditor& editor) {
+// The source of a recipe that is edited.
+VisualMesh importFor(const RecipeEditor& editor) {
   const Recipe recipe = parseRecipe(editor.text(), editor.file());
   Progress progress(true);
   progress.stage("import");
   VisualMesh mesh = importVisualMesh(recipe.source, recipe.settings.import, progress);
   takeClusterMeshes(mesh);
-  const std::optional<MirrorPlane> plane = Surface(mesh).symmetryPlane();
-  progress.finish();
-  if (plane) return plane->normal;
-  throw ToolError(ExitCode::usage, recipe.source.string(), "has no plane of symmetry that could be found",
+  return mesh;
+}
+
+// The plane of symmetry that "plane": "auto" finds.
+MirrorPlane symmetryPlane(const Surface& surface) {
+  if (const std::optional<MirrorPlane> plane = surface.symmetryPlane()) return *plane;
+  throw ToolError(ExitCode::usage, surface.mesh().file, "has no plane of symmetry that could be found",
                   "Add --plane x, y or z.");
+}
+
+MirrorPlane planeNamed(const std::string& name, const Surface& surface) {
+  if (name.empty() || name == "auto") return symmetryPlane(surface);
+  return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Unit(name == "x" ? 0 : name == "y" ? 1 : 2), 0};
+}
+
+// A point "x,y,z" or "[x, y, z]", metres.
+Eigen::Vector3d pointNamed(const std::string& text) {
+  const std::string list = text.starts_with('[') ? text : "[" + text + "]";
+  const auto json = nlohmann::ordered_json::parse(list, nullptr, false);
+  const bool is_point = json.is_array() && json.size() == 3 &&
+                        std::all_of(json.begin(), json.end(), [](const auto& number) { return number.is_number(); });
+  if (!is_point)
+    throw ToolError(ExitCode::usage, "", "'" + text + "' is no point", "Write it in metres, as in 0.04,1.55,0.1.");
+  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
+}
+
+void addStroke(const AuthorCommand& command, RecipeEditor& editor) {
+  Stroke stroke = command.stroke;
+  const auto mode = std::find(strokeModeNames().begin(), strokeModeNames().end(), command.mode);
+  stroke.mode = StrokeMode(mode - strokeModeNames().begin());
+  for (const std::string& point : command.names) stroke.points.push_back(pointNamed(point));
+  if (!command.plane.empty()) {
+    const VisualMesh mesh = importFor(editor);
+    stroke.mirror = planeNamed(command.plane, Surface(mesh));
+  }
+  addStrokes(editor, command.name, {&stroke, 1});
+}
+
+void addMuscle(const AuthorCommand& command, RecipeEditor& editor) {
+  const VisualMesh mesh = importFor(editor);
+  const Surface surface(mesh);
+  MuscleOptions options;
+  options.name = command.name;
+  options.path = surface.path(surface.nearest(pointNamed(command.from)), surface.nearest(pointNamed(command.to)));
+  options.width = command.value;
+  options.mirror = command.mirror;
+  if (!command.plane.empty()) options.plane = command.plane;
+  sinew::tools::addMuscle(editor, options, [&] { return symmetryPlane(surface).normal; });
 }
 
 // "a, b, c and 12 more"
@@ -412,7 +444,10 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
 
   CLI::App* mirror = add("mirror", "Add the mirror image of a mask or cluster", [command] {
     edit(*command, [&](RecipeEditor& e) {
-      e.mirror(command->name, command->other, command->plane, [&e] { return symmetryNormal(e); });
+      e.mirror(command->name, command->other, command->plane, [&e] {
+        const VisualMesh mesh = importFor(e);
+        return symmetryPlane(Surface(mesh)).normal;
+      });
     });
   });
   mirror->add_option("name", command->name)->required();
@@ -425,6 +460,31 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   paint->add_option("name", command->name)->required();
   paint->add_option("file", command->other, "PNG, EXR, TIFF, JPEG or a stroke file")->required();
   paint->add_option("--options", command->options, R"(Further keys as JSON, as in '{"threshold": 0.5}')");
+
+  CLI::App* stroke = add("stroke", "Add a brush stroke to a mask, or begin one",
+                         [command] { edit(*command, [&](RecipeEditor& e) { addStroke(*command, e); }); });
+  stroke->add_option("name", command->name, "The mask")->required();
+  stroke->add_option("points", command->names, "Where it goes: x,y,z in metres")->required();
+  stroke->add_option("--radius", command->stroke.radius, "m, along the surface")
+      ->required()
+      ->check(CLI::Range(1e-9, 1e9));
+  stroke->add_option("--falloff", command->stroke.falloff, "m, from 1 at the radius to 0")->check(CLI::Range(0.0, 1e9));
+  stroke->add_option("--strength", command->stroke.strength, "0 .. 1")->check(CLI::Range(0.0, 1.0));
+  stroke->add_option("--mode", command->mode, "paint, add, subtract, erase or smooth")
+      ->check(CLI::IsMember({"paint", "add", "subtract", "erase", "smooth"}))
+      ->capture_default_str();
+  stroke->add_option("--mirror", command->plane, "Its image too, across: auto, x, y or z")
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}));
+
+  CLI::App* muscle = add("muscle", "Add a muscle: its region, cluster, fibre and channel",
+                         [command] { edit(*command, [&](RecipeEditor& e) { addMuscle(*command, e); }); });
+  muscle->add_option("name", command->name)->required();
+  muscle->add_option("--from", command->from, "Where it hangs: x,y,z in metres")->required();
+  muscle->add_option("--to", command->to, "Where it pulls")->required();
+  muscle->add_option("--width", command->value, "m, along the surface")->required()->check(CLI::Range(1e-9, 1e9));
+  muscle->add_flag("--mirror", command->mirror, "Its image too, with left and right exchanged in its name");
+  muscle->add_option("--plane", command->plane, "Of --mirror: auto, x, y or z")
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}));
 
   CLI::App* look =
       add("show", "Evaluate on the source: what each cluster, pin set or mask covers", [command] { show(*command); });

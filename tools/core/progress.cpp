@@ -36,10 +36,12 @@ void Progress::stage(const std::string& name) {
 }
 
 void Progress::fraction(double done) {
-  if (!show_ || !open_) return;
+  if ((!show_ && !listener_) || !open_) return;
   const double t = now();
   if (drawn_ != 0 && t - drawn_ < 0.1) return;
   drawn_ = t;
+  if (listener_) listener_(name_, std::clamp(done, 0.0, 1.0));
+  if (!show_) return;
   std::fprintf(stderr, "\r\033[K%s %3d %%", name_.c_str(), int(std::clamp(done, 0.0, 1.0) * 100));
   std::fflush(stderr);
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace sinew::tools {
@@ -21,6 +23,9 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
+  /// Calls `listener` with the stage and 0..1 within it, where a bar would be drawn. To be set before the first stage.
+  void tell(std::function<void(const std::string& stage, double done)> listener) { listener_ = std::move(listener); }
+
   /// Ends the stage before, starts the next.
   void stage(const std::string& name);
   /// 0..1 within the stage; cheap to call often.
@@ -33,6 +38,7 @@ class Progress {
  private:
   void close();
   bool show_;
+  std::function<void(const std::string&, double)> listener_;
   bool open_ = false;
   double started_ = 0;
   double drawn_ = 0;

@@ -63,6 +63,7 @@ Renderer::Renderer(const DrawModel& model)
       parts_(model.parts),
       triangles_(model.triangles),
       has_tint_(!model.cluster_tint.empty()),
+      cluster_tint_(model.cluster_tint),
       mesh_program_("mesh", shaders::kMeshVertex, shaders::kMeshFragment),
       depth_program_("depth", shaders::kDepthVertex, shaders::kDepthFragment),
       background_program_("background", shaders::kScreenVertex, shaders::kBackgroundFragment),
@@ -125,6 +126,17 @@ void Renderer::setShape(std::span<const Eigen::Vector3f> positions, std::span<co
 }
 
 void Renderer::setPhysical(std::span<const Eigen::Vector3f> positions) { upload(physical_, positions); }
+
+void Renderer::setTints(std::span<const std::array<float, 3>> tints) {
+  has_own_tint_ = !tints.empty();
+  const std::span<const std::array<float, 3>> shown = has_own_tint_ ? tints : std::span(cluster_tint_);
+  if (shown.empty()) return;
+  glBindVertexArray(mesh_array_.name());
+  fillBuffer(GL_ARRAY_BUFFER, tints_, shown, GL_DYNAMIC_DRAW);
+  glEnableVertexAttribArray(4);
+  glVertexAttribPointer(4, 3, GL_FLOAT, GL_FALSE, 0, nullptr);
+  glBindVertexArray(0);
+}
 
 void Renderer::setPinned(std::span<const std::uint32_t> physical_vertices) {
   constexpr Rgba8 kPinColor = {235, 64, 52, 255};
@@ -402,7 +414,7 @@ void Renderer::drawMesh(const Camera& camera, const Eigen::Matrix4f& view_projec
   program.set("u_sky_color", light.sky_color);
   program.set("u_ground_color", light.ground_color);
   program.set("u_specular", light.specular);
-  program.set("u_tint_amount", settings.clusters && has_tint_ ? 0.85F : 0.0F);
+  program.set("u_tint_amount", has_own_tint_ ? settings.tint : settings.clusters && has_tint_ ? 0.85F : 0.0F);
   program.set("u_wash", settings.physical ? 0.45F : 0.0F);  // dark edges are seen on dark textures too
   program.set("u_shadow", kUnitShadow);
   program.set("u_shadow_matrix", shadow_matrix_);

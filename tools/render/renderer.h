@@ -35,6 +35,7 @@ Lighting turnedLighting(Lighting lighting, float yaw);
 
 struct DrawSettings {
   bool physical = false;  ///< the tetrahedra's edges
+  float tint = 0;         ///< part of setTints() in the surface's colour, 0..1
   bool clusters = false;  ///< surface tinted by cluster, centre frames
   bool pinned = true;     ///< dots on held vertices
   bool ground = false;
@@ -82,6 +83,8 @@ class Renderer {
   void setShape(std::span<const Eigen::Vector3f> positions, std::span<const Eigen::Vector3f> normals);
   /// Deformed physical vertices, metres.
   void setPhysical(std::span<const Eigen::Vector3f> positions);
+  /// Colours that DrawSettings::tint mixes in, linear, by vertex; in place of those of clusters. Empty: those again.
+  void setTints(std::span<const std::array<float, 3>> tints);
   void setPinned(std::span<const std::uint32_t> physical_vertices);
   void setClusterFrames(std::span<const ClusterFrame> frames);
   /// Triangles drawn in a plain colour over the surface. \param triangles numbers in DrawModel::triangles.
@@ -143,7 +146,8 @@ class Renderer {
   std::vector<float> part_cutout_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   std::uint32_t surface_vertex_count_ = 0;
-  bool has_tint_ = false;
+  bool has_tint_ = false, has_own_tint_ = false;
+  std::vector<std::array<float, 3>> cluster_tint_;
 
   gl::Program mesh_program_, depth_program_, background_program_, present_program_, ground_program_, line_program_,
       dot_program_;

@@ -145,6 +145,48 @@ std::vector<BodySettings> placesOf(SceneKind kind, std::span<const Bounds> bound
   return places;
 }
 
+// Where a body's vertices are after another bake of its package: those of the same place at rest where they were,
+// others as the nearest one of the old bake and the body's rotation say.
+void carryState(const World& world, BodyId body, const formats::PackageView& package, std::vector<Vec3>& positions,
+                std::vector<Vec3>& velocities) {
+  const formats::PackageView& old = world.asset(body).package();
+  const std::span<const Vec3> old_positions = world.positions(body), old_velocities = world.velocities(body);
+  Mat3 rotation{};
+  Vec3 translation{};
+  world.rigidMotion(body, rotation, translation);
+  Vec3 shift{};
+  for (std::size_t a = 0; a < 3; ++a) shift[a] = float(package.info().origin[a] - old.info().origin[a]);
+  std::vector<std::uint32_t> order(old.physicalVertices().size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+  const auto rest = [&](std::uint32_t i) { return old.physicalVertices()[i].rest_position; };
+  // Sorted along x: the search leaves off where x alone is farther than the best.
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return rest(a)[0] < rest(b)[0]; });
+  for (const formats::PhysicalVertex& vertex : package.physicalVertices()) {
+    Vec3 x = {vertex.rest_position[0], vertex.rest_position[1], vertex.rest_position[2]};
+    for (std::size_t a = 0; a < 3; ++a) x[a] += shift[a];
+    float best = std::numeric_limits<float>::infinity();
+    std::uint32_t nearest = 0;
+    const auto offer = [&](std::uint32_t i) {
+      float squared = 0;
+      for (std::size_t a = 0; a < 3; ++a) squared += (rest(i)[a] - x[a]) * (rest(i)[a] - x[a]);
+      if (squared < best) best = squared, nearest = i;
+      return (rest(i)[0] - x[0]) * (rest(i)[0] - x[0]) <= best;
+    };
+    const auto middle = std::lower_bound(order.begin(), order.end(), x[0],
+                                         [&](std::uint32_t i, float value) { return rest(i)[0] < value; });
+    for (auto i = middle; i != order.end() && offer(*i); ++i) {
+    }
+    for (auto i = middle; i != order.begin() && offer(*(i - 1)); --i) {
+    }
+    Vec3 place = old_positions[nearest];
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = 0; c < 3; ++c) place[r] += rotation[3 * r + c] * (x[c] - rest(nearest)[c]);
+    }
+    positions.push_back(place);
+    velocities.push_back(old_velocities[nearest]);
+  }
+}
+
 }  // namespace
 
 std::span<const std::string_view> sceneNames() { return kNames; }
@@ -642,6 +684,44 @@ bool Scene::drive() {
       world_.pin(body(), v, target);
     }
   }
+  return true;
+}
+
+bool Scene::continueFrom(const Scene& before) {
+  if (!(before.options_.scene == options_.scene) || before.bodies_.size() != bodies_.size() || before.next_cut_ > 0)
+    return false;
+  if (before.pinned_.empty() && !pinned_.empty() && options_.scene.kind == SceneKind::stretch) {
+    world_.unpinAll(body());
+    pinned_.clear();
+  }
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    std::vector<Vec3> positions, velocities;
+    carryState(before.world_, before.bodies_[b], assets_[b]->package(), positions, velocities);
+    world_.setState(bodies_[b], positions, velocities);
+  }
+  for (std::size_t i = 0; i < std::min(script_solids_.size(), before.script_solids_.size()); ++i) {
+    // Put where it is: a jump would be a blow.
+    const SceneScript::Solid& from = script_->script.colliders[i];
+    if (from.motion.keys.empty()) continue;
+    removeSolid(script_solids_[i]);
+    ColliderSettings settings;
+    settings.at = before.world_.colliderPose(before.script_solids_[i]);
+    settings.friction = float(from.friction);
+    settings.restitution = float(from.restitution);
+    script_solids_[i] = addSolid(from.shape(), settings);
+  }
+  time_ = before.time_;
+  steps_ = before.steps_;
+  next_impulse_ = before.next_impulse_;
+  const formats::PackageView& now = asset_->package();
+  const formats::PackageView& old = before.asset_->package();
+  for (std::size_t c = 0; c < now.channels().size(); ++c) {
+    for (std::size_t o = 0; o < old.channels().size(); ++o) {
+      if (now.text(now.channels()[c].name) != old.text(old.channels()[o].name)) continue;
+      held_channels_[c] = before.held_channels_[o];
+    }
+  }
+  driveChannels(time_);
   return true;
 }
 

@@ -75,6 +75,11 @@ class Scene {
   /// Length of the next step, s.
   float stepSeconds() const;
 
+  /// Goes on from where another one is, of the same choice and another bake of its package: time, inputs, held
+  /// channels, and of each body pose and velocity, as near as its fields can. Vertices that the packages do not share
+  /// take the motion of the nearest. \return false, and nothing is done, where their bodies do not correspond.
+  bool continueFrom(const Scene& before);
+
   World& world() { return world_; }
   const World& world() const { return world_; }
   BodyId body() const { return bodies_.front(); }

@@ -12,19 +12,37 @@
 
 namespace sinew::tools {
 
-ViewInput::ViewInput(GLFWwindow* window) : window_(window) {
+Keys::Keys(GLFWwindow* window) : window_(window) {
   glfwSetWindowUserPointer(window, this);
   // A tap shorter than a frame would be lost if keys were only looked at once a frame.
-  glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int) {
-    auto* input = static_cast<ViewInput*>(glfwGetWindowUserPointer(from));
-    if (input == nullptr || action == GLFW_RELEASE || (action == GLFW_REPEAT && key != GLFW_KEY_N)) return;
-    input->key_presses_.push_back(key);
+  glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int mods) {
+    auto* keys = static_cast<Keys*>(glfwGetWindowUserPointer(from));
+    if (keys == nullptr || action == GLFW_RELEASE || (action == GLFW_REPEAT && key != GLFW_KEY_N)) return;
+    keys->press({key, (mods & GLFW_MOD_CONTROL) != 0, (mods & GLFW_MOD_SHIFT) != 0});
   });
 }
-ViewInput::~ViewInput() { glfwSetWindowUserPointer(window_, nullptr); }
+Keys::~Keys() { glfwSetWindowUserPointer(window_, nullptr); }
 
-void ViewInput::frame(const ViewLayout& layout, Play& play, Shown& shown) {
-  keys(layout, play, shown);
+Eigen::Vector3f mouseRay(const ViewLayout& layout, const Camera& camera) {
+  const ImVec2 mouse = ImGui::GetIO().MousePos;
+  return camera.ray(mouse.x * layout.pixels_per_unit - static_cast<float>(layout.panel),
+                    mouse.y * layout.pixels_per_unit, static_cast<float>(layout.width()),
+                    static_cast<float>(layout.height()));
+}
+
+void moveCamera(const ViewLayout& layout, CameraDrag drag, bool over_view, Camera& camera) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (drag == CameraDrag::orbit) {
+    orbitCamera(camera, io.MouseDelta.x / layout.scale, io.MouseDelta.y / layout.scale);
+  } else if (drag == CameraDrag::pan) {
+    panCamera(camera, io.MouseDelta.x * layout.pixels_per_unit, io.MouseDelta.y * layout.pixels_per_unit,
+              static_cast<float>(layout.height()));
+  }
+  if (over_view && io.MouseWheel != 0) zoomCamera(camera, io.MouseWheel);
+}
+
+void ViewInput::frame(const ViewLayout& layout, std::span<const Keys::Press> pressed, Play& play, Shown& shown) {
+  keys(layout, pressed, play, shown);
   if (std::exchange(play.is_new, false)) fit(layout, play);
   mouse(layout, play);
 }
@@ -43,9 +61,9 @@ void ViewInput::fit(const ViewLayout& layout, const Play& play) {
   if (!framed) fitCamera(camera_, points, layout.aspect(), 0.25F);
 }
 
-void ViewInput::keys(const ViewLayout& layout, Play& play, Shown& shown) {
-  for (const int key : std::exchange(key_presses_, {})) {
-    if (ImGui::GetIO().WantTextInput) continue;  // it was typed into a field
+void ViewInput::keys(const ViewLayout& layout, std::span<const Keys::Press> pressed, Play& play, Shown& shown) {
+  for (const auto& [key, control, shift] : pressed) {
+    if (ImGui::GetIO().WantTextInput || control) continue;  // typed into a field, or a command
     switch (key) {
       case GLFW_KEY_SPACE:
         play.playing = !play.playing;
@@ -80,31 +98,23 @@ void ViewInput::keys(const ViewLayout& layout, Play& play, Shown& shown) {
 }
 
 void ViewInput::mouse(const ViewLayout& layout, Play& play) {
-  ImGuiIO& io = ImGui::GetIO();
+  const ImGuiIO& io = ImGui::GetIO();
   const bool over_view = !io.WantCaptureMouse;
-  // In pixels of the drawn view.
-  const Eigen::Vector2f at(io.MousePos.x * layout.pixels_per_unit - static_cast<float>(layout.panel),
-                           io.MousePos.y * layout.pixels_per_unit);
-  const Eigen::Vector3f ray =
-      camera_.ray(at.x(), at.y(), static_cast<float>(layout.width()), static_cast<float>(layout.height()));
+  const Eigen::Vector3f ray = mouseRay(layout, camera_);
   if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) {
-    if (!grab(ray, play)) drag_ = io.KeyShift ? Drag::pan : Drag::orbit;
+    if (!grab(ray, play)) drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
   }
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Right)) drag_ = io.KeyShift ? Drag::pan : Drag::orbit;
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Middle)) drag_ = Drag::pan;
+  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Right))
+    drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
+  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Middle)) drag_ = CameraDrag::pan;
   const bool left = ImGui::IsMouseDown(ImGuiMouseButton_Left);
   if (!left) play.release();
   if (!left && !ImGui::IsMouseDown(ImGuiMouseButton_Right) && !ImGui::IsMouseDown(ImGuiMouseButton_Middle))
-    drag_ = Drag::none;
+    drag_ = CameraDrag::none;
   if (play.grabbed()) {
     play.moveGrab(play.grabbed()->start + dragOffset(camera_, grab_hit_, ray) * play.diagonal());
-  } else if (drag_ == Drag::orbit) {
-    orbitCamera(camera_, io.MouseDelta.x / layout.scale, io.MouseDelta.y / layout.scale);
-  } else if (drag_ == Drag::pan) {
-    panCamera(camera_, io.MouseDelta.x * layout.pixels_per_unit, io.MouseDelta.y * layout.pixels_per_unit,
-              static_cast<float>(layout.height()));
   }
-  if (over_view && io.MouseWheel != 0) zoomCamera(camera_, io.MouseWheel);
+  moveCamera(layout, play.grabbed() ? CameraDrag::none : drag_, over_view, camera_);
 }
 
 bool ViewInput::grab(const Eigen::Vector3f& ray, Play& play) {

@@ -29,7 +29,7 @@ ViewLog::~ViewLog() {
 }
 
 void ViewLog::write(std::uint32_t frame, const ViewLayout& layout, const Camera& camera, const Play& play,
-                    const Shown& shown) {
+                    const Shown& shown, std::uint32_t bakes) {
   if (file_ == nullptr) return;
   Eigen::Vector3f center = Eigen::Vector3f::Zero();
   for (const Eigen::Vector3f& p : play.shape().physical) center += p / static_cast<float>(play.shape().physical.size());
@@ -45,6 +45,7 @@ void ViewLog::write(std::uint32_t frame, const ViewLayout& layout, const Camera&
     held_channels += play.scene().isHeld(c) ? 1U : 0U;
     inputs += static_cast<double>(play.scene().channelInputs()[c]);
   }
+  std::fprintf(file_, "\"bakes\":%u,", bakes);
   std::fprintf(file_, "\"held_channels\":%zu,\"inputs\":%.4f,", held_channels, inputs);
   std::fprintf(file_, "\"diagonal\":%.6g,\"camera\":{\"yaw\":%.5f,\"pitch\":%.5f,\"distance\":%.5f},",
                static_cast<double>(play.diagonal()), static_cast<double>(camera.yaw), static_cast<double>(camera.pitch),

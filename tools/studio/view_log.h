@@ -17,7 +17,9 @@ class ViewLog {
   ~ViewLog();
   ViewLog(const ViewLog&) = delete;
   ViewLog& operator=(const ViewLog&) = delete;
-  void write(std::uint32_t frame, const ViewLayout& layout, const Camera& camera, const Play& play, const Shown& shown);
+  /// \param bakes how many bodies have come from a document
+  void write(std::uint32_t frame, const ViewLayout& layout, const Camera& camera, const Play& play, const Shown& shown,
+             std::uint32_t bakes);
 
  private:
   std::FILE* file_;

@@ -50,12 +50,6 @@ void styleGui(float scale) {
   style.ScaleAllSizes(scale);
 }
 
-void heading(const char* text) {
-  ImGui::Spacing();
-  ImGui::TextDisabled("%s", text);
-  ImGui::Separator();
-}
-
 std::optional<std::uint32_t> channelNamed(const formats::PackageView& package, const std::string& name) {
   for (std::uint32_t c = 0; c < package.channels().size(); ++c) {
     if (package.text(package.channels()[c].name) == name) return c;
@@ -87,7 +81,7 @@ Gui::~Gui() {
   ImGui::DestroyContext();
 }
 
-void ViewPanel::draw(const ViewLayout& layout, int height, double frame_seconds, Play& play, Shown& shown) {
+void beginPanel(const ViewLayout& layout, int height) {
   const float width = static_cast<float>(layout.panel) / layout.pixels_per_unit;
   ImGui::SetNextWindowPos({0, 0});
   ImGui::SetNextWindowSize({width, static_cast<float>(height)});
@@ -95,19 +89,25 @@ void ViewPanel::draw(const ViewLayout& layout, int height, double frame_seconds,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoSavedSettings |
                    ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoNav);
+}
+
+void ViewPanel::draw(const ViewLayout& layout, int height, double frame_seconds, Widgets& widgets, Play& play,
+                     Shown& shown) {
+  const float width = static_cast<float>(layout.panel) / layout.pixels_per_unit;
+  beginPanel(layout, height);
   const formats::PackageView& package = play.package();
   const std::string name(package.text(package.info().name));
   ImGui::TextUnformatted(name.empty() ? play.options().file.c_str() : name.c_str());
 
   if (package.channels().empty()) {
-    sceneControls(width, frame_seconds, play, shown);
+    sceneControls(width, frame_seconds, widgets, play, shown);
   } else if (ImGui::BeginTabBar("##tabs")) {
     if (ImGui::BeginTabItem("Scene")) {
-      sceneControls(width, frame_seconds, play, shown);
+      sceneControls(width, frame_seconds, widgets, play, shown);
       ImGui::EndTabItem();
     }
     if (ImGui::BeginTabItem("Channels")) {
-      channels(play);
+      channels(widgets, play);
       ImGui::EndTabItem();
     }
     ImGui::EndTabBar();
@@ -116,7 +116,7 @@ void ViewPanel::draw(const ViewLayout& layout, int height, double frame_seconds,
 }
 
 // A slider for each input of the package: what a game would drive.
-void ViewPanel::channels(Play& play) {
+void ViewPanel::channels(Widgets& widgets, Play& play) {
   const formats::PackageView& package = play.package();
   ImGui::Spacing();
   ImGui::SetNextItemWidth(-1);
@@ -139,7 +139,9 @@ void ViewPanel::channels(Play& play) {
     ImGui::PushID(static_cast<int>(c));
     const bool held = play.scene().isHeld(c);
     ImGui::SetNextItemWidth(-1);
-    if (ImGui::SliderFloat("##input", &input, 0, 1, "", ImGuiSliderFlags_AlwaysClamp)) {
+    const bool changed = ImGui::SliderFloat("##input", &input, 0, 1, "", ImGuiSliderFlags_AlwaysClamp);
+    widgets.mark("channel " + name);
+    if (changed) {
       play.scene().holdChannel(c, input);
       if (const auto other = channelNamed(package, otherSide(name)); both_sides_ && other)
         play.scene().holdChannel(*other, input);
@@ -165,33 +167,35 @@ void ViewPanel::channels(Play& play) {
   ImGui::EndChild();
 }
 
-void ViewPanel::sceneControls(float width, double frame_seconds, Play& play, Shown& shown) {
+void ViewPanel::sceneControls(float width, double frame_seconds, Widgets& widgets, Play& play, Shown& shown) {
   const formats::PackageView& package = play.package();
   heading("Scene");
   ImGui::SetNextItemWidth(-1);
   const SceneChoice scene = play.scene().options().scene;
-  if (ImGui::BeginCombo("##scene", scene.name().c_str())) {
+  const bool open = ImGui::BeginCombo("##scene", scene.name().c_str());
+  widgets.mark("Scene choice");
+  if (open) {
     if (play.options().scene.script &&
         ImGui::Selectable(play.options().scene.name().c_str(), scene.script != nullptr)) {
       play.start(play.options().scene);
     }
     for (std::size_t k = 0; k < sceneNames().size(); ++k) {
       const SceneChoice other = static_cast<SceneKind>(k);
-      if (ImGui::Selectable(sceneNames()[k].data(), scene == other)) play.start(other);
+      if (widgets.selectable(std::string(sceneNames()[k]), scene == other)) play.start(other);
     }
     ImGui::EndCombo();
   }
   const float third = (ImGui::GetContentRegionAvail().x - 2 * ImGui::GetStyle().ItemSpacing.x) / 3;
-  if (ImGui::Button(play.playing ? "Pause" : "Play", {third, 0})) play.playing = !play.playing;
+  if (widgets.button(play.playing ? "Pause" : "Play", third)) play.playing = !play.playing;
   ImGui::SameLine();
-  if (ImGui::Button("Step", {third, 0})) play.stepPaused();
+  if (widgets.button("Step", third)) play.stepPaused();
   ImGui::SameLine();
-  if (ImGui::Button("Reset", {third, 0})) play.restart();
+  if (widgets.button("Reset", third)) play.restart();
 
   heading("Show");
-  ImGui::Checkbox("Physical mesh", &shown.physical);
-  ImGui::Checkbox("Clusters", &shown.clusters);
-  ImGui::Checkbox("Held vertices", &shown.pinned);
+  widgets.checkbox("Physical mesh", shown.physical);
+  widgets.checkbox("Clusters", shown.clusters);
+  widgets.checkbox("Held vertices", shown.pinned);
 
   heading("Settings");
   ImGui::PushItemWidth(ImGui::GetContentRegionAvail().x * 0.5F);
@@ -221,8 +225,7 @@ void ViewPanel::sceneControls(float width, double frame_seconds, Play& play, Sho
   row("clusters", "%zu", package.clusters().size());
 }
 
-// One line along the lower edge of the view.
-void drawViewHelp(const ViewLayout& layout, int width, int height) {
+void drawHelp(const ViewLayout& layout, int width, int height, const char* text) {
   const auto window_width = static_cast<float>(width), window_height = static_cast<float>(height);
   const float left = static_cast<float>(layout.panel) / layout.pixels_per_unit;
   ImGui::SetNextWindowPos({left, window_height}, ImGuiCond_Always, {0, 1});
@@ -232,12 +235,16 @@ void drawViewHelp(const ViewLayout& layout, int width, int height) {
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoInputs | ImGuiWindowFlags_NoSavedSettings |
                    ImGuiWindowFlags_NoFocusOnAppearing | ImGuiWindowFlags_NoNav);
   ImGui::PushTextWrapPos(0);
-  ImGui::TextUnformatted(
-      "Drag the body: pull it.  Beside it, or right button: orbit.  Middle or Shift: pan.  Wheel: zoom.\n"
-      "Space: play   N: step   R: reset   L: lock the pull   U: let all go   F: fit   P: physical mesh   C: clusters   "
-      "1-9: scenes");
+  ImGui::TextUnformatted(text);
   ImGui::PopTextWrapPos();
   ImGui::End();
+}
+
+void drawViewHelp(const ViewLayout& layout, int width, int height) {
+  drawHelp(layout, width, height,
+           "Drag the body: pull it.  Beside it, or right button: orbit.  Middle or Shift: pan.  Wheel: zoom.\n"
+           "Space: play   N: step   R: reset   L: lock the pull   U: let all go   F: fit   P: physical mesh   C: "
+           "clusters   1-9: scenes");
 }
 
 }  // namespace sinew::tools

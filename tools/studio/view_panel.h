@@ -6,6 +6,7 @@
 #include <array>
 
 #include "tools/studio/view_input.h"
+#include "tools/studio/widgets.h"
 
 struct GLFWwindow;
 
@@ -22,17 +23,21 @@ class Gui {
 
 class ViewPanel {
  public:
-  /// \param height of the window. \param frame_seconds s, measured
-  void draw(const ViewLayout& layout, int height, double frame_seconds, Play& play, Shown& shown);
+  /// The whole panel of a window that only plays. \param height of the window. \param frame_seconds s, measured
+  void draw(const ViewLayout& layout, int height, double frame_seconds, Widgets& widgets, Play& play, Shown& shown);
+  // What is in its tabs.
+  void channels(Widgets& widgets, Play& play);
+  static void sceneControls(float width, double frame_seconds, Widgets& widgets, Play& play, Shown& shown);
 
  private:
-  void channels(Play& play);
-  static void sceneControls(float width, double frame_seconds, Play& play, Shown& shown);
-
   std::array<char, 64> filter_ = {};
   bool both_sides_ = true;
 };
 
+/// Begins the panel at the left; ImGui::End() ends it. \param height of the window
+void beginPanel(const ViewLayout& layout, int height);
+/// A line along the lower edge of the view. \param width,height of the window
+void drawHelp(const ViewLayout& layout, int width, int height, const char* text);
 /// \param width,height of the window
 void drawViewHelp(const ViewLayout& layout, int width, int height);
 

@@ -53,6 +53,29 @@ void Play::start(const SceneChoice& scene) {
   is_new = is_new || !same;
 }
 
+bool Play::swap(std::shared_ptr<const Asset> asset) {
+  const std::optional<Grab> held = grabbed_;
+  const std::size_t vertices = shape_.body_vertices;
+  release();
+  const Scene before = std::move(*scene_);
+  scene_.reset();
+  asset_ = std::move(asset);
+  const bool was_new = is_new;
+  const PlaySettings kept = settings;
+  start(before.options().scene);
+  const bool goes_on = scene_->continueFrom(before);
+  is_new = was_new;
+  settings = kept;
+  applySettings();
+  captureShape(*scene_, shape_);
+  if (goes_on && held && shape_.body_vertices == vertices) {
+    grab(held->vertex);
+    moveGrab(held->target);
+    grabbed_->start = held->start;
+  }
+  return goes_on;
+}
+
 void Play::applySettings() {
   WorldSettings& world = scene_->world().settings();
   for (std::size_t k = 0; k < 3; ++k) world.gravity[k] = base_gravity_[k] * settings.gravity;

@@ -32,6 +32,9 @@ class Play {
   /// always.
   void start(const SceneChoice& scene);
   void restart() { start(SceneChoice(scene_->options().scene)); }
+  /// Takes another bake of the body, which goes on where this one is: pose, velocity, scene, time, channels, what the
+  /// hand holds. \return whether it could; else the scene starts again
+  bool swap(std::shared_ptr<const Asset> asset);
   /// Brings `settings` to the world.
   void applySettings();
   /// Steps once in the next advance, and plays no longer.

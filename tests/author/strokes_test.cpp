@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// Brush strokes: what they do to weights, their file, their commands, and what a step costs on a large mesh.
+#include "tools/author/strokes.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include "tests/author/sheet.h"
+#include "tools/author/recipe.h"
+#include "tools/author/recipe_strokes.h"
+#include "tools/core/error.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+namespace fs = std::filesystem;
+
+double cpuMilliseconds() { return 1e3 * double(std::clock()) / CLOCKS_PER_SEC; }
+
+// Times as much with sanitizers.
+double slowness() {
+  const char* text = std::getenv("SINEW_TEST_SLOWNESS");
+  return text != nullptr ? std::atof(text) : 1;
+}
+
+Stroke strokeOf(StrokeMode mode, double radius, double falloff, double strength = 1) {
+  Stroke stroke;
+  stroke.radius = radius;
+  stroke.falloff = falloff;
+  stroke.strength = strength;
+  stroke.mode = mode;
+  return stroke;
+}
+
+std::vector<double> painted(const Surface& surface, const Stroke& stroke, const std::vector<Vector3d>& points,
+                            std::vector<double> weights) {
+  StrokeBrush brush(surface);
+  brush.begin(stroke, std::move(weights));
+  for (const Vector3d& point : points) brush.add(point);
+  brush.advance();
+  return brush.takeWeights();
+}
+
+class Strokes : public testing::Test {
+ protected:
+  VisualMesh mesh = flat(40);
+  Surface surface{mesh};
+  std::vector<double> none = std::vector<double>(mesh.positions.size(), 0);
+  std::uint32_t at(double x, double y) const { return std::uint32_t(std::lround(y * 40) * 41 + std::lround(x * 40)); }
+};
+
+TEST_F(Strokes, AStrokeIsOneInsideItsRadiusAndZeroBeyondItsFalloff) {
+  const auto weights =
+      painted(surface, strokeOf(StrokeMode::paint, 0.1, 0.1, 0.8), {{0.3, 0.5, 0}, {0.7, 0.5, 0}}, none);
+  for (std::size_t v = 0; v < weights.size(); ++v) {
+    const Vector3d& x = mesh.positions[v];
+    const double along = std::clamp(x[0], 0.3, 0.7);
+    const double distance = std::hypot(x[0] - along, x[1] - 0.5);
+    if (distance < 0.095) {
+      EXPECT_NEAR(weights[v], 0.8, 1e-9) << v;
+    }
+    if (distance > 0.205) {
+      EXPECT_EQ(weights[v], 0) << v;
+    }
+    const double t = std::clamp(1 - (distance - 0.1) / 0.1, 0.0, 1.0);
+    EXPECT_NEAR(weights[v], 0.8 * t * t * (3 - 2 * t), 0.03) << v;
+  }
+}
+
+TEST_F(Strokes, EachModeDoesWhatItSays) {
+  const std::vector<double> half(none.size(), 0.5);
+  const std::vector<Vector3d> middle = {{0.5, 0.5, 0}};
+  const std::uint32_t c = at(0.5, 0.5);
+  EXPECT_DOUBLE_EQ(painted(surface, strokeOf(StrokeMode::paint, 0.1, 0, 0.3), middle, half)[c], 0.5);
+  EXPECT_DOUBLE_EQ(painted(surface, strokeOf(StrokeMode::add, 0.1, 0, 0.3), middle, half)[c], 0.8);
+  EXPECT_DOUBLE_EQ(painted(surface, strokeOf(StrokeMode::add, 0.1, 0, 0.7), middle, half)[c], 1);
+  EXPECT_DOUBLE_EQ(painted(surface, strokeOf(StrokeMode::subtract, 0.1, 0, 0.3), middle, half)[c], 0.2);
+  EXPECT_DOUBLE_EQ(painted(surface, strokeOf(StrokeMode::erase, 0.1, 0, 0.9), middle, half)[c], 0.1);
+  const auto edge = painted(surface, strokeOf(StrokeMode::paint, 0.2, 0), middle, none);
+  const auto smoothed = painted(surface, strokeOf(StrokeMode::smooth, 0.4, 0), middle, edge);
+  EXPECT_LT(smoothed[at(0.675, 0.5)], edge[at(0.675, 0.5)]);
+  EXPECT_GT(smoothed[at(0.75, 0.5)], edge[at(0.75, 0.5)]);
+  EXPECT_NEAR(smoothed[c], 1, 0.02);
+  EXPECT_EQ(smoothed[at(0.05, 0.05)], edge[at(0.05, 0.05)]);
+}
+
+TEST_F(Strokes, PaintingInStepsGivesWhatPaintingAtOnceDoes) {
+  const Stroke stroke = strokeOf(StrokeMode::paint, 0.05, 0.1);
+  std::vector<Vector3d> points;
+  for (int i = 0; i <= 20; ++i) points.emplace_back(0.2 + 0.03 * i, 0.5 + 0.2 * std::sin(0.4 * i), 0);
+  StrokeBrush brush(surface);
+  brush.begin(stroke, none);
+  for (const Vector3d& point : points) {
+    brush.add(point);
+    brush.advance(50);  // leaves work over
+  }
+  while (!brush.advance(50)) {
+  }
+  const std::vector<double> at_once = painted(surface, stroke, points, none);
+  for (std::size_t v = 0; v < none.size(); ++v) EXPECT_NEAR(brush.weights()[v], at_once[v], 0.05) << v;
+}
+
+TEST_F(Strokes, AMirroredStrokeIsSymmetricAndOneThatFacesAwayPaintsNothing) {
+  Stroke stroke = strokeOf(StrokeMode::paint, 0.06, 0.05);
+  stroke.mirror = MirrorPlane{{0.5, 0, 0}, Vector3d::UnitX(), 0};
+  const auto weights = painted(surface, stroke, {{0.207, 0.312, 0}, {0.307, 0.417, 0}}, none);
+  for (std::uint32_t j = 0; j <= 40; ++j) {
+    for (std::uint32_t i = 0; i <= 40; ++i) EXPECT_NEAR(weights[j * 41 + i], weights[j * 41 + 40 - i], 0.02);
+  }
+  EXPECT_EQ(weights[at(0.8, 0.3)], 1);
+  stroke.facing = Vector3d(0, 0, -1);
+  for (const double w : painted(surface, stroke, {{0.2, 0.3, 0}}, none)) EXPECT_EQ(w, 0);
+  stroke.facing = Vector3d(0, 0, 1);
+  EXPECT_EQ(painted(surface, stroke, {{0.2, 0.3, 0}}, none)[at(0.2, 0.3)], 1);
+}
+
+TEST_F(Strokes, TheBrushStaysOnItsSideOfAFold) {
+  // Two leaves 0.02 apart that join at u = 1/2, far along the surface.
+  const VisualMesh folded = sheet(80, [](double u, double v) {
+    const double s = u < 0.5 ? u : 1 - u;
+    return Vector3d(s, v, u < 0.5 ? 0 : 0.02);
+  });
+  const Surface fold(folded);
+  const auto weights = painted(fold, strokeOf(StrokeMode::paint, 0.1, 0), {{0.1, 0.5, 0}},
+                               std::vector<double>(folded.positions.size(), 0));
+  for (std::size_t v = 0; v < weights.size(); ++v) {
+    if (folded.positions[v][2] > 0.01) {
+      EXPECT_EQ(weights[v], 0);
+    }
+  }
+  EXPECT_EQ(weights[40 * 81 + 8], 1);
+}
+
+TEST_F(Strokes, ARayMeetsWhatALinearSearchFinds) {
+  const VisualMesh bowl = sheet(60, [](double u, double v) {
+    const double a = 2 * std::numbers::pi * u;
+    const double b = std::numbers::pi * (v - 0.5);
+    return Vector3d(std::cos(a) * std::cos(b), std::sin(b), std::sin(a) * std::cos(b));
+  });
+  const Surface ball(bowl);
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> any(-1.2, 1.2);
+  int hits = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Vector3d origin(any(random), any(random), 3);
+    const SurfacePoint hit = ball.along(origin, {0, 0, -1});
+    const double squared = origin[0] * origin[0] + origin[1] * origin[1];
+    if (squared > 1) {
+      EXPECT_EQ(hit.triangle, kNoIndex);
+    }
+    if (squared > 0.95) continue;
+    ++hits;
+    ASSERT_NE(hit.triangle, kNoIndex);
+    EXPECT_NEAR(hit.position[2], std::sqrt(1 - squared), 0.02);
+    EXPECT_NEAR(hit.distance, 3 - hit.position[2], 1e-9);
+  }
+  EXPECT_GT(hits, 100);
+}
+
+TEST_F(Strokes, APathLeadsFromEndToEndAndIsHardlyLongerThanTheStraightOne) {
+  const auto path = surface.path(surface.nearest({0.11, 0.2, 0}), surface.nearest({0.83, 0.71, 0}));
+  ASSERT_GE(path.size(), 3U);
+  EXPECT_NEAR((path.front() - Vector3d(0.11, 0.2, 0)).norm(), 0, 1e-9);
+  EXPECT_NEAR((path.back() - Vector3d(0.83, 0.71, 0)).norm(), 0, 1e-9);
+  double length = 0;
+  for (std::size_t i = 1; i < path.size(); ++i) length += (path[i] - path[i - 1]).norm();
+  EXPECT_LT(length, 1.15 * std::hypot(0.72, 0.51));
+}
+
+// The budget of a window that paints 400,000 triangles. On two busy cores of 2020: 2 ms and 0.004 ms.
+TEST(StrokesCost, AStepOnALargeMeshStaysBelow8MillisecondsAndARayBelowATenth) {
+  const VisualMesh mesh =
+      sheet(447, [](double u, double v) { return Vector3d(u, v, 0.05 * std::sin(9 * u) * std::cos(7 * v)); });
+  ASSERT_GT(mesh.triangles.size(), 399000U);
+  const Surface surface(mesh);
+  StrokeBrush brush(surface);
+  brush.begin(strokeOf(StrokeMode::paint, 0.05, 0.05), std::vector<double>(mesh.positions.size(), 0));
+  double largest = 0;
+  for (int i = 0; i < 40; ++i) {
+    const double start = cpuMilliseconds();
+    brush.add({0.2 + 0.015 * i, 0.5, 0});
+    brush.advance(4000);
+    largest = std::max(largest, cpuMilliseconds() - start);
+  }
+  RecordProperty("step_milliseconds", std::to_string(largest));
+  std::printf("largest step: %.2f ms\n", largest);
+  EXPECT_LT(largest, 8 * slowness());
+  const double start = cpuMilliseconds();
+  constexpr int kRays = 20000;
+  std::size_t hits = 0;
+  for (int i = 0; i < kRays; ++i) {
+    const Vector3d direction = Vector3d(0.4 * std::sin(0.01 * i), 0.4 * std::cos(0.013 * i), -1).normalized();
+    hits += surface.along({0.5, 0.5, 1}, direction).triangle != kNoIndex ? 1U : 0U;
+  }
+  const double each = (cpuMilliseconds() - start) / kRays;
+  std::printf("a ray: %.4f ms\n", each);
+  EXPECT_EQ(hits, std::size_t(kRays));
+  EXPECT_LT(each, 0.1 * slowness());
+}
+
+class StrokeCommands : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder = fs::temp_directory_path() / ("sinew_strokes_" + std::to_string(::getpid()));
+    fs::create_directories(folder);
+    std::ofstream(folder / "a.obj") << "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  }
+  void TearDown() override { fs::remove_all(folder); }
+  std::size_t files() const {
+    std::size_t count = 0;
+    for (const auto& entry : fs::directory_iterator(folder / "a.strokes")) count += entry.is_regular_file() ? 1U : 0U;
+    return count;
+  }
+  fs::path folder;
+};
+
+TEST_F(StrokeCommands, TheFileReadsBackAndOldOnesStillDo) {
+  Stroke stroke = strokeOf(StrokeMode::subtract, 0.25, 0.125, 0.5);
+  stroke.points = {{1, 2, 3}, {4, 5, 6.5}};
+  stroke.facing = Vector3d(0, 0, 1);
+  stroke.mirror = MirrorPlane{{1, 0, 0}, Vector3d::UnitX(), 0};
+  std::ofstream(folder / "s.json") << strokesText({&stroke, 1});
+  const std::vector<Stroke> read = readStrokes(folder / "s.json");
+  ASSERT_EQ(read.size(), 1U);
+  EXPECT_EQ(read[0].points, stroke.points);
+  EXPECT_EQ(read[0].mode, StrokeMode::subtract);
+  EXPECT_EQ(*read[0].facing, *stroke.facing);
+  EXPECT_EQ(read[0].mirror->normal, stroke.mirror->normal);
+  EXPECT_EQ(strokesText(read), strokesText({&stroke, 1}));
+  std::ofstream(folder / "old.json") << R"({"strokes": [{"points": [[0, 0, 0]], "radius": 1, "erase": true}]})";
+  EXPECT_EQ(readStrokes(folder / "old.json")[0].mode, StrokeMode::erase);
+  std::ofstream(folder / "bad.json") << R"({"strokes": [{"points": [[0, 0, 0]], "radius": 1, "mode": "blur"}]})";
+  try {
+    readStrokes(folder / "bad.json");
+    FAIL();
+  } catch (const ToolError& error) {
+    EXPECT_NE(std::string(error.what()).find("subtract"), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(StrokeCommands, UndoFindsTheStrokesBeforeAndFilesThatNobodyNamesGo) {
+  RecipeEditor editor = RecipeEditor::create(folder / "a.json", folder / "a.obj");
+  Stroke stroke = strokeOf(StrokeMode::paint, 0.1, 0);
+  stroke.points = {{0, 0, 0}};
+  addStrokes(editor, "cheek.L", {&stroke, 1});
+  const std::string once = editor.text();
+  stroke.points = {{1, 0, 0}};
+  addStrokes(editor, "cheek.L", {&stroke, 1});
+  editor.save();
+  EXPECT_EQ(strokesOf(editor, "cheek.L").size(), 2U);
+  EXPECT_EQ(editor.undo(), "stroke cheek.L");
+  EXPECT_EQ(editor.text(), once);
+  EXPECT_EQ(strokesOf(editor, "cheek.L").size(), 1U);
+  editor.undo();
+  EXPECT_EQ(files(), 2U);
+  // A new command drops what was undone; its files go with the next stroke.
+  editor.set("clusters.mode", "linear");
+  addStrokes(editor, "cheek.L", {&stroke, 1});
+  EXPECT_EQ(files(), 1U);
+  // A mask of another kind stays below the strokes.
+  editor.setMask("all", R"({"all": true})");
+  addStrokes(editor, "all", {&stroke, 1});
+  EXPECT_EQ(editor.document()["masks"]["all"]["over"].dump(), R"({"all":true})");
+}
+
+TEST_F(StrokeCommands, AMuscleIsOneCommandWithAllItsParts) {
+  RecipeEditor editor = RecipeEditor::create(folder / "a.json", folder / "a.obj");
+  MuscleOptions muscle;
+  muscle.name = "smile.L";
+  muscle.path = {{0.1, 0.1, 0}, {0.2, 0.2, 0}, {0.4, 0.2, 0}};
+  muscle.width = 0.04;
+  muscle.mirror = true;
+  muscle.plane = "x";
+  addMuscle(editor, muscle, [] { return Vector3d(Vector3d::UnitX()); });
+  const auto document = editor.document();
+  ASSERT_EQ(document["clusters"].size(), 2U);
+  EXPECT_EQ(document["clusters"][1]["name"], "smile.R");
+  EXPECT_EQ(document["clusters"][1]["channel"], "smile.R");
+  EXPECT_EQ(document["clusters"][1]["from"], "smile.R.region");
+  EXPECT_EQ(document["clusters"][0]["fibre"].dump(), "[0.3,0.1,0.0]");
+  EXPECT_EQ(document["clusters"][1]["fibre"].dump(), "[-0.3,0.1,0.0]");
+  EXPECT_EQ(document["masks"]["smile.R.region"]["mirror"], "smile.L.region");
+  EXPECT_EQ(editor.undo(), "muscle smile.L");
+  EXPECT_FALSE(editor.document().contains("clusters"));
+  muscle.name = "nose";
+  EXPECT_THROW(addMuscle(editor, muscle, [] { return Vector3d(Vector3d::UnitX()); }), ToolError);
+}
+
+}  // namespace
+}  // namespace sinew::tools

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/author/strokes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "tools/author/json_text.h"
+#include "tools/core/ramp.h"
+
+namespace sinew::tools {
+namespace {
+
+using Eigen::Vector3d;
+using Json = nlohmann::ordered_json;
+
+constexpr std::array<std::string_view, 5> kModes = {"paint", "add", "subtract", "erase", "smooth"};
+// Of the diagonal: points of a stroke further from the surface than this were meant for another model.
+constexpr double kOffSurface = 0.05;
+// Of the diagonal: how far the sides may differ, as in the selection `mirror`.
+constexpr double kMirrorTolerance = 0.02;
+constexpr int kSmoothRounds = 10;
+
+// 1 up to the edge, falling to 0 over `falloff` outside.
+double ramp(double outside, double falloff) {
+  if (outside <= 0) return 1;
+  return falloff > 0 ? smoothstep(1 - outside / falloff) : 0;
+}
+
+bool isPoint(const Json& p) {
+  return p.is_array() && p.size() == 3 && p[0].is_number() && p[1].is_number() && p[2].is_number();
+}
+bool isPoints(const Json& value) {
+  return value.is_array() && !value.empty() && std::all_of(value.begin(), value.end(), isPoint);
+}
+Vector3d pointOf(const Json& json) { return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()}; }
+Json jsonOf(const Vector3d& p) { return {sevenDigits(p[0]), sevenDigits(p[1]), sevenDigits(p[2])}; }
+
+Stroke readStroke(const JsonText& text, const Json& json, const std::string& pointer) {
+  Stroke stroke;
+  if (!json.is_object()) text.fail(pointer, "a stroke must be an object", "Give points and radius.");
+  const std::vector<std::string> known = {"points", "radius", "falloff", "strength",
+                                          "mode",   "erase",  "facing",  "mirror"};
+  for (const auto& [key, value] : json.items()) {
+    const std::string place = childPointer(pointer, key);
+    const auto number = [&, &entry = value](double minimum, double maximum) {
+      if (!entry.is_number() || entry.template get<double>() < minimum || entry.template get<double>() > maximum)
+        text.fail(place, "cannot be " + entry.dump(), "Give a number in metres, or 0 .. 1 for strength.");
+      return entry.template get<double>();
+    };
+    if (key == "points") {
+      if (!isPoints(value)) text.fail(place, "must be a list of points", "Write [[x, y, z], ...], in metres.");
+      for (const Json& p : value) stroke.points.push_back(pointOf(p));
+    } else if (key == "radius") {
+      stroke.radius = number(1e-9, 1e9);
+    } else if (key == "falloff") {
+      stroke.falloff = number(0, 1e9);
+    } else if (key == "strength") {
+      stroke.strength = number(0, 1);
+    } else if (key == "mode") {
+      const auto found = std::find(kModes.begin(), kModes.end(), value.is_string() ? value.get<std::string>() : "");
+      if (found == kModes.end())
+        text.fail(place, "cannot be " + value.dump(), "Write paint, add, subtract, erase or smooth.");
+      stroke.mode = StrokeMode(found - kModes.begin());
+    } else if (key == "erase") {
+      if (!value.is_boolean()) text.fail(place, "must be true or false", "Write true to erase.");
+      if (value.get<bool>()) stroke.mode = StrokeMode::erase;
+    } else if (key == "facing") {
+      if (!isPoint(value) || !(pointOf(value).norm() > 0))
+        text.fail(place, "must be a direction that is not zero", "Write [x, y, z].");
+      stroke.facing = pointOf(value).normalized();
+    } else if (key == "mirror") {
+      if (!isPoints(value) || value.size() != 2 || !(pointOf(value[1]).norm() > 0))
+        text.fail(place, "must be a point of the plane and its normal", "Write [[x, y, z], [x, y, z]].");
+      stroke.mirror = MirrorPlane{pointOf(value[0]), pointOf(value[1]).normalized(), 0};
+    } else {
+      text.fail(place, "there is no key '" + key + "' in a stroke", "Did you mean " + nearestName(key, known) + "?");
+    }
+  }
+  if (stroke.points.empty() || !(stroke.radius > 0))
+    text.fail(pointer, "a stroke needs points and a radius", R"(Write {"points": [[x, y, z]], "radius": 0.01}.)");
+  return stroke;
+}
+
+}  // namespace
+
+std::span<const std::string_view> strokeModeNames() { return kModes; }
+
+std::vector<Stroke> readStrokes(const std::filesystem::path& file) {
+  const JsonText text = JsonText::read(file.string());
+  const Json& json = text.json();
+  const auto isList = [](const Json& value) { return value.is_array() && !value.empty(); };
+  if (!json.is_object() || !json.contains("strokes") || !isList(json["strokes"])) {
+    text.fail("", "is no stroke file", R"(It looks like {"strokes": [{"points": [[x, y, z]], "radius": 0.01}]}.)");
+  }
+  std::vector<Stroke> strokes;
+  for (std::size_t i = 0; i < json["strokes"].size(); ++i)
+    strokes.push_back(readStroke(text, json["strokes"][i], childPointer("/strokes", i)));
+  return strokes;
+}
+
+std::string strokesText(std::span<const Stroke> strokes) {
+  std::string text = "{\"strokes\": [";
+  for (std::size_t i = 0; i < strokes.size(); ++i) {
+    const Stroke& stroke = strokes[i];
+    Json json;
+    json["points"] = Json::array();
+    for (const Vector3d& p : stroke.points) json["points"].push_back(jsonOf(p));
+    json["radius"] = sevenDigits(stroke.radius);
+    json["falloff"] = sevenDigits(stroke.falloff);
+    json["strength"] = sevenDigits(stroke.strength);
+    if (stroke.mode != StrokeMode::paint) json["mode"] = kModes[std::size_t(stroke.mode)];
+    if (stroke.facing) json["facing"] = jsonOf(*stroke.facing);
+    if (stroke.mirror) json["mirror"] = {jsonOf(stroke.mirror->point), jsonOf(stroke.mirror->normal)};
+    text += (i == 0 ? "\n  " : ",\n  ") + json.dump();
+  }
+  return text + "\n]}\n";
+}
+
+StrokeBrush::StrokeBrush(const Surface& surface) : surface_(surface), front_(surface) {}
+
+void StrokeBrush::begin(const Stroke& stroke, std::vector<double> weights) {
+  stroke_ = stroke;
+  stroke_.points.clear();
+  front_.clear();
+  last_.reset();
+  places_.clear();
+  changed_.clear();
+  off_ = 0;
+  before_ = std::move(weights);
+  weights_ = before_;
+  if (stroke.facing && normals_.empty()) normals_ = surface_.pointNormals();
+  if (stroke.mode != StrokeMode::smooth || !neighbours_.empty()) return;
+  neighbours_.resize(before_.size());
+  const VisualMesh& mesh = surface_.mesh();
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Triangle c = mesh.weldedTriangle(t);
+    for (std::size_t k = 0; k < 3; ++k) {
+      neighbours_[c[k]].push_back(c[(k + 1) % 3]);
+      neighbours_[c[k]].push_back(c[(k + 2) % 3]);
+    }
+  }
+  for (auto& list : neighbours_) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+  }
+}
+
+void StrokeBrush::place(const Vector3d& point) {
+  places_.push_back(surface_.nearest(point));
+  if (!stroke_.mirror) return;
+  const SurfacePoint image = surface_.nearest(mirrored(point, stroke_.mirror->point, stroke_.mirror->normal));
+  if (image.distance <= kMirrorTolerance * surface_.mesh().diagonal) places_.push_back(image);
+}
+
+void StrokeBrush::add(const Vector3d& point) {
+  // Points of a quick stroke lie far apart: in between, half a radius at a time.
+  const Vector3d step = last_ ? Vector3d(point - *last_) : Vector3d(Vector3d::Zero());
+  const int pieces = std::clamp(int(std::ceil(2 * step.norm() / stroke_.radius)), 1, 1000);
+  for (int s = 1; s <= pieces; ++s) place(point - step * (1 - double(s) / pieces));
+  if (surface_.nearest(point).distance > kOffSurface * surface_.mesh().diagonal) ++off_;
+  last_ = point;
+}
+
+double StrokeBrush::own(std::uint32_t point) {
+  if (stroke_.facing) {
+    const Vector3d& n = normals_[point];
+    bool faces = n.dot(*stroke_.facing) > 0;
+    if (stroke_.mirror && !faces) {
+      const Vector3d& across = stroke_.mirror->normal;
+      faces = n.dot(*stroke_.facing - 2 * stroke_.facing->dot(across) * across) > 0;
+    }
+    if (!faces) return 0;
+  }
+  return stroke_.strength * ramp(front_.distances()[point] - stroke_.radius, stroke_.falloff);
+}
+
+bool StrokeBrush::advance(std::size_t most) {
+  front_.add(places_, stroke_.radius + stroke_.falloff);
+  places_.clear();
+  const bool done = front_.spread(most);
+  changed_ = front_.takeChanged();
+  if (stroke_.mode == StrokeMode::smooth) {
+    if (done) smooth();
+    return done;
+  }
+  for (const std::uint32_t p : changed_) {
+    const double w = own(p);
+    const double before = before_[p];
+    weights_[p] = stroke_.mode == StrokeMode::paint      ? std::max(before, w)
+                  : stroke_.mode == StrokeMode::add      ? std::min(1.0, before + w)
+                  : stroke_.mode == StrokeMode::subtract ? std::max(0.0, before - w)
+                                                         : std::min(before, 1 - w);
+  }
+  return done;
+}
+
+bool StrokeBrush::hasChanged() const {
+  return std::any_of(front_.reached().begin(), front_.reached().end(),
+                     [&](std::uint32_t p) { return weights_[p] != before_[p]; });
+}
+
+void StrokeBrush::smooth() {
+  changed_ = front_.reached();
+  for (const std::uint32_t p : changed_) weights_[p] = before_[p];
+  std::vector<double> brush(changed_.size()), next(changed_.size());
+  for (std::size_t i = 0; i < changed_.size(); ++i) brush[i] = own(changed_[i]);
+  for (int round = 0; round < kSmoothRounds; ++round) {
+    for (std::size_t i = 0; i < changed_.size(); ++i) {
+      const std::uint32_t p = changed_[i];
+      double mean = 0;
+      for (const std::uint32_t q : neighbours_[p]) mean += weights_[q] / double(neighbours_[p].size());
+      next[i] = weights_[p] + brush[i] * (mean - weights_[p]);
+    }
+    for (std::size_t i = 0; i < changed_.size(); ++i) weights_[changed_[i]] = next[i];
+  }
+}
+
+}  // namespace sinew::tools

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What stands above the tabs: the document, its history, its bake.
+#pragma once
+
+#include "tools/studio/document.h"
+#include "tools/studio/widgets.h"
+
+namespace sinew::tools {
+
+class HeaderPanel {
+ public:
+  void draw(Document& document, Widgets& widgets);
+  /// Asks what is to become of a recipe that two programs have changed.
+  static void drawConflict(Document& document, Widgets& widgets);
+};
+
+}  // namespace sinew::tools
