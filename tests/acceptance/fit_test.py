@@ -12,7 +12,7 @@ import unittest
 SINEW = None
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 SPOT = None
-SMALL = ["--set", "tetrahedra.vertices=300", "--no-cache"]
+SMALL = ["--set", "tetrahedra.vertices=150", "--no-cache"]
 
 
 class Fit(unittest.TestCase):
