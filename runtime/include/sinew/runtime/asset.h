@@ -23,14 +23,15 @@ struct VisualConstants;
 /// A loaded package: the constants that all bodies made from it share. Immutable, so safe to use from many threads.
 class SINEW_API Asset {
  public:
-  /// Opens and checks a package file (memory-mapped, used in place). \return an error that names the file and the
-  /// fault.
+  /// Opens and checks a package file (memory-mapped, used in place but for packed sections, which are unpacked into
+  /// memory of the asset's). \return an error that names the file and the fault.
   static Result<std::shared_ptr<const Asset>> load(const std::string& path);
 
   /// The same from memory. Copies: `bytes` may go as soon as this returns.
   static Result<std::shared_ptr<const Asset>> fromMemory(std::span<const std::byte> bytes);
 
-  /// The same from memory, without a copy: for packages inside an engine's own archives and memory maps.
+  /// The same from memory, without a copy (but of packed sections): for packages inside an engine's own archives and
+  /// memory maps.
   /// \param bytes the whole package, at an address that is a multiple of 64 (else an error). They are only read, so
   /// they may be write-protected and shared. They must stay unchanged until the asset is gone, which bodies made from
   /// it keep alive: nothing is checked again after this call.
