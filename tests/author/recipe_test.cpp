@@ -78,7 +78,7 @@ TEST_F(RecipeFile, UntilVersionTwoSettingsCouldBeTexts) {
   EXPECT_NE(
       errorOf(R"({"sinew_recipe": 2, "source": "x.obj", "settings": {"package.groups": "maybe"}})").find("groups"),
       std::string::npos);
-  EXPECT_NE(errorOf(R"({"sinew_recipe": 3, )" + rest).find("tetrahedra.vertices"), std::string::npos);
+  EXPECT_NE(errorOf(R"({"sinew_recipe": 3, )" + rest).find("clusters.grid"), std::string::npos);
 }
 
 TEST_F(RecipeFile, FaultsNameThePlace) {

@@ -138,7 +138,7 @@ TEST(WorldThreads, AStepWhileAnotherThreadDrawsIsRefusedAndTold) {
   Meanwhile jobs;
   Lines log;
   World world(onGround(), {nullptr, &jobs, &log});
-  const auto asset = clusteredBox(false);
+  const auto asset = clusteredBox(true);  // its clusters are fitted by jobs
   const BodyId body = *world.addBody(asset);
   world.step(1.0F / 60);
   const Vec3 before = world.positions(body)[0];
