@@ -30,8 +30,7 @@ class SINEW_API Asset {
   /// The same from memory. Copies: `bytes` may go as soon as this returns.
   static Result<std::shared_ptr<const Asset>> fromMemory(std::span<const std::byte> bytes);
 
-  /// The same from memory, without a copy (but of packed sections): for packages inside an engine's own archives and
-  /// memory maps.
+  /// The same from memory, without a copy but of packed sections: for packages in an engine's own archives and maps.
   /// \param bytes the whole package, at an address that is a multiple of 64 (else an error). They are only read, so
   /// they may be write-protected and shared. They must stay unchanged until the asset is gone, which bodies made from
   /// it keep alive: nothing is checked again after this call.
