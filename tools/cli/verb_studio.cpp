@@ -21,7 +21,7 @@ struct StudioCommand {
 // The recipe to edit: the file itself, or one of a source, which is made where there is none.
 std::string recipeOf(const StudioCommand& command) {
   if (isRecipe(command.file)) return command.file;
-  const std::string recipe =
+  std::string recipe =
       command.recipe.empty() ? std::filesystem::path(command.file).replace_extension(".json").string() : command.recipe;
   std::error_code error;
   if (!std::filesystem::exists(recipe, error)) {
