@@ -147,7 +147,7 @@ std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& afte
   VisualMesh mesh = importVisualMesh(after.source, after.settings.import, progress);
   const std::vector<ClusterMesh> cluster_meshes = takeClusterMeshes(mesh);
   progress.stage("selections");
-  const std::vector<Finding> findings = checkNewSelections(before, after, mesh, analyzeTopology(mesh), cluster_meshes);
+  std::vector<Finding> findings = checkNewSelections(before, after, mesh, analyzeTopology(mesh), cluster_meshes);
   progress.finish();
   return findings;
 }
