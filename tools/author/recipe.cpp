@@ -267,6 +267,7 @@ Finding migration(const std::string& message, Severity severity, const std::stri
 Json withNeeds(Json json, std::vector<Finding>& findings) {
   if (!json.contains("settings") || !json["settings"].is_object()) return json;
   Json& settings = json["settings"];
+  if (settings.contains("package.needs")) return json;
   Needs needs = Needs::all();
   for (const auto& [key, need] :
        {std::pair("package.textures", Need::textures), std::pair("package.identity", Need::identity),

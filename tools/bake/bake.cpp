@@ -144,7 +144,7 @@ ordered_json packNumbers(formats::PackageContent& content, std::vector<std::byte
   std::vector<std::byte> packed = formats::writePackage(content, true);
   const Opened plain(package), opened(packed);
   if (opened.refusal.empty()) {
-    content.info.max_rest_error = float(restErrorOf(opened.view));
+    content.info.max_rest_error = float(restErrorOf(formats::contentOf(opened.view)));
     packed = formats::writePackage(content, true);
   }
   if (!opened.refusal.empty()) {

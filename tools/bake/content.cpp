@@ -219,18 +219,6 @@ void attachToClusters(const std::vector<TetrahedronPlace>& places, formats::Pack
   }
 }
 
-// Where visual vertex v hangs at rest.
-HungPlace hungAt(const formats::PackageContent& content, std::size_t v) {
-  if (!content.barycentric.empty()) {
-    const formats::BarycentricAttachment& attachment = content.barycentric[v];
-    return hungOn(attachment, content.tetrahedra[attachment.tetrahedron],
-                  [&](std::uint32_t p) { return content.physical_vertices[p].rest_position; });
-  }
-  const auto& range = content.cluster_attachment_ranges[v];
-  return hungAtRest(std::span(content.cluster_attachments).subspan(range.first, range.count), content.clusters,
-                    content.visual_positions[v]);
-}
-
 // Largest distance of a visual vertex from its place. Throws where one is further off than floats round.
 double restError(const VisualMesh& mesh, const formats::PackageContent& content) {
   double largest = 0, beyond = 0;
@@ -286,6 +274,17 @@ void addInfo(const Settings& settings, const Solid& solid, Content& result) {
 }
 
 }  // namespace
+
+HungPlace hungAt(const formats::PackageContent& content, std::size_t v) {
+  if (!content.barycentric.empty()) {
+    const formats::BarycentricAttachment& attachment = content.barycentric[v];
+    return hungOn(attachment, content.tetrahedra[attachment.tetrahedron],
+                  [&](std::uint32_t p) { return content.physical_vertices[p].rest_position; });
+  }
+  const auto& range = content.cluster_attachment_ranges[v];
+  return hungAtRest(std::span(content.cluster_attachments).subspan(range.first, range.count), content.clusters,
+                    content.visual_positions[v]);
+}
 
 Content contentOf(const Recipe& recipe, const Solid& solid, const Placed& placed, const Clustered& clustered,
                   Progress& progress) {

@@ -3,19 +3,25 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <string>
 #include <utility>
 
-#include "tools/attach/attach.h"
 #include "tools/bake/moments.h"
+#include "tools/bake/stages.h"
 
 namespace sinew::tools {
 namespace {
 
 using formats::kNone;
 using formats::PackageContent;
+
+// Displacement at which two packages are compared, rms, diagonals.
+constexpr double kBent = 0.1;
+
+Eigen::Vector3d vectorOf(const std::array<float, 3>& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 
 constexpr std::uint32_t lanesOf(std::uint32_t count) { return (count + 7) / 8; }
 
@@ -305,44 +311,38 @@ std::vector<std::byte> packageWith(const formats::PackageView& package, Needs ne
   return formats::writePackage(content, !needs.has(Need::exact));
 }
 
-double restErrorOf(const formats::PackageView& package) {
+double restErrorOf(const PackageContent& content) {
   double largest = 0;
-  for (std::size_t v = 0; v < package.visualPositions().size(); ++v) {
-    const formats::Float3& at = package.visualPositions()[v];
-    HungPlace hung;
-    if (!package.barycentric().empty()) {
-      const formats::BarycentricAttachment& a = package.barycentric()[v];
-      hung = hungOn(a, package.tetrahedra()[a.tetrahedron],
-                    [&](std::uint32_t p) { return package.physicalVertices()[p].rest_position; });
-    } else {
-      const formats::ClusterAttachmentRange& run = package.clusterAttachmentRanges()[v];
-      hung = hungAtRest(package.clusterAttachments().subspan(run.first, run.count), package.clusters(), at);
-    }
-    double squared = 0;
-    for (std::size_t a = 0; a < 3; ++a) squared += std::pow(double(hung.place[a]) - double(at[a]), 2);
-    largest = std::max(largest, std::sqrt(squared));
+  for (std::size_t v = 0; v < content.visual_positions.size(); ++v) {
+    const HungPlace hung = hungAt(content, v);
+    largest = std::max(largest, (vectorOf(hung.place) - vectorOf(content.visual_positions[v])).norm());
   }
-  return largest / double(package.info().diagonal);
+  return largest / double(content.info.diagonal);
 }
 
 double drawnDifference(const formats::PackageView& one, const formats::PackageView& other) {
   const double diagonal = double(one.info().diagonal);
   double largest = 0;
   for (std::size_t v = 0; v < one.visualPositions().size(); ++v) {
-    for (std::size_t a = 0; a < 3; ++a) {
-      largest = std::max(largest, double(std::fabs(one.visualPositions()[v][a] - other.visualPositions()[v][a])));
-    }
+    largest = std::max(largest, (vectorOf(one.visualPositions()[v]) - vectorOf(other.visualPositions()[v])).norm());
   }
   if (one.barycentric().empty() || one.fields().empty()) return largest / diagonal;
-  // Every function bent by a tenth of a diagonal of the whole mass's mean.
-  const double amount = 0.1 * diagonal * std::sqrt(double(one.info().total_mass));
-  std::vector<std::vector<Eigen::Vector3d>> deform(one.pieces().size());
+  // Functions are orthonormal under the masses: a coordinate of a sqrt(mass of the piece) is a displacement of rms a.
+  std::vector<double> amount;
+  for (const formats::PieceRange& piece : one.pieces()) {
+    double mass = 0;
+    for (const auto& vertex : one.physicalVertices().subspan(piece.first_vertex, piece.vertex_count)) {
+      mass += double(vertex.mass);
+    }
+    amount.push_back(kBent * diagonal * std::sqrt(mass));
+  }
   std::uint32_t most = 0;
   for (const formats::Field& field : one.fields()) most = std::max(most, field.function_count);
-  for (std::uint32_t j = 0; j <= most; ++j) {
-    for (auto& piece : deform) {
-      piece.assign(most, Eigen::Vector3d::Zero());
-      if (j < most) piece[j][j % 3] = amount / std::sqrt(3.0);  // and last, at rest
+  std::vector<std::vector<Eigen::Vector3d>> deform(one.pieces().size());
+  for (std::uint32_t j = 0; j <= most; ++j) {  // the last: at rest
+    for (std::size_t p = 0; p < deform.size(); ++p) {
+      deform[p].assign(most, Eigen::Vector3d::Zero());
+      if (j < most) deform[p][j][j % 3] = amount[p];
     }
     const std::vector<Eigen::Vector3d> a = drawn(one, deform), b = drawn(other, deform);
     for (std::size_t v = 0; v < a.size(); ++v) largest = std::max(largest, (a[v] - b[v]).norm());

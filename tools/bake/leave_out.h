@@ -23,6 +23,6 @@ std::vector<std::byte> packageWith(const formats::PackageView& package, Needs ne
 double drawnDifference(const formats::PackageView& one, const formats::PackageView& other);
 
 /// Largest distance of a visual vertex from where it is attached at rest, diagonals: PackageInfo::max_rest_error.
-double restErrorOf(const formats::PackageView& package);
+double restErrorOf(const formats::PackageContent& content);
 
 }  // namespace sinew::tools

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sinew/formats/writer.h"
+#include "tools/attach/attach.h"
 #include "tools/author/recipe.h"
 #include "tools/bake/bake.h"
 #include "tools/bake/parts.h"
@@ -53,6 +54,9 @@ struct Content {
 /// in its place.
 Content contentOf(const Recipe& recipe, const Solid& solid, const Placed& placed, const Clustered& clustered,
                   Progress& progress);
+
+/// Where visual vertex v of a package hangs at rest.
+HungPlace hungAt(const formats::PackageContent& content, std::size_t v);
 
 /// The settings as package and report state them.
 nlohmann::ordered_json statedSettings(const Settings& settings, const VisualMesh& mesh);

@@ -135,7 +135,9 @@ void emitPlaces(const BenchContext& context, const std::string& mesh, const std:
 // What a package has and a scene does not use takes no time.
 void emitUnused(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& asset) {
   const auto least = Asset::fromMemory(packageWith(asset->package(), Needs::none().with(Need::exact)));
-  if (!least) throw ToolError(ExitCode::system, "", "a package without needs is refused: " + least.reason(), "");
+  if (!least)
+    throw ToolError(ExitCode::system, "", "a package without needs is refused: " + least.reason(),
+                    "This is a fault of sinew: please report it.");
   Scene all(asset, Place::air), none(*least, Place::air);
   emitAgainst(context, mesh + ", in the air, with all that a bake has", asset, all, "with no needs", none, kUnusedTimes,
               "<= 1.02 x with no needs");

@@ -167,22 +167,25 @@ class Search {
   std::map<std::uint32_t, std::pair<BudgetTry, BakeResult>> tries_;
 };
 
-std::string figures(const BudgetTry& made) {
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "%u functions, %u vertices: %.0f us a frame (%.0f step, %.0f drawn), %.0f kB, error %.2g %%",
-                made.functions, made.vertices, made.frame.all(), made.frame.step, made.frame.drawn,
-                double(made.bytes) / 1000, 100 * made.error);
-  return text;
-}
-
 ordered_json tryJson(const BudgetTry& made) {
   return {{"functions", made.functions}, {"physical_vertices", made.vertices},
           {"step_us", made.frame.step},  {"drawn_us", made.frame.drawn},
           {"bytes", made.bytes},         {"error", made.error}};
 }
 
+std::string figures(const BudgetTry& made) { return budgetFigures(tryJson(made)); }
+
 }  // namespace
+
+std::string budgetFigures(const ordered_json& made) {
+  const double step = made["step_us"].get<double>(), drawn = made["drawn_us"].get<double>();
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "%u functions, %u vertices: %.0f us a frame (%.0f step, %.0f drawn), %.0f kB, error %.2g %%",
+                made["functions"].get<unsigned>(), made["physical_vertices"].get<unsigned>(), step + drawn, step, drawn,
+                made["bytes"].get<double>() / 1000, 100 * made["error"].get<double>());
+  return text;
+}
 
 std::optional<double> Budget::readTime(std::string_view text) {
   std::string_view unit;

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -52,6 +53,9 @@ struct BudgetResult {
 BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::filesystem::path& costs,
                         Progress& progress, StageCache* cache);
 
+/// `chosen`, and `tries`: each what budgetFigures() writes in words.
 nlohmann::ordered_json budgetJson(const Budget& budget, const BudgetResult& result);
+
+std::string budgetFigures(const nlohmann::ordered_json& made);
 
 }  // namespace sinew::tools

@@ -83,11 +83,8 @@ std::string count(std::uint64_t n, const std::string& noun) {
 // The chosen bake, and the next ones down and up.
 void printBudget(const nlohmann::ordered_json& budget) {
   const auto functionsOf = [](const nlohmann::ordered_json& made) { return made["functions"].get<unsigned>(); };
-  const auto print = [&](const char* what, const nlohmann::ordered_json& made) {
-    const double step = made["step_us"].get<double>(), drawn = made["drawn_us"].get<double>();
-    std::printf("  %-10s %u functions: %.0f us a frame (%.0f step, %.0f drawn), %.0f kB, error %.2g %%\n", what,
-                functionsOf(made), step + drawn, step, drawn, made["bytes"].get<double>() / 1000,
-                100 * made["error"].get<double>());
+  const auto print = [](const char* what, const nlohmann::ordered_json& made) {
+    std::printf("  %-10s %s\n", what, budgetFigures(made).c_str());
   };
   const auto& tries = budget["tries"];
   std::size_t chosen = 0;

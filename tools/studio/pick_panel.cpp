@@ -12,6 +12,9 @@
 namespace sinew::tools {
 namespace {
 
+// One region of each RegionKind.
+constexpr std::array<const char*, 6> kKinds = {"cluster", "mask", "pins", "part", "stiffness", "thickness"};
+
 using Json = nlohmann::ordered_json;
 
 constexpr std::array<const char*, 3> kShapes = {"Disc", "Sphere", "Half space"};
@@ -90,13 +93,7 @@ void PickPanel::describe(const Document& document, const PickedPoint& point, Wid
   for (const Region& region : regionsOf(evaluated)) {
     const VisualWeights* weights = weightsOf(evaluated, region);
     if (weights == nullptr || !((*weights)[point.vertex] > 0)) continue;
-    std::string kind = regionKindNames()[std::size_t(region.kind)];
-    kind[0] = char(kind[0] - 'A' + 'a');
-    if (kind != "pins") kind.pop_back();
-    say(kind == "stiffnes"   ? "stiffness"
-        : kind == "thicknes" ? "thickness"
-                             : kind.c_str(),
-        region.name + " " + rounded((*weights)[point.vertex], 2));
+    say(kKinds[std::size_t(region.kind)], region.name + " " + rounded((*weights)[point.vertex], 2));
   }
   if (widgets.button("Copy")) ImGui::SetClipboardText(all.c_str());
 }
