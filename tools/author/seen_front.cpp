@@ -59,6 +59,7 @@ void SeenFront::begin(const Vector3d& eye, const Vector3d& along, std::span<cons
   waiting_.clear();
   next_ = 0;
   cell_ = 0;
+  is_first_ = true;
   const auto& x = surface_.mesh().welded_positions;
   at_.resize(x.size());
   points_.clear();
@@ -109,11 +110,17 @@ void SeenFront::add(const Vector3d& place, double limit) {
   const Seen s = seen(place);
   if (!(s.depth > 0) || points_.empty()) return;
   const double reach = limit / s.depth;
-  if (cell_ == 0) makeGrid(reach);
-  inBox(s.at - Vector2d::Constant(reach), s.at + Vector2d::Constant(reach), [&](std::uint32_t p) {
+  const auto offer = [&](std::uint32_t p) {
     const double d = (at_[p] - s.at).norm() * s.depth;
     if (d <= limit && d < distance_[p]) waiting_.emplace_back(p, d);
-  });
+  };
+  // The first place looks at all points: with the grid, a stroke's first step would cost twice as much.
+  if (std::exchange(is_first_, false)) {
+    for (const std::uint32_t p : points_) offer(p);
+    return;
+  }
+  if (cell_ == 0) makeGrid(reach);
+  inBox(s.at - Vector2d::Constant(reach), s.at + Vector2d::Constant(reach), offer);
 }
 
 void SeenFront::addLoop(std::span<const Vector3d> corners, double limit) {

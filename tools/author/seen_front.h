@@ -54,6 +54,7 @@ class SeenFront {
   // Points of each cell, row by row.
   Eigen::Vector2d low_ = Eigen::Vector2d::Zero(), high_ = Eigen::Vector2d::Zero();
   double cell_ = 0;
+  bool is_first_ = true;
   std::size_t columns_ = 0, rows_ = 0;
   std::vector<std::uint32_t> first_, sorted_;
   std::vector<std::pair<std::uint32_t, double>> waiting_;  // points and their distances
