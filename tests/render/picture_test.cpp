@@ -115,7 +115,7 @@ TEST(ContactSheet, CameraLightAndBackgroundAreAsAsked) {
       for (int x = 20; x < 20 + 120; ++x) {
         const std::size_t a =
             3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(sheet.width) + static_cast<std::size_t>(x));
-        differ += std::abs(static_cast<int>(sheet.rgb[a]) - static_cast<int>(sheet.rgb[a + 3 * 126])) > 8 ? 1 : 0;
+        differ += std::abs(static_cast<int>(sheet.rgb[a]) - static_cast<int>(sheet.rgb[a + 3 * 126])) > 8 ? 1U : 0U;
       }
     }
     return differ;
