@@ -168,6 +168,22 @@ TEST_F(Strokes, ARayMeetsWhatALinearSearchFinds) {
   EXPECT_GT(hits, 100);
 }
 
+TEST_F(Strokes, ARayThroughAnEdgeOrACornerMeetsTheSurface) {
+  // A gable along x = 0, as the middle of a face: rays within the plane of its ridge, and through all its corners.
+  const VisualMesh gable =
+      sheet(24, [](double u, double v) { return Vector3d(2 * u - 1, 2 * v - 1, -std::abs(2 * u - 1) / 3); });
+  const Surface roof(gable);
+  const Vector3d eye = {0, 0.37, 3};
+  for (const Vector3d& x : gable.positions) {
+    if (std::abs(x.x()) > 0.99 || std::abs(x.y()) > 0.99) continue;
+    for (const Vector3d& from : {eye, Vector3d(x.x(), x.y(), 2.0)}) {
+      const SurfacePoint hit = roof.along(from, (x - from).normalized());
+      ASSERT_NE(hit.triangle, kNoIndex) << x.transpose();
+      EXPECT_LT((hit.position - x).norm(), 1e-6);
+    }
+  }
+}
+
 TEST_F(Strokes, APathLeadsFromEndToEndAndIsHardlyLongerThanTheStraightOne) {
   const auto path = surface.path(surface.nearest({0.11, 0.2, 0}), surface.nearest({0.83, 0.71, 0}));
   ASSERT_GE(path.size(), 3U);
@@ -196,6 +212,19 @@ TEST(StrokesCost, AStepOnALargeMeshStaysBelow8MillisecondsAndARayBelowATenth) {
   RecordProperty("step_milliseconds", std::to_string(largest));
   std::printf("largest step: %.2f ms\n", largest);
   EXPECT_LT(largest, 8 * slowness());
+  Stroke seen = strokeOf(StrokeMode::paint, 0.05, 0.05);
+  seen.eye = Vector3d(0.5, 0.5, 3);
+  brush.begin(seen, std::vector<double>(mesh.positions.size(), 0));
+  double first = 0;
+  largest = 0;
+  for (int i = 0; i < 40; ++i) {
+    const double begin = cpuMilliseconds();
+    brush.add({0.2 + 0.015 * i, 0.5, 0});
+    brush.advance(3000);
+    (i == 0 ? first : largest) = std::max(i == 0 ? first : largest, cpuMilliseconds() - begin);
+  }
+  std::printf("on the screen: first step %.2f ms, then at most %.2f ms\n", first, largest);
+  EXPECT_LT(std::max(first, largest), 8 * slowness());
   const double start = cpuMilliseconds();
   constexpr int kRays = 20000;
   std::size_t hits = 0;
@@ -207,6 +236,112 @@ TEST(StrokesCost, AStepOnALargeMeshStaysBelow8MillisecondsAndARayBelowATenth) {
   std::printf("a ray: %.4f ms\n", each);
   EXPECT_EQ(hits, std::size_t(kRays));
   EXPECT_LT(each, 0.1 * slowness());
+}
+
+// Two sheets, one above the other, both facing up: from above the upper one hides the lower.
+VisualMesh decks() {
+  VisualMesh mesh = sheet(20, [](double u, double v) { return Vector3d(u, v, 0); });
+  const VisualMesh upper = sheet(20, [](double u, double v) { return Vector3d(0.5 * u, v, 0.3); });
+  const auto first = std::uint32_t(mesh.positions.size());
+  for (const Vector3d& x : upper.positions) {
+    mesh.welded.push_back(std::uint32_t(mesh.positions.size()));
+    mesh.positions.push_back(x);
+  }
+  for (const Triangle& t : upper.triangles) mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  mesh.welded_positions = mesh.positions;
+  mesh.bounds_max.z() = 0.3;
+  mesh.diagonal = (mesh.bounds_max - mesh.bounds_min).norm();
+  return mesh;
+}
+
+class SeenStrokes : public testing::Test {
+ protected:
+  VisualMesh mesh = decks();
+  Surface surface{mesh};
+  std::vector<double> none = std::vector<double>(mesh.positions.size(), 0);
+  Vector3d eye = {0.5, 0.5, 5};
+  // The place as the eye sees it, on the plane z = 0.
+  Vector3d projected(const Vector3d& x) const { return eye + (x - eye) * (eye.z() / (eye.z() - x.z())); }
+};
+
+TEST_F(SeenStrokes, ABrushOnTheScreenPaintsWhatIsSeenWithinItsRadius) {
+  Stroke stroke = strokeOf(StrokeMode::paint, 0.2, 0);
+  stroke.eye = eye;
+  const Vector3d middle = {0.5, 0.5, 0};  // the upper deck ends there
+  const auto weights = painted(surface, stroke, {middle}, none);
+  stroke.through = true;
+  const auto through = painted(surface, stroke, {middle}, none);
+  std::size_t seen = 0, hidden = 0;
+  for (std::size_t v = 0; v < none.size(); ++v) {
+    const Vector3d& x = mesh.positions[v];
+    const double distance = (projected(x) - middle).norm();
+    if (std::abs(distance - 0.2) < 1e-3) continue;
+    const bool under = x.z() == 0 && x.x() < 0.5;  // seen from the eye, the edge of the deck is there
+    if (x.z() == 0 && std::abs(x.x() - 0.5) < 0.04) continue;
+    EXPECT_EQ(weights[v], distance < 0.2 && !under ? 1 : 0) << x.transpose();
+    EXPECT_EQ(through[v], distance < 0.2 ? 1 : 0) << x.transpose();
+    (under ? hidden : seen) += distance < 0.2 ? 1U : 0U;
+  }
+  EXPECT_GT(seen, 10U);
+  EXPECT_GT(hidden, 10U);
+}
+
+TEST_F(SeenStrokes, ALassoPaintsTheInsideOfItsLoopAndItsImage) {
+  Stroke stroke = strokeOf(StrokeMode::paint, 0, 0);
+  stroke.eye = eye;
+  stroke.lasso = true;
+  stroke.through = true;
+  // A horseshoe, so that the loop is not convex.
+  const std::vector<Vector3d> loop = {{0.1, 0.1, 0}, {0.4, 0.1, 0}, {0.4, 0.9, 0},
+                                      {0.3, 0.9, 0}, {0.3, 0.3, 0}, {0.1, 0.3, 0}};
+  const auto inside = [](const Vector3d& p) {
+    return p.x() > 0.1 && p.x() < 0.4 && p.y() > 0.1 && p.y() < 0.9 && (p.x() > 0.3 || p.y() < 0.3);
+  };
+  const auto nearEdge = [](const Vector3d& p) {
+    for (const double edge : {0.1, 0.3, 0.4, 0.9, 0.6, 0.7}) {
+      if (std::abs(p.x() - edge) < 1e-3 || std::abs(p.y() - edge) < 1e-3) return true;
+    }
+    return false;
+  };
+  const auto weights = painted(surface, stroke, loop, none);
+  stroke.mirror = MirrorPlane{{0.5, 0, 0}, Vector3d::UnitX(), 0};
+  const auto both = painted(surface, stroke, loop, none);
+  std::size_t count = 0;
+  for (std::size_t v = 0; v < none.size(); ++v) {
+    const Vector3d p = projected(mesh.positions[v]);
+    if (nearEdge(p)) continue;
+    EXPECT_EQ(weights[v], inside(p) ? 1 : 0) << p.transpose();
+    EXPECT_EQ(both[v], inside(p) || inside({1 - p.x(), p.y(), 0}) ? 1 : 0) << p.transpose();
+    count += inside(p) ? 1U : 0U;
+  }
+  EXPECT_GT(count, 30U);
+}
+
+TEST_F(Strokes, GrowAndShrinkMoveTheEdgeByTheirRadius) {
+  const auto disc = painted(surface, strokeOf(StrokeMode::paint, 0.2, 0), {{0.5, 0.5, 0}}, none);
+  const auto grown = painted(surface, strokeOf(StrokeMode::grow, 0.1, 0), {}, disc);
+  const auto shrunk = painted(surface, strokeOf(StrokeMode::shrink, 0.1, 0), {}, disc);
+  const auto back = painted(surface, strokeOf(StrokeMode::shrink, 0.1, 0), {}, grown);
+  const auto soft = painted(surface, strokeOf(StrokeMode::grow, 0.1, 0.1), {}, disc);
+  for (std::size_t v = 0; v < disc.size(); ++v) {
+    const double r = (mesh.positions[v] - Vector3d(0.5, 0.5, 0)).norm();
+    // The mesh's edges are 0.025 to 0.035 long.
+    if (std::abs(r - 0.3) > 0.035) {
+      EXPECT_EQ(grown[v], r < 0.3 ? 1 : 0) << r;
+    }
+    if (std::abs(r - 0.1) > 0.035) {
+      EXPECT_EQ(shrunk[v], r < 0.1 ? 1 : 0) << r;
+    }
+    if (std::abs(r - 0.2) > 0.035) {
+      EXPECT_EQ(back[v], r < 0.2 ? 1 : 0) << r;
+    }
+    EXPECT_GE(soft[v], grown[v]);
+    if (r > 0.435) {
+      EXPECT_EQ(soft[v], 0);
+    }
+  }
+  EXPECT_GT(soft[at(0.5, 0.86)], 0);
+  EXPECT_LT(soft[at(0.5, 0.86)], 1);
 }
 
 class StrokeCommands : public testing::Test {
@@ -230,6 +365,8 @@ TEST_F(StrokeCommands, TheFileReadsBackAndOldOnesStillDo) {
   stroke.points = {{1, 2, 3}, {4, 5, 6.5}};
   stroke.facing = Vector3d(0, 0, 1);
   stroke.mirror = MirrorPlane{{1, 0, 0}, Vector3d::UnitX(), 0};
+  stroke.eye = Vector3d(0, 1, 2);
+  stroke.through = true;
   std::ofstream(folder / "s.json") << strokesText({&stroke, 1});
   const std::vector<Stroke> read = readStrokes(folder / "s.json");
   ASSERT_EQ(read.size(), 1U);

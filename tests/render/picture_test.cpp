@@ -88,6 +88,50 @@ TEST(ContactSheet, HasARowPerSceneAndSaysSo) {
   EXPECT_GT(dark(20, 82, 140, 104), 30);
 }
 
+TEST(ContactSheet, CameraLightAndBackgroundAreAsAsked) {
+  const HeadlessContext context;
+  PictureOptions options = smallSheet();
+  options.scenes = {SceneKind::rest};
+  options.frames = 2;
+  options.camera = Direction{0.3F, 0.2F};
+  options.background = std::array{Eigen::Vector3f(1, 0, 0), Eigen::Vector3f(0, 0, 1)};
+  const auto draw = [&] { return renderContactSheet(asset(), "box", options, {}); };
+  const Image plain = draw();
+  // The first picture: red above, blue below.
+  const auto pixel = [&](int x, int y) {
+    return &plain.rgb[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(plain.width) +
+                           static_cast<std::size_t>(x))];
+  };
+  const std::uint8_t* top = pixel(20 + 3, 20 + 62 + 22 + 3);
+  const std::uint8_t* bottom = pixel(20 + 3, 20 + 62 + 22 + 96);
+  EXPECT_GT(top[0], 240);
+  EXPECT_LT(top[2], 60);
+  EXPECT_GT(bottom[2], 240);
+  EXPECT_LT(bottom[0], 60);
+  // Nothing moves and the camera stands: both pictures are the same; on a turntable they are not.
+  const auto halves = [&](const Image& sheet) {
+    std::size_t differ = 0;
+    for (int y = 20 + 62 + 22; y < 20 + 62 + 22 + 100; ++y) {
+      for (int x = 20; x < 20 + 120; ++x) {
+        const std::size_t a =
+            3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(sheet.width) + static_cast<std::size_t>(x));
+        differ += std::abs(static_cast<int>(sheet.rgb[a]) - static_cast<int>(sheet.rgb[a + 3 * 126])) > 8 ? 1U : 0U;
+      }
+    }
+    return differ;
+  };
+  EXPECT_EQ(halves(plain), 0U);
+  options.camera = Direction{0.9F, 0.2F};
+  EXPECT_GT(changed(plain, draw(), 8), 100U);
+  options.camera = Direction{0.3F, 0.2F};
+  options.light = Direction{-1.2F, 0.3F};
+  EXPECT_GT(changed(plain, draw(), 8), 100U);
+  options.light.reset();
+  options.turntable = true;
+  options.frames = 3;
+  EXPECT_GT(halves(draw()), 50U);
+}
+
 TEST(ContactSheet, IsTheSameEachTime) {
   const HeadlessContext context;
   EXPECT_EQ(renderContactSheet(asset(), "box", smallSheet(), {}).rgb,

@@ -46,6 +46,7 @@ class View:
             lines = self.log.read_text().split("\n")[:-1]
         except FileNotFoundError:
             return None
+        lines = [line for line in lines if '"time"' in line]
         return json.loads(lines[-1]) if lines else None
 
     def wait(self, condition, what, seconds=90):
@@ -190,23 +191,23 @@ try:
     driven = view.wait(lambda s: s["frame"] >= 3, "the window opens on a scene from a file")
     check(driven["held_channels"] == 0 and abs(driven["inputs"] - 0.5) < 1e-3, "the scene drives both channels")
     check(abs(driven["camera"]["yaw"] - math.radians(10)) < 1e-4, "the camera is the scene's")
-    mouse("mousemove", 118, 50)
+    mouse("mousemove", 170, 76)
     view.frames(2)
     mouse("click", 1)
     view.frames(3)
-    mouse("mousemove", 60, 196)
+    mouse("mousemove", 60, 240)
     view.frames(2)
     mouse("mousedown", 1)
     view.frames(2)
-    mouse("mousemove", 280, 196)
+    mouse("mousemove", 302, 240)
     both = view.wait(lambda s: s["inputs"] > 1.99, "a slider pulled to its end drives the channel and its other side")
     mouse("mouseup", 1)
     check(both["held_channels"] == 2, "both are held")
-    mouse("mousemove", 200, 196)
+    mouse("mousemove", 200, 240)
     view.frames(2)
     mouse("click", 3)
     view.wait(lambda s: s["held_channels"] == 1 and abs(s["inputs"] - 1.25) < 1e-3, "a right click gives one back to the scene")
-    mouse("mousemove", 140, 123)
+    mouse("mousemove", 140, 149)
     view.frames(2)
     mouse("click", 1)
     view.wait(lambda s: s["held_channels"] == 0 and abs(s["inputs"] - 0.5) < 1e-3, "the button lets all go")

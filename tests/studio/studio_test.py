@@ -3,7 +3,7 @@
 """The window of `sinew studio`, under a virtual display: input from a file paints, picks, bakes and pulls a slider, and
 the recipe that it leaves is the one expected; what others write to the recipe while it runs is taken over.
 """
-import argparse, json, os, pathlib, shutil, signal, subprocess, sys, tempfile, time
+import argparse, json, os, pathlib, resource, shutil, signal, subprocess, sys, tempfile, time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "render"))
 from read_png import read_png
@@ -82,6 +82,7 @@ class Studio:
             lines = self.log.read_text().split("\n")[:-1]
         except FileNotFoundError:
             return None
+        lines = [line for line in lines if '"time"' in line]
         return json.loads(lines[-1]) if lines else None
 
     def wait(self, condition, what, seconds=120):
@@ -94,6 +95,121 @@ class Studio:
                 return state
             time.sleep(0.05)
         raise SystemExit(f"FAILED: never seen: {what}; last state {self.state()}")
+
+
+def replayed(name, events, file, *words):
+    """Runs events in a window to their end; the states of its frames and what it said."""
+    (folder / f"{name}.json").write_text(json.dumps({"events": events}))
+    (folder / f"{name}.log").unlink(missing_ok=True)
+    done("studio", file, "--replay", f"{name}.json", "--log-state", f"{name}.log", *words)
+    lines = [json.loads(line) for line in (folder / f"{name}.log").read_text().split("\n")[:-1]]
+    return [line for line in lines if "time" in line], [line["message"] for line in lines if "message" in line]
+
+
+def newest_strokes(recipe, mask):
+    document = json.loads((folder / recipe).read_text())
+    return json.loads((folder / document["masks"][mask]["strokes"]).read_text())["strokes"]
+
+
+def tools_of_the_window():
+    new_recipe("tools.json")
+    # Brushes on the screen, a loop, grow: each is a stroke of the recipe, one step of its history, and a command.
+    replayed("brushes", [
+        {"wait": "evaluation"}, {"click": "tab Paint"}, {"click": "New mask"}, {"text": "spot"}, {"key": "enter"},
+        {"click": "Screen"}, {"stroke": [[0.062, 0.662, 0.103], [0.04, 0.633, 0.125]]}, {"wait": "evaluation"},
+        {"click": "Lasso"}, {"stroke": [[0.0, 0.74, 0.11], [0.03, 0.74, 0.105], [0.03, 0.71, 0.12], [0.0, 0.71, 0.125]]}, {"wait": "evaluation"},
+        {"screenshot": "lasso.png"}, {"click": "Grow"}, {"wait": "evaluation"}, {"click": "Make a cluster"}, {"wait": "evaluation"}], "tools.json")
+    strokes = newest_strokes("tools.json", "spot")
+    check(len(strokes) == 3, f"three strokes ({len(strokes)})")
+    check("eye" in strokes[0] and strokes[0]["radius"] > 0, "the first is a brush on the screen")
+    check(strokes[1].get("lasso") and len(strokes[1]["points"]) > 3, "the second is a loop")
+    check(strokes[2]["mode"] == "grow" and "points" not in strokes[2], "the third grows")
+    covered = lambda: json.loads(done("author", "tools.json", "show", "spot", "--json").stdout)["selections"][0]["visual_vertices"]
+    with_grow = covered()
+    for _ in range(2):  # the cluster, then the growing
+        done("author", "tools.json", "undo")
+    without = covered()
+    check(0 < without < with_grow, f"growing reaches more vertices ({without}, then {with_grow})")
+    done("author", "tools.json", "stroke", "spot", "--mode", "grow", "--radius", strokes[2]["radius"], "--falloff", strokes[2]["falloff"])
+    check(covered() == with_grow, "the command line grows as the window does")
+    refused = sinew("author", "tools.json", "stroke", "spot", "--mode", "grow", "--radius", "0.01", "0,0,0")
+    check(refused.returncode == 2 and "no points" in refused.stderr, "growing at a point is refused")
+
+    # Handles: a disc of pins is sized and moved, a fibre is turned; one step of the history each.
+    done("author", "tools.json", "add-pins", "hold", "--from", '{"disc": [0, 0.74, 0.11], "radius": 0.02}')
+    done("author", "tools.json", "muscle", "smile.L", "--from", "0.062,0.662,0.103", "--to", "0.03,0.619,0.126", "--width", "0.03")
+    fibre = json.loads((folder / "tools.json").read_text())["clusters"][-1]["fibre"]
+    replayed("handles", [
+        {"wait": "evaluation"}, {"click": "tab Regions"}, {"click": "region hold"}, {"wait": 3}, {"pull": "handle radius", "by": [40, 0]}, {"wait": "evaluation"},
+        {"wait": 3}, {"screenshot": "handles.png"}, {"pull": "handle center", "by": [30, 20]}, {"wait": "evaluation"},
+        {"click": "region smile.L"}, {"wait": 3}, {"pull": "handle fibre", "by": [10, 60]}, {"wait": "evaluation"}, {"wait": 3}, {"screenshot": "fibre.png"}], "tools.json")
+    document = json.loads((folder / "tools.json").read_text())
+    pins = document["pins"][0]["from"]
+    check(pins["radius"] > 0.025, f"the handle makes the disc larger ({pins['radius']} m)")
+    check(pins["disc"][0] > 0.005, f"the handle moves it ({pins['disc']})")
+    check(document["clusters"][-1]["fibre"] != fibre, "the fibre is turned")
+    check("set /clusters" in done("author", "tools.json", "undo").stdout, "and back by one step")
+
+    # Playing: back in time, slow motion, a cut, a push; digits typed into a field switch no scene; the pose is saved.
+    done("author", "tools.json", "undo")
+    states, said = replayed("playing", [
+        {"wait": "bake"}, {"click": "tab Scene"}, {"click": "Scene choice"}, {"click": "rest"}, {"wait": 20}, {"key": "space"}, {"key": "b"}, {"key": "b"}, {"wait": 3},
+        {"key": "n"}, {"wait": 3}, {"click": "tab Channels"}, {"drag": "channel smile.L", "to": 1}, {"key": "space"}, {"wait": 10}, {"key": "space"}, {"click": "Find"}, {"text": "3"}, {"key": "3"}, {"text": "1"}, {"key": "1"},
+        {"key": "space"}, {"key": "b"}, {"wait": 3}, {"key": "enter"}, {"key": "control+s"}, {"wait": 3}, {"screenshot": "save.png"}, {"click": "Save the file"}, {"wait": 3},
+        {"key": "control+e"}, {"wait": 3}], "tools.json")
+    check(any(later["time"] < before["time"] for before, later in zip(states, states[1:])), "B goes back in time")
+    check({s["scene"] for s in states[-20:]} == {"rest"}, "digits typed into a field switch no scene")
+    check(states[-1]["inputs"] > 0.99 and not states[-1]["playing"], f"nor do letters play ({states[-1]})")
+    scene = json.loads((folder / "tools.scene.json").read_text())
+    check(abs(scene["channels"]["smile.L"][-1][1] - 1) < 1e-3 and "camera" in scene, "the scene has the channel and the camera")
+    done("render", "tools.sinew", "--scene", "tools.scene.json", "--frames", "1", "-o", "pose.png")
+    states, _ = replayed("cutting", [
+        {"wait": 20}, {"key": "2"}, {"wait": 10}, {"key": "j"}, {"pull": [800, 400], "by": [60, 0], "hold": 10, "screenshot": "push.png"}, {"key": "1"}, {"wait": 3}, {"key": "k"},
+        {"pull": [480, 390], "by": [640, 20], "hold": 3, "screenshot": "knife.png"}, {"wait": 30}, {"screenshot": "cut.png"}, {"key": "space"}, {"key": "b"}, {"wait": 2}], "tools.sinew")
+    check(any(s["scene"] == "drop" for s in states), "a digit that nobody types into a field does")
+    check(max(s["bodies"] for s in states) >= 2, "a line cuts the body")
+
+    # The page of keys, the menu, a file that is dropped, one that cannot be opened.
+    states, said = replayed("pages", [
+        {"wait": "evaluation"}, {"key": "f1"}, {"wait": 4}, {"screenshot": "help.png"}, {"key": "f1"}, {"click": "menu Play"}, {"wait": 4}, {"screenshot": "menu.png"}, {"key": "escape"},
+        {"drop": "nothing.obj"}, {"wait": 4}, {"drop": "tools.sinew"}, {"wait": 20}], "tools.json")
+    check(any("nothing.obj" in text for text in said), f"what cannot be opened is said ({said})")
+    check(states and "opened tools.sinew" in said[-1], "a dropped package plays")
+    # The front.
+    done("author", "tools.json", "set", "import.front=-x")
+    replayed("front", [{"wait": "evaluation"}, {"wait": 3}, {"screenshot": "front.png"}], "tools.json")
+    # A factor of all stiffness.
+    before = json.loads((folder / "tools.json").read_text())
+    stiffer = done("author", "tools.json", "stiffen", "2").stdout
+    check("clusters.stretch_hz: default -> 20" in stiffer, "stiffen says what it changes")
+    done("author", "tools.json", "undo")
+    check(json.loads((folder / "tools.json").read_text()) == before, "and is one step")
+
+
+def trouble_on_the_disk():
+    """Files that cannot grow: a message that names the file, and the recipe on the disk is whole."""
+    before = (folder / "tools.json").read_bytes()
+    limited = lambda: (signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500)))
+    (folder / "full.json").write_text(json.dumps({"events": [
+        {"wait": "evaluation"}, {"click": "tab Paint"}, {"click": "Paint on"}, {"wait": 3}, {"click": "spot"}, {"click": "Surface"},
+        {"stroke": [[-0.062, 0.662, 0.103], [-0.04, 0.633, 0.125]]}, {"wait": 20}, {"key": "control+z"}, {"wait": 20}]}))
+    result = subprocess.run([arguments.sinew, "studio", "tools.json", "--replay", "full.json", "--log-state", "/dev/stdout"], cwd=folder, env=environment,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limited)
+    said = [json.loads(line)["message"] for line in result.stdout.split("\n") if '"message"' in line]
+    check(result.returncode == 0, f"with a full disk the window goes on {result.stderr[-300:]}")
+    check(any("cannot write" in text or "cannot finish" in text for text in said), f"it says so ({said})")
+    check((folder / "tools.json").read_bytes() == before, "nothing of the recipe is lost")
+    check(sinew("author", "tools.json", "show", "--json").returncode == 0, "it loads")
+    if os.geteuid() == 0:
+        print("a folder that may not be written into: not tested, root may write everywhere", flush=True)
+        return
+    closed = folder / "closed"
+    shutil.copytree(folder, closed, ignore=lambda *_: ["closed", "cache"])
+    closed.chmod(0o555)
+    (folder / "closed.json").write_text((folder / "full.json").read_text())
+    result = subprocess.run([arguments.sinew, "studio", "closed/tools.json", "--replay", "closed.json", "--log-state", "/dev/stdout"], cwd=folder, env=environment, capture_output=True, text=True)
+    closed.chmod(0o755)
+    check(result.returncode == 0 and "cannot" in result.stdout, "in a folder that may not be written into it says so")
 
 
 try:
@@ -154,7 +270,7 @@ try:
     edited = time.time()
     studio.wait(lambda s: s["bakes"] > before["bakes"], "the window has the new body")
     print(f"    {time.time() - edited:.1f} s after the edit", flush=True)
-    lines = [json.loads(line) for line in studio.log.read_text().split("\n")[:-1]]
+    lines = [json.loads(line) for line in studio.log.read_text().split("\n")[:-1] if '"time"' in line]
     swap = next(i for i, line in enumerate(lines) if line["bakes"] > before["bakes"])
     old, new = lines[swap - 1], lines[swap]
     check(new["time"] >= old["time"], f"the time goes on ({old['time']} s, then {new['time']} s)")
@@ -186,6 +302,8 @@ try:
     (folder / "other.json").write_text((folder / "head.json").read_text())
     result = sinew("studio", "other.obj", "--replay", "open.json")
     check(result.returncode == 2 and "-o NAME.json" in result.stderr, "a recipe of another source is not taken for its own")
+    tools_of_the_window()
+    trouble_on_the_disk()
     if arguments.keep:
         for picture in folder.glob("*.png"):
             shutil.copy(picture, arguments.keep)

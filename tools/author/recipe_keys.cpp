@@ -275,10 +275,12 @@ std::vector<RecipeObject> declareKinds() {
        R"({"disc": [0.04, 1.55, 0.1], "radius": 0.02, "falloff": 0.01})"},
       {"strokes",
        "A stroke file: `{\"strokes\": [{\"points\": [[x, y, z], ...], \"radius\": m, \"falloff\": m, \"strength\": "
-       "0..1, \"mode\": ..., \"facing\": [x, y, z], \"mirror\": [[x, y, z], [x, y, z]]}]}`, distances along the "
-       "surface, later strokes over earlier ones. `mode`: `paint` (what is larger, the default), `add`, `subtract`, "
-       "`erase`, `smooth`; `facing`: paints only what faces this way; `mirror`: a plane (point, normal) across which "
-       "the stroke has an image.",
+       "0..1, \"mode\": ..., \"facing\": [x, y, z], \"mirror\": [[x, y, z], [x, y, z]], \"eye\": [x, y, z]}]}`, "
+       "distances along the surface, later strokes over earlier ones. `mode`: `paint` (what is larger, the default), "
+       "`add`, `subtract`, `erase`, `smooth`; `grow` and `shrink` move the edge of all (no points) by the radius; "
+       "`facing`: paints only what faces this way; `mirror`: a plane (point, normal) across which the stroke has an "
+       "image; `eye`: distances are those seen from there, and only what is seen is painted (`through`: true: what is "
+       "hidden too; `lasso`: true: points are the corners of a loop, all inside is painted, no radius).",
        {{"strokes", kRecipePath, "", ""},
         note(),
         {"over", kRecipeSelection, "What the strokes change; without it, they begin from nothing.", "none"}},

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/author/seen_front.h"
 #include "tools/author/surface.h"
 
 namespace sinew::tools {
@@ -23,20 +24,33 @@ enum class StrokeMode : std::uint8_t {
   add,       ///< more by w, 1 at most
   subtract,  ///< less by w, 0 at least
   erase,     ///< at most 1 - w
-  smooth     ///< nearer to the neighbours' mean
+  smooth,    ///< nearer to the neighbours' mean
+  grow,      ///< the edge (where weights are one half) moves out by the radius; all of the mask, no points
+  shrink     ///< and in
 };
 /// Names in the order of the enum, as a stroke file has them.
 std::span<const std::string_view> strokeModeNames();
 
+/// Whether it changes all of a mask, and has no points.
+bool isWhole(StrokeMode mode);
+
 struct Stroke {
   std::vector<Eigen::Vector3d> points;  ///< metres; each stands for the surface point nearest to it
-  double radius = 0;                    ///< m, > 0, along the surface
+  double radius = 0;                    ///< m, > 0, along the surface; a lasso has none
   double falloff = 0;                   ///< m, from 1 at the radius to 0
   double strength = 1;                  ///< 0..1
   StrokeMode mode = StrokeMode::paint;
   std::optional<Eigen::Vector3d> facing;  ///< unit; only what faces this direction is painted
   std::optional<MirrorPlane> mirror;      ///< the stroke has an image across it
+  /// m; radius and falloff are then those that are seen from here, in metres at the points' depth. Points are where
+  /// they are.
+  std::optional<Eigen::Vector3d> eye;
+  bool through = false;  ///< of an eye: what is hidden, or faces away, is painted too
+  bool lasso = false;    ///< of an eye: points are the corners of a loop, and all inside is painted
 };
+
+/// What a stroke lacks, as part of a message; empty: nothing.
+std::string whatIsWrong(const Stroke& stroke);
 
 /// Reads a stroke file (docs/recipe-format.md). Throws ToolError(bad_input) naming file, line and cure.
 std::vector<Stroke> readStrokes(const std::filesystem::path& file);
@@ -51,7 +65,7 @@ class StrokeBrush {
 
   /// Begins a stroke. \param stroke its points are not looked at. \param weights by welded point, 0..1
   void begin(const Stroke& stroke, std::vector<double> weights);
-  /// The stroke goes on to a point (metres), at most half a radius at a time.
+  /// The stroke goes on to a point (metres), at most half a radius at a time; or a lasso has this corner.
   void add(const Eigen::Vector3d& point);
   /// Does what the points so far say, or a part of it. \param most points of the surface that are looked at: 1,000 take
   /// about 1 ms. \return whether all is done
@@ -61,25 +75,32 @@ class StrokeBrush {
   std::vector<double> takeWeights() { return std::move(weights_); }
   const std::vector<std::uint32_t>& changed() const { return changed_; }
   /// Whether the stroke has changed any weight so far.
-  bool hasChanged() const;
+  bool hasChanged() const { return changed_any_; }
   /// Points of this stroke that lie further than 5 % of the diagonal from the surface.
   std::size_t off() const { return off_; }
 
  private:
   void place(const Eigen::Vector3d& point);
+  void beginSeen(const Eigen::Vector3d& toward);
+  bool spread(std::size_t most);
   double own(std::uint32_t point);
   void smooth();
+  void moveEdge();
 
   const Surface& surface_;
   SurfaceFront front_;
+  std::vector<SeenFront> seen_;  // of an eye: from there, and from its mirror image
+  bool sees_ = false;
+  std::vector<Eigen::Vector3d> corners_;  // of a lasso
   Stroke stroke_;
   std::optional<Eigen::Vector3d> last_;
   std::vector<SurfacePoint> places_;  // not yet in the front
   std::vector<double> before_, weights_;
   std::vector<std::uint32_t> changed_;
-  std::vector<Eigen::Vector3d> normals_;  // where a stroke faces
+  std::vector<Eigen::Vector3d> normals_;  // by welded point
   std::vector<std::vector<std::uint32_t>> neighbours_;
   std::size_t off_ = 0;
+  bool changed_any_ = false;
 };
 
 }  // namespace sinew::tools

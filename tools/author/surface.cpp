@@ -19,6 +19,8 @@ using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // A mirrored surface that lies further off than this, in diagonals, is no image of itself.
+// Of a triangle's edges: a ray through an edge that two triangles share meets one of them, whatever is rounded.
+constexpr double kEdge = 1e-9;
 constexpr double kAsymmetric = 0.03;
 constexpr std::size_t kSymmetrySamples = 600;
 constexpr int kSymmetryRounds = 20;
@@ -134,14 +136,15 @@ SurfacePoint Surface::along(const Vector3d& origin, const Vector3d& direction) c
   SurfacePoint best;
   best.distance = kInfinity;
   const Vector3d inverse = direction.cwiseInverse();
+  const double hair = kEdge * mesh_.diagonal;
   // Where the ray enters a node's box; infinite where it misses it, or the best hit comes first.
   const auto entry = [&](const geometry::BoxTree::Node& node) {
     double near = 0;
     double far = best.distance;
     for (int k = 0; k < 3; ++k) {
-      // A ray within a side's plane gives 0 / 0, which neither min nor max lets through.
-      const double a = (node.box.min()[k] - origin[k]) * inverse[k];
-      const double b = (node.box.max()[k] - origin[k]) * inverse[k];
+      // Wider by a hair: a ray within a side's plane, as one along the middle of a symmetric model, is inside.
+      const double a = (node.box.min()[k] - hair - origin[k]) * inverse[k];
+      const double b = (node.box.max()[k] + hair - origin[k]) * inverse[k];
       near = std::max(near, std::min(a, b));
       far = std::min(far, std::max(a, b));
     }
@@ -171,10 +174,10 @@ SurfacePoint Surface::along(const Vector3d& origin, const Vector3d& direction) c
       if (determinant == 0) continue;
       const Vector3d s = origin - c[0];
       const double u = s.dot(p) / determinant;
-      if (!(u >= 0 && u <= 1)) continue;
+      if (!(u >= -kEdge && u <= 1 + kEdge)) continue;
       const Vector3d q = s.cross(ab);
       const double v = direction.dot(q) / determinant;
-      if (!(v >= 0 && u + v <= 1)) continue;
+      if (!(v >= -kEdge && u + v <= 1 + kEdge)) continue;
       const double distance = ac.dot(q) / determinant;
       if (distance > 0 && distance < best.distance) best = {tree_.order()[i], origin + distance * direction, distance};
     }

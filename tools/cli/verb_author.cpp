@@ -8,6 +8,7 @@
 #include "tools/author/recipe_commands.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/recipe_strokes.h"
+#include "tools/author/recipe_values.h"
 #include "tools/author/transfer.h"
 #include "tools/bake/authored.h"
 #include "tools/bake/findings_json.h"
@@ -19,6 +20,7 @@
 #include "tools/core/progress.h"
 #include "tools/import/import.h"
 #include "tools/import/topology.h"
+#include "tools/render/front.h"
 #include "tools/render/weights_picture.h"
 
 namespace sinew::tools {
@@ -110,7 +112,7 @@ void show(const AuthorCommand& command) {
     progress.stage("picture");
     std::vector<NamedWeights> named;
     for (const Shown& entry : shown) named.push_back({entry.kind + " " + entry.weights.name, entry.weights.weights});
-    renderWeights(mesh, named, command.recipe, command.picture);
+    renderWeights(mesh, named, command.recipe, command.picture, frontYaw(recipe.settings.import.front, mesh.up_axis));
   }
   progress.finish();
   if (command.json) {
@@ -138,6 +140,11 @@ void show(const AuthorCommand& command) {
 }
 
 void say(const std::string& what) { std::cout << what << "\n"; }
+
+void sayChanges(const std::vector<RecipeEditor::Change>& changes) {
+  for (const RecipeEditor::Change& c : changes) say("  " + c.place + ": " + c.before + " -> " + c.after);
+  if (changes.empty()) say("  nothing changed: the values were there");
+}
 
 // Refuses what a command adds that selects nothing, and says what of its pins will not move.
 std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after) {
@@ -204,6 +211,9 @@ void addStroke(const AuthorCommand& command, RecipeEditor& editor) {
   const auto mode = std::find(strokeModeNames().begin(), strokeModeNames().end(), command.mode);
   stroke.mode = StrokeMode(mode - strokeModeNames().begin());
   for (const std::string& point : command.names) stroke.points.push_back(pointNamed(point));
+  if (!command.from.empty()) stroke.eye = pointNamed(command.from);
+  if (const std::string wrong = whatIsWrong(stroke); !wrong.empty())
+    throw ToolError(ExitCode::usage, "", wrong, "See sinew author --help, and docs/studio.md.");
   if (!command.plane.empty()) {
     const VisualMesh mesh = importFor(editor);
     stroke.mirror = planeNamed(command.plane, Surface(mesh));
@@ -426,11 +436,16 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
                             changes.insert(changes.end(), made.begin(), made.end());
                           }
                         });
-                        for (const RecipeEditor::Change& c : changes)
-                          say("  " + c.place + ": " + c.before + " -> " + c.after);
-                        if (changes.empty()) say("  nothing changed: the values were there");
+                        sayChanges(changes);
                       });
   set->add_option("assignments", command->assignments, "KEY=VALUE")->required();
+
+  CLI::App* stiff = add("stiffen", "Make all of it stiffer or softer: frequencies times a factor", [command] {
+    std::vector<RecipeEditor::Change> changes;
+    edit(*command, [&](RecipeEditor& e) { changes = stiffen(e, command->value); });
+    sayChanges(changes);
+  });
+  stiff->add_option("factor", command->value, "0.001 .. 1000")->required()->check(CLI::Range(1e-3, 1e3));
 
   CLI::App* rename = add("rename", "Rename a mask, a cluster, a part or a set of pins", [command] {
     edit(*command, [&](RecipeEditor& e) { e.rename(command->name, command->other); });
@@ -461,18 +476,22 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   paint->add_option("file", command->other, "PNG, EXR, TIFF, JPEG or a stroke file")->required();
   paint->add_option("--options", command->options, R"(Further keys as JSON, as in '{"threshold": 0.5}')");
 
-  CLI::App* stroke = add("stroke", "Add a brush stroke to a mask, or begin one",
+  CLI::App* stroke = add("stroke", "Add a brush stroke to a mask, or begin one; grow or shrink a mask",
                          [command] { edit(*command, [&](RecipeEditor& e) { addStroke(*command, e); }); });
   stroke->add_option("name", command->name, "The mask")->required();
-  stroke->add_option("points", command->names, "Where it goes: x,y,z in metres")->required();
-  stroke->add_option("--radius", command->stroke.radius, "m, along the surface")
-      ->required()
+  stroke->add_option("points", command->names, "Where it goes: x,y,z in metres");
+  stroke->add_option("--radius", command->stroke.radius, "m, along the surface; of grow and shrink: how far")
       ->check(CLI::Range(1e-9, 1e9));
   stroke->add_option("--falloff", command->stroke.falloff, "m, from 1 at the radius to 0")->check(CLI::Range(0.0, 1e9));
   stroke->add_option("--strength", command->stroke.strength, "0 .. 1")->check(CLI::Range(0.0, 1.0));
-  stroke->add_option("--mode", command->mode, "paint, add, subtract, erase or smooth")
-      ->check(CLI::IsMember({"paint", "add", "subtract", "erase", "smooth"}))
+  const std::vector<std::string> modes(strokeModeNames().begin(), strokeModeNames().end());
+  stroke->add_option("--mode", command->mode, "What it does to weights")
+      ->check(CLI::IsMember(modes))
       ->capture_default_str();
+  CLI::Option* eye =
+      stroke->add_option("--eye", command->from, "Distances are those seen from x,y,z; only what is seen is painted");
+  stroke->add_flag("--lasso", command->stroke.lasso, "Points are a loop: all inside it is painted")->needs(eye);
+  stroke->add_flag("--through", command->stroke.through, "What is hidden is painted too")->needs(eye);
   stroke->add_option("--mirror", command->plane, "Its image too, across: auto, x, y or z")
       ->check(CLI::IsMember({"auto", "x", "y", "z"}));
 

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -33,7 +36,8 @@ struct RenderCommand {
   int frames = 0;
   std::string size;
   std::string overlay;
-  std::string view;
+  std::string view, camera, light, background;
+  bool turntable = false;
   int columns = 0;
 };
 
@@ -41,6 +45,41 @@ std::string joined(std::span<const std::string_view> names) {
   std::string text;
   for (const std::string_view name : names) text += (text.empty() ? "" : ", ") + std::string(name);
   return text;
+}
+
+// "30,15", degrees.
+Direction directionNamed(const std::string& option, const std::string& text) {
+  double yaw = 0, pitch = 0;
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%lf,%lf%n", &yaw, &pitch, &used) != 2 || used != int(text.size()) ||
+      !(std::abs(yaw) <= 360) || !(std::abs(pitch) <= 89)) {
+    throw ToolError(ExitCode::usage, "", option + " cannot be '" + text + "'",
+                    "Write yaw and pitch in degrees from the front, pitch -89 to 89, as in 30,15.");
+  }
+  constexpr double kRadians = std::numbers::pi / 180;
+  return {float(yaw * kRadians), float(pitch * kRadians)};
+}
+
+// sRGB, 0..1.
+float linearOf(float encoded) {
+  return encoded <= 0.04045F ? encoded / 12.92F : std::pow((encoded + 0.055F) / 1.055F, 2.4F);
+}
+
+// "202428" or "ffffff,808080", sRGB, as linear RGB.
+std::array<Eigen::Vector3f, 2> backgroundNamed(const std::string& text) {
+  const auto color = [&](const std::string& hex) {
+    unsigned value = 0;
+    int used = 0;
+    if (hex.size() != 6 || std::sscanf(hex.c_str(), "%6x%n", &value, &used) != 1 || used != 6) {
+      throw ToolError(ExitCode::usage, "", "--background cannot be '" + text + "'",
+                      "Write RRGGBB, or two for top and bottom, as in ffffff,c0c8d0.");
+    }
+    Eigen::Vector3f rgb;
+    for (int k = 0; k < 3; ++k) rgb[k] = linearOf(float((value >> unsigned(16 - 8 * k)) & 255U) / 255);
+    return rgb;
+  };
+  const std::size_t comma = text.find(',');
+  return {color(text.substr(0, comma)), color(comma == std::string::npos ? text : text.substr(comma + 1))};
 }
 
 PictureOptions pictureOptions(const RenderCommand& command) {
@@ -59,6 +98,10 @@ PictureOptions pictureOptions(const RenderCommand& command) {
       throw ToolError(ExitCode::usage, "", "there is no view '" + command.view + "'",
                       "Views: " + joined(viewNames()) + ".");
   }
+  if (!command.camera.empty()) options.camera = directionNamed("--camera", command.camera);
+  if (!command.light.empty()) options.light = directionNamed("--light", command.light);
+  if (!command.background.empty()) options.background = backgroundNamed(command.background);
+  options.turntable = command.turntable;
   if (!command.size.empty()) {
     int width = 0;
     int height = 0;
@@ -165,7 +208,14 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
                    "Pixels of one picture (default 320x280) or of the video (default 960x720)");
   verb->add_option("--overlay", command->overlay,
                    "none, physical, clusters or all (default: none, and a sheet ends with a row of overlays)");
-  verb->add_option("--view", command->view, "front, side, top or three-quarter");
+  CLI::Option* view =
+      verb->add_option("--view", command->view, "front, side, top or three-quarter; the front is that of import.front");
+  verb->add_option("--camera", command->camera, "Where the eye is: yaw,pitch in degrees from the front")
+      ->excludes(view);
+  verb->add_flag("--turntable", command->turntable, "The camera goes once around; else it stands still");
+  verb->add_option("--light", command->light,
+                   "Where the light comes from: yaw,pitch in degrees from the front (default: beside the eye)");
+  verb->add_option("--background", command->background, "RRGGBB, or RRGGBB,RRGGBB for top and bottom");
   verb->add_option("--columns", command->columns, "Pictures in a row (default: --frames)")->check(CLI::Range(0, 64));
   verb->callback([command, &exit_code] {
     runRender(*command);

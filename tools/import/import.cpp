@@ -107,6 +107,8 @@ void checkOptions(const ImportOptions& options) {
     throw bad("the unit \"" + options.unit + "\" is unknown",
               "Use auto, " + lengthUnitNames(", ") + ", or metres per unit as a number.");
   if (!isImportUp(options.up)) throw bad("the up axis \"" + options.up + "\" is unknown", "Use auto, y or z.");
+  if (!isImportFront(options.front))
+    throw bad("the front \"" + options.front + "\" is unknown", "Use auto, x, -x, y, -y, z or -z.");
   const auto within = [&]<class Number>(const char* what, Number value, const Range<Number>& legal, const char* unit) {
     if (!legal.holds(value))
       throw bad("the " + std::string(what) + " is out of range",
@@ -122,6 +124,9 @@ void checkOptions(const ImportOptions& options) {
 
 bool isImportUnit(const std::string& text) { return text == "auto" || metresPerUnit(text) > 0; }
 
+bool isImportFront(const std::string& text) {
+  return text == "auto" || text == "x" || text == "-x" || text == "y" || text == "-y" || text == "z" || text == "-z";
+}
 bool isImportUp(const std::string& text) { return text == "auto" || text == "y" || text == "z"; }
 
 bool isMeshName(const std::filesystem::path& file) { return !formatByName(file).empty(); }

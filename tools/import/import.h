@@ -14,10 +14,12 @@ namespace sinew::tools {
 /// Legal values of ImportOptions' texts.
 bool isImportUnit(const std::string& text);
 bool isImportUp(const std::string& text);
+bool isImportFront(const std::string& text);
 
 struct ImportOptions {
   std::string unit = "auto";     ///< "auto", a unit of tools/core/units.h, or metres per unit as a number
   std::string up = "auto";       ///< "auto", "y", "z"
+  std::string front = "auto";    ///< "auto" or a signed axis; only what looks at the model asks for it
   double weld_tolerance = 1e-6;  ///< of the bounding-box diagonal; 0 = exactly equal positions only
   double crease_degrees = 60;    ///< where the source has no normals: edges sharper than this are hard; 180 = none
   bool keep_stray = false;       ///< false: at most 1 % of the area, far from all the rest, is left out with a warning

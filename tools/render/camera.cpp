@@ -60,7 +60,7 @@ Eigen::Vector3f Camera::ray(float x, float y, float width, float height) const {
   return (ndc_x * right() + ndc_y * up() - back()).normalized();
 }
 
-Camera viewCamera(ViewName view) {
+Camera viewCamera(ViewName view, float front_yaw) {
   Camera camera;
   switch (view) {
     case ViewName::front:
@@ -78,6 +78,7 @@ Camera viewCamera(ViewName view) {
       camera.pitch = 0.32F;
       break;
   }
+  camera.yaw += front_yaw;
   return camera;
 }
 

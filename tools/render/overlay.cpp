@@ -53,15 +53,20 @@ void drawAxes(Image& image, const Camera& camera) {
   }
 }
 
-double drawScaleBar(Image& image, const Camera& camera, double metres_per_unit) {
+ScaleBar scaleBarOf(const Camera& camera, int width, int height, double metres_per_unit) {
   const double pixels_per_metre =
-      image.height / (2 * double(camera.distance) * std::tan(double(camera.fov_y) / 2)) / metres_per_unit;
-  const double most = kLongestBar * image.width / pixels_per_metre;
+      height / (2 * double(camera.distance) * std::tan(double(camera.fov_y) / 2)) / metres_per_unit;
+  const double most = kLongestBar * width / pixels_per_metre;
   const double power = std::pow(10, std::floor(std::log10(most)));
   const double length = most >= 5 * power ? 5 * power : most >= 2 * power ? 2 * power : power;
   char text[40];
   std::snprintf(text, sizeof text, "%.3g m", length);
-  const int bar = std::max(1, int(std::lround(length * pixels_per_metre)));
+  return {length, length * pixels_per_metre, text};
+}
+
+double drawScaleBar(Image& image, const Camera& camera, double metres_per_unit) {
+  const auto [length, pixels, text] = scaleBarOf(camera, image.width, image.height, metres_per_unit);
+  const int bar = std::max(1, int(std::lround(pixels)));
   const float wide = textWidth(text, kScaleText);
   const int width = std::max(bar, int(std::ceil(wide))) + 12;
   const int left = image.width - 4 - width, top = image.height - 4 - 28;

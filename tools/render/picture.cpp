@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "tools/render/front.h"
 #include "tools/render/overlay.h"
 #include "tools/render/page.h"
 #include "tools/render/text.h"
@@ -162,6 +163,31 @@ std::vector<double> tileTimes(const SceneChoice& scene, double length, int count
   return times;
 }
 
+// The unit vector of a direction about the model.
+Eigen::Vector3f unitOf(const Direction& direction, float front_yaw) {
+  Camera camera;
+  camera.yaw = front_yaw + direction.yaw;
+  camera.pitch = direction.pitch;
+  return camera.back();
+}
+
+// Lights and background as asked. \param yaw of the camera; without a direction the key light comes from beside it
+Lighting lightingOf(const PictureOptions& options, float yaw, float front_yaw) {
+  Lighting lighting = turnedLighting({}, yaw - viewCamera(ViewName::three_quarter).yaw);
+  if (options.light) lighting.key_direction = unitOf(*options.light, front_yaw);
+  if (options.background) {
+    lighting.background_top = (*options.background)[0];
+    lighting.background_bottom = (*options.background)[1];
+  }
+  return lighting;
+}
+
+// The yaw that lights go with: the usual one for named views and those of a scene's file, so that their pictures are
+// lit alike.
+float litFrom(const PictureOptions& options, const Camera& camera, float front_yaw) {
+  return options.camera ? camera.yaw : viewCamera(ViewName::three_quarter, front_yaw).yaw;
+}
+
 Camera fitted(Camera camera, const Take& take, int width, int height) {
   fitCamera(camera, take.hull, static_cast<float>(width) / static_cast<float>(height), kFitMargin);
   return camera;
@@ -171,10 +197,16 @@ Camera fitted(Camera camera, const Take& take, int width, int height) {
 Camera sceneCamera(const PictureOptions& options, const Take& take, const formats::PackageView& package, int width,
                    int height) {
   const SceneScript::View* own = take.scene.script && take.scene.script->view ? &*take.scene.script->view : nullptr;
-  Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter));
+  const float front_yaw = frontYaw(package);
+  Camera camera = viewCamera(options.view.value_or(ViewName::three_quarter), front_yaw);
+  if (options.camera) {
+    camera.yaw = front_yaw + options.camera->yaw;
+    camera.pitch = options.camera->pitch;
+  }
+  const bool chosen = options.view || options.camera;
   Camera asked = camera;
   const bool framed = own != nullptr && lookAsScene(asked, *own, package);
-  if (own != nullptr && !options.view) {
+  if (own != nullptr && !chosen) {
     camera.yaw = asked.yaw;
     camera.pitch = asked.pitch;
   }
@@ -211,6 +243,20 @@ bool lookAsScene(Camera& camera, const SceneScript::View& view, const formats::P
   }
   camera.distance = static_cast<float>(view.height) / diagonal / (2 * std::tan(camera.fov_y / 2));
   return true;
+}
+
+SceneScript::View sceneViewOf(const Camera& camera, const formats::PackageView& package, const Vec3& placed) {
+  const float diagonal = package.info().diagonal;
+  SceneScript::View view;
+  view.yaw = double(camera.yaw);
+  view.pitch = double(camera.pitch);
+  view.at.emplace();
+  for (int k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    (*view.at)[axis] = double(camera.target[k] * diagonal - placed[axis]) + package.info().origin[axis];
+  }
+  view.height = double(camera.distance * 2 * std::tan(camera.fov_y / 2) * diagonal);
+  return view;
 }
 
 void captureShape(const Scene& scene, Shape& shape) {
@@ -290,6 +336,7 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
   const int width = options.width > 0 ? options.width : 320;
   const int height = options.height > 0 ? options.height : 280;
   const int frames = options.frames > 0 ? options.frames : 6;
+  const float front_yaw = frontYaw(asset->package());
   const int columns = options.columns > 0 ? options.columns : frames > 1 ? frames : static_cast<int>(scenes.size());
 
   std::vector<std::vector<Tile>> rows;  // a row each scene, wrapped over lines of `columns`
@@ -303,10 +350,17 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
     take.settings.pinned = showsPinned(options, scene);
     scaleMarks(take.settings, height);
     const Camera camera = sceneCamera(options, take, asset->package(), width, height);
+    take.settings.lighting = lightingOf(options, litFrom(options, camera, front_yaw), front_yaw);
     std::vector<Tile> row;
     for (std::size_t k = 0; k < take.shapes.size(); ++k) {
       Tile tile{take.shapes[k], camera, take.settings, name + "  " + seconds(take.shapes[k].time)};
-      if (at_rest && !options.view) {
+      if (options.turntable) {
+        const float turn =
+            2 * std::numbers::pi_v<float> * static_cast<float>(k) / static_cast<float>(take.shapes.size());
+        tile.camera.yaw += turn;
+        tile.camera = fitted(tile.camera, take, width, height);
+        tile.settings.lighting = lightingOf(options, tile.camera.yaw, front_yaw);
+      } else if (at_rest && !options.view && !options.camera) {
         // Nothing moves, so the row shows all sides instead.
         struct Side {
           const char* name;
@@ -321,11 +375,10 @@ Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::s
                                                  {"three-quarter, below", 0.70F + pi, -0.45F}}};
         const Side& side = kSides[k % kSides.size()];
         Camera turned;
-        turned.yaw = side.yaw;
+        turned.yaw = front_yaw + side.yaw;
         turned.pitch = side.pitch;
         tile.camera = fitted(turned, take, width, height);
-        tile.settings.lighting =
-            turnedLighting(take.settings.lighting, side.yaw - viewCamera(ViewName::three_quarter).yaw);
+        tile.settings.lighting = lightingOf(options, turned.yaw, front_yaw);
         tile.label += "  " + std::string(side.name);
       }
       row.push_back(std::move(tile));
@@ -400,7 +453,6 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   const int width = options.width > 0 ? options.width : 960;
   const int height = options.height > 0 ? options.height : 720;
   constexpr double kFramesPerSecond = 30;
-  constexpr float kSway = 0.22F;  // rad, either way
   const double length = options.seconds > 0  ? options.seconds
                         : options.frames > 0 ? options.frames / kFramesPerSecond
                         : choice.script      ? choice.seconds()
@@ -419,20 +471,22 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   const bool framed = choice.script && choice.script->view && choice.script->view->at;
   Camera camera = sceneCamera(options, take, asset->package(), width, height);
   const float yaw = camera.yaw;
-  const Eigen::Vector3f middle = take.settings.shadow_center;
-  float distance = 0;
-  float near_plane = std::numeric_limits<float>::infinity();
-  float far_plane = 0;
-  for (const float turn : {-kSway, 0.0F, kSway}) {
-    if (framed) break;
-    camera.yaw = yaw + turn;
-    fitCamera(camera, take.hull, aspect, kFitMargin);
-    // Fitted about its own centre; about the middle of the motion it must be farther by at most the difference.
-    distance = std::max(distance, camera.distance + (camera.target - middle).norm());
-    near_plane = std::min(near_plane, camera.near_plane);
-    far_plane = std::max(far_plane, camera.far_plane);
-  }
-  if (!framed) {
+  const float front_yaw = frontYaw(asset->package());
+  take.settings.lighting = lightingOf(options, litFrom(options, camera, front_yaw), front_yaw);
+  // About the middle, from as far as the widest side asks for.
+  if (options.turntable && !framed) {
+    const Eigen::Vector3f middle = take.settings.shadow_center;
+    float distance = 0, near_plane = std::numeric_limits<float>::infinity(), far_plane = 0;
+    constexpr int kSides = 8;
+    for (int side = 0; side < kSides; ++side) {
+      camera.yaw = yaw + 2 * std::numbers::pi_v<float> * static_cast<float>(side) / kSides;
+      fitCamera(camera, take.hull, aspect, kFitMargin);
+      // Fitted about its own centre; about the middle of the motion it must be farther by at most the difference.
+      distance = std::max(distance, camera.distance + (camera.target - middle).norm());
+      near_plane = std::min(near_plane, camera.near_plane);
+      far_plane = std::max(far_plane, camera.far_plane);
+    }
+    camera.yaw = yaw;
     camera.target = middle;
     camera.distance = distance;
     camera.near_plane = near_plane;
@@ -454,8 +508,10 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
       renderer.emplace(modelOf(shape, asset->package().info().diagonal));
     }
     showShape(*renderer, shape);
-    camera.yaw = yaw + kSway * std::sin(2 * std::numbers::pi_v<float> * static_cast<float>(f) /
-                                        static_cast<float>(std::max(frames, 2)));
+    if (options.turntable) {
+      camera.yaw = yaw + 2 * std::numbers::pi_v<float> * static_cast<float>(f) / static_cast<float>(frames);
+      take.settings.lighting = lightingOf(options, camera.yaw, front_yaw);
+    }
     renderer->draw(camera, take.settings, width, height);
     Image picture = renderer->read();
     label(picture, title + "  ·  " + choice.name() + "  " + seconds(time));

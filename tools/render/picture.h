@@ -24,6 +24,12 @@ enum class OverlayName { none, physical, clusters, all };
 std::span<const std::string_view> overlayNames();
 std::optional<OverlayName> overlayByName(std::string_view name);
 
+/// A direction about a model, rad: yaw 0 is its front, positive towards its left (+x where the front is +z); positive
+/// pitch is above.
+struct Direction {
+  float yaw = 0, pitch = 0;
+};
+
 struct PictureOptions {
   std::vector<std::shared_ptr<const Asset>> others;  ///< as in SceneOptions
   std::vector<SceneChoice> scenes;                   ///< empty = rest, squash, drop, hang (a video: drop)
@@ -34,7 +40,11 @@ struct PictureOptions {
   int width = 0, height = 0;           ///< pixels of one picture, or of the video; 0 = 320 x 280, or 960 x 720
   std::optional<OverlayName> overlay;  ///< nothing: none, and a sheet has a row of overlays at the end
   std::optional<ViewName> view;        ///< nothing: three-quarter, and the scene "rest" is shown from all sides
-  int columns = 0;                     ///< pictures in a row; 0 = frames
+  std::optional<Direction> camera;     ///< in place of a view: where the eye is, from the front
+  bool turntable = false;              ///< the camera goes once around; else it stands still
+  std::optional<Direction> light;      ///< where the key light comes from, from the front; nothing: beside the eye
+  std::optional<std::array<Eigen::Vector3f, 2>> background;  ///< linear RGB at the top and the bottom
+  int columns = 0;                                           ///< pictures in a row; 0 = frames
 };
 
 /// Everything of a body that is drawn, at one moment. Lengths in metres.
@@ -59,12 +69,15 @@ DrawModel modelOf(const Shape& shape, float diagonal);
 /// is to be seen is still to be fitted in.
 bool lookAsScene(Camera& camera, const SceneScript::View& view, const formats::PackageView& package);
 
+/// What a camera sees, as a scene's file says it. \param placed the body's position at the start of its scene, m
+SceneScript::View sceneViewOf(const Camera& camera, const formats::PackageView& package, const Vec3& placed);
+
 /// A row of pictures a scene, labelled, over a title with the counts. Needs a current OpenGL context.
 /// \param progress called with 0..1 now and then; may be empty.
 Image renderContactSheet(const std::shared_ptr<const Asset>& asset, const std::string& title,
                          const PictureOptions& options, const std::function<void(double)>& progress);
 
-/// H.264 in mp4 of one scene, the camera swaying slightly. Nothing is left behind where it fails or is interrupted.
+/// H.264 in mp4 of one scene. Nothing is left behind where it fails or is interrupted.
 /// Throws ToolError(system) where there is no encoder or the file cannot be written. Needs a current OpenGL context.
 void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& title, const PictureOptions& options,
                  const std::filesystem::path& file, const std::function<void(double)>& progress);

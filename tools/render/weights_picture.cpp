@@ -64,7 +64,7 @@ void tint(DrawModel& model, const std::vector<NamedWeights>& named, std::size_t 
 }  // namespace
 
 void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& named, const std::string& title,
-                   const std::filesystem::path& png) {
+                   const std::filesystem::path& png, float front_yaw) {
   DrawModel model = bareModel(mesh);
   std::vector<Eigen::Vector3f> drawn;
   for (const Eigen::Vector3f& p : model.positions) drawn.push_back(p / model.diagonal);
@@ -90,10 +90,10 @@ void renderWeights(const VisualMesh& mesh, const std::vector<NamedWeights>& name
   {
     tint(model, named, 0, named.size());
     Renderer renderer(model);
-    draw(renderer, kFrontYaw, kFrontPitch, "all, front");
-    draw(renderer, -1.2F, kFrontPitch, "all, from -x");
-    draw(renderer, 1.9F, kFrontPitch, "all, from +x");
-    draw(renderer, 3.5F, kFrontPitch, "all, back");
+    draw(renderer, front_yaw + kFrontYaw, kFrontPitch, "all, front");
+    draw(renderer, front_yaw - 1.2F, kFrontPitch, "all, its right side");
+    draw(renderer, front_yaw + 1.9F, kFrontPitch, "all, its left side");
+    draw(renderer, front_yaw + 3.5F, kFrontPitch, "all, back");
   }
   const Sides sides(model.positions, model.triangles);
   for (std::size_t i = 0; i < std::min(named.size(), kMostAlone); ++i) {

@@ -59,6 +59,8 @@ struct SceneSolid {
   std::shared_ptr<const SolidMesh> mesh;
 };
 
+class SceneState;
+
 /// One body of a package in one scene, or several that touch (stack, pyramid, pile, stairs; bodies of a file; parts of
 /// one that is cut). Lengths in a built-in scene are relative to the longest rest diagonal. The package's own pins hold
 /// in `rest` and in scenes from files, where the body is where its source is.
@@ -79,6 +81,19 @@ class Scene {
   /// channels, and of each body pose and velocity, as near as its fields can. Vertices that the packages do not share
   /// take the motion of the nearest. \return false, and nothing is done, where their bodies do not correspond.
   bool continueFrom(const Scene& before);
+
+  /// All that its further motion depends on, to go back to; held channels stay as they are.
+  SceneState save() const;
+  /// Makes this scene what it was when it saved. \return false, and nothing is done, where memory ran out
+  bool restore(const SceneState& state);
+
+  /// Cuts all bodies that a plane meets. Throws ToolError(bad_input) where it meets none.
+  void cut(const CutPlane& plane);
+  /// A collider beside those of the scene, until it is removed or the scene starts again. Throws ToolError(bad_input).
+  /// \param mesh null: that of the shape.
+  ColliderId addSolid(const ColliderShape& shape, const ColliderSettings& settings,
+                      std::shared_ptr<const SolidMesh> mesh = nullptr);
+  void removeSolid(ColliderId id);
 
   World& world() { return world_; }
   const World& world() const { return world_; }
@@ -101,16 +116,13 @@ class Scene {
   std::span<const float> channelInputs() const { return inputs_; }
 
  private:
+  friend class SceneState;
   void add(const BodySettings& settings, const std::shared_ptr<const Asset>& asset);
   const std::shared_ptr<const Asset>& packageOf(std::size_t number) const {
     return number == 0 ? asset_ : options_.others[number - 1];
   }
   /// Longest rest diagonal of the packages, m.
   float reach() const;
-  /// \param mesh null: that of the shape.
-  ColliderId addSolid(const ColliderShape& shape, const ColliderSettings& settings,
-                      std::shared_ptr<const SolidMesh> mesh = nullptr);
-  void removeSolid(ColliderId id);
   void addScriptSolids();
   void addScriptBodies(const BodySettings& common);
   /// Colliders of the built-in scenes.
@@ -118,8 +130,6 @@ class Scene {
   void addStairs();
   /// Planes of the scene, in the world.
   void planCuts();
-  /// Cuts all bodies that a plane meets. Throws ToolError(bad_input) where it meets none.
-  void cut(const CutPlane& plane);
   /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
   bool drive();
   void driveChannels(double time);

@@ -1,35 +1,27 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/studio/author_view.h"
 
-#define GLFW_INCLUDE_NONE  // epoxy declares OpenGL
-#include <GLFW/glfw3.h>
 #include <imgui.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 
+#include "tools/render/front.h"
 #include "tools/studio/orbit.h"
 
 namespace sinew::tools {
 namespace {
 
-// Points of the surface that a brush looks at in a frame: about 3 ms.
-constexpr std::size_t kMostPoints = 3000;
-constexpr double kFillRadius = 1e9;  // m, beyond any model
 constexpr float kWeightsTint = 1.0F;
 constexpr Rgba8 kBrushColor = {255, 255, 255, 230};
 constexpr Rgba8 kFalloffColor = {255, 255, 255, 110};
 constexpr Rgba8 kPointColor = {255, 140, 0, 255};
 constexpr Rgba8 kMuscleColor = {226, 60, 60, 255};
-
-// Of this thread: a recipe may be evaluated meanwhile.
-double cpuMilliseconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return 1e3 * double(now.tv_sec) + 1e-6 * double(now.tv_nsec);
-}
+constexpr Rgba8 kHandleColor = {60, 190, 255, 255};
+constexpr Rgba8 kRulerColor = {250, 220, 60, 255};
+constexpr double kPointer = 0.12;    // diagonals, of what points somewhere
+constexpr double kHandleReach = 11;  // pixels at 100 %
 
 Eigen::Vector3d normalAt(const StudioSource& source, const SurfacePoint& at) {
   return source.surface->normal(at.triangle);
@@ -46,13 +38,13 @@ void AuthorView::take(const std::shared_ptr<const StudioSource>& source, StudioS
   model_ = makeDrawModel(mesh);
   renderer_.reset();
   renderer_.emplace(model_);
-  brush_ = std::make_unique<StrokeBrush>(*source->surface);
-  stroking_ = false;
+  paint_.take(source);
   tinted_.reset();
   const auto diagonal = float(mesh.diagonal);
   if (is_first || std::abs(before - mesh.diagonal) > 0.2 * mesh.diagonal) {
     fits_ = false;
     state.brush.radius = state.brush.falloff = 0.02F * diagonal;
+    state.brush.by = 0.01F * diagonal;
     state.pick_radius = 0.05F * diagonal;
     state.pick_falloff = 0.03F * diagonal;
     state.muscle_width = 0.06F * diagonal;
@@ -61,11 +53,10 @@ void AuthorView::take(const std::shared_ptr<const StudioSource>& source, StudioS
   state.picked.reset();
 }
 
-void AuthorView::fit(const ViewLayout& layout) {
+void AuthorView::fit(const ViewLayout& layout, ViewName view) {
   std::vector<Eigen::Vector3f> points;
   for (const Eigen::Vector3f& p : model_.positions) points.push_back(p / model_.diagonal);
-  camera_.yaw = 0.35F;
-  camera_.pitch = 0.15F;
+  camera_ = viewCamera(view, front_yaw_);
   fitCamera(camera_, points, layout.aspect(), 0.14F);
   camera_.target -= 0.02F * camera_.distance * camera_.up();  // above the line of help
   fits_ = true;
@@ -80,114 +71,161 @@ Eigen::Vector2f AuthorView::onScreen(const ViewLayout& layout, const Eigen::Vect
   return {x / layout.pixels_per_unit, y / layout.pixels_per_unit};
 }
 
-SurfacePoint AuthorView::under(const ViewLayout& layout) const {
-  const Eigen::Vector3d eye = camera_.eye().cast<double>() * double(model_.diagonal) + center_;
-  return source_->surface->along(eye, mouseRay(layout, camera_).cast<double>().normalized());
+Look AuthorView::look(const ViewLayout& layout) const {
+  const double scale = model_.diagonal;
+  return {camera_.eye().cast<double>() * scale + center_, mouseRay(layout, camera_).cast<double>().normalized(),
+          camera_.back().cast<double>(), double(camera_.distance) * scale};
 }
 
-void AuthorView::frame(const ViewLayout& layout, std::span<const Keys::Press> pressed, Document& document,
-                       StudioState& state) {
+void AuthorView::frame(const ViewLayout& layout, const Commands& commands, Document& document, StudioState& state) {
   const auto& evaluated = document.evaluated();
   if (evaluated != nullptr && evaluated->source != nullptr && evaluated->source != source_)
     take(evaluated->source, state);
   if (source_ == nullptr) return;
+  const float front_yaw = frontYaw(document.recipe().settings.import.front, source_->mesh.up_axis);
+  fits_ = fits_ && front_yaw == front_yaw_;
+  front_yaw_ = front_yaw;
   if (!fits_) fit(layout);
   const ImGuiIO& io = ImGui::GetIO();
-  for (const Keys::Press& press : pressed) {
-    if (io.WantTextInput || press.control) continue;
-    if (press.key == GLFW_KEY_F) fit(layout);
-    if (press.key == GLFW_KEY_LEFT_BRACKET) state.brush.radius *= 0.8F;
-    if (press.key == GLFW_KEY_RIGHT_BRACKET) state.brush.radius *= 1.25F;
-    if (press.key == GLFW_KEY_X) state.brush.symmetric = !state.brush.symmetric && source_->plane.has_value();
-  }
-  if (state.fly_to) {
-    camera_.target = ((*state.fly_to - center_) / double(model_.diagonal)).cast<float>();
-    camera_.distance = std::min(camera_.distance, 0.6F);
-    const SurfacePoint at = source_->surface->nearest(*state.fly_to);
-    const Eigen::Vector3f n = normalAt(*source_, at).cast<float>();
-    if (n.norm() > 0) {
-      camera_.yaw = std::atan2(n.x(), n.z());
-      camera_.pitch = std::asin(std::clamp(n.y(), -0.95F, 0.95F));
-    }
-    state.picked =
-        PickedPoint{at, normalAt(*source_, at), source_->visual[source_->surface->nearestCorner(at)].front()};
-    state.fly_to.reset();
-  }
+  for (const Command command : commands) run(command, layout, state);
+  if (state.fly_to) flyTo(*std::exchange(state.fly_to, std::nullopt), state);
   const bool over_view = !io.WantCaptureMouse;
-  hover_ = over_view || stroking_ ? under(layout) : SurfacePoint{};
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) {
-    if (hover_.triangle == kNoIndex || io.KeyShift) {
-      drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
-    } else if (state.tool == Tool::paint && !state.painted.empty() && !document.isInConflict()) {
-      state.brush_milliseconds = 0;
-      beginStroke(hover_, document, state);
-    } else if (state.tool == Tool::pick) {
-      state.picked = PickedPoint{hover_, normalAt(*source_, hover_),
-                                 source_->visual[source_->surface->nearestCorner(hover_)].front()};
-    } else {
-      if (state.tool == Tool::paint) document.say("give a mask a name first", true);
-      drag_ = CameraDrag::orbit;
-    }
-  }
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Right))
-    drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Middle)) drag_ = CameraDrag::pan;
+  const Look look = this->look(layout);
+  hover_ = over_view || paint_.isStroking() ? source_->surface->along(look.eye, look.ray) : SurfacePoint{};
+  const bool looks = mouse_.begin(state.navigation, over_view);
+  if (over_view && !looks && ImGui::IsMouseClicked(ImGuiMouseButton_Left) && !takeHandle(layout, document, state) &&
+      !press(look, document, state))
+    mouse_.leaveLeft();
   const bool left = ImGui::IsMouseDown(ImGuiMouseButton_Left);
-  if (!left && !ImGui::IsMouseDown(ImGuiMouseButton_Right) && !ImGui::IsMouseDown(ImGuiMouseButton_Middle))
-    drag_ = CameraDrag::none;
-  if (stroking_) {
-    const double start = cpuMilliseconds();
-    const bool moved = (io.MouseDelta.x != 0 || io.MouseDelta.y != 0) && stroke_.radius < kFillRadius;
-    if (left && moved && hover_.triangle != kNoIndex) {
-      stroke_.points.push_back(hover_.position);
-      brush_->add(hover_.position);
-    }
-    const bool done = brush_->advance(kMostPoints);
-    tintStroke();
-    state.brush_milliseconds = std::max(state.brush_milliseconds, cpuMilliseconds() - start);
-    if (!left && done) endStroke(document, state);
-  }
-  moveCamera(layout, stroking_ ? CameraDrag::none : drag_, over_view, camera_);
+  dragHandle(look, left, document, state);
+  const bool moved = io.MouseDelta.x != 0 || io.MouseDelta.y != 0;
+  const bool was_stroking = paint_.isStroking();
+  paint_.frame(hover_, look, left, moved, document, state);
+  tintStroke();
+  // What could not be saved does not stay on the surface.
+  if (was_stroking && !paint_.isStroking()) tinted_.reset();
+  mouse_.frame(layout, paint_.isStroking() || held_.has_value(), over_view, camera_);
 }
 
-void AuthorView::beginStroke(const SurfacePoint& at, const Document& document, const StudioState& state) {
-  const BrushSettings& brush = state.brush;
-  stroke_ = {};
-  stroke_.radius = brush.fill ? kFillRadius : sevenDigits(double(brush.radius));
-  stroke_.falloff = brush.fill ? 0 : sevenDigits(double(brush.falloff));
-  stroke_.strength = sevenDigits(double(brush.strength));
-  stroke_.mode = brush.mode;
-  if (brush.front_only && !brush.fill) stroke_.facing = camera_.back().cast<double>();
-  if (brush.symmetric) stroke_.mirror = source_->plane;
-  stroke_.points = {at.position};
-  std::vector<double> before(source_->mesh.welded_positions.size(), 0);
-  const VisualWeights* weights = weightsOf(*document.evaluated(), {RegionKind::mask, state.painted});
-  if (weights != nullptr) {
-    for (std::size_t v = 0; v < weights->size(); ++v) before[source_->mesh.welded[v]] = (*weights)[v];
+double AuthorView::pointerLength() const { return kPointer * double(model_.diagonal); }
+
+// Those of the document, the one that is held as it is dragged.
+std::vector<Gizmo> AuthorView::gizmos(const Document& document, const StudioState& state) const {
+  std::vector<Gizmo> all = gizmosOf(document, state);
+  for (Gizmo& gizmo : all) {
+    if (held_ && held_->gizmo.pointer == gizmo.pointer) gizmo.value = held_->value;
   }
-  brush_->begin(stroke_, std::move(before));
-  brush_->add(at.position);
-  stroking_ = true;
+  return all;
+}
+
+bool AuthorView::takeHandle(const ViewLayout& layout, const Document& document, const StudioState& state) {
+  const ImVec2 mouse = ImGui::GetIO().MousePos;
+  double nearest = kHandleReach * double(layout.scale);
+  for (const Gizmo& gizmo : gizmosOf(document, state)) {
+    for (const Handle& handle : handlesOf(gizmo, camera_.right().cast<double>(), pointerLength())) {
+      const Eigen::Vector2f at = onScreen(layout, handle.place);
+      const double distance = std::hypot(double(at.x() - mouse.x), double(at.y() - mouse.y));
+      if (!(distance < nearest)) continue;
+      nearest = distance;
+      held_ = Held{gizmo, handle.kind, handle.place, gizmo.value};
+    }
+  }
+  return held_.has_value();
+}
+
+void AuthorView::dragHandle(const Look& look, bool left, Document& document, StudioState& state) {
+  handles_.clear();
+  if (held_ && left) {
+    const auto drawn = [&](const Eigen::Vector3d& p) {
+      return Eigen::Vector3f(((p - center_) / double(model_.diagonal)).cast<float>());
+    };
+    Eigen::Vector3d to = held_->from + dragOffset(camera_, drawn(held_->from), look.ray.cast<float>()).cast<double>() *
+                                           double(model_.diagonal);
+    // What lies on the surface stays there.
+    const bool on_surface = held_->kind == HandleKind::center && hover_.triangle != kNoIndex;
+    if (on_surface) to = hover_.position;
+    held_->value = dragged(held_->gizmo, held_->kind, to);
+    if (held_->gizmo.pointer.empty()) {
+      if (held_->kind == HandleKind::radius) state.pick_radius = held_->value["radius"].get<float>();
+      if (held_->kind == HandleKind::normal && state.picked)
+        state.picked->normal = (to - middleOf(held_->gizmo)).normalized();
+    }
+  } else if (held_) {
+    const Held held = *std::exchange(held_, std::nullopt);
+    if (!held.gizmo.pointer.empty() && held.value != held.gizmo.value)
+      document.edit([&](RecipeEditor& editor) { editor.set(held.gizmo.pointer, held.value.dump()); });
+  }
+  for (const Gizmo& gizmo : gizmos(document, state)) {
+    const auto more = handlesOf(gizmo, camera_.right().cast<double>(), pointerLength());
+    handles_.insert(handles_.end(), more.begin(), more.end());
+  }
+}
+
+void AuthorView::run(Command command, const ViewLayout& layout, StudioState& state) {
+  switch (command) {
+    case Command::fit:
+    case Command::front:
+      fit(layout);
+      break;
+    case Command::side:
+      fit(layout, ViewName::side);
+      break;
+    case Command::top:
+      fit(layout, ViewName::top);
+      break;
+    case Command::smaller:
+      state.brush.radius *= 0.8F;
+      break;
+    case Command::larger:
+      state.brush.radius *= 1.25F;
+      break;
+    case Command::symmetric:
+      state.brush.symmetric = !state.brush.symmetric && source_->plane.has_value();
+      break;
+    default:
+      break;
+  }
+}
+
+void AuthorView::flyTo(const Eigen::Vector3d& place, StudioState& state) {
+  camera_.target = ((place - center_) / double(model_.diagonal)).cast<float>();
+  camera_.distance = std::min(camera_.distance, 0.6F);
+  const SurfacePoint at = source_->surface->nearest(place);
+  const Eigen::Vector3f n = normalAt(*source_, at).cast<float>();
+  if (n.norm() > 0) {
+    camera_.yaw = std::atan2(n.x(), n.z());
+    camera_.pitch = std::asin(std::clamp(n.y(), -0.95F, 0.95F));
+  }
+  state.picked = pointAt(at);
+}
+
+PickedPoint AuthorView::pointAt(const SurfacePoint& at) const {
+  return {at, normalAt(*source_, at), source_->visual[source_->surface->nearestCorner(at)].front()};
+}
+
+bool AuthorView::press(const Look& look, Document& document, StudioState& state) {
+  const bool loops = state.tool == Tool::paint && state.brush.shape == BrushShape::lasso;
+  if (hover_.triangle == kNoIndex && !loops) return false;
+  if (state.tool == Tool::pick) {
+    state.picked = pointAt(hover_);
+    return true;
+  }
+  if (state.tool != Tool::paint || document.isInConflict()) return false;
+  if (state.painted.empty()) {
+    document.say("give a mask a name first", true);
+    return false;
+  }
+  state.brush_milliseconds = 0;
+  paint_.begin(hover_, look, document, state);
+  return true;
 }
 
 void AuthorView::tintStroke() {
-  if (tints_.size() != source_->mesh.positions.size()) return;
-  for (const std::uint32_t p : brush_->changed()) {
-    for (const std::uint32_t v : source_->visual[p]) tints_[v] = heatColor(brush_->weights()[p]);
+  if (paint_.changed().empty() || tints_.size() != source_->mesh.positions.size()) return;
+  for (const std::uint32_t p : paint_.changed()) {
+    for (const std::uint32_t v : source_->visual[p]) tints_[v] = heatColor(paint_.weights()[p]);
   }
   tints_changed_ = true;
-}
-
-void AuthorView::endStroke(Document& document, StudioState& state) {
-  stroking_ = false;
-  const std::vector<double>& points = brush_->weights();
-  if (!brush_->hasChanged()) {
-    document.say("the stroke changes no vertex: it meets none that is not so already. A larger radius reaches more.");
-    return;
-  }
-  VisualWeights weights(source_->mesh.positions.size());
-  for (std::size_t v = 0; v < weights.size(); ++v) weights[v] = points[source_->mesh.welded[v]];
-  document.stroke(state.painted, stroke_, std::move(weights));
 }
 
 void AuthorView::updateTints(const Document& document, const StudioState& state) {
@@ -205,7 +243,7 @@ void AuthorView::updateTints(const Document& document, const StudioState& state)
                          shown.hidden,
                          shown.colors,
                          shown.show};
-  if (!stroking_ && tinted_ != wanted) {
+  if (!paint_.isStroking() && tinted_ != wanted) {
     tints_ = tintsOf(shown, *document.evaluated());
     tinted_ = wanted;
     tints_changed_ = true;
@@ -214,10 +252,10 @@ void AuthorView::updateTints(const Document& document, const StudioState& state)
 }
 
 // The brush's ring, the point, the ends of a muscle.
-Annotation AuthorView::marks(const ViewLayout& layout, const StudioState& state) const {
+Annotation AuthorView::marks(const ViewLayout& layout, const Document& document, const StudioState& state) const {
   Annotation marks;
   marks.line_width = 2 * layout.scale * layout.pixels_per_unit;
-  marks.hidden_opacity = 0.45F;
+  marks.hidden_opacity = 0.7F;
   const auto drawn = [&](const Eigen::Vector3d& p) { return Eigen::Vector3f((p - center_).cast<float>()); };
   const auto dot = [&](const Eigen::Vector3d& p, Rgba8 color) {
     marks.points.push_back(drawn(p));
@@ -235,8 +273,18 @@ Annotation AuthorView::marks(const ViewLayout& layout, const StudioState& state)
       marks.lines.push_back({first + i, first + (i + 1) % kCorners, color});
     }
   };
-  if (state.tool == Tool::paint && hover_.triangle != kNoIndex) {
-    const Eigen::Vector3d normal = normalAt(*source_, hover_);
+  const auto path = [&](std::span<const Eigen::Vector3d> points, bool closed, Rgba8 color) {
+    const auto first = std::uint32_t(marks.points.size());
+    const auto count = std::uint32_t(points.size());
+    for (const Eigen::Vector3d& p : points) marks.points.push_back(drawn(p));
+    for (std::uint32_t i = 0; i + (closed ? 0 : 1) < count; ++i)
+      marks.lines.push_back({first + i, first + (i + 1) % count, color});
+  };
+  if (!paint_.loop().empty()) path(paint_.loop(), true, kBrushColor);
+  const bool is_round = state.brush.shape != BrushShape::lasso;
+  if (state.tool == Tool::paint && is_round && hover_.triangle != kNoIndex) {
+    const bool flat = state.brush.shape == BrushShape::screen;
+    const Eigen::Vector3d normal = flat ? camera_.back().cast<double>() : normalAt(*source_, hover_);
     ring(hover_.position, normal, double(state.brush.radius), kBrushColor);
     ring(hover_.position, normal, double(state.brush.radius + state.brush.falloff), kFalloffColor);
     if (state.brush.symmetric && source_->plane) {
@@ -245,23 +293,29 @@ Annotation AuthorView::marks(const ViewLayout& layout, const StudioState& state)
       ring(image.position, normalAt(*source_, image), double(state.brush.radius), kFalloffColor);
     }
   }
-  if (state.tool == Tool::pick && state.picked) {
-    dot(state.picked->at.position, kPointColor);
-    if (state.pick_shape != 2) {
-      ring(state.picked->at.position, state.picked->normal, double(state.pick_radius), kPointColor);
-      ring(state.picked->at.position, state.picked->normal, double(state.pick_radius + state.pick_falloff),
-           kFalloffColor);
+  for (const Gizmo& gizmo : gizmos(document, state)) {
+    const Eigen::Vector3d middle = middleOf(gizmo);
+    const double radius = radiusOf(gizmo);
+    if (gizmo.pointer.empty() || gizmo.tail) dot(middle, kPointColor);
+    const bool flat = state.picked && gizmo.pointer.empty();
+    const Eigen::Vector3d normal = flat ? state.picked->normal : camera_.back().cast<double>();
+    ring(middle, normal, radius, kPointColor);
+    if (radius > 0) ring(middle, normal, radius + gizmo.value.value("falloff", 0.0), kFalloffColor);
+    for (const Handle& handle : handlesOf(gizmo, camera_.right().cast<double>(), pointerLength())) {
+      if (handle.kind == HandleKind::normal || handle.kind == HandleKind::fibre)
+        path(std::array{middle, handle.place}, false, gizmo.is_found ? kFalloffColor : kHandleColor);
+      dot(handle.place, kHandleColor);
     }
+    if (gizmo.value.contains("normal"))
+      ring(middle, handlesOf(gizmo, {}, 1).back().place - middle, pointerLength(), kFalloffColor);
   }
+  if (state.tool == Tool::pick && state.ruler_from && state.picked)
+    path(std::array{*state.ruler_from, state.picked->at.position}, false, kRulerColor);
   if (state.tool == Tool::pick) {
     if (state.muscle_from) dot(*state.muscle_from, kMuscleColor);
     if (state.muscle_to) dot(*state.muscle_to, kMuscleColor);
-    if (state.muscle_from && state.muscle_to) {
-      marks.points.push_back(drawn(*state.muscle_from));
-      marks.points.push_back(drawn(*state.muscle_to));
-      const auto last = std::uint32_t(marks.points.size() - 1);
-      marks.lines.push_back({last - 1, last, kMuscleColor});
-    }
+    if (state.muscle_from && state.muscle_to)
+      path(std::array{*state.muscle_from, *state.muscle_to}, false, kMuscleColor);
   }
   return marks;
 }
@@ -269,7 +323,7 @@ Annotation AuthorView::marks(const ViewLayout& layout, const StudioState& state)
 Renderer* AuthorView::draw(const ViewLayout& layout, const Document& document, const StudioState& state) {
   if (!renderer_) return nullptr;
   updateTints(document, state);
-  renderer_->setAnnotation(marks(layout, state));
+  renderer_->setAnnotation(marks(layout, document, state));
   DrawSettings settings;
   settings.tint = tints_.empty() ? 0 : kWeightsTint;
   settings.pinned = false;

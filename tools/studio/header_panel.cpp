@@ -4,7 +4,10 @@
 #include <imgui.h>
 
 #include <cstdio>
+#include <exception>
 #include <filesystem>
+
+#include "tools/studio/shortcuts.h"
 
 namespace sinew::tools {
 
@@ -19,9 +22,11 @@ void HeaderPanel::draw(Document& document, Widgets& widgets) {
   const auto history = document.editor().history();
   const std::size_t at = document.editor().position();
   if (widgets.button("Undo", quarter, at > 0)) document.undo();
-  if (at > 0 && ImGui::IsItemHovered()) ImGui::SetTooltip("%s   (Ctrl+Z)", history[at].c_str());
+  if (at > 0 && ImGui::IsItemHovered())
+    ImGui::SetTooltip("%s: %s", nameWithKeys(Command::undo).c_str(), history[at].c_str());
   ImGui::SameLine();
   if (widgets.button("Redo", quarter, at + 1 < history.size())) document.redo();
+  tip(Command::redo);
   ImGui::SameLine();
   const BakeJob::State state = document.bake().state();
   const bool running = state == BakeJob::State::running;
@@ -32,16 +37,8 @@ void HeaderPanel::draw(Document& document, Widgets& widgets) {
       document.bakeNow();
   }
   ImGui::SameLine();
-  if (widgets.button("Export", quarter, document.bake().asset() != nullptr)) {
-    const auto target = std::filesystem::path(file).replace_extension(".sinew");
-    try {
-      document.savePackage(target);
-      document.say("wrote " + target.string());
-    } catch (const std::exception& error) {
-      document.say(error.what(), true);
-    }
-  }
-  if (ImGui::IsItemHovered()) ImGui::SetTooltip("Writes the package beside the recipe");
+  if (widgets.button("Export", quarter, document.bake().asset() != nullptr)) exportPackage(document);
+  tip(Command::export_package);
   char text[128];
   if (running) {
     std::snprintf(text, sizeof text, "%s", document.bake().stage().c_str());
@@ -69,6 +66,16 @@ void HeaderPanel::draw(Document& document, Widgets& widgets) {
     ImGui::TextUnformatted(document.message().c_str());
     ImGui::PopTextWrapPos();
     ImGui::EndTooltip();
+  }
+}
+
+void HeaderPanel::exportPackage(Document& document) {
+  const auto target = std::filesystem::path(document.editor().file()).replace_extension(".sinew");
+  try {
+    document.savePackage(target);
+    document.say("wrote " + target.string());
+  } catch (const std::exception& error) {
+    document.say(error.what(), true);
   }
 }
 

@@ -11,6 +11,8 @@ namespace sinew::tools {
 class HeaderPanel {
  public:
   void draw(Document& document, Widgets& widgets);
+  /// Writes the package beside the recipe; the document says so, or why not.
+  static void exportPackage(Document& document);
   /// Asks what is to become of a recipe that two programs have changed.
   static void drawConflict(Document& document, Widgets& widgets);
 };

@@ -5,6 +5,8 @@
 
 #include <cstdio>
 
+#include "tools/studio/paint_tool.h"
+
 namespace sinew::tools {
 
 void PaintPanel::draw(Document& document, StudioState& state, Widgets& widgets) {
@@ -35,6 +37,16 @@ void PaintPanel::draw(Document& document, StudioState& state, Widgets& widgets) 
   heading("Brush");
   const float half = ImGui::GetContentRegionAvail().x / 2;
   BrushSettings& brush = state.brush;
+  const auto shape = [&](const char* label, BrushShape which, const char* what) {
+    if (widgets.radio(label, brush.shape == which)) brush.shape = which;
+    if (ImGui::IsItemHovered()) ImGui::SetTooltip("%s", what);
+  };
+  shape("Surface", BrushShape::surface, "Radius and falloff are measured along the surface");
+  ImGui::SameLine(half * 0.75F);
+  shape("Screen", BrushShape::screen, "Radius and falloff are what is seen: no fold is in the way");
+  ImGui::SameLine(half * 1.4F);
+  shape("Lasso", BrushShape::lasso, "Drag a loop around what is to be painted");
+  ImGui::Separator();
   std::size_t column = 0;
   for (const auto& [label, mode] : {std::pair{"Paint", StrokeMode::paint},
                                     {"Erase", StrokeMode::erase},
@@ -45,10 +57,11 @@ void PaintPanel::draw(Document& document, StudioState& state, Widgets& widgets) 
     if (widgets.radio(label, brush.mode == mode)) brush.mode = mode;
   }
   ImGui::SameLine(half);
-  widgets.checkbox("Fill part", brush.fill);
+  widgets.checkbox("Fill part", brush.fill, brush.shape == BrushShape::surface);
   if (ImGui::IsItemHovered()) ImGui::SetTooltip("A click does all that is connected to the point.");
   const auto largest = float(source.mesh.diagonal);
-  widgets.slider("Radius", brush.radius, largest * 1e-3F, largest / 2, "%.4f m", true);
+  if (brush.shape != BrushShape::lasso)
+    widgets.slider("Radius", brush.radius, largest * 1e-3F, largest / 2, "%.4f m", true);
   widgets.slider("Falloff", brush.falloff, 0, largest / 2, "%.4f m", true);
   widgets.slider("Strength", brush.strength, 0, 1, "%.2f", false);
   widgets.checkbox("Symmetric", brush.symmetric, source.plane.has_value());
@@ -57,9 +70,32 @@ void PaintPanel::draw(Document& document, StudioState& state, Widgets& widgets) 
                                    : "No plane of symmetry was found");
   }
   widgets.checkbox("Front faces only", brush.front_only);
+  if (ImGui::IsItemHovered()) ImGui::SetTooltip("What turns away stays; of Screen and Lasso, what is hidden stays too");
   char text[64];
   std::snprintf(text, sizeof text, "Longest step of the last stroke: %.2f ms", state.brush_milliseconds);
   note(text);
+  if (!state.painted.empty()) edge(document, state, widgets);
+}
+
+// All of the mask, without a brush.
+void PaintPanel::edge(Document& document, StudioState& state, Widgets& widgets) {
+  heading("Edge of the mask");
+  const StudioSource& source = *document.evaluated()->source;
+  const auto largest = float(source.mesh.diagonal);
+  widgets.slider("By", state.brush.by, largest * 1e-3F, largest / 10, "%.4f m", true);
+  const float half = (ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ItemSpacing.x) / 2;
+  const bool there = document.recipe().mask(state.painted) != nullptr;
+  const auto move = [&](const char* label, StrokeMode mode) {
+    if (!widgets.button(label, half, there)) return;
+    Stroke stroke;
+    stroke.mode = mode;
+    stroke.radius = sevenDigits(double(state.brush.by));
+    stroke.falloff = sevenDigits(double(state.brush.falloff));
+    layStroke(document, state.painted, stroke);
+  };
+  move("Grow", StrokeMode::grow);
+  ImGui::SameLine();
+  move("Shrink", StrokeMode::shrink);
 }
 
 // What can be made of the mask.

@@ -15,6 +15,7 @@ class PaintPanel {
   void draw(Document& document, StudioState& state, Widgets& widgets);
 
  private:
+  static void edge(Document& document, StudioState& state, Widgets& widgets);
   static void make(Document& document, StudioState& state, Widgets& widgets);
   std::string new_name_;
 };

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 
 #include "tools/core/text.h"
@@ -56,6 +57,7 @@ void PickPanel::draw(Document& document, StudioState& state, Widgets& widgets) {
     note("Click a point of the surface.");
   } else {
     describe(document, *state.picked, widgets);
+    ruler(document, state, widgets);
     place(document, state, widgets);
   }
   muscle(document, state, widgets);
@@ -96,6 +98,26 @@ void PickPanel::describe(const Document& document, const PickedPoint& point, Wid
     say(kKinds[std::size_t(region.kind)], region.name + " " + rounded((*weights)[point.vertex], 2));
   }
   if (widgets.button("Copy")) ImGui::SetClipboardText(all.c_str());
+}
+
+void PickPanel::ruler(const Document& document, StudioState& state, Widgets& widgets) {
+  heading("Ruler");
+  const Eigen::Vector3d& at = state.picked->at.position;
+  const float half = (ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ItemSpacing.x) / 2;
+  if (widgets.button("Measure from here", half)) state.ruler_from = at;
+  ImGui::SameLine();
+  if (widgets.button("No ruler", half, state.ruler_from.has_value())) state.ruler_from.reset();
+  if (!state.ruler_from) return;
+  row("straight", lengthText((at - *state.ruler_from).norm()));
+  // Along the surface only where it has changed: it takes milliseconds.
+  if (ruler_ != std::pair(*state.ruler_from, at)) {
+    ruler_ = {*state.ruler_from, at};
+    const Surface& surface = *document.evaluated()->source->surface;
+    const SurfacePoint from = surface.nearest(*state.ruler_from);
+    const double along = surface.interpolate(state.picked->at, surface.distancesFrom({&from, 1}));
+    along_ = std::isfinite(along) ? lengthText(along) : "no way leads there";
+  }
+  row("on surface", along_);
 }
 
 void PickPanel::place(Document& document, StudioState& state, Widgets& widgets) {

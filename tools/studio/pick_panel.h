@@ -3,6 +3,10 @@
 // The tab of a point: what it is, and what can be made there.
 #pragma once
 
+#include <Eigen/Core>
+#include <string>
+#include <utility>
+
 #include "tools/studio/studio_state.h"
 #include "tools/studio/widgets.h"
 
@@ -14,8 +18,12 @@ class PickPanel {
 
  private:
   static void describe(const Document& document, const PickedPoint& point, Widgets& widgets);
+  void ruler(const Document& document, StudioState& state, Widgets& widgets);
   static void place(Document& document, StudioState& state, Widgets& widgets);
   static void muscle(Document& document, StudioState& state, Widgets& widgets);
+
+  std::pair<Eigen::Vector3d, Eigen::Vector3d> ruler_;  // its ends, that along_ was found for
+  std::string along_;
 };
 
 /// The selection that the panel makes at the point, as a recipe has it.

@@ -2,35 +2,74 @@
 #include "tools/studio/play_view.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
+#include <utility>
+#include <vector>
 
 namespace sinew::tools {
 namespace {
 
 constexpr Rgba8 kPickColor = {255, 140, 0, 255};
+constexpr Rgba8 kLockColor = {60, 190, 255, 255};
+constexpr Rgba8 kContactColor = {255, 60, 120, 255};
 
 }  // namespace
 
-Renderer& PlayView::draw(const ViewLayout& layout, const Shown& shown, Camera& camera, const Play& play) {
+Renderer& PlayView::draw(const ViewLayout& layout, const Shown& shown, Camera& camera, Play& play,
+                         const std::optional<std::array<Eigen::Vector3f, 2>>& knife) {
   if (!renderer_ || !play.shape().isLike(drawn_)) {
     drawn_ = play.shape();
     renderer_.reset();
     renderer_.emplace(modelOf(play.shape(), play.diagonal()));
   }
+  const auto start = std::chrono::steady_clock::now();
   showShape(*renderer_, play.shape());
+  const std::vector<std::array<float, 3>>& tints = colors_.update(shown.color, play);
+  renderer_->setTints(tints);
   Annotation annotation;
+  annotation.line_width = 2.5F * layout.scale * layout.pixels_per_unit;
+  annotation.hidden_opacity = 0.6F;
+  const auto dot = [&](const Eigen::Vector3f& at, Rgba8 color) {
+    annotation.points.push_back(at);
+    annotation.dots.push_back({std::uint32_t(annotation.points.size() - 1), color});
+  };
+  const auto line = [&](const Eigen::Vector3f& from, const Eigen::Vector3f& to, Rgba8 color) {
+    annotation.points.push_back(from);
+    annotation.points.push_back(to);
+    const auto last = std::uint32_t(annotation.points.size() - 1);
+    annotation.lines.push_back({last - 1, last, color});
+  };
   if (const auto& grabbed = play.grabbed()) {
-    annotation.points = {play.shape().positions[grabbed->vertex], grabbed->target};
-    annotation.lines = {{0, 1, kPickColor}};
-    annotation.dots = {{0, kPickColor}, {1, kPickColor}};
-    annotation.line_width = 2.5F * layout.scale * layout.pixels_per_unit;
-    annotation.hidden_opacity = 0.6F;
+    line(play.shape().positions[grabbed->vertex], grabbed->target, kPickColor);
+    dot(play.shape().positions[grabbed->vertex], kPickColor);
+    dot(grabbed->target, kPickColor);
+  }
+  for (const auto& [at, target] : lockedPicks(play)) {
+    line(at, target, kLockColor);
+    dot(target, kLockColor);
+  }
+  if (play.hand == HandTool::target) {
+    for (const Play::Target& target : play.targets()) {
+      line(target.pivot, target.at(), kLockColor);
+      dot(target.at(), kLockColor);
+    }
+  }
+  if (shown.contacts) {
+    for (const Eigen::Vector3f& at : contactsOf(play)) dot(at, kContactColor);
+  }
+  if (knife) {
+    const float far = camera.distance * play.diagonal();
+    const Eigen::Vector3f eye = camera.eye() * play.diagonal();
+    line(eye + far * (*knife)[0], eye + far * (*knife)[1], kPickColor);
   }
   renderer_->setAnnotation(annotation);
+  FrameTimes::add(play.times.colors, millisecondsSince(start));
   DrawSettings settings;
   settings.physical = shown.physical;
-  settings.clusters = shown.clusters;
+  settings.clusters = shown.clusters && tints.empty();
+  settings.tint = tints.empty() ? 0 : 1;
   settings.pinned = shown.pinned;
   settings.ground = play.scene().hasGround();
   settings.ground_height = play.scene().groundHeight() / play.diagonal();
@@ -51,8 +90,13 @@ Renderer& PlayView::draw(const ViewLayout& layout, const Shown& shown, Camera& c
   }
   camera.near_plane = std::max(camera.distance * 0.02F, 1e-3F);
   camera.far_plane = camera.distance + 40;
-  renderer_->draw(camera, settings, layout.width(), layout.height());
-  return *renderer_;
+  const auto drawing = std::chrono::steady_clock::now();
+  Renderer* section = shown.section.shown
+                          ? section_.draw(shown.section, play, camera, settings, layout.width(), layout.height())
+                          : nullptr;
+  if (section == nullptr) renderer_->draw(camera, settings, layout.width(), layout.height());
+  FrameTimes::add(play.times.draw, millisecondsSince(drawing));
+  return section != nullptr ? *section : *renderer_;
 }
 
 }  // namespace sinew::tools

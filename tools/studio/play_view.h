@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
+#include <array>
 #include <optional>
 
 #include "tools/render/renderer.h"
+#include "tools/studio/section_view.h"
 #include "tools/studio/view_input.h"
 
 namespace sinew::tools {
@@ -11,12 +14,17 @@ namespace sinew::tools {
 /// Draws the scene that is played.
 class PlayView {
  public:
-  /// Into the renderer's own target: present() what is returned.
-  Renderer& draw(const ViewLayout& layout, const Shown& shown, Camera& camera, const Play& play);
+  /// Into the renderer's own target: present() what is returned. \param knife the line of a cut, as rays from the eye
+  Renderer& draw(const ViewLayout& layout, const Shown& shown, Camera& camera, Play& play,
+                 const std::optional<std::array<Eigen::Vector3f, 2>>& knife);
+  /// Of the colours that the last draw() showed.
+  const PlayColors& colors() const { return colors_; }
 
  private:
   std::optional<Renderer> renderer_;
   Shape drawn_;  // by the renderer
+  PlayColors colors_;
+  SectionView section_;
 };
 
 }  // namespace sinew::tools

@@ -179,7 +179,7 @@ void RegionsPanel::material(Document& document, const std::string& cluster, Widg
     document.edit([&](RecipeEditor& editor) { editor.set("clusters." + cluster + ".mode", mode); });
   if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) stretch_hz_ = float(options.stretch_hz);
   widgets.slider("Stretch", stretch_hz_, 0.5F, 200, "%.1f Hz", true);
-  if (ImGui::IsItemDeactivatedAfterEdit()) {
+  if (widgets.wasLeft()) {
     const std::string value = exactText(sevenDigits(double(stretch_hz_)));
     document.edit([&](RecipeEditor& editor) { editor.set("clusters." + cluster + ".stretch_hz", value); });
   }

@@ -17,15 +17,16 @@ constexpr int kMostWait = 60 * 300;   // frames for a bake or an evaluation
 constexpr int kMostSearch = 60 * 10;  // for a control
 
 const std::vector<std::string>& eventKinds() {
-  static const std::vector<std::string> kinds = {"move", "click", "drag", "stroke", "wheel",
-                                                 "key",  "text",  "wait", "orbit",  "screenshot"};
+  static const std::vector<std::string> kinds = {"move", "click", "drag",  "stroke",     "wheel", "key",
+                                                 "text", "wait",  "orbit", "screenshot", "pull",  "drop"};
   return kinds;
 }
 
 const std::map<std::string, int>& keyNames() {
-  static const std::map<std::string, int> names = {
-      {"enter", GLFW_KEY_ENTER}, {"escape", GLFW_KEY_ESCAPE},  {"space", GLFW_KEY_SPACE},    {"tab", GLFW_KEY_TAB},
-      {"f1", GLFW_KEY_F1},       {"[", GLFW_KEY_LEFT_BRACKET}, {"]", GLFW_KEY_RIGHT_BRACKET}};
+  static const std::map<std::string, int> names = {{"enter", GLFW_KEY_ENTER},    {"escape", GLFW_KEY_ESCAPE},
+                                                   {"space", GLFW_KEY_SPACE},    {"tab", GLFW_KEY_TAB},
+                                                   {"f1", GLFW_KEY_F1},          {"f12", GLFW_KEY_F12},
+                                                   {"[", GLFW_KEY_LEFT_BRACKET}, {"]", GLFW_KEY_RIGHT_BRACKET}};
   return names;
 }
 
@@ -74,7 +75,7 @@ void Replay::check() const {
     }
     const std::string kind = event.begin().key();
     const Json& value = event.begin().value();
-    const bool names = kind == "text" || kind == "key" || kind == "drag" || kind == "screenshot";
+    const bool names = kind == "text" || kind == "key" || kind == "drag" || kind == "screenshot" || kind == "drop";
     if (names && !value.is_string()) text_.fail(place, kind + " wants a text", "Write the name of a control or key.");
     if (kind == "key" && !pressNamed(value.get<std::string>()))
       text_.fail(place, "there is no key " + value.dump(), "Write a letter, a digit, enter, escape, space, tab.");
@@ -82,7 +83,9 @@ void Replay::check() const {
       if (!value.is_array() || value.empty() || !std::all_of(value.begin(), value.end(), isPoint))
         text_.fail(place, "a stroke wants points", "Write [[x, y, z], ...], in metres on the source.");
     }
-    if ((kind == "click" || kind == "move") && !value.is_string() && !isPoint(value) &&
+    if (kind == "pull" && (!event.contains("by") || !event["by"].is_array() || event["by"].size() != 2))
+      text_.fail(place, "pull wants pixels `by`", R"(Write {"pull": "handle radius", "by": [40, 0]}.)");
+    if ((kind == "click" || kind == "move" || kind == "pull") && !value.is_string() && !isPoint(value) &&
         !(value.is_array() && value.size() == 2))
       text_.fail(place, kind + " wants a control, a pixel or a place", R"(Write "Paint", [600, 400] or [x, y, z].)");
     if ((kind == "drag") && (!event.contains("to") || !event["to"].is_number()))
@@ -128,7 +131,7 @@ bool Replay::begin(const Window& window) {
     if (box && box->scroll != 0) {
       // As a hand would: the wheel over the panel.
       if (++waited_ > kMostSearch) fail("'" + name + "' cannot be scrolled to", "Choose a larger window.");
-      steps_.emplace_back().move = Eigen::Vector2f(box->left + 20, ImGui::GetIO().DisplaySize.y - 30);
+      steps_.emplace_back().move = Eigen::Vector2f(box->wheel_x, box->wheel_y);
       steps_.emplace_back().wheel = box->scroll > 0 ? -1.0F : 1.0F;
       steps_.emplace_back().idle = 1;
       return std::nullopt;
@@ -160,6 +163,9 @@ bool Replay::begin(const Window& window) {
     steps_.emplace_back().idle = 1;
   } else if (kind == "wheel") {
     steps_.emplace_back().wheel = value.get<float>();
+  } else if (kind == "drop") {
+    window.keys.drop(value.get<std::string>());
+    steps_.emplace_back().idle = 2;
   } else if (kind == "screenshot") {
     window.screenshot(value.get<std::string>());
   } else if (kind == "orbit") {
@@ -206,6 +212,15 @@ bool Replay::begin(const Window& window) {
       at = *place;
     }
     glide(at, 2);
+    if (kind == "pull") {
+      const Eigen::Vector2f by(event["by"][0].get<float>(), event["by"][1].get<float>());
+      steps_.emplace_back().press = 0;
+      glide(at + by, 10);
+      steps_.emplace_back().idle = event.value("hold", 1);
+      if (event.contains("screenshot")) steps_.emplace_back().picture = event["screenshot"].get<std::string>();
+      steps_.emplace_back().release = 0;
+      steps_.emplace_back().idle = 2;
+    }
     if (kind == "click") {
       const int button = event.value("button", "left") == "right" ? 1 : 0;
       steps_.emplace_back().press = button;
@@ -231,6 +246,7 @@ void Replay::frame(const Window& window) {
     if (step.press >= 0) down_[std::size_t(step.press)] = true;
     if (step.release >= 0) down_[std::size_t(step.release)] = false;
     io.MouseWheel = step.wheel;
+    if (!step.picture.empty()) window.screenshot(step.picture);
     if (!step.text.empty()) io.AddInputCharactersUTF8(step.text.c_str());
     if (step.key) {
       window.keys.press(*step.key);

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "tools/author/json_text.h"
-#include "tools/studio/view_input.h"
+#include "tools/studio/keys.h"
 #include "tools/studio/widgets.h"
 
 namespace sinew::tools {
@@ -39,7 +39,7 @@ class Replay {
     std::optional<Eigen::Vector2f> move;
     int press = -1, release = -1;  // buttons
     float wheel = 0;
-    std::string text;
+    std::string text, picture;
     std::optional<Keys::Press> key;
     int idle = 0;  // frames
   };

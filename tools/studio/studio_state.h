@@ -12,6 +12,7 @@
 #include <string>
 
 #include "tools/author/strokes.h"
+#include "tools/studio/camera_mouse.h"
 #include "tools/studio/document.h"
 
 namespace sinew::tools {
@@ -32,12 +33,17 @@ struct Region {
 /// What the surface's colours say.
 enum class Show : std::uint8_t { model, selected, all, uncovered, several };
 
+/// Where the brush measures: along the surface, or as it is seen; a lasso is a loop around what is seen.
+enum class BrushShape : std::uint8_t { surface, screen, lasso };
+
 struct BrushSettings {
+  BrushShape shape = BrushShape::surface;
   float radius = 0, falloff = 0;  ///< m; 0 before the source is known
   float strength = 1;             ///< 0..1
   StrokeMode mode = StrokeMode::paint;
   bool fill = false;  ///< the whole connected part instead of the radius
   bool symmetric = false, front_only = true;
+  float by = 0;  ///< m, how far Grow and Shrink move the edge; 0 before the source is known
 };
 
 /// A place of the surface, at rest.
@@ -49,6 +55,7 @@ struct PickedPoint {
 
 struct StudioState {
   Tool tool = Tool::regions;
+  Navigation navigation = Navigation::usual;
   std::optional<Region> selected;
   std::optional<Region> solo;
   std::set<Region> hidden;
@@ -65,7 +72,8 @@ struct StudioState {
   float muscle_width = 0;
   bool muscle_mirror = true;
   std::string muscle_name;
-  std::optional<Eigen::Vector3d> fly_to;  ///< m, the camera goes there in the next frame
+  std::optional<Eigen::Vector3d> ruler_from;  ///< m
+  std::optional<Eigen::Vector3d> fly_to;      ///< m, the camera goes there in the next frame
 };
 
 /// The weights of a region by visual vertex; null where it is not evaluated.

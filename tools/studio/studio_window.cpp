@@ -8,35 +8,69 @@
 #include <epoxy/gl.h>
 #include <imgui.h>
 
+#include <algorithm>
+#include <array>
 #include <chrono>
+#include <filesystem>
 #include <thread>
 #include <utility>
+
+#include "tools/author/recipe_values.h"
+#include "tools/core/atomic_file.h"
+#include "tools/scene/scene_text.h"
+#include "tools/studio/scene_panel.h"
+#include "tools/studio/show_panel.h"
+#include "tools/studio/view_marks.h"
 
 namespace sinew::tools {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr float kViewPanel = 290, kStudioPanel = 384;  // at 100 % scale
+constexpr float kViewPanel = 320, kStudioPanel = 424;  // at 100 % scale
 constexpr std::uint32_t kScreenshotFrames = 60;
 constexpr std::uint32_t kAfterReplay = 4;
 constexpr std::uint32_t kReplayDrawn = 30;  // one frame of so many
 
 }  // namespace
 
-StudioWindow::StudioWindow(const std::shared_ptr<const Asset>& asset, Document* document, const StudioOptions& options)
-    : document_(document),
-      options_(options),
-      window_((document == nullptr ? "Sinew - " : "Sinew studio - ") + options.view.file),
+StudioWindow::StudioWindow(const Opened& opened, const StudioOptions& options)
+    : options_(options),
+      window_("Sinew"),
       keys_(window_.get()),
       gui_(window_.get(), window_.scale()),
       log_(options.view.state_log) {
   layout_.scale = window_.scale();
-  if (asset != nullptr) {
-    play_.emplace(asset, options_.view);
-    state_.tool = Tool::play;
-  }
+  state_.navigation = options.navigation;
+  take(opened);
   if (!options.replay.empty()) replay_.emplace(options.replay);
+}
+
+void StudioWindow::take(const Opened& opened) {
+  // What can fail comes first: what is open stays.
+  std::unique_ptr<Document> document;
+  std::optional<Play> play;
+  if (opened.asset == nullptr) document = std::make_unique<Document>(opened.file);
+  if (opened.asset != nullptr) {
+    ViewOptions view = options_.view;
+    view.file = opened.file;
+    view.scene = opened.scene;
+    play.emplace(opened.asset, view);
+  }
+  document_ = std::move(document);
+  play_.reset();
+  if (play) play_.emplace(std::move(*play));
+  file_ = opened.file;
+  const Navigation navigation = state_.navigation;
+  state_ = {};
+  state_.navigation = navigation;
+  if (document_ == nullptr) state_.tool = Tool::play;
+  play_input_.emplace();
+  play_view_.emplace();
+  author_view_.emplace();
+  bakes_taken_ = 0;
+  shown_ = {};
+  glfwSetWindowTitle(window_.get(), ((document_ == nullptr ? "Sinew - " : "Sinew studio - ") + file_).c_str());
 }
 
 void StudioWindow::run() {
@@ -58,10 +92,29 @@ void StudioWindow::run() {
     frame(elapsed);
     const bool last = isLast();
     if (last && !options_.view.screenshot.empty()) writeScreenshot(layout_, options_.view.screenshot);
-    if (!screenshot_.empty()) writeScreenshot(layout_, std::exchange(screenshot_, ""));
+    if (!screenshot_.empty()) screenshot(std::exchange(screenshot_, ""));
     glfwSwapBuffers(window_.get());
     if (last) break;
   }
+}
+
+void StudioWindow::say(const std::string& text, bool trouble) {
+  if (document_ != nullptr) document_->say(text, trouble);
+  if (document_ == nullptr && play_) play_->say(text);
+}
+
+void StudioWindow::screenshot(const std::string& png) {
+  try {
+    writeScreenshot(layout_, png);
+    if (!replay_) say("wrote " + png);
+  } catch (const std::exception& error) {
+    if (replay_) throw;
+    say(error.what(), true);
+  }
+}
+
+std::string StudioWindow::besideIt(const std::string& ending) const {
+  return std::filesystem::path(file_).replace_extension(ending).string();
 }
 
 bool StudioWindow::isLast() const {
@@ -76,15 +129,15 @@ void StudioWindow::replayFrame() {
   Replay::Window seen{widgets_,
                       keys_,
                       [this](const Eigen::Vector3d& place) -> std::optional<Eigen::Vector2f> {
-                        if (!author_view_.hasSource()) return std::nullopt;
-                        return author_view_.onScreen(layout_, place);
+                        if (!author_view_->hasSource()) return std::nullopt;
+                        return author_view_->onScreen(layout_, place);
                       },
                       true,
                       true,
                       false,
                       [this](const std::string& png) { screenshot_ = png; }};
   if (document_ != nullptr) {
-    seen.is_evaluated = document_->isCurrent() && author_view_.hasSource();
+    seen.is_evaluated = document_->isCurrent() && author_view_->hasSource();
     seen.is_baked = document_->isBaked() && bakes_taken_ == document_->bake().done();
     seen.bake_failed = document_->bake().state() == BakeJob::State::failed;
   }
@@ -101,29 +154,40 @@ void StudioWindow::frame(double elapsed) {
   if (replay_) replayFrame();
   widgets_.beginFrame();
   ImGui::NewFrame();
-  const std::vector<Keys::Press> pressed = keys_.take();
-  if (document_ == nullptr) {
-    view_panel_.draw(layout_, height_, frame_seconds_, widgets_, *play_, shown_);
-  } else {
-    shortcuts(pressed);
-    studioPanel();
-    HeaderPanel::drawConflict(*document_, widgets_);
-  }
+  const auto panels = Clock::now();
+  Commands commands = this->commands();
+  panel(commands);
+  if (document_ != nullptr) HeaderPanel::drawConflict(*document_, widgets_);
   help();
-  if (state_.tool == Tool::play) {
+  menus_.drawHelpPage(state_.navigation, widgets_);
+  dialog_.draw(widgets_);
+  if (play_) FrameTimes::add(play_->times.panels, millisecondsSince(panels));
+  for (const Command command : commands) run(command);
+  if (!isSource()) {
     if (play_) {
-      play_input_.frame(layout_, pressed, *play_, shown_);
+      play_input_->frame(layout_, state_.navigation, commands, *play_, shown_);
       play_->advance(replay_ ? 1.0 / 60 : elapsed);
     }
   } else {
-    author_view_.frame(layout_, pressed, *document_, state_);
+    author_view_->frame(layout_, commands, *document_, state_);
   }
+  if (isSource() && author_view_->hasSource()) {
+    drawViewMarks(layout_, author_view_->camera(), author_view_->metresPerUnit(), height_);
+    for (const Handle& handle : author_view_->handles()) {
+      const Eigen::Vector2f at = author_view_->onScreen(layout_, handle.place);
+      widgets_.place(handleName(handle.kind), at.x(), at.y());
+    }
+  } else if (!isSource() && play_) {
+    drawViewMarks(layout_, play_input_->camera(), double(play_->diagonal()), height_);
+  }
+  for (const std::string& file : keys_.takeDropped()) open(file);
   // Where there is no graphics card, drawing is all the time a replay takes: only what is to be seen is.
   const bool is_seen = !replay_ || frame_ % kReplayDrawn == 0 || !screenshot_.empty() || isLast();
   if (is_seen) draw();
   ImGui::Render();
   if (is_seen) ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
-  if (play_) log_.write(frame_, layout_, play_input_.camera(), *play_, shown_, bakes_taken_);
+  log_.say(frame_, document_ != nullptr ? document_->message() : play_->message());
+  if (play_) log_.write(frame_, layout_, play_input_->camera(), *play_, shown_, bakes_taken_);
 }
 
 // The newest body, which goes on where the one before is.
@@ -144,25 +208,111 @@ void StudioWindow::takeBake() {
   }
 }
 
-void StudioWindow::shortcuts(std::span<const Keys::Press> pressed) {
-  if (ImGui::GetIO().WantTextInput || author_view_.isStroking()) return;
+// What keys say; what is typed into a field is text.
+Commands StudioWindow::commands() {
+  Commands commands;
+  const std::vector<Keys::Press> pressed = keys_.take();
+  if (ImGui::GetIO().WantTextInput || author_view_->isStroking()) return commands;
   for (const Keys::Press& press : pressed) {
-    if (!press.control) continue;
-    if (press.key == GLFW_KEY_Z) press.shift ? document_->redo() : document_->undo();
-    if (press.key == GLFW_KEY_Y) document_->redo();
-    if (press.key == GLFW_KEY_B) document_->bakeNow();
+    if (const auto command = commandOf(press, document_ != nullptr, isSource())) commands.push_back(*command);
+  }
+  return commands;
+}
+
+void StudioWindow::run(Command command) {
+  switch (command) {
+    case Command::open_file:
+      dialog_.open("Open a mesh, a recipe or a package", "Open", file_,
+                   [this](const std::string& file) { take(options_.open(file)); });
+      break;
+    case Command::save_scene:
+      saveScene();
+      break;
+    case Command::export_package:
+      HeaderPanel::exportPackage(*document_);
+      break;
+    case Command::screenshot:
+      screenshot_ = besideIt(".window.png");
+      break;
+    case Command::undo:
+      document_->undo();
+      break;
+    case Command::redo:
+      document_->redo();
+      break;
+    case Command::bake:
+      document_->bakeNow();
+      break;
+    case Command::stiffen:
+      stiffenRecipe();
+      break;
+    case Command::help:
+      menus_.toggleHelp();
+      break;
+    default:
+      break;  // of a view
   }
 }
 
-void StudioWindow::studioPanel() {
+void StudioWindow::open(const std::string& file) {
+  try {
+    take(options_.open(file));
+    say("opened " + file);
+  } catch (const std::exception& error) {
+    say(error.what(), true);
+  }
+}
+
+void StudioWindow::saveScene() {
+  if (!play_) {
+    say("there is no body yet whose pose could be saved", true);
+    return;
+  }
+  const auto save = [this](const std::string& file) {
+    requireWritable(file, {file_});
+    SceneTextOptions options;
+    options.picks = saves_picks_;
+    options.targets = play_->scriptTargets();
+    options.camera = sceneViewOf(play_input_->camera(), play_->package(), play_->scene().placement().position);
+    writeFileAtomically(file, sceneText(play_->scene(), options));
+    say("wrote " + file);
+  };
+  dialog_.open("Save what plays as a scene", "Save", besideIt(".scene.json"), save, [this](Widgets& widgets) {
+    widgets.checkbox("Locked pulls, not the channels alone", saves_picks_);
+    note("sinew view, render and simulate take it: --scene FILE.");
+  });
+}
+
+void StudioWindow::stiffenRecipe() {
+  const float factor = play_ ? play_->settings.stiffness : 1;
+  if (factor == 1) {
+    say("the slider Stiffness stands at 1: move it first, on the tab Scene");
+    return;
+  }
+  if (!document_->edit([&](RecipeEditor& editor) { stiffen(editor, sevenDigits(double(factor))); })) return;
+  play_->settings.stiffness = 1;
+}
+
+void StudioWindow::panel(Commands& commands) {
   beginPanel(layout_, height_);
-  header_panel_.draw(*document_, widgets_);
+  menus_.draw(document_ != nullptr, isSource(), widgets_, state_.navigation, commands);
+  if (document_ != nullptr) {
+    header_panel_.draw(*document_, widgets_);
+  } else {
+    const formats::PackageView& package = play_->package();
+    const std::string name(package.text(package.info().name));
+    ImGui::TextUnformatted(name.empty() ? file_.c_str() : name.c_str());
+  }
   tabs();
   ImGui::End();
 }
 
 void StudioWindow::tabs() {
-  if (!ImGui::BeginTabBar("##tabs")) return;
+  ImGui::PushStyleVar(ImGuiStyleVar_FramePadding,
+                      {ImGui::GetStyle().FramePadding.x * 0.6F, ImGui::GetStyle().FramePadding.y});
+  const bool bar = ImGui::BeginTabBar("##tabs");
+  ImGui::PopStyleVar();
+  if (!bar) return;
   const auto tab = [&](const char* label, Tool tool, const auto& content) {
     const bool open = ImGui::BeginTabItem(label);
     widgets_.mark(std::string("tab ") + label);
@@ -173,43 +323,68 @@ void StudioWindow::tabs() {
     ImGui::EndChild();
     ImGui::EndTabItem();
   };
-  tab("Regions", Tool::regions, [&] { regions_panel_.draw(*document_, state_, widgets_); });
-  tab("Paint", Tool::paint, [&] { paint_panel_.draw(*document_, state_, widgets_); });
-  tab("Pick", Tool::pick, [&] { pick_panel_.draw(*document_, state_, widgets_); });
-  tab("Scene", Tool::play, [&] {
-    const float width = static_cast<float>(layout_.panel) / layout_.pixels_per_unit;
+  if (document_ != nullptr) {
+    tab("Regions", Tool::regions, [&] { regions_panel_.draw(*document_, state_, widgets_); });
+    tab("Paint", Tool::paint, [&] { paint_panel_.draw(*document_, state_, widgets_); });
+    tab("Pick", Tool::pick, [&] { pick_panel_.draw(*document_, state_, widgets_); });
+  }
+  const auto played = [&](const auto& content) {
     if (play_)
-      ViewPanel::sceneControls(width, frame_seconds_, widgets_, *play_, shown_);
+      content();
     else
       note("There is no body yet: it is being baked.");
-  });
+  };
+  tab("Scene", Tool::play, [&] { played([&] { ScenePanel::draw(widgets_, *play_); }); });
+  tab("Show", Tool::play,
+      [&] { played([&] { ShowPanel::draw(frame_seconds_, play_view_->colors(), widgets_, *play_, shown_); }); });
   if (play_ && !play_->package().channels().empty())
-    tab("Channels", Tool::play, [&] { view_panel_.channels(widgets_, *play_); });
+    tab("Channels", Tool::play, [&] { channels_panel_.draw(widgets_, *play_); });
   ImGui::EndTabBar();
 }
 
 void StudioWindow::help() const {
-  if (state_.tool == Tool::play) {
-    drawViewHelp(layout_, width_, height_);
-    return;
+  const char* tool = "Look around";
+  switch (state_.tool) {
+    case Tool::paint:
+      tool = state_.brush.shape == BrushShape::lasso ? "Left: drag a loop around what is to be painted"
+                                                     : "Left on the surface: paint";
+      break;
+    case Tool::pick:
+      tool = "Left on the surface: a point";
+      break;
+    case Tool::play:
+      tool = !play_                            ? "The body is being baked"
+             : play_->hand == HandTool::push   ? "Left on the body: push it with a ball, the wheel moves it on"
+             : play_->hand == HandTool::cut    ? "Left: drag a line, it cuts along it"
+             : play_->hand == HandTool::target ? "Left on a target's dot: move it, the wheel turns it"
+                                               : "Left on the body: pull it";
+      break;
+    case Tool::regions:
+      break;
   }
-  const char* text = state_.tool == Tool::paint
-                         ? "Drag on the surface: paint.  Beside it, or right button: orbit.  Middle or Shift: pan.  "
-                           "Wheel: zoom.\n[ ]: radius   X: symmetric   F: fit   Ctrl+Z: undo   Ctrl+Shift+Z: redo"
-                     : state_.tool == Tool::pick
-                         ? "Click the surface: a point.  Beside it, or right button: orbit.  Middle or Shift: pan.  "
-                           "Wheel: zoom.\nF: fit   Ctrl+Z: undo   Ctrl+Shift+Z: redo   Ctrl+B: bake"
-                         : "Drag: orbit.  Middle or Shift: pan.  Wheel: zoom.\n"
-                           "F: fit   Ctrl+Z: undo   Ctrl+Shift+Z: redo   Ctrl+B: bake";
-  drawHelp(layout_, width_, height_, text);
+  std::string text = tool;
+  for (const auto& [what, how] : navigationHelp(state_.navigation).first(3))
+    text += std::string(".  ") + what + ": " + how;
+  text += ".\n";
+  // The rest is on the page of help.
+  constexpr std::array kUsual = {Command::play,      Command::step,    Command::step_back,
+                                 Command::restart,   Command::smaller, Command::larger,
+                                 Command::symmetric, Command::fit,     Command::help};
+  for (const Shortcut& shortcut : shortcuts()) {
+    const bool usual = std::find(kUsual.begin(), kUsual.end(), shortcut.command) != kUsual.end();
+    const bool brush = shortcut.place == Place::source && state_.tool != Tool::paint;
+    if (usual && !brush && isPossible(shortcut, document_ != nullptr, isSource()))
+      text += keysText(shortcut) + ": " + shortcut.name + "   ";
+  }
+  drawHelp(layout_, width_, height_, text.c_str());
 }
 
 void StudioWindow::draw() {
   Renderer* renderer = nullptr;
-  if (state_.tool == Tool::play) {
-    if (play_) renderer = &play_view_.draw(layout_, shown_, play_input_.camera(), *play_);
+  if (!isSource()) {
+    if (play_) renderer = &play_view_->draw(layout_, shown_, play_input_->camera(), *play_, play_input_->knife());
   } else {
-    renderer = author_view_.draw(layout_, *document_, state_);
+    renderer = author_view_->draw(layout_, *document_, state_);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glViewport(0, 0, layout_.framebuffer_width, layout_.framebuffer_height);

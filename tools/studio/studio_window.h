@@ -5,17 +5,21 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "tools/studio/author_view.h"
+#include "tools/studio/channels_panel.h"
 #include "tools/studio/document.h"
+#include "tools/studio/gui.h"
 #include "tools/studio/header_panel.h"
+#include "tools/studio/menus.h"
 #include "tools/studio/paint_panel.h"
+#include "tools/studio/path_dialog.h"
 #include "tools/studio/pick_panel.h"
 #include "tools/studio/play_view.h"
 #include "tools/studio/regions_panel.h"
 #include "tools/studio/replay.h"
 #include "tools/studio/view_log.h"
-#include "tools/studio/view_panel.h"
 #include "tools/studio/view_play.h"
 #include "tools/studio/view_window.h"
 #include "tools/studio/window.h"
@@ -24,24 +28,31 @@ namespace sinew::tools {
 
 class StudioWindow {
  public:
-  /// \param asset what is played; null: what the document bakes. \param document must outlive it; null: nothing is
-  /// edited. One of the two is given.
-  StudioWindow(const std::shared_ptr<const Asset>& asset, Document* document, const StudioOptions& options);
+  StudioWindow(const Opened& opened, const StudioOptions& options);
   /// Until it is closed, or as the options say. Throws ToolError.
   void run();
 
  private:
+  void take(const Opened& opened);
   void frame(double elapsed);
   void takeBake();
-  void shortcuts(std::span<const Keys::Press> pressed);
-  void studioPanel();
+  Commands commands();
+  void run(Command command);
+  void open(const std::string& file);
+  void panel(Commands& commands);
   void tabs();
+  void saveScene();
+  void stiffenRecipe();
+  void screenshot(const std::string& png);
   void help() const;
   void draw();
   void replayFrame();
   bool isLast() const;
+  bool isSource() const { return state_.tool != Tool::play; }
+  void say(const std::string& text, bool trouble = false);
+  /// A name beside what is open, with another ending.
+  std::string besideIt(const std::string& ending) const;
 
-  Document* document_;
   StudioOptions options_;
   Glfw glfw_;
   Window window_;
@@ -49,16 +60,20 @@ class StudioWindow {
   Keys keys_;  // before Dear ImGui's own callbacks
   Gui gui_;
   Widgets widgets_;
+  Menus menus_;
+  PathDialog dialog_;
+  bool saves_picks_ = true;
+  std::string file_;  // what is open, as the user named it
+  std::unique_ptr<Document> document_;
   std::optional<Play> play_;
-  ViewInput play_input_;
-  PlayView play_view_;
-  ViewPanel view_panel_;
+  std::optional<ViewInput> play_input_;
+  std::optional<PlayView> play_view_;
   Shown shown_;
   ViewLog log_;
   std::optional<Replay> replay_;
-  // Of a document.
   StudioState state_;
-  AuthorView author_view_;
+  std::optional<AuthorView> author_view_;
+  ChannelsPanel channels_panel_;
   HeaderPanel header_panel_;
   RegionsPanel regions_panel_;
   PaintPanel paint_panel_;

@@ -1,53 +1,34 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/studio/view_input.h"
 
-#define GLFW_INCLUDE_NONE  // epoxy declares OpenGL
-#include <GLFW/glfw3.h>
 #include <imgui.h>
-#include <algorithm>
+
+#include <Eigen/Geometry>
 
 #include <utility>
+#include <vector>
 
+#include "tools/render/front.h"
 #include "tools/studio/orbit.h"
 
 namespace sinew::tools {
+namespace {
 
-Keys::Keys(GLFWwindow* window) : window_(window) {
-  glfwSetWindowUserPointer(window, this);
-  // A tap shorter than a frame would be lost if keys were only looked at once a frame.
-  glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int mods) {
-    auto* keys = static_cast<Keys*>(glfwGetWindowUserPointer(from));
-    if (keys == nullptr || action == GLFW_RELEASE || (action == GLFW_REPEAT && key != GLFW_KEY_N)) return;
-    keys->press({key, (mods & GLFW_MOD_CONTROL) != 0, (mods & GLFW_MOD_SHIFT) != 0});
-  });
-}
-Keys::~Keys() { glfwSetWindowUserPointer(window_, nullptr); }
+constexpr float kBallRadius = 0.06F, kBallNotch = 0.02F;  // diagonals, and diagonals a notch of the wheel
+constexpr float kTargetReach = 0.02F;                     // of the distance to the eye
+constexpr float kTurnNotch = 0.1F;                        // rad
+constexpr float kShortestCut = 0.01F;                     // rad: what is shorter was a click
 
-Eigen::Vector3f mouseRay(const ViewLayout& layout, const Camera& camera) {
-  const ImVec2 mouse = ImGui::GetIO().MousePos;
-  return camera.ray(mouse.x * layout.pixels_per_unit - static_cast<float>(layout.panel),
-                    mouse.y * layout.pixels_per_unit, static_cast<float>(layout.width()),
-                    static_cast<float>(layout.height()));
+}  // namespace
+
+void ViewInput::frame(const ViewLayout& layout, Navigation navigation, const Commands& commands, Play& play,
+                      Shown& shown) {
+  for (const Command command : commands) run(command, layout, play, shown);
+  if (std::exchange(play.is_new, false)) fit(layout, play, ViewName::front, true);
+  mouse(layout, navigation, play);
 }
 
-void moveCamera(const ViewLayout& layout, CameraDrag drag, bool over_view, Camera& camera) {
-  const ImGuiIO& io = ImGui::GetIO();
-  if (drag == CameraDrag::orbit) {
-    orbitCamera(camera, io.MouseDelta.x / layout.scale, io.MouseDelta.y / layout.scale);
-  } else if (drag == CameraDrag::pan) {
-    panCamera(camera, io.MouseDelta.x * layout.pixels_per_unit, io.MouseDelta.y * layout.pixels_per_unit,
-              static_cast<float>(layout.height()));
-  }
-  if (over_view && io.MouseWheel != 0) zoomCamera(camera, io.MouseWheel);
-}
-
-void ViewInput::frame(const ViewLayout& layout, std::span<const Keys::Press> pressed, Play& play, Shown& shown) {
-  keys(layout, pressed, play, shown);
-  if (std::exchange(play.is_new, false)) fit(layout, play);
-  mouse(layout, play);
-}
-
-void ViewInput::fit(const ViewLayout& layout, const Play& play) {
+void ViewInput::fit(const ViewLayout& layout, const Play& play, ViewName view, bool as_scene) {
   std::vector<Eigen::Vector3f> points;
   for (const Eigen::Vector3f& p : std::span(play.shape().positions).first(play.shape().body_vertices)) {
     points.push_back(p / play.diagonal());
@@ -55,79 +36,155 @@ void ViewInput::fit(const ViewLayout& layout, const Play& play) {
       points.emplace_back(p.x() / play.diagonal(), play.scene().groundHeight() / play.diagonal(),
                           p.z() / play.diagonal());
   }
-  camera_ = viewCamera(ViewName::three_quarter);
+  camera_ = viewCamera(view, frontYaw(play.package()));
   const SceneChoice& scene = play.scene().options().scene;
-  const bool framed = scene.script && scene.script->view && lookAsScene(camera_, *scene.script->view, play.package());
+  const bool framed =
+      as_scene && scene.script && scene.script->view && lookAsScene(camera_, *scene.script->view, play.package());
   if (!framed) fitCamera(camera_, points, layout.aspect(), 0.25F);
 }
 
-void ViewInput::keys(const ViewLayout& layout, std::span<const Keys::Press> pressed, Play& play, Shown& shown) {
-  for (const auto& [key, control, shift] : pressed) {
-    if (ImGui::GetIO().WantTextInput || control) continue;  // typed into a field, or a command
-    switch (key) {
-      case GLFW_KEY_SPACE:
-        play.playing = !play.playing;
-        break;
-      case GLFW_KEY_N:
-        play.stepPaused();
-        break;
-      case GLFW_KEY_R:
-        play.restart();
-        break;
-      case GLFW_KEY_F:
-        fit(layout, play);
-        break;
-      case GLFW_KEY_L:
-        play.lock();
-        break;
-      case GLFW_KEY_U:
-        play.releaseAll();
-        break;
-      case GLFW_KEY_P:
-        shown.physical = !shown.physical;
-        break;
-      case GLFW_KEY_C:
-        shown.clusters = !shown.clusters;
-        break;
-      default:
-        if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + std::min(9, static_cast<int>(sceneNames().size()))) {
-          play.start(static_cast<SceneKind>(key - GLFW_KEY_1));
-        }
-    }
+void ViewInput::run(Command command, const ViewLayout& layout, Play& play, Shown& shown) {
+  switch (command) {
+    case Command::play:
+      play.playing = !play.playing;
+      break;
+    case Command::step:
+      play.stepPaused();
+      break;
+    case Command::step_back:
+      play.stepBack();
+      break;
+    case Command::restart:
+      play.restart();
+      break;
+    case Command::fit:
+      fit(layout, play, ViewName::front, true);
+      break;
+    case Command::front:
+      fit(layout, play, ViewName::front, false);
+      break;
+    case Command::side:
+      fit(layout, play, ViewName::side, false);
+      break;
+    case Command::top:
+      fit(layout, play, ViewName::top, false);
+      break;
+    case Command::pull:
+      play.hand = HandTool::pull;
+      break;
+    case Command::push:
+      play.hand = HandTool::push;
+      break;
+    case Command::cut:
+      play.hand = HandTool::cut;
+      break;
+    case Command::target:
+      play.hand = HandTool::target;
+      break;
+    case Command::lock:
+      play.lock();
+      break;
+    case Command::let_go:
+      play.releaseAll();
+      break;
+    case Command::physical:
+      shown.physical = !shown.physical;
+      break;
+    case Command::clusters:
+      shown.clusters = !shown.clusters;
+      break;
+    case Command::contacts:
+      shown.contacts = !shown.contacts;
+      break;
+    case Command::section:
+      shown.section.shown = !shown.section.shown;
+      break;
+    default:
+      if (command >= Command::scene && command <= Command::scene_last)
+        play.start(static_cast<SceneKind>(int(command) - int(Command::scene)));
+      break;
   }
 }
 
-void ViewInput::mouse(const ViewLayout& layout, Play& play) {
+void ViewInput::mouse(const ViewLayout& layout, Navigation navigation, Play& play) {
   const ImGuiIO& io = ImGui::GetIO();
   const bool over_view = !io.WantCaptureMouse;
   const Eigen::Vector3f ray = mouseRay(layout, camera_);
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Left)) {
-    if (!grab(ray, play)) drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
-  }
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Right))
-    drag_ = io.KeyShift ? CameraDrag::pan : CameraDrag::orbit;
-  if (over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Middle)) drag_ = CameraDrag::pan;
+  const bool looks = mouse_.begin(navigation, over_view);
+  if (over_view && !looks && ImGui::IsMouseClicked(ImGuiMouseButton_Left) && !takeHold(ray, play)) mouse_.leaveLeft();
   const bool left = ImGui::IsMouseDown(ImGuiMouseButton_Left);
-  if (!left) play.release();
-  if (!left && !ImGui::IsMouseDown(ImGuiMouseButton_Right) && !ImGui::IsMouseDown(ImGuiMouseButton_Middle))
-    drag_ = CameraDrag::none;
-  if (play.grabbed()) {
-    play.moveGrab(play.grabbed()->start + dragOffset(camera_, grab_hit_, ray) * play.diagonal());
-  }
-  moveCamera(layout, play.grabbed() ? CameraDrag::none : drag_, over_view, camera_);
+  const bool holds = play.grabbed() || play.pushed() || knife_ || target_;
+  holdOn(ray, left, play);
+  mouse_.frame(layout, holds, over_view, camera_);
 }
 
-bool ViewInput::grab(const Eigen::Vector3f& ray, Play& play) {
-  if (play.regrab(camera_.eye() * play.diagonal(), ray)) {
+// What the button that went down does on the body. \return false: nothing, it is beside the body
+bool ViewInput::takeHold(const Eigen::Vector3f& ray, Play& play) {
+  if (play.hand == HandTool::cut) {
+    knife_ = {ray, ray};
+    return true;
+  }
+  if (play.hand == HandTool::target) return takeTarget(ray, play);
+  if (play.hand == HandTool::pull && play.regrab(camera_.eye() * play.diagonal(), ray)) {
     grab_hit_ = play.grabbed()->start / play.diagonal();
     return true;
   }
-  const auto triangles = play.package().visualTriangles();
-  const auto hit = hitTriangles(play.shape().positions, triangles, camera_.eye() * play.diagonal(), ray);
+  const auto hit = hitTriangles(std::span(play.shape().positions).first(play.shape().body_vertices), play.triangles(),
+                                camera_.eye() * play.diagonal(), ray);
   if (!hit) return false;
   grab_hit_ = hit->point / play.diagonal();
-  play.grab(hit->vertex);
+  if (play.hand == HandTool::push) {
+    // It begins in front of the surface; the wheel moves it on.
+    grab_hit_ += kBallRadius * camera_.back();
+    pushed_in_ = 0;
+    play.push(grab_hit_ * play.diagonal(), kBallRadius * play.diagonal());
+  } else {
+    play.grab(hit->vertex);
+  }
   return true;
+}
+
+bool ViewInput::takeTarget(const Eigen::Vector3f& ray, const Play& play) {
+  float nearest = kTargetReach;
+  for (std::size_t t = 0; t < play.targets().size(); ++t) {
+    const Eigen::Vector3f at = play.targets()[t].at() / play.diagonal();
+    const Eigen::Vector3f way = at - camera_.eye();
+    const float off = (way - way.dot(ray.normalized()) * ray.normalized()).norm() / camera_.distance;
+    if (!(off < nearest)) continue;
+    nearest = off;
+    target_ = t;
+    target_move_ = play.targets()[t].move;
+    grab_hit_ = at;
+  }
+  return target_.has_value();
+}
+
+void ViewInput::holdOn(const Eigen::Vector3f& ray, bool left, Play& play) {
+  if (!left) {
+    play.release();
+    play.endPush();
+    target_.reset();
+    if (knife_) {
+      const std::array<Eigen::Vector3f, 2> line = *std::exchange(knife_, std::nullopt);
+      const Eigen::Vector3f normal = line[0].cross(line[1]);
+      if (normal.norm() > kShortestCut) play.cut(camera_.eye() * play.diagonal(), normal.normalized());
+    }
+    return;
+  }
+  if (knife_) (*knife_)[1] = ray;
+  if (target_ && *target_ < play.targets().size()) {
+    // The wheel turns it about the line of sight.
+    const float turn = ImGui::GetIO().WantCaptureMouse ? 0 : ImGui::GetIO().MouseWheel * kTurnNotch;
+    const Eigen::Matrix3f turned =
+        Eigen::AngleAxisf(turn, camera_.back()).toRotationMatrix() * play.targets()[*target_].turn;
+    play.moveTarget(*target_, target_move_ + dragOffset(camera_, grab_hit_, ray) * play.diagonal(), turned);
+  }
+  if (play.grabbed()) play.moveGrab(play.grabbed()->start + dragOffset(camera_, grab_hit_, ray) * play.diagonal());
+  if (play.pushed()) {
+    if (!ImGui::GetIO().WantCaptureMouse) pushed_in_ += ImGui::GetIO().MouseWheel * kBallNotch;
+    const Eigen::Vector3f at = grab_hit_ + dragOffset(camera_, grab_hit_, ray) - pushed_in_ * camera_.back();
+    play.movePush(at * play.diagonal());
+  }
 }
 
 }  // namespace sinew::tools

@@ -4,76 +4,48 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
-#include <span>
-#include <utility>
-#include <vector>
+#include <optional>
 
 #include "tools/render/camera.h"
+#include "tools/studio/camera_mouse.h"
+#include "tools/studio/play_colors.h"
+#include "tools/studio/section_view.h"
+#include "tools/studio/shortcuts.h"
+#include "tools/studio/view_layout.h"
 #include "tools/studio/view_play.h"
-
-struct GLFWwindow;
 
 namespace sinew::tools {
 
-/// Where things are in the window; in pixels of the framebuffer, but where it says otherwise.
-struct ViewLayout {
-  float scale = 1;            ///< of text and panels
-  float pixels_per_unit = 1;  ///< of window coordinates
-  int framebuffer_width = 0, framebuffer_height = 0;
-  int panel = 0;  ///< width, at the left
-  int width() const { return framebuffer_width - panel; }
-  int height() const { return framebuffer_height; }
-  float aspect() const { return static_cast<float>(width()) / static_cast<float>(height()); }
-};
-
 /// What of the physics is drawn.
 struct Shown {
-  bool physical = false, clusters = false, pinned = true;
+  bool physical = false, clusters = false, pinned = true, contacts = false;
+  PlayColor color = PlayColor::model;
+  Section section;
 };
-
-/// Keys that went down since the last look.
-class Keys {
- public:
-  struct Press {
-    int key = 0;           ///< GLFW_KEY_...
-    bool control = false;  ///< held down with it
-    bool shift = false;
-  };
-  /// Must be called before Dear ImGui installs its own callbacks, which pass events on; and outlive the window's use.
-  explicit Keys(GLFWwindow* window);
-  ~Keys();
-  Keys(const Keys&) = delete;
-  Keys& operator=(const Keys&) = delete;
-  void press(const Press& key) { presses_.push_back(key); }
-  std::vector<Press> take() { return std::exchange(presses_, {}); }
-
- private:
-  GLFWwindow* window_;
-  std::vector<Press> presses_;
-};
-
-enum class CameraDrag : std::uint8_t { none, orbit, pan };
-/// Turns or moves a camera by the mouse's motion in this frame; the wheel zooms.
-void moveCamera(const ViewLayout& layout, CameraDrag drag, bool over_view, Camera& camera);
-/// The mouse in pixels of the drawn view, and its ray.
-Eigen::Vector3f mouseRay(const ViewLayout& layout, const Camera& camera);
 
 class ViewInput {
  public:
   /// Does what was pressed and moved since the last frame; fits the camera to a new scene.
-  void frame(const ViewLayout& layout, std::span<const Keys::Press> pressed, Play& play, Shown& shown);
+  void frame(const ViewLayout& layout, Navigation navigation, const Commands& commands, Play& play, Shown& shown);
   Camera& camera() { return camera_; }
+  /// Rays of the line along which is cut, from the eye; none: none is drawn.
+  const std::optional<std::array<Eigen::Vector3f, 2>>& knife() const { return knife_; }
 
  private:
-  void keys(const ViewLayout& layout, std::span<const Keys::Press> pressed, Play& play, Shown& shown);
-  void mouse(const ViewLayout& layout, Play& play);
-  bool grab(const Eigen::Vector3f& ray, Play& play);
-  void fit(const ViewLayout& layout, const Play& play);
+  void run(Command command, const ViewLayout& layout, Play& play, Shown& shown);
+  void mouse(const ViewLayout& layout, Navigation navigation, Play& play);
+  bool takeTarget(const Eigen::Vector3f& ray, const Play& play);
+  bool takeHold(const Eigen::Vector3f& ray, Play& play);
+  void holdOn(const Eigen::Vector3f& ray, bool left, Play& play);
+  void fit(const ViewLayout& layout, const Play& play, ViewName view, bool as_scene);
 
   Camera camera_;
-  CameraDrag drag_ = CameraDrag::none;
-  Eigen::Vector3f grab_hit_ = Eigen::Vector3f::Zero();  // drawing units
+  CameraMouse mouse_;
+  Eigen::Vector3f grab_hit_ = Eigen::Vector3f::Zero();     // drawing units
+  std::optional<std::size_t> target_;                      // that is held
+  Eigen::Vector3f target_move_ = Eigen::Vector3f::Zero();  // metres, when it was taken
+  float pushed_in_ = 0;                                    // drawing units, by the wheel
+  std::optional<std::array<Eigen::Vector3f, 2>> knife_;
 };
 
 }  // namespace sinew::tools

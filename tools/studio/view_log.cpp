@@ -2,6 +2,7 @@
 #include "tools/studio/view_log.h"
 
 #include <Eigen/Geometry>
+#include <nlohmann/json.hpp>
 
 #include "tools/core/error.h"
 
@@ -28,6 +29,13 @@ ViewLog::~ViewLog() {
   if (file_ != nullptr) std::fclose(file_);
 }
 
+void ViewLog::say(std::uint32_t frame, const std::string& message) {
+  if (file_ == nullptr || message == said_) return;
+  said_ = message;
+  std::fprintf(file_, "{\"frame\":%u,\"message\":%s}\n", frame, nlohmann::json(message).dump().c_str());
+  std::fflush(file_);
+}
+
 void ViewLog::write(std::uint32_t frame, const ViewLayout& layout, const Camera& camera, const Play& play,
                     const Shown& shown, std::uint32_t bakes) {
   if (file_ == nullptr) return;
@@ -45,7 +53,8 @@ void ViewLog::write(std::uint32_t frame, const ViewLayout& layout, const Camera&
     held_channels += play.scene().isHeld(c) ? 1U : 0U;
     inputs += static_cast<double>(play.scene().channelInputs()[c]);
   }
-  std::fprintf(file_, "\"bakes\":%u,", bakes);
+  std::fprintf(file_, "\"bakes\":%u,\"bodies\":%zu,\"moments\":%zu,\"moment\":%zu,\"locked\":%zu,", bakes,
+               play.scene().bodies().size(), play.timeline().size(), play.timeline().at(), lockedPicks(play).size());
   std::fprintf(file_, "\"held_channels\":%zu,\"inputs\":%.4f,", held_channels, inputs);
   std::fprintf(file_, "\"diagonal\":%.6g,\"camera\":{\"yaw\":%.5f,\"pitch\":%.5f,\"distance\":%.5f},",
                static_cast<double>(play.diagonal()), static_cast<double>(camera.yaw), static_cast<double>(camera.pitch),

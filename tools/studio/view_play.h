@@ -5,13 +5,18 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/render/picture.h"
 #include "tools/scene/scene.h"
+#include "tools/studio/timeline.h"
 #include "tools/studio/view_window.h"
 
 namespace sinew::tools {
@@ -22,14 +27,28 @@ struct PlaySettings {
   int iterations = 1;
   float damping = 0, deformation_damping = 0;  ///< as in WorldSettings
   float stiffness = 1;                         ///< BodySettings::stiffness_scale; taken when a scene starts
+  float speed = 1;                             ///< of time, 0.02..1
+};
+
+/// What the left button does on the body.
+enum class HandTool : std::uint8_t { pull, push, cut, target };
+
+/// Since a time of the steady clock.
+double millisecondsSince(std::chrono::steady_clock::time_point start);
+
+/// Where the time of a frame goes, ms, smoothed.
+struct FrameTimes {
+  double step = 0, surface = 0, colors = 0, draw = 0, panels = 0;
+  /// Takes one more value of a phase.
+  static void add(double& phase, double milliseconds) { phase += (milliseconds - phase) * 0.1; }
 };
 
 class Play {
  public:
   Play(std::shared_ptr<const Asset> asset, const ViewOptions& options);
 
-  /// Starts a scene, which lets the body go. Settings stay where it is the scene that runs; channels held by hand stay
-  /// always.
+  /// Starts a scene, which lets the body go. Where it cannot be played, message() says why, and the one before goes on.
+  /// Settings stay where it is the scene that runs; channels held by hand stay always.
   void start(const SceneChoice& scene);
   void restart() { start(SceneChoice(scene_->options().scene)); }
   /// Takes another bake of the body, which goes on where this one is: pose, velocity, scene, time, channels, what the
@@ -39,6 +58,10 @@ class Play {
   void applySettings();
   /// Steps once in the next advance, and plays no longer.
   void stepPaused();
+  /// Goes back, or forward again, to a moment that was; plays no longer. What the hand held then is let go.
+  void goTo(std::size_t moment);
+  void stepBack();
+  const Timeline& timeline() const { return timeline_; }
   /// \param elapsed s of real time
   void advance(double elapsed);
 
@@ -59,31 +82,77 @@ class Play {
   void releaseAll();
   const std::optional<Grab>& grabbed() const { return grabbed_; }
 
+  /// Pushes with a ball that follows movePush() until endPush(). \param center, radius metres
+  void push(const Eigen::Vector3f& center, float radius);
+  void movePush(const Eigen::Vector3f& center);
+  void endPush();
+  /// Where the ball is told to be, metres; nothing: there is none.
+  const std::optional<Eigen::Vector3f>& pushed() const { return pushed_; }
+
+  /// What pins follow, by the name of the recipe's target. Scenes from files move their own.
+  struct Target {
+    std::string name;
+    Eigen::Vector3f pivot;                               ///< middle of what it holds, at rest in the world, metres
+    Eigen::Vector3f move = Eigen::Vector3f::Zero();      ///< metres
+    Eigen::Matrix3f turn = Eigen::Matrix3f::Identity();  ///< about the pivot
+    Eigen::Vector3f at() const { return pivot + move; }
+  };
+  const std::vector<Target>& targets() const { return targets_; }
+  /// Where they are, as a scene's file has it.
+  std::vector<SceneScript::Target> scriptTargets() const;
+  void moveTarget(std::size_t target, const Eigen::Vector3f& move, const Eigen::Matrix3f& turn);
+
+  /// Cuts what a plane meets. \return whether it could; else message() says why
+  bool cut(const Eigen::Vector3f& point, const Eigen::Vector3f& normal);
+  /// What could not be done last, or is to be known; empty: nothing.
+  const std::string& message() const { return message_; }
+  void say(const std::string& text) { message_ = text; }
+
   Scene& scene() { return *scene_; }
   const Scene& scene() const { return *scene_; }
   const Shape& shape() const { return shape_; }
+  /// Of all bodies, by the vertices of shape().
+  std::span<const std::array<std::uint32_t, 3>> triangles() const { return triangles_; }
   const formats::PackageView& package() const { return asset_->package(); }
   float diagonal() const { return package().info().diagonal; }
   const ViewOptions& options() const { return options_; }
-  double stepMilliseconds() const { return step_milliseconds_; }
   std::uint32_t steps() const { return steps_; }
 
   PlaySettings settings;
+  HandTool hand = HandTool::pull;
+  FrameTimes times;
   bool playing = true;
   bool is_new = true;  ///< another scene has started since whoever looks cleared this
 
  private:
+  void begin(const SceneChoice& scene);
   void stepOnce();
+  void remember();
+  void findTargets();
+  void capture();
 
   std::shared_ptr<const Asset> asset_;
   ViewOptions options_;
   std::optional<Scene> scene_;
   Shape shape_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;
+  std::vector<std::shared_ptr<const Asset>> triangles_of_;
   Vec3 base_gravity_{};
   std::optional<Grab> grabbed_;
+  ColliderId ball_;
+  std::optional<Eigen::Vector3f> pushed_;
+  std::vector<Target> targets_;
+  Timeline timeline_;
+  std::string message_;
   int single_steps_ = 0;
-  double owed_seconds_ = 0, step_milliseconds_ = 0;
+  double owed_seconds_ = 0;
   std::uint32_t steps_ = 0;
 };
+
+/// Vertices of the bodies that touch the ground or a collider, metres.
+std::vector<Eigen::Vector3f> contactsOf(const Play& play);
+
+/// Picks that stay where they were let go: where they hold, and where they pull to, metres.
+std::vector<std::pair<Eigen::Vector3f, Eigen::Vector3f>> lockedPicks(const Play& play);
 
 }  // namespace sinew::tools

@@ -23,19 +23,9 @@ void requireDisplay(const std::string& package) {
   throw ToolError(ExitCode::system, "", "there is no display to open a window on (DISPLAY is not set)", cure);
 }
 
-void runViewWindow(const std::shared_ptr<const Asset>& asset, const ViewOptions& options) {
-  if (asset->package().visualTriangles().empty()) {
-    throw ToolError(ExitCode::bad_input, options.file, "the package has no visual mesh to draw",
-                    "Bake it from a source with faces.");
-  }
-  requireDisplay(options.file);
-  StudioWindow(asset, nullptr, {options, ""}).run();
-}
-
-void runStudioWindow(const std::filesystem::path& recipe, const StudioOptions& options) {
-  requireDisplay(options.view.file);
-  Document document(recipe);
-  StudioWindow(nullptr, &document, options).run();
+void runStudioWindow(const Opened& opened, const StudioOptions& options) {
+  requireDisplay(opened.file);
+  StudioWindow(opened, options).run();
 }
 
 }  // namespace sinew::tools

@@ -2,11 +2,12 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 
 #include "tools/scene/scene.h"
+#include "tools/studio/camera_mouse.h"
 
 namespace sinew::tools {
 
@@ -20,20 +21,28 @@ struct ViewOptions {
   std::string state_log;     ///< a line of JSON each frame: what is grabbed, where it is, the camera; empty = none
 };
 
+/// A file that a window shows.
+struct Opened {
+  std::string file;                     ///< the package, or the recipe, as the user named it
+  std::shared_ptr<const Asset> asset;   ///< of a package; null: the file is a recipe
+  SceneChoice scene = SceneKind::drop;  ///< that a package plays
+};
+
 struct StudioOptions {
-  ViewOptions view;    ///< its `frames` count from the replay's end; `file` is the recipe
+  ViewOptions view;    ///< its `frames` count from the replay's end; `file` and `scene` are those of what is opened
   std::string replay;  ///< events instead of mouse and keyboard (replay.h); the window ends after them; empty = none
+  Navigation navigation = Navigation::usual;
+  /// Opens what is dropped on the window or chosen there: a package, a recipe, or a source, whose recipe is made where
+  /// there is none. Throws ToolError.
+  std::function<Opened(const std::string&)> open;
 };
 
 /// Throws ToolError(system) that names `sinew render` where there is no display to open a window on.
 void requireDisplay(const std::string& package);
 
-/// Opens the window of `sinew view` and returns when it is closed. Throws ToolError(system) where the window or
-/// OpenGL 3.3 cannot be had.
-void runViewWindow(const std::shared_ptr<const Asset>& asset, const ViewOptions& options);
-
-/// Opens the window of `sinew studio` on a recipe. Throws ToolError as runViewWindow(), and for what is wrong with the
-/// recipe or the replay.
-void runStudioWindow(const std::filesystem::path& recipe, const StudioOptions& options);
+/// Opens the window on a package, to be looked at, or on a recipe, and returns when it is closed. Throws
+/// ToolError(system) where the window or OpenGL 3.3 cannot be had, (bad_input) for what is wrong with the file or the
+/// replay.
+void runStudioWindow(const Opened& opened, const StudioOptions& options);
 
 }  // namespace sinew::tools

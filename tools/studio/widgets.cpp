@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <cstring>
 
 namespace sinew::tools {
@@ -13,6 +14,7 @@ namespace {
 constexpr std::size_t kMostText = 128;
 
 constexpr float kLabelWidth = 5.6F;  // of the text's size
+constexpr float kValueWidth = 5.4F;  // the same
 
 std::string shownName(const std::string& label) { return label.substr(0, label.find("##")); }
 std::string fullName(const std::string& label) {
@@ -38,7 +40,8 @@ void Widgets::mark(const std::string& name) {
   const float top = ImGui::GetWindowPos().y;
   const float bottom = top + ImGui::GetWindowSize().y;
   const int scroll = high.y > bottom ? 1 : low.y < top ? -1 : 0;
-  boxes_[fullName(name)] = {low.x, low.y, high.x, high.y, scroll};
+  const float lowest = std::min(bottom, ImGui::GetIO().DisplaySize.y);
+  boxes_[fullName(name)] = {low.x, low.y, high.x, high.y, scroll, ImGui::GetWindowPos().x + 20, lowest - 8};
 }
 
 std::optional<Widgets::Box> Widgets::find(const std::string& name) const {
@@ -77,9 +80,24 @@ bool Widgets::selectable(const std::string& label, bool selected) {
 bool Widgets::slider(const std::string& label, float& value, float low, float high, const char* format,
                      bool logarithmic) {
   const std::string id = beside(label);
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), format, double(value));
+  // The value stands beside the slider: on it the grab would cover it.
+  const float room = ImGui::GetFontSize() * kValueWidth;
+  ImGui::SetNextItemWidth(-room);
   const ImGuiSliderFlags flags = ImGuiSliderFlags_AlwaysClamp | (logarithmic ? ImGuiSliderFlags_Logarithmic : 0);
-  const bool changed = ImGui::SliderFloat(id.c_str(), &value, low, high, format, flags);
+  const bool changed = ImGui::SliderFloat(id.c_str(), &value, low, high, "", flags);
   mark(label);
+  was_left_ = ImGui::IsItemDeactivatedAfterEdit();
+  ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
+  ImGui::TextUnformatted(text.data());
+  return changed;
+}
+
+bool Widgets::whole(const std::string& label, int& value, int low, int high) {
+  auto real = float(value);
+  const bool changed = slider(label, real, float(low), float(high), "%.0f", false);
+  value = int(real + 0.5F);
   return changed;
 }
 

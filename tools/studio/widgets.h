@@ -15,13 +15,16 @@ class Widgets {
  public:
   struct Box {
     float left = 0, top = 0, right = 0, bottom = 0;  ///< window coordinates
-    int scroll = 0;  ///< 0: it can be seen; 1, -1: it is below, above of what its panel shows
+    int scroll = 0;                  ///< 0: it can be seen; 1, -1: it is below, above of what its panel shows
+    float wheel_x = 0, wheel_y = 0;  ///< a place where the wheel scrolls to it
   };
 
   /// Forgets those of the last frame.
   void beginFrame();
   /// Names the control that was drawn last.
   void mark(const std::string& name);
+  /// Names a place of the view, in window coordinates.
+  void place(const std::string& name, float x, float y) { boxes_[name] = {x, y, x, y, 0, x, y}; }
   std::optional<Box> find(const std::string& name) const;
 
   // Each draws a control that fills the width (or `width`) and is named by its label; of "Name##of the mask" only
@@ -30,14 +33,18 @@ class Widgets {
   bool checkbox(const std::string& label, bool& value, bool enabled = true);
   bool radio(const std::string& label, bool active);
   bool selectable(const std::string& label, bool selected);
-  /// Label beside the slider. \return whether it has another value
+  /// Label at the left of the slider, its value at the right. \return whether it has another value
   bool slider(const std::string& label, float& value, float low, float high, const char* format, bool logarithmic);
+  bool whole(const std::string& label, int& value, int low, int high);
+  /// Whether the slider that was drawn last has just been let go with another value.
+  bool wasLeft() const { return was_left_; }
   /// Label beside the field. \return whether it was edited and left, by Return or a click elsewhere
   bool text(const std::string& label, std::string& value, const char* hint = "");
   bool combo(const std::string& label, std::string& value, std::span<const std::string> choices);
 
  private:
   std::map<std::string, Box> boxes_;
+  bool was_left_ = false;
 };
 
 /// A line above a group of controls.

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+//
+// What the window plays, without one: going back in time, cuts, pushes, colours, sections, scenes that are saved.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+
+#include "tests/support/box_package.h"
+#include "tools/scene/scene_text.h"
+#include "tools/studio/play_colors.h"
+#include "tools/studio/section_view.h"
+#include "tools/studio/timeline.h"
+#include "tools/studio/view_play.h"
+
+namespace sinew::tools {
+namespace {
+
+constexpr double kStep = 1.0 / 60;
+
+std::shared_ptr<const Asset> box() {
+  test::BoxOptions options;
+  options.size = {0.2, 0.1, 0.1};
+  options.clusters = {2, 1, 1};
+  return test::boxAsset(options);
+}
+
+Play playing(SceneKind scene) {
+  ViewOptions options;
+  options.scene = scene;
+  return Play(box(), options);
+}
+
+void run(Play& play, int steps) {
+  for (int s = 0; s < steps; ++s) {
+    play.stepPaused();
+    play.advance(0);
+  }
+}
+
+TEST(GoingBack, WhatFollowsIsTheSameBitForBit) {
+  Play play = playing(SceneKind::drop);
+  run(play, 30);
+  const std::size_t moment = play.timeline().at();
+  const std::vector<Eigen::Vector3f> then = play.shape().positions;
+  run(play, 25);
+  const std::vector<Eigen::Vector3f> later = play.shape().positions;
+  EXPECT_NE(then, later);
+  play.goTo(moment);
+  EXPECT_EQ(play.shape().positions, then);
+  EXPECT_NEAR(play.scene().time(), 30 * kStep, 1e-6);
+  run(play, 25);
+  EXPECT_EQ(play.shape().positions, later);
+  play.stepBack();
+  EXPECT_NEAR(play.scene().time(), 54 * kStep, 1e-6);
+  EXPECT_EQ(play.timeline().size(), 56U);
+  // What comes after a moment goes when another way is taken from there.
+  play.goTo(10);
+  run(play, 1);
+  EXPECT_EQ(play.timeline().size(), 12U);
+}
+
+TEST(GoingBack, TheHandThatHeldThenHoldsNoMore) {
+  Play play = playing(SceneKind::hang);
+  play.grab(0);
+  play.moveGrab(play.grabbed()->start + Eigen::Vector3f(0.1F, 0, 0));
+  run(play, 5);
+  const std::size_t held = play.timeline().at();
+  play.push({0, 0.5F, 0}, 0.01F);
+  run(play, 2);
+  const std::size_t pushed = play.timeline().at();
+  play.goTo(held);
+  EXPECT_FALSE(play.grabbed().has_value());
+  EXPECT_EQ(play.scene().world().picks(play.scene().body(), {}), 0U);
+  play.goTo(pushed);
+  EXPECT_FALSE(play.pushed().has_value());
+  EXPECT_TRUE(play.scene().solids().empty());
+}
+
+TEST(GoingBack, ACutIsTakenBackToo) {
+  Play play = playing(SceneKind::drop);
+  run(play, 3);
+  const std::size_t whole = play.timeline().at();
+  const auto middle = play.shape().physical.front();
+  ASSERT_TRUE(play.cut((middle + play.shape().physical.back()) / 2, Eigen::Vector3f::UnitX())) << play.message();
+  EXPECT_EQ(play.scene().bodies().size(), 2U);
+  run(play, 3);
+  const std::size_t parts = play.timeline().at();
+  play.goTo(whole);
+  EXPECT_EQ(play.scene().bodies().size(), 1U);
+  play.goTo(parts);
+  EXPECT_EQ(play.scene().bodies().size(), 2U);
+  run(play, 2);
+  EXPECT_FALSE(play.cut({100, 0, 0}, Eigen::Vector3f::UnitX()));
+  EXPECT_NE(play.message().find("cannot be cut"), std::string::npos);
+  EXPECT_EQ(play.scene().bodies().size(), 2U);
+}
+
+TEST(GoingBack, MemoryHasABoundAndTheNewestMomentsStay) {
+  SceneOptions options;
+  options.scene = SceneKind::rest;  // nothing touches: all moments are as large
+  Scene scene(box(), options);
+  const std::size_t each = scene.save().bytes();
+  Timeline timeline(10 * each + each / 2);
+  for (int s = 0; s < 50; ++s) {
+    scene.step();
+    timeline.add({scene.save(), {}, {}});
+    EXPECT_LE(timeline.bytes(), 10 * each + each / 2);
+  }
+  EXPECT_EQ(timeline.size(), 10U);
+  EXPECT_NEAR(timeline[timeline.size() - 1].state.time(), 50 * kStep, 1e-6);
+  EXPECT_NEAR(timeline[0].state.time(), 41 * kStep, 1e-6);
+}
+
+TEST(SlowMotion, TakesAsManyTimesTheTime) {
+  Play play = playing(SceneKind::drop);
+  play.settings.speed = 0.25F;
+  for (int frame = 0; frame < 40; ++frame) play.advance(kStep);
+  EXPECT_NEAR(play.scene().time(), 10 * kStep, 1.5 * kStep);
+}
+
+TEST(Scenes, OneThatCannotBePlayedLeavesTheOneBefore) {
+  Play play = playing(SceneKind::drop);
+  run(play, 3);
+  play.start(SceneKind::stack);  // the box has no distance grids
+  EXPECT_NE(play.message().find("distance grids"), std::string::npos);
+  EXPECT_EQ(play.scene().options().scene, SceneChoice(SceneKind::drop));
+  EXPECT_NEAR(play.scene().time(), 3 * kStep, 1e-6);
+}
+
+TEST(Hand, ABallPushesTheBodyAside) {
+  Play play = playing(SceneKind::rest);
+  const Eigen::Vector3f center =
+      Eigen::Map<const Eigen::Vector3f>(play.scene().world().motion(play.scene().body()).center.data());
+  play.push(center + Eigen::Vector3f(-0.2F, 0, 0), 0.03F);
+  for (int s = 0; s < 40; ++s) {
+    play.movePush(center + Eigen::Vector3f(-0.2F + 0.005F * float(s), 0, 0));
+    run(play, 1);
+  }
+  const Eigen::Vector3f now =
+      Eigen::Map<const Eigen::Vector3f>(play.scene().world().motion(play.scene().body()).center.data());
+  EXPECT_GT(now.x() - center.x(), 0.03F);
+  play.endPush();
+  EXPECT_TRUE(play.scene().solids().empty());
+}
+
+// A body put into a known shape.
+class Colors : public testing::Test {
+ protected:
+  void deform(const Eigen::Matrix3f& f) {
+    World& world = play.scene().world();
+    std::vector<Vec3> positions(world.positions(play.scene().body()).begin(),
+                                world.positions(play.scene().body()).end());
+    for (Vec3& x : positions) Eigen::Map<Eigen::Vector3f>(x.data()) = f * Eigen::Vector3f(x.data());
+    world.setState(play.scene().body(), positions, {});
+    play.advance(0);
+  }
+  Play play = [] {
+    Play made = playing(SceneKind::rest);
+    made.playing = false;
+    return made;
+  }();
+  PlayColors colors;
+};
+
+TEST_F(Colors, StretchAndVolumeAreThoseOfTheDeformation) {
+  deform(Eigen::Vector3f(1.3F, 1, 1).asDiagonal());
+  colors.update(PlayColor::volume, play);
+  for (const float v : colors.values()) EXPECT_NEAR(v, 1.3F, 0.02F);
+  const auto& tints = colors.update(PlayColor::stretch, play);
+  EXPECT_EQ(tints.size(), play.shape().positions.size());
+  // Sides along x are stretched, the two ends are not; corners have some of both.
+  const auto [low, high] = std::minmax_element(colors.values().begin(), colors.values().end());
+  EXPECT_NEAR(*high, 1.3F, 0.03F);
+  EXPECT_GT(*low, 0.97F);
+  deform(Eigen::Vector3f(1, 1, 1).asDiagonal());
+  EXPECT_TRUE(colors.update(PlayColor::model, play).empty());
+}
+
+TEST_F(Colors, SpeedAndAttachmentErrorAreMeasured) {
+  World& world = play.scene().world();
+  world.setVelocity(play.scene().body(), {0, 0.5F, 0}, {0, 0, 0});
+  play.advance(0);
+  colors.update(PlayColor::speed, play);
+  for (const float v : colors.values()) EXPECT_NEAR(v, 0.5F, 1e-3F);
+  colors.update(PlayColor::attachment, play);
+  for (const float v : colors.values()) EXPECT_LT(v, 1e-3F * play.diagonal());
+}
+
+TEST(SectionFaces, CloseWhatIsShown) {
+  const auto asset = box();
+  for (const float at : {0.0F, 0.4F, 1.0F}) {
+    for (const bool flip : {false, true}) {
+      const auto faces = sectionFaces(asset->package(), {true, 0, at, flip});
+      // Closed: the area vectors sum to zero; and outward: the volume is positive, and both sides fill the box.
+      Eigen::Vector3d area = Eigen::Vector3d::Zero();
+      double volume = 0;
+      const auto vertex = [&](std::uint32_t v) {
+        const auto& x = asset->package().physicalVertices()[v].rest_position;
+        return Eigen::Vector3d(double(x[0]), double(x[1]), double(x[2]));
+      };
+      for (const auto& f : faces) {
+        const Eigen::Vector3d n = (vertex(f[1]) - vertex(f[0])).cross(vertex(f[2]) - vertex(f[0])) / 2;
+        area += n;
+        volume += n.dot(vertex(f[0])) / 3;
+      }
+      EXPECT_LT(area.norm(), 1e-8);
+      const auto others = sectionFaces(asset->package(), {true, 0, at, !flip});
+      if (at == 0.4F) {
+        EXPECT_GT(volume, 0.2 * 0.002);
+        EXPECT_LT(volume, 0.8 * 0.002);
+      } else {
+        EXPECT_NEAR(volume, faces.empty() ? 0 : 0.002, 1e-6);
+        EXPECT_NE(faces.empty(), others.empty());
+      }
+    }
+  }
+}
+
+class SavedScene : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder = std::filesystem::temp_directory_path() / ("sinew_saved_scene_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+  SceneScript readBack(const Scene& scene, const SceneTextOptions& options) const {
+    const std::string file = (folder / "pose.json").string();
+    std::ofstream(file) << sceneText(scene, options);
+    return SceneScript::read(file);
+  }
+  std::filesystem::path folder;
+};
+
+TEST_F(SavedScene, ALockedPullComesToTheSamePlace) {
+  Play play = playing(SceneKind::rest);
+  std::uint32_t corner = 0;
+  for (std::uint32_t v = 0; v < play.shape().body_vertices; ++v) {
+    if (play.shape().positions[v].sum() > play.shape().positions[corner].sum()) corner = v;
+  }
+  play.grab(corner);
+  play.moveGrab(play.grabbed()->start + Eigen::Vector3f(0.05F, 0.02F, -0.01F));
+  play.lock();
+  play.release();
+  run(play, 300);
+  const SceneScript script = readBack(play.scene(), {});
+  ASSERT_EQ(script.picks.size(), 1U);
+  EXPECT_TRUE(script.picks[0].lock);
+  EXPECT_NEAR(script.picks[0].keys.back().value[0], 0.05, 1e-4);
+  EXPECT_NEAR(script.picks[0].keys.back().value[1], 0.02, 1e-4);
+  EXPECT_TRUE(readBack(play.scene(), {.picks = false, .targets = {}, .camera = {}}).picks.empty());
+  // Played, the body hangs on the pull as it does here.
+  ViewOptions options;
+  options.scene = SceneKind::rest;
+  options.scene.script = std::make_shared<const SceneScript>(script);
+  Play again(play.shape().assets.front(), options);
+  run(again, 400);
+  const Eigen::Vector3f shift(play.scene().placement().position.data());
+  float largest = 0;
+  for (std::size_t v = 0; v < play.shape().body_vertices; ++v)
+    largest = std::max(largest, (again.shape().positions[v] + shift - play.shape().positions[v]).norm());
+  EXPECT_LT(largest, 0.05F * play.diagonal());
+}
+
+TEST_F(SavedScene, CameraAndTargetsReadBack) {
+  Play play = playing(SceneKind::rest);
+  SceneTextOptions options;
+  options.camera = SceneScript::View{0.5, -0.25, std::array{0.1, 0.2, 0.3}, 0.75};
+  SceneScript::Target target;
+  target.name = "jaw";
+  target.axis = {0, 1, 0};
+  target.point = {0.1, 0, 0};
+  target.keys = {{0, 0.5, {0, 0.01, 0}}};
+  options.targets = {target};
+  const SceneScript script = readBack(play.scene(), options);
+  ASSERT_TRUE(script.view.has_value());
+  EXPECT_NEAR(script.view->yaw, 0.5, 1e-6);
+  EXPECT_NEAR(script.view->pitch, -0.25, 1e-6);
+  EXPECT_NEAR((*script.view->at)[2], 0.3, 1e-6);
+  EXPECT_NEAR(script.view->height, 0.75, 1e-6);
+  ASSERT_EQ(script.targets.size(), 1U);
+  EXPECT_EQ(script.targets[0].name, "jaw");
+  EXPECT_NEAR(script.targets[0].keys.back().turn, 0.5, 1e-6);
+  EXPECT_NEAR(script.targets[0].keys.back().move[1], 0.01, 1e-6);
+}
+
+}  // namespace
+}  // namespace sinew::tools

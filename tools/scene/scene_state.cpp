@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tools/scene/scene_state.h"
+
+namespace sinew::tools {
+
+SceneState Scene::save() const {
+  SceneState state;
+  state.world_.resize(world_.snapshotBytes());
+  world_.saveSnapshot(state.world_);
+  state.bodies_ = bodies_;
+  state.assets_ = assets_;
+  state.next_cut_ = next_cut_;
+  state.next_impulse_ = next_impulse_;
+  state.hands_ = hands_;
+  state.solids_ = solids_;
+  state.script_solids_ = script_solids_;
+  state.pushers_ = pushers_;
+  state.held_points_ = held_points_;
+  state.time_ = time_;
+  state.steps_ = steps_;
+  state.pinned_ = pinned_;
+  state.inputs_ = inputs_;
+  return state;
+}
+
+bool Scene::restore(const SceneState& state) {
+  if (!world_.restoreSnapshot(state.world_, state.assets_)) return false;
+  bodies_ = state.bodies_;
+  assets_ = state.assets_;
+  next_cut_ = state.next_cut_;
+  next_impulse_ = state.next_impulse_;
+  hands_ = state.hands_;
+  solids_ = state.solids_;
+  script_solids_ = state.script_solids_;
+  pushers_ = state.pushers_;
+  held_points_ = state.held_points_;
+  time_ = state.time_;
+  steps_ = state.steps_;
+  pinned_ = state.pinned_;
+  inputs_ = state.inputs_;
+  return true;
+}
+
+}  // namespace sinew::tools
