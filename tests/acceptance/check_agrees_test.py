@@ -71,6 +71,8 @@ def value(draw, key, declared):
         return draw.choice(["auto", "m", "dm", "cm", "mm", "in", "ft", "1e-6", "1000", "1e9"])
     if key.endswith("up"):
         return draw.choice(["auto", "y", "z"])
+    if key.endswith("front"):
+        return draw.choice(["auto", "x", "-x", "y", "-y", "z", "-z"])
     if key.endswith("needs"):
         names = declared["pattern"].split("(")[2].split(")")[0].split("|")
         return draw.choice(["all", "none", ",".join(draw.sample(names, draw.randint(1, len(names))))])

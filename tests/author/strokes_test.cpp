@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// Brush strokes: what they do to weights, their file, their commands, and what a step costs on a large mesh.
+// Brush strokes: what they do to weights, their file, their commands.
 #include "tools/author/strokes.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <numbers>
@@ -25,14 +23,6 @@ namespace {
 
 using Eigen::Vector3d;
 namespace fs = std::filesystem;
-
-double cpuMilliseconds() { return 1e3 * double(std::clock()) / CLOCKS_PER_SEC; }
-
-// Times as much with sanitizers.
-double slowness() {
-  const char* text = std::getenv("SINEW_TEST_SLOWNESS");
-  return text != nullptr ? std::atof(text) : 1;
-}
 
 Stroke strokeOf(StrokeMode mode, double radius, double falloff, double strength = 1) {
   Stroke stroke;
@@ -192,50 +182,6 @@ TEST_F(Strokes, APathLeadsFromEndToEndAndIsHardlyLongerThanTheStraightOne) {
   double length = 0;
   for (std::size_t i = 1; i < path.size(); ++i) length += (path[i] - path[i - 1]).norm();
   EXPECT_LT(length, 1.15 * std::hypot(0.72, 0.51));
-}
-
-// The budget of a window that paints 400,000 triangles. On two busy cores of 2020: 2 ms and 0.004 ms.
-TEST(StrokesCost, AStepOnALargeMeshStaysBelow8MillisecondsAndARayBelowATenth) {
-  const VisualMesh mesh =
-      sheet(447, [](double u, double v) { return Vector3d(u, v, 0.05 * std::sin(9 * u) * std::cos(7 * v)); });
-  ASSERT_GT(mesh.triangles.size(), 399000U);
-  const Surface surface(mesh);
-  StrokeBrush brush(surface);
-  brush.begin(strokeOf(StrokeMode::paint, 0.05, 0.05), std::vector<double>(mesh.positions.size(), 0));
-  double largest = 0;
-  for (int i = 0; i < 40; ++i) {
-    const double start = cpuMilliseconds();
-    brush.add({0.2 + 0.015 * i, 0.5, 0});
-    brush.advance(4000);
-    largest = std::max(largest, cpuMilliseconds() - start);
-  }
-  RecordProperty("step_milliseconds", std::to_string(largest));
-  std::printf("largest step: %.2f ms\n", largest);
-  EXPECT_LT(largest, 8 * slowness());
-  Stroke seen = strokeOf(StrokeMode::paint, 0.05, 0.05);
-  seen.eye = Vector3d(0.5, 0.5, 3);
-  brush.begin(seen, std::vector<double>(mesh.positions.size(), 0));
-  double first = 0;
-  largest = 0;
-  for (int i = 0; i < 40; ++i) {
-    const double begin = cpuMilliseconds();
-    brush.add({0.2 + 0.015 * i, 0.5, 0});
-    brush.advance(3000);
-    (i == 0 ? first : largest) = std::max(i == 0 ? first : largest, cpuMilliseconds() - begin);
-  }
-  std::printf("on the screen: first step %.2f ms, then at most %.2f ms\n", first, largest);
-  EXPECT_LT(std::max(first, largest), 8 * slowness());
-  const double start = cpuMilliseconds();
-  constexpr int kRays = 20000;
-  std::size_t hits = 0;
-  for (int i = 0; i < kRays; ++i) {
-    const Vector3d direction = Vector3d(0.4 * std::sin(0.01 * i), 0.4 * std::cos(0.013 * i), -1).normalized();
-    hits += surface.along({0.5, 0.5, 1}, direction).triangle != kNoIndex ? 1U : 0U;
-  }
-  const double each = (cpuMilliseconds() - start) / kRays;
-  std::printf("a ray: %.4f ms\n", each);
-  EXPECT_EQ(hits, std::size_t(kRays));
-  EXPECT_LT(each, 0.1 * slowness());
 }
 
 // Two sheets, one above the other, both facing up: from above the upper one hides the lower.
