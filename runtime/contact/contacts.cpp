@@ -203,6 +203,7 @@ class Search {
       if (!collider.shape.isPlane()) low = std::min(low, gap_before + double(touched->depth));
     }
     contact.floor = float(std::min(0.0, low + kRecoverySpeed * step_.h * step_.diagonal));
+    const double pressed_in = std::max(0.0, double(contact.floor) - gap_before);
     const double coming = touched == nullptr && gap < 0 ? comingOf(candidate, collider, before, normal) : 0;
     contact.floor += bounceOf(collider, normal, coming, gap_before);
     contact.gap = float(gap - double(contact.floor));
@@ -210,9 +211,11 @@ class Search {
     const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal);
     double kappa = pointFirmness(double(step_.stiffness) * field_.young, double(field_.points[contact.point].area),
                                  weight, step_.diagonal);
+    const double damping = pointDamping(kappa, field_.mass, step_.damping_ratio);
     // But what could pass to the other side is stopped in the step in which it arrives.
     if (!collider.shape.isPlane() && coming > 0) {
-      kappa = std::max(kappa, field_.mass * coming / (step_.h * kFew * step_.diagonal * kPressedIn));
+      const double stops = field_.mass * coming / (step_.h * kFew * step_.diagonal * kPressedIn);
+      kappa = std::max(kappa, stops - damping / step_.h);
     }
     contact.kappa = float(kappa);
     Vector3d anchor = before;
@@ -223,6 +226,9 @@ class Search {
     }
     const Vector3d slide = at - collider.pose.toWorld(anchor);
     contact.slide = (slide - normal.dot(slide) * normal).cast<float>();
+    Vector3d slid = touched != nullptr ? Vector3d(collider.pose.rotation * (before - anchor)) : Vector3d::Zero();
+    slid -= (normal.dot(slid) + pressed_in) * normal;
+    damp(contact, damping, step_.h, slid.cast<float>());
     scratch_.contacts.push_back(contact);
   }
 
@@ -350,26 +356,28 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
     for (std::uint32_t j = 0; j < field.k; ++j) {
       moved += contact.phi[j] * Eigen::Map<const Eigen::Vector3f>(scratch.d.data() + 4 * j);
     }
-    const float rise = contact.normal.dot(moved), gap = contact.gap + rise;
-    if (!(gap < 0)) continue;
+    const float rise = contact.normal.dot(moved), lag = contact.normal.dot(contact.lag);
+    if (!(contact.gap + lag + rise < 0)) continue;
+    const float gap = std::min(0.0F, contact.gap + rise);
     const Collider& collider = *step.colliders[contact.collider];
     const Vector3d at = positionOf(field, contact.point, y, center) + moved.cast<double>();
     Vector3d slide = (contact.slide + (moved - rise * contact.normal)).cast<double>();
     // Friction holds at most its bound: beyond it the point it holds at comes along.
     const double length = slide.norm(), most = double(contact.friction) * -double(gap);
     if (length > most) slide *= most / length;
-    const Vector3d anchor = collider.pose.toLocal(at - slide);
+    const Vector3d anchor = collider.pose.toLocal(at - slide - (contact.lag - lag * contact.normal).cast<double>());
     const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
     // What bounces off has no floor any more, and where the collider gave way it is off by that.
     const float given_way = contact.give * contact.kappa * -gap;
     const float floor = std::min(0.0F, contact.floor) - given_way;
-    const float depth = std::max(0.0F, floor - (contact.floor + gap));
+    const float depth = std::max(0.0F, floor - (contact.floor + contact.gap + lag + rise));
     piece.state.touching.push_back({contact.point,
                                     collider.id,
                                     floor,
                                     depth,
                                     {anchor[0], anchor[1], anchor[2]},
                                     {normal[0], normal[1], normal[2]}});
+    if (!(gap < 0)) continue;  // damped, it springs back by itself
     if (touches.size() == first || touches.back().collider != collider.id) {
       const Vector3d none = Vector3d::Zero();
       touches.push_back({collider.id, none, none, none, 0});

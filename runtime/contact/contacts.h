@@ -19,11 +19,12 @@ inline constexpr std::uint32_t kMostContacts = 96;
 struct ContactStep {
   std::span<const Collider* const> colliders;  ///< ids ascending
   const BodySettings* body;
-  double h;          ///< s
-  double diagonal;   ///< of the package, m
-  Vector3d gravity;  ///< m/s^2
-  double weight;     ///< of the piece: its mass times gravity, N
-  float stiffness;   ///< factor on the moduli
+  double h;              ///< s
+  double diagonal;       ///< of the package, m
+  Vector3d gravity;      ///< m/s^2
+  double weight;         ///< of the piece: its mass times gravity, N
+  float stiffness;       ///< factor on the moduli
+  double damping_ratio;  ///< of contact points
 };
 
 /// Contact points that a plane may push, before the few that carry are chosen.

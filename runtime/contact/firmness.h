@@ -32,4 +32,10 @@ inline double pointFirmness(double young, double area, double weight, double dia
   return std::clamp(young * std::sqrt(area), shared / kSinking, shared / kResolved);
 }
 
+/// Dashpot beside the spring of a contact point, N s/m. \param ratio to that in which the mass on kFew of them comes to
+/// rest without swinging.
+inline double pointDamping(double kappa, double mass, double ratio) {
+  return 2 * ratio * std::sqrt(kappa * mass / kFew);
+}
+
 }  // namespace sinew::internal

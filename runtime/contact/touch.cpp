@@ -444,6 +444,8 @@ class TouchSearch {
       slide *= gap / (gap - gap_before);  // since it touched
     }
     t.slide = slide - t.normal.dot(slide) * t.normal;
+    touch.before = touch.held ? Vector3f(slide - (over - over_before)) : Vector3f(Vector3f::Zero());
+    touch.before -= (t.normal.dot(touch.before) + std::max(0.0F, t.floor - gap_before)) * t.normal;
     t.friction = std::sqrt(a_.friction * b_.friction);
     touch.memory = key;
     if (touched) touch.memory.depth = last->depth, touch.memory.kappa = last->kappa;
@@ -497,13 +499,15 @@ class TouchSearch {
 
 /// What comes so fast that it could pass through is stopped in the step: few points share its momentum within
 /// kPressedIn. What a stiffer spring stored already stays what it was.
-void stopInTime(const TouchingPiece& a, const TouchingPiece& b, double h, FoundTouch& found) {
-  const double mass = 1 / (1 / a.mass + 1 / b.mass), diagonal = std::min(a.diagonal, b.diagonal);
-  const double needed = mass * double(found.coming) / (h * kFew * diagonal * kPressedIn);
+/// \param c its dashpot, N s/m.
+void stopInTime(double mass, double diagonal, double h, double c, FoundTouch& found) {
+  const double needed = mass * double(found.coming) / (h * kFew * diagonal * kPressedIn) - c / h;
+  const float kappa_before = found.memory.kappa;
+  found.memory.kappa = found.touch.kappa;
   if (!(needed > double(found.touch.kappa))) return;
-  found.touch.kappa = float(needed);
-  if (!(found.memory.depth > 0) || !(found.memory.kappa < found.touch.kappa)) return;
-  const float less = found.memory.depth * (1 - std::sqrt(found.memory.kappa / found.touch.kappa));
+  found.touch.kappa = found.memory.kappa = float(needed);
+  if (!(found.memory.depth > 0) || !(kappa_before < found.touch.kappa)) return;
+  const float less = found.memory.depth * (1 - std::sqrt(kappa_before / found.touch.kappa));
   found.touch.floor -= less;
   found.touch.gap += less;
 }
@@ -526,7 +530,10 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
     touch.b = index_b;
     const double area = double(a.field->points[list.touches[i].memory.point].area);
     touch.kappa = float(1 / (1 / firmness(a, area) + 1 / firmness(b, area)));
-    stopInTime(a, b, h, list.touches[i]);
+    const double mass = 1 / (1 / a.mass + 1 / b.mass),
+                 c = pointDamping(double(touch.kappa), mass, double(a.damping_ratio));
+    stopInTime(mass, std::min(a.diagonal, b.diagonal), h, c, list.touches[i]);
+    damp(touch, c, h, list.touches[i].before);
   }
 }
 
@@ -538,15 +545,16 @@ TouchMemory rememberTouch(const FoundTouch& found, const TouchingPiece& a, const
   const float rise = touch.normal.dot(moved), gap = touch.gap + rise;
   Vector3f slide = touch.slide + (moved - rise * touch.normal);
   TouchMemory memory = found.memory;
+  const float lag = touch.normal.dot(touch.lag);
   memory.floor = touch.floor;
-  memory.depth = -gap;
-  memory.kappa = touch.kappa;
+  memory.depth = -gap - lag;
   // Friction holds at most its bound: beyond it the point it holds at comes along.
   const float length = slide.norm(), most = touch.friction * std::max(0.0F, -gap);
   if (found.held && length <= most) return memory;
   if (length > most) slide *= most / length;
   const Vector3f over = found.over + moved;
-  const Vector3f anchor = found.place + found.to_rest * (over - touch.normal.dot(over) * touch.normal - slide);
+  const Vector3f anchor = found.place + found.to_rest * (over - touch.normal.dot(over) * touch.normal - slide -
+                                                         (touch.lag - lag * touch.normal));
   memory.anchor = {anchor[0], anchor[1], anchor[2]};
   return memory;
 }

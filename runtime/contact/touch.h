@@ -28,7 +28,7 @@ struct TouchingPiece {
   double mass = 0;    ///< kg; infinite: it does not move
   double weight = 0;  ///< N, with at least kLeastGravity
   double diagonal = 0;
-  float stiffness = 1, friction = 0;
+  float stiffness = 1, friction = 0, damping_ratio = 0;
   std::span<float> points;  ///< x of all, y of all, z of all, relative to the centre
   /// Of what touches itself, else empty: room for one number a point, and for the normals of the bent surface there.
   std::span<std::uint64_t> order;
@@ -63,6 +63,7 @@ struct FoundTouch {
   bool entered;             ///< on its way in this step
   Eigen::Matrix3f to_rest;  ///< b's deformation there taken back
   Eigen::Vector3f place;    ///< rest place of b that it pushes at, metres
+  Eigen::Vector3f before;   ///< how far it was pressed in and slid before the step, m
   Eigen::Vector3f over;     ///< from there to a's point, at the prediction, metres
 };
 

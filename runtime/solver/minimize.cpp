@@ -170,6 +170,15 @@ PushForce pushForce(const Push& push) {
   return force;
 }
 
+void damp(Push& push, double c, double h, const Eigen::Vector3f& before) {
+  const double kappa = double(push.kappa) + c / h;
+  push.lag = float(c / (h * kappa)) * before;
+  push.kappa = float(kappa);
+  const float along = push.normal.dot(push.lag);
+  push.gap -= along;
+  push.slide -= push.lag - along * push.normal;
+}
+
 double Objective::external(const float* d, float* gradient) const {
   const std::uint32_t k = field->k;
   double total = 0;

@@ -22,7 +22,8 @@ struct Push {
   float gap;               ///< height above its floor at the prediction, m
   float floor;             ///< height that it is pushed to, m: see TouchingPoint
   Eigen::Vector3f slide;   ///< way across the normal from where friction holds it, at the prediction, m
-  float kappa;             ///< N/m
+  float kappa;             ///< N/m, damping included
+  Eigen::Vector3f lag;     ///< part of the way pressed in and slid before the step, which its damping pulls to, m
   float firm;              ///< the same in the matrix; 0 where it does not count
   float friction;          ///< Coulomb coefficient
   float pressed;           ///< N, that friction sees
@@ -36,6 +37,11 @@ struct PushForce {
 };
 /// At the way of the push; none above its floor.
 PushForce pushForce(const Push& push);
+
+/// Adds a dashpot beside the spring of a push (Kelvin, Voigt): kappa u + c du/dt, u how far it is pressed in and slid,
+/// is by implicit Euler (kappa + c / h) (u - lag), lag = c / (h kappa + c) u_before. \param c N s/m. \param before u
+/// before the step, m.
+void damp(Push& push, double c, double h, const Eigen::Vector3f& before);
 
 /// A point that a collider may push out over a plane. Its compliance is the local one that a field of few functions
 /// lacks: 1 / (E a).

@@ -179,6 +179,7 @@ TouchingPiece PieceStep::touchingPiece(std::span<float> before) const {
   result.stiffness = stiffness_;
   const float own = body_.settings.friction;
   result.friction = own >= 0 ? own : settings_.ground.friction;
+  result.damping_ratio = settings_.deformation_damping_ratio;
   return result;
 }
 
@@ -251,7 +252,10 @@ std::span<const Collider* const> PieceStep::nearby() const {
 
 ContactStep PieceStep::contactStep() const {
   const double diagonal = double(body_.package().info().diagonal);
-  return {nearby(), &body_.settings, h_, diagonal, gravity_, field_.mass * gravity_.norm(), stiffness_};
+  return {nearby(),   &body_.settings,
+          h_,         diagonal,
+          gravity_,   field_.mass * gravity_.norm(),
+          stiffness_, double(settings_.deformation_damping_ratio)};
 }
 
 void PieceStep::findMotion() {

@@ -152,6 +152,45 @@ TEST(Ground, ADropGainsNoEnergyAndComesToRest) {
   }
 }
 
+// A stiff cube on its corner: one point of firmness kappa and damping c = 2 zeta sqrt(kappa m / 8). By implicit Euler
+// changes of its height follow (1 + a + b) d(t + h) = (2 + b) d(t) - d(t - h), a = kappa h^2 / m and b = c h / m, where
+// 8 kappa / m = omega^2 = g / (2e-5 diagonals).
+TEST(Ground, ContactsAreDampedByTheInnerFriction) {
+  BoxOptions box;
+  box.stretch_hz = box.bend_hz = box.twist_hz = 10000;
+  const auto asset = boxAsset(box);
+  const double h = 1.0 / 2000, omega = std::sqrt(9.81 / (2e-5 * double(asset->package().info().diagonal)));
+  BodySettings place;
+  place.position = {0, float(std::sqrt(0.75)), 0};
+  const Eigen::Matrix3f turned =
+      Eigen::Quaternionf::FromTwoVectors(Eigen::Vector3f::Ones(), Eigen::Vector3f::UnitY()).toRotationMatrix();
+  for (int i = 0; i < 9; ++i) place.rotation[std::size_t(i)] = turned(i / 3, i % 3);
+  for (const float ratio : {0.0F, 0.25F, 1.0F}) {
+    WorldSettings settings = onGround();
+    settings.damping = settings.support_damping = 0;
+    settings.deformation_damping_ratio = ratio;
+    World world(settings);
+    const BodyId body = *world.addBody(asset, place);
+    std::vector<double> heights = {motionOf(world, body).center[1]};
+    for (int i = 0; i < 60; ++i) {
+      world.step(float(h));
+      heights.push_back(motionOf(world, body).center[1]);
+    }
+    // Least squares for the two coefficients.
+    Eigen::Matrix2d left = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d right = Eigen::Vector2d::Zero();
+    for (std::size_t i = 4; i < heights.size(); ++i) {
+      const Eigen::Vector2d known(heights[i - 1] - heights[i - 2], heights[i - 3] - heights[i - 2]);
+      left += known * known.transpose();
+      right += (heights[i] - heights[i - 1]) * known;
+    }
+    const Eigen::Vector2d found = left.ldlt().solve(right);
+    const double b = found[0] / found[1] - 2, a = 1 / found[1] - 1 - b;
+    EXPECT_NEAR(a, h * h * omega * omega / 8, 0.1 * a) << ratio;
+    EXPECT_NEAR(b, double(ratio) * h * omega / 4, 0.05 * h * omega / 4) << ratio;
+  }
+}
+
 TEST(Ground, WhatStartsInsideComesOutGently) {
   World world(onGround());
   BodySettings place;

@@ -72,8 +72,8 @@ struct WorldSettings {
   std::uint32_t iterations = 4;
   /// Rate at which all velocity decays, as in air: v *= exp(-damping h). 1/s, 0..1e4.
   float damping = 0.2F;
-  /// Inner friction: damping of all motion of a piece that is not rigid, as a ratio to critical damping. A swing keeps
-  /// exp(-2 pi ratio) of itself in a period. 0..1
+  /// Inner friction: damping of all motion of a piece that is not rigid, and of contacts, as a ratio to critical
+  /// damping. A swing keeps exp(-2 pi ratio) of itself in a period. 0..1
   float deformation_damping_ratio = 0.25F;
   /// Rate at which rotation decays of a piece that stands, hangs or leans, so that soft bodies do not roll or swing for
   /// ever. 1/s, 0..1e4.
