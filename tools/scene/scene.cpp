@@ -457,7 +457,7 @@ void Scene::reset() {
 
   // Damping is towards the rigid motion of all pin sets together: where sets move apart (jaw and skull, lids) it would
   // drag the skin between them along.
-  if (script_) world.deformation_damping_ratio = 0;
+  if (script_ && !script_->script.targets.empty()) world.deformation_damping_ratio = 0;
 
   BodySettings placement;
   placement.stiffness_scale = options_.stiffness_scale;
