@@ -4,8 +4,6 @@
 #include "tools/study/finite_elements.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstdio>
@@ -438,7 +436,6 @@ TEST(QuadraticElements, ATargetIsMetByStrongerForces) {
 // Random blocks between near points, against a dense factor.
 TEST(SparseCholesky, SolvesAsADenseFactorDoes) {
   BlockPattern pattern;
-  std::vector<Vector3d> places;
   std::vector<Matrix3d> blocks;
   Eigen::MatrixXd dense;
   const ElasticSolid box = boxSolid({6, 3, 3}, {2, 1, 1});
@@ -446,7 +443,6 @@ TEST(SparseCholesky, SolvesAsADenseFactorDoes) {
   dense.setZero(3 * count, 3 * count);
   double seed = 0;
   for (std::uint32_t c = 0; c < count; ++c) {
-    places.push_back(box.rest[c]);
     for (std::uint32_t r = c; r < count; ++r) {
       if ((box.rest[r] - box.rest[c]).norm() > 0.5) continue;
       Matrix3d block;
@@ -461,18 +457,14 @@ TEST(SparseCholesky, SolvesAsADenseFactorDoes) {
   }
   Eigen::MatrixXd right(3 * count, 2);
   for (double& number : right.reshaped()) number = std::sin(seed += 1.7);
-  SparseCholesky solver(pattern, places);
+  SparseCholesky solver(pattern);
   ASSERT_TRUE(solver.factorize(blocks));
-  EXPECT_LT(solver.entries(), std::size_t(dense.size()) / 2);
   const Eigen::MatrixXd found = solver.solve(right);
   EXPECT_LT((dense * found - right).cwiseAbs().maxCoeff(), 1e-12);
   // Another matrix of the pattern, which is not positive, and the first one again.
   std::vector<Matrix3d> other = blocks;
   other[pattern.first[count / 2]](1, 1) = -1;
   EXPECT_FALSE(solver.factorize(other));
-  ASSERT_TRUE(solver.factorize(blocks));
-  EXPECT_EQ(solver.solve(right), found);
-  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   ASSERT_TRUE(solver.factorize(blocks));
   EXPECT_EQ(solver.solve(right), found);
 }

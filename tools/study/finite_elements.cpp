@@ -220,13 +220,6 @@ class LoadedSolid {
     for (std::size_t v = 0; v < load_.forces.size(); ++v) sum += load_.forces[v].dot(x[v] - solid_.rest[v]);
     return sum;
   }
-  Vectors freePositions() const {
-    Vectors result;
-    for (std::size_t v = 0; v < solid_.rest.size(); ++v) {
-      if (number_[v] >= 0) result.push_back(solid_.rest[v]);
-    }
-    return result;
-  }
   void move(const VectorXd& by, double factor, Vectors& x) const {
     for (std::size_t v = 0; v < x.size(); ++v) {
       if (number_[v] >= 0) x[v] += factor * by.segment<3>(3 * number_[v]);
@@ -571,7 +564,7 @@ Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, cons
   result.positions = start.empty() ? solid.rest : start;
   Vectors& x = result.positions;
   const std::unique_ptr<LoadedSolid> loaded = loadedSolid(solid, load);
-  SparseCholesky solver(loaded->pattern(), loaded->freePositions());
+  SparseCholesky solver(loaded->pattern());
   const VectorXd pull = loaded->load();
   VectorXd elastic = loaded->forces(x);
   // Held nodes move first; the others follow by the derivative at the start.
@@ -658,7 +651,7 @@ double lowestFrequency(const ElasticSolid& solid, const std::vector<ElasticMater
   const ElasticLoad load{materials, {}};
   const std::unique_ptr<LoadedSolid> loaded = loadedSolid(solid, load);
   loaded->forces(solid.rest);
-  SparseCholesky solver(loaded->pattern(), loaded->freePositions());
+  SparseCholesky solver(loaded->pattern());
   solver.factorize(loaded->matrix(true));
   VectorXd mass(loaded->unknowns());
   for (std::size_t v = 0; v < masses.size(); ++v) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/CholmodSupport>
+#include <Eigen/SparseCore>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 namespace sinew::tools {
@@ -17,25 +17,21 @@ struct BlockPattern {
   std::size_t columns() const { return first.size() - 1; }
 };
 
-/// Cholesky factors of matrices of one pattern: multifrontal (Duff and Reid 1983), in an order by nested dissection
-/// (George 1973) along axes and distances in the mesh. With all threads; results do not depend on how many.
+/// Cholesky factors of matrices of one pattern, by CHOLMOD.
 class SparseCholesky {
  public:
-  /// \param positions of the columns' nodes, where cuts are made.
-  SparseCholesky(const BlockPattern& pattern, const std::vector<Eigen::Vector3d>& positions);
-  ~SparseCholesky();
+  explicit SparseCholesky(const BlockPattern& pattern);
 
   /// \param blocks one for each place of the pattern. \return whether the matrix is positive definite; where it is not,
   /// there is no factor.
   bool factorize(const std::vector<Eigen::Matrix3d>& blocks);
   /// The inverse times right-hand sides: 3 rows a column of the pattern. \pre factorize() said yes last
   Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
-  /// Numbers in the factor.
-  std::size_t entries() const;
 
  private:
-  class Tree;
-  std::unique_ptr<Tree> tree_;
+  Eigen::SparseMatrix<double> matrix_;  // the lower triangle
+  std::vector<std::size_t> source_;     // of its values: numbers in the blocks
+  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor_;
 };
 
 }  // namespace sinew::tools
