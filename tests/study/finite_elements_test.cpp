@@ -4,12 +4,13 @@
 #include "tools/study/finite_elements.h"
 
 #include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 #include "tools/study/packages.h"
+#include "tools/study/sparse_cholesky.h"
 
 namespace sinew::tools {
 namespace {
@@ -218,6 +219,254 @@ TEST(FiniteElements, ALongBarBentFarComesToOneRest) {
   }
   EXPECT_GT(furthest, 1.0);
   EXPECT_LT(apart, 1e-6);
+}
+
+// A distorted mesh between walls that are stretched and turned: every node goes with them.
+TEST(QuadraticElements, AUniformDeformationOfTheBoundaryFillsTheInside) {
+  ElasticSolid solid = boxSolid({4, 4, 4}, {1, 1, 1});
+  const Matrix3d map =
+      Eigen::AngleAxisd(1.2, Vector3d(1, 2, 3).normalized()).toRotationMatrix() * Vector3d(1.2, 0.9, 1.05).asDiagonal();
+  for (std::size_t v = 0; v < solid.rest.size(); ++v) {
+    Vector3d& x = solid.rest[v];
+    if (x.cwiseAbs().maxCoeff() > 0.499) {
+      solid.prescribed[v] = map * x;
+    } else {
+      x += 0.05 * Vector3d(std::sin(7.0 * double(v)), std::sin(11.0 * double(v)), std::sin(13.0 * double(v)));
+    }
+  }
+  double least = 0;
+  EXPECT_NEAR(volumeOf(solid, &least), 1, 1e-6);
+  ASSERT_GT(least, 0);
+  const ElasticSolid whole = quadratic(solid, nullptr);
+  const Equilibrium result = equilibrium(whole, ElasticLoad{{{1e5, 0.3}}, {}}, {}, 1e-10);
+  EXPECT_TRUE(result.stable);
+  std::size_t inside = 0;
+  for (std::size_t v = 0; v < whole.rest.size(); ++v) {
+    if (!whole.prescribed[v]) ++inside;
+    EXPECT_LT((result.positions[v] - map * whole.rest[v]).norm(), 1e-8);
+  }
+  EXPECT_GT(inside, 100U);
+}
+
+// Of a bent, sheared and turned solid; the second derivative is symmetric, too.
+TEST(QuadraticElements, DerivativesAreThoseOfDifferences) {
+  const ElasticSolid solid = [&] {
+    ElasticSolid box = boxSolid({1, 1, 1}, {1, 0.8, 1.1});
+    box.prescribed[0] = box.rest[0];
+    return quadratic(box, nullptr);
+  }();
+  ElasticLoad load{{{2.0, 0.3}}, std::vector<Vector3d>(solid.rest.size(), Vector3d(0.1, -0.2, 0.3))};
+  std::vector<Vector3d> x = solid.rest;
+  const Matrix3d turn = Eigen::AngleAxisd(2, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  for (std::size_t v = 0; v < x.size(); ++v) {
+    const auto i = double(v);
+    x[v] = turn * (x[v] + Vector3d(0.3 * x[v][1] * x[v][1], 0.4 * x[v][0], 0)) +
+           0.05 * Vector3d(std::sin(3 * i), std::sin(5 * i), std::sin(8 * i));
+  }
+  const ElasticState state = elasticState(solid, load, x);
+  EXPECT_LT((state.hessian - state.hessian.transpose()).cwiseAbs().maxCoeff(), 1e-14);
+  constexpr double kStep = 1e-5;
+  Eigen::Index column = 0;
+  for (std::size_t v = 0; v < x.size(); ++v) {
+    if (solid.prescribed[v]) continue;
+    for (int axis = 0; axis < 3; ++axis, ++column) {
+      std::vector<Vector3d> more = x, less = x;
+      more[v][axis] += kStep;
+      less[v][axis] -= kStep;
+      const ElasticState up = elasticState(solid, load, more), down = elasticState(solid, load, less);
+      EXPECT_NEAR((up.energy - down.energy) / (2 * kStep), state.gradient[v][axis], 1e-7);
+      Eigen::Index row = 0;
+      for (std::size_t w = 0; w < x.size(); ++w) {
+        if (solid.prescribed[w]) continue;
+        const Vector3d change = (up.gradient[w] - down.gradient[w]) / (2 * kStep);
+        EXPECT_LT((change - state.hessian.block<3, 1>(row, column)).norm(), 1e-6);
+        row += 3;
+      }
+    }
+  }
+}
+
+// Its answer, uniform across and quadratic along, is among its functions.
+TEST(QuadraticElements, AHungBoxIsLongerByItsWeight) {
+  ElasticSolid solid = boxSolid({2, 2, 2}, {1, 1, 1});
+  for (std::size_t v = 0; v < solid.rest.size(); ++v) {
+    if (solid.rest[v][1] > 0.499) solid.prescribed[v] = solid.rest[v];
+  }
+  std::vector<double> masses = nodalVolumes(solid);
+  for (double& m : masses) m *= 1000;
+  const ElasticSolid whole = quadratic(solid, nullptr);
+  const std::vector<double> weights = nodalMasses(whole, masses);
+  ElasticLoad load{{{1e9, 0}}, {}};
+  double sum = 0;
+  for (const double m : weights) {
+    sum += m;
+    load.forces.emplace_back(0, -9.81 * m, 0);
+  }
+  EXPECT_NEAR(sum, 1000, 1e-9);
+  EXPECT_LT(weights[0], 0);
+  const Equilibrium rest = equilibrium(whole, load, {}, 1e-12);
+  for (std::size_t v = 0; v < whole.rest.size(); ++v) {
+    const double below = 0.5 - whole.rest[v][1], longer = 9810 / 1e9 * (below - 0.5 * below * below);
+    EXPECT_NEAR(whole.rest[v][1] - rest.positions[v][1], longer, 1e-5 * longer + 1e-15);
+  }
+}
+
+// A density that is not uniform: the sum stays, and the moments of what is linear between vertices.
+TEST(QuadraticElements, WeightsAreIntegralsOfTheDensity) {
+  const ElasticSolid solid = boxSolid({1, 1, 1}, {1, 1, 1});
+  const ElasticSolid whole = quadratic(solid, nullptr);
+  const std::vector<double> volumes = nodalVolumes(solid);
+  std::vector<double> masses;
+  for (std::size_t v = 0; v < volumes.size(); ++v) masses.push_back(volumes[v] * (2 + solid.rest[v][0]));
+  const std::vector<double> weights = nodalMasses(whole, masses);
+  double sum = 0, first = 0, second = 0;
+  for (std::size_t v = 0; v < weights.size(); ++v) {
+    sum += weights[v];
+    first += weights[v] * whole.rest[v][0];
+    second += weights[v] * whole.rest[v][0] * whole.rest[v][0];
+  }
+  EXPECT_NEAR(sum, 2, 1e-7);  // of 2 + x over -1/2..1/2, times 1, x, x²
+  EXPECT_NEAR(first, 1.0 / 12, 1e-7);
+  EXPECT_NEAR(second, 2.0 / 12, 1e-7);
+}
+
+struct Bar {
+  ElasticSolid solid;
+  std::vector<double> masses;
+};
+
+// A clamped bar of a density of 1000 and a square section. \param across cells. \param along cells.
+Bar clampedBar(int along, int across, double length, double side) {
+  Bar bar{boxSolid({along, across, across}, {length, side, side}), {}};
+  for (std::size_t v = 0; v < bar.solid.rest.size(); ++v) {
+    if (bar.solid.rest[v][0] < -0.499 * length) bar.solid.prescribed[v] = bar.solid.rest[v];
+  }
+  bar.masses = nodalVolumes(bar.solid);
+  for (double& m : bar.masses) m *= 1000;
+  return bar;
+}
+
+// How far its end goes down. \param refinements into eight.
+double sagOf(Bar bar, int refinements, bool as_quadratic, double young, double gravity) {
+  for (int i = 0; i < refinements; ++i) {
+    bar.solid = refined(bar.solid, nullptr);
+    bar.masses = nodalVolumes(bar.solid);
+    for (double& m : bar.masses) m *= 1000;
+  }
+  const auto vertices = bar.solid.rest.size();
+  if (as_quadratic) bar.solid = quadratic(bar.solid, nullptr);
+  ElasticLoad load{{{young, 0}}, {}};
+  for (const double m : nodalMasses(bar.solid, bar.masses)) load.forces.emplace_back(0, -gravity * m, 0);
+  const Equilibrium rest = equilibrium(bar.solid, load, {}, 1e-9);
+  EXPECT_TRUE(rest.stable);
+  EXPECT_LT(rest.residual, 1e-9);
+  double end = -1e300, sag = 0, count = 0;
+  for (const Vector3d& x : bar.solid.rest) end = std::max(end, x[0]);
+  for (std::size_t v = 0; v < vertices; ++v) {
+    if (bar.solid.rest[v][0] < end - 1e-6) continue;
+    sag -= rest.positions[v][1] - bar.solid.rest[v][1];
+    ++count;
+  }
+  return sag / count;
+}
+
+// One or two cells through the thickness, where linear tetrahedra lock; nu 0, as above.
+TEST(QuadraticElements, ACoarseSlenderBeamSagsAsTimoshenkoSays) {
+  constexpr double kYoung = 1e9, kSide = 0.1, kGravity = 1;
+  const double area = kSide * kSide, inertia = area * area / 12, weight = 1000 * kGravity * area;
+  const double sag = weight / (8 * kYoung * inertia) + weight / (2 * 5.0 / 6 * (0.5 * kYoung) * area);
+  for (const int across : {1, 2}) {
+    const Bar bar = clampedBar(10 * across, across, 1, kSide);
+    const double linear = sagOf(bar, 0, false, kYoung, kGravity) / sag,
+                 whole = sagOf(bar, 0, true, kYoung, kGravity) / sag;
+    std::printf("%d across: linear %.4f, quadratic %.4f of Timoshenko's sag\n", across, linear, whole);
+    EXPECT_NEAR(whole, 1, 0.02);
+    EXPECT_LT(linear, across == 1 ? 0.5 : 0.8);
+  }
+}
+
+// Bent so far that its end hangs: one cell through the thickness against three times as fine.
+TEST(QuadraticElements, ACoarseBeamBentFarIsNearItsLimit) {
+  constexpr double kYoung = 2e6, kGravity = 20;
+  const double coarse = sagOf(clampedBar(10, 1, 1, 0.1), 0, true, kYoung, kGravity);
+  const double fine = sagOf(clampedBar(30, 3, 1, 0.1), 0, true, kYoung, kGravity);
+  const double linear = sagOf(clampedBar(10, 1, 1, 0.1), 0, false, kYoung, kGravity);
+  std::printf("bent far: linear %.4f, quadratic %.4f, finer %.4f m\n", linear, coarse, fine);
+  EXPECT_GT(fine, 0.5);
+  EXPECT_NEAR(coarse, fine, 0.01 * fine);
+  EXPECT_LT(linear, 0.8 * fine);
+}
+
+// Softer than linear tetrahedra cut into eight, and into eight again; those come towards it.
+TEST(QuadraticElements, LinearOnesCutIntoEightComeTowardsThem) {
+  const Bar bar = clampedBar(8, 2, 1, 0.25);
+  std::vector<double> linear, whole;
+  for (int level = 0; level < 3; ++level) linear.push_back(sagOf(bar, level, false, 1e6, 2));
+  for (int level = 0; level < 2; ++level) whole.push_back(sagOf(bar, level, true, 1e6, 2));
+  std::printf("linear, cut 0, 1, 2 times: %.5f %.5f %.5f; quadratic, 0, 1: %.5f %.5f m\n", linear[0], linear[1],
+              linear[2], whole[0], whole[1]);
+  EXPECT_LT(linear[0], linear[1]);
+  EXPECT_LT(linear[1], linear[2]);
+  EXPECT_GT(whole[0], linear[2]);
+  EXPECT_NEAR(whole[0], whole[1], 0.005 * whole[1]);
+}
+
+// Forces as strong as asked: what they do is what the same forces do by themselves.
+TEST(QuadraticElements, ATargetIsMetByStrongerForces) {
+  const Bar bar = clampedBar(8, 2, 1, 0.25);
+  const ElasticSolid solid = quadratic(bar.solid, nullptr);
+  ElasticLoad load{{{1e6, 0.3}}, {}};
+  for (const double m : nodalMasses(solid, bar.masses)) load.forces.emplace_back(0, -m, 0);
+  ElasticTarget target{{}, 0.2};
+  for (std::uint32_t v = 0; v < bar.solid.rest.size(); ++v) {
+    if (!solid.prescribed[v]) target.nodes.push_back(v);
+  }
+  const Equilibrium found = equilibrium(solid, load, {}, 1e-9, &target);
+  double square = 0;
+  for (const std::uint32_t v : target.nodes) square += (found.positions[v] - solid.rest[v]).squaredNorm();
+  EXPECT_NEAR(std::sqrt(square / double(target.nodes.size())), 0.2, 1e-6);
+  EXPECT_GT(found.strength, 1.5);
+  for (Vector3d& f : load.forces) f *= found.strength;
+  const Equilibrium again = equilibrium(solid, load, {}, 1e-9);
+  for (std::size_t v = 0; v < solid.rest.size(); ++v) {
+    EXPECT_LT((again.positions[v] - found.positions[v]).norm(), 1e-7);
+  }
+}
+
+// Random blocks between near points, against a dense factor.
+TEST(SparseCholesky, SolvesAsADenseFactorDoes) {
+  BlockPattern pattern;
+  std::vector<Matrix3d> blocks;
+  Eigen::MatrixXd dense;
+  const ElasticSolid box = boxSolid({6, 3, 3}, {2, 1, 1});
+  const auto count = std::uint32_t(box.rest.size());
+  dense.setZero(3 * count, 3 * count);
+  double seed = 0;
+  for (std::uint32_t c = 0; c < count; ++c) {
+    for (std::uint32_t r = c; r < count; ++r) {
+      if ((box.rest[r] - box.rest[c]).norm() > 0.5) continue;
+      Matrix3d block;
+      for (double& number : block.reshaped()) number = std::sin(seed += 1.7);
+      if (r == c) block = (block + block.transpose() + 60 * Matrix3d::Identity()).eval();
+      pattern.row.push_back(r);
+      blocks.push_back(block);
+      dense.block<3, 3>(3 * r, 3 * c) = block;
+      dense.block<3, 3>(3 * c, 3 * r) = block.transpose();
+    }
+    pattern.first.push_back(pattern.row.size());
+  }
+  Eigen::MatrixXd right(3 * count, 2);
+  for (double& number : right.reshaped()) number = std::sin(seed += 1.7);
+  SparseCholesky solver(pattern);
+  ASSERT_TRUE(solver.factorize(blocks));
+  const Eigen::MatrixXd found = solver.solve(right);
+  EXPECT_LT((dense * found - right).cwiseAbs().maxCoeff(), 1e-12);
+  // Another matrix of the pattern, which is not positive, and the first one again.
+  std::vector<Matrix3d> other = blocks;
+  other[pattern.first[count / 2]](1, 1) = -1;
+  EXPECT_FALSE(solver.factorize(other));
+  ASSERT_TRUE(solver.factorize(blocks));
+  EXPECT_EQ(solver.solve(right), found);
 }
 
 // Without forces it is what equilibrium() without a load finds.

@@ -307,10 +307,10 @@ void addAssets(CLI::App& study, int& exit_code) {
     bool json = false;
   };
   auto command = std::make_shared<Command>();
-  CLI::App* verb = study.add_subcommand(
-      "assets",
-      "Packages as they are, held and brought to rest, against finite elements on their own tetrahedra: how wrong, in "
-      "percent of the way (not moving = 100), how soon at rest, at what cost");
+  CLI::App* verb = study.add_subcommand("assets",
+                                        "Packages as they are, held and brought to rest, against quadratic finite "
+                                        "elements on their own tetrahedra: how wrong, in "
+                                        "percent of the way (not moving = 100), how soon at rest, at what cost");
   AssetsOptions& options = command->options;
   verb->add_option("packages", command->packages, "Packages to judge")->required();
   addSolverOption(*verb, command->solver);
@@ -330,8 +330,6 @@ void addAssets(CLI::App& study, int& exit_code) {
   verb->add_option("--poisson", command->poisson, "Poisson's ratio of the reference, in place of the package's own")
       ->check(CLI::Range(0.0, 0.499))
       ->check(finiteNumber());
-  verb->add_option("--refine", options.refinements, "How often the reference cuts every tetrahedron into eight (slow)")
-      ->check(CLI::Range(0, 2));
   verb->add_option("--rate", options.rate_hz, "Steps a second")->check(CLI::Range(1.0, 10000.0))->check(finiteNumber());
   verb->add_option("--seconds", options.seconds, "Simulated time at most")
       ->check(CLI::Range(0.1, 1000.0))
@@ -357,7 +355,7 @@ void addAssets(CLI::App& study, int& exit_code) {
     if (command->json) {
       std::cout << jsonText(assetsJson(rows, chosen));
     } else {
-      std::cout << assetsText(rows, chosen);
+      std::cout << assetsText(rows);
     }
     exit_code = int(ExitCode::done);
   });

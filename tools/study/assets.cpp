@@ -52,7 +52,7 @@ std::vector<HeldRegion> pinnedRegions(const formats::PackageView& package) {
 }
 
 // The doubt about a row, in a few words, for text and JSON.
-std::string noteOf(const AssetsRow& row, const AssetsOptions& options) {
+std::string noteOf(const AssetsRow& row) {
   std::string note;
   const auto add = [&](const std::string& text) { note += (note.empty() ? "" : "; ") + text; };
   if (!row.exists) return "nothing is held in this scene";
@@ -64,7 +64,7 @@ std::string noteOf(const AssetsRow& row, const AssetsOptions& options) {
   if (row.pieces_idle > 0) add(std::to_string(row.pieces_idle) + " pieces not held");
   if (row.held_in_part > 0) add(std::to_string(row.held_in_part) + " vertices held in part are free in the reference");
   if (!row.on_target) add("no gravity gives the displacement asked for");
-  if (!row.stable && options.refinements == 0) add("reference unstable");
+  if (!row.stable) add("reference unstable");
   if (row.residual > 1e-4) add("reference not converged");
   if (!row.finite) add("NOT FINITE");
   return note;
@@ -82,7 +82,7 @@ AssetsRow measureOne(const NamedAsset& asset, const PackageSolid& solid, const s
   for (const PieceMaterial& m : materials) elastic.push_back(m.material);
   ReferenceShape reference;
   if (!held.regions.empty()) {
-    reference = referenceShape(solid, elastic, held, options.refinements, target * solid.diagonal);
+    reference = referenceShape(solid, elastic, held, target * solid.diagonal);
   }
   row.exists = !reference.compared.empty();
   if (!row.exists) return row;
@@ -210,8 +210,7 @@ nlohmann::ordered_json assetsJson(const std::vector<AssetsRow>& rows, const Asse
   nlohmann::ordered_json json = {{"study", "assets"},
                                  {"rate_hz", options.rate_hz},
                                  {"seconds", options.seconds},
-                                 {"rest_speed", options.rest_speed},
-                                 {"refinements", options.refinements}};
+                                 {"rest_speed", options.rest_speed}};
   json["results"] = nlohmann::ordered_json::array();
   for (const AssetsRow& row : rows) {
     nlohmann::ordered_json one = {{"package", row.package}, {"scene", nameOf(row.scene)}, {"exists", row.exists}};
@@ -241,14 +240,14 @@ nlohmann::ordered_json assetsJson(const std::vector<AssetsRow>& rows, const Asse
       one["rms_speed"] = row.speed;
       one["microseconds_per_step"] = row.microseconds;
       one["finite"] = row.finite;
-      one["note"] = noteOf(row, options);
+      one["note"] = noteOf(row);
     }
     json["results"].push_back(std::move(one));
   }
   return json;
 }
 
-std::string assetsText(const std::vector<AssetsRow>& rows, const AssetsOptions& options) {
+std::string assetsText(const std::vector<AssetsRow>& rows) {
   std::size_t widest = 7;
   for (const AssetsRow& row : rows) widest = std::max(widest, row.package.size());
   const int width = int(widest);
@@ -258,7 +257,7 @@ std::string assetsText(const std::vector<AssetsRow>& rows, const AssetsOptions& 
                 "speed, 1/s", "us/step");
   std::string text = line.data();
   for (const AssetsRow& row : rows) {
-    const std::string note = noteOf(row, options);
+    const std::string note = noteOf(row);
     if (!row.exists) {
       std::snprintf(line.data(), line.size(), "%-*s  %-10s  %s\n", width, row.package.c_str(), nameOf(row.scene).data(),
                     note.c_str());

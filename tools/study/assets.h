@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// The judge of accuracy: packages as they are baked, held, loaded and brought to rest by the runtime, against finite
-// elements on their own tetrahedra.
+// The judge of accuracy: packages as they are baked, held, loaded and brought to rest by the runtime, against quadratic
+// finite elements on their own tetrahedra.
 #pragma once
 
 #include <cstdint>
@@ -55,7 +55,6 @@ struct AssetsOptions {
   std::vector<double> targets = {0.05, 0.01};
   std::optional<double> young;            ///< Pa: in place of the package's own
   std::optional<double> poisson;          ///< in place of the package's own, 0..0.499
-  std::uint32_t refinements = 0;          ///< how often the reference cuts every tetrahedron into eight, 0..2
   const SolverFactory* solver = nullptr;  ///< null: its fields
   double rate_hz = 60;                    ///< steps a second
   double seconds = 20;                    ///< simulated at most
@@ -96,6 +95,6 @@ std::vector<AssetsRow> measureAssets(const std::vector<NamedAsset>& assets, cons
                                      const std::function<void(double)>& progress);
 
 nlohmann::ordered_json assetsJson(const std::vector<AssetsRow>& rows, const AssetsOptions& options);
-std::string assetsText(const std::vector<AssetsRow>& rows, const AssetsOptions& options);
+std::string assetsText(const std::vector<AssetsRow>& rows);
 
 }  // namespace sinew::tools

@@ -259,7 +259,7 @@ BeamResult measureBeam(const BeamCase& one) {
   held.gravity = kEarth * down;
   const double target = one.body == BeamBody::neck ? kNeckTarget * solid.diagonal : 0;
   const ReferenceShape reference =
-      referenceShape(solid, std::vector<ElasticMaterial>(solid.pieces, result.material), held, 0, target);
+      referenceShape(solid, std::vector<ElasticMaterial>(solid.pieces, result.material), held, target);
   PlayOptions play;
   play.rate_hz = one.rate_hz;
   play.rest_speed = kRestSpeed * solid.diagonal;
@@ -323,7 +323,7 @@ SwingResult measureSwing(const SwingCase& one) {
   const Faces faces = facesOf(BeamBody::beam, solid);
   SwingResult result;
   result.given = one;
-  ElasticSolid elastic{solid.rest, solid.tetrahedra, {}};
+  ElasticSolid elastic{solid.rest, solid.tetrahedra, {}, {}};
   elastic.prescribed.resize(solid.rest.size());
   for (const std::uint32_t v : faces.held) elastic.prescribed[v] = solid.rest[v];
   result.elements_hz = lowestFrequency(elastic, {materialOf(asset->package(), BeamBody::beam, 0)}, solid.masses);

@@ -414,7 +414,7 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   result.name = name;
   result.seconds = scene.seconds;
   if (held.gravity.norm() > 0) {
-    const ReferenceShape rest = referenceShape(plan.solid, plan.materials, held, 0, options.target * study.diagonal);
+    const ReferenceShape rest = referenceShape(plan.solid, plan.materials, held, options.target * study.diagonal);
     scene.gravity = rest.gravity;
     result.gravity = rest.gravity.norm();
   }

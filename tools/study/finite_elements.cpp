@@ -2,14 +2,15 @@
 #include "tools/study/finite_elements.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/IterativeLinearSolvers>
 #include <Eigen/LU>
 #include <Eigen/SVD>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <unordered_map>
+
+#include "tools/study/sparse_cholesky.h"
 
 namespace sinew::tools {
 namespace {
@@ -158,239 +159,306 @@ Vectors solve(const Elasticity& elasticity, const std::vector<Matrix3d>& inverse
   return x;
 }
 
-using SparseMatrix = Eigen::SparseMatrix<double>;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Unknowns up to which a system is factorized; beyond, conjugate gradients are faster and need less memory.
-constexpr Eigen::Index kMostFactorized = 40000;
-constexpr double kGradientTolerance = 1e-8;
 constexpr int kMostHalvings = 40;
 constexpr int kMostInverse = 200;
-// Share of 2 mu that replaces negative eigenvalues of a tetrahedron.
+// Share of 2 mu that replaces negative eigenvalues of a point.
 constexpr double kLeastStiffness = 1e-8;
+// By which forces are made stronger or weaker at once, at most; how near to a target is near.
+constexpr double kMostStronger = 1.5;
+constexpr double kTargetTolerance = 1e-6;
 
-// Energy, forces and second derivative of a loaded solid, the latter as one matrix over the free vertices.
+// Gradients of shape functions at the points of quadrature, which have equal weight.
+template <std::size_t kNodes>
+struct Points {
+  static constexpr std::size_t kCount = kNodes == 4 ? 1 : 4;
+  using Gradients = Eigen::Matrix<double, 3, int(kNodes)>;
+
+  // \param linear of barycentric coordinates, 1/m
+  static Gradients gradients(const Eigen::Matrix<double, 3, 4>& linear, std::size_t point) {
+    if constexpr (kNodes == 4) {
+      return linear;
+    } else {
+      // Keast's rule of degree 2.
+      std::array<double, 4> at{};
+      for (std::size_t k = 0; k < 4; ++k) at[k] = k == point ? 0.58541019662496845 : 0.13819660112501052;
+      Gradients result;
+      for (std::size_t k = 0; k < 4; ++k) result.col(int(k)) = (4 * at[k] - 1) * linear.col(int(k));
+      for (std::size_t e = 0; e < 6; ++e) {
+        const auto [i, j] = kTetrahedronEdges[e];
+        result.col(int(4 + e)) = 4 * (at[i] * linear.col(int(j)) + at[j] * linear.col(int(i)));
+      }
+      return result;
+    }
+  }
+};
+
+// Energy, forces and second derivative of a loaded solid, the latter as one matrix over the free nodes.
 class LoadedSolid {
  public:
-  LoadedSolid(const ElasticSolid& solid, const ElasticLoad& load) : solid_(solid), load_(load) {
-    const std::size_t count = solid.tetrahedra.size();
-    gradients_.resize(count);
-    volume_.resize(count);
-    mu_.resize(count);
-    lambda_.resize(count);
-    states_.resize(count);
-    for (std::size_t t = 0; t < count; ++t) {
-      const Matrix3d e = edges(solid.rest, solid.tetrahedra[t]);
-      const Matrix3d inverse = e.inverse();
-      volume_[t] = e.determinant() / 6;
-      for (int k = 0; k < 3; ++k) gradients_[t].col(k + 1) = inverse.row(k).transpose();
-      gradients_[t].col(0) = -inverse.colwise().sum().transpose();
-      const ElasticMaterial& m = load.materials[load.materials.size() > 1 ? t : 0];
-      mu_[t] = 0.5 * m.young / (1 + m.poisson);
-      lambda_[t] = m.young * m.poisson / ((1 + m.poisson) * (1 - 2 * m.poisson));
-    }
-    number_.assign(solid.rest.size(), -1);
-    for (std::size_t v = 0; v < solid.rest.size(); ++v) {
-      if (!solid.prescribed[v]) number_[v] = free_++;
-    }
-    makePattern();
-  }
-
+  virtual ~LoadedSolid() = default;
   Eigen::Index unknowns() const { return 3 * Eigen::Index(free_); }
-  double energy(const Vectors& x) const {
-    double sum = 0;
-    for (std::size_t t = 0; t < volume_.size(); ++t) {
-      const Matrix3d f = deformation(t, x);
-      const Matrix3d s = rotationOf(f).transpose() * f;
-      const double trace = s.trace() - 3;
-      sum += volume_[t] * (mu_[t] * (s - Matrix3d::Identity()).squaredNorm() + 0.5 * lambda_[t] * trace * trace);
-    }
-    for (std::size_t v = 0; v < load_.forces.size(); ++v) sum -= load_.forces[v].dot(x[v] - solid_.rest[v]);
-    return sum;
-  }
-  // Minus the energy's gradient by free vertex; takes the state for matrix() and times().
-  VectorXd forces(const Vectors& x) {
+  // Of the elastic energy; the load's is work().
+  virtual double energy(const Vectors& x) const = 0;
+  // Minus its gradient by free node; takes the state for matrix() and times().
+  virtual VectorXd forces(const Vectors& x) = 0;
+  // Its second derivative. \param positive negative eigenvalues of points at 0.
+  virtual const std::vector<Matrix3d>& matrix(bool positive) = 0;
+  // The second derivative (positive) times a direction of all nodes, by free node.
+  virtual VectorXd times(const Vectors& direction) const = 0;
+
+  const BlockPattern& pattern() const { return pattern_; }
+  VectorXd load() const {
     VectorXd out = VectorXd::Zero(unknowns());
     for (std::size_t v = 0; v < load_.forces.size(); ++v) addTo(v, load_.forces[v], out);
-    for (std::size_t t = 0; t < volume_.size(); ++t) {
-      State& state = states_[t];
-      const Matrix3d f = deformation(t, x);
-      state.rotation = rotationOf(f);
-      const Matrix3d s = state.rotation.transpose() * f;
-      const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(0.5 * (s + s.transpose()));
-      state.stretch = eigen.eigenvalues();
-      const Matrix3d u = state.rotation * eigen.eigenvectors();
-      for (int k = 0; k < 3; ++k) {
-        // The three ways of turning, |Q| = 1: about each axis of the stretch.
-        const int i = (k + 1) % 3, j = (k + 2) % 3;
-        state.turns[std::size_t(k)] =
-            (u.col(j) * eigen.eigenvectors().col(i).transpose() - u.col(i) * eigen.eigenvectors().col(j).transpose()) /
-            std::numbers::sqrt2;
-      }
-      const Matrix3d stress =
-          2 * mu_[t] * (f - state.rotation) + lambda_[t] * (state.stretch.sum() - 3) * state.rotation;
-      for (int a = 0; a < 4; ++a) {
-        addTo(solid_.tetrahedra[t][std::size_t(a)], Vector3d(-volume_[t] * stress * gradients_[t].col(a)), out);
-      }
-    }
     return out;
   }
-  // The second derivative. \param positive negative eigenvalues of tetrahedra at 0.
-  const SparseMatrix& matrix(bool positive) {
-    std::fill(matrix_.valuePtr(), matrix_.valuePtr() + matrix_.nonZeros(), 0.0);
-    for (std::size_t t = 0; t < volume_.size(); ++t) {
-      const Blocks blocks = blocksOf(t, positive);
-      for (std::size_t a = 0; a < 4; ++a) {
-        for (std::size_t b = 0; b < 4; ++b) {
-          const Slot& slot = slots_[t][4 * a + b];
-          if (slot.first < 0) continue;
-          for (int column = 0; column < 3; ++column) {
-            for (int row = 0; row < 3; ++row) {
-              matrix_.valuePtr()[slot.first + column * slot.column + row] += blocks[4 * a + b](row, column);
-            }
-          }
-        }
-      }
-    }
-    return matrix_;
-  }
-  // The second derivative (positive) times a direction of all vertices, by free vertex.
-  VectorXd times(const Vectors& direction) const {
-    VectorXd out = VectorXd::Zero(unknowns());
-    for (std::size_t t = 0; t < volume_.size(); ++t) {
-      const Blocks blocks = blocksOf(t, true);
-      for (std::size_t a = 0; a < 4; ++a) {
-        Vector3d sum = Vector3d::Zero();
-        for (std::size_t b = 0; b < 4; ++b) sum += blocks[4 * a + b] * direction[solid_.tetrahedra[t][b]];
-        addTo(solid_.tetrahedra[t][a], sum, out);
-      }
-    }
-    return out;
+  double work(const Vectors& x) const {
+    double sum = 0;
+    for (std::size_t v = 0; v < load_.forces.size(); ++v) sum += load_.forces[v].dot(x[v] - solid_.rest[v]);
+    return sum;
   }
   void move(const VectorXd& by, double factor, Vectors& x) const {
     for (std::size_t v = 0; v < x.size(); ++v) {
       if (number_[v] >= 0) x[v] += factor * by.segment<3>(3 * number_[v]);
     }
   }
-  int number(std::size_t vertex) const { return number_[vertex]; }
+  int number(std::size_t node) const { return number_[node]; }
 
- private:
-  using Blocks = std::array<Matrix3d, 16>;
-  struct State {
-    Matrix3d rotation;
-    Vector3d stretch;
-    std::array<Matrix3d, 3> turns;
-  };
-  // Of a block in the matrix's values: its first, and from column to column. Vertices' columns have whole blocks.
-  struct Slot {
-    std::ptrdiff_t first = -1, column = 0;
-  };
-
-  Matrix3d deformation(std::size_t t, const Vectors& x) const {
-    const auto& v = solid_.tetrahedra[t];
-    Matrix3d f = x[v[0]] * gradients_[t].col(0).transpose();
-    for (int a = 1; a < 4; ++a) f += x[v[std::size_t(a)]] * gradients_[t].col(a).transpose();
-    return f;
+ protected:
+  LoadedSolid(const ElasticSolid& solid, const ElasticLoad& load) : solid_(solid), load_(load) {
+    number_.assign(solid.rest.size(), -1);
+    for (std::size_t v = 0; v < solid.rest.size(); ++v) {
+      if (!solid.prescribed[v]) number_[v] = free_++;
+    }
   }
-  void addTo(std::size_t vertex, const Vector3d& what, VectorXd& out) const {
-    if (number_[vertex] >= 0) out.segment<3>(3 * number_[vertex]) += what;
-  }
-  Blocks blocksOf(std::size_t t, bool positive) const {
-    const State& state = states_[t];
-    Blocks blocks;
-    std::array<double, 3> more{};
-    for (int k = 0; k < 3; ++k) {
-      const double sum = state.stretch[(k + 1) % 3] + state.stretch[(k + 2) % 3];
-      const double stress = lambda_[t] * (state.stretch.sum() - 3) - 2 * mu_[t];
-      double value = std::abs(sum) < 1e-9 ? -1e300 : 2 * stress / sum;
-      if (positive || std::abs(sum) < 1e-9) value = std::max(value, 2 * (kLeastStiffness - 1) * mu_[t]);
-      more[std::size_t(k)] = value;
-    }
-    for (int a = 0; a < 4; ++a) {
-      const Vector3d ga = gradients_[t].col(a), ra = state.rotation * ga;
-      for (int b = 0; b < 4; ++b) {
-        const Vector3d gb = gradients_[t].col(b);
-        Matrix3d& block = blocks[4 * std::size_t(a) + std::size_t(b)];
-        block = 2 * mu_[t] * ga.dot(gb) * Matrix3d::Identity() + lambda_[t] * ra * (state.rotation * gb).transpose();
-        for (std::size_t k = 0; k < 3; ++k) {
-          block += more[k] * (state.turns[k] * ga) * (state.turns[k] * gb).transpose();
-        }
-        block *= volume_[t];
-      }
-    }
-    return blocks;
-  }
-  void makePattern() {
-    std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(volume_.size() * 144);
-    for (const auto& tetrahedron : solid_.tetrahedra) {
-      for (const std::uint32_t a : tetrahedron) {
-        for (const std::uint32_t b : tetrahedron) {
-          if (number_[a] < 0 || number_[b] < 0) continue;
-          for (int i = 0; i < 9; ++i) entries.emplace_back(3 * number_[a] + i % 3, 3 * number_[b] + i / 3, 0.0);
-        }
-      }
-    }
-    matrix_.resize(unknowns(), unknowns());
-    matrix_.setFromTriplets(entries.begin(), entries.end());
-    slots_.resize(volume_.size());
-    for (std::size_t t = 0; t < volume_.size(); ++t) {
-      for (std::size_t a = 0; a < 4; ++a) {
-        for (std::size_t b = 0; b < 4; ++b) {
-          const int row = number_[solid_.tetrahedra[t][a]], column = number_[solid_.tetrahedra[t][b]];
-          if (row < 0 || column < 0) continue;
-          const int* outer = matrix_.outerIndexPtr();
-          const int* begin = matrix_.innerIndexPtr() + outer[3 * column];
-          const int* end = matrix_.innerIndexPtr() + outer[3 * column + 1];
-          slots_[t][4 * a + b] = {outer[3 * column] + (std::lower_bound(begin, end, 3 * row) - begin),
-                                  outer[3 * column + 1] - outer[3 * column]};
-        }
-      }
-    }
+  void addTo(std::size_t node, const Vector3d& what, VectorXd& out) const {
+    if (number_[node] >= 0) out.segment<3>(3 * number_[node]) += what;
   }
 
   const ElasticSolid& solid_;
   const ElasticLoad& load_;
-  std::vector<Eigen::Matrix<double, 3, 4>> gradients_;
-  std::vector<double> volume_, mu_, lambda_;
-  std::vector<State> states_;
-  std::vector<int> number_;  // of the free vertices; -1 of prescribed ones
+  std::vector<int> number_;  // of the free nodes; -1 of prescribed ones
   int free_ = 0;
-  SparseMatrix matrix_;
-  std::vector<std::array<Slot, 16>> slots_;
+  BlockPattern pattern_;
 };
 
-// Solves with the second derivative at the state that was last taken.
-class NewtonSolver {
+template <std::size_t kNodes>
+class LoadedElements : public LoadedSolid {
  public:
-  explicit NewtonSolver(LoadedSolid& solid) : solid_(solid), factorized_(solid.unknowns() <= kMostFactorized) {}
-
-  bool factorizes() const { return factorized_; }
-  // \param whole with the derivative as it is; else with that of positive tetrahedra. \return whether it is positive;
-  // true where that is not known.
-  bool factorize(bool whole) {
-    const SparseMatrix& matrix = solid_.matrix(!whole);
-    if (!factorized_) {
-      gradients_.setTolerance(kGradientTolerance);
-      gradients_.compute(matrix);
-      return true;
+  LoadedElements(const ElasticSolid& solid, const ElasticLoad& load) : LoadedSolid(solid, load) {
+    elements_.resize(solid.tetrahedra.size());
+    for (std::size_t t = 0; t < elements_.size(); ++t) {
+      Element& element = elements_[t];
+      for (std::size_t k = 0; k < 4; ++k) element.node[k] = solid.tetrahedra[t][k];
+      for (std::size_t k = 4; k < kNodes; ++k) element.node[k] = solid.middles[t][k - 4];
+      const Matrix3d e = edges(solid.rest, solid.tetrahedra[t]);
+      const Matrix3d inverse = e.inverse();
+      Eigen::Matrix<double, 3, 4> linear;
+      for (int k = 0; k < 3; ++k) linear.col(k + 1) = inverse.row(k).transpose();
+      linear.col(0) = -inverse.colwise().sum().transpose();
+      const ElasticMaterial& m = load.materials[load.materials.size() > 1 ? t : 0];
+      element.mu = 0.5 * m.young / (1 + m.poisson);
+      element.lambda = m.young * m.poisson / ((1 + m.poisson) * (1 - 2 * m.poisson));
+      element.volume = e.determinant() / 6 / double(kPoints);
+      for (std::size_t p = 0; p < kPoints; ++p) {
+        element.points[p].gradients = Points<kNodes>::gradients(linear, p);
+      }
     }
-    if (!analyzed_) direct_.analyzePattern(matrix);
-    analyzed_ = true;
-    direct_.factorize(matrix);
-    return direct_.info() == Eigen::Success && direct_.vectorD().minCoeff() > 0;
+    makePattern();
   }
-  VectorXd solve(const VectorXd& b) const {
-    if (factorized_) return direct_.solve(b);
-    return gradients_.solve(b);
+
+  double energy(const Vectors& x) const override {
+    double sum = 0;
+    for (const Element& element : elements_) {
+      for (const Point& point : element.points) {
+        const Matrix3d f = deformation(element, point, x);
+        const Matrix3d s = rotationOf(f).transpose() * f;
+        const double trace = s.trace() - 3;
+        sum += element.volume *
+               (element.mu * (s - Matrix3d::Identity()).squaredNorm() + 0.5 * element.lambda * trace * trace);
+      }
+    }
+    return sum;
+  }
+  VectorXd forces(const Vectors& x) override {
+    VectorXd out = VectorXd::Zero(unknowns());
+    for (Element& element : elements_) {
+      for (Point& point : element.points) {
+        const Matrix3d f = deformation(element, point, x);
+        point.take(f);
+        const Matrix3d stress =
+            2 * element.mu * (f - point.rotation) + element.lambda * (point.stretch.sum() - 3) * point.rotation;
+        for (std::size_t a = 0; a < kNodes; ++a) {
+          addTo(element.node[a], Vector3d(-element.volume * stress * point.gradients.col(int(a))), out);
+        }
+      }
+    }
+    return out;
+  }
+  const std::vector<Matrix3d>& matrix(bool positive) override {
+    std::fill(blocks_.begin(), blocks_.end(), Matrix3d::Zero());
+    for (std::size_t t = 0; t < elements_.size(); ++t) {
+      const Blocks blocks = blocksOf(elements_[t], positive);
+      for (std::size_t i = 0; i < kNodes * kNodes; ++i) {
+        if (slots_[t][i] != kNone) blocks_[slots_[t][i]] += blocks[i];
+      }
+    }
+    return blocks_;
+  }
+  VectorXd times(const Vectors& direction) const override {
+    VectorXd out = VectorXd::Zero(unknowns());
+    for (const Element& element : elements_) {
+      const Blocks blocks = blocksOf(element, true);
+      for (std::size_t a = 0; a < kNodes; ++a) {
+        Vector3d sum = Vector3d::Zero();
+        for (std::size_t b = 0; b < kNodes; ++b) sum += blocks[kNodes * a + b] * direction[element.node[b]];
+        addTo(element.node[a], sum, out);
+      }
+    }
+    return out;
   }
 
  private:
-  LoadedSolid& solid_;
-  bool factorized_, analyzed_ = false;
-  Eigen::SimplicialLDLT<SparseMatrix> direct_;
-  Eigen::ConjugateGradient<SparseMatrix, Eigen::Lower | Eigen::Upper, Eigen::IncompleteCholesky<double>> gradients_;
+  static constexpr std::size_t kPoints = Points<kNodes>::kCount;
+  static constexpr std::uint32_t kNone = ~0U;
+  using Blocks = std::array<Matrix3d, kNodes * kNodes>;
+  struct Point {
+    typename Points<kNodes>::Gradients gradients;
+    Matrix3d rotation;
+    Vector3d stretch;
+    std::array<Matrix3d, 3> turns;
+
+    void take(const Matrix3d& f) {
+      rotation = rotationOf(f);
+      const Matrix3d s = rotation.transpose() * f;
+      const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(0.5 * (s + s.transpose()));
+      stretch = eigen.eigenvalues();
+      const Matrix3d u = rotation * eigen.eigenvectors();
+      for (int k = 0; k < 3; ++k) {
+        // The three ways of turning, |Q| = 1: about each axis of the stretch.
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        turns[std::size_t(k)] =
+            (u.col(j) * eigen.eigenvectors().col(i).transpose() - u.col(i) * eigen.eigenvectors().col(j).transpose()) /
+            std::numbers::sqrt2;
+      }
+    }
+  };
+  struct Element {
+    std::array<std::uint32_t, kNodes> node{};
+    double volume = 0, mu = 0, lambda = 0;  // of a point
+    std::array<Point, kPoints> points;
+  };
+
+  static Matrix3d deformation(const Element& element, const Point& point, const Vectors& x) {
+    Matrix3d f = x[element.node[0]] * point.gradients.col(0).transpose();
+    for (std::size_t a = 1; a < kNodes; ++a) f += x[element.node[a]] * point.gradients.col(int(a)).transpose();
+    return f;
+  }
+  static Blocks blocksOf(const Element& element, bool positive) {
+    Blocks blocks;
+    blocks.fill(Matrix3d::Zero());
+    for (const Point& point : element.points) {
+      std::array<typename Points<kNodes>::Gradients, 3> turned;
+      std::array<double, 3> more{};
+      for (int k = 0; k < 3; ++k) {
+        const double sum = point.stretch[(k + 1) % 3] + point.stretch[(k + 2) % 3];
+        const double stress = element.lambda * (point.stretch.sum() - 3) - 2 * element.mu;
+        double value = std::abs(sum) < 1e-9 ? -1e300 : 2 * stress / sum;
+        if (positive || std::abs(sum) < 1e-9) value = std::max(value, 2 * (kLeastStiffness - 1) * element.mu);
+        more[std::size_t(k)] = element.volume * value;
+        turned[std::size_t(k)] = point.turns[std::size_t(k)] * point.gradients;
+      }
+      const typename Points<kNodes>::Gradients rotated = point.rotation * point.gradients;
+      const Eigen::Matrix<double, int(kNodes), int(kNodes)> along =
+          2 * element.mu * element.volume * point.gradients.transpose() * point.gradients;
+      for (int a = 0; a < int(kNodes); ++a) {
+        for (int b = a; b < int(kNodes); ++b) {
+          Matrix3d& block = blocks[kNodes * std::size_t(a) + std::size_t(b)];
+          block += element.lambda * element.volume * rotated.col(a) * rotated.col(b).transpose();
+          block.diagonal().array() += along(a, b);
+          for (std::size_t k = 0; k < 3; ++k) {
+            block += more[k] * turned[k].col(a) * turned[k].col(b).transpose();
+          }
+        }
+      }
+    }
+    for (std::size_t a = 0; a < kNodes; ++a) {
+      for (std::size_t b = 0; b < a; ++b) blocks[kNodes * a + b] = blocks[kNodes * b + a].transpose();
+    }
+    return blocks;
+  }
+  void makePattern() {
+    std::vector<std::uint64_t> places;
+    for (const Element& element : elements_) {
+      for (const std::uint32_t a : element.node) {
+        for (const std::uint32_t b : element.node) {
+          const int row = number_[a], column = number_[b];
+          if (column >= 0 && row >= column) places.push_back((std::uint64_t(column) << 32) | std::uint32_t(row));
+        }
+      }
+    }
+    std::sort(places.begin(), places.end());
+    places.erase(std::unique(places.begin(), places.end()), places.end());
+    for (const std::uint64_t place : places) {
+      while (pattern_.columns() <= place >> 32) pattern_.first.push_back(pattern_.row.size());
+      pattern_.row.push_back(std::uint32_t(place));
+      pattern_.first.back() = pattern_.row.size();
+    }
+    blocks_.resize(places.size());
+    slots_.resize(elements_.size());
+    for (std::size_t t = 0; t < elements_.size(); ++t) {
+      for (std::size_t a = 0; a < kNodes; ++a) {
+        for (std::size_t b = 0; b < kNodes; ++b) {
+          const int row = number_[elements_[t].node[a]], column = number_[elements_[t].node[b]];
+          std::uint32_t& slot = slots_[t][kNodes * a + b];
+          slot = kNone;
+          if (column < 0 || row < column) continue;
+          const std::uint64_t place = (std::uint64_t(column) << 32) | std::uint32_t(row);
+          slot = std::uint32_t(std::lower_bound(places.begin(), places.end(), place) - places.begin());
+        }
+      }
+    }
+  }
+
+  std::vector<Element> elements_;
+  std::vector<Matrix3d> blocks_;
+  std::vector<std::array<std::uint32_t, kNodes * kNodes>> slots_;
 };
+
+std::unique_ptr<LoadedSolid> loadedSolid(const ElasticSolid& solid, const ElasticLoad& load) {
+  if (solid.middles.empty()) return std::make_unique<LoadedElements<4>>(solid, load);
+  return std::make_unique<LoadedElements<10>>(solid, load);
+}
+
+// Displacement of a target's nodes.
+double rmsOf(const ElasticTarget& target, const Vectors& x, const Vectors& rest) {
+  double sum = 0;
+  for (const std::uint32_t v : target.nodes) sum += (x[v] - rest[v]).squaredNorm();
+  return std::sqrt(sum / double(target.nodes.size()));
+}
+
+// By what a load becomes stronger such that a step leads to a target. \param own the step by free node. \param more
+// what it is longer by when the load is stronger by 1.
+double strongerFor(const ElasticTarget& target, const LoadedSolid& loaded, const Vectors& x, const Vectors& rest,
+                   const VectorXd& own, const VectorXd& more) {
+  double a = 0, b = 0, c = 0;  // a by² + 2 b by + c = 0
+  for (const std::uint32_t v : target.nodes) {
+    Vector3d there = x[v] - rest[v], way = Vector3d::Zero();
+    if (const int number = loaded.number(v); number >= 0) {
+      there += own.segment<3>(3 * number);
+      way = more.segment<3>(3 * number);
+    }
+    a += way.squaredNorm();
+    b += there.dot(way);
+    c += there.squaredNorm() - target.rms * target.rms;
+  }
+  const double square = b * b - a * c;
+  if (square <= 0) return -b / a;
+  return b < 0 ? -c / (b - std::sqrt(square)) : -c / (b + std::sqrt(square));
+}
 
 }  // namespace
 
@@ -438,6 +506,26 @@ ElasticSolid refined(const ElasticSolid& solid, std::vector<Vector3d>* shape) {
   return fine;
 }
 
+ElasticSolid quadratic(const ElasticSolid& solid, std::vector<Vector3d>* shape) {
+  ElasticSolid result = solid;
+  std::unordered_map<std::uint64_t, std::uint32_t> middles;
+  for (const auto& t : solid.tetrahedra) {
+    std::array<std::uint32_t, 6>& own = result.middles.emplace_back();
+    for (std::size_t e = 0; e < 6; ++e) {
+      const auto [a, b] = std::minmax(t[kTetrahedronEdges[e][0]], t[kTetrahedronEdges[e][1]]);
+      const auto [at, fresh] = middles.try_emplace((std::uint64_t(a) << 32) | b, std::uint32_t(result.rest.size()));
+      own[e] = at->second;
+      if (!fresh) continue;
+      result.rest.push_back(0.5 * (solid.rest[a] + solid.rest[b]));
+      std::optional<Vector3d> held;
+      if (solid.prescribed[a] && solid.prescribed[b]) held = 0.5 * (*solid.prescribed[a] + *solid.prescribed[b]);
+      result.prescribed.push_back(held);
+      if (shape != nullptr) shape->push_back(0.5 * ((*shape)[a] + (*shape)[b]));
+    }
+  }
+  return result;
+}
+
 Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Vector3d> start, double poisson, double tolerance) {
   Equilibrium result;
   if (start.empty()) start = solid.rest;
@@ -471,14 +559,15 @@ Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Vector3d> start, 
 }
 
 Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, const std::vector<Vector3d>& start,
-                        double tolerance) {
+                        double tolerance, const ElasticTarget* target) {
   Equilibrium result;
   result.positions = start.empty() ? solid.rest : start;
   Vectors& x = result.positions;
-  LoadedSolid loaded(solid, load);
-  NewtonSolver solver(loaded);
-  VectorXd f = loaded.forces(x);
-  // Held vertices move first; the others follow by the derivative at the start.
+  const std::unique_ptr<LoadedSolid> loaded = loadedSolid(solid, load);
+  SparseCholesky solver(loaded->pattern());
+  const VectorXd pull = loaded->load();
+  VectorXd elastic = loaded->forces(x);
+  // Held nodes move first; the others follow by the derivative at the start.
   Vectors step(x.size(), Vector3d::Zero());
   double held = 0;
   for (std::size_t v = 0; v < x.size(); ++v) {
@@ -486,31 +575,39 @@ Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, cons
     held = std::max(held, step[v].norm());
   }
   if (held > 0) {
-    solver.factorize(false);
-    const VectorXd free = solver.solve(f - loaded.times(step));
+    solver.factorize(loaded->matrix(true));
+    const VectorXd free = solver.solve(elastic + pull - loaded->times(step));
     for (std::size_t v = 0; v < x.size(); ++v) x[v] += step[v];
-    loaded.move(free, 1, x);
-    f = loaded.forces(x);
+    loaded->move(free, 1, x);
+    elastic = loaded->forces(x);
   }
-  double energy = loaded.energy(x);
+  double energy = loaded->energy(x);
   for (result.iterations = 1; result.iterations < kMostIterations; ++result.iterations) {
-    const bool positive = solver.factorize(true);
-    result.stable = positive && solver.factorizes();
-    VectorXd direction;
-    if (positive) direction = solver.solve(f);
-    if (!positive || !(f.dot(direction) >= 0)) {
-      solver.factorize(false);
-      direction = solver.solve(f);
+    result.stable = solver.factorize(loaded->matrix(false));
+    if (!result.stable) solver.factorize(loaded->matrix(true));
+    MatrixXd right(pull.size(), target != nullptr ? 2 : 1);
+    right.col(0) = elastic + result.strength * pull;
+    if (target != nullptr) right.col(1) = pull;
+    const MatrixXd steps = solver.solve(right);
+    VectorXd direction = steps.col(0);
+    if (target != nullptr) {
+      const double by = strongerFor(*target, *loaded, x, solid.rest, steps.col(0), steps.col(1)),
+                   stronger = std::clamp(result.strength + by, result.strength / kMostStronger,
+                                         result.strength * kMostStronger);
+      direction += (stronger - result.strength) * steps.col(1);
+      result.strength = stronger;
     }
-    const double slope = -f.dot(direction);
+    const double slope = -(elastic + result.strength * pull).dot(direction);
+    const double before = energy - result.strength * loaded->work(x);
     Vectors next = x;
-    double factor = 1, found = 0;
+    double factor = 1;
     for (int halving = 0; halving < kMostHalvings; ++halving, factor *= 0.5) {
       next = x;
-      loaded.move(direction, factor, next);
-      found = loaded.energy(next);
+      loaded->move(direction, factor, next);
+      energy = loaded->energy(next);
+      const double found = energy - result.strength * loaded->work(next);
       // Differences that are rounding's do not count.
-      if (found <= energy + 1e-4 * factor * slope + 1e-13 * std::abs(energy)) break;
+      if (found <= before + 1e-4 * factor * slope + 1e-13 * std::abs(before)) break;
     }
     double furthest = 1e-300, change = 0;
     for (std::size_t v = 0; v < x.size(); ++v) {
@@ -518,27 +615,50 @@ Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, cons
       furthest = std::max(furthest, (next[v] - solid.rest[v]).norm());
     }
     x = std::move(next);
-    energy = found;
-    f = loaded.forces(x);
+    elastic = loaded->forces(x);
     result.residual = change / furthest;
-    if (result.residual < tolerance) break;
+    const bool there =
+        target == nullptr || std::abs(rmsOf(*target, x, solid.rest) / target->rms - 1) < kTargetTolerance;
+    if (result.residual < tolerance && there) break;
   }
   return result;
+}
+
+ElasticState elasticState(const ElasticSolid& solid, const ElasticLoad& load, const std::vector<Vector3d>& positions) {
+  const std::unique_ptr<LoadedSolid> loaded = loadedSolid(solid, load);
+  ElasticState state;
+  const VectorXd forces = loaded->forces(positions) + loaded->load();
+  state.energy = loaded->energy(positions) - loaded->work(positions);
+  for (std::size_t v = 0; v < positions.size(); ++v) {
+    const int number = loaded->number(v);
+    state.gradient.push_back(number < 0 ? Vector3d(Vector3d::Zero()) : Vector3d(-forces.segment<3>(3 * number)));
+  }
+  state.hessian.setZero(loaded->unknowns(), loaded->unknowns());
+  const std::vector<Matrix3d>& blocks = loaded->matrix(false);
+  const BlockPattern& pattern = loaded->pattern();
+  for (std::size_t c = 0; c < pattern.columns(); ++c) {
+    for (std::size_t i = pattern.first[c]; i < pattern.first[c + 1]; ++i) {
+      const auto row = 3 * Eigen::Index(pattern.row[i]), column = 3 * Eigen::Index(c);
+      state.hessian.block<3, 3>(row, column) = blocks[i];
+      state.hessian.block<3, 3>(column, row) = blocks[i].transpose();
+    }
+  }
+  return state;
 }
 
 double lowestFrequency(const ElasticSolid& solid, const std::vector<ElasticMaterial>& materials,
                        const std::vector<double>& masses) {
   const ElasticLoad load{materials, {}};
-  LoadedSolid loaded(solid, load);
-  loaded.forces(solid.rest);
-  NewtonSolver solver(loaded);
-  solver.factorize(true);
-  VectorXd mass(loaded.unknowns());
+  const std::unique_ptr<LoadedSolid> loaded = loadedSolid(solid, load);
+  loaded->forces(solid.rest);
+  SparseCholesky solver(loaded->pattern());
+  solver.factorize(loaded->matrix(true));
+  VectorXd mass(loaded->unknowns());
   for (std::size_t v = 0; v < masses.size(); ++v) {
-    if (loaded.number(v) >= 0) mass.segment<3>(3 * loaded.number(v)).setConstant(masses[v]);
+    if (loaded->number(v) >= 0) mass.segment<3>(3 * loaded->number(v)).setConstant(masses[v]);
   }
   // Some push with a part in every mode.
-  VectorXd mode(loaded.unknowns());
+  VectorXd mode(loaded->unknowns());
   for (Eigen::Index i = 0; i < mode.size(); ++i) mode[i] = 1 + 0.5 * std::sin(double(i));
   double omega2 = 0;
   for (int i = 0; i < kMostInverse; ++i) {
@@ -560,6 +680,29 @@ std::vector<double> nodalVolumes(const ElasticSolid& solid) {
     for (const std::uint32_t v : t) volumes[v] += quarter;
   }
   return volumes;
+}
+
+std::vector<double> nodalMasses(const ElasticSolid& solid, const std::vector<double>& vertex_masses) {
+  if (solid.middles.empty()) return vertex_masses;
+  const std::vector<double> volumes = nodalVolumes(solid);
+  std::vector<double> masses(solid.rest.size(), 0);
+  for (std::size_t t = 0; t < solid.tetrahedra.size(); ++t) {
+    const double volume = edges(solid.rest, solid.tetrahedra[t]).determinant() / 6;
+    std::array<double, 4> part{};  // of the tetrahedron's mass, were it uniform
+    double all = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const std::uint32_t v = solid.tetrahedra[t][k];
+      part[k] = volume * vertex_masses[v] / volumes[v];
+      all += part[k];
+    }
+    // Integrals of products of barycentric coordinates (Eisenberg, Malvern 1973).
+    for (std::size_t k = 0; k < 4; ++k) masses[solid.tetrahedra[t][k]] -= (all - part[k]) / 60;
+    for (std::size_t e = 0; e < 6; ++e) {
+      const auto [i, j] = kTetrahedronEdges[e];
+      masses[solid.middles[t][e]] += (all + part[i] + part[j]) / 30;
+    }
+  }
+  return masses;
 }
 
 Vector3d deformedPoint(const ElasticSolid& coarse, const ElasticSolid& fine, int refinements, std::uint32_t tetrahedron,

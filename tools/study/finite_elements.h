@@ -12,33 +12,45 @@
 
 namespace sinew::tools {
 
-/// A solid of tetrahedra (positive volume) at rest, with the prescribed places of its held vertices.
+/// A solid of tetrahedra (positive volume) at rest, with the prescribed places of its held nodes. Tetrahedra are linear
+/// (4 nodes: vertices) or quadratic (10: one more midway along each edge, which is straight at rest).
 struct ElasticSolid {
-  std::vector<Eigen::Vector3d> rest;  ///< metres
+  std::vector<Eigen::Vector3d> rest;  ///< of all nodes, metres
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
-  std::vector<std::optional<Eigen::Vector3d>>
-      prescribed;  ///< per vertex: where it is held, metres; nothing: it is free
+  std::vector<std::optional<Eigen::Vector3d>> prescribed;  ///< per node: where it is held, metres; nothing: it is free
+  /// Of quadratic tetrahedra the nodes of edges 01, 02, 03, 12, 13, 23; empty: they are linear.
+  std::vector<std::array<std::uint32_t, 6>> middles;
 };
 
-/// Cuts every tetrahedron into eight; those of tetrahedron t are 8 t .. 8 t + 7, the old vertices keep their numbers. A
-/// new vertex is held, midway, where both ends of its edge are.
-/// \param shape on return one more position for each new vertex: midway, too. May be null.
+/// Ends of the edges that ElasticSolid::middles goes by.
+inline constexpr std::array<std::array<std::size_t, 2>, 6> kTetrahedronEdges = {
+    {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
+
+/// Makes linear tetrahedra quadratic; vertices keep their numbers. A new node is held, midway, where both ends of its
+/// edge are.
+/// \param shape on return one more position for each new node: midway, too. May be null.
+ElasticSolid quadratic(const ElasticSolid& solid, std::vector<Eigen::Vector3d>* shape);
+
+/// Cuts every linear tetrahedron into eight; those of tetrahedron t are 8 t .. 8 t + 7, the old vertices keep their
+/// numbers. A new vertex is held, midway, where both ends of its edge are. \param shape on return one more position for
+/// each new vertex: midway, too. May be null.
 ElasticSolid refined(const ElasticSolid& solid, std::vector<Eigen::Vector3d>* shape);
 
 struct Equilibrium {
-  std::vector<Eigen::Vector3d> positions;  ///< metres, one a vertex
+  std::vector<Eigen::Vector3d> positions;  ///< metres, one a node
   double residual = 0;                     ///< largest change in the last iteration, of the largest displacement
   int iterations = 0;
   /// The energy's second derivative is positive there: a rest that lasts, no ridge between two. False where it was not
-  /// asked (equilibrium() without a load; systems too large for a factorization).
+  /// asked (equilibrium() without a load).
   bool stable = false;
+  double strength = 1;  ///< what the forces were multiplied by, for an ElasticTarget
 };
 
 /// Rest of a solid of corotated linear elasticity: least energy sum V (mu |F - R|² + lambda/2 tr²(RᵀF - 1)), F the
 /// deformation gradient of a tetrahedron, R its rotation; nothing else acts on it, so Young's modulus does not matter.
 /// Newton's iteration with the rotations held in the derivative (stiffness warping), each solved by conjugate
-/// gradients. \param start positions to begin with; empty: at rest. \param poisson -1 < nu < 0.5. \param tolerance of
-/// the residual. Some vertices must be prescribed.
+/// gradients. \param solid linear. \param start positions to begin with; empty: at rest. \param poisson -1 < nu < 0.5.
+/// \param tolerance of the residual. Some vertices must be prescribed.
 Equilibrium equilibrium(const ElasticSolid& solid, std::vector<Eigen::Vector3d> start, double poisson,
                         double tolerance);
 
@@ -51,26 +63,50 @@ struct ElasticMaterial {
 /// What a solid is made of and what pulls at it.
 struct ElasticLoad {
   std::vector<ElasticMaterial> materials;  ///< one for all tetrahedra, or one each
-  std::vector<Eigen::Vector3d> forces;     ///< N, one a vertex (gravity: m g); empty: none
+  std::vector<Eigen::Vector3d> forces;     ///< N, one a node (gravity: nodalMasses() g); empty: none
 };
 
-/// Rest of the same solid under forces: least energy sum V (mu |F - R|² + lambda/2 tr²(RᵀF - 1)) - sum f.x. Newton's
+/// How far a load shall move a solid.
+struct ElasticTarget {
+  std::vector<std::uint32_t> nodes;
+  double rms = 0;  ///< displacement of those, metres, > 0
+};
+
+/// Rest of the same solid under forces: least energy sum V (mu |F - R|² + lambda/2 tr²(RᵀF - 1)) - sum f.x, in
+/// quadratic tetrahedra by Keast's rule of degree 2 (4 points of V/4), exact where F varies and R does not. Newton's
 /// iteration with the whole derivative, that of the rotations too (its eigenvalues: Smith, de Goes, Kim 2019, "Analytic
 /// eigensystems for isotropic distortion energies"); where that is not positive, with the negative eigenvalues of each
-/// tetrahedron at 0. A line search makes every step go down, so that it converges for large deflections.
-/// \param start positions to begin with; empty: at rest. Of several rests the one downhill of it is found. What is
-/// prescribed moves in one go: large motions want steps, each started from the one before.
-/// \param tolerance of the residual. Some vertices must be prescribed such that nothing can move without strain.
+/// point at 0. A line search makes every step go down, so that it converges for large deflections. \param start
+/// positions to begin with; empty: at rest. Of several rests the one downhill of it is found. What is prescribed moves
+/// in one go: large motions want steps, each started from the one before. \param tolerance of the residual. Some nodes
+/// must be prescribed such that nothing can move without strain. \param target forces become as strong as move the
+/// solid so far: by Equilibrium::strength. May be null.
 Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, const std::vector<Eigen::Vector3d>& start,
-                        double tolerance);
+                        double tolerance, const ElasticTarget* target = nullptr);
+
+/// Energy (J), its gradient (N, by node; 0 where prescribed) and second derivative (N/m, 3 rows and columns a free
+/// node, in their order) of a loaded solid, as equilibrium() has them.
+struct ElasticState {
+  double energy = 0;
+  std::vector<Eigen::Vector3d> gradient;
+  Eigen::MatrixXd hessian;
+};
+ElasticState elasticState(const ElasticSolid& solid, const ElasticLoad& load,
+                          const std::vector<Eigen::Vector3d>& positions);
 
 /// Frequency of the lowest mode of a solid that is held at rest where it is prescribed, Hz, by inverse iteration.
-/// \param masses kg, one a vertex, > 0.
+/// \param solid linear. \param masses kg, one a vertex, > 0.
 double lowestFrequency(const ElasticSolid& solid, const std::vector<ElasticMaterial>& materials,
                        const std::vector<double>& masses);
 
-/// Volume of a solid's tetrahedra at rest by vertex, a quarter each, m³.
+/// Volume of a solid's tetrahedra at rest by vertex, a quarter each, m³. \param solid linear.
 std::vector<double> nodalVolumes(const ElasticSolid& solid);
+
+/// What gravity pulls at, by node, kg: the integrals of the density times the nodes' shape functions. The density is
+/// linear between vertices, such that the sum stays. Of linear tetrahedra it is the masses of the vertices; of
+/// quadratic ones that of a vertex is none or less, nearly all is between (a uniform tetrahedron: -1/20 and 1/5).
+/// \param vertex_masses kg, one a vertex.
+std::vector<double> nodalMasses(const ElasticSolid& solid, const std::vector<double>& vertex_masses);
 
 /// A point of a solid that was refined: where it went. \param coarse the solid before. \param refinements how often.
 /// \param weights of the coarse tetrahedron's vertices, sum 1. \param positions of the refined solid's vertices.

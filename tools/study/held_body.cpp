@@ -97,7 +97,7 @@ bool holds(const Vectors& points, double diagonal) {
 struct Problem {
   ElasticSolid solid;
   ElasticLoad load;                    // materials; forces of a gravity of 1
-  std::vector<double> masses;          // by vertex of `solid`
+  std::vector<double> masses;          // by node of `solid`
   std::vector<std::uint32_t> package;  // number in the package of each of its first vertices
   Vector3d down;                       // unit, or zero
   std::vector<const HeldRegion*> region;
@@ -121,22 +121,9 @@ struct Problem {
     }
     return std::sqrt(sum / std::max(1.0, count));
   }
-  void refine(Vectors& shape) {
-    // Densities between vertices are those midway.
-    std::vector<double> volumes = nodalVolumes(solid);
-    Vectors density;
-    for (std::size_t v = 0; v < masses.size(); ++v) density.emplace_back(masses[v] / volumes[v], 0, 0);
-    refined(solid, &density);
-    solid = refined(solid, &shape);
-    volumes = nodalVolumes(solid);
-    const double total = std::accumulate(masses.begin(), masses.end(), 0.0);
-    masses.clear();
-    for (std::size_t v = 0; v < volumes.size(); ++v) masses.push_back(density[v][0] * volumes[v]);
-    const double factor = total / std::accumulate(masses.begin(), masses.end(), 0.0);
-    for (double& m : masses) m *= factor;
-    std::vector<ElasticMaterial> materials;
-    for (const ElasticMaterial& m : load.materials) materials.insert(materials.end(), 8, m);
-    load.materials = std::move(materials);
+  void makeQuadratic(Vectors& shape) {
+    solid = quadratic(solid, &shape);
+    masses = nodalMasses(solid, masses);
   }
 };
 
@@ -293,7 +280,7 @@ void refuseHold(const std::string& reason) {
 }
 
 ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<ElasticMaterial>& materials,
-                              const HeldCase& held, std::uint32_t refinements, double target) {
+                              const HeldCase& held, double target) {
   ReferenceShape reference;
   reference.displacement.assign(solid.rest.size(), Vector3d::Zero());
   reference.gravity = held.gravity;
@@ -343,11 +330,16 @@ ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<Elast
       found = equilibrium(problem.solid, problem.load, found.positions, kTolerance);
     }
   }
-  for (std::uint32_t level = 0; level < refinements; ++level) {
-    problem.refine(found.positions);
-    problem.pull(gravity);
-    found = equilibrium(problem.solid, problem.load, found.positions, kTolerance);
+  problem.makeQuadratic(found.positions);
+  problem.pull(gravity);
+  ElasticTarget aim{{}, target};
+  for (std::uint32_t v = 0; v < problem.package.size(); ++v) {
+    if (problem.region[v] == nullptr) aim.nodes.push_back(v);
   }
+  const bool aims = target > 0 && gravity > 0 && reference.on_target;
+  found = equilibrium(problem.solid, problem.load, found.positions, kTolerance, aims ? &aim : nullptr);
+  gravity *= found.strength;
+  if (aims) reference.on_target = std::abs(problem.rms(found.positions) / target - 1) < kTargetTolerance;
   reference.gravity = gravity * problem.down;
   reference.tetrahedra = std::uint32_t(problem.solid.tetrahedra.size());
   reference.iterations = found.iterations;

@@ -107,13 +107,11 @@ struct ReferenceShape {
   bool on_target = true;  ///< false: no gravity near gives the displacement that was asked for; it is a nearby one
 };
 
-/// Rest by finite elements, as equilibrium() finds it, coming from the shape at rest by steps. Empty `compared` where
-/// nothing is held.
-/// \param materials one a piece. \param refinements how often every tetrahedron is cut into eight, 0..2.
-/// \param target rms displacement in metres for which gravity is made stronger or weaker (found without refinements);
-/// 0: gravity stays as it is.
+/// Rest by quadratic finite elements, as equilibrium() finds it, from where linear ones come to rest, which come from
+/// the shape at rest by steps. Empty `compared` where nothing is held. \param materials one a piece. \param target rms
+/// displacement in metres for which gravity is made stronger or weaker; 0: gravity stays as it is.
 ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<ElasticMaterial>& materials,
-                              const HeldCase& held, std::uint32_t refinements, double target);
+                              const HeldCase& held, double target);
 
 /// How a world is stepped until it rests.
 struct PlayOptions {
