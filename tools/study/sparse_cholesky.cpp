@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <limits>
 #include <span>
@@ -21,7 +22,21 @@ using Nodes = std::vector<std::uint32_t>;
 // Sets of so many nodes are not cut any more.
 constexpr std::size_t kLeaf = 24;
 // Part of the nodes that is in front of a cut at least, and behind it.
-constexpr double kLeastPart = 0.4;
+constexpr double kLeastPart = 0.35;
+// Across which sets are cut: axes and diagonals.
+constexpr std::array<std::array<int, 3>, 13> kDirections = {{{1, 0, 0},
+                                                             {0, 1, 0},
+                                                             {0, 0, 1},
+                                                             {1, 1, 0},
+                                                             {1, -1, 0},
+                                                             {1, 0, 1},
+                                                             {1, 0, -1},
+                                                             {0, 1, 1},
+                                                             {0, 1, -1},
+                                                             {1, 1, 1},
+                                                             {1, 1, -1},
+                                                             {1, -1, 1},
+                                                             {-1, 1, 1}}};
 // Columns that a thread updates at a time.
 constexpr Index kColumns = 96;
 
@@ -99,9 +114,10 @@ class Dissection {
         Cut cut = leastCut(std::move(order));
         if (cut.separator < best.separator) best = std::move(cut);
       };
-      for (int axis = 0; axis < 3; ++axis) {
+      for (const auto& direction : kDirections) {
+        const Vector3d along(direction[0], direction[1], direction[2]);
         std::sort(nodes.begin(), nodes.end(), [&](auto a, auto b) {
-          const double x = positions_[a][axis], y = positions_[b][axis];
+          const double x = positions_[a].dot(along), y = positions_[b].dot(along);
           return x < y || (x == y && a < b);
         });
         offer(nodes);

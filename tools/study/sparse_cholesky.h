@@ -18,7 +18,7 @@ struct BlockPattern {
 };
 
 /// Cholesky factors of matrices of one pattern: multifrontal (Duff and Reid 1983), in an order by nested dissection
-/// (George 1973) along axes and distances in the mesh. With all threads; results do not depend on how many.
+/// (George 1973) across axes, diagonals and distances in the mesh. With all threads; results do not depend on how many.
 class SparseCholesky {
  public:
   /// \param positions of the columns' nodes, where cuts are made.
