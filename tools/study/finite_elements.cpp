@@ -163,6 +163,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kMostHalvings = 40;
+constexpr int kMostDoublings = 6;
 constexpr int kMostInverse = 200;
 // Share of 2 mu that replaces negative eigenvalues of a point.
 constexpr double kLeastStiffness = 1e-8;
@@ -599,15 +600,31 @@ Equilibrium equilibrium(const ElasticSolid& solid, const ElasticLoad& load, cons
     }
     const double slope = -(elastic + result.strength * pull).dot(direction);
     const double before = energy - result.strength * loaded->work(x);
-    Vectors next = x;
-    double factor = 1;
-    for (int halving = 0; halving < kMostHalvings; ++halving, factor *= 0.5) {
+    Vectors next;
+    double factor = 1, found = 0;
+    const auto take = [&] {
       next = x;
       loaded->move(direction, factor, next);
       energy = loaded->energy(next);
-      const double found = energy - result.strength * loaded->work(next);
+      found = energy - result.strength * loaded->work(next);
+    };
+    take();
+    for (int i = 0; i < kMostHalvings; ++i) {
       // Differences that are rounding's do not count.
       if (found <= before + 1e-4 * factor * slope + 1e-13 * std::abs(before)) break;
+      factor *= 0.5;
+      take();
+    }
+    // Where eigenvalues were left out, steps are short.
+    for (int i = 0; !result.stable && factor >= 1 && i < kMostDoublings; ++i) {
+      const Vectors shorter = next;
+      const double shorter_energy = energy, shorter_found = found;
+      factor *= 2;
+      take();
+      if (found < shorter_found) continue;
+      next = shorter;
+      energy = shorter_energy;
+      break;
     }
     double furthest = 1e-300, change = 0;
     for (std::size_t v = 0; v < x.size(); ++v) {
