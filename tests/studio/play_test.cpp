@@ -65,6 +65,20 @@ TEST(GoingBack, WhatFollowsIsTheSameBitForBit) {
   EXPECT_EQ(play.timeline().size(), 12U);
 }
 
+TEST(Channels, WhatIsPausedHasTheInputItIsGiven) {
+  test::BoxOptions options;
+  formats::PackageContent content = test::boxContent(options);
+  content.channels.push_back({content.addText("biceps")});
+  ViewOptions view;
+  view.scene = SceneKind::rest;
+  Play play(test::makeAsset(content), view);
+  ASSERT_EQ(play.scene().channelInputs().size(), 1U);
+  play.scene().holdChannel(0, 0.5F);
+  EXPECT_EQ(play.scene().channelInputs()[0], 0.5F);
+  play.scene().holdChannel(0, std::nullopt);
+  EXPECT_EQ(play.scene().channelInputs()[0], 0);
+}
+
 TEST(GoingBack, TheHandThatHeldThenHoldsNoMore) {
   Play play = playing(SceneKind::hang);
   play.grab(0);

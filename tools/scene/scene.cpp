@@ -639,6 +639,11 @@ void Scene::driveHands(double time) {
   if (!script.wind.empty()) world_.settings().wind = narrow(valueAt(script.wind, time));
 }
 
+void Scene::holdChannel(std::uint32_t channel, std::optional<float> value) {
+  held_channels_[channel] = value;
+  driveChannels(time_);
+}
+
 void Scene::driveChannels(double time) {
   wanted_.assign(inputs_.size(), 0.0F);
   if (script_) script_->readInputs(time, wanted_);

@@ -108,9 +108,9 @@ class Scene {
   float groundHeight() const;                                        ///< m
   std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
 
-  /// Gives a channel of the package this input from the next step on, whatever the scene says; without a value the
+  /// Gives a channel of the package this input from now on, whatever the scene says; without a value the
   /// scene drives it again. reset() keeps it.
-  void holdChannel(std::uint32_t channel, std::optional<float> value) { held_channels_[channel] = value; }
+  void holdChannel(std::uint32_t channel, std::optional<float> value);
   bool isHeld(std::uint32_t channel) const { return held_channels_[channel].has_value(); }
   /// What each channel of the package has, 0..1.
   std::span<const float> channelInputs() const { return inputs_; }
