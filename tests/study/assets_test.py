@@ -49,6 +49,7 @@ class Assets(unittest.TestCase):
             self.assertAlmostEqual(row["reference"]["rms_displacement"], target, delta=0.005 * target)
             self.assertTrue(row["reference"]["stable"])
         self.assertEqual(rows[2]["gravity"], 0)
+        self.assertTrue(rows[2]["reference"]["stable"])
 
     def test_the_table_has_a_line_a_row(self):
         done = run("study", "assets", self.package, "--scenes", "hang", "--target", "1", "--seconds", "0.5")
