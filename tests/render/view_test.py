@@ -4,8 +4,10 @@
 
 The window writes what it did in each frame (--log-state); every check is against that, or against a screenshot.
 """
-import argparse, json, math, os, pathlib, shutil, struct, subprocess, sys, tempfile, time, zlib
+import argparse, json, math, pathlib, shutil, struct, subprocess, sys, tempfile, time, zlib
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "support"))
+import virtual_display
 from read_png import read_png
 
 parser = argparse.ArgumentParser()
@@ -14,10 +16,7 @@ parser.add_argument("--spot", required=True)
 parser.add_argument("--keep", help="folder for the screenshots")
 arguments = parser.parse_args()
 
-for program in ("Xvfb", "xdotool"):
-    if not shutil.which(program):
-        print(f"SKIPPED: {program} is not installed (scripts/setup installs it); the window is not tested")
-        sys.exit(77)
+virtual_display.skip_without("Xvfb", "xdotool")
 
 folder = pathlib.Path(tempfile.mkdtemp(prefix="sinew_view_"))
 package = folder / "spot.sinew"
@@ -92,9 +91,7 @@ def drag_to(view, start, end, steps=12):
 
 
 try:
-    environment = dict(os.environ, LIBGL_ALWAYS_SOFTWARE="1")
-    environment.pop("WAYLAND_DISPLAY", None)
-    environment.pop("DISPLAY", None)
+    environment = virtual_display.without_display()
     subprocess.run([arguments.sinew, "bake", arguments.spot, "-o", str(package)], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     # Without a display: one line that names what to do instead.
@@ -102,11 +99,7 @@ try:
     check(done.returncode == 4 and done.stderr.count("\n") == 1, "without a display it ends with exit 4 and one line")
     check("no display" in done.stderr and f"sinew render {package} -o " in done.stderr, "the line names `sinew render`")
 
-    read_end, write_end = os.pipe()
-    server = subprocess.Popen(["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1280x800x24"], pass_fds=[write_end], stderr=subprocess.DEVNULL)
-    started.append(server)
-    os.close(write_end)
-    environment["DISPLAY"] = ":" + os.read(read_end, 16).decode().strip()
+    started.append(virtual_display.start(environment))
 
     # Grab, drag, let go: the hanging body follows the mouse and swings back.
     view = View("hang", "--scene", "hang")

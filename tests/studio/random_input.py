@@ -5,7 +5,10 @@ recipe on the disk always loads, also where the window is killed in the middle.
 
     random_input.py --sinew build/asan/bin/sinew --head HEAD.obj --seconds 600
 """
-import argparse, json, os, pathlib, random, shutil, signal, subprocess, sys, tempfile, time
+import argparse, json, pathlib, random, shutil, signal, subprocess, sys, tempfile, time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "support"))
+import virtual_display
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--sinew", required=True)
@@ -16,9 +19,7 @@ parser.add_argument("--first-seed", type=int, default=1)
 arguments = parser.parse_args()
 arguments.sinew = str(pathlib.Path(arguments.sinew).resolve())
 
-if not shutil.which("Xvfb"):
-    print("SKIPPED: Xvfb is not installed (scripts/setup installs it); the window is not tested")
-    sys.exit(77)
+virtual_display.skip_without("Xvfb")
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 400
 KILLED = 4  # every fourth window is killed on its way
@@ -27,8 +28,7 @@ GROWTH = 1.6  # of the memory since the first third, with what is kept to go bac
 ROOM_MB = 200
 
 folder = pathlib.Path(tempfile.mkdtemp(prefix="sinew_random_input_"))
-environment = dict(os.environ, LIBGL_ALWAYS_SOFTWARE="1", XDG_CACHE_HOME=str(folder / "cache"))
-environment.pop("WAYLAND_DISPLAY", None)
+environment = virtual_display.without_display(XDG_CACHE_HOME=str(folder / "cache"))
 sanitizer = environment.get("ASAN_OPTIONS", "")
 # The OpenGL driver keeps 240 bytes.
 environment["ASAN_OPTIONS"] = ":".join(filter(None, [sanitizer, "detect_leaks=0", "quarantine_size_mb=16"]))
@@ -95,10 +95,7 @@ try:
         result = sinew("author", "head.json", *words)
         if result.returncode != 0:
             fail(result.stderr)
-    read_end, write_end = os.pipe()
-    server = subprocess.Popen(["Xvfb", "-displayfd", str(write_end), "-screen", "0", f"{WIDTH}x{HEIGHT}x24"], pass_fds=[write_end], stderr=subprocess.DEVNULL)
-    os.close(write_end)
-    environment["DISPLAY"] = ":" + os.read(read_end, 16).decode().strip()
+    server = virtual_display.start(environment, WIDTH, HEIGHT)
     begun, seed, done = time.time(), arguments.first_seed, 0
     while time.time() - begun < arguments.seconds:
         (folder / "random.json").write_text(json.dumps({"events": events(seed)}))

@@ -6,6 +6,8 @@ the recipe that it leaves is the one expected; what others write to the recipe w
 import argparse, json, os, pathlib, resource, shutil, signal, subprocess, sys, tempfile, time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "render"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "support"))
+import virtual_display
 from read_png import read_png
 
 parser = argparse.ArgumentParser()
@@ -18,9 +20,7 @@ here = pathlib.Path(__file__).resolve().parent
 arguments.sinew = str(pathlib.Path(arguments.sinew).resolve())
 slowness = int(os.environ.get("SINEW_TEST_SLOWNESS", "1"))
 
-if not shutil.which("Xvfb"):
-    print("SKIPPED: Xvfb is not installed (scripts/setup installs it); the window is not tested")
-    sys.exit(77)
+virtual_display.skip_without("Xvfb")
 
 folder = pathlib.Path(tempfile.mkdtemp(prefix="sinew_studio_test_"))
 started = []
@@ -213,20 +213,14 @@ def trouble_on_the_disk():
 
 
 try:
-    environment = dict(os.environ, LIBGL_ALWAYS_SOFTWARE="1", XDG_CACHE_HOME=str(folder / "cache"))
-    for name in ("WAYLAND_DISPLAY", "DISPLAY"):
-        environment.pop(name, None)
+    environment = virtual_display.without_display(XDG_CACHE_HOME=str(folder / "cache"))
     shutil.copy(arguments.head, folder / "head.obj")
     new_recipe("face.json")
 
     result = sinew("studio", "face.json")
     check(result.returncode == 4 and "no display" in result.stderr, "without a display it ends with exit 4 and one line")
 
-    read_end, write_end = os.pipe()
-    server = subprocess.Popen(["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1280x800x24"], pass_fds=[write_end], stderr=subprocess.DEVNULL)
-    started.append(server)
-    os.close(write_end)
-    environment["DISPLAY"] = ":" + os.read(read_end, 16).decode().strip()
+    started.append(virtual_display.start(environment))
 
     # Events that are wrong say where.
     (folder / "wrong.json").write_text('{"events": [\n {"klick": "Paint"}]}')

@@ -18,9 +18,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// A mirrored surface that lies further off than this, in diagonals, is no image of itself.
 // Of a triangle's edges: a ray through an edge that two triangles share meets one of them, whatever is rounded.
 constexpr double kEdge = 1e-9;
+// A mirrored surface that lies further off than this, in diagonals, is no image of itself.
 constexpr double kAsymmetric = 0.03;
 constexpr std::size_t kSymmetrySamples = 600;
 constexpr int kSymmetryRounds = 20;
