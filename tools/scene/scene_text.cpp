@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 constexpr double kReachSeconds = 0.5;  // from rest to the pose
 
-Vector3d vectorOf(const Vec3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
+Vector3d wideOf(const Vec3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 
 Json jsonOf(const Vector3d& x) { return {sevenDigits(x[0]), sevenDigits(x[1]), sevenDigits(x[2])}; }
 
@@ -26,7 +26,7 @@ Vector3d restOf(const formats::PackageView& package, const BodyPoint& at) {
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec3 corner = at.physical != 0 ? Vec3(package.physicalVertices()[at.vertex[k]].rest_position)
                                          : Vec3(package.visualPositions()[at.vertex[k]]);
-    x += double(at.weight[k]) * vectorOf(corner);
+    x += double(at.weight[k]) * wideOf(corner);
   }
   return x;
 }
@@ -46,7 +46,7 @@ Json picksOf(const Scene& scene) {
     const PickState pick = scene.world().pickState(id);
     if (!pick.locked) continue;
     const Vector3d rest = restOf(package, pick.at);
-    const Vector3d target = turn.transpose() * (vectorOf(pick.target) - vectorOf(placement.position));
+    const Vector3d target = turn.transpose() * (wideOf(pick.target) - wideOf(placement.position));
     Json keys = Json::array();
     keys.push_back({{"time", 0}, {"move", {0, 0, 0}}});
     keys.push_back({{"time", kReachSeconds}, {"move", jsonOf(target - rest)}});

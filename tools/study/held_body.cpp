@@ -18,7 +18,7 @@ using Vectors = std::vector<Vector3d>;
 
 constexpr double kTolerance = 1e-7;
 constexpr int kMotionParts = 8;
-constexpr double kTargetTolerance = 2e-3;
+constexpr double kOnTarget = 2e-3;
 constexpr int kMostGravities = 16;
 constexpr double kRestSeconds = 0.1;
 // Of the diagonal: points nearer to a line than that do not keep a piece from turning about it.
@@ -157,7 +157,7 @@ Equilibrium solveForTarget(Problem& problem, double target, double scale, double
     found = solve(next, start);
     gravity = next;
     const double rms = problem.rms(found.positions);
-    on_target = std::abs(rms / target - 1) < kTargetTolerance;
+    on_target = std::abs(rms / target - 1) < kOnTarget;
     if (on_target) break;
     if (std::abs(std::log(rms / low.rms)) > 1e-6 && std::abs(std::log(next / low.gravity)) > 1e-9) {
       power = std::clamp(std::log(next / low.gravity) / std::log(rms / low.rms), 0.2, 4.0);
@@ -339,7 +339,7 @@ ReferenceShape referenceShape(const PackageSolid& solid, const std::vector<Elast
   const bool aims = target > 0 && gravity > 0 && reference.on_target;
   found = equilibrium(problem.solid, problem.load, found.positions, kTolerance, aims ? &aim : nullptr);
   gravity *= found.strength;
-  if (aims) reference.on_target = std::abs(problem.rms(found.positions) / target - 1) < kTargetTolerance;
+  if (aims) reference.on_target = std::abs(problem.rms(found.positions) / target - 1) < kOnTarget;
   reference.gravity = gravity * problem.down;
   reference.tetrahedra = std::uint32_t(problem.solid.tetrahedra.size());
   reference.iterations = found.iterations;
