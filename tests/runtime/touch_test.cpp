@@ -357,6 +357,29 @@ TEST(Touch, NothingFliesThrough) {
   }
 }
 
+// Nothing moves what is paused: two such bodies that overlap have no mass between them by which to damp.
+TEST(Touch, PausedBodiesMayOverlapBelowWhatLiesOnThem) {
+  const auto cube = touchingBox({1, 1, 1});
+  WorldSettings settings;
+  settings.collisions = true;
+  World world(settings);
+  for (int i = 0; i < 2; ++i) {
+    BodySettings at;
+    at.position = {0.5F * float(i), 0.1F * float(i), 0};
+    world.setActivity(*world.addBody(cube, at), Activity::paused);
+  }
+  BodySettings above;
+  above.position = {0.3F, 1.2F, 0};
+  const BodyId body = *world.addBody(cube, above);
+  for (int i = 0; i < 300; ++i) {
+    world.step(kStep);
+    ASSERT_TRUE(std::isfinite(motionOf(world, {body}).energy)) << i;
+  }
+  const Motion m = motionOf(world, {body});
+  EXPECT_GT(m.center.y(), 0.9);
+  EXPECT_LT(m.momentum.norm(), 1e-3 * m.mass);
+}
+
 // Its surface stops; what is inside is stopped by the body's own stiffness, and may come through for a while.
 TEST(Touch, NothingFliesThroughWhatStands) {
   const auto bullet = touchingBox({0.3, 0.3, 0.3}), plate = touchingBox({0.1, 1, 1});

@@ -108,8 +108,8 @@ class Scene {
   float groundHeight() const;                                        ///< m
   std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
 
-  /// Gives a channel of the package this input from now on, whatever the scene says; without a value the
-  /// scene drives it again. reset() keeps it.
+  /// Gives a channel of the package this input from now on, whatever the scene says; without a value the scene drives
+  /// it again. reset() keeps it.
   void holdChannel(std::uint32_t channel, std::optional<float> value);
   bool isHeld(std::uint32_t channel) const { return held_channels_[channel].has_value(); }
   /// What each channel of the package has, 0..1.

@@ -167,7 +167,8 @@ constexpr int kMostDoublings = 6;
 constexpr int kMostInverse = 200;
 // Share of 2 mu that replaces negative eigenvalues of a point.
 constexpr double kLeastStiffness = 1e-8;
-// By which forces are made stronger or weaker at once, at most; how near to a target is near.
+// Newton's iteration for an ElasticTarget: trust region of the strength, as a factor, and relative error of the rms
+// displacement at its end.
 constexpr double kMostStronger = 1.5;
 constexpr double kTargetTolerance = 1e-6;
 

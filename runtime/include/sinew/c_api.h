@@ -143,7 +143,7 @@ typedef struct sinew_world_settings {
   float ground_friction;           /* Coulomb coefficient, 0..; 0.6 */
   uint32_t iterations;             /* half the iterations that a step may take, 1..16; 4 */
   float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
-  float deformation_damping_ratio; /* of what is not rigid motion, to critical damping, 0..1; 0.25 */
+  float deformation_damping_ratio; /* of what is not rigid motion and of contacts, to critical, 0..1; 0.25 */
   float support_damping;           /* of turning on supports, 1/s; 4 */
   float substep_seconds;           /* inner step of sinew_world_advance(), s, 1e-5..1; 1/60 */
   uint32_t most_substeps;          /* that one call of it takes, 1..1000; 8 */
