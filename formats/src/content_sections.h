@@ -109,6 +109,12 @@ void withSection(Content& content, std::uint32_t id, Use use) {
       return use(content.field_tethers);
     case section::field_tether_values:
       return use(content.field_tether_values);
+    case section::field_residuals:
+      return use(content.field_residuals);
+    case section::field_residual_values:
+      return use(content.field_residual_values);
+    case section::field_residual_locals:
+      return use(content.field_residual_locals);
     case section::distance_grids:
       return use(content.distance_grids);
     case section::distance_values:

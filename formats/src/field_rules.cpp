@@ -13,7 +13,7 @@
 namespace sinew::formats {
 namespace {
 
-constexpr std::uint32_t kMostFunctions = 1024;
+constexpr std::uint32_t kMostFunctions = 1024, kMostResidualModes = 256;
 // Of 1, of the diagonal, of the mass: what sums of rounded numbers may be off.
 constexpr float kTolerance = 1e-3F;
 // Of a tether's diagonal: what a thousand rounded numbers may take from an eigenvalue.
@@ -65,7 +65,7 @@ class FieldRules {
         return refuse_(kRuns[r].id, "has elements of no field");
       }
     }
-    return checkFibres() && checkTethers() && checkDistances();
+    return checkFibres() && checkTethers() && checkResiduals() && checkDistances();
   }
 
  private:
@@ -412,6 +412,39 @@ class FieldRules {
     }
     return values == view_.fieldFibreValues().size() ||
            refuse_(section::field_fibre_values, "has elements of no fibre");
+  }
+
+  bool checkResiduals() {
+    std::size_t values = 0, locals = 0;
+    const auto residuals = view_.fieldResiduals();
+    for (std::size_t i = 0; i < residuals.size(); ++i) {
+      const FieldResidual& residual = residuals[i];
+      const auto bad = [&](const char* what) { return refuse_(section::field_residuals, i, what); };
+      if (residual.field >= view_.fields().size() || view_.fields()[residual.field].held != 0 ||
+          (i > 0 && residual.field <= residuals[i - 1].field)) {
+        return bad("names a field that is not there, or held, or fields are not ascending");
+      }
+      if (residual.mode_count == 0 || residual.mode_count > kMostResidualModes) return bad("has no modes or above 256");
+      if (!(residual.scale > 0) || beyond(residual.scale) != 0) return bad("scale is not above 0 and at most 1e18");
+      const std::size_t vertices = view_.pieces()[view_.fields()[residual.field].piece].vertex_count;
+      if (residual.first_value != values ||
+          3 * vertices * residual.mode_count > view_.fieldResidualValues().size() - values) {
+        return bad("its run of FRSV does not start where the one before ends, or reaches too far");
+      }
+      if (residual.first_local != locals || vertices > view_.fieldResidualLocals().size() - locals) {
+        return bad("its run of FRSL does not start where the one before ends, or reaches too far");
+      }
+      for (const float local : view_.fieldResidualLocals().subspan(locals, vertices)) {
+        if (!(local > 0) || beyond(local) != 0) return bad("a value of FRSL is not above 0 and at most 1e18");
+      }
+      values += 3 * vertices * residual.mode_count;
+      locals += vertices;
+    }
+    if (locals != view_.fieldResidualLocals().size()) {
+      return refuse_(section::field_residual_locals, "has elements of no field");
+    }
+    return values == view_.fieldResidualValues().size() ||
+           refuse_(section::field_residual_values, "has elements of no field");
   }
 
   bool checkDistances() {

@@ -168,7 +168,7 @@ class PackageReader {
       }
     }
     // What the first is about is in the second.
-    constexpr std::array<std::array<std::uint32_t, 2>, 26> kNeeds = {{
+    constexpr std::array<std::array<std::uint32_t, 2>, 29> kNeeds = {{
         {section::visual_normals, section::visual_positions},
         {section::visual_uv, section::visual_positions},
         {section::visual_colors, section::visual_positions},
@@ -193,6 +193,9 @@ class PackageReader {
         {section::field_fibre_values, section::field_fibres},
         {section::field_tethers, section::fields},
         {section::field_tether_values, section::field_tethers},
+        {section::field_residuals, section::fields},
+        {section::field_residual_values, section::field_residuals},
+        {section::field_residual_locals, section::field_residuals},
         {section::distance_grids, section::field_points},
         {section::distance_values, section::distance_grids},
     }};

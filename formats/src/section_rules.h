@@ -92,6 +92,9 @@ inline constexpr std::array<SectionRule, section::kAll.size()> kSectionRules = {
     {section::field_fibre_values, sizeof(float), kSectionRequired, false, 0},
     {section::field_tethers, sizeof(FieldTethers), kSectionRequired, false, 0},
     {section::field_tether_values, sizeof(float), kSectionRequired, false, 0},
+    {section::field_residuals, sizeof(FieldResidual), 0, false, 0},
+    {section::field_residual_values, sizeof(std::int16_t), 0, false, 0},
+    {section::field_residual_locals, sizeof(float), 0, false, 0},
     {section::distance_grids, sizeof(DistanceGrid), 0, false, 0},
     {section::distance_values, sizeof(std::int16_t), 0, false, 0},
 }};

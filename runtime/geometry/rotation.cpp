@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/geometry/rotation.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -144,6 +145,14 @@ Eigen::Matrix3f nearestRotation(const Eigen::Matrix3f& a) {
   Quaternion q = kIdentityQuaternion;
   nearestRotation(a, q);
   return rotationMatrix(q);
+}
+
+Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& a) {
+  const double scale = a.cwiseAbs().maxCoeff();
+  if (!(scale > 0) || !std::isfinite(scale)) return Eigen::Matrix3d::Identity();
+  Quaternion q = kIdentityQuaternion;
+  nearestRotation(Eigen::Matrix3f((a / scale).cast<float>()), q);
+  return Eigen::Quaterniond(double(q[0]), double(q[1]), double(q[2]), double(q[3])).normalized().toRotationMatrix();
 }
 
 }  // namespace sinew::geometry

@@ -33,5 +33,7 @@ void nearestRotation(const Eigen::Matrix3f& a, Quaternion& q);
 
 /// The nearest rotation without a previous one.
 Eigen::Matrix3f nearestRotation(const Eigen::Matrix3f& a);
+/// The same to the digits of floats, as a rotation to the digits of doubles; at any scale a double can hold.
+Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& a);
 
 }  // namespace sinew::geometry

@@ -144,6 +144,13 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     for (const formats::FieldTethers& tethers : package.fieldTethers()) {
       if (tethers.field == i) field.tethers = package.fieldTetherValues().data() + tethers.first_value;
     }
+    for (const formats::FieldResidual& residual : package.fieldResiduals()) {
+      if (residual.field != i) continue;
+      field.residual_modes = residual.mode_count;
+      field.residual = package.fieldResidualValues().data() + residual.first_value;
+      field.residual_scale = residual.scale;
+      field.residual_locals = package.fieldResidualLocals().data() + residual.first_local;
+    }
     const auto before = [](const formats::FieldFibre& fibre, std::size_t of) { return fibre.field < of; };
     const auto fibres = package.fieldFibres();
     const auto first = std::lower_bound(fibres.begin(), fibres.end(), i, before);

@@ -69,6 +69,7 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       quaternions(memory),
       squeezed(memory),
       samples(memory),
+      holds(memory),
       contacts(memory),
       rows(memory),
       prediction(memory),
@@ -179,6 +180,42 @@ void damp(Push& push, double c, double h, const Eigen::Vector3f& before) {
   push.slide -= push.lag - along * push.normal;
 }
 
+// Their pull at the prediction is in scratch.residual.
+double Objective::held(const float* d, float* gradient) const {
+  const std::uint32_t k = field->k, stride = field->stride;
+  const float* const r = holds_rotation;
+  float *const local = scratch->x.data(), *const pull = scratch->parts.data();
+  for (std::uint32_t j = 0; j < k; ++j) {
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      local[3 * j + c] = r[3 * c] * d[4 * j] + (r[3 * c + 1] * d[4 * j + 1] + r[3 * c + 2] * d[4 * j + 2]);
+    }
+  }
+  std::fill(local + field->unknowns(), local + stride, 0.0F);
+  // Four rows at once, as in external().
+  double total = 0;
+  const std::uint32_t n = field->unknowns();
+  for (std::uint32_t first = 0; first < n; first += 4) {
+    std::array<Four, 4> sum;
+    sum.fill(Four::Zero());
+    const std::uint32_t count = std::min(4U, n - first);
+    for (std::uint32_t j = 0; j < stride; j += 4) {
+      const Four way = Four::Map(local + j);
+      for (std::uint32_t row = 0; row < 4; ++row) {
+        sum[row] += Four::Map(holds + std::size_t(stride) * (first + std::min(row, count - 1)) + j) * way;
+      }
+    }
+    for (std::uint32_t row = 0; row < count; ++row) {
+      pull[first + row] = stiffness * ((sum[row][0] + sum[row][1]) + (sum[row][2] + sum[row][3]));
+      total += double(local[first + row]) * double(pull[first + row]);
+    }
+  }
+  for (std::uint32_t j = 0; gradient != nullptr && j < k; ++j) {
+    const float* const p = pull + 3 * j;
+    for (std::uint32_t c = 0; c < 3; ++c) gradient[4 * j + c] += r[c] * p[0] + (r[3 + c] * p[1] + r[6 + c] * p[2]);
+  }
+  return 0.5 * total;
+}
+
 double Objective::external(const float* d, float* gradient) const {
   const std::uint32_t k = field->k;
   double total = 0;
@@ -205,6 +242,7 @@ double Objective::external(const float* d, float* gradient) const {
       }
     }
   }
+  if (holds != nullptr) total += held(d, gradient);
   const std::uint32_t driven = field->driven;
   for (Contact& contact : scratch->contacts) {
     contact.way = wayOf(contact, d, k);

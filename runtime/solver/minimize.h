@@ -85,6 +85,7 @@ struct MinimizeScratch {
   Array<float> lanes, parts, quaternions;
   Array<float> squeezed;
   Array<float> samples;  ///< of stiffnessAt()
+  Array<double> holds;   ///< of makeHolds()
   Array<Contact> contacts;
   Array<float> rows;  ///< phi of the contacts
   Array<Vector3d> prediction, predicted_velocity, external;
@@ -99,6 +100,8 @@ struct Objective {
   const float* rest_change = nullptr;  ///< Piece::rest_change, or null
   std::span<const float> tensions;     ///< Piece::tensions
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
+  const float* holds = nullptr;        ///< Holds::matrix, or null
+  float holds_rotation[9];             ///< of their frame, column-major
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major
   const float* system = nullptr;   ///< factor of the first matrix (solver/system.h); null: the modes of the rest shape
@@ -126,6 +129,8 @@ struct Objective {
   double besideElastic(const float* d, float* gradient) const;
   /// What springs and contacts add of it, alone.
   double external(const float* d, float* gradient) const;
+  /// What Holds add of it, beyond their pull at the prediction.
+  double held(const float* d, float* gradient) const;
   /// Friction's bound follows the load at the last evaluation: corrects the gradient there. \return change of the
   /// value.
   double rub(float* gradient) const;

@@ -48,6 +48,20 @@ struct PieceState {
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 
+/// What holds a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
+/// of it belongs to moduli of factor 1.
+struct Holds {
+  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), matrix(memory), rows(memory) {}
+
+  std::size_t scratch = 0;     ///< numbers that making them takes
+  std::uint32_t count = 0;     ///< of held vertices; 0: none, or the field does not know
+  Matrix3d turned = Matrix3d::Identity();  ///< their frame in this step
+  Array<std::uint32_t> sets;   ///< pin sets that hold some of them, by their numbers, ascending
+  Array<float> matrix;         ///< Phi^T S Phi, 3 k rows of field.stride floats, N/m
+  Array<float> rows;           ///< what offsets pull at, 3 count columns rounded up to eight: Phi^T S; for each set its sum and moments, 12
+                               ///< rows; R^T S
+};
+
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
 struct Piece {
   Piece(const Field* free_field, const Field* held_field, std::pmr::memory_resource* memory)
@@ -58,6 +72,8 @@ struct Piece {
         tensions(memory),
         springs(memory),
         row(memory),
+        holds(memory),
+        offsets(memory),
         reach_free(memory),
         reach_fixed(memory),
         system(memory) {}
@@ -79,6 +95,8 @@ struct Piece {
   Array<double> springs;                 ///< k x k: sum kappa phi phi^T of pins and picks
   double springs_firm = -1;              ///< kappa of pins that they were made with, N/m; negative: to be made anew
   Array<double> row;                     ///< scratch, k
+  Holds holds;
+  Array<float> offsets;  ///< scratch, three numbers a held vertex
   Array<float> reach_free, reach_fixed;  ///< findReach() of the fields
   Eigen::AlignedBox3d box;               ///< around its contact points, world; of a body that is asleep
   SystemFactor system;

@@ -90,6 +90,17 @@ void RigidCoupling::make(const Minimand& minimand) {
         gram += momentsOf(piece, row) * arms(piece)[i].transpose();
       }
     }
+    // The mean of its three directions.
+    for (std::uint32_t i = 0; objective.holds != nullptr && i < field.k; ++i) {
+      const auto at = [&](std::uint32_t j, std::uint32_t c) {
+        return objective.holds[std::size_t(field.stride) * (3 * i + c) + 3 * j + c];
+      };
+      Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+      for (std::uint32_t j = 0; j < field.k; ++j) {
+        sum += double(objective.stiffness) / 3 * double(at(j, 0) + at(j, 1) + at(j, 2)) * arms(piece)[j];
+      }
+      gram += sum * arms(piece)[i].transpose();
+    }
     for (const Contact& contact : objective.scratch->contacts) {
       const Eigen::Vector4d at = momentsOf(piece, contact.phi);
       gram += double(contact.firm) * at * at.transpose();

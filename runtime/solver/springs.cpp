@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "runtime/interact/picked_point.h"
+#include "runtime/solver/holds.h"
 
 namespace sinew::internal {
 namespace {
@@ -12,44 +13,14 @@ namespace {
 /// How far a piece's weight draws its pins from their targets at most where it is too soft to carry it, diagonals.
 constexpr double kSagging = 2e-3;
 
-bool isIn(const Field& field, std::uint32_t vertex) {
-  return vertex >= field.first_vertex && vertex - field.first_vertex < field.vertex_count;
-}
-
 bool touches(const Field& field, const PickedPoint& point) { return isIn(field, point.vertex[0]); }
-
-/// Whether the field itself holds a set: its functions and tethers do.
-bool isDriven(const Piece& piece, const PinSet& set) {
-  if (!piece.state.held || set.source == formats::kNone) return false;
-  const Field& field = piece.field();
-  for (std::uint32_t j = 0; j < field.driven; j += 4) {
-    if (field.functions[j].pin_set == set.source) return true;
-  }
-  return false;
-}
-
-/// Calls visit(vertex, weight, target, set) for each vertex of the piece that springs hold; set is the pin set's number
-/// or kNone.
-template <class Visit>
-void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
-  const Field& field = piece.field();
-  for (const Pin& pin : body.pins) {
-    if (isIn(field, pin.vertex)) visit(pin.vertex, 1.0, Vector3d(asVector(pin.at).cast<double>()), formats::kNone);
-  }
-  for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
-    const PinSet& set = body.pin_sets[s];
-    if (isDriven(piece, set)) continue;
-    for (const PinnedVertex& vertex : set.vertices) {
-      if (isIn(field, vertex.vertex)) visit(vertex.vertex, double(vertex.weight), placeOf(set.at, vertex.local), s);
-    }
-  }
-}
 
 /// kappa of a vertex that is held firmly: the field's foundation, and no softer than what carries the weight. 0:
 /// nothing is held.
 double firmness(const Body& body, const Piece& piece, const SpringStep& step) {
   double held = 0;
-  forEachHeld(body, piece, [&held](std::uint32_t, double weight, const Vector3d&, std::uint32_t) { held += weight; });
+  if (piece.field().residual_modes > 0) return 0;  // holds know better
+  forEachHeld(body, piece, [&held](const HeldVertex& vertex) { held += vertex.weight; });
   if (!(held > 0)) return 0;
   const double carries = step.weight / (kSagging * double(body.package().info().diagonal) * held);
   return std::max(double(step.stiffness) * piece.field().foundation, carries);
@@ -59,9 +30,11 @@ double firmness(const Body& body, const Piece& piece, const SpringStep& step) {
 template <class Visit>
 void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, double firm, const Visit& visit) {
   const Field& field = piece.field();
-  forEachHeld(body, piece, [&](std::uint32_t vertex, double weight, const Vector3d& target, std::uint32_t set) {
-    const std::uint32_t i = vertex - field.first_vertex;
-    visit([&field, i](std::uint32_t j) { return double(field.valueAt(i, j)); }, firm * weight, target, set);
+  forEachHeld(body, piece, [&](const HeldVertex& held) {
+    if (!(firm > 0)) return;
+    const std::uint32_t i = held.vertex - field.first_vertex;
+    visit([&field, i](std::uint32_t j) { return double(field.valueAt(i, j)); }, firm * held.weight,
+          held.target(body), held.set);
   });
   for (const Pick& pick : body.picks) {
     const PickedPoint& point = pick.point;
@@ -82,6 +55,14 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     const Vector3d target = (kappa * reachOf(body, pick, old, kappa) + damper * old) / (kappa + damper);
     visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);
   }
+}
+
+/// What a triple of rows answers, in the world, N.
+Vector3d pullOf(const Piece& piece, const SpringStep& step, std::size_t row) {
+  const std::span<const float> offsets(piece.offsets.data(), piece.offsets.size());
+  Vector3d pull;
+  for (int c = 0; c < 3; ++c) pull[c] = double(answerOf(piece.holds, row + std::size_t(c), offsets));
+  return double(step.stiffness) * (piece.holds.turned * pull);
 }
 
 }  // namespace
@@ -121,6 +102,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
                     MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const std::uint32_t k = field.k;
+  if (piece.springs_firm < 0) makeHolds(body, piece, scratch);
   const double firm = firmness(body, piece, step);
   const bool made = piece.springs_firm == firm && body.picks.empty();
   if (!made) {
@@ -147,6 +129,11 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     }
   });
   piece.springs_firm = firm;
+  if (piece.holds.count > 0) {
+    piece.holds.turned = frameOf(body, piece, 1, step.turned);
+    findOffsets(body, piece, {y, step.center, piece.holds.turned}, 1, piece.offsets);
+    for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += pullOf(piece, step, 3 * std::size_t(j));
+  }
   for (std::uint32_t j = 0; j < k; ++j) {
     for (std::uint32_t c = 0; c < 3; ++c) scratch.residual[4 * j + c] = float(scratch.external[j][c]);
     scratch.residual[4 * j + 3] = 0;
@@ -154,7 +141,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   for (std::size_t i = 0; i < std::size_t(k) * k; ++i) scratch.springs[i] = float(piece.springs[i]);
 }
 
-void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::span<const Vector3d> pull) {
+void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<const Vector3d> pull) {
   const Field& field = piece.field();
   const auto add = [](PinSet& set, const Vector3d& force, const Vector3d& place) {
     set.force_sum += force;
@@ -171,6 +158,19 @@ void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::s
       add(body.pin_sets[set], kappa * (at - target), target);
     };
     forEachSpring(body, piece, step, firm, react);
+  }
+  if (piece.holds.count > 0) {
+    findOffsets(body, piece, {std::as_const(piece).z(), step.center, piece.holds.turned}, 1, piece.offsets);
+    for (std::size_t i = 0; i < piece.holds.sets.size(); ++i) {
+      PinSet& set = body.pin_sets[piece.holds.sets[i]];
+      const std::size_t first = 3 * (std::size_t(field.k) + 4 * i);
+      set.force_sum += pullOf(piece, step, first);
+      for (std::size_t c = 0; c < 3; ++c) {
+        Vector3d arm;  // the set's axis, which the forces' moments along it pull at
+        for (std::size_t a = 0; a < 3; ++a) arm[int(a)] = double(set.at.rotation[3 * a + c]);
+        set.torque_sum += arm.cross(pullOf(piece, step, first + 3 * (c + 1)));
+      }
+    }
   }
   if (pull.empty()) return;
   for (PinSet& set : body.pin_sets) {

@@ -15,6 +15,7 @@ struct SpringStep {
   double h;         ///< s
   double weight;    ///< of the piece: its mass times gravity, N
   float stiffness;  ///< factor on the moduli
+  Matrix3d turned;  ///< the frame of the piece
   Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
 
@@ -35,6 +36,6 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
 
 /// Adds what the springs and driven functions do to the owners of pin sets. \param z coefficients at the end of the
 /// step. \param pull of the driven functions: the gradient of elasticity and inertia, k rows; empty without them.
-void addReactions(Body& body, const Piece& piece, const SpringStep& step, std::span<const Vector3d> pull);
+void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<const Vector3d> pull);
 
 }  // namespace sinew::internal

@@ -16,6 +16,10 @@ void addSprings(const Objective& objective, float* matrix) {
   const MinimizeScratch& s = *objective.scratch;
   if (!objective.has_springs && s.contacts.empty() && objective.touch_rows.empty()) return;
   const std::uint32_t k = field.k, driven = field.driven;
+  if (objective.holds != nullptr) {
+    const std::size_t entries = std::size_t(field.unknowns()) * field.stride;
+    for (std::size_t i = 0; i < entries; ++i) matrix[i] += objective.stiffness * objective.holds[i];
+  }
   float* const row = objective.scratch->parts.data();
   for (std::uint32_t i = driven; i < k; ++i) {
     if (objective.has_springs) {

@@ -6,6 +6,7 @@
 
 #include "runtime/geometry/rotation.h"
 #include "runtime/interact/pin_sets.h"
+#include "runtime/solver/holds.h"
 #include "runtime/solver/plasticity.h"
 #include "runtime/step/rigid.h"
 
@@ -107,6 +108,7 @@ void refresh(Body& body, double part) {
     const Vector3d before = meanOf(field, {state.z_before.data()->data(), Eigen::Index(field.k), 3});
     const Vector3d center = left * before + part * now;
     const Matrix3d onward = turnBy(part * state.turn), back = turnBy(-left * state.turn);
+    body.shape.resize(field.k);
     for (const bool moving : {false, true}) {
       for (std::uint32_t j = 0; j < field.k; ++j) {
         const double one = oneOf(field, j);
@@ -114,6 +116,7 @@ void refresh(Body& body, double part) {
                                     : Vector3d(left * (onward * (state.z_before[j] - one * before)) +
                                                part * (back * (state.z[j] - one * now)));
         for (std::uint32_t c = 0; c < 3; ++c) coefficients[4 * j + c] = float(row[int(c)]);
+        if (!moving) body.shape[j] = row + one * center;
       }
       kernels().field_values({field.k, blocks, field.values, coefficients.data(), out.data()});
       Array<Vec3>& to = moving ? body.v : body.x;
@@ -124,6 +127,12 @@ void refresh(Body& body, double part) {
         }
       }
     }
+    if (piece.holds.count == 0 || piece.springs_firm < 0) continue;
+    const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
+    const PlacedShape shape{z, center, frameOf(body, piece, part, rotationOf(field, z, center))};
+    findOffsets(body, piece, shape, part, body.offsets);
+    giveWay(piece, {body.offsets.data(), body.offsets.size()}, shape.turned, body.amplitudes,
+            body.x.data() + field.first_vertex);
   }
   // What rides along rigidly keeps its shape.
   for (const formats::AttachedPart& rider : body.package().parts()) {
@@ -212,6 +221,7 @@ bool chooseFields(Body& body) {
                                    [source](const PinSet& set) { return set.source == source; });
       }
     }
+    reserveHolds(body, piece);
     piece.springs_firm = -1;
     piece.system.h = 0;
     if (held == piece.state.held) continue;

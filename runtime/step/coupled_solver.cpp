@@ -8,6 +8,7 @@
 #include "runtime/contact/contacts.h"
 #include "runtime/solver/cluster_solver.h"
 #include "runtime/solver/plasticity.h"
+#include "runtime/solver/holds.h"
 #include "runtime/solver/springs.h"
 #include "runtime/step/body_state.h"
 #include "runtime/step/rigid.h"
@@ -229,6 +230,7 @@ class CoupledSolver final : public BodySolver {
       state.budget = saved.budget;
       state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
       state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
+      reserveHolds(body_, piece);
       piece.springs_firm = -1;
       piece.system.h = 0;
       for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {

@@ -8,6 +8,7 @@
 
 #include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
+#include "runtime/solver/holds.h"
 #include "runtime/solver/plasticity.h"
 #include "runtime/step/body_state.h"
 #include "runtime/step/rigid.h"
@@ -39,6 +40,8 @@ void PieceStep::run() {
 
 void PieceStep::begin() {
   s_.reserve(field_, kMostContacts);
+  const ConstCoefficientMap now = std::as_const(piece_).z();
+  frame_ = rotationOf(field_, now, meanOf(field_, now));
   if (stands()) {
     stand();
     return;
@@ -191,9 +194,7 @@ void PieceStep::reserveSystem(std::size_t rows) {
 void PieceStep::prepareTogether(std::span<TouchRow> rows) {
   objective_.touch_rows = rows;
   useRestSystem(objective_, piece_.system);
-  const ConstCoefficientMap now = std::as_const(piece_).z();
-  objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_),
-                      rotationOf(field_, now, meanOf(field_, now)));
+  objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
 }
 
 void PieceStep::oldPlace(float* d) const {
@@ -452,7 +453,13 @@ void PieceStep::findObjective() {
   findNear(piece_, colliders_, contactStep(), y(), center_, scratch_.contacts);
   findContacts(piece_, contactStep(), y(), center_, scratch_.contacts, s_);
   objective_.has_springs = springs_;
-  if (springs_ && !s_.contacts.empty()) prepareSprings(body_, piece_, springStep(), y(), s_);  // else rebase() does
+  if (springs_ && !s_.contacts.empty()) findSprings();  // else rebase() does
+}
+
+void PieceStep::findSprings() {
+  prepareSprings(body_, piece_, springStep(), y(), s_);
+  objective_.holds = piece_.holds.count > 0 ? piece_.holds.matrix.data() : nullptr;
+  for (int i = 0; i < 9; ++i) objective_.holds_rotation[i] = float(piece_.holds.turned.data()[i]);
 }
 
 void PieceStep::rebase() {
@@ -463,7 +470,7 @@ void PieceStep::rebase() {
     s_.predicted_velocity[j] += offset / effective_h_;
   }
   setBase();
-  prepareSprings(body_, piece_, springStep(), y(), s_);
+  findSprings();
   objective_.has_offset = true;
 }
 
@@ -480,9 +487,7 @@ bool PieceStep::touchesAsBefore() const {
 
 void PieceStep::solve() {
   useRestSystem(objective_, piece_.system);
-  const ConstCoefficientMap now = std::as_const(piece_).z();
-  objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_),
-                      rotationOf(field_, now, meanOf(field_, now)));
+  objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
   std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
   objective_.press(s_.d.data());
@@ -664,6 +669,7 @@ void PieceScratch::reserve(const Piece& piece) {
   for (const Field* field : {piece.free, piece.fixed}) {
     if (field == nullptr) continue;
     minimize.reserve(*field, kMostContacts);
+    reserveHolds(piece, minimize);
     contacts.reserve(*field);
   }
 }

@@ -88,7 +88,7 @@ class PieceStep {
   ConstCoefficientMap y() const { return {s_.prediction.data()->data(), Eigen::Index(k_), 3}; }
   std::span<const Collider* const> nearby() const;
   ContactStep contactStep() const;
-  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, center_}; }
+  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, center_}; }
 
   /// begin() of what stands.
   void stand();
@@ -118,6 +118,7 @@ class PieceStep {
 
   void findObjective();
   void findExternal();
+  void findSprings();
 
   /// Offsets from the old place in place of the prediction: stiff springs of what is at rest pull by the difference of
   /// where it is from where it should be, which floats hold only where both are near.
@@ -161,6 +162,7 @@ class PieceStep {
   bool forced_ = false;  ///< forces at points or the air act: scratch.forces
   Vector3d forced_mean_ = Vector3d::Zero(), twist_ = Vector3d::Zero();  ///< their acceleration, m/s^2, and torque, N m
   Rigid rigid_;
+  Matrix3d frame_ = Matrix3d::Identity();    ///< of the piece when the step begins
   Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
   Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s
   double effective_h_ = 0;

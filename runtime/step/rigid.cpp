@@ -67,11 +67,7 @@ Matrix3d rotationOf(const Field& field, const ConstCoefficientMap& z, const Vect
     sum += Vector3d(z.row(j).transpose() - oneOf(field, j) * center) *
            (restOf(field, j) - oneOf(field, j) * rest_center).transpose();
   }
-  const double scale = sum.cwiseAbs().maxCoeff();
-  if (!(scale > 0) || !std::isfinite(scale)) return Matrix3d::Identity();
-  geometry::Quaternion q = geometry::kIdentityQuaternion;
-  geometry::nearestRotation(Eigen::Matrix3f((sum / scale).cast<float>()), q);
-  return Eigen::Quaterniond(double(q[0]), double(q[1]), double(q[2]), double(q[3])).normalized().toRotationMatrix();
+  return geometry::nearestRotation(sum);
 }
 
 }  // namespace sinew::internal

@@ -317,6 +317,10 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
        Count{&s.field.functions, 0, 256}},
       {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
       {"field.points", "", "Points of each piece's surface that may touch something.", Count{&s.field.points, 0, 4096}},
+      {"field.residual_modes", "",
+       "Shapes beside the functions in which places that a game holds give way: more are more exact and take memory, 6 "
+       "bytes a vertex each. 0: springs of one firmness hold.",
+       Count{&s.field.residual_modes, 0, 256}},
       {"field.distances", "",
        "Cells along the longest side of each piece's grid of distances, by which other bodies touch it. 0: they pass "
        "through.",

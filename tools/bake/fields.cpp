@@ -119,6 +119,7 @@ class PieceFields {
     fibres_ = findFibres(content, host_, young_, poisson_, !tethers_.empty());
     options_.functions = settings.field.functions;
     options_.samples_per_function = settings.field.samples;
+    options_.residual_modes = settings.field.residual_modes;
     options_.lowest_hz = lowest_hz_;
     contact_ = contactPoints(content, host_, settings.field.points);
   }
@@ -414,8 +415,10 @@ class PieceFields {
           {std::uint32_t(content_.fields.size()), std::uint32_t(content_.field_tether_values.size())});
       for (const double value : space.tethers.reshaped()) content_.field_tether_values.push_back(float(value));
     }
+    addResidual(space);
     content_.fields.push_back(field);
     return {{"functions", k},
+            {"residual_modes", space.residual_modes.cols()},
             {"driven", space.driven_count},
             {"samples", space.samples.size()},
             {"contact_points", contact_.points.size()},
@@ -423,6 +426,37 @@ class PieceFields {
             {"static_error", space.static_error},
             {"gravity_error", space.gravity_error},
             {"least_eigenvalue", space.least_eigenvalue}};
+  }
+
+  void addResidual(const FieldSpace& space) {
+    const Eigen::Index modes = space.residual_modes.cols();
+    if (modes == 0) return;
+    Eigen::MatrixXd at_all[3];
+    double largest = 0;
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      at_all[axis] =
+          host_.valuesAtAll(space.residual_modes(Eigen::seqN(axis, space.residual_modes.rows() / 3, 3), Eigen::all));
+      largest = std::max(largest, at_all[axis].cwiseAbs().maxCoeff());
+    }
+    formats::FieldResidual record = {};
+    record.field = std::uint32_t(content_.fields.size());
+    record.mode_count = std::uint32_t(modes);
+    record.first_value = std::uint32_t(content_.field_residual_values.size());
+    record.first_local = std::uint32_t(content_.field_residual_locals.size());
+    record.scale = float(largest / std::numeric_limits<std::int16_t>::max());
+    for (Eigen::Index v = 0; v < at_all[0].rows(); ++v) {
+      for (const Eigen::MatrixXd& along : at_all) {
+        for (Eigen::Index m = 0; m < modes; ++m) {
+          content_.field_residual_values.push_back(std::int16_t(std::lround(along(v, m) / double(record.scale))));
+        }
+      }
+    }
+    std::vector<double> local(host_.range.vertex_count, space.residual_locals.mean());
+    for (std::size_t i = 0; i < host_.vertices.size(); ++i) {
+      local[host_.vertices[i] - host_.range.first_vertex] = space.residual_locals[Eigen::Index(i)];
+    }
+    for (const double value : local) content_.field_residual_locals.push_back(float(value));
+    content_.field_residuals.push_back(record);
   }
 
   formats::PackageContent& content_;
@@ -465,6 +499,9 @@ void removeFields(formats::PackageContent& content) {
   content.field_fibre_values.clear();
   content.field_tethers.clear();
   content.field_tether_values.clear();
+  content.field_residuals.clear();
+  content.field_residual_values.clear();
+  content.field_residual_locals.clear();
   content.distance_grids.clear();
   content.distance_values.clear();
 }

@@ -105,6 +105,7 @@ void removePins(PackageContent& content) {
     }
   }
   content.field_fibres = std::move(fibres);
+  for (formats::FieldResidual& residual : content.field_residuals) residual.field = number[residual.field];
   content.fields = std::move(free);
 }
 

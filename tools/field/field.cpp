@@ -12,6 +12,7 @@
 #include "tools/field/cubature.h"
 #include "tools/field/elastic.h"
 #include "tools/field/modes.h"
+#include "tools/field/residual.h"
 
 namespace sinew::tools {
 namespace field {
@@ -259,7 +260,10 @@ FieldSpace freeSpace(const Elastic& elastic, const FieldInput& input, const Fiel
   space.rest = space.values.transpose() * elastic.mass.asDiagonal() * elastic.positions;
   addSamples(elastic, options, MatrixXd::Identity(space.values.cols(), space.values.cols()), known.forces, space);
   addDamping(space);
-  if (answers) addErrors(elastic, *answers, space);
+  if (answers) {
+    addErrors(elastic, *answers, space);
+    addResidual(elastic, *answers, Index(options.residual_modes), space);
+  }
   return space;
 }
 
@@ -526,6 +530,8 @@ void scaleYoung(FieldSpace& space, double scale) {
   space.damping_hz *= std::sqrt(scale);
   space.tethers *= scale;
   space.compliance /= scale;
+  space.residual_modes /= std::sqrt(scale);
+  space.residual_locals /= scale;
   for (FieldSample& s : space.samples) {
     s.mu *= scale;
     s.lambda *= scale;

@@ -120,6 +120,11 @@ class PackageView {
   std::span<const float> fieldFibreValues() const { return list<float, section::field_fibre_values>(); }
   std::span<const FieldTethers> fieldTethers() const { return list<FieldTethers, section::field_tethers>(); }
   std::span<const float> fieldTetherValues() const { return list<float, section::field_tether_values>(); }
+  std::span<const FieldResidual> fieldResiduals() const { return list<FieldResidual, section::field_residuals>(); }
+  std::span<const std::int16_t> fieldResidualValues() const {
+    return list<std::int16_t, section::field_residual_values>();
+  }
+  std::span<const float> fieldResidualLocals() const { return list<float, section::field_residual_locals>(); }
   std::span<const DistanceGrid> distanceGrids() const { return list<DistanceGrid, section::distance_grids>(); }
   std::span<const std::int16_t> distanceValues() const { return list<std::int16_t, section::distance_values>(); }
   std::span<const Lanes> fieldModes() const { return list<Lanes, section::field_modes>(); }

@@ -365,6 +365,18 @@ struct FieldTethers {
 };
 static_assert(sizeof(FieldTethers) == 8);
 
+/// FRES: what a free field's functions lack: how its vertices give way to forces while the functions stay. Forces f_w on
+/// vertices w move vertex v by d_v f_v + sum_m r_vm sum_w r_wm . f_w, r_vm (three numbers for each mode m) the values of
+/// FRSV times `scale`, d_v that of FRSL. Where the piece is at rest, in its frame (docs/method.md §4).
+struct FieldResidual {
+  std::uint32_t field;        ///< into FELD, ascending; a free one
+  std::uint32_t mode_count;   ///< r, 1..256
+  std::uint32_t first_value;  ///< into FRSV: by vertex of the piece, x, y and z in turn, r each
+  std::uint32_t first_local;  ///< into FRSL: d_v of the piece's vertices, m/N, > 0
+  float scale;                ///< of the values, (m/N)^1/2, > 0
+};
+static_assert(sizeof(FieldResidual) == 20);
+
 /// FPNT: a contact point, a place of the surface that may touch something.
 struct FieldPoint {
   std::array<float, 3> at;  ///< rest position, metres
@@ -514,6 +526,8 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                field_point_values = fourcc("FPTV"), field_modes = fourcc("FMOD"),
                                field_fibres = fourcc("FFIB"), field_fibre_values = fourcc("FFBV"),
                                field_tethers = fourcc("FTHR"), field_tether_values = fourcc("FTHV"),
+                               field_residuals = fourcc("FRES"), field_residual_values = fourcc("FRSV"),
+                               field_residual_locals = fourcc("FRSL"),
                                distance_grids = fourcc("DIST"), distance_values = fourcc("DVAL");
 
 /// All of them, in the order in which the writer lays sections out.
@@ -566,6 +580,9 @@ inline constexpr std::array kAll = {info,
                                     field_fibre_values,
                                     field_tethers,
                                     field_tether_values,
+                                    field_residuals,
+                                    field_residual_values,
+                                    field_residual_locals,
                                     distance_grids,
                                     distance_values};
 

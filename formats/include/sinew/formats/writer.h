@@ -62,6 +62,9 @@ struct PackageContent {
   std::vector<float> field_fibre_values;
   std::vector<FieldTethers> field_tethers;
   std::vector<float> field_tether_values;
+  std::vector<FieldResidual> field_residuals;
+  std::vector<std::int16_t> field_residual_values;
+  std::vector<float> field_residual_locals;
   std::vector<DistanceGrid> distance_grids;
   std::vector<std::int16_t> distance_values;
 

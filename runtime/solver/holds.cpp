@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/holds.h"
+
+#include <array>
+#include <bit>
+#include <cmath>
+
+#include "runtime/geometry/rotation.h"
+#include "runtime/solver/minimize.h"
+
+namespace sinew::internal {
+namespace {
+
+/// Of the spread of held vertices (and squared, of the diagonal): what leaves a direction of their rotation open.
+constexpr double kOpen = 1e-3;
+
+using Column = Eigen::Map<Eigen::VectorXd>;
+
+/// Of Holds::rows: three a held vertex, rounded up to eight.
+std::size_t columnsOf(std::size_t held) { return (3 * held + 7) / 8 * 8; }
+
+/// Numbers that makeHolds() needs beside its result. \param m scalar functions of held vertices
+std::size_t scratchOf(std::size_t r, std::size_t held, std::size_t m) {
+  return r * (r + 3 * held + 3 * m) + held * (m + 1);
+}
+
+/// The lower triangle becomes its Cholesky factor; columns are r apart. \pre its eigenvalues are at least 1
+void factorize(double* a, std::uint32_t r) {
+  for (std::uint32_t j = 0; j < r; ++j) {
+    double* const column = a + std::size_t(r) * j;
+    for (std::uint32_t i = 0; i < j; ++i) {
+      const double* const before = a + std::size_t(r) * i;
+      Column(column + j, r - j) -= before[j] * Eigen::Map<const Eigen::VectorXd>(before + j, r - j);
+    }
+    Column(column + j, r - j) *= 1 / std::sqrt(std::max(column[j], 1.0));
+  }
+}
+
+/// x becomes L^-T x.
+void solveUpper(const double* factor, std::uint32_t r, double* x) {
+  for (std::uint32_t i = r; i-- > 0;) {
+    const double* const column = factor + std::size_t(r) * i;
+    const std::uint32_t left = r - i - 1;
+    x[i] = (x[i] - Eigen::Map<const Eigen::VectorXd>(column + i + 1, left).dot(Column(x + i + 1, left))) / column[i];
+  }
+}
+
+/// x becomes L^-1 x.
+void solveLower(const double* factor, std::uint32_t r, double* x) {
+  for (std::uint32_t i = 0; i < r; ++i) {
+    const double* const column = factor + std::size_t(r) * i;
+    x[i] /= column[i];
+    const std::uint32_t left = r - i - 1;
+    Column(x + i + 1, left) -= x[i] * Eigen::Map<const Eigen::VectorXd>(column + i + 1, left);
+  }
+}
+
+}  // namespace
+
+bool isDriven(const Piece& piece, const PinSet& set) {
+  if (!piece.state.held || set.source == formats::kNone) return false;
+  const Field& field = piece.field();
+  for (std::uint32_t j = 0; j < field.driven; j += 4) {
+    if (field.functions[j].pin_set == set.source) return true;
+  }
+  return false;
+}
+
+void reserveHolds(const Body& body, Piece& piece) {
+  const Field& field = *piece.free;
+  if (field.residual_modes == 0) return;
+  std::size_t held = 0;
+  for (const Pin& pin : body.pins) held += isIn(field, pin.vertex) ? 1U : 0U;
+  for (const PinSet& set : body.pin_sets) {
+    for (const PinnedVertex& vertex : set.vertices) held += isIn(field, vertex.vertex) ? 1U : 0U;
+  }
+  if (held == 0) return;
+  held = std::bit_ceil(held);  // pins come one by one
+  const std::size_t sets = body.pin_sets.size(), rows = 3 * std::size_t(field.k) + 12 * sets + field.residual_modes;
+  piece.holds.sets.reserve(sets);
+  piece.holds.matrix.reserve(std::size_t(field.unknowns()) * field.stride);
+  piece.holds.rows.reserve(rows * columnsOf(held));
+  piece.offsets.reserve(columnsOf(held));
+  piece.holds.scratch = scratchOf(field.residual_modes, held, field.k + 4 * sets);
+}
+
+void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
+  if (scratch.holds.size() < piece.holds.scratch) scratch.holds.resize(piece.holds.scratch);
+}
+
+// With p the rows of R and d those of D at the held vertices, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
+// S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
+// R^T S = L^-T Y.
+void makeHolds(const Body& body, Piece& piece, MinimizeScratch& scratch) {
+  const Field& field = piece.field();
+  Holds& holds = piece.holds;
+  const std::uint32_t r = field.residual_modes, k = field.k;
+  holds.count = 0;
+  holds.sets.clear();
+  if (r == 0) return;
+  forEachHeld(body, piece, [&holds](const HeldVertex& held) {
+    ++holds.count;
+    if (held.set != formats::kNone && (holds.sets.empty() || holds.sets.back() != held.set)) {
+      holds.sets.push_back(held.set);
+    }
+  });
+  if (holds.count == 0) return;
+  const std::uint32_t count = holds.count, m = k + 4 * std::uint32_t(holds.sets.size());
+  double *const a = scratch.holds.data(), *const y = a + std::size_t(r) * r, *const z = y + std::size_t(r) * 3 * count,
+                *const firm = z + std::size_t(r) * 3 * m, *const psi = firm + count;
+  std::fill(a, firm, 0.0);
+  std::fill_n(psi, std::size_t(m) * count, 0.0);
+  const auto columnOf = [r](double* of, std::size_t i) { return Column(of + r * i, r); };
+  const auto psiOf = [psi, m](std::uint32_t h, std::uint32_t i) { return psi[std::size_t(m) * h + i]; };
+  // Psi, 1 / d, p / d in the place of Y, and A.
+  for (std::uint32_t i = 0; i < r; ++i) a[(std::size_t(r) + 1) * i] = 1;
+  std::uint32_t h = 0, at_set = 0;
+  forEachHeld(body, piece, [&](const HeldVertex& held) {
+    const std::uint32_t v = held.vertex - field.first_vertex;
+    double* const own = psi + std::size_t(m) * h;
+    for (std::uint32_t j = 0; j < k; ++j) own[j] = double(field.valueAt(v, j));
+    if (held.set != formats::kNone) {
+      while (holds.sets[at_set] != held.set) ++at_set;
+      double* const of_set = own + k + std::size_t{4} * at_set;
+      of_set[0] = 1;
+      for (std::size_t c = 0; c < 3; ++c) of_set[1 + c] = double(held.local[c]);
+    }
+    firm[h] = held.weight / double(field.residual_locals[v]);
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      Column p = columnOf(y, 3 * std::size_t(h) + c);
+      const std::int16_t* const values = field.residual + (3 * std::size_t(v) + c) * r;
+      for (std::uint32_t i = 0; i < r; ++i) p[i] = double(field.residual_scale) * double(values[i]);
+      for (std::uint32_t i = 0; i < r; ++i) columnOf(a, i).tail(r - i) += firm[h] * p[i] * p.tail(r - i);
+      p *= firm[h];
+    }
+    ++h;
+  });
+  factorize(a, r);
+  for (std::size_t i = 0; i < 3 * std::size_t(count); ++i) solveLower(a, r, y + r * i);
+  for (h = 0; h < count; ++h) {
+    for (std::uint32_t i = 0; i < m; ++i) {
+      if (psiOf(h, i) == 0) continue;
+      for (std::uint32_t c = 0; c < 3; ++c) columnOf(z, 3 * i + c) += psiOf(h, i) * columnOf(y, 3 * h + c);
+    }
+  }
+  const std::size_t columns = columnsOf(count);
+  holds.rows.resize((3 * m + r) * columns);
+  std::fill(holds.rows.begin(), holds.rows.end(), 0.0F);
+  for (std::uint32_t i = 0; i < 3 * m; ++i) {
+    for (std::uint32_t j = 0; j < 3 * count; ++j) {
+      const double direct = i % 3 == j % 3 ? firm[j / 3] * psiOf(j / 3, i / 3) : 0;
+      holds.rows[columns * i + j] = float(direct - columnOf(z, i).dot(columnOf(y, j)));
+    }
+  }
+  for (std::uint32_t j = 0; j < 3 * count; ++j) {
+    solveUpper(a, r, y + std::size_t(r) * j);
+    for (std::uint32_t i = 0; i < r; ++i) holds.rows[columns * (3 * m + i) + j] = float(columnOf(y, j)[i]);
+  }
+  holds.matrix.resize(std::size_t(field.unknowns()) * field.stride);
+  std::fill(holds.matrix.begin(), holds.matrix.end(), 0.0F);
+  const auto entry = [&](std::uint32_t i, std::uint32_t j) -> float& {
+    return holds.matrix[std::size_t(field.stride) * i + j];
+  };
+  for (std::uint32_t i = 0; i < k; ++i) {
+    for (std::uint32_t j = 0; j <= i; ++j) {
+      double direct = 0;
+      for (h = 0; h < count; ++h) direct += firm[h] * psiOf(h, i) * psiOf(h, j);
+      for (std::uint32_t c = 0; c < 9; ++c) {
+        const std::uint32_t row = 3 * i + c / 3, column = 3 * j + c % 3;
+        const double less = columnOf(z, row).dot(columnOf(z, column));
+        entry(row, column) = entry(column, row) = float((c / 3 == c % 3 ? direct : 0) - less);
+      }
+    }
+  }
+}
+
+void giveWay(const Piece& piece, std::span<const float> offsets, const Matrix3d& turned, Array<float>& amplitudes,
+             Vec3* x) {
+  const Field& field = piece.field();
+  const std::uint32_t r = field.residual_modes;
+  const std::size_t first = piece.holds.rows.size() / offsets.size() - r;
+  amplitudes.resize(r);
+  for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -field.residual_scale * answerOf(piece.holds, first + m, offsets);
+  const Matrix3 frame = turned.cast<float>();
+  const std::int16_t* values = field.residual;
+  for (std::uint32_t v = 0; v < field.vertex_count; ++v) {
+    Vector3 way;
+    for (int c = 0; c < 3; ++c, values += r) {
+      std::array<float, 4> sum = {};
+      std::uint32_t m = 0;
+      for (; m + 4 <= r; m += 4) {
+        for (std::uint32_t lane = 0; lane < 4; ++lane) sum[lane] += float(values[m + lane]) * amplitudes[m + lane];
+      }
+      for (; m < r; ++m) sum[0] += float(values[m]) * amplitudes[m];
+      way[c] = (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    }
+    x[v] = asArray(Vector3(asVector(x[v]) + frame * way));
+  }
+}
+
+Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix3d& of_piece) {
+  const auto restOf = [&](const HeldVertex& held) {
+    return Vector3d(asVector(body.vertices()[held.vertex].rest_position).cast<double>());
+  };
+  Vector3d rest_mean = Vector3d::Zero(), mean = Vector3d::Zero();
+  double weight = 0;
+  forEachHeld(body, piece, [&](const HeldVertex& held) {
+    rest_mean += held.weight * restOf(held);
+    mean += held.weight * held.target(body, part);
+    weight += held.weight;
+  });
+  rest_mean /= weight;
+  mean /= weight;
+  Matrix3d moment = Matrix3d::Zero();
+  const double size = kOpen * double(body.package().info().diagonal);
+  double spread = size * size;
+  forEachHeld(body, piece, [&](const HeldVertex& held) {
+    const Vector3d arm = restOf(held) - rest_mean;
+    moment += held.weight * (held.target(body, part) - mean) * arm.transpose();
+    spread += held.weight * arm.squaredNorm();
+  });
+  return geometry::nearestRotation(Matrix3d(moment + kOpen * spread * of_piece));
+}
+
+void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, Array<float>& offsets) {
+  const Field& field = piece.field();
+  offsets.clear();
+  forEachHeld(body, piece, [&](const HeldVertex& held) {
+    Vector3d off = shape.center - held.target(body, part);
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      off += double(field.valueAt(held.vertex - field.first_vertex, j)) *
+             (shape.z.row(j).transpose() - double(field.functions[j].one) * shape.center);
+    }
+    const Vector3d turned = shape.turned.transpose() * off;
+    for (int c = 0; c < 3; ++c) offsets.push_back(float(turned[c]));
+  });
+  offsets.resize(columnsOf(piece.holds.count));
+}
+
+float answerOf(const Holds& holds, std::size_t row, std::span<const float> offsets) {
+  using Four = Eigen::Array4f;
+  const float* const values = holds.rows.data() + offsets.size() * row;
+  Four even = Four::Zero(), odd = Four::Zero();
+  for (std::size_t i = 0; i < offsets.size(); i += 8) {
+    even += Four::Map(values + i) * Four::Map(offsets.data() + i);
+    odd += Four::Map(values + i + 4) * Four::Map(offsets.data() + i + 4);
+  }
+  const Four sum = even + odd;
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+}  // namespace sinew::internal
