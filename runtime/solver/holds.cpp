@@ -66,7 +66,7 @@ bool isDriven(const Piece& piece, const PinSet& set) {
   return false;
 }
 
-void reserveHolds(const Body& body, Piece& piece) {
+void reserveHolds(Body& body, Piece& piece) {
   const Field& field = *piece.free;
   if (field.residual_modes == 0) return;
   std::size_t held = 0;
@@ -81,6 +81,7 @@ void reserveHolds(const Body& body, Piece& piece) {
   piece.holds.matrix.reserve(std::size_t(field.unknowns()) * field.stride);
   piece.holds.rows.reserve(rows * columnsOf(held));
   piece.offsets.reserve(columnsOf(held));
+  body.offsets.reserve(columnsOf(held));
   piece.holds.scratch = scratchOf(field.residual_modes, held, field.k + 4 * sets);
 }
 
@@ -174,14 +175,54 @@ void makeHolds(const Body& body, Piece& piece, MinimizeScratch& scratch) {
   }
 }
 
-void giveWay(const Piece& piece, std::span<const float> offsets, const Matrix3d& turned, Array<float>& amplitudes,
-             Vec3* x) {
-  const Field& field = piece.field();
-  const std::uint32_t r = field.residual_modes;
+void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<float>& amplitudes) {
+  const std::uint32_t r = piece.field().residual_modes;
   const std::size_t first = piece.holds.rows.size() / offsets.size() - r;
-  amplitudes.resize(r);
-  for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -field.residual_scale * answerOf(piece.holds, first + m, offsets);
-  const Matrix3 frame = turned.cast<float>();
+  for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -answerOf(piece.holds, first + m, offsets);
+}
+
+namespace {
+
+/// Calls visit(weight, values) for each vertex of a point, values its x, y and z of the residual modes in turn.
+template <class Visit>
+void forEachVertex(const Field& field, const PickedPoint& point, const Visit& visit) {
+  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
+    if (!isIn(field, point.vertex[c])) continue;
+    visit(float(point.weight[c]) * field.residual_scale,
+          field.residual + std::size_t{3} * field.residual_modes * (point.vertex[c] - field.first_vertex));
+  }
+}
+
+}  // namespace
+
+void addAmplitudes(const Field& field, const PickedPoint& point, const Vector3d& force, Array<float>& amplitudes) {
+  const std::uint32_t r = field.residual_modes;
+  const Vector3 pull = force.cast<float>();
+  forEachVertex(field, point, [&](float weight, const std::int16_t* values) {
+    for (std::uint32_t m = 0; m < r; ++m) {
+      const float along =
+          float(values[m]) * pull[0] + (float(values[r + m]) * pull[1] + float(values[2 * r + m]) * pull[2]);
+      amplitudes[m] += weight * along;
+    }
+  });
+}
+
+double ownCompliance(const Field& field, const PickedPoint& point) {
+  const std::uint32_t r = field.residual_modes;
+  double sum = 0;
+  for (std::uint32_t m = 0; m < r; ++m) {
+    Vector3 mode = Vector3::Zero();
+    forEachVertex(field, point, [&](float weight, const std::int16_t* values) {
+      mode += weight * Vector3(float(values[m]), float(values[r + m]), float(values[2 * r + m]));
+    });
+    sum += double(mode.squaredNorm());
+  }
+  return sum / 3;
+}
+
+void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Vec3* x) {
+  const std::uint32_t r = field.residual_modes;
+  const Matrix3 frame = field.residual_scale * turned.cast<float>();
   const std::int16_t* values = field.residual;
   for (std::uint32_t v = 0; v < field.vertex_count; ++v) {
     Vector3 way;

@@ -60,7 +60,7 @@ void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
 }
 
 /// Takes the memory of a piece's holds where pins or pin sets have come. May throw.
-void reserveHolds(const Body& body, Piece& piece);
+void reserveHolds(Body& body, Piece& piece);
 /// The same of the scratch that makeHolds() needs. May throw.
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch);
 
@@ -87,8 +87,14 @@ void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape,
 /// \param row of Holds::rows \return what it answers to offsets, N (times a factor on moduli)
 float answerOf(const Holds& holds, std::size_t row, std::span<const float> offsets);
 
-/// Moves the piece's vertices by what the functions lack, R R^T S b. \param amplitudes scratch, r
-void giveWay(const Piece& piece, std::span<const float> offsets, const Matrix3d& turned, Array<float>& amplitudes,
-             Vec3* x);
+/// Amplitudes of the residual modes at offsets: R^T S b, pulling back. \param[out] amplitudes r
+void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<float>& amplitudes);
+/// Adds those of a force at a point, in the frame of the amplitudes, N (over a factor on moduli).
+void addAmplitudes(const Field& field, const PickedPoint& point, const Vector3d& force, Array<float>& amplitudes);
+/// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
+double ownCompliance(const Field& field, const PickedPoint& point);
+
+/// Moves the piece's vertices by the residual modes. \param turned the frame of the amplitudes. \param x of its vertices
+void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Vec3* x);
 
 }  // namespace sinew::internal

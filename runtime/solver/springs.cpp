@@ -26,6 +26,24 @@ double firmness(const Body& body, const Piece& piece, const SpringStep& step) {
   return std::max(double(step.stiffness) * piece.field().foundation, carries);
 }
 
+struct PickSpring {
+  double kappa = 0, damper = 0;  ///< N/m, N s/m
+};
+
+/// Of the mass that a pull of its frequency moves, in series with what the functions lack at its point.
+PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness) {
+  const Field& field = piece.field();
+  const double omega = 2 * M_PI * double(pick.frequency_hz);
+  double answer = 0;
+  for (std::uint32_t j = field.driven; j < field.k; ++j) {
+    const double phi = valueAt(field, pick.point, j);
+    answer += phi * phi / (1 + double(stiffness) * double(field.functions[j].stiffness) / (omega * omega));
+  }
+  if (!(answer > 0)) return {};
+  const double kappa = omega * omega / answer;
+  return {kappa / (1 + kappa * ownCompliance(field, pick.point) / double(stiffness)), 2 * omega / answer};
+}
+
 /// Calls visit(phi, kappa, target, set) for each spring; phi(j) gives the row, set is the pin set's number or kNone.
 template <class Visit>
 void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, double firm, const Visit& visit) {
@@ -39,19 +57,14 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   for (const Pick& pick : body.picks) {
     const PickedPoint& point = pick.point;
     if (!touches(field, point)) continue;
-    // The mass that a pull of this frequency moves; critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
-    const double omega = 2 * M_PI * double(pick.frequency_hz);
-    double answer = 0;
     Vector3d old = step.center;
     for (std::uint32_t j = 0; j < field.k; ++j) {
-      const double phi = valueAt(field, point, j);
-      old += phi * (piece.state.z[j] - double(field.functions[j].one) * step.center);
-      if (j >= field.driven) {
-        answer += phi * phi / (1 + double(step.stiffness) * double(field.functions[j].stiffness) / (omega * omega));
-      }
+      old += valueAt(field, point, j) * (piece.state.z[j] - double(field.functions[j].one) * step.center);
     }
-    if (!(answer > 0)) continue;
-    const double kappa = omega * omega / answer, damper = 2 * omega / answer / step.h;
+    const PickSpring spring = springOf(piece, pick, step.stiffness);
+    if (!(spring.kappa > 0)) continue;
+    // Critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
+    const double kappa = spring.kappa, damper = spring.damper / step.h;
     const Vector3d target = (kappa * reachOf(body, pick, old, kappa) + damper * old) / (kappa + damper);
     visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);
   }
@@ -139,6 +152,22 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     scratch.residual[4 * j + 3] = 0;
   }
   for (std::size_t i = 0; i < std::size_t(k) * k; ++i) scratch.springs[i] = float(piece.springs[i]);
+}
+
+void addPickAmplitudes(const Body& body, const Piece& piece, const PlacedShape& shape, Array<float>& amplitudes) {
+  const Field& field = piece.field();
+  const float stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
+  for (const Pick& pick : body.picks) {
+    if (!touches(field, pick.point)) continue;
+    Vector3d at = shape.center;
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      at += valueAt(field, pick.point, j) *
+            (shape.z.row(j).transpose() - double(field.functions[j].one) * shape.center);
+    }
+    const double kappa = springOf(piece, pick, stiffness).kappa / double(stiffness);
+    const Vector3d pull = kappa * (shape.turned.transpose() * (reachOf(body, pick, at, kappa * double(stiffness)) - at));
+    addAmplitudes(field, pick.point, pull, amplitudes);
+  }
 }
 
 void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<const Vector3d> pull) {

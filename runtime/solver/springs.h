@@ -4,6 +4,7 @@
 // field itself (its driven functions).
 #pragma once
 
+#include "runtime/solver/holds.h"
 #include "runtime/solver/minimize.h"
 #include "runtime/solver/piece.h"
 #include "runtime/world/body.h"
@@ -33,6 +34,9 @@ void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficie
 /// picks.
 void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
                     MinimizeScratch& scratch);
+
+/// Adds to amplitudes of the residual modes what picks pull at them. \param amplitudes r
+void addPickAmplitudes(const Body& body, const Piece& piece, const PlacedShape& shape, Array<float>& amplitudes);
 
 /// Adds what the springs and driven functions do to the owners of pin sets. \param z coefficients at the end of the
 /// step. \param pull of the driven functions: the gradient of elasticity and inertia, k rows; empty without them.

@@ -8,6 +8,7 @@
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/holds.h"
 #include "runtime/solver/plasticity.h"
+#include "runtime/solver/springs.h"
 #include "runtime/step/rigid.h"
 
 namespace sinew::internal {
@@ -53,6 +54,22 @@ void standStill(PieceState& state) {
   std::copy(state.v.begin(), state.v.end(), state.v_before.begin());
   state.turn.setZero();
   state.h_before = 0;
+}
+
+/// Adds what the functions lack where the piece is held and picked. \pre body.shape are the coefficients drawn
+void drawGive(Body& body, const Piece& piece, double part, const Vector3d& center) {
+  const Field& field = piece.field();
+  const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
+  PlacedShape shape{z, center, rotationOf(field, z, center)};
+  body.amplitudes.resize(field.residual_modes);
+  std::fill(body.amplitudes.begin(), body.amplitudes.end(), 0.0F);
+  if (piece.holds.count > 0 && piece.springs_firm >= 0) {
+    shape.turned = frameOf(body, piece, part, shape.turned);
+    findOffsets(body, piece, shape, part, body.offsets);
+    findAmplitudes(piece, {body.offsets.data(), body.offsets.size()}, body.amplitudes);
+  }
+  addPickAmplitudes(body, piece, shape, body.amplitudes);
+  giveWay(field, body.amplitudes, shape.turned, body.x.data() + field.first_vertex);
 }
 
 }  // namespace
@@ -127,12 +144,7 @@ void refresh(Body& body, double part) {
         }
       }
     }
-    if (piece.holds.count == 0 || piece.springs_firm < 0) continue;
-    const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
-    const PlacedShape shape{z, center, frameOf(body, piece, part, rotationOf(field, z, center))};
-    findOffsets(body, piece, shape, part, body.offsets);
-    giveWay(piece, {body.offsets.data(), body.offsets.size()}, shape.turned, body.amplitudes,
-            body.x.data() + field.first_vertex);
+    if (field.residual_modes > 0 && hasSprings(body, piece)) drawGive(body, piece, part, center);
   }
   // What rides along rigidly keeps its shape.
   for (const formats::AttachedPart& rider : body.package().parts()) {

@@ -35,7 +35,7 @@ std::size_t pieceBytes(std::size_t functions, std::size_t touching, std::size_t 
 class CoupledSolver final : public BodySolver {
  public:
   CoupledSolver(Body& body, std::pmr::memory_resource* memory) : body_(body) {
-    std::uint32_t most_functions = 0, most_vertices = 0;
+    std::uint32_t most_functions = 0, most_vertices = 0, most_modes = 0;
     for (std::uint32_t p = 0; p < body.package().pieces().size(); ++p) {
       const Field *const free = fieldOf(body.rest().fields, p, false), *const fixed =
                                                                            fieldOf(body.rest().fields, p, true);
@@ -53,7 +53,10 @@ class CoupledSolver final : public BodySolver {
       if (fixed != nullptr) findReach(*fixed, piece.reach_fixed);
       most_functions = std::max(most_functions, std::uint32_t(k));
       most_vertices = std::max(most_vertices, free->vertex_count);
+      most_modes = std::max(most_modes, free->residual_modes);
     }
+    body.shape.reserve(most_functions);
+    body.amplitudes.reserve(most_modes);
     body.coefficients.reserve(4 * std::size_t(most_functions));
     body.field_values.reserve(24 * ((std::size_t(most_vertices) + 7) / 8));
     body.residuals.resize(body.vertexCount());

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "runtime/geometry/symmetric_eigen.h"
 
@@ -87,10 +88,12 @@ class Residual {
   VectorXd locals(const MatrixXd& modes) const {
     const Index f = elastic_.nodes();
     VectorXd result(f);
+    // A node of flat tetrahedra alone has no stiffness.
+    const double least = kLeastStiffness * elastic_.stiffness.diagonal().mean();
     for (Index i = 0; i < f; ++i) {
-      Eigen::Matrix3d own;
+      Eigen::Matrix3d own = least * Eigen::Matrix3d::Identity();
       for (Index a = 0; a < 3; ++a) {
-        for (Index b = 0; b < 3; ++b) own(a, b) = elastic_.stiffness.coeff(3 * i + a, 3 * i + b);
+        for (Index b = 0; b < 3; ++b) own(a, b) += elastic_.stiffness.coeff(3 * i + a, 3 * i + b);
       }
       result[i] = own.inverse().trace() / 3;
     }
@@ -99,13 +102,15 @@ class Residual {
     const auto nodeOf = [&](Index i) { return i * f / count; };
     for (Index i = 0; i < count; ++i) forces.block<3, 3>(3 * nodeOf(i), 3 * i).setIdentity();
     const MatrixXd moved = times(forces);
-    double ratios = 0;
+    std::vector<double> ratios;
     for (Index i = 0; i < count; ++i) {
       const double whole = moved.block<3, 3>(3 * nodeOf(i), 3 * i).trace() / 3;
       const double known = modes.middleRows<3>(3 * nodeOf(i)).squaredNorm() / 3;
-      ratios += std::log(std::max((whole - known) / result[nodeOf(i)], kLeast));
+      ratios.push_back(std::max(kLeast, (whole - known) / result[nodeOf(i)]));
     }
-    return std::exp(ratios / double(count)) * result;
+    // Of what hangs by an edge the answer is that of a hinge.
+    std::nth_element(ratios.begin(), ratios.begin() + count / 2, ratios.end());
+    return ratios[std::size_t(count / 2)] * result;
   }
 
  private:
@@ -113,6 +118,8 @@ class Residual {
   static constexpr double kNothing = 1e-9;
   /// Of (K_vv)^-1, what is left of a vertex's own answer at least: where modes tell all, springs stay finite.
   static constexpr double kLeast = 0.01;
+  /// Of the mean: what a node has at least.
+  static constexpr double kLeastStiffness = 1e-6;
 
   const Elastic& elastic_;
   const Answers& answers_;
@@ -133,7 +140,10 @@ void addResidual(const Elastic& elastic, const Answers& answers, Index count, Fi
   for (Index a = 0; a < 3; ++a) {
     space.residual_modes(Eigen::seqN(a, elastic.mass.size(), 3), Eigen::all) = elastic.extend * axisOf(modes, a);
   }
-  space.residual_locals = elastic.extend * residual.locals(modes);
+  // Vertices that follow no node move with nothing.
+  const VectorXd locals = residual.locals(modes);
+  space.residual_locals = elastic.extend * locals;
+  space.residual_locals = (space.residual_locals.array() > 0).select(space.residual_locals, locals.mean()).eval();
 }
 
 }  // namespace sinew::tools::field
