@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "runtime/geometry/rotation.h"
+#include "runtime/interact/picked_point.h"
 #include "runtime/solver/minimize.h"
 
 namespace sinew::internal {
@@ -55,7 +56,37 @@ void solveLower(const double* factor, std::uint32_t r, double* x) {
   }
 }
 
+/// Calls visit(weight, values) for each vertex of a point, values its x, y and z of the residual modes in turn.
+template <class Visit>
+void forEachVertex(const Field& field, const PickedPoint& point, const Visit& visit) {
+  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
+    if (!isIn(field, point.vertex[c])) continue;
+    visit(float(point.weight[c]) * field.residual_scale,
+          field.residual + std::size_t{3} * field.residual_modes * (point.vertex[c] - field.first_vertex));
+  }
+}
+
 }  // namespace
+
+double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
+  double sum = 0;
+  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
+    if (!isIn(field, point.vertex[c])) continue;
+    sum += point.weight[c] * double(field.valueAt(point.vertex[c] - field.first_vertex, j));
+  }
+  return sum;
+}
+
+PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness) {
+  const Field& field = piece.field();
+  const double omega = 2 * M_PI * double(pick.frequency_hz);
+  double answer = 0;
+  for (std::uint32_t j = field.driven; j < field.k; ++j) {
+    const double phi = valueAt(field, pick.point, j);
+    answer += phi * phi / (1 + double(stiffness) * double(field.functions[j].stiffness) / (omega * omega));
+  }
+  return answer > 0 ? PickSpring{omega * omega / answer, 2 * omega / answer} : PickSpring{};
+}
 
 bool isDriven(const Piece& piece, const PinSet& set) {
   if (!piece.state.held || set.source == formats::kNone) return false;
@@ -74,6 +105,7 @@ void reserveHolds(Body& body, Piece& piece) {
   for (const PinSet& set : body.pin_sets) {
     for (const PinnedVertex& vertex : set.vertices) held += isIn(field, vertex.vertex) ? 1U : 0U;
   }
+  for (const Pick& pick : body.picks) held += isIn(field, pick.point.vertex[0]) ? 1U : 0U;
   if (held == 0) return;
   held = std::bit_ceil(held);  // pins come one by one
   const std::size_t sets = body.pin_sets.size(), rows = 3 * std::size_t(field.k) + 12 * sets + field.residual_modes;
@@ -92,14 +124,15 @@ void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
 // With p the rows of R and d those of D at the held vertices, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
 // S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
 // R^T S = L^-T Y.
-void makeHolds(const Body& body, Piece& piece, MinimizeScratch& scratch) {
+void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch) {
   const Field& field = piece.field();
   Holds& holds = piece.holds;
   const std::uint32_t r = field.residual_modes, k = field.k;
   holds.count = 0;
+  holds.stiffness = stiffness;
   holds.sets.clear();
   if (r == 0) return;
-  forEachHeld(body, piece, [&holds](const HeldVertex& held) {
+  forEachHeld(body, piece, [&holds](const HeldPoint& held) {
     ++holds.count;
     if (held.set != formats::kNone && (holds.sets.empty() || holds.sets.back() != held.set)) {
       holds.sets.push_back(held.set);
@@ -116,21 +149,26 @@ void makeHolds(const Body& body, Piece& piece, MinimizeScratch& scratch) {
   // Psi, 1 / d, p / d in the place of Y, and A.
   for (std::uint32_t i = 0; i < r; ++i) a[(std::size_t(r) + 1) * i] = 1;
   std::uint32_t h = 0, at_set = 0;
-  forEachHeld(body, piece, [&](const HeldVertex& held) {
-    const std::uint32_t v = held.vertex - field.first_vertex;
+  forEachHeld(body, piece, [&](const HeldPoint& held) {
     double* const own = psi + std::size_t(m) * h;
-    for (std::uint32_t j = 0; j < k; ++j) own[j] = double(field.valueAt(v, j));
+    for (std::uint32_t j = 0; j < k; ++j) own[j] = valueAt(field, held.at, j);
     if (held.set != formats::kNone) {
       while (holds.sets[at_set] != held.set) ++at_set;
       double* const of_set = own + k + std::size_t{4} * at_set;
       of_set[0] = 1;
       for (std::size_t c = 0; c < 3; ++c) of_set[1 + c] = double(held.local[c]);
     }
-    firm[h] = held.weight / double(field.residual_locals[v]);
+    // A pick is a spring in series with what its point lacks, the finger as wide as a mode.
+    firm[h] = held.pick != nullptr ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
+                                   : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
+    forEachVertex(field, held.at, [&](float weight, const std::int16_t* values) {
+      for (std::uint32_t c = 0; c < 3; ++c, values += r) {
+        Column p = columnOf(y, 3 * std::size_t(h) + c);
+        for (std::uint32_t i = 0; i < r; ++i) p[i] += double(weight) * double(values[i]);
+      }
+    });
     for (std::uint32_t c = 0; c < 3; ++c) {
       Column p = columnOf(y, 3 * std::size_t(h) + c);
-      const std::int16_t* const values = field.residual + (3 * std::size_t(v) + c) * r;
-      for (std::uint32_t i = 0; i < r; ++i) p[i] = double(field.residual_scale) * double(values[i]);
       for (std::uint32_t i = 0; i < r; ++i) columnOf(a, i).tail(r - i) += firm[h] * p[i] * p.tail(r - i);
       p *= firm[h];
     }
@@ -181,32 +219,6 @@ void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<fl
   for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -answerOf(piece.holds, first + m, offsets);
 }
 
-namespace {
-
-/// Calls visit(weight, values) for each vertex of a point, values its x, y and z of the residual modes in turn.
-template <class Visit>
-void forEachVertex(const Field& field, const PickedPoint& point, const Visit& visit) {
-  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
-    if (!isIn(field, point.vertex[c])) continue;
-    visit(float(point.weight[c]) * field.residual_scale,
-          field.residual + std::size_t{3} * field.residual_modes * (point.vertex[c] - field.first_vertex));
-  }
-}
-
-}  // namespace
-
-void addAmplitudes(const Field& field, const PickedPoint& point, const Vector3d& force, Array<float>& amplitudes) {
-  const std::uint32_t r = field.residual_modes;
-  const Vector3 pull = force.cast<float>();
-  forEachVertex(field, point, [&](float weight, const std::int16_t* values) {
-    for (std::uint32_t m = 0; m < r; ++m) {
-      const float along =
-          float(values[m]) * pull[0] + (float(values[r + m]) * pull[1] + float(values[2 * r + m]) * pull[2]);
-      amplitudes[m] += weight * along;
-    }
-  });
-}
-
 double ownCompliance(const Field& field, const PickedPoint& point) {
   const std::uint32_t r = field.residual_modes;
   double sum = 0;
@@ -240,22 +252,23 @@ void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d&
 }
 
 Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix3d& of_piece) {
-  const auto restOf = [&](const HeldVertex& held) {
-    return Vector3d(asVector(body.vertices()[held.vertex].rest_position).cast<double>());
+  const auto restOf = [&](const HeldPoint& held) {
+    return Vector3d(asVector(body.vertices()[held.at.vertex[0]].rest_position).cast<double>());
   };
   Vector3d rest_mean = Vector3d::Zero(), mean = Vector3d::Zero();
   double weight = 0;
-  forEachHeld(body, piece, [&](const HeldVertex& held) {
+  forEachPinned(body, piece, [&](const HeldPoint& held) {
     rest_mean += held.weight * restOf(held);
     mean += held.weight * held.target(body, part);
     weight += held.weight;
   });
+  if (weight == 0) return of_piece;
   rest_mean /= weight;
   mean /= weight;
   Matrix3d moment = Matrix3d::Zero();
   const double size = kOpen * double(body.package().info().diagonal);
   double spread = size * size;
-  forEachHeld(body, piece, [&](const HeldVertex& held) {
+  forEachPinned(body, piece, [&](const HeldPoint& held) {
     const Vector3d arm = restOf(held) - rest_mean;
     moment += held.weight * (held.target(body, part) - mean) * arm.transpose();
     spread += held.weight * arm.squaredNorm();
@@ -263,14 +276,22 @@ Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix
   return geometry::nearestRotation(Matrix3d(moment + kOpen * spread * of_piece));
 }
 
-void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, Array<float>& offsets) {
+void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, float stiffness,
+                 Array<float>& offsets) {
   const Field& field = piece.field();
   offsets.clear();
-  forEachHeld(body, piece, [&](const HeldVertex& held) {
-    Vector3d off = shape.center - held.target(body, part);
+  forEachHeld(body, piece, [&](const HeldPoint& held) {
+    Vector3d at = shape.center;
     for (std::uint32_t j = 0; j < field.k; ++j) {
-      off += double(field.valueAt(held.vertex - field.first_vertex, j)) *
-             (shape.z.row(j).transpose() - double(field.functions[j].one) * shape.center);
+      at += valueAt(field, held.at, j) * (shape.z.row(j).transpose() - double(field.functions[j].one) * shape.center);
+    }
+    Vector3d off;
+    if (held.pick != nullptr) {
+      const double kappa = springOf(piece, *held.pick, stiffness).kappa;
+      const double firm = kappa / (1 + kappa * ownCompliance(field, held.at) / double(stiffness));
+      off = at - reachOf(body, *held.pick, at, firm);
+    } else {
+      off = at - held.target(body, part);
     }
     const Vector3d turned = shape.turned.transpose() * off;
     for (int c = 0; c < 3; ++c) offsets.push_back(float(turned[c]));

@@ -23,50 +23,82 @@ inline bool isIn(const Field& field, std::uint32_t vertex) {
 /// Whether the field itself holds a set: its functions and tethers do.
 bool isDriven(const Piece& piece, const PinSet& set);
 
-/// A vertex of the piece that springs hold.
-struct HeldVertex {
-  std::uint32_t vertex;
-  double weight;      ///< 0..1
-  std::uint32_t set;  ///< the pin set's number, or kNone
-  Vec3 local;         ///< place in the set's transform, m
-  const Pin* pin;     ///< null where a set holds it
+/// A point of the piece that something holds.
+struct HeldPoint {
+  PickedPoint at;
+  double weight = 1;                   ///< 0..1, of a vertex of a pin set
+  std::uint32_t set = formats::kNone;  ///< the pin set's number, or kNone
+  Vec3 local = {};                     ///< place in the set's transform, m
+  const Pin* pin = nullptr;            ///< or
+  const Pick* pick = nullptr;          ///< or the set holds it
 
-  /// Where it is to be, m. \param part of the last step that has passed, 0..1.
+  /// Where a pin or set wants it, m. \param part of the last step that has passed, 0..1.
   Vector3d target(const Body& body, double part = 1) const {
     if (pin == nullptr) {
       const PinSet& of = body.pin_sets[set];
       return part < 1 ? placeOf(between(of.before, of.at, part), local) : placeOf(of.at, local);
     }
-    const Vector3d at = asVector(pin->at).cast<double>();
-    return part < 1 ? Vector3d((1 - part) * asVector(pin->before).cast<double>() + part * at) : at;
+    const Vector3d at_end = asVector(pin->at).cast<double>();
+    return part < 1 ? Vector3d((1 - part) * asVector(pin->before).cast<double>() + part * at_end) : at_end;
   }
 };
 
-/// Calls visit(HeldVertex) for each.
+/// Calls visit(HeldPoint) for each vertex of the piece that pins hold and springs are to keep there.
 template <class Visit>
-void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
+void forEachPinned(const Body& body, const Piece& piece, const Visit& visit) {
   const Field& field = piece.field();
+  HeldPoint held;
+  held.at.weight[0] = 1;
   for (const Pin& pin : body.pins) {
-    if (isIn(field, pin.vertex)) visit(HeldVertex{pin.vertex, 1.0, formats::kNone, {}, &pin});
+    if (!isIn(field, pin.vertex)) continue;
+    held.at.vertex[0] = pin.vertex;
+    held.pin = &pin;
+    visit(std::as_const(held));
   }
-  for (std::uint32_t s = 0; s < body.pin_sets.size(); ++s) {
-    const PinSet& set = body.pin_sets[s];
+  held.pin = nullptr;
+  for (held.set = 0; held.set < body.pin_sets.size(); ++held.set) {
+    const PinSet& set = body.pin_sets[held.set];
     if (isDriven(piece, set)) continue;
-    for (const PinnedVertex& held : set.vertices) {
-      if (!(held.weight > 0) || !isIn(field, held.vertex)) continue;
-      visit(HeldVertex{held.vertex, double(held.weight), s, held.local, nullptr});
+    for (const PinnedVertex& pinned : set.vertices) {
+      if (!(pinned.weight > 0) || !isIn(field, pinned.vertex)) continue;
+      held.at.vertex[0] = pinned.vertex;
+      held.weight = double(pinned.weight);
+      held.local = pinned.local;
+      visit(std::as_const(held));
     }
   }
 }
 
-/// Takes the memory of a piece's holds where pins or pin sets have come. May throw.
+/// The same, then for each pick of the piece.
+template <class Visit>
+void forEachHeld(const Body& body, const Piece& piece, const Visit& visit) {
+  forEachPinned(body, piece, visit);
+  for (const Pick& pick : body.picks) {
+    if (!isIn(piece.field(), pick.point.vertex[0])) continue;
+    HeldPoint held;
+    held.at = pick.point;
+    held.pick = &pick;
+    visit(std::as_const(held));
+  }
+}
+
+/// phi_j at a point; 0 where it is none of the piece's.
+double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j);
+
+struct PickSpring {
+  double kappa = 0, damper = 0;  ///< N/m, N s/m
+};
+/// Of the mass that a pull of the pick's frequency moves. \param stiffness factor on the moduli
+PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness);
+
+/// Takes the memory of a piece's holds where pins, pin sets or picks have come. May throw.
 void reserveHolds(Body& body, Piece& piece);
 /// The same of the scratch that makeHolds() needs. May throw.
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch);
 
-/// Makes piece.holds where pins or pin sets have changed; count is 0 where nothing is held, or the field does not know
+/// Makes piece.holds where pins, pin sets or picks have changed; count is 0 where nothing is held, or the field does not know
 /// how it gives way. \pre reserved
-void makeHolds(const Body& body, Piece& piece, MinimizeScratch& scratch);
+void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch);
 
 /// Where a piece is, as springs see it.
 struct PlacedShape {
@@ -75,22 +107,21 @@ struct PlacedShape {
   Matrix3d turned;        ///< the frame of what holds it
 };
 
-/// The rotation from the held vertices at rest to where they are to be; where these leave it open, as one vertex does,
+/// The rotation from pinned vertices at rest to where they are to be; where these leave it open, as one vertex or none does,
 /// the frame of the piece. What gives way is near what holds, and turns with it.
 Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix3d& of_piece);
 
-/// b: by how much the functions are off at the held vertices, three numbers each, in their frame, m; then
+/// b: by how much the functions are off at the held points, three numbers each, in their frame, m; then
 /// zeros to the columns of Holds::rows.
 /// \param part of the last step that has passed: where the holds are
-void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, Array<float>& offsets);
+void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, float stiffness,
+                 Array<float>& offsets);
 
 /// \param row of Holds::rows \return what it answers to offsets, N (times a factor on moduli)
 float answerOf(const Holds& holds, std::size_t row, std::span<const float> offsets);
 
 /// Amplitudes of the residual modes at offsets: R^T S b, pulling back. \param[out] amplitudes r
 void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<float>& amplitudes);
-/// Adds those of a force at a point, in the frame of the amplitudes, N (over a factor on moduli).
-void addAmplitudes(const Field& field, const PickedPoint& point, const Vector3d& force, Array<float>& amplitudes);
 /// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
 double ownCompliance(const Field& field, const PickedPoint& point);
 

@@ -54,7 +54,8 @@ struct Holds {
   explicit Holds(std::pmr::memory_resource* memory) : sets(memory), matrix(memory), rows(memory) {}
 
   std::size_t scratch = 0;     ///< numbers that making them takes
-  std::uint32_t count = 0;     ///< of held vertices; 0: none, or the field does not know
+  std::uint32_t count = 0;     ///< of held points; 0: none, or the field does not know
+  float stiffness = 0;         ///< factor on the moduli that picks among them are made with
   Matrix3d turned = Matrix3d::Identity();  ///< their frame in this step
   Array<std::uint32_t> sets;   ///< pin sets that hold some of them, by their numbers, ascending
   Array<float> matrix;         ///< Phi^T S Phi, 3 k rows of field.stride floats, N/m

@@ -20,38 +20,19 @@ bool touches(const Field& field, const PickedPoint& point) { return isIn(field, 
 double firmness(const Body& body, const Piece& piece, const SpringStep& step) {
   double held = 0;
   if (piece.field().residual_modes > 0) return 0;  // holds know better
-  forEachHeld(body, piece, [&held](const HeldVertex& vertex) { held += vertex.weight; });
+  forEachPinned(body, piece, [&held](const HeldPoint& point) { held += point.weight; });
   if (!(held > 0)) return 0;
   const double carries = step.weight / (kSagging * double(body.package().info().diagonal) * held);
   return std::max(double(step.stiffness) * piece.field().foundation, carries);
-}
-
-struct PickSpring {
-  double kappa = 0, damper = 0;  ///< N/m, N s/m
-};
-
-/// Of the mass that a pull of its frequency moves, in series with what the functions lack at its point.
-PickSpring springOf(const Piece& piece, const Pick& pick, float stiffness) {
-  const Field& field = piece.field();
-  const double omega = 2 * M_PI * double(pick.frequency_hz);
-  double answer = 0;
-  for (std::uint32_t j = field.driven; j < field.k; ++j) {
-    const double phi = valueAt(field, pick.point, j);
-    answer += phi * phi / (1 + double(stiffness) * double(field.functions[j].stiffness) / (omega * omega));
-  }
-  if (!(answer > 0)) return {};
-  const double kappa = omega * omega / answer;
-  return {kappa / (1 + kappa * ownCompliance(field, pick.point) / double(stiffness)), 2 * omega / answer};
 }
 
 /// Calls visit(phi, kappa, target, set) for each spring; phi(j) gives the row, set is the pin set's number or kNone.
 template <class Visit>
 void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step, double firm, const Visit& visit) {
   const Field& field = piece.field();
-  forEachHeld(body, piece, [&](const HeldVertex& held) {
+  forEachPinned(body, piece, [&](const HeldPoint& held) {
     if (!(firm > 0)) return;
-    const std::uint32_t i = held.vertex - field.first_vertex;
-    visit([&field, i](std::uint32_t j) { return double(field.valueAt(i, j)); }, firm * held.weight,
+    visit([&field, &held](std::uint32_t j) { return valueAt(field, held.at, j); }, firm * held.weight,
           held.target(body), held.set);
   });
   for (const Pick& pick : body.picks) {
@@ -63,8 +44,8 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     }
     const PickSpring spring = springOf(piece, pick, step.stiffness);
     if (!(spring.kappa > 0)) continue;
-    // Critically damped: kappa (t - x) - c v, v = (x - x_old) / h.
-    const double kappa = spring.kappa, damper = spring.damper / step.h;
+    // Critically damped: kappa (t - x) - c v, v = (x - x_old) / h. What the field knows of holds has the spring.
+    const double kappa = field.residual_modes > 0 ? 0 : spring.kappa, damper = spring.damper / step.h;
     const Vector3d target = (kappa * reachOf(body, pick, old, kappa) + damper * old) / (kappa + damper);
     visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);
   }
@@ -80,15 +61,6 @@ Vector3d pullOf(const Piece& piece, const SpringStep& step, std::size_t row) {
 
 }  // namespace
 
-double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j) {
-  double sum = 0;
-  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
-    if (!isIn(field, point.vertex[c])) continue;
-    sum += point.weight[c] * double(field.valueAt(point.vertex[c] - field.first_vertex, j));
-  }
-  return sum;
-}
-
 void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull) {
   std::fill(pull.begin(), pull.end(), Vector3d::Zero());
   if (field.tethers == nullptr) return;
@@ -103,19 +75,18 @@ void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficie
 bool hasSprings(const Body& body, const Piece& piece) {
   if (piece.field().tethers != nullptr) return true;
   bool held = false;
-  forEachHeld(body, piece, [&held](auto&&...) { held = true; });
-  if (held) return true;
-  for (const Pick& pick : body.picks) {
-    if (touches(piece.field(), pick.point)) return true;
-  }
-  return false;
+  forEachHeld(body, piece, [&held](const HeldPoint&) { held = true; });
+  return held;
 }
 
 void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
                     MinimizeScratch& scratch) {
   const Field& field = piece.field();
   const std::uint32_t k = field.k;
-  if (piece.springs_firm < 0) makeHolds(body, piece, scratch);
+  if (piece.springs_firm < 0 || piece.holds.stiffness != step.stiffness) {
+    makeHolds(body, piece, step.stiffness, scratch);
+    piece.springs_firm = -1;
+  }
   const double firm = firmness(body, piece, step);
   const bool made = piece.springs_firm == firm && body.picks.empty();
   if (!made) {
@@ -144,7 +115,7 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   piece.springs_firm = firm;
   if (piece.holds.count > 0) {
     piece.holds.turned = frameOf(body, piece, 1, step.turned);
-    findOffsets(body, piece, {y, step.center, piece.holds.turned}, 1, piece.offsets);
+    findOffsets(body, piece, {y, step.center, piece.holds.turned}, 1, step.stiffness, piece.offsets);
     for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += pullOf(piece, step, 3 * std::size_t(j));
   }
   for (std::uint32_t j = 0; j < k; ++j) {
@@ -152,22 +123,6 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
     scratch.residual[4 * j + 3] = 0;
   }
   for (std::size_t i = 0; i < std::size_t(k) * k; ++i) scratch.springs[i] = float(piece.springs[i]);
-}
-
-void addPickAmplitudes(const Body& body, const Piece& piece, const PlacedShape& shape, Array<float>& amplitudes) {
-  const Field& field = piece.field();
-  const float stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
-  for (const Pick& pick : body.picks) {
-    if (!touches(field, pick.point)) continue;
-    Vector3d at = shape.center;
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      at += valueAt(field, pick.point, j) *
-            (shape.z.row(j).transpose() - double(field.functions[j].one) * shape.center);
-    }
-    const double kappa = springOf(piece, pick, stiffness).kappa / double(stiffness);
-    const Vector3d pull = kappa * (shape.turned.transpose() * (reachOf(body, pick, at, kappa * double(stiffness)) - at));
-    addAmplitudes(field, pick.point, pull, amplitudes);
-  }
 }
 
 void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<const Vector3d> pull) {
@@ -189,7 +144,7 @@ void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<co
     forEachSpring(body, piece, step, firm, react);
   }
   if (piece.holds.count > 0) {
-    findOffsets(body, piece, {std::as_const(piece).z(), step.center, piece.holds.turned}, 1, piece.offsets);
+    findOffsets(body, piece, {std::as_const(piece).z(), step.center, piece.holds.turned}, 1, step.stiffness, piece.offsets);
     for (std::size_t i = 0; i < piece.holds.sets.size(); ++i) {
       PinSet& set = body.pin_sets[piece.holds.sets[i]];
       const std::size_t first = 3 * (std::size_t(field.k) + 4 * i);

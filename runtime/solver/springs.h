@@ -20,9 +20,6 @@ struct SpringStep {
   Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
 
-/// phi_j at a point; 0 where it is none of the piece's.
-double valueAt(const Field& field, const PickedPoint& point, std::uint32_t j);
-
 /// Whether a spring acts on the piece.
 bool hasSprings(const Body& body, const Piece& piece);
 
@@ -34,9 +31,6 @@ void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficie
 /// picks.
 void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
                     MinimizeScratch& scratch);
-
-/// Adds to amplitudes of the residual modes what picks pull at them. \param amplitudes r
-void addPickAmplitudes(const Body& body, const Piece& piece, const PlacedShape& shape, Array<float>& amplitudes);
 
 /// Adds what the springs and driven functions do to the owners of pin sets. \param z coefficients at the end of the
 /// step. \param pull of the driven functions: the gradient of elasticity and inertia, k rows; empty without them.

@@ -8,7 +8,6 @@
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/holds.h"
 #include "runtime/solver/plasticity.h"
-#include "runtime/solver/springs.h"
 #include "runtime/step/rigid.h"
 
 namespace sinew::internal {
@@ -61,14 +60,10 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
   const Field& field = piece.field();
   const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
   PlacedShape shape{z, center, rotationOf(field, z, center)};
+  shape.turned = frameOf(body, piece, part, shape.turned);
+  findOffsets(body, piece, shape, part, piece.holds.stiffness, body.offsets);
   body.amplitudes.resize(field.residual_modes);
-  std::fill(body.amplitudes.begin(), body.amplitudes.end(), 0.0F);
-  if (piece.holds.count > 0 && piece.springs_firm >= 0) {
-    shape.turned = frameOf(body, piece, part, shape.turned);
-    findOffsets(body, piece, shape, part, body.offsets);
-    findAmplitudes(piece, {body.offsets.data(), body.offsets.size()}, body.amplitudes);
-  }
-  addPickAmplitudes(body, piece, shape, body.amplitudes);
+  findAmplitudes(piece, {body.offsets.data(), body.offsets.size()}, body.amplitudes);
   giveWay(field, body.amplitudes, shape.turned, body.x.data() + field.first_vertex);
 }
 
@@ -144,7 +139,7 @@ void refresh(Body& body, double part) {
         }
       }
     }
-    if (field.residual_modes > 0 && hasSprings(body, piece)) drawGive(body, piece, part, center);
+    if (piece.holds.count > 0 && piece.springs_firm >= 0) drawGive(body, piece, part, center);
   }
   // What rides along rigidly keeps its shape.
   for (const formats::AttachedPart& rider : body.package().parts()) {
