@@ -32,12 +32,12 @@ struct Field {
   const SampleLimits* limits = nullptr;  ///< by pack; null where no sample has any
   bool plastic = false;                  ///< some sample may change its rest shape
   std::span<const formats::FieldFibre> fibres;
-  const float* tethers = nullptr;       ///< k x k, N/m: 1/2 sum T_ij z_i . z_j; null without
-  std::uint32_t residual_modes = 0;          ///< r, of what the functions lack (FRES); 0: not known
-  const std::int16_t* residual = nullptr;    ///< by vertex: x, y and z in turn, r each
-  float residual_scale = 0;                  ///< of these, (m/N)^1/2
-  const float* residual_locals = nullptr;    ///< by vertex, m/N
-  std::span<const float> fibre_values;  ///< k a fibre: its direction is their sum with the coefficients
+  const float* tethers = nullptr;          ///< k x k, N/m: 1/2 sum T_ij z_i . z_j; null without
+  std::uint32_t residual_modes = 0;        ///< r, of what the functions lack (FRES); 0: not known
+  const std::int16_t* residual = nullptr;  ///< by vertex: x, y and z in turn, r each
+  float residual_scale = 0;                ///< of these, (m/N)^1/2
+  const float* residual_locals = nullptr;  ///< by vertex, m/N
+  std::span<const float> fibre_values;     ///< k a fibre: its direction is their sum with the coefficients
   std::uint32_t pack_count = 0;
 
   const float* stiffness = nullptr;     ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole

@@ -159,8 +159,9 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
       for (std::size_t c = 0; c < 3; ++c) of_set[1 + c] = double(held.local[c]);
     }
     // A pick is a spring in series with what its point lacks, the finger as wide as a mode.
-    firm[h] = held.pick != nullptr ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
-                                   : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
+    firm[h] = held.pick != nullptr
+                  ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
+                  : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
     forEachVertex(field, held.at, [&](float weight, const std::int16_t* values) {
       for (std::uint32_t c = 0; c < 3; ++c, values += r) {
         Column p = columnOf(y, 3 * std::size_t(h) + c);

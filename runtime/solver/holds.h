@@ -96,8 +96,8 @@ void reserveHolds(Body& body, Piece& piece);
 /// The same of the scratch that makeHolds() needs. May throw.
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch);
 
-/// Makes piece.holds where pins, pin sets or picks have changed; count is 0 where nothing is held, or the field does not know
-/// how it gives way. \pre reserved
+/// Makes piece.holds where pins, pin sets or picks have changed; count is 0 where nothing is held, or the field does
+/// not know how it gives way. \pre reserved
 void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch);
 
 /// Where a piece is, as springs see it.
@@ -107,8 +107,8 @@ struct PlacedShape {
   Matrix3d turned;        ///< the frame of what holds it
 };
 
-/// The rotation from pinned vertices at rest to where they are to be; where these leave it open, as one vertex or none does,
-/// the frame of the piece. What gives way is near what holds, and turns with it.
+/// The rotation from pinned vertices at rest to where they are to be; where these leave it open, as one vertex or none
+/// does, the frame of the piece. What gives way is near what holds, and turns with it.
 Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix3d& of_piece);
 
 /// b: by how much the functions are off at the held points, three numbers each, in their frame, m; then
@@ -125,7 +125,8 @@ void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<fl
 /// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
 double ownCompliance(const Field& field, const PickedPoint& point);
 
-/// Moves the piece's vertices by the residual modes. \param turned the frame of the amplitudes. \param x of its vertices
+/// Moves the piece's vertices by the residual modes. \param turned the frame of the amplitudes. \param x of its
+/// vertices
 void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Vec3* x);
 
 }  // namespace sinew::internal

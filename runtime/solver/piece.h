@@ -53,14 +53,14 @@ struct PieceState {
 struct Holds {
   explicit Holds(std::pmr::memory_resource* memory) : sets(memory), matrix(memory), rows(memory) {}
 
-  std::size_t scratch = 0;     ///< numbers that making them takes
-  std::uint32_t count = 0;     ///< of held points; 0: none, or the field does not know
-  float stiffness = 0;         ///< factor on the moduli that picks among them are made with
+  std::size_t scratch = 0;                 ///< numbers that making them takes
+  std::uint32_t count = 0;                 ///< of held points; 0: none, or the field does not know
+  float stiffness = 0;                     ///< factor on the moduli that picks among them are made with
   Matrix3d turned = Matrix3d::Identity();  ///< their frame in this step
-  Array<std::uint32_t> sets;   ///< pin sets that hold some of them, by their numbers, ascending
-  Array<float> matrix;         ///< Phi^T S Phi, 3 k rows of field.stride floats, N/m
-  Array<float> rows;           ///< what offsets pull at, 3 count columns rounded up to eight: Phi^T S; for each set its sum and moments, 12
-                               ///< rows; R^T S
+  Array<std::uint32_t> sets;               ///< pin sets that hold some of them, by their numbers, ascending
+  Array<float> matrix;                     ///< Phi^T S Phi, 3 k rows of field.stride floats, N/m
+  Array<float> rows;  ///< what offsets pull at, 3 count columns rounded up to eight: Phi^T S; for each set its sum and
+                      ///< moments, 12 rows; R^T S
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
@@ -93,11 +93,11 @@ struct Piece {
   Array<float> rest_change;  ///< of state.plastic, as the energy wants it
   Array<float> tensions;     ///< of the field's fibres, J; empty: none is active
 
-  Array<double> springs;                 ///< k x k: sum kappa phi phi^T of pins and picks
-  double springs_firm = -1;              ///< kappa of pins that they were made with, N/m; negative: to be made anew
-  Array<double> row;                     ///< scratch, k
+  Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
+  double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew
+  Array<double> row;         ///< scratch, k
   Holds holds;
-  Array<float> offsets;  ///< scratch, three numbers a held vertex
+  Array<float> offsets;                  ///< scratch, three numbers a held vertex
   Array<float> reach_free, reach_fixed;  ///< findReach() of the fields
   Eigen::AlignedBox3d box;               ///< around its contact points, world; of a body that is asleep
   SystemFactor system;

@@ -144,7 +144,8 @@ void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<co
     forEachSpring(body, piece, step, firm, react);
   }
   if (piece.holds.count > 0) {
-    findOffsets(body, piece, {std::as_const(piece).z(), step.center, piece.holds.turned}, 1, step.stiffness, piece.offsets);
+    findOffsets(body, piece, {std::as_const(piece).z(), step.center, piece.holds.turned}, 1, step.stiffness,
+                piece.offsets);
     for (std::size_t i = 0; i < piece.holds.sets.size(); ++i) {
       PinSet& set = body.pin_sets[piece.holds.sets[i]];
       const std::size_t first = 3 * (std::size_t(field.k) + 4 * i);

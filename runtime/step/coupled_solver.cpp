@@ -7,8 +7,8 @@
 
 #include "runtime/contact/contacts.h"
 #include "runtime/solver/cluster_solver.h"
-#include "runtime/solver/plasticity.h"
 #include "runtime/solver/holds.h"
+#include "runtime/solver/plasticity.h"
 #include "runtime/solver/springs.h"
 #include "runtime/step/body_state.h"
 #include "runtime/step/rigid.h"

@@ -58,7 +58,7 @@ TEST(LeaveOut, EachNeedTakesItsSectionsAndNoOthers) {
       {Need::cut, {}},  // touching needs the tetrahedra too
       {Need::pins,
        {"PSET", "PSTV", "PPIN", "FTHR", "FTHV", "FELD", "FFUN", "FPAK", "FGRD", "FVAL", "FPTV", "FPNT", "FMOD", "FFIB",
-        "FFBV"}},
+        "FFBV", "FRES", "FRSV", "FRSL"}},
       {Need::activation, {"CHAN", "FFIB", "FFBV"}},
       {Need::plasticity, {}},
       {Need::clusters, {"CLUS", "MEMB", "AQQ9", "CMEC"}},

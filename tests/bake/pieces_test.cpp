@@ -187,6 +187,44 @@ TEST(Pieces, DrivenPinsAreExactAndCarryTheWeight) {
   EXPECT_NEAR(double(reaction.torque[2]), 0, 0.01 * weight);
 }
 
+// The bake knows of the one pin set, not of the other, at the same vertices.
+void expectHeldAlike(double firmness) {
+  BodySettings held, free;
+  held.stiffness_scale = free.stiffness_scale = float(firmness);
+  free.package_pins = false;
+  World world;
+  const BodyId a = *world.addBody(heldBar(), held), b = *world.addBody(heldBar(), free);
+  const std::vector<Vec3> rest(world.positions(a).begin(), world.positions(a).end());
+  const PinSetId foreseen = world.pinSet(a, "held");
+  const PinSetId unforeseen = *world.addPinSet(b, heldBar()->package().pinSetVertices());
+  for (int step = 0; step < 900; ++step) world.step(1.0F / 60);
+  double off = 0, all = 0;
+  for (std::size_t v = 0; v < rest.size(); ++v) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double one = double(world.positions(a)[v][c]), other = double(world.positions(b)[v][c]);
+      off += (one - other) * (one - other);
+      all += (one - double(rest[v][c])) * (one - double(rest[v][c]));
+    }
+  }
+  EXPECT_GT(std::sqrt(all / double(rest.size())), 1e-3 * kDiagonal);
+  EXPECT_LT(std::sqrt(off / all), 0.07);
+  for (const std::uint32_t v : heldBar()->package().pinSetVertices()) {
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(world.positions(b)[v][c], rest[v][c], 1e-6F);
+  }
+  const double weight = 9.81 * double(world.asset(a).package().info().total_mass);
+  const PinReaction one = world.pinReaction(foreseen), other = world.pinReaction(unforeseen);
+  EXPECT_NEAR(double(other.force[1]), -weight, 0.01 * weight);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(double(other.force[c]), double(one.force[c]), 0.02 * weight);
+    EXPECT_NEAR(double(other.torque[c]), double(one.torque[c]), 0.02 * weight * kDiagonal);
+  }
+}
+
+TEST(Pieces, WhatIsHeldAtRunTimeBendsAsWhereTheBakeKnewOfIt) {
+  expectHeldAlike(1);
+  expectHeldAlike(0.7);
+}
+
 TEST(Pieces, AMovedPinSetTakesTheBodyAlong) {
   World world;
   const BodyId body = *world.addBody(heldBar());

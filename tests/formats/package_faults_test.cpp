@@ -794,15 +794,41 @@ const std::vector<ContentFault> kFieldFaults = {
      }},
 };
 
-TEST(PackageFaults, EachBrokenRuleOfFieldsIsRefusedAndNamed) {
-  EXPECT_EQ(test::reasonOf(writePackage(test::fieldPackage())), "");
-  for (std::size_t i = 0; i < kFieldFaults.size(); ++i) {
-    PackageContent content = test::fieldPackage();
-    kFieldFaults[i].spoil(content);
+// The residual of the free field has values 0..29 and locals 0..4.
+const std::vector<ContentFault> kResidualFaults = {
+    {"FRSV: needs section FRES", [](auto& c) { c.field_residuals.clear(); }},
+    {"FRES, element 0: its run of FRSV", [](auto& c) { c.field_residual_values.clear(); }},
+    {"FRES, element 0: its run of FRSL", [](auto& c) { c.field_residual_locals.clear(); }},
+    {"FRES, element 0: names a field", [](auto& c) { c.field_residuals[0].field = 1; }},  // held
+    {"FRES, element 0: names a field", [](auto& c) { c.field_residuals[0].field = kNone; }},
+    {"FRES, element 0: has no modes", [](auto& c) { c.field_residuals[0].mode_count = 0; }},
+    {"FRES, element 0: has no modes", [](auto& c) { c.field_residuals[0].mode_count = 257; }},
+    {"FRES, element 0: scale", [](auto& c) { c.field_residuals[0].scale = 0; }},
+    {"FRES, element 0: scale", [](auto& c) { c.field_residuals[0].scale = kNan; }},
+    {"FRES, element 0: its run of FRSV", [](auto& c) { c.field_residuals[0].first_value = 1; }},
+    {"FRES, element 0: its run of FRSV", [](auto& c) { c.field_residual_values.pop_back(); }},
+    {"FRSV: has elements of no field", [](auto& c) { c.field_residual_values.push_back(0); }},
+    {"FRES, element 0: its run of FRSL", [](auto& c) { c.field_residuals[0].first_local = kNone; }},
+    {"FRES, element 0: a value of FRSL", [](auto& c) { c.field_residual_locals[1] = 0; }},
+    {"FRES, element 0: a value of FRSL", [](auto& c) { c.field_residual_locals[1] = kNan; }},
+    {"FRSL: has elements of no field", [](auto& c) { c.field_residual_locals.push_back(1); }},
+};
+
+void expectFaults(const std::vector<ContentFault>& faults, const PackageContent& sound) {
+  EXPECT_EQ(test::reasonOf(writePackage(sound)), "");
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    PackageContent content = sound;
+    faults[i].spoil(content);
     const std::string reason = test::reasonOf(writePackage(content));
-    EXPECT_EQ(reason.find("section " + std::string(kFieldFaults[i].reason_has)), 0U)
-        << "fault " << i << " (" << kFieldFaults[i].reason_has << ") gave: " << reason;
+    EXPECT_EQ(reason.find("section " + std::string(faults[i].reason_has)), 0U)
+        << "fault " << i << " (" << faults[i].reason_has << ") gave: " << reason;
   }
+}
+
+TEST(PackageFaults, EachBrokenRuleOfFieldsIsRefusedAndNamed) { expectFaults(kFieldFaults, test::fieldPackage()); }
+
+TEST(PackageFaults, EachBrokenRuleOfResidualsIsRefusedAndNamed) {
+  expectFaults(kResidualFaults, test::residualPackage());
 }
 
 TEST(PackageFaults, EveryPieceHasItsFreeField) {

@@ -237,7 +237,7 @@ TEST(Package, ContentOfAViewIsWhatWasWritten) {
 }
 
 TEST(Package, FieldsReadAsWritten) {
-  const PackageContent content = test::fieldPackage();
+  const PackageContent content = test::residualPackage();
   const test::AlignedBytes bytes(writePackage(content));
   PackageView view;
   ASSERT_EQ(PackageView::open(bytes.span(), view).reason, "");
@@ -256,6 +256,9 @@ TEST(Package, FieldsReadAsWritten) {
   expectSameBytes(view.fieldFibreValues(), content.field_fibre_values, "fibre values");
   expectSameBytes(view.fieldTethers(), content.field_tethers, "tethers");
   expectSameBytes(view.fieldTetherValues(), content.field_tether_values, "tether values");
+  expectSameBytes(view.fieldResiduals(), content.field_residuals, "residuals");
+  expectSameBytes(view.fieldResidualValues(), content.field_residual_values, "residual values");
+  expectSameBytes(view.fieldResidualLocals(), content.field_residual_locals, "residual locals");
   EXPECT_EQ(view.fields()[1].driven_count, 4U);
   EXPECT_EQ(view.fieldFunctions()[view.fields()[1].first_function + 3].monomial, 3U);
   EXPECT_EQ(view.text(view.pinSets()[view.fieldFunctions()[4].pin_set].name), "base");

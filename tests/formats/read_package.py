@@ -202,6 +202,9 @@ SECTIONS = {
     "FFBV": ("<f", 1, False, None),
     "FTHR": ("<2I", 1, False, None),
     "FTHV": ("<f", 1, False, None),
+    "FRES": ("<4If", 0, False, None),
+    "FRSV": ("<h", 0, False, None),
+    "FRSL": ("<f", 0, False, None),
     "DIST": ("<5I5f", 0, False, None),
     "DVAL": ("<h", 0, False, None),
 }
@@ -215,7 +218,7 @@ FEATURES = ["tetrahedra", "quadratic", "visual", "barycentric_attachment", "clus
             "fields"]
 NEEDS = [("CURV", "CMEC"), ("PSTV", "PSET"), ("PRTV", "PART"), ("PART", "VPOS"), ("VNRM", "VPOS"), ("VUV0", "VPOS"), ("VCOL", "VPOS"), ("VSUB", "VPOS"), ("VMAT", "VPOS"), ("ATBC", "VPOS"),
          ("ATBC", "TETS"), ("ATCR", "VPOS"), ("VSRC", "VPOS"), ("GRUP", "VPOS"), ("TEXB", "VTEX"), ("GRPV", "GRUP"), ("MASK", "VPOS"),
-         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT"), ("FFIB", "FELD"), ("FFBV", "FFIB"), ("FTHR", "FELD"), ("FTHV", "FTHR"), ("DIST", "FPNT"), ("DVAL", "DIST")]
+         ("MSKV", "MASK"), ("FPNT", "FELD"), ("FPTV", "FPNT"), ("FFIB", "FELD"), ("FFBV", "FFIB"), ("FTHR", "FELD"), ("FTHV", "FTHR"), ("FRES", "FELD"), ("FRSV", "FRES"), ("FRSL", "FRES"), ("DIST", "FPNT"), ("DVAL", "DIST")]
 
 
 def f32(value):
@@ -604,6 +607,7 @@ class Package:
             self.check_modes(f[12], 3 * (k - driven))
         self.check_fibres()
         self.check_tethers()
+        self.check_residuals()
         self.check_distances()
 
     def check_distances(self):
@@ -724,6 +728,17 @@ class Package:
                     unit = sum(s * abs(f[2 + n]) for s, f in zip(sizes, functions))
                     need(abs(pull) <= 1e-3 * unit, where + "pulls at the rest shape")
             need(positive(t, roots), where + "not positive semidefinite")
+
+    def check_residuals(self):
+        r = self.records
+        order = [record[0] for record in r["FRES"]]
+        need(order == sorted(set(order)) and all(f < len(r["FELD"]) and r["FELD"][f][1] == 0 for f in order), "section FRES: fields")
+        counts = [r["BODY"][r["FELD"][f][0]][1] for f in order]  # of vertices
+        for i, (_, modes, _, _, scale) in enumerate(r["FRES"]):
+            need(1 <= modes <= 256 and 0 < scale <= MOST, f"section FRES, element {i}: modes or scale")
+        tile("FRES", [(record[2], 3 * count * record[1]) for record, count in zip(r["FRES"], counts)], len(r["FRSV"]))
+        tile("FRES", [(record[3], count) for record, count in zip(r["FRES"], counts)], len(r["FRSL"]))
+        need(all(0 < local <= MOST for local, in r["FRSL"]), "section FRSL: a value")
 
     def check_moments(self, where, functions, vertices):
         diagonal, mass, origin = self.records["INFO"][0][10], sum(v[3] for v in vertices), vertices[0][:3]

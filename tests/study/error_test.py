@@ -46,7 +46,9 @@ class Error(unittest.TestCase):
             self.assertLess(scene["reference"]["change_shorter_steps"], 0.01)
 
     def test_more_functions_come_nearer(self):
-        coarse, fine = (min(row["path"] for row in self.rows(0, "sinew") if row["knobs"].startswith(f"{n} functions"))
+        # Of short steps: long ones ring too low, whatever the shape.
+        coarse, fine = (min(row["path"] for row in self.rows(0, "sinew")
+                            if row["knobs"].startswith(f"{n} functions") and row["knobs"].endswith("4 steps"))
                         for n in (6, 32))
         self.assertLess(fine, coarse)
         self.assertLess(fine, 0.5)
@@ -55,7 +57,7 @@ class Error(unittest.TestCase):
         self.assertGreater(self.study["scenes"][1]["reference"]["frequency_hz"], 1)
         for row in self.rows(1, "sinew"):
             if row["knobs"].startswith("32 functions"):
-                self.assertAlmostEqual(row["frequency_ratio"], 1, delta=0.15)
+                self.assertAlmostEqual(row["frequency_ratio"], 1, delta=0.06 if row["knobs"].endswith("4 steps") else 0.2)
 
     def test_every_method_was_tried(self):
         for scene in range(2):

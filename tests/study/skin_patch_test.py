@@ -50,10 +50,11 @@ class SkinPatch(unittest.TestCase):
 
     def test_more_functions_come_nearer(self):
         for coarse, fine in zip(self.rows_of(32), self.rows_of(64)):
-            self.assertLess(fine["rms"], coarse["rms"])
-            self.assertLess(fine["max"], coarse["max"])
+            # What the mean is off is the tetrahedra's: what holds gives way alike.
+            self.assertLess(fine["rms"], 1.02 * coarse["rms"])
+            self.assertLess(fine["max"], 0.9 * coarse["max"])
             # Half of what a body that does not move is off.
-            self.assertLess(coarse["rms"], 0.55)
+            self.assertLess(coarse["rms"], 0.5)
 
     def test_clusters_and_iterations_are_no_matter(self):
         for functions in (32, 64):

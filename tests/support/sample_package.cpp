@@ -526,6 +526,14 @@ formats::PackageContent fieldPackage() {
   return content;
 }
 
+formats::PackageContent residualPackage() {
+  formats::PackageContent content = fieldPackage();
+  content.field_residuals.push_back({0, 2, 0, 0, 1e-5F});
+  for (int i = 0; i < 5 * 3 * 2; ++i) content.field_residual_values.push_back(std::int16_t(7 * i - 90));
+  content.field_residual_locals.assign(5, 2e-4F);
+  return content;
+}
+
 formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) {
   c.info.total_mass *= float(copies);
   const formats::PackageContent once = c;
@@ -602,6 +610,12 @@ formats::PackageContent repeated(formats::PackageContent c, std::size_t copies) 
     t.field += k * n(once.fields), t.first_value += k * n(once.field_tether_values);
   });
   repeat(c.field_tether_values, copies, same);
+  repeat(c.field_residuals, copies, [&](auto& r, std::uint32_t k) {
+    r.field += k * n(once.fields), r.first_value += k * n(once.field_residual_values);
+    r.first_local += k * n(once.field_residual_locals);
+  });
+  repeat(c.field_residual_values, copies, same);
+  repeat(c.field_residual_locals, copies, same);
   repeat(c.distance_grids, copies, [&](auto& g, std::uint32_t k) {
     g.piece += k * n(once.pieces), g.first_value += k * n(once.distance_values);
   });

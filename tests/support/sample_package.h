@@ -23,6 +23,8 @@ namespace sinew::test {
 /// have an activated fibre; that of "whole" has a record in the free field only. Tethers tie the last two vertices of
 /// the held field to its pin set, by 40 and 90 N/m.
 [[nodiscard]] formats::PackageContent fieldPackage();
+/// The same with a residual of two modes.
+[[nodiscard]] formats::PackageContent residualPackage();
 
 /// So many copies of a content's bodies in one package, in one place: of samplePackage() or fieldPackage().
 [[nodiscard]] formats::PackageContent repeated(formats::PackageContent content, std::size_t copies);

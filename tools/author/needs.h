@@ -36,7 +36,7 @@ struct NeedDeclaration {
 inline constexpr std::array<NeedDeclaration, 14> kNeedDeclarations = {{
     {Need::contact, "contact", "touching colliders, other bodies or itself"},
     {Need::cut, "cut", "cutting: every tetrahedron, not only those that carry the drawn surface"},
-    {Need::pins, "pins", "pin sets and their targets"},
+    {Need::pins, "pins", "pin sets and their targets; how pins and picks give way"},
     {Need::activation, "activation", "channels and fibres"},
     {Need::plasticity, "plasticity", "deformation that stays"},
     {Need::clusters, "clusters", "clusters by name, and the report's solver: else those alike are one"},

@@ -64,8 +64,11 @@ void removeFibres(PackageContent& content) {
   }
 }
 
-// Pin sets and the fields that they hold.
+// Pin sets and the fields that they hold, and how what holds a piece gives way.
 void removePins(PackageContent& content) {
+  content.field_residuals.clear();
+  content.field_residual_values.clear();
+  content.field_residual_locals.clear();
   content.pin_sets.clear();
   content.pin_set_vertices.clear();
   content.pin_weights.clear();
@@ -105,7 +108,6 @@ void removePins(PackageContent& content) {
     }
   }
   content.field_fibres = std::move(fibres);
-  for (formats::FieldResidual& residual : content.field_residuals) residual.field = number[residual.field];
   content.fields = std::move(free);
 }
 

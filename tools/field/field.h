@@ -65,10 +65,10 @@ struct FieldSpace {
   Eigen::VectorXd
       compliance;           ///< f . u of each load f and the piece's answer u, J; empty in a free space beside a held
   Eigen::MatrixXd tethers;  ///< k x k, N/m: 1/2 tr(z^T tethers z) is the energy of the tethers; empty without
-  Eigen::MatrixXd residual_modes;    ///< 3n x r, x y z by vertex, (m/N)^1/2: see field/residual.h; none in a held space
-  Eigen::VectorXd residual_locals;   ///< n, m/N
-  double young_scale = 1;   ///< what young was multiplied with; mu, lambda and stiffness have it already
-  double lowest_hz = 0;     ///< of the lowest elastic mode of the piece (held: with its pins fixed); 0: none
+  Eigen::MatrixXd residual_modes;   ///< 3n x r, x y z by vertex, (m/N)^1/2: see field/residual.h; none in a held space
+  Eigen::VectorXd residual_locals;  ///< n, m/N
+  double young_scale = 1;           ///< what young was multiplied with; mu, lambda and stiffness have it already
+  double lowest_hz = 0;             ///< of the lowest elastic mode of the piece (held: with its pins fixed); 0: none
   /// Error of static answers to loads on 8 places against all elements, of their rms displacement; gravity_error where
   /// that is larger.
   double static_error = 0;

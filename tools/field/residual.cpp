@@ -21,7 +21,10 @@ constexpr Index kMeasured = 48;
 class Residual {
  public:
   Residual(const Elastic& elastic, const Answers& answers, const MatrixXd& functions)
-      : elastic_(elastic), answers_(answers), mass_(byAxis(elastic.node_mass)), functions_(nodeRows(elastic, functions)) {
+      : elastic_(elastic),
+        answers_(answers),
+        mass_(byAxis(elastic.node_mass)),
+        functions_(nodeRows(elastic, functions)) {
     const Index f = elastic.nodes(), k = functions_.cols();
     MatrixXd pulled(3 * f, 3 * k);  // K B
     for (Index a = 0; a < 3; ++a) {
@@ -73,8 +76,7 @@ class Residual {
       scale[i] = scale[i] > kNothing * inner.values[scale.size() - 1] ? 1 / std::sqrt(scale[i]) : 0;
     }
     const MatrixXd factor = answer * (inner.vectors * scale.asDiagonal());
-    const geometry::SymmetricEigen found =
-        geometry::symmetricEigen(factor.transpose() * mass_.asDiagonal() * factor);
+    const geometry::SymmetricEigen found = geometry::symmetricEigen(factor.transpose() * mass_.asDiagonal() * factor);
     // A mode softer than the functions' own lowest is no mode but a hinge, which nothing holds.
     const double most = answers_.lowestLambda() > 0 ? 1 / answers_.lowestLambda() : 0;
     Index end = columns, first = 0;

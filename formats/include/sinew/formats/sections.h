@@ -365,9 +365,9 @@ struct FieldTethers {
 };
 static_assert(sizeof(FieldTethers) == 8);
 
-/// FRES: what a free field's functions lack: how its vertices give way to forces while the functions stay. Forces f_w on
-/// vertices w move vertex v by d_v f_v + sum_m r_vm sum_w r_wm . f_w, r_vm (three numbers for each mode m) the values of
-/// FRSV times `scale`, d_v that of FRSL. Where the piece is at rest, in its frame (docs/method.md §4).
+/// FRES: what a free field's functions lack: how its vertices give way to forces while the functions stay. Forces f_w
+/// on vertices w move vertex v by d_v f_v + sum_m r_vm sum_w r_wm . f_w, r_vm (three numbers for each mode m) the
+/// values of FRSV times `scale`, d_v that of FRSL. Where the piece is at rest, in its frame (docs/method.md §4).
 struct FieldResidual {
   std::uint32_t field;        ///< into FELD, ascending; a free one
   std::uint32_t mode_count;   ///< r, 1..256
@@ -527,8 +527,8 @@ inline constexpr std::uint32_t strings = fourcc("STRS"), info = fourcc("INFO"), 
                                field_fibres = fourcc("FFIB"), field_fibre_values = fourcc("FFBV"),
                                field_tethers = fourcc("FTHR"), field_tether_values = fourcc("FTHV"),
                                field_residuals = fourcc("FRES"), field_residual_values = fourcc("FRSV"),
-                               field_residual_locals = fourcc("FRSL"),
-                               distance_grids = fourcc("DIST"), distance_values = fourcc("DVAL");
+                               field_residual_locals = fourcc("FRSL"), distance_grids = fourcc("DIST"),
+                               distance_values = fourcc("DVAL");
 
 /// All of them, in the order in which the writer lays sections out.
 inline constexpr std::array kAll = {info,
