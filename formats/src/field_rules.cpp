@@ -427,8 +427,8 @@ class FieldRules {
       if (residual.mode_count == 0 || residual.mode_count > kMostResidualModes) return bad("has no modes or above 256");
       if (!(residual.scale > 0) || beyond(residual.scale) != 0) return bad("scale is not above 0 and at most 1e18");
       const std::size_t vertices = view_.pieces()[view_.fields()[residual.field].piece].vertex_count;
-      if (residual.first_value != values ||
-          3 * vertices * residual.mode_count > view_.fieldResidualValues().size() - values) {
+      const std::size_t count = 24 * ((vertices + 7) / 8) * residual.mode_count;
+      if (residual.first_value != values || count > view_.fieldResidualValues().size() - values) {
         return bad("its run of FRSV does not start where the one before ends, or reaches too far");
       }
       if (residual.first_local != locals || vertices > view_.fieldResidualLocals().size() - locals) {
@@ -437,7 +437,7 @@ class FieldRules {
       for (const float local : view_.fieldResidualLocals().subspan(locals, vertices)) {
         if (!(local > 0) || beyond(local) != 0) return bad("a value of FRSL is not above 0 and at most 1e18");
       }
-      values += 3 * vertices * residual.mode_count;
+      values += count;
       locals += vertices;
     }
     if (locals != view_.fieldResidualLocals().size()) {

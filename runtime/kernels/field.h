@@ -344,6 +344,21 @@ static void fieldValues(const FieldValuesArguments& a) {
   }
 }
 
+/// sum_m a_m r_m at places.
+static void residualValues(const ResidualValuesArguments& a) {
+  const std::int16_t* values = a.values;
+  for (std::uint32_t row = 0; row < 3 * a.blocks; ++row, values += std::size_t(8) * a.modes) {
+    Float8 even = {}, odd = {};
+    std::uint32_t m = 0;
+    for (; m + 1 < a.modes; m += 2) {
+      even += convert8(values + 8 * m) * a.amplitudes[m];
+      odd += convert8(values + 8 * m + 8) * a.amplitudes[m + 1];
+    }
+    if (m < a.modes) even += convert8(values + 8 * m) * a.amplitudes[m];
+    store8(a.out + 8 * row, even + odd);
+  }
+}
+
 /// Through the modes of the rest shape and back.
 static void fieldModes(const FieldModesArguments& a) {
   const std::uint32_t n = a.unknowns;

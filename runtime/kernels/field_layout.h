@@ -65,6 +65,14 @@ struct FieldValuesArguments {
   float* out;                 ///< by block: x of eight places, y, z
 };
 
+/// Vectors by modes at blocks of eight places.
+struct ResidualValuesArguments {
+  std::uint32_t modes, blocks;
+  const std::int16_t* values;  ///< by block: x of each mode at eight places, y, z
+  const float* amplitudes;     ///< of the modes, times the unit of the values
+  float* out;                  ///< by block: x of eight places, y, z
+};
+
 /// A solve with the rest stiffness: g becomes Q (inertia + stiffness values)^-1 Q^T g.
 struct FieldModesArguments {
   std::uint32_t unknowns;  ///< 3 n

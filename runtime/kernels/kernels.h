@@ -28,6 +28,7 @@ struct Kernels {
   bool (*factorize)(const FactorArguments& arguments);  ///< \return whether the matrix was positive
   void (*solve)(const FactorArguments& arguments);
   void (*field_values)(const FieldValuesArguments& arguments);
+  void (*residual_values)(const ResidualValuesArguments& arguments);
   void (*field_heights)(const FieldHeightsArguments& arguments);
   const AttachKernels& attach;
 };

@@ -157,6 +157,16 @@ SINEW_INLINE void store<Float8>(void* p, const Float8& value) {
 #endif
 SINEW_INLINE Float8 load8(const float* p) { return load<Float8>(p); }
 SINEW_INLINE void store8(float* p, Float8 value) { store(p, value); }
+/// Eight integers as floats, which they are exactly.
+SINEW_INLINE Float8 convert8(const std::int16_t* p) {
+#if defined(__AVX__)
+  using Short8 = std::int16_t __attribute__((vector_size(16)));
+  return __builtin_convertvector(load<Short8>(p), Float8);
+#else
+  using Short4 = std::int16_t __attribute__((vector_size(8)));
+  return {__builtin_convertvector(load<Short4>(p), Float4), __builtin_convertvector(load<Short4>(p + 4), Float4)};
+#endif
+}
 SINEW_INLINE Float4 load4(const float* p) { return load<Float4>(p); }
 SINEW_INLINE void store4(float* p, Float4 value) { store(p, value); }
 #if defined(__AVX512F__)

@@ -23,6 +23,7 @@ void fieldModesOf(const FieldModesArguments& a);
 bool factorizeOf(const FactorArguments& a);
 void solveOf(const FactorArguments& a);
 void fieldValuesOf(const FieldValuesArguments& a);
+void residualValuesOf(const ResidualValuesArguments& a);
 void fieldHeightsOf(const FieldHeightsArguments& a);
 
 }  // namespace sinew::internal::SINEW_NARROW_KERNELS
@@ -37,6 +38,7 @@ void fieldModesOf(const FieldModesArguments& a) { fieldModes(a); }
 bool factorizeOf(const FactorArguments& a) { return factorize(a); }
 void solveOf(const FactorArguments& a) { solve(a); }
 void fieldValuesOf(const FieldValuesArguments& a) { fieldValues(a); }
+void residualValuesOf(const ResidualValuesArguments& a) { residualValues(a); }
 void fieldHeightsOf(const FieldHeightsArguments& a) { fieldHeights(a); }
 #endif
 
@@ -49,6 +51,7 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::factorizeOf,
           narrow::solveOf,
           narrow::fieldValuesOf,
+          narrow::residualValuesOf,
           narrow::fieldHeightsOf,
           narrow::kAttach};
 }

@@ -34,7 +34,7 @@ struct Field {
   std::span<const formats::FieldFibre> fibres;
   const float* tethers = nullptr;          ///< k x k, N/m: 1/2 sum T_ij z_i . z_j; null without
   std::uint32_t residual_modes = 0;        ///< r, of what the functions lack (FRES); 0: not known
-  const std::int16_t* residual = nullptr;  ///< by vertex: x, y and z in turn, r each
+  const std::int16_t* residual = nullptr;  ///< by eight vertices: x of each mode, then y, then z
   float residual_scale = 0;                ///< of these, (m/N)^1/2
   const float* residual_locals = nullptr;  ///< by vertex, m/N
   std::span<const float> fibre_values;     ///< k a fibre: its direction is their sum with the coefficients

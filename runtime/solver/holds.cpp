@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/holds.h"
 
-#include <array>
 #include <bit>
 #include <cmath>
 
 #include "runtime/geometry/rotation.h"
 #include "runtime/interact/picked_point.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/solver/minimize.h"
 
 namespace sinew::internal {
@@ -56,13 +56,17 @@ void solveLower(const double* factor, std::uint32_t r, double* x) {
   }
 }
 
-/// Calls visit(weight, values) for each vertex of a point, values its x, y and z of the residual modes in turn.
+/// Calls visit(weight, value) for each vertex of a point; value(c, m) is an axis of one of its residual modes.
 template <class Visit>
 void forEachVertex(const Field& field, const PickedPoint& point, const Visit& visit) {
+  const std::uint32_t r = field.residual_modes;
   for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
     if (!isIn(field, point.vertex[c])) continue;
-    visit(float(point.weight[c]) * field.residual_scale,
-          field.residual + std::size_t{3} * field.residual_modes * (point.vertex[c] - field.first_vertex));
+    const std::uint32_t v = point.vertex[c] - field.first_vertex;
+    const std::int16_t* const of_vertex = field.residual + std::size_t{24} * r * (v / 8) + v % 8;
+    visit(point.weight[c] * double(field.residual_scale), [of_vertex, r](std::uint32_t axis, std::uint32_t m) {
+      return double(of_vertex[8 * (std::size_t(r) * axis + m)]);
+    });
   }
 }
 
@@ -162,10 +166,10 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     firm[h] = held.pick != nullptr
                   ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
                   : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
-    forEachVertex(field, held.at, [&](float weight, const std::int16_t* values) {
-      for (std::uint32_t c = 0; c < 3; ++c, values += r) {
+    forEachVertex(field, held.at, [&](double weight, const auto& value) {
+      for (std::uint32_t c = 0; c < 3; ++c) {
         Column p = columnOf(y, 3 * std::size_t(h) + c);
-        for (std::uint32_t i = 0; i < r; ++i) p[i] += double(weight) * double(values[i]);
+        for (std::uint32_t i = 0; i < r; ++i) p[i] += weight * value(c, i);
       }
     });
     for (std::uint32_t c = 0; c < 3; ++c) {
@@ -221,34 +225,25 @@ void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<fl
 }
 
 double ownCompliance(const Field& field, const PickedPoint& point) {
-  const std::uint32_t r = field.residual_modes;
   double sum = 0;
-  for (std::uint32_t m = 0; m < r; ++m) {
-    Vector3 mode = Vector3::Zero();
-    forEachVertex(field, point, [&](float weight, const std::int16_t* values) {
-      mode += weight * Vector3(float(values[m]), float(values[r + m]), float(values[2 * r + m]));
+  for (std::uint32_t m = 0; m < field.residual_modes; ++m) {
+    Vector3d mode = Vector3d::Zero();
+    forEachVertex(field, point, [&](double weight, const auto& value) {
+      mode += weight * Vector3d(value(0, m), value(1, m), value(2, m));
     });
-    sum += double(mode.squaredNorm());
+    sum += mode.squaredNorm();
   }
   return sum / 3;
 }
 
-void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Vec3* x) {
-  const std::uint32_t r = field.residual_modes;
+void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways, Vec3* x) {
+  const std::uint32_t blocks = (field.vertex_count + 7) / 8;
+  ways.resize(24 * std::size_t(blocks));
+  kernels().residual_values({field.residual_modes, blocks, field.residual, amplitudes.data(), ways.data()});
   const Matrix3 frame = field.residual_scale * turned.cast<float>();
-  const std::int16_t* values = field.residual;
   for (std::uint32_t v = 0; v < field.vertex_count; ++v) {
-    Vector3 way;
-    for (int c = 0; c < 3; ++c, values += r) {
-      std::array<float, 4> sum = {};
-      std::uint32_t m = 0;
-      for (; m + 4 <= r; m += 4) {
-        for (std::uint32_t lane = 0; lane < 4; ++lane) sum[lane] += float(values[m + lane]) * amplitudes[m + lane];
-      }
-      for (; m < r; ++m) sum[0] += float(values[m]) * amplitudes[m];
-      way[c] = (sum[0] + sum[1]) + (sum[2] + sum[3]);
-    }
-    x[v] = asArray(Vector3(asVector(x[v]) + frame * way));
+    const float* const way = ways.data() + std::size_t{24} * (v / 8) + v % 8;
+    x[v] = asArray(Vector3(asVector(x[v]) + frame * Vector3(way[0], way[8], way[16])));
   }
 }
 

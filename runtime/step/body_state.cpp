@@ -64,7 +64,7 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
   findOffsets(body, piece, shape, part, piece.holds.stiffness, body.offsets);
   body.amplitudes.resize(field.residual_modes);
   findAmplitudes(piece, {body.offsets.data(), body.offsets.size()}, body.amplitudes);
-  giveWay(field, body.amplitudes, shape.turned, body.x.data() + field.first_vertex);
+  giveWay(field, body.amplitudes, shape.turned, body.field_values, body.x.data() + field.first_vertex);
 }
 
 }  // namespace

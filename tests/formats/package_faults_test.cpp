@@ -794,7 +794,7 @@ const std::vector<ContentFault> kFieldFaults = {
      }},
 };
 
-// The residual of the free field has values 0..29 and locals 0..4.
+// The residual of the free field has values 0..47 and locals 0..4.
 const std::vector<ContentFault> kResidualFaults = {
     {"FRSV: needs section FRES", [](auto& c) { c.field_residuals.clear(); }},
     {"FRES, element 0: its run of FRSV", [](auto& c) { c.field_residual_values.clear(); }},

@@ -736,7 +736,7 @@ class Package:
         counts = [r["BODY"][r["FELD"][f][0]][1] for f in order]  # of vertices
         for i, (_, modes, _, _, scale) in enumerate(r["FRES"]):
             need(1 <= modes <= 256 and 0 < scale <= MOST, f"section FRES, element {i}: modes or scale")
-        tile("FRES", [(record[2], 3 * count * record[1]) for record, count in zip(r["FRES"], counts)], len(r["FRSV"]))
+        tile("FRES", [(record[2], 24 * ((count + 7) // 8) * record[1]) for record, count in zip(r["FRES"], counts)], len(r["FRSV"]))
         tile("FRES", [(record[3], count) for record, count in zip(r["FRES"], counts)], len(r["FRSL"]))
         need(all(0 < local <= MOST for local, in r["FRSL"]), "section FRSL: a value")
 

@@ -529,7 +529,7 @@ formats::PackageContent fieldPackage() {
 formats::PackageContent residualPackage() {
   formats::PackageContent content = fieldPackage();
   content.field_residuals.push_back({0, 2, 0, 0, 1e-5F});
-  for (int i = 0; i < 5 * 3 * 2; ++i) content.field_residual_values.push_back(std::int16_t(7 * i - 90));
+  for (int i = 0; i < 8 * 3 * 2; ++i) content.field_residual_values.push_back(std::int16_t(i % 8 < 5 ? 7 * i - 90 : 0));
   content.field_residual_locals.assign(5, 2e-4F);
   return content;
 }

@@ -444,10 +444,14 @@ class PieceFields {
     record.first_value = std::uint32_t(content_.field_residual_values.size());
     record.first_local = std::uint32_t(content_.field_residual_locals.size());
     record.scale = float(largest / std::numeric_limits<std::int16_t>::max());
-    for (Eigen::Index v = 0; v < at_all[0].rows(); ++v) {
+    const Eigen::Index vertices = at_all[0].rows();
+    for (Eigen::Index block = 0; block < vertices; block += 8) {
       for (const Eigen::MatrixXd& along : at_all) {
         for (Eigen::Index m = 0; m < modes; ++m) {
-          content_.field_residual_values.push_back(std::int16_t(std::lround(along(v, m) / double(record.scale))));
+          for (Eigen::Index v = block; v < block + 8; ++v) {
+            const double value = v < vertices ? along(v, m) / double(record.scale) : 0;
+            content_.field_residual_values.push_back(std::int16_t(std::lround(value)));
+          }
         }
       }
     }

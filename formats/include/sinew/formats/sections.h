@@ -371,7 +371,7 @@ static_assert(sizeof(FieldTethers) == 8);
 struct FieldResidual {
   std::uint32_t field;        ///< into FELD, ascending; a free one
   std::uint32_t mode_count;   ///< r, 1..256
-  std::uint32_t first_value;  ///< into FRSV: by vertex of the piece, x, y and z in turn, r each
+  std::uint32_t first_value;  ///< into FRSV: by eight vertices of the piece x of each mode, then y, then z
   std::uint32_t first_local;  ///< into FRSL: d_v of the piece's vertices, m/N, > 0
   float scale;                ///< of the values, (m/N)^1/2, > 0
 };
