@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/system.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 
 #include "runtime/solver/minimize.h"
@@ -8,18 +9,42 @@
 namespace sinew::internal {
 namespace {
 
+/// A matrix whose holds are turned by so much, rad, is off by about twice that, and a few iterations make up for it.
+constexpr float kTurned = 0.05F;
+
 /// What is added to the diagonal, relative: rounding must not make a factor negative.
 constexpr float kRoundings[] = {3e-7F, 3e-5F, 3e-3F};
+
+/// From the frame of the piece to that of its holds.
+Eigen::Matrix3f holdsTurn(const Objective& objective) {
+  using Rotation = Eigen::Map<const Eigen::Matrix3f>;
+  return Rotation(objective.rotation).transpose().lazyProduct(Rotation(objective.holds_rotation));
+}
+
+void addHolds(const Objective& objective, float* matrix) {
+  const Field& field = *objective.field;
+  const Eigen::Matrix3f turn = holdsTurn(objective);
+  for (std::uint32_t i = 0; i < field.unknowns(); i += 3) {
+    for (std::uint32_t j = 0; j <= i; j += 3) {
+      Eigen::Matrix3f block;
+      for (std::uint32_t c = 0; c < 9; ++c) {
+        block(c / 3, c % 3) = objective.holds[std::size_t(field.stride) * (i + c / 3) + j + c % 3];
+      }
+      const Eigen::Matrix3f half = turn.lazyProduct(block);
+      block = objective.stiffness * half.lazyProduct(turn.transpose());
+      for (std::uint32_t c = 0; c < 9; ++c) {
+        matrix[std::size_t(field.stride) * (i + c / 3) + j + c % 3] += block(c / 3, c % 3);
+      }
+    }
+  }
+}
 
 void addSprings(const Objective& objective, float* matrix) {
   const Field& field = *objective.field;
   const MinimizeScratch& s = *objective.scratch;
   if (!objective.has_springs && s.contacts.empty() && objective.touch_rows.empty()) return;
   const std::uint32_t k = field.k, driven = field.driven;
-  if (objective.holds != nullptr) {
-    const std::size_t entries = std::size_t(field.unknowns()) * field.stride;
-    for (std::size_t i = 0; i < entries; ++i) matrix[i] += objective.stiffness * objective.holds[i];
-  }
+  if (objective.holds != nullptr) addHolds(objective, matrix);
   float* const row = objective.scratch->parts.data();
   for (std::uint32_t i = driven; i < k; ++i) {
     if (objective.has_springs) {
@@ -76,8 +101,9 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   const auto& touches = objective.touch_rows;
   if (!objective.has_springs && contacts.empty() && touches.empty()) return;
   const auto split = system.points.begin() + std::min(contacts.size(), system.points.size());
+  const bool turned = objective.holds != nullptr && !(holdsTurn(objective) - system.holds_turn).isZero(kTurned);
   const bool same =
-      system.h == objective.h &&
+      system.h == objective.h && !turned &&
       std::equal(
           system.points.begin(), split, contacts.begin(), contacts.end(),
           [](const SystemFactor::Point& p, const Contact& c) { return p.point == c.point && p.firm == c.firm; }) &&
@@ -89,6 +115,7 @@ void useRestSystem(Objective& objective, SystemFactor& system) {
   }
   make(objective, system, nullptr);
   system.h = objective.system != nullptr ? objective.h : 0;
+  if (objective.holds != nullptr) system.holds_turn = holdsTurn(objective);
   system.points.clear();
   for (const Contact& contact : contacts) system.points.push_back({contact.point, contact.firm});
   for (const TouchRow& touch : touches) system.points.push_back({touch.key, touch.firm});

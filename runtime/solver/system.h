@@ -3,6 +3,7 @@
 // The matrix of a step: inertia, a stiffness, springs and contacts, in the frame of the piece (docs/method.md §3).
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 
 #include "runtime/memory/array.h"
@@ -12,7 +13,7 @@ namespace sinew::internal {
 struct Objective;
 
 /// The Cholesky factor of that matrix, and the step it was made for. Springs and contacts pull alike in all directions,
-/// so it turns with the piece.
+/// so it turns with the piece; holds do not.
 struct SystemFactor {
   explicit SystemFactor(std::pmr::memory_resource* memory) : factor(memory), points(memory) {}
   /// A contact among it.
@@ -21,9 +22,10 @@ struct SystemFactor {
     float firm;  ///< N/m
   };
 
-  Array<float> factor;  ///< 3 n rows of `stride` floats; the lower triangle
-  Array<Point> points;  ///< contacts among it, then touches by their keys
-  double h = 0;         ///< of the inertia, s; 0: not that of the rest shape with these springs
+  Array<float> factor;                                       ///< 3 n rows of `stride` floats; the lower triangle
+  Array<Point> points;                                       ///< contacts among it, then touches by their keys
+  Eigen::Matrix3f holds_turn = Eigen::Matrix3f::Identity();  ///< from the frame of the piece to that of holds among it
+  double h = 0;  ///< of the inertia, s; 0: not that of the rest shape with these springs
 };
 
 /// The rest shape's stiffness: through its modes, or where springs or contacts act a factor, made anew where they or

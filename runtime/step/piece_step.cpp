@@ -193,8 +193,8 @@ void PieceStep::reserveSystem(std::size_t rows) {
 
 void PieceStep::prepareTogether(std::span<TouchRow> rows) {
   objective_.touch_rows = rows;
-  useRestSystem(objective_, piece_.system);
   objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
+  useRestSystem(objective_, piece_.system);
 }
 
 void PieceStep::oldPlace(float* d) const {
@@ -486,8 +486,8 @@ bool PieceStep::touchesAsBefore() const {
 }
 
 void PieceStep::solve() {
-  useRestSystem(objective_, piece_.system);
   objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
+  useRestSystem(objective_, piece_.system);
   std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
   objective_.press(s_.d.data());
