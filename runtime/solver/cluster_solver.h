@@ -43,7 +43,8 @@ class BodySolver {
  public:
   virtual ~BodySolver() = default;
 
-  /// Grows scratch to what step() and energy() take of it. May throw.
+  /// Grows scratch to what step() and energy() take of it, and what is the body's own after holds have changed. May
+  /// throw.
   virtual void reserve(SolverScratch& scratch) const = 0;
   /// At rest where the body was added; Body::x and v are there already.
   virtual void rest() = 0;

@@ -17,7 +17,7 @@ constexpr double kOpen = 1e-3;
 
 using Column = Eigen::Map<Eigen::VectorXd>;
 
-/// Of Holds::rows: three a held vertex, rounded up to eight.
+/// Of Holds::by_point: three a held point, rounded up to eight.
 std::size_t columnsOf(std::size_t held) { return (3 * held + 7) / 8 * 8; }
 
 /// Numbers that makeHolds() needs beside its result. \param m scalar functions of held vertices
@@ -25,7 +25,8 @@ std::size_t scratchOf(std::size_t r, std::size_t held, std::size_t m) {
   return r * (r + 3 * held + 3 * m) + held * (m + 1);
 }
 
-/// The lower triangle becomes its Cholesky factor; columns are r apart. \pre its eigenvalues are at least 1
+/// The lower triangle becomes its Cholesky factor; columns are r apart. Eigen's own takes memory of its own at this
+/// size. \pre its eigenvalues are at least 1
 void factorize(double* a, std::uint32_t r) {
   for (std::uint32_t j = 0; j < r; ++j) {
     double* const column = a + std::size_t(r) * j;
@@ -54,6 +55,15 @@ void solveLower(const double* factor, std::uint32_t r, double* x) {
     const std::uint32_t left = r - i - 1;
     Column(x + i + 1, left) -= x[i] * Eigen::Map<const Eigen::VectorXd>(column + i + 1, left);
   }
+}
+
+/// Where a held point is at rest.
+Vector3d restOf(const Body& body, const HeldPoint& held) {
+  Vector3d at = Vector3d::Zero();
+  for (std::size_t c = 0; c < held.at.weight.size() && held.at.weight[c] != 0; ++c) {
+    at += held.at.weight[c] * asVector(body.vertices()[held.at.vertex[c]].rest_position).cast<double>();
+  }
+  return at;
 }
 
 /// Calls visit(weight, value) for each vertex of a point; value(c, m) is an axis of one of its residual modes.
@@ -114,10 +124,12 @@ void reserveHolds(Body& body, Piece& piece) {
   held = std::bit_ceil(held);  // pins come one by one
   const std::size_t sets = body.pin_sets.size(), rows = 3 * std::size_t(field.k) + 12 * sets + field.residual_modes;
   piece.holds.sets.reserve(sets);
-  piece.holds.matrix.reserve(std::size_t(field.unknowns()) * field.stride);
-  piece.holds.rows.reserve(rows * columnsOf(held));
-  piece.offsets.reserve(columnsOf(held));
-  body.offsets.reserve(columnsOf(held));
+  piece.holds.by_function.reserve(rows * field.stride);
+  piece.holds.by_point.reserve(rows * columnsOf(held));
+  for (HoldWays* ways : {&piece.ways, &body.ways}) {
+    ways->of_functions.reserve(field.stride);
+    ways->of_points.reserve(columnsOf(held));
+  }
   piece.holds.scratch = scratchOf(field.residual_modes, held, field.k + 4 * sets);
 }
 
@@ -125,9 +137,9 @@ void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
   if (scratch.holds.size() < piece.holds.scratch) scratch.holds.resize(piece.holds.scratch);
 }
 
-// With p the rows of R and d those of D at the held vertices, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
+// With p the rows of P and d those of D at the held vertices, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
 // S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
-// R^T S = L^-T Y.
+// P^T S = L^-T Y.
 void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch) {
   const Field& field = piece.field();
   Holds& holds = piece.holds;
@@ -187,41 +199,46 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
       for (std::uint32_t c = 0; c < 3; ++c) columnOf(z, 3 * i + c) += psiOf(h, i) * columnOf(y, 3 * h + c);
     }
   }
-  const std::size_t columns = columnsOf(count);
-  holds.rows.resize((3 * m + r) * columns);
-  std::fill(holds.rows.begin(), holds.rows.end(), 0.0F);
+  const std::size_t columns = columnsOf(count), rows = 3 * std::size_t(m) + r;
+  holds.by_point.resize(rows * columns);
+  std::fill(holds.by_point.begin(), holds.by_point.end(), 0.0F);
+  holds.by_function.resize(rows * field.stride);
+  std::fill(holds.by_function.begin(), holds.by_function.end(), 0.0F);
+  const auto entry = [&](std::uint32_t i, std::uint32_t j) -> float& {
+    return holds.by_function[std::size_t(field.stride) * i + j];
+  };
   for (std::uint32_t i = 0; i < 3 * m; ++i) {
     for (std::uint32_t j = 0; j < 3 * count; ++j) {
       const double direct = i % 3 == j % 3 ? firm[j / 3] * psiOf(j / 3, i / 3) : 0;
-      holds.rows[columns * i + j] = float(direct - columnOf(z, i).dot(columnOf(y, j)));
+      holds.by_point[columns * i + j] = float(direct - columnOf(z, i).dot(columnOf(y, j)));
     }
   }
-  for (std::uint32_t j = 0; j < 3 * count; ++j) {
-    solveUpper(a, r, y + std::size_t(r) * j);
-    for (std::uint32_t i = 0; i < r; ++i) holds.rows[columns * (3 * m + i) + j] = float(columnOf(y, j)[i]);
-  }
-  holds.matrix.resize(std::size_t(field.unknowns()) * field.stride);
-  std::fill(holds.matrix.begin(), holds.matrix.end(), 0.0F);
-  const auto entry = [&](std::uint32_t i, std::uint32_t j) -> float& {
-    return holds.matrix[std::size_t(field.stride) * i + j];
-  };
-  for (std::uint32_t i = 0; i < k; ++i) {
-    for (std::uint32_t j = 0; j <= i; ++j) {
+  for (std::uint32_t i = 0; i < m; ++i) {
+    for (std::uint32_t j = 0; j < std::min(i + 1, k); ++j) {
       double direct = 0;
       for (h = 0; h < count; ++h) direct += firm[h] * psiOf(h, i) * psiOf(h, j);
       for (std::uint32_t c = 0; c < 9; ++c) {
         const std::uint32_t row = 3 * i + c / 3, column = 3 * j + c % 3;
         const double less = columnOf(z, row).dot(columnOf(z, column));
-        entry(row, column) = entry(column, row) = float((c / 3 == c % 3 ? direct : 0) - less);
+        entry(row, column) = float((c / 3 == c % 3 ? direct : 0) - less);
+        if (i < k) entry(column, row) = entry(row, column);
       }
     }
   }
+  for (std::uint32_t j = 0; j < 3 * count; ++j) {
+    solveUpper(a, r, y + std::size_t(r) * j);
+    for (std::uint32_t i = 0; i < r; ++i) holds.by_point[columns * (3 * m + i) + j] = float(columnOf(y, j)[i]);
+  }
+  for (std::uint32_t j = 0; j < 3 * k; ++j) {
+    solveUpper(a, r, z + std::size_t(r) * j);
+    for (std::uint32_t i = 0; i < r; ++i) entry(3 * m + i, j) = float(columnOf(z, j)[i]);
+  }
 }
 
-void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<float>& amplitudes) {
+void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes) {
   const std::uint32_t r = piece.field().residual_modes;
-  const std::size_t first = piece.holds.rows.size() / offsets.size() - r;
-  for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -answerOf(piece.holds, first + m, offsets);
+  const std::size_t first = piece.holds.by_function.size() / piece.field().stride - r;
+  for (std::uint32_t m = 0; m < r; ++m) amplitudes[m] = -float(answerOf(piece.holds, ways, first + m));
 }
 
 double ownCompliance(const Field& field, const PickedPoint& point) {
@@ -247,14 +264,11 @@ void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d&
   }
 }
 
-Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix3d& of_piece) {
-  const auto restOf = [&](const HeldPoint& held) {
-    return Vector3d(asVector(body.vertices()[held.at.vertex[0]].rest_position).cast<double>());
-  };
+RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const RigidPlace& of_piece) {
   Vector3d rest_mean = Vector3d::Zero(), mean = Vector3d::Zero();
   double weight = 0;
   forEachPinned(body, piece, [&](const HeldPoint& held) {
-    rest_mean += held.weight * restOf(held);
+    rest_mean += held.weight * restOf(body, held);
     mean += held.weight * held.target(body, part);
     weight += held.weight;
   });
@@ -265,45 +279,65 @@ Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix
   const double size = kOpen * double(body.package().info().diagonal);
   double spread = size * size;
   forEachPinned(body, piece, [&](const HeldPoint& held) {
-    const Vector3d arm = restOf(held) - rest_mean;
+    const Vector3d arm = restOf(body, held) - rest_mean;
     moment += held.weight * (held.target(body, part) - mean) * arm.transpose();
     spread += held.weight * arm.squaredNorm();
   });
-  return geometry::nearestRotation(Matrix3d(moment + kOpen * spread * of_piece));
+  const Matrix3d turned = geometry::nearestRotation(Matrix3d(moment + kOpen * spread * of_piece.turned));
+  return {turned, mean - turned * rest_mean};
 }
 
-void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, float stiffness,
-                 Array<float>& offsets) {
+void findWays(const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, HoldWays& ways) {
   const Field& field = piece.field();
-  offsets.clear();
+  ways.of_functions.resize(field.stride);
+  std::fill(ways.of_functions.begin(), ways.of_functions.end(), 0.0);
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const formats::FieldFunction& function = field.functions[j];
+    const Vector3d way = place.turned.transpose() * (z.row(j).transpose() - double(function.one) * place.moved);
+    for (std::size_t c = 0; c < 3; ++c) ways.of_functions[3 * j + c] = way[int(c)] - double(function.rest[c]);
+  }
+}
+
+void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, double part,
+              float stiffness, HoldWays& ways) {
+  const Field& field = piece.field();
+  findWays(piece, z, place, ways);
+  ways.of_points.clear();
   forEachHeld(body, piece, [&](const HeldPoint& held) {
-    Vector3d at = shape.center;
-    for (std::uint32_t j = 0; j < field.k; ++j) {
-      at += valueAt(field, held.at, j) * (shape.z.row(j).transpose() - double(field.functions[j].one) * shape.center);
-    }
-    Vector3d off;
+    const Vector3d at_place = place.turned * restOf(body, held) + place.moved;
+    Vector3d target;
     if (held.pick != nullptr) {
+      Vector3d way = Vector3d::Zero();
+      for (std::uint32_t j = 0; j < field.k; ++j) {
+        way += valueAt(field, held.at, j) * Eigen::Map<const Vector3d>(ways.of_functions.data() + 3 * j);
+      }
       const double kappa = springOf(piece, *held.pick, stiffness).kappa;
       const double firm = kappa / (1 + kappa * ownCompliance(field, held.at) / double(stiffness));
-      off = at - reachOf(body, *held.pick, at, firm);
+      target = reachOf(body, *held.pick, at_place + place.turned * way, firm);
     } else {
-      off = at - held.target(body, part);
+      target = held.target(body, part);
     }
-    const Vector3d turned = shape.turned.transpose() * off;
-    for (int c = 0; c < 3; ++c) offsets.push_back(float(turned[c]));
+    const Vector3d off = place.turned.transpose() * (at_place - target);
+    for (int c = 0; c < 3; ++c) ways.of_points.push_back(float(off[c]));
   });
-  offsets.resize(columnsOf(piece.holds.count));
+  ways.of_points.resize(columnsOf(piece.holds.count));
 }
 
-float answerOf(const Holds& holds, std::size_t row, std::span<const float> offsets) {
+double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row) {
   using Four = Eigen::Array4f;
-  const float* const values = holds.rows.data() + offsets.size() * row;
-  Four even = Four::Zero(), odd = Four::Zero();
-  for (std::size_t i = 0; i < offsets.size(); i += 8) {
-    even += Four::Map(values + i) * Four::Map(offsets.data() + i);
-    odd += Four::Map(values + i + 4) * Four::Map(offsets.data() + i + 4);
+  const std::size_t stride = ways.of_functions.size(), columns = ways.of_points.size();
+  const float *const of_functions = holds.by_function.data() + stride * row, *const of_points =
+                                                                                 holds.by_point.data() + columns * row;
+  Eigen::Array4d sum = Eigen::Array4d::Zero();
+  for (std::size_t i = 0; i < stride; i += 4) {
+    sum += Four::Map(of_functions + i).cast<double>() * Eigen::Array4d::Map(ways.of_functions.data() + i);
   }
-  const Four sum = even + odd;
+  Four even = Four::Zero(), odd = Four::Zero();
+  for (std::size_t i = 0; i < columns; i += 8) {
+    even += Four::Map(of_points + i) * Four::Map(ways.of_points.data() + i);
+    odd += Four::Map(of_points + i + 4) * Four::Map(ways.of_points.data() + i + 4);
+  }
+  sum += (even + odd).cast<double>();
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 

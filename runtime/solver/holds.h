@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
 // What holds a piece at run time, and how it gives way there. The functions of a field meet a hold only with their own
-// compliance; what they lack, G = R R^T + D of its FRES section, lies between them and the hold. So b, by how much the
-// functions are off at the held vertices, costs 1/2 b^T S b, S = (R R^T + D)^-1 (docs/method.md §4).
+// compliance; what they lack, G = P P^T + D of its FRES section, lies between them and the hold. So b, by how much the
+// functions are off at the held vertices, costs 1/2 b^T S b, S = (P P^T + D)^-1 (docs/method.md §4).
 #pragma once
 
 #include <span>
@@ -100,28 +100,30 @@ void reserveHolds(const Piece& piece, MinimizeScratch& scratch);
 /// not know how it gives way. \pre reserved
 void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch);
 
-/// Where a piece is, as springs see it.
-struct PlacedShape {
-  ConstCoefficientMap z;  ///< coefficients
-  Vector3d center;        ///< a place near the piece: functions add up to 1 to the digits of floats only
-  Matrix3d turned;        ///< the frame of what holds it
+/// A rigid motion: X is at turned X + moved.
+struct RigidPlace {
+  Matrix3d turned = Matrix3d::Identity();
+  Vector3d moved = Vector3d::Zero();
 };
 
-/// The rotation from pinned vertices at rest to where they are to be; where these leave it open, as one vertex or none
-/// does, the frame of the piece. What gives way is near what holds, and turns with it.
-Matrix3d frameOf(const Body& body, const Piece& piece, double part, const Matrix3d& of_piece);
+/// From pinned vertices at rest to where they are to be; where these leave its rotation open, as one vertex does, or
+/// nothing is pinned, as the piece. What gives way is near what holds, and turns with it.
+RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const RigidPlace& of_piece);
 
-/// b: by how much the functions are off at the held points, three numbers each, in their frame, m; then
-/// zeros to the columns of Holds::rows.
-/// \param part of the last step that has passed: where the holds are
-void findOffsets(const Body& body, const Piece& piece, const PlacedShape& shape, double part, float stiffness,
-                 Array<float>& offsets);
+/// Finds b = Phi w + l: w, the coefficients less those of the rest shape at a place, and l, by how much the held points
+/// of that shape are off, both in its frame, m. Forces are S b: of w through one symmetric matrix, so that they have an
+/// energy to the last digit and cannot drive a swing. \param z coefficients. \param part of the last step that has
+/// passed: where the holds are. \param stiffness factor on the moduli
+void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, double part,
+              float stiffness, HoldWays& ways);
+/// w alone.
+void findWays(const Piece& piece, const ConstCoefficientMap& z, const RigidPlace& place, HoldWays& ways);
 
-/// \param row of Holds::rows \return what it answers to offsets, N (times a factor on moduli)
-float answerOf(const Holds& holds, std::size_t row, std::span<const float> offsets);
+/// \param row of Holds \return what it answers to b, N (times a factor on moduli)
+double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row);
 
-/// Amplitudes of the residual modes at offsets: R^T S b, pulling back. \param[out] amplitudes r
-void findAmplitudes(const Piece& piece, std::span<const float> offsets, Array<float>& amplitudes);
+/// Amplitudes of the residual modes: P^T S b, pulling back. \param[out] amplitudes r
+void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& amplitudes);
 /// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
 double ownCompliance(const Field& field, const PickedPoint& point);
 

@@ -100,7 +100,7 @@ struct Objective {
   const float* rest_change = nullptr;  ///< Piece::rest_change, or null
   std::span<const float> tensions;     ///< Piece::tensions
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
-  const float* holds = nullptr;        ///< Holds::matrix, or null
+  const float* holds = nullptr;        ///< Holds::by_function, or null
   float holds_rotation[9];             ///< of their frame, column-major
   bool has_offset = false;             ///< scratch.offset counts: the base is not where inertia alone would lead
   float rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< of the piece, column-major

@@ -51,16 +51,23 @@ struct PieceState {
 /// What holds a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
 /// of it belongs to moduli of factor 1.
 struct Holds {
-  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), matrix(memory), rows(memory) {}
+  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), by_function(memory), by_point(memory) {}
 
-  std::size_t scratch = 0;                 ///< numbers that making them takes
-  std::uint32_t count = 0;                 ///< of held points; 0: none, or the field does not know
-  float stiffness = 0;                     ///< factor on the moduli that picks among them are made with
-  Matrix3d turned = Matrix3d::Identity();  ///< their frame in this step
-  Array<std::uint32_t> sets;               ///< pin sets that hold some of them, by their numbers, ascending
-  Array<float> matrix;                     ///< Phi^T S Phi, 3 k rows of field.stride floats, N/m
-  Array<float> rows;  ///< what offsets pull at, 3 count columns rounded up to eight: Phi^T S; for each set its sum and
-                      ///< moments, 12 rows; R^T S
+  std::size_t scratch = 0;    ///< numbers that making them takes
+  std::uint32_t count = 0;    ///< of held points; 0: none, or the field does not know
+  float stiffness = 0;        ///< factor on the moduli that picks among them are made with
+  Array<std::uint32_t> sets;  ///< pin sets that hold some of them, by their numbers, ascending
+  // What offsets b = Phi w + l (HoldWays) pull at: 3 k rows of the functions, 12 of each set, its sum and its moments,
+  // and r of the residual modes.
+  Array<float> by_function;  ///< of w: field.stride columns; the first 3 k rows are Phi^T S Phi, symmetric
+  Array<float> by_point;     ///< of l: three columns a held point, rounded up to eight
+};
+
+/// By how much the functions are off where a piece is held, in the frame of its holds (solver/holds.h).
+struct HoldWays {
+  explicit HoldWays(std::pmr::memory_resource* memory) : of_functions(memory), of_points(memory) {}
+  Array<double> of_functions;  ///< w, field.stride
+  Array<float> of_points;      ///< l, the columns of Holds::by_point
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.
@@ -74,7 +81,7 @@ struct Piece {
         springs(memory),
         row(memory),
         holds(memory),
-        offsets(memory),
+        ways(memory),
         reach_free(memory),
         reach_fixed(memory),
         system(memory) {}
@@ -97,9 +104,10 @@ struct Piece {
   double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew
   Array<double> row;         ///< scratch, k
   Holds holds;
-  Array<float> offsets;                  ///< scratch, three numbers a held vertex
-  Array<float> reach_free, reach_fixed;  ///< findReach() of the fields
-  Eigen::AlignedBox3d box;               ///< around its contact points, world; of a body that is asleep
+  HoldWays ways;                                 ///< of this step
+  Matrix3d holds_turned = Matrix3d::Identity();  ///< frame of the holds in this step
+  Array<float> reach_free, reach_fixed;          ///< findReach() of the fields
+  Eigen::AlignedBox3d box;                       ///< around its contact points, world; of a body that is asleep
   SystemFactor system;
 };
 

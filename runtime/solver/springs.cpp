@@ -53,10 +53,13 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
 
 /// What a triple of rows answers, in the world, N.
 Vector3d pullOf(const Piece& piece, const SpringStep& step, std::size_t row) {
-  const std::span<const float> offsets(piece.offsets.data(), piece.offsets.size());
   Vector3d pull;
-  for (int c = 0; c < 3; ++c) pull[c] = double(answerOf(piece.holds, row + std::size_t(c), offsets));
-  return double(step.stiffness) * (piece.holds.turned * pull);
+  for (int c = 0; c < 3; ++c) pull[c] = answerOf(piece.holds, piece.ways, row + std::size_t(c));
+  return double(step.stiffness) * (piece.holds_turned * pull);
+}
+
+RigidPlace placeOfHolds(const Body& body, const Piece& piece, const SpringStep& step) {
+  return placeOfHolds(body, piece, 1, {step.turned, step.moved});
 }
 
 }  // namespace
@@ -114,8 +117,9 @@ void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, cons
   });
   piece.springs_firm = firm;
   if (piece.holds.count > 0) {
-    piece.holds.turned = frameOf(body, piece, 1, step.turned);
-    findOffsets(body, piece, {y, step.center, piece.holds.turned}, 1, step.stiffness, piece.offsets);
+    const RigidPlace place = placeOfHolds(body, piece, step);
+    piece.holds_turned = place.turned;
+    findWays(body, piece, y, place, 1, step.stiffness, piece.ways);
     for (std::uint32_t j = 0; j < k; ++j) scratch.external[j] += pullOf(piece, step, 3 * std::size_t(j));
   }
   for (std::uint32_t j = 0; j < k; ++j) {
@@ -144,8 +148,7 @@ void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<co
     forEachSpring(body, piece, step, firm, react);
   }
   if (piece.holds.count > 0) {
-    findOffsets(body, piece, {std::as_const(piece).z(), step.center, piece.holds.turned}, 1, step.stiffness,
-                piece.offsets);
+    findWays(piece, std::as_const(piece).z(), placeOfHolds(body, piece, step), piece.ways);
     for (std::size_t i = 0; i < piece.holds.sets.size(); ++i) {
       PinSet& set = body.pin_sets[piece.holds.sets[i]];
       const std::size_t first = 3 * (std::size_t(field.k) + 4 * i);

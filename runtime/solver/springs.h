@@ -16,7 +16,8 @@ struct SpringStep {
   double h;         ///< s
   double weight;    ///< of the piece: its mass times gravity, N
   float stiffness;  ///< factor on the moduli
-  Matrix3d turned;  ///< the frame of the piece
+  Matrix3d turned;  ///< the frame of the piece when the step begins
+  Vector3d moved;   ///< and where its rest shape's origin is then: a rigid motion, m
   Vector3d center;  ///< a place near the piece: functions add up to 1 to the digits of floats only
 };
 

@@ -59,12 +59,12 @@ void standStill(PieceState& state) {
 void drawGive(Body& body, const Piece& piece, double part, const Vector3d& center) {
   const Field& field = piece.field();
   const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
-  PlacedShape shape{z, center, rotationOf(field, z, center)};
-  shape.turned = frameOf(body, piece, part, shape.turned);
-  findOffsets(body, piece, shape, part, piece.holds.stiffness, body.offsets);
+  const Matrix3d of_piece = rotationOf(field, z, center);
+  const RigidPlace place = placeOfHolds(body, piece, part, {of_piece, center - of_piece * restCenterOf(field)});
+  findWays(body, piece, z, place, part, piece.holds.stiffness, body.ways);
   body.amplitudes.resize(field.residual_modes);
-  findAmplitudes(piece, {body.offsets.data(), body.offsets.size()}, body.amplitudes);
-  giveWay(field, body.amplitudes, shape.turned, body.field_values, body.x.data() + field.first_vertex);
+  findAmplitudes(piece, body.ways, body.amplitudes);
+  giveWay(field, body.amplitudes, place.turned, body.field_values, body.x.data() + field.first_vertex);
 }
 
 }  // namespace
@@ -228,7 +228,6 @@ bool chooseFields(Body& body) {
                                    [source](const PinSet& set) { return set.source == source; });
       }
     }
-    reserveHolds(body, piece);
     piece.springs_firm = -1;
     piece.system.h = 0;
     if (held == piece.state.held) continue;

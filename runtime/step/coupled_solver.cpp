@@ -63,7 +63,10 @@ class CoupledSolver final : public BodySolver {
   }
 
   void reserve(SolverScratch& scratch) const override {
-    for (const Piece& piece : body_.pieces) scratch.pieces.reserve(piece);
+    for (Piece& piece : body_.pieces) {
+      if (piece.springs_firm < 0) reserveHolds(body_, piece);
+      scratch.pieces.reserve(piece);
+    }
   }
   void rest() override {
     chooseFields(body_);
@@ -233,7 +236,6 @@ class CoupledSolver final : public BodySolver {
       state.budget = saved.budget;
       state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
       state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
-      reserveHolds(body_, piece);
       piece.springs_firm = -1;
       piece.system.h = 0;
       for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {

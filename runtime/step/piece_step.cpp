@@ -41,7 +41,9 @@ void PieceStep::run() {
 void PieceStep::begin() {
   s_.reserve(field_, kMostContacts);
   const ConstCoefficientMap now = std::as_const(piece_).z();
-  frame_ = rotationOf(field_, now, meanOf(field_, now));
+  const Vector3d mean = meanOf(field_, now);
+  frame_ = rotationOf(field_, now, mean);
+  moved_ = mean - frame_ * restCenterOf(field_);
   if (stands()) {
     stand();
     return;
@@ -458,8 +460,8 @@ void PieceStep::findObjective() {
 
 void PieceStep::findSprings() {
   prepareSprings(body_, piece_, springStep(), y(), s_);
-  objective_.holds = piece_.holds.count > 0 ? piece_.holds.matrix.data() : nullptr;
-  for (int i = 0; i < 9; ++i) objective_.holds_rotation[i] = float(piece_.holds.turned.data()[i]);
+  objective_.holds = piece_.holds.count > 0 ? piece_.holds.by_function.data() : nullptr;
+  for (int i = 0; i < 9; ++i) objective_.holds_rotation[i] = float(piece_.holds_turned.data()[i]);
 }
 
 void PieceStep::rebase() {

@@ -88,7 +88,7 @@ class PieceStep {
   ConstCoefficientMap y() const { return {s_.prediction.data()->data(), Eigen::Index(k_), 3}; }
   std::span<const Collider* const> nearby() const;
   ContactStep contactStep() const;
-  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, center_}; }
+  SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, moved_, center_}; }
 
   /// begin() of what stands.
   void stand();
@@ -163,6 +163,7 @@ class PieceStep {
   Vector3d forced_mean_ = Vector3d::Zero(), twist_ = Vector3d::Zero();  ///< their acceleration, m/s^2, and torque, N m
   Rigid rigid_;
   Matrix3d frame_ = Matrix3d::Identity();    ///< of the piece when the step begins
+  Vector3d moved_ = Vector3d::Zero();        ///< of the rest shape, with that frame
   Matrix3d turn_ = Matrix3d::Identity();     ///< of a rigid body in this step
   Vector3d omega_after_ = Vector3d::Zero();  ///< its angular velocity then, rad/s
   double effective_h_ = 0;

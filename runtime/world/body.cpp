@@ -23,10 +23,10 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       pieces(memory),
       coefficients(memory),
       field_values(memory),
-      offsets(memory),
       amplitudes(memory),
       shape(memory),
       residuals(memory),
+      ways(memory),
       touches(memory),
       touched(memory),
       history(memory) {

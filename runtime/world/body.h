@@ -113,10 +113,11 @@ struct Body {
   /// Of a body that moves in fields (sections FELD): its pieces, in the package's order. x and v are made from their
   /// coefficients when somebody asks.
   OwningArray<Piece> pieces;
-  bool outdated = false;                                         ///< x and v are not those of the pieces
-  double shown = 1;                                              ///< part of the last step that x and v show
-  Array<float> coefficients, field_values, offsets, amplitudes;  // scratch of refresh(), as shape and residuals
+  bool outdated = false;                                ///< x and v are not those of the pieces
+  double shown = 1;                                     ///< part of the last step that x and v show
+  Array<float> coefficients, field_values, amplitudes;  // scratch of refresh(), as shape and residuals
   Array<Vector3d> shape, residuals;
+  HoldWays ways;
 
   Array<ColliderTouch> touches;  ///< of the last step, piece by piece
   Array<std::uint32_t> touched;  ///< colliders that events have said it touches

@@ -12,6 +12,7 @@
 #include "sinew/runtime/thread_pool.h"
 #include "tests/runtime/world_state.h"
 #include "tests/support/box_package.h"
+#include "tests/support/field_content.h"
 
 namespace sinew::test {
 namespace {
@@ -76,7 +77,10 @@ class OneByOne final : public JobSystem {
 TEST(Resources, StepsTakeNoMemoryAndAllGoesBack) {
   ThreadPool pool(3);
   OneByOne jobs;
-  const auto asset = boxAsset(softBox());
+  formats::PackageContent content = boxContent(softBox());
+  addFields(content);
+  addResiduals(content);
+  const auto asset = makeAsset(content);
   for (JobSystem* system : std::initializer_list<JobSystem*>{nullptr, &pool, &jobs}) {
     CountingMemory memory;
     {
@@ -241,6 +245,8 @@ std::shared_ptr<const Asset> demandingAsset() {
   mechanics.plastic_creep = 1;
   mechanics.plastic_limit = 0.2F;
   content.mechanics.assign(content.clusters.size(), mechanics);
+  addFields(content);
+  addResiduals(content);
   return makeAsset(content);
 }
 
@@ -257,6 +263,7 @@ TEST(Resources, AStepThatFindsNoMemoryIsDoneByTheNext) {
     BodySettings place;
     place.position = {0, 3, 0};
     const BodyId body = *world.addBody(asset, place);
+    world.pin(body, 5, {0, 2, 0});
     memory.dry_after = dry_after;
     world.step(1.0F / 60);
     memory.dry_after = std::numeric_limits<std::size_t>::max();

@@ -11,6 +11,7 @@
 #include "sinew/runtime/thread_pool.h"
 #include "tests/runtime/world_state.h"
 #include "tests/support/box_package.h"
+#include "tests/support/field_content.h"
 
 namespace sinew::test {
 namespace {
@@ -128,6 +129,30 @@ TEST(State, ARestoredBodyGoesOnBitForBit) {
         ASSERT_TRUE(snapshotOf(*w, id) == expected[std::size_t(i)]) << int(mode) << " step " << i;
       }
     }
+  }
+}
+
+TEST(State, WhatIsHeldByResidualModesGoesOnBitForBit) {
+  formats::PackageContent content = boxContent(softBox(ClusterMode::linear));
+  addFields(content);
+  addResiduals(content);
+  const auto asset = makeAsset(content);
+  World world(onGround()), other(onGround());
+  const BodyId body = *world.addBody(asset), twin = *other.addBody(asset);
+  const std::vector<std::uint32_t> some = {0, 1, 2, 9};
+  ASSERT_TRUE(world.addPinSet(body, some, {}, PinMethod::constrained_fit));
+  world.pin(body, 20, {1, 1, 1});
+  ASSERT_NE(world.pick(body, 30, {0, 2, 0}).value, PickId{}.value);
+  run(world, 0.5);
+  const std::vector<std::byte> bytes = saved(world, body);
+  const Snapshot start = snapshotOf(world, body);
+  ASSERT_TRUE(other.restoreState(twin, bytes));
+  EXPECT_TRUE(snapshotOf(other, twin) == start);
+  for (int i = 0; i < 60; ++i) {
+    const float h = i % 2 == 0 ? 1.0F / 60 : 1.0F / 240;
+    world.step(h);
+    other.step(h);
+    ASSERT_TRUE(snapshotOf(other, twin) == snapshotOf(world, body)) << "step " << i;
   }
 }
 

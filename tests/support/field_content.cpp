@@ -257,4 +257,29 @@ void addFields(formats::PackageContent& content) {
   for (std::uint32_t body = 0; body < content.pieces.size(); ++body) BodyField(content, body).append();
 }
 
+void addResiduals(formats::PackageContent& content) {
+  constexpr std::uint32_t kModes = 7;
+  for (std::uint32_t f = 0; f < content.fields.size(); ++f) {
+    if (content.fields[f].held != 0) continue;
+    const formats::PieceRange& piece = content.pieces[content.fields[f].piece];
+    const double compliance = 1 / (double(content.info.total_mass) * std::pow(2 * std::numbers::pi * 30, 2));
+    content.field_residuals.push_back({f, kModes, std::uint32_t(content.field_residual_values.size()),
+                                       std::uint32_t(content.field_residual_locals.size()),
+                                       float(std::sqrt(compliance) / 30000)});
+    for (std::uint32_t block = 0; block < piece.vertex_count; block += 8) {
+      for (std::uint32_t row = 0; row < 3 * kModes; ++row) {
+        for (std::uint32_t v = block; v < block + 8; ++v) {
+          double value = 0;
+          if (v < piece.vertex_count) {
+            const auto& at = content.physical_vertices[piece.first_vertex + v].rest_position;
+            value = 30000 * std::cos(double(row) + 5 * double(at[0]) + 7 * double(at[row % 3]));
+          }
+          content.field_residual_values.push_back(std::int16_t(std::lround(value)));
+        }
+      }
+    }
+    content.field_residual_locals.insert(content.field_residual_locals.end(), piece.vertex_count, float(compliance));
+  }
+}
+
 }  // namespace sinew::test

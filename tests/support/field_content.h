@@ -13,4 +13,7 @@ namespace sinew::test {
 /// the cluster's frequency.
 void addFields(formats::PackageContent& content);
 
+/// Gives each free field residual modes (FRES): waves, as firm as the body's mass at 30 Hz.
+void addResiduals(formats::PackageContent& content);
+
 }  // namespace sinew::test
