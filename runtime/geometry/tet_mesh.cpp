@@ -112,28 +112,52 @@ std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32
   return result;
 }
 
-std::uint32_t connectedComponents(const TetMesh& mesh, std::vector<std::uint32_t>& component_of_tetrahedron) {
-  std::vector<std::uint32_t> parent(mesh.positions.size());
+std::uint32_t connectedComponents(const TetMesh& mesh, JoinedBy joined_by,
+                                  std::vector<std::uint32_t>& component_of_tetrahedron) {
+  const auto count = std::uint32_t(mesh.tetrahedra.size());
+  std::vector<std::uint32_t> parent(count);
   std::iota(parent.begin(), parent.end(), 0U);
-  const auto root = [&](std::uint32_t v) {
-    while (parent[v] != v) v = parent[v] = parent[parent[v]];
-    return v;
+  const auto root = [&](std::uint32_t t) {
+    while (parent[t] != t) t = parent[t] = parent[parent[t]];
+    return t;
   };
-  for (const Tetrahedron& t : mesh.tetrahedra) {
-    for (std::size_t i = 1; i < 4; ++i) {
-      const std::uint32_t a = root(t[0]), b = root(t[i]);
-      parent[std::max(a, b)] = std::min(a, b);
+  const auto join = [&](std::uint32_t s, std::uint32_t t) {
+    const std::uint32_t a = root(s), b = root(t);
+    parent[std::max(a, b)] = std::min(a, b);
+  };
+  if (joined_by == JoinedBy::vertices) {
+    std::vector<std::uint32_t> first(mesh.positions.size(), kNone);
+    for (std::uint32_t t = 0; t < count; ++t) {
+      for (const std::uint32_t v : mesh.tetrahedra[t]) {
+        if (first[v] == kNone) first[v] = t;
+        join(first[v], t);
+      }
+    }
+  } else {
+    std::vector<std::pair<Triangle, std::uint32_t>> faces;
+    faces.reserve(std::size_t{4} * count);
+    for (std::uint32_t t = 0; t < count; ++t) {
+      const Tetrahedron& tetrahedron = mesh.tetrahedra[t];
+      for (const auto& face : kFaces) {
+        Triangle key = {tetrahedron[face[0]], tetrahedron[face[1]], tetrahedron[face[2]]};
+        std::sort(key.begin(), key.end());
+        faces.emplace_back(key, t);
+      }
+    }
+    std::sort(faces.begin(), faces.end());
+    for (std::size_t i = 1; i < faces.size(); ++i) {
+      if (faces[i].first == faces[i - 1].first) join(faces[i].second, faces[i - 1].second);
     }
   }
-  std::vector<std::uint32_t> number(mesh.positions.size(), kNone);
-  std::uint32_t count = 0;
-  component_of_tetrahedron.resize(mesh.tetrahedra.size());
-  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
-    std::uint32_t& n = number[root(mesh.tetrahedra[t][0])];
-    if (n == kNone) n = count++;
+  std::vector<std::uint32_t> number(count, kNone);
+  std::uint32_t components = 0;
+  component_of_tetrahedron.resize(count);
+  for (std::uint32_t t = 0; t < count; ++t) {
+    std::uint32_t& n = number[root(t)];
+    if (n == kNone) n = components++;
     component_of_tetrahedron[t] = n;
   }
-  return count;
+  return components;
 }
 
 TetMesh compact(const TetMesh& mesh, const std::vector<char>& keep) {

@@ -38,8 +38,12 @@ std::array<double, 2> dihedralRange(const Eigen::Vector3d& a, const Eigen::Vecto
 /// \param tetrahedron_of if not null, receives the tetrahedron of each face.
 std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32_t>* tetrahedron_of = nullptr);
 
-/// Component of each tetrahedron (connected over shared vertices), numbered by first tetrahedron. \return their number.
-std::uint32_t connectedComponents(const TetMesh& mesh, std::vector<std::uint32_t>& component_of_tetrahedron);
+/// What tetrahedra of one component share. Parts that share only a vertex or an edge turn there without strain.
+enum class JoinedBy { vertices, faces };
+
+/// Component of each tetrahedron, numbered by first tetrahedron. \return their number.
+std::uint32_t connectedComponents(const TetMesh& mesh, JoinedBy joined_by,
+                                  std::vector<std::uint32_t>& component_of_tetrahedron);
 
 /// Drops tetrahedra whose `keep` is 0 and vertices that none uses; the order of the rest stays.
 TetMesh compact(const TetMesh& mesh, const std::vector<char>& keep);

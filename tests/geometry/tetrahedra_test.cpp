@@ -241,7 +241,7 @@ TEST(Grid, BridgesPiecesThatFallApart) {
   EXPECT_GT(bridgeCells(grid), 0U);
   const TetMesh mesh = gridTetrahedra(grid);
   std::vector<std::uint32_t> component;
-  EXPECT_EQ(connectedComponents(mesh, component), 1U);
+  EXPECT_EQ(connectedComponents(mesh, JoinedBy::vertices, component), 1U);
   checkMesh(mesh, "bridge");
 }
 

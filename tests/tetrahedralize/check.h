@@ -85,8 +85,12 @@ inline void checkPhysicalMesh(const tools::PhysicalMesh& mesh, const std::string
     }
     smallest = std::min(smallest, body_smallest);
     EXPECT_EQ(std::count(used.begin(), used.end(), char(0)), 0) << what;
+    // A joint without a face turns without strain. Grids may hold what touches at a corner, shells are cut at folds.
+    const bool follows =
+        body.method == tools::TetrahedraMethod::stuffing || body.method == tools::TetrahedraMethod::delaunay;
+    const auto by = follows ? geometry::JoinedBy::faces : geometry::JoinedBy::vertices;
     std::vector<std::uint32_t> component;
-    EXPECT_EQ(geometry::connectedComponents(one, component), 1U) << what;
+    EXPECT_EQ(geometry::connectedComponents(one, by, component), 1U) << what;
     EXPECT_NEAR(spaceTaken(one), body.volume, 1e-6 * body.volume) << what;
     using enum tools::TetrahedraMethod;
     const double least = body.method == grid ? 30 : body.method == stuffing ? 8.9 : body.method == shell ? 0.1 : 10;

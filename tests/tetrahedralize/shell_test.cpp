@@ -350,7 +350,9 @@ TEST(Shell, SheetsThatCrossHoldTogether) {
   // Eyeballs lie in the head without touching it.
   const PhysicalMesh head = shellOf(asset("models/makehuman_head.obj"), 3000, 0.02);
   std::vector<std::uint32_t> component;
-  EXPECT_EQ(geometry::connectedComponents(testing::bodyMesh(head, head.pieces[0]), component), 1U);
+  EXPECT_EQ(
+      geometry::connectedComponents(testing::bodyMesh(head, head.pieces[0]), geometry::JoinedBy::vertices, component),
+      1U);
 }
 
 TEST(Shell, AClosedSurfaceBecomesHollowWhereAShellIsAsked) {

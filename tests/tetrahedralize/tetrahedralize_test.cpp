@@ -517,7 +517,7 @@ TEST(Tetrahedralize, TheLatticeOfStuffingIsBoundedHoweverFarAVertexLies) {
   ASSERT_EQ(set.pieces.size(), 1U);
   // Lattices are only counted: what is not asked is outside.
   std::size_t largest = 0;
-  fillWithStuffing(set.pieces[0], 1500, [&](std::size_t count, std::size_t grain, const auto& body) {
+  fillWithStuffing(set.pieces[0], 1500, {}, [&](std::size_t count, std::size_t grain, const auto& body) {
     largest = std::max(largest, count);
     if (count < 100000) geometry::serialFor(count, grain, body);
   });

@@ -158,7 +158,7 @@ FilledPiece fillWithDelaunay(const SolidPiece& piece, std::uint32_t target, bool
     }
     // The complex may hold crumbs of its own; the largest piece is the piece.
     std::vector<std::uint32_t> component;
-    if (geometry::connectedComponents(mesh, component) > 1) {
+    if (geometry::connectedComponents(mesh, geometry::JoinedBy::faces, component) > 1) {
       std::vector<std::size_t> count;
       for (const std::uint32_t c : component) {
         if (c >= count.size()) count.resize(c + 1, 0);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <set>
 
 #include "runtime/geometry/grid_tetrahedra.h"
 #include "runtime/geometry/stuffing.h"
@@ -139,10 +140,27 @@ class ThickenedSolid {
  public:
   explicit ThickenedSolid(const SolidPiece& piece) : piece_(piece) {}
 
-  void thicken(const std::vector<std::uint32_t>& triangles) {
+  /// \return whether any of the triangles is new.
+  bool thicken(const std::vector<std::uint32_t>& triangles) {
+    const std::size_t before = chosen_.size();
+    chosen_.insert(triangles.begin(), triangles.end());
+    if (chosen_.size() == before) return false;
     std::vector<geometry::Triangle> thin;
-    for (const std::uint32_t t : triangles) thin.push_back(piece_.triangles[t]);
+    for (const std::uint32_t t : chosen_) thin.push_back(piece_.triangles[t]);
     thin_ = geometry::TriangleBvh(piece_.positions, thin);
+    return true;
+  }
+  /// Of the area, what was thickened.
+  double fraction() const {
+    double thin = 0, all = 0;
+    for (std::uint32_t t = 0; t < piece_.triangles.size(); ++t) {
+      const auto& [a, b, c] = piece_.triangles[t];
+      const double area =
+          (piece_.positions[b] - piece_.positions[a]).cross(piece_.positions[c] - piece_.positions[a]).norm();
+      all += area;
+      if (chosen_.count(t) != 0) thin += area;
+    }
+    return all > 0 ? thin / all : 0;
   }
   geometry::StuffingDomain domain(double spacing) const {
     const double radius = kCoveringRadius * spacing;
@@ -180,13 +198,15 @@ class ThickenedSolid {
   }
 
   const SolidPiece& piece_;
+  std::set<std::uint32_t> chosen_;
   geometry::TriangleBvh thin_;
 };
 
-// Drops components whose absence nothing shows: the surface near them is covered by the largest one.
+// Drops components that no face joins to the largest and whose absence nothing shows: that one covers the surface near
+// them.
 void dropCrumbs(const SolidPiece& piece, FilledPiece& filled, const ParallelFor& parallel_for) {
   std::vector<std::uint32_t> component;
-  const std::uint32_t count = geometry::connectedComponents(filled.mesh, component);
+  const std::uint32_t count = geometry::connectedComponents(filled.mesh, geometry::JoinedBy::faces, component);
   if (count < 2) return;
   std::vector<double> volumes(count, 0);
   for (std::size_t t = 0; t < component.size(); ++t) {
@@ -228,8 +248,10 @@ FilledPiece fillWithGrid(const SolidPiece& piece, std::uint32_t target, const Pa
   return filled;
 }
 
-FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target, const ParallelFor& parallel_for) {
+FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target, const std::vector<std::uint32_t>& thin,
+                             const ParallelFor& parallel_for) {
   ThickenedSolid solid(piece);
+  solid.thicken(thin);
   const auto build = [&](double spacing) {
     FilledPiece filled;
     filled.spacing = spacing;
@@ -241,20 +263,48 @@ FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target, cons
   // Triangles half a cell outside would follow stiffly, by extrapolation: they are thickened.
   const std::size_t every = piece.triangles.size();
   const Outside lost = findOutside(piece, filled.mesh, filled.spacing / 2, every, parallel_for);
-  if (lost.fraction > 1e-3) {
-    solid.thicken(lost.triangles);
+  if (lost.fraction > 1e-3 && solid.thicken(lost.triangles)) {
     filled = searchSpacing(filled.spacing, least, target, build);
-    filled.thickened = lost.fraction;
   }
+  filled.thickened = solid.fraction();
   if (filled.mesh.tetrahedra.empty()) return filled;
   dropCrumbs(piece, filled, parallel_for);
   measureFill(piece, filled, parallel_for);
   return filled;
 }
 
+// Triangles near vertices and edges that alone hold parts of the tetrahedra together: the lattice missed what is
+// between.
+std::vector<std::uint32_t> trianglesAtJoints(const SolidPiece& piece, const TetMesh& mesh, double reach) {
+  std::vector<std::uint32_t> component;
+  if (geometry::connectedComponents(mesh, geometry::JoinedBy::faces, component) < 2) return {};
+  std::vector<std::uint32_t> of_vertex(mesh.positions.size(), kNoIndex);
+  std::vector<Vector3d> joints;
+  for (std::size_t t = 0; t < component.size(); ++t) {
+    for (const std::uint32_t v : mesh.tetrahedra[t]) {
+      if (of_vertex[v] == kNoIndex) of_vertex[v] = component[t];
+      if (of_vertex[v] != component[t]) joints.push_back(mesh.positions[v]);
+    }
+  }
+  std::vector<std::uint32_t> result;
+  for (std::uint32_t t = 0; t < piece.triangles.size(); ++t) {
+    const auto& [a, b, c] = piece.triangles[t];
+    AlignedBox3d box(piece.positions[a]);
+    box.extend(piece.positions[b]).extend(piece.positions[c]);
+    const bool near = std::any_of(joints.begin(), joints.end(), [&](const Vector3d& joint) {
+      if (box.squaredExteriorDistance(joint) > reach * reach) return false;
+      const Vector3d closest =
+          geometry::closestPointOnTriangle(joint, piece.positions[a], piece.positions[b], piece.positions[c]);
+      return (closest - joint).norm() <= reach;
+    });
+    if (near) result.push_back(t);
+  }
+  return result;
+}
+
 void measureFill(const SolidPiece& piece, FilledPiece& filled, const ParallelFor& parallel_for) {
   std::vector<std::uint32_t> component;
-  filled.components = geometry::connectedComponents(filled.mesh, component);
+  filled.components = geometry::connectedComponents(filled.mesh, geometry::JoinedBy::vertices, component);
   filled.volume = geometry::volume(filled.mesh);
   filled.uncovered = 1;
   if (filled.mesh.tetrahedra.empty()) return;

@@ -33,8 +33,13 @@ FilledPiece fillWithGrid(const SolidPiece& piece, std::uint32_t target_vertices,
 /// Isosurface stuffing. Features that slip through the lattice are thickened until it catches them: points within the
 /// lattice's covering radius of the triangles that the first try left outside count as inside. The rest follows the
 /// surface. The caller still looks at volume, components and what is uncovered.
+/// \param thin triangles to be thickened from the start
 FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target_vertices,
-                             const geometry::ParallelFor& parallel_for);
+                             const std::vector<std::uint32_t>& thin, const geometry::ParallelFor& parallel_for);
+
+/// Triangles within reach of vertices that alone, by no face, hold parts of the tetrahedra together: a joint there
+/// would turn without strain, where the solid between them was too thin for the lattice. Ascending.
+std::vector<std::uint32_t> trianglesAtJoints(const SolidPiece& piece, const geometry::TetMesh& mesh, double reach);
 
 /// Sets components, volume and uncovered.
 void measureFill(const SolidPiece& piece, FilledPiece& filled, const geometry::ParallelFor& parallel_for);

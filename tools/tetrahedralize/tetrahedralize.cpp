@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <numeric>
 #include <optional>
 
@@ -30,6 +31,8 @@ constexpr std::uint32_t kLeastBudget = 64;  // below this every method overshoot
 constexpr double kLeastRatio = 0.85, kMostRatio = 1.15, kMostUncovered = 0.005;
 // A volume further off than this is reported.
 constexpr double kReportedRatio = 0.1;
+// Of filling a piece anew: for what splitting shows, and for its number of vertices.
+constexpr int kRounds = 5;
 constexpr std::size_t kNamedPieces = 6;
 
 void parallelFor(std::size_t count, std::size_t grain, const std::function<void(std::size_t, std::size_t)>& piece) {
@@ -196,8 +199,8 @@ Choice fillSheet(const SolidPiece& piece, TetrahedraMethod wanted, std::uint32_t
 }
 
 Choice fillPiece(const SolidPiece& piece, const TetrahedraOptions& options, TetrahedraMethod wanted,
-                 std::uint32_t target, bool crosses_itself, double rounding, const std::string& file,
-                 Remarks& remarks) {
+                 std::uint32_t target, const std::vector<std::uint32_t>& thin, bool crosses_itself, double rounding,
+                 const std::string& file, Remarks& remarks) {
   if (!piece.encloses || wanted == TetrahedraMethod::shell) {
     return fillSheet(piece, wanted, target, options, rounding, file, remarks);
   }
@@ -228,9 +231,10 @@ Choice fillPiece(const SolidPiece& piece, const TetrahedraOptions& options, Tetr
     remarks.add("tetrahedra-delaunay", Severity::warning, "too flat for delaunay, filled as by auto instead",
                 piece.title + " (" + outcome.reason + ")",
                 "Change tetrahedra.vertices, or set tetrahedra.method=auto.");
-    return fillPiece(piece, options, TetrahedraMethod::automatic, target, crosses_itself, rounding, file, remarks);
+    return fillPiece(piece, options, TetrahedraMethod::automatic, target, thin, crosses_itself, rounding, file,
+                     remarks);
   }
-  choice.filled = fillWithStuffing(piece, target, parallelFor);
+  choice.filled = fillWithStuffing(piece, target, thin, parallelFor);
   choice.method = TetrahedraMethod::stuffing;
   const std::string fault = complaint(piece, choice.filled);
   if (wanted == TetrahedraMethod::automatic) {
@@ -282,7 +286,7 @@ std::uint32_t componentsOf(const PhysicalMesh& mesh, const PhysicalPiece& piece)
     for (std::uint32_t& v : one.tetrahedra.back()) v -= piece.first_vertex;
   }
   std::vector<std::uint32_t> component;
-  return geometry::connectedComponents(one, component);
+  return geometry::connectedComponents(one, geometry::JoinedBy::vertices, component);
 }
 
 // The last gate: what leaves this stage is sound, whichever way it was made.
@@ -365,7 +369,8 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     const Remarks before = remarks;
     std::uint32_t target = share[b];
     TetrahedraMethod method = options.method;
-    for (int round = 0; round < 3; ++round) {
+    std::vector<std::uint32_t> thin;
+    for (int round = 0; round < kRounds; ++round) {
       // A shell was not possible at the wanted number, or stuffing lost to the grid: with fewer vertices it would
       // again.
       const bool grid = method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::grid;
@@ -373,7 +378,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
         choice.filled = fillWithGrid(piece, target, parallelFor);
       } else {
         remarks = before;
-        choice = fillPiece(piece, options, method, target, crosses_itself[b] != 0, rounding, mesh.file, remarks);
+        choice = fillPiece(piece, options, method, target, thin, crosses_itself[b] != 0, rounding, mesh.file, remarks);
       }
       if (choice.method == TetrahedraMethod::shell) {
         split.home = choice.home;
@@ -385,6 +390,14 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
                           std::max(options.join_distance * mesh.diagonal, mesh.weld_tolerance), parallelFor);
       choice.filled.mesh = split.mesh;
       choice.filled.volume = split.volume;
+      if (choice.method == TetrahedraMethod::stuffing) {
+        const std::size_t known = thin.size();
+        const std::vector<std::uint32_t> joints = trianglesAtJoints(piece, split.mesh, choice.filled.spacing);
+        std::vector<std::uint32_t> all;
+        std::set_union(thin.begin(), thin.end(), joints.begin(), joints.end(), std::back_inserter(all));
+        thin = std::move(all);
+        if (thin.size() > known) continue;
+      }
       if (method != options.method) {
         remarks.add("tetrahedra-method", Severity::info, "filled by grid",
                     piece.title + " (stuffing holds thin parts only across gaps)", "");
