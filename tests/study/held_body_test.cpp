@@ -44,8 +44,8 @@ std::vector<ElasticMaterial> elasticOf(const Asset& asset) {
 TEST(HeldBody, WhatDoesNotMoveIsWholeWrongAndWhatIsTheReferenceIsRight) {
   const auto asset = bar(1e5);
   const PackageSolid solid = packageSolid(asset->package());
-  for (const HoldScene scene :
-       {HoldScene::hang, HoldScene::lean, HoldScene::cantilever, HoldScene::press, HoldScene::twist}) {
+  for (const HoldScene scene : {HoldScene::hang, HoldScene::lean, HoldScene::cantilever, HoldScene::press,
+                                HoldScene::squeeze, HoldScene::twist}) {
     const HeldCase held = heldCase(solid, asset->package(), scene);
     const ReferenceShape reference = referenceShape(solid, elasticOf(*asset), held, 0.01 * solid.diagonal);
     ASSERT_FALSE(reference.compared.empty());
@@ -128,6 +128,8 @@ TEST(HeldBody, PressAndTwistTakeWhatTheyHoldWhereTheySay) {
   }
   const HeldCase press = heldCase(solid, asset->package(), HoldScene::press);
   EXPECT_NEAR(press.regions[1].shift[1], -0.2 * 0.5, 1e-6);
+  const HeldCase squeeze = heldCase(solid, asset->package(), HoldScene::squeeze);
+  EXPECT_NEAR(squeeze.regions[1].shift[1], -0.05 * 0.5, 1e-6);
   EXPECT_TRUE(heldCase(solid, asset->package(), HoldScene::pins).regions.empty());
 }
 

@@ -233,11 +233,12 @@ void addError(CLI::App& study, int& exit_code) {
   verb->add_option("input", command->input, "A source, a recipe, or a package: that is played as it is")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
       ->type_name("KEY=VALUE");
-  verb->add_option("--scene", options.scenes,
-                   "Several with commas. hang, lean, cantilever, press, twist, pins: as study assets; release: a "
-                   "cantilever that is let go. Absent: hang,release,press,twist, and pins where there are any")
+  verb->add_option(
+          "--scene", options.scenes,
+          "Several with commas. hang, lean, cantilever, press, squeeze, twist, pins: as study assets; release: a "
+          "cantilever that is let go. Absent: hang,release,press,twist, and pins where there are any")
       ->delimiter(',')
-      ->check(CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "twist", "pins"}));
+      ->check(CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "squeeze", "twist", "pins"}));
   verb->add_option("--target", command->target,
                    "Gravity is made as strong as moves the reference by this, rms, percent of the diagonal")
       ->check(CLI::Range(0.01, 50.0))
@@ -316,10 +317,11 @@ void addAssets(CLI::App& study, int& exit_code) {
   addSolverOption(*verb, command->solver);
   verb->add_option("--scenes", command->scenes,
                    "Several with commas. hang: top tenth held; lean: lowest tenth held, gravity sideways; cantilever: "
-                   "rear quarter held; press: top tenth moved down by 20 % of the height; twist: one end turned by 60 "
+                   "rear quarter held; press: top tenth moved down by 20 % of the height; squeeze: by 5 %; twist: one "
+                   "end turned by 60 "
                    "degrees; pins: the package's own pins hold it. Absent: all but pins")
       ->delimiter(',')
-      ->check(CLI::IsMember({"hang", "lean", "cantilever", "press", "twist", "pins"}));
+      ->check(CLI::IsMember({"hang", "lean", "cantilever", "press", "squeeze", "twist", "pins"}));
   verb->add_option("--target", command->targets,
                    "Gravity is made as strong as moves the reference by this, rms, percent of the diagonal; several "
                    "with commas. Absent: 5,1")

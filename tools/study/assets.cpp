@@ -13,10 +13,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::array<std::string_view, kHoldSceneCount> kNames = {"hang",  "lean",  "cantilever",
-                                                                  "press", "twist", "pins"};
+constexpr std::array<std::string_view, kHoldSceneCount> kNames = {"hang",    "lean",  "cantilever", "press",
+                                                                  "squeeze", "twist", "pins"};
 constexpr double kEnd = 0.1, kRear = 0.25;
-constexpr double kPress = 0.2;                          // of the height
+constexpr double kPress = 0.2, kSqueeze = 0.05;         // of the height
 constexpr double kTwist = 60 * std::numbers::pi / 180;  // radians
 constexpr float kHeldWhole = 0.999F;
 
@@ -156,8 +156,9 @@ HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package
       held.gravity = -Vector3d::UnitY();
       break;
     case HoldScene::press:
+    case HoldScene::squeeze:
       held.regions = {endOf(solid, extent, 1, kEnd, false), endOf(solid, extent, 1, kEnd, true)};
-      held.regions[1].shift = -kPress * size[1] * Vector3d::UnitY();
+      held.regions[1].shift = -(scene == HoldScene::press ? kPress : kSqueeze) * size[1] * Vector3d::UnitY();
       break;
     case HoldScene::twist: {
       Eigen::Index axis = 0;

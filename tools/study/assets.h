@@ -23,10 +23,11 @@ enum class HoldScene : std::uint8_t {
   lean,        ///< its lowest tenth is held, gravity sideways, along x
   cantilever,  ///< the rear quarter of the longest horizontal axis is held, gravity down
   press,       ///< the lowest and the highest tenth are held, the highest one moves down by 20 % of the height
+  squeeze,     ///< the same by 5 %: before most bodies buckle
   twist,       ///< both end tenths of the longest axis are held, one turns by 60 degrees about it
   pins,        ///< the package's own pin sets hold it from the start, gravity down
 };
-inline constexpr std::size_t kHoldSceneCount = 6;
+inline constexpr std::size_t kHoldSceneCount = 7;
 
 std::string_view nameOf(HoldScene scene);
 /// The scene of a name; nothing where there is none.
@@ -48,8 +49,8 @@ inline HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& 
 }
 
 struct AssetsOptions {
-  std::vector<HoldScene> scenes = {HoldScene::hang, HoldScene::lean, HoldScene::cantilever, HoldScene::press,
-                                   HoldScene::twist};
+  std::vector<HoldScene> scenes = {HoldScene::hang,  HoldScene::lean,    HoldScene::cantilever,
+                                   HoldScene::press, HoldScene::squeeze, HoldScene::twist};
   /// Gravity is as strong as makes the reference's rms displacement this share of the diagonal, 1e-6..0.5. Scenes that
   /// move what they hold have no gravity and are played once.
   std::vector<double> targets = {0.05, 0.01};

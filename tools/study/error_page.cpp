@@ -366,7 +366,8 @@ std::string errorPage(const ErrorStudy& study) {
       "the top "
       "tenth is held, gravity sets in; release: held by its rear quarter, gravity ends after 1 s, what follows is "
       "compared; "
-      "press: the top tenth moves down by 20 % of the height in 1 s; twist: one end turns by 60 degrees; lean: the "
+      "press: the top tenth moves down by 20 % of the height in 1 s; squeeze: by 5 %; twist: one end turns by 60 "
+      "degrees; lean: the "
       "lowest tenth "
       "is held, gravity sideways; pins: the recipe's own pins hold it. Times are the processor's, of one thread.</p>";
   for (const std::string& note : study.notes) html += "<p>" + escaped(note) + "</p>";
