@@ -77,8 +77,12 @@ Index Answers::first() const {
 
 double Answers::lowestLambda() const { return first() < modes_.lambda.size() ? modes_.lambda[first()] : 0; }
 
-// Two refinements take the shift out.
 MatrixXd Answers::to(const MatrixXd& forces) const {
+  return byColumns(forces, [this](const MatrixXd& some) { return toSome(some); });
+}
+
+// Two refinements take the shift out.
+MatrixXd Answers::toSome(const MatrixXd& forces) const {
   MatrixXd f = movable_.asDiagonal() * forces;
   if (f.cols() == 0) return f;
   const bool free = rigid_.cols() > 0;

@@ -33,6 +33,7 @@ class Answers {
 
  private:
   Index first() const;  // mode with resistance
+  MatrixXd toSome(const MatrixXd& forces) const;
 
   const Elastic& elastic_;
   VectorXd mass_;     // 3f

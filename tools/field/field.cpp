@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/field.h"
 
+#include <tbb/parallel_invoke.h>
+
 #include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
@@ -230,13 +232,20 @@ void addDamping(FieldSpace& space) {
   if (lowest > 0) space.damping_hz.tail(k) = scale / lowest * shape.cwiseProduct(d);
 }
 
-FieldSpace freeSpace(const Elastic& elastic, const FieldInput& input, const FieldOptions& options) {
+/// The free field's functions, and what the rest of it is made from.
+struct FreeFunctions {
+  FieldSpace space;
+  std::optional<Answers> answers;
+  Known known;
+};
+
+FreeFunctions freeFunctions(const Elastic& elastic, const FieldInput& input, const FieldOptions& options) {
   const std::vector<bool> none(std::size_t(elastic.nodes()), false);
   const Index k = Index(options.functions);
-  FieldSpace space;
+  FreeFunctions result;
+  auto& [space, answers, known] = result;
   MatrixXd functions = affine(elastic);
-  Known known = {MatrixXd(3 * elastic.nodes(), 0), {}};
-  std::optional<Answers> answers;
+  known.forces = MatrixXd(3 * elastic.nodes(), 0);
   if (!elastic.patches.empty()) {
     answers.emplace(elastic, none, modeCount(options));
     space.lowest_hz = hertz(answers->lowestLambda());
@@ -258,13 +267,21 @@ FieldSpace freeSpace(const Elastic& elastic, const FieldInput& input, const Fiel
   space.values = diagonalized(elastic, functions, space.stiffness);
   space.one = space.values.transpose() * elastic.mass;
   space.rest = space.values.transpose() * elastic.mass.asDiagonal() * elastic.positions;
-  addSamples(elastic, options, MatrixXd::Identity(space.values.cols(), space.values.cols()), known.forces, space);
-  addDamping(space);
-  if (answers) {
-    addErrors(elastic, *answers, space);
-    addResidual(elastic, *answers, Index(options.residual_modes), space);
-  }
-  return space;
+  return result;
+}
+
+void complete(const Elastic& elastic, const FieldOptions& options, FreeFunctions& free) {
+  FieldSpace& space = free.space;
+  const Index k = space.values.cols();
+  tbb::parallel_invoke(
+      [&] {
+        addSamples(elastic, options, MatrixXd::Identity(k, k), free.known.forces, space);
+        addDamping(space);
+        if (free.answers) addErrors(elastic, *free.answers, space);
+      },
+      [&] {
+        if (free.answers) addResidual(elastic, *free.answers, Index(options.residual_modes), space);
+      });
 }
 
 // Which pin set holds what; sets without vertices do not count.
@@ -546,11 +563,15 @@ Fields makeFields(const FieldInput& input, const FieldOptions& options) {
   if (input.positions.empty()) return fields;
   const bool edges = options.element == FieldElement::edges && input.positions.size() <= field::kMostForEdges;
   const field::Elastic elastic = field::assemble(input, edges ? FieldElement::edges : FieldElement::tetrahedra);
-  fields.free = field::freeSpace(elastic, input, options);
+  field::FreeFunctions free = field::freeFunctions(elastic, input, options);
   const bool held = std::any_of(input.held.begin(), input.held.end(), [](const auto& set) { return !set.empty(); });
-  const bool scaled = options.lowest_hz > 0 && fields.free.lowest_hz > 0;
-  const double scale = scaled ? std::pow(options.lowest_hz / fields.free.lowest_hz, 2) : 1;
-  if (held) fields.held = field::heldSpace(elastic, input, options, scale);
+  const bool scaled = options.lowest_hz > 0 && free.space.lowest_hz > 0;
+  const double scale = scaled ? std::pow(options.lowest_hz / free.space.lowest_hz, 2) : 1;
+  tbb::parallel_invoke([&] { field::complete(elastic, options, free); },
+                       [&] {
+                         if (held) fields.held = field::heldSpace(elastic, input, options, scale);
+                       });
+  fields.free = std::move(free.space);
   if (scaled) {
     field::scaleYoung(fields.free, scale);
     if (fields.held) field::scaleYoung(*fields.held, scale);

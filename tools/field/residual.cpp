@@ -44,18 +44,7 @@ class Residual {
 
   /// G times forces, 3f x c.
   MatrixXd times(const MatrixXd& forces) const {
-    const Index k = functions_.cols();
-    const MatrixXd& rigid = answers_.rigid();
-    const MatrixXd balanced = forces - mass_.asDiagonal() * (rigid * (rigid.transpose() * forces));
-    MatrixXd loads(3 * k, forces.cols());
-    for (Index a = 0; a < 3; ++a) loads.middleRows(a * k, k) = functions_.transpose() * axisOf(balanced, a);
-    const MatrixXd coefficients = shapes_ * (inverse_.asDiagonal() * (shapes_.transpose() * loads));
-    MatrixXd moved(forces.rows(), forces.cols());
-    for (Index a = 0; a < 3; ++a) {
-      moved(Eigen::seqN(a, functions_.rows(), 3), Eigen::all) = functions_ * coefficients.middleRows(a * k, k);
-    }
-    moved -= (rigid * (rigid.transpose() * (mass_.asDiagonal() * moved))).eval();
-    return answers_.to(forces) - moved;
+    return byColumns(forces, [this](const MatrixXd& some) { return timesSome(some); });
   }
 
   /// 3f x r, by the masses: eigenvectors of M^1/2 G M^1/2, which are modes.
@@ -116,6 +105,21 @@ class Residual {
   }
 
  private:
+  MatrixXd timesSome(const MatrixXd& forces) const {
+    const Index k = functions_.cols();
+    const MatrixXd& rigid = answers_.rigid();
+    const MatrixXd balanced = forces - mass_.asDiagonal() * (rigid * (rigid.transpose() * forces));
+    MatrixXd loads(3 * k, forces.cols());
+    for (Index a = 0; a < 3; ++a) loads.middleRows(a * k, k) = functions_.transpose() * axisOf(balanced, a);
+    const MatrixXd coefficients = shapes_ * (inverse_.asDiagonal() * (shapes_.transpose() * loads));
+    MatrixXd moved(forces.rows(), forces.cols());
+    for (Index a = 0; a < 3; ++a) {
+      moved(Eigen::seqN(a, functions_.rows(), 3), Eigen::all) = functions_ * coefficients.middleRows(a * k, k);
+    }
+    moved -= (rigid * (rigid.transpose() * (mass_.asDiagonal() * moved))).eval();
+    return answers_.to(forces) - moved;
+  }
+
   /// Of the largest eigenvalue: no more than rounding.
   static constexpr double kNothing = 1e-9;
   /// Of (K_vv)^-1, what is left of a vertex's own answer at least: where modes tell all, springs stay finite.
