@@ -16,6 +16,7 @@ SINEW = None
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 HEAD = None
 BOTH = ["tetrahedra", "places"]
+ALL = BOTH + ["fields"]
 
 
 class Cache(unittest.TestCase):
@@ -51,14 +52,14 @@ class Cache(unittest.TestCase):
         package, report = self.bake()
         fresh, _ = self.bake("--no-cache")
         self.assertEqual(package, fresh)
-        self.assertEqual([s["name"] for s in report["stages"]], BOTH)
+        self.assertEqual([s["name"] for s in report["stages"]], ALL)
         self.assertEqual([s["name"] for s in report["stages"] if s["from_cache"]], cached)
         return package
 
     def test_a_series_of_edits_gives_the_same_bytes_both_ways(self):
         first = self.check([])
-        self.assertEqual(self.check(BOTH), first)
-        self.recipe["settings"]["clusters.stretch_hz"] = 25  # stiffness
+        self.assertEqual(self.check(ALL), first)
+        self.recipe["settings"]["clusters.stretch_hz"] = 1.5  # stiffness
         stiff = self.check(BOTH)
         self.assertNotEqual(stiff, first)
         self.recipe["clusters"].append({"name": "nose", "from": {"group": "nose"}})
@@ -72,15 +73,15 @@ class Cache(unittest.TestCase):
         self.recipe["parts"] = [{"name": "eye", "from": {"group": "eye_l"}}]  # something else is filled
         self.check([])
         self.recipe["parts"][0]["attach"] = "follow"
-        self.check(BOTH)
+        self.check(ALL)  # what it follows moves as it did
         del self.recipe["parts"]
-        self.check(BOTH)
+        self.check(ALL)  # as before there were parts
         text = self.source.read_text()
         lines = text.split("\n")
         texture = next(i for i, line in enumerate(lines) if line.startswith("vt "))
         lines[texture] = "vt 0.5 0.25"
         self.source.write_text("\n".join(lines))
-        self.check(BOTH)  # geometry is what it was
+        self.check(ALL)  # geometry is what it was
         point = next(i for i, line in enumerate(lines) if line.startswith("v "))
         x, *rest = lines[point].split()[1:]
         lines[point] = " ".join(["v", str(float(x) + 1e-3), *rest])
@@ -91,12 +92,12 @@ class Cache(unittest.TestCase):
         del self.recipe["settings"]["material.density"], self.recipe["settings"]["clusters.stretch_hz"]
         self.recipe["clusters"][1]["from"] = {"group": "jaw"}
         self.recipe["settings"]["tetrahedra.vertices"] = 400
-        self.assertEqual(self.check(BOTH), first)  # all undone: the first package again
+        self.assertEqual(self.check(ALL), first)  # all undone: the first package again
 
     def test_damaged_entries_are_found_and_made_again(self):
         package, _ = self.bake()
-        entries = sorted(self.cache.iterdir())
-        self.assertEqual(sorted(e.suffix for e in entries), [".places", ".tetrahedra"])
+        self.assertEqual(sorted(e.suffix for e in self.cache.iterdir()), [".fields", ".functions", ".places", ".tetrahedra"])
+        entries = sorted(e for e in self.cache.iterdir() if e.suffix != ".functions")  # only drafts read these
         whole = {e: e.read_bytes() for e in entries}
         for damage in (lambda b: b[:-1], lambda b: b[:20], lambda b: b"", lambda b: b + b"x",
                        lambda b: b[:len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1:],
@@ -105,7 +106,7 @@ class Cache(unittest.TestCase):
                 entry.write_bytes(damage(whole[entry]))
             again, report = self.bake()
             self.assertEqual(again, package)
-            self.assertEqual(report["damaged_entries"], 2)
+            self.assertEqual(report["damaged_entries"], 3)
             self.assertFalse(any(s["from_cache"] for s in report["stages"]))
         # One entry in the place of the other.
         entries[0].write_bytes(whole[entries[1]])
@@ -113,6 +114,32 @@ class Cache(unittest.TestCase):
         self.assertEqual(again, package)
         self.assertEqual(report["damaged_entries"], 1)
         self.assertTrue(all(s["from_cache"] for s in self.bake()[1]["stages"]))
+
+    def test_a_draft_has_new_materials_on_the_functions_of_an_earlier_bake(self):
+        def draft():
+            result = self.run_bake(self.path / "draft.sinew", "--draft")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            return (self.path / "draft.sinew").read_bytes(), json.loads(result.stdout)
+
+        whole, _ = self.bake()
+        package, report = draft()  # nothing is newer than what is kept
+        self.assertEqual(package, whole)
+        self.assertNotIn("draft", report["fields"][0])
+        self.recipe["clusters"][1]["settings"] = {"stretch_hz": 1}
+        package, report = draft()
+        self.assertTrue(report["fields"][0]["draft"])
+        self.assertEqual([s["name"] for s in report["cache"]["stages"] if s["from_cache"]], BOTH + ["functions"])
+        self.assertEqual(report["fields"][0]["free"]["residual_modes"], 0)
+        self.assertNotEqual(package, whole)
+        after, report = self.bake()  # a draft is never kept
+        self.assertEqual(after, self.bake("--no-cache")[0])
+        self.assertNotEqual(after, package)
+        self.recipe["settings"]["tetrahedra.vertices"] = 500  # another shape: there is none to draft on
+        _, report = draft()
+        self.assertNotIn("draft", report["fields"][0])
+        refused = self.run_bake(self.path / "x.sinew", "--draft", "--budget", "1ms")
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("--budget", refused.stderr)
 
     def test_without_a_cache_nothing_is_kept(self):
         self.bake("--no-cache")
@@ -134,8 +161,8 @@ class Cache(unittest.TestCase):
             results = list(pool.map(lambda i: self.run_bake(self.path / f"{i}.sinew"), range(4)))
         self.assertEqual([r.returncode for r in results], [0] * 4, [r.stderr for r in results])
         self.assertEqual(len({(self.path / f"{i}.sinew").read_bytes() for i in range(4)}), 1)
-        self.assertEqual(len(list(self.cache.iterdir())), 2)  # nothing half-written stays
-        self.check(BOTH)
+        self.assertEqual(len(list(self.cache.iterdir())), 4)  # nothing half-written stays
+        self.check(ALL)
 
 
 if __name__ == "__main__":

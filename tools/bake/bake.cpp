@@ -166,7 +166,7 @@ ordered_json packNumbers(formats::PackageContent& content, std::vector<std::byte
 }
 
 BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache,
-                      bool with_fields) {
+                      bool with_fields, bool draft) {
   StageCache no_cache{{}};
   StageCache& kept = cache == nullptr ? no_cache : *cache;
   progress.stage("tetrahedra");
@@ -178,7 +178,7 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& pro
   ordered_json fields;
   if (with_fields) {
     progress.stage("fields");
-    fields = addFields(recipe.settings, content.package);
+    fields = addFields(recipe.settings, content.package, cache, draft);
   }
   progress.stage("package");
   BakeResult result;
@@ -212,13 +212,13 @@ ImportedSource importSource(const Recipe& recipe, Progress& progress) {
   return source;
 }
 
-BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache) {
-  return bakeSource(recipe, importSource(recipe, progress), progress, cache, true);
+BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache, bool draft) {
+  return bakeSource(recipe, importSource(recipe, progress), progress, cache, true, draft);
 }
 
 std::vector<Finding> refusalOfBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache) {
   try {
-    bakeSource(recipe, std::move(source), progress, cache, false);
+    bakeSource(recipe, std::move(source), progress, cache, false, false);
   } catch (const ToolError& error) {
     if (error.code() == ExitCode::system) throw;
     return {{"bake-refused", Severity::error, error.problem(), 1, "", {}, "", error.cure()}};

@@ -38,8 +38,11 @@ struct BakeResult {
 /// Bakes a recipe: import -> topology -> tetrahedra -> clusters -> attachment -> package -> check.
 /// Writes nothing. Equal recipes and sources give equal bytes for any folder and number of threads.
 /// Throws ToolError where the source, a setting or the machine makes it impossible.
-/// \param cache where stages are kept from one bake to the next; null: nowhere. It never changes the package.
-BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache = nullptr);
+/// \param cache where stages are kept from one bake to the next; null: nowhere. It never changes the package, but
+/// for a draft's.
+/// \param draft where the cache has what earlier materials of the same tetrahedra and pins move by, that serves: the
+/// body plays sooner, less exactly (reweighed()); `draft` in the report's fields says whether it was so.
+BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache = nullptr, bool draft = false);
 
 /// Whether bake() makes a package: all of its stages but the fields, without which a package still stands. The cache
 /// keeps for the bake what it takes from there. \return the refusal as a finding of severity error, or nothing. Throws

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -109,6 +110,34 @@ std::pair<Eigen::VectorXd, Eigen::MatrixXd> modesOf(const FieldSpace& space) {
   return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
+/// The addresses of a piece's fields: of all that they depend on, and of what their functions are functions on.
+struct FieldKeys {
+  StageKey shape = {}, all = {};
+};
+
+FieldKeys keysOf(const FieldInput& input, const FieldOptions& options) {
+  StageWriter writer;
+  const auto add = [&](auto value) { writer(value); };
+  const auto addAll = [&](const auto& span) {
+    add(span.size());
+    for (const auto& value : span) add(value);
+  };
+  addAll(input.positions), addAll(input.tetrahedra), addAll(input.masses), addAll(input.held);
+  add(options.functions), add(options.samples_per_function), add(options.residual_modes), add(options.element);
+  FieldKeys keys;
+  const std::vector<std::byte> shape = writer.take();
+  keys.shape = stageKey(shape);
+  writer = {};
+  add(keys.shape), add(options.lowest_hz);
+  addAll(input.young), addAll(input.poisson), addAll(input.loads);
+  add(input.tethers.size());
+  for (const FieldTether& tether : input.tethers) {
+    add(tether.vertex), add(tether.held), add(tether.strength), add(tether.absolute);
+  }
+  keys.all = stageKey(writer.take());
+  return keys;
+}
+
 class PieceFields {
  public:
   PieceFields(const Settings& settings, std::uint32_t piece, formats::PackageContent& content)
@@ -124,12 +153,23 @@ class PieceFields {
     contact_ = contactPoints(content, host_, settings.field.points);
   }
 
-  ordered_json add() {
+  /// \param draft fields of other materials serve, where the cache has them.
+  ordered_json add(StageCache& cache, bool draft) {
     const FieldInput input = {host_.positions, host_.tetrahedra, host_.masses, young_, poisson_,
                               held_,           tethers_,         fibres_.loads};
-    const Fields fields = makeFields(input, options_);
+    const FieldKeys keys = keysOf(input, options_);
+    std::optional<Fields> before;
+    if (draft && !cache.has("fields", keys.all)) before = cache.find<Fields>("functions", keys.shape);
+    const Fields fields = before ? reweighed(*before, input, options_) : cache.get("fields", keys.all, [&] {
+      Fields made = makeFields(input, options_), bare = made;
+      bare.free.residual_modes.resize(0, 0);
+      bare.free.residual_locals.resize(0);
+      cache.keep("functions", keys.shape, bare, 0);
+      return made;
+    });
     ordered_json report;
     report["piece"] = host_.piece;
+    if (before) report["draft"] = true;
     report["young_pa"] = fields.free.young_scale * meanYoung();
     report["free"] = append(fields.free, false);
     if (fields.held) report["held"] = append(*fields.held, true);
@@ -480,11 +520,12 @@ class PieceFields {
 
 }  // namespace
 
-ordered_json addFields(const Settings& settings, formats::PackageContent& content) {
+ordered_json addFields(const Settings& settings, formats::PackageContent& content, StageCache* cache, bool draft) {
+  StageCache no_cache{{}};
   if (settings.field.functions == 0) return {{"left_out", "field.functions is 0"}};
   ordered_json pieces = ordered_json::array();
   for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
-    pieces.push_back(PieceFields(settings, piece, content).add());
+    pieces.push_back(PieceFields(settings, piece, content).add(cache == nullptr ? no_cache : *cache, draft));
   }
   addDistances(settings.field.distances, content);
   return pieces;

@@ -75,10 +75,16 @@ StageKey programKey() {
 
 }  // namespace
 
+StageKey stageKey(const std::vector<std::byte>& inputs) {
+  std::array<StageKey, 2> both = {programKey(), sumOf(inputs)};
+  StageWriter writer;
+  writer(both);
+  return sumOf(writer.take());
+}
+
 StageKey tetrahedraKey(const VisualMesh& mesh, const TetrahedraOptions& options) {
   StageWriter inputs;
   const auto add = [&](auto value) { inputs(value); };
-  add(programKey());
   add(options);
   add(mesh.positions);
   add(mesh.triangles);
@@ -90,7 +96,7 @@ StageKey tetrahedraKey(const VisualMesh& mesh, const TetrahedraOptions& options)
   add(mesh.bounds_min);
   add(mesh.bounds_max);
   add(mesh.diagonal);
-  return sumOf(inputs.take());
+  return stageKey(inputs.take());
 }
 
 fs::path StageCache::userFolder() {
@@ -109,6 +115,11 @@ fs::path StageCache::entry(const std::string& stage, const StageKey& key) const 
   std::snprintf(digits.data(), digits.size(), "%016llx%016llx", static_cast<unsigned long long>(key[1]),
                 static_cast<unsigned long long>(key[0]));
   return folder_ / (std::string(digits.data()) + "." + stage);
+}
+
+bool StageCache::has(const std::string& stage, const StageKey& key) const {
+  std::error_code error;
+  return !folder_.empty() && fs::exists(entry(stage, key), error);
 }
 
 bool StageCache::load(const std::string& stage, const StageKey& key, std::vector<std::byte>& bytes, double& cost) {

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -19,6 +20,7 @@
 #include <vector>
 
 #include "tools/attach/attach.h"
+#include "tools/field/field.h"
 #include "tools/import/visual_mesh.h"
 #include "tools/tetrahedralize/tetrahedralize.h"
 
@@ -26,6 +28,9 @@ namespace sinew::tools {
 
 /// A 128-bit content address.
 using StageKey = std::array<std::uint64_t, 2>;
+
+/// The address of what a stage reads: these bytes, this very program and the libraries it runs with.
+StageKey stageKey(const std::vector<std::byte>& inputs);
 
 /// Everything that the tetrahedra of a mesh, and the places of its vertices on them, depend on: the mesh's geometry and
 /// names, the settings of the stage, and this very program with the libraries it runs with.
@@ -96,32 +101,42 @@ class StageCache {
   /// The stage's value: read, or made and stored.
   template <class Make>
   auto get(const std::string& stage, const StageKey& key, const Make& make) -> decltype(make()) {
+    if (auto kept = find<decltype(make())>(stage, key)) return std::move(*kept);
     const Clock start;
-    decltype(make()) value;
+    decltype(make()) value = make();
+    stages_.push_back({stage, false, 0});
+    keep(stage, key, value, start.seconds());
+    return value;
+  }
+  bool has(const std::string& stage, const StageKey& key) const;
+  /// The stage's value where it is there.
+  template <class Value>
+  std::optional<Value> find(const std::string& stage, const StageKey& key) {
+    const Clock start;
     double cost = 0;
     std::vector<std::byte> bytes;
-    if (load(stage, key, bytes, cost)) {
-      try {
-        StageReader reader(bytes);
-        reader(value);
-        if (reader.left() == 0) {
-          stages_.push_back({stage, true, cost - start.seconds()});
-          return value;
-        }
-      } catch (const std::exception&) {
-        // Only a program that is not the one its key names can have written this.
+    if (!load(stage, key, bytes, cost)) return {};
+    try {
+      std::optional<Value> value(std::in_place);
+      StageReader reader(bytes);
+      reader(*value);
+      if (reader.left() == 0) {
+        stages_.push_back({stage, true, cost - start.seconds()});
+        return value;
       }
-      ++damaged_;
-      value = {};
+    } catch (const std::exception&) {
+      // Only a program that is not the one its key names can have written this.
     }
-    value = make();
-    cost = start.seconds();
-    stages_.push_back({stage, false, 0});
-    if (folder_.empty()) return value;
+    ++damaged_;
+    return {};
+  }
+  /// Stores a value. \param cost what making it took, s
+  template <class Value>
+  void keep(const std::string& stage, const StageKey& key, Value& value, double cost) const {
+    if (folder_.empty()) return;
     StageWriter writer;
     writer(value);
     store(stage, key, writer.take(), cost);
-    return value;
   }
 
  private:
@@ -188,6 +203,31 @@ void fields(Archive& archive, TetrahedronPlace& value) {
   archive(tetrahedron), archive(weights), archive(distance);
 }
 
+template <class Archive>
+void fields(Archive& archive, FieldSample& value) {
+  auto& [at, volume, mu, lambda, gradients, patch] = value;
+  archive(at), archive(volume), archive(mu), archive(lambda), archive(gradients), archive(patch);
+}
+template <class Archive>
+void fields(Archive& archive, FieldSpace& value) {
+  auto& [values, stiffness, damping_hz, one, rest, driven, pin_set, monomial, samples, compliance, tethers, modes,
+         locals, young_scale, lowest_hz, static_error, gravity_error, least_eigenvalue] = value;
+  archive(values), archive(stiffness), archive(damping_hz), archive(one), archive(rest), archive(driven);
+  archive(pin_set), archive(monomial), archive(samples), archive(compliance), archive(tethers), archive(modes);
+  archive(locals), archive(young_scale), archive(lowest_hz), archive(static_error), archive(gravity_error);
+  archive(least_eigenvalue);
+}
+template <class Archive>
+void fields(Archive& archive, Fields& value) {
+  auto& [free, held] = value;
+  bool is_held = held.has_value();
+  archive(free), archive(is_held);
+  if constexpr (Archive::kReads) {
+    if (is_held) held.emplace();
+  }
+  if (is_held) archive(*held);
+}
+
 namespace stage_detail {
 
 template <class T>
@@ -201,11 +241,24 @@ template <class T, std::size_t kCount>
 struct IsPlain<std::array<T, kCount>> : IsPlain<T> {};
 template <>
 struct IsPlain<Eigen::Vector3d> : std::true_type {};
+template <class T>
+struct IsMatrix : std::false_type {};
+template <int kRows, int kColumns>
+struct IsMatrix<Eigen::Matrix<double, kRows, kColumns>> : std::bool_constant<kRows == Eigen::Dynamic> {};
 
 template <class Archive, class T>
 void archive(Archive& archive, T& value) {
   if constexpr (IsPlain<T>::value) {
     archive.raw(&value, sizeof value);
+  } else if constexpr (IsMatrix<T>::value) {
+    std::array<std::uint64_t, 2> size = {std::uint64_t(value.rows()), std::uint64_t(value.cols())};
+    archive.raw(&size, sizeof size);
+    if constexpr (Archive::kReads) {
+      const std::uint64_t most = archive.left() / sizeof(double);
+      if (size[1] > 0 && size[0] > most / size[1]) throw std::runtime_error("ends early");
+      value.resize(Eigen::Index(size[0]), Eigen::Index(size[1]));
+    }
+    archive.raw(value.data(), std::size_t(value.size()) * sizeof(double));
   } else if constexpr (IsVector<T>::value || std::is_same_v<T, std::string>) {
     std::uint64_t size = value.size();
     archive.raw(&size, sizeof size);

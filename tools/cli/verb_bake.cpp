@@ -33,6 +33,7 @@ struct BakeCommand {
   bool progress_lines = false;
   bool quiet = false;
   bool no_cache = false;
+  bool draft = false;
 };
 
 // Of names, lists of them, and scene files. Throws ToolError.
@@ -173,7 +174,7 @@ void runBake(const BakeCommand& command) {
     result = std::move(fitted.bake);
     result.report["budget"] = budgetJson(*budget, fitted);
   } else {
-    result = bake(recipe, progress, &cache);
+    result = bake(recipe, progress, &cache, command.draft);
   }
   progress.stage("write");
   writeFileAtomically(command.output, result.package);
@@ -224,6 +225,11 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--cost-file", command->cost_file,
                    "Times of packages, read and added to: with the same file a budget chooses the same everywhere");
   verb->add_flag("--no-cache", command->no_cache, "Make every stage anew, and keep none for the next bake");
+  const char* const draft_help =
+      "Sooner, to look at: new materials on what an earlier bake of the same shape and pins found to move by "
+      "(its errors, no residual modes); whole where the cache has none";
+  verb->add_flag("--draft", command->draft, draft_help)
+      ->excludes("--budget", "--budget-bytes", "--max-error", "--no-cache");
   verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
   verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));
   verb->add_flag("--json", command->json, "Print the report as JSON instead of the summary");

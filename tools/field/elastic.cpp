@@ -118,6 +118,7 @@ void addPatch(const FieldInput& input, const Tetrahedra& tetrahedra, const std::
     elastic.node.push_back(node);
     elastic.gradient.push_back(gradient / patch.volume);
   }
+  patch.number = std::uint32_t(elastic.patches.size());
   elastic.patches.push_back(patch);
 }
 
@@ -206,14 +207,19 @@ void addStiffness(Elastic& elastic) {
   }
 }
 
-Elastic assemble(const FieldInput& input, FieldElement element) {
+Elastic assemblePatches(const FieldInput& input, FieldElement element) {
   Elastic elastic;
   const Tetrahedra tetrahedra = measure(input);
   setNodes(input, findFollowers(input.positions, input.tetrahedra, tetrahedra.volume), elastic);
   const double share = element == FieldElement::edges ? 1.0 / 6 : 1.0;
   for (const auto& group : groups(input, tetrahedra, element)) addPatch(input, tetrahedra, group, share, elastic);
-  addStiffness(elastic);
   elastic.surface = surfaceOf(input);
+  return elastic;
+}
+
+Elastic assemble(const FieldInput& input, FieldElement element) {
+  Elastic elastic = assemblePatches(input, element);
+  addStiffness(elastic);
   return elastic;
 }
 

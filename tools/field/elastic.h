@@ -21,6 +21,7 @@ struct Patch {
   double volume = 0, mu = 0, lambda = 0;  ///< m^3, Pa
   Vector3d at;                            ///< metres
   std::uint32_t first = 0, count = 0;     ///< into Elastic::node and gradient
+  std::uint32_t number = 0;               ///< among those of the whole piece
 };
 
 /// The elastic piece on its nodes: the vertices that move by themselves. The others follow nodes (see follow.h).
@@ -41,6 +42,8 @@ struct Elastic {
 };
 
 Elastic assemble(const FieldInput& input, FieldElement element);
+/// The same without stiffness.
+Elastic assemblePatches(const FieldInput& input, FieldElement element);
 
 /// Makes the stiffness of the patches anew. Corotated energy at rest: K_ij = V (mu (g_i.g_j) 1 + mu g_j g_i^T +
 /// lambda g_i g_j^T); K_s has V (2 mu + lambda) g_i.g_j.

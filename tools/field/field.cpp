@@ -141,7 +141,7 @@ void addSamples(const Elastic& elastic, const FieldOptions& options, const Matri
   for (std::size_t s = 0; s < cubature.patch.size(); ++s) {
     const Patch& patch = elastic.patches[cubature.patch[s]];
     space.samples.push_back({patch.at, cubature.volume[s], patch.mu, patch.lambda,
-                             gradientsOf(elastic, nodes, cubature.patch[s], 1).transpose()});
+                             gradientsOf(elastic, nodes, cubature.patch[s], 1).transpose(), patch.number});
   }
 }
 
@@ -198,6 +198,13 @@ void addErrors(const Elastic& elastic, const Answers& answers, FieldSpace& space
   space.static_error = std::max(space.static_error, space.gravity_error);
 }
 
+// The first of the space's modes that is none of a rigid body's.
+Index firstElastic(const VectorXd& lambda, const FieldSpace& space) {
+  Index first = 0;
+  while (first < lambda.size() && !(hertz(lambda[first]) > 0.5 * space.lowest_hz)) ++first;
+  return first;
+}
+
 // Decay by function, so that each mode of the space decays at its own frequency as well as such a table can: with s_ij
 // the share of function j in the energy of mode i, sum_j s_ij d_j = f_i in least squares of relative errors, d >= 0,
 // near c sqrt(w). The lowest mode is exact.
@@ -207,9 +214,7 @@ void addDamping(FieldSpace& space) {
   if (k == 0 || space.samples.empty()) return;
   const VectorXd shape = space.stiffness.tail(k).cwiseSqrt();
   const geometry::SymmetricEigen modes = geometry::symmetricEigen(sampledStiffness(space));
-  Index first = 0;
-  const Index count = modes.values.size();
-  while (first < count && !(hertz(modes.values[first]) > 0.5 * space.lowest_hz)) ++first;
+  const Index count = modes.values.size(), first = firstElastic(modes.values, space);
   if (first == count || !(space.lowest_hz > 0) || !(shape.maxCoeff() > 0)) return;
   MatrixXd rates(count - first, k);  // relative: of c sqrt(w)
   for (Index i = first; i < count; ++i) {
@@ -555,14 +560,56 @@ void scaleYoung(FieldSpace& space, double scale) {
   }
 }
 
+FieldElement elementOf(const FieldInput& input, const FieldOptions& options) {
+  const bool edges = options.element == FieldElement::edges && input.positions.size() <= kMostForEdges;
+  return edges ? FieldElement::edges : FieldElement::tetrahedra;
+}
+
+// The samples, tethers and what follows from them, of new materials. What is known of all elements changes in the ratio
+// in which the samples' changes. \param loads 3n x c
+void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& loads, FieldSpace& space) {
+  space.residual_modes.resize(0, 0);
+  space.residual_locals.resize(0);
+  const geometry::SymmetricEigen old = geometry::symmetricEigen(sampledStiffness(space));
+  const Index first = firstElastic(old.values, space);
+  const Index driven = space.driven_count, k = space.values.cols() - driven;
+  VectorXd scalar_before = VectorXd::Zero(k), scalar = scalar_before;  // of the samples
+  for (FieldSample& s : space.samples) {
+    const VectorXd size2 = s.volume * s.gradients.bottomRows(k).rowwise().squaredNorm();
+    scalar_before += (2 * s.mu + s.lambda) * size2;
+    s.mu = elastic.patches[s.patch].mu;
+    s.lambda = elastic.patches[s.patch].lambda;
+    scalar += (2 * s.mu + s.lambda) * size2;
+  }
+  space.stiffness.tail(k).array() *= (scalar_before.array() > 0).select(scalar.array() / scalar_before.array(), 1.0);
+  space.tethers.resize(0, 0);
+  if (driven > 0 && !input.tethers.empty()) {
+    space.tethers = tetherEnergy(elastic, input, Holds(elastic, input), space.values, space.young_scale);
+  }
+  const geometry::SymmetricEigen modes = geometry::symmetricEigen(sampledStiffness(space));
+  if (first < modes.values.size()) space.lowest_hz *= std::sqrt(modes.values[first] / old.values[first]);
+  const MatrixXd met = coordinates(space.values.rightCols(k), loads);
+  const auto workOf = [&](const geometry::SymmetricEigen& of) {
+    const Index count = of.values.size() - first;
+    const MatrixXd along = of.vectors.rightCols(count).transpose() * met;
+    return VectorXd((of.values.tail(count).cwiseInverse().asDiagonal() * along.cwiseAbs2()).colwise().sum());
+  };
+  const VectorXd before = workOf(old);
+  const bool same = space.compliance.size() == before.size();
+  const double mean =
+      same || before.size() == 0 || space.compliance.size() == 0 ? 1 : space.compliance.mean() / before.mean();
+  space.compliance = workOf(modes).cwiseProduct(same ? space.compliance.cwiseQuotient(before).eval()
+                                                     : VectorXd::Constant(before.size(), mean));
+  addDamping(space);
+}
+
 }  // namespace
 }  // namespace field
 
 Fields makeFields(const FieldInput& input, const FieldOptions& options) {
   Fields fields;
   if (input.positions.empty()) return fields;
-  const bool edges = options.element == FieldElement::edges && input.positions.size() <= field::kMostForEdges;
-  const field::Elastic elastic = field::assemble(input, edges ? FieldElement::edges : FieldElement::tetrahedra);
+  const field::Elastic elastic = field::assemble(input, field::elementOf(input, options));
   field::FreeFunctions free = field::freeFunctions(elastic, input, options);
   const bool held = std::any_of(input.held.begin(), input.held.end(), [](const auto& set) { return !set.empty(); });
   const bool scaled = options.lowest_hz > 0 && free.space.lowest_hz > 0;
@@ -572,6 +619,26 @@ Fields makeFields(const FieldInput& input, const FieldOptions& options) {
                          if (held) fields.held = field::heldSpace(elastic, input, options, scale);
                        });
   fields.free = std::move(free.space);
+  if (scaled) {
+    field::scaleYoung(fields.free, scale);
+    if (fields.held) field::scaleYoung(*fields.held, scale);
+  }
+  return fields;
+}
+
+Fields reweighed(const Fields& before, const FieldInput& input, const FieldOptions& options) {
+  Fields fields = before;
+  if (input.positions.empty()) return fields;
+  const field::Elastic elastic = field::assemblePatches(input, field::elementOf(input, options));
+  const Eigen::MatrixXd loads = field::knownLoads(input);
+  fields.free.young_scale = 1;
+  field::reweigh(elastic, input, fields.held ? loads.leftCols(0) : loads, fields.free);
+  const bool scaled = options.lowest_hz > 0 && fields.free.lowest_hz > 0;
+  const double scale = scaled ? std::pow(options.lowest_hz / fields.free.lowest_hz, 2) : 1;
+  if (fields.held) {
+    fields.held->young_scale = scale;
+    field::reweigh(elastic, input, loads, *fields.held);
+  }
   if (scaled) {
     field::scaleYoung(fields.free, scale);
     if (fields.held) field::scaleYoung(*fields.held, scale);

@@ -49,6 +49,7 @@ struct FieldSample {
   double volume = 0;           ///< weight, m^3, > 0
   double mu = 0, lambda = 0;   ///< Lame's parameters, Pa
   Eigen::MatrixX3d gradients;  ///< k x 3: d phi_j / dX, 1/m
+  std::uint32_t patch = 0;     ///< which strain it is: a number that the tetrahedra decide
 };
 
 /// Scalar functions phi_j on the vertices of a piece: x(X) = sum_j phi_j(X) z_j.
@@ -83,9 +84,16 @@ struct Fields {
 
 /// Makes the function spaces of a piece (docs/method.md): the free one from its lowest elastic modes and answers to
 /// loads all over its surface, split by axis; the held one from modes with the pin sets fixed.
-/// Deterministic; one thread. values^T M values = 1 and values^T K_s values = diag(stiffness) for functions that are
-/// not driven, K_s = sum V (2 mu + lambda) grad grad^T over all elements; driven ones are orthogonal to them under M.
-/// k may be less than asked for where the piece has fewer vertices or is flat. Flat tetrahedra are left out.
+/// Deterministic for any number of threads. values^T M values = 1 and values^T K_s values = diag(stiffness) for
+/// functions that are not driven, K_s = sum V (2 mu + lambda) grad grad^T over all elements; driven ones are orthogonal
+/// to them under M. k may be less than asked for where the piece has fewer vertices or is flat. Flat tetrahedra are
+/// left out.
 Fields makeFields(const FieldInput& input, const FieldOptions& options);
+
+/// Fields of other materials, loads and tethers on the functions and samples of `before`: what moves is the same, how
+/// it resists is new. In a fraction of the time, and less exact: functions are not those that the new materials would
+/// have, there are no residual modes, errors are those measured before.
+/// @param input with the positions, tetrahedra, masses and held vertices that `before` was made from
+Fields reweighed(const Fields& before, const FieldInput& input, const FieldOptions& options);
 
 }  // namespace sinew::tools

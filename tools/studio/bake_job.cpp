@@ -7,6 +7,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
@@ -51,6 +52,13 @@ std::vector<Finding> findingsOf(const nlohmann::ordered_json& report) {
   return findings;
 }
 
+// Whether the fields of a piece are a draft's.
+bool isDraftOf(const nlohmann::ordered_json& report) {
+  if (!report.contains("fields") || !report["fields"].is_array()) return false;
+  const auto& pieces = report["fields"];
+  return std::any_of(pieces.begin(), pieces.end(), [](const auto& piece) { return piece.value("draft", false); });
+}
+
 // Folders of studios that were killed: their names have the numbers of processes that are no more.
 void removeLeftFolders(const fs::path& temporary) {
   std::error_code error;
@@ -84,10 +92,16 @@ BakeJob::~BakeJob() {
 
 void BakeJob::start(const fs::path& recipe) {
   cancel();
+  recipe_ = recipe;
+  run(true);
+}
+
+void BakeJob::run(bool draft) {
   const std::string base = (folder_ / std::to_string(++number_)).string();
   target_ = base + ".sinew";
-  std::vector<std::string> words = {"sinew",    "bake",         recipe.string(),    "-o", target_.string(),
+  std::vector<std::string> words = {"sinew",    "bake",         recipe_.string(),   "-o", target_.string(),
                                     "--report", base + ".json", "--progress-lines", "-q"};
+  if (draft) words.emplace_back("--draft");
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
@@ -174,8 +188,11 @@ void BakeJob::finish(int status) {
     error_ = loaded.reason();
     return;
   }
+  is_draft_ = false;
   try {
-    findings_ = findingsOf(JsonText::read(fs::path(target_).replace_extension(".json").string()).json());
+    const JsonText report = JsonText::read(fs::path(target_).replace_extension(".json").string());
+    findings_ = findingsOf(report.json());
+    is_draft_ = isDraftOf(report.json());
   } catch (const std::exception& error) {
     error_ = error.what();
   }
@@ -185,6 +202,7 @@ void BakeJob::finish(int status) {
   asset_ = *loaded;
   state_ = State::done;
   ++done_;
+  if (is_draft_) run(false);
 }
 
 }  // namespace sinew::tools

@@ -26,7 +26,8 @@ class BakeJob {
   BakeJob(const BakeJob&) = delete;
   BakeJob& operator=(const BakeJob&) = delete;
 
-  /// Bakes a recipe as it is on the disk: `sinew bake`, with the user's stage cache. One that runs is stopped.
+  /// Bakes a recipe as it is on the disk: `sinew bake --draft`, with the user's stage cache, then the whole where that
+  /// was one. What runs is stopped.
   void start(const std::filesystem::path& recipe);
   void cancel();
   /// Looks how far it is. To be called once a frame; costs a system call or two.
@@ -37,6 +38,7 @@ class BakeJob {
   float fraction() const { return fraction_; }         ///< of the stage, 0..1
   double seconds() const { return seconds_; }          ///< of the last one that ended
   const std::string& error() const { return error_; }  ///< of one that failed: its line
+  bool isDraft() const { return is_draft_; }           ///< of the last one that was done
   /// The package of the last one that was done; null before.
   const std::shared_ptr<const Asset>& asset() const { return asset_; }
   const std::filesystem::path& package() const { return package_; }
@@ -44,16 +46,18 @@ class BakeJob {
   std::uint32_t done() const { return done_; }                        ///< how many were done
 
  private:
+  void run(bool draft);
   void takeLines();
   void finish(int status);
 
-  std::filesystem::path folder_, package_, target_;
+  std::filesystem::path folder_, recipe_, package_, target_;
   pid_t pid_ = -1;
   int pipe_ = -1;
   std::string text_, stage_, error_;
   float fraction_ = 0;
   double started_ = 0, seconds_ = 0;
   State state_ = State::idle;
+  bool is_draft_ = false;
   std::uint32_t number_ = 0, done_ = 0;
   std::shared_ptr<const Asset> asset_;
   std::vector<Finding> findings_;

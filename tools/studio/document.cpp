@@ -218,6 +218,9 @@ void Document::poll(double seconds) {
 void Document::savePackage(const fs::path& file) const {
   if (bake_.asset() == nullptr)
     throw ToolError(ExitCode::usage, file.string(), "there is no package yet", "Wait until the bake is done.");
+  if (bake_.isDraft()) {
+    throw ToolError(ExitCode::usage, file.string(), "what plays is a draft", "Wait until the whole bake is done.");
+  }
   requireWritable(file, {editor_.file(), recipe_.source});
   writeFileAtomically(file, bytesOf(bake_.package()));
 }

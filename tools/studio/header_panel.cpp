@@ -37,11 +37,13 @@ void HeaderPanel::draw(Document& document, Widgets& widgets) {
       document.bakeNow();
   }
   ImGui::SameLine();
-  if (widgets.button("Export", quarter, document.bake().asset() != nullptr)) exportPackage(document);
+  if (widgets.button("Export", quarter, document.bake().asset() != nullptr && !document.bake().isDraft()))
+    exportPackage(document);
   tip(Command::export_package);
   char text[128];
   if (running) {
-    std::snprintf(text, sizeof text, "%s", document.bake().stage().c_str());
+    std::snprintf(text, sizeof text, "%s%s", document.bake().isDraft() ? "plays a draft; " : "",
+                  document.bake().stage().c_str());
     ImGui::ProgressBar(document.bake().fraction(), {-1, ImGui::GetFrameHeight()}, text);
   } else {
     if (document.isBaked())
