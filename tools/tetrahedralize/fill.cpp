@@ -279,23 +279,31 @@ std::vector<std::uint32_t> trianglesAtJoints(const SolidPiece& piece, const TetM
   std::vector<std::uint32_t> component;
   if (geometry::connectedComponents(mesh, geometry::JoinedBy::faces, component) < 2) return {};
   std::vector<std::uint32_t> of_vertex(mesh.positions.size(), kNoIndex);
-  std::vector<Vector3d> joints;
+  std::vector<char> is_joint(mesh.positions.size(), 0);
   for (std::size_t t = 0; t < component.size(); ++t) {
     for (const std::uint32_t v : mesh.tetrahedra[t]) {
       if (of_vertex[v] == kNoIndex) of_vertex[v] = component[t];
-      if (of_vertex[v] != component[t]) joints.push_back(mesh.positions[v]);
+      if (of_vertex[v] != component[t]) is_joint[v] = 1;
     }
   }
+  std::vector<Vector3d> joints;
+  std::vector<geometry::Triangle> points;  // each a triangle of one place
+  for (std::size_t v = 0; v < is_joint.size(); ++v) {
+    if (is_joint[v] == 0) continue;
+    const auto number = std::uint32_t(joints.size());
+    points.push_back({number, number, number});
+    joints.push_back(mesh.positions[v]);
+  }
+  const geometry::TriangleBvh around(joints, points);
   std::vector<std::uint32_t> result;
   for (std::uint32_t t = 0; t < piece.triangles.size(); ++t) {
-    const auto& [a, b, c] = piece.triangles[t];
-    AlignedBox3d box(piece.positions[a]);
-    box.extend(piece.positions[b]).extend(piece.positions[c]);
+    const Vector3d &a = piece.positions[piece.triangles[t][0]], &b = piece.positions[piece.triangles[t][1]],
+                   &c = piece.positions[piece.triangles[t][2]];
+    const Vector3d middle = (a + b + c) / 3;
+    const double radius = std::max({(a - middle).norm(), (b - middle).norm(), (c - middle).norm()});
+    if (!around.within(middle, reach + radius)) continue;
     const bool near = std::any_of(joints.begin(), joints.end(), [&](const Vector3d& joint) {
-      if (box.squaredExteriorDistance(joint) > reach * reach) return false;
-      const Vector3d closest =
-          geometry::closestPointOnTriangle(joint, piece.positions[a], piece.positions[b], piece.positions[c]);
-      return (closest - joint).norm() <= reach;
+      return (geometry::closestPointOnTriangle(joint, a, b, c) - joint).squaredNorm() <= reach * reach;
     });
     if (near) result.push_back(t);
   }
