@@ -189,22 +189,20 @@ void project(Body& body) {
         }
       }
       // The functions are orthonormal but for rounding: a second round takes what the first has left.
+      Array<Vector3d>& more = body.shape;
       for (int round = 0; round < 2; ++round) {
+        more.resize(field.k);
+        std::fill(more.begin(), more.end(), Vector3d::Zero());
         for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
           const std::uint32_t vertex = field.first_vertex + i;
           Vector3d left = asVector(moving ? body.v[vertex] : body.x[vertex]).cast<double>();
           if (!left.allFinite()) continue;
           if (!moving) left -= center;
-          body.residuals[vertex] = left;
-          for (std::uint32_t j = 0; j < field.k; ++j) {
-            body.residuals[vertex] -= double(field.valueAt(i, j)) * to[j];
-          }
+          for (std::uint32_t j = 0; j < field.k; ++j) left -= double(field.valueAt(i, j)) * to[j];
+          left *= double(body.vertices()[vertex].mass);
+          for (std::uint32_t j = field.driven; j < field.k; ++j) more[j] += double(field.valueAt(i, j)) * left;
         }
-        for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
-          const std::uint32_t vertex = field.first_vertex + i;
-          const Vector3d weighed = double(body.vertices()[vertex].mass) * body.residuals[vertex];
-          for (std::uint32_t j = field.driven; j < field.k; ++j) to[j] += double(field.valueAt(i, j)) * weighed;
-        }
+        for (std::uint32_t j = field.driven; j < field.k; ++j) to[j] += more[j];
       }
       if (moving) continue;
       for (std::uint32_t j = 0; j < field.k; ++j) to[j] += oneOf(field, j) * center;

@@ -59,7 +59,6 @@ class CoupledSolver final : public BodySolver {
     body.amplitudes.reserve(most_modes);
     body.coefficients.reserve(4 * std::size_t(most_functions));
     body.field_values.reserve(24 * ((std::size_t(most_vertices) + 7) / 8));
-    body.residuals.resize(body.vertexCount());
   }
 
   void reserve(SolverScratch& scratch) const override {

@@ -25,7 +25,6 @@ Body::Body(std::shared_ptr<const Asset> source, const BodySettings& body_setting
       field_values(memory),
       amplitudes(memory),
       shape(memory),
-      residuals(memory),
       ways(memory),
       touches(memory),
       touched(memory),

@@ -115,8 +115,8 @@ struct Body {
   OwningArray<Piece> pieces;
   bool outdated = false;                                ///< x and v are not those of the pieces
   double shown = 1;                                     ///< part of the last step that x and v show
-  Array<float> coefficients, field_values, amplitudes;  // scratch of refresh(), as shape and residuals
-  Array<Vector3d> shape, residuals;
+  Array<float> coefficients, field_values, amplitudes;  // scratch of refresh(), as shape
+  Array<Vector3d> shape;
   HoldWays ways;
 
   Array<ColliderTouch> touches;  ///< of the last step, piece by piece
