@@ -143,6 +143,13 @@ def tools_of_the_window():
         {"wait": "evaluation"}, {"click": "tab Regions"}, {"click": "region hold"}, {"wait": 3}, {"pull": "handle radius", "by": [40, 0]}, {"wait": "evaluation"},
         {"wait": 3}, {"screenshot": "handles.png"}, {"pull": "handle center", "by": [30, 20]}, {"wait": "evaluation"},
         {"click": "region smile.L"}, {"wait": 3}, {"pull": "handle fibre", "by": [10, 60]}, {"wait": "evaluation"}, {"wait": 3}, {"screenshot": "fibre.png"}], "tools.json")
+    # Order: the window's command is the command line's.
+    done("author", "tools.json", "add-cluster", "extra", "--from", "spot")
+    replayed("order", [{"wait": "evaluation"}, {"click": "tab Regions"}, {"click": "region extra"}, {"wait": 3}, {"click": "Up"}, {"wait": "evaluation"},
+                       {"click": "Solo"}, {"wait": 3}, {"screenshot": "order.png"}], "tools.json")
+    check([c["name"] for c in json.loads((folder / "tools.json").read_text())["clusters"]] == ["extra", "smile.L"], "Up moves a cluster up")
+    check("move extra up" in done("author", "tools.json", "undo").stdout, "one step of the history")
+    done("author", "tools.json", "undo")
     document = json.loads((folder / "tools.json").read_text())
     pins = document["pins"][0]["from"]
     check(pins["radius"] > 0.025, f"the handle makes the disc larger ({pins['radius']} m)")
