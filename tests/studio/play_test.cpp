@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <numeric>
 
 #include "tests/support/box_package.h"
@@ -123,7 +124,7 @@ TEST(GoingBack, MemoryHasABoundAndTheNewestMomentsStay) {
   Timeline timeline(10 * each + each / 2);
   for (int s = 0; s < 50; ++s) {
     scene.step();
-    timeline.add({scene.save(), {}, {}});
+    timeline.add({scene.save(), {}, {}, {}});
     EXPECT_LE(timeline.bytes(), 10 * each + each / 2);
   }
   EXPECT_EQ(timeline.size(), 10U);
@@ -161,6 +162,90 @@ TEST(Hand, ABallPushesTheBodyAside) {
   EXPECT_GT(now.x() - center.x(), 0.03F);
   play.endPush();
   EXPECT_TRUE(play.scene().solids().empty());
+}
+
+// A slab under the box in the scene drop.
+PlacedSolid slab(const Play& play) {
+  PlacedSolid solid;
+  solid.shape = BoxShape{{0.5F, 0.02F, 0.5F}};
+  solid.settings.at.position = {play.shape().positions.front().x(), 0.04F, 0};
+  return solid;
+}
+
+float lowest(const Play& play) {
+  float low = std::numeric_limits<float>::infinity();
+  for (std::size_t v = 0; v < play.shape().body_vertices; ++v) low = std::min(low, play.shape().positions[v].y());
+  return low;
+}
+
+TEST(PlacedColliders, CarryTheBodyAtOnceAndSurviveRestartAndAnotherBody) {
+  Play play = playing(SceneKind::drop);
+  play.addSolid(BoxShape{{0.1F, 0.1F, 0.1F}});
+  EXPECT_EQ(play.placed().selected, 0U);
+  play.changeSolid(0, slab(play), false);
+  run(play, 90);
+  EXPECT_NEAR(lowest(play), 0.06F, 5e-3F);  // its upper side
+  play.restart();
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  run(play, 90);
+  EXPECT_NEAR(lowest(play), 0.06F, 5e-3F);
+  ASSERT_TRUE(play.swap(box()));
+  run(play, 30);
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  EXPECT_NEAR(lowest(play), 0.06F, 5e-3F);
+  play.removeSolid(0);
+  run(play, 60);
+  EXPECT_TRUE(play.scene().solids().empty());
+  EXPECT_NEAR(lowest(play), 0, 5e-3F);
+  play.settings.ground = false;
+  play.applySettings();
+  run(play, 60);
+  EXPECT_LT(lowest(play), -0.5F);
+}
+
+TEST(PlacedColliders, StayWhenItGoesBackAndWhatFollowsIsTheSame) {
+  Play play = playing(SceneKind::drop);
+  run(play, 10);
+  play.addSolid(SphereShape{0.05F});
+  PlacedSolid solid = slab(play);
+  play.changeSolid(0, solid, false);
+  run(play, 50);
+  const std::size_t moment = play.timeline().at();
+  run(play, 20);
+  const std::vector<Eigen::Vector3f> later = play.shape().positions;
+  play.goTo(5);  // before it was there
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  play.goTo(moment);
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  run(play, 20);
+  EXPECT_EQ(play.shape().positions, later);
+  // Moved while it stands still, it is there at once, in all moments.
+  solid.settings.at.position[1] = 0.09F;
+  play.playing = false;
+  play.changeSolid(0, solid, true);
+  EXPECT_FLOAT_EQ(play.scene().world().colliderPose(play.scene().solids()[0].id).position[1], 0.09F);
+  play.goTo(moment);
+  ASSERT_EQ(play.scene().solids().size(), 1U);
+  EXPECT_FLOAT_EQ(play.scene().world().colliderPose(play.scene().solids()[0].id).position[1], 0.09F);
+  play.removeSolid(0);
+  play.goTo(moment);
+  EXPECT_TRUE(play.scene().solids().empty());
+}
+
+TEST(PlacedColliders, MovedWhileItPlaysTakeTheBodyAlong) {
+  Play play = playing(SceneKind::rest);
+  play.addSolid(SphereShape{0.03F});
+  const auto center = [&] { return Eigen::Vector3f(play.scene().world().motion(play.scene().body()).center.data()); };
+  const Eigen::Vector3f before = center();
+  PlacedSolid solid = play.placed()[0];
+  for (int s = 0; s < 40; ++s) {
+    const Eigen::Vector3f at = before + Eigen::Vector3f(0.2F - 0.005F * float(s), 0, 0);
+    solid.settings.at.position = {at.x(), at.y(), at.z()};
+    play.playing = true;
+    play.changeSolid(0, solid, true);
+    play.advance(kStep);
+  }
+  EXPECT_LT(center().x() - before.x(), -0.03F);
 }
 
 // A body put into a known shape.
@@ -267,7 +352,7 @@ TEST_F(SavedScene, ALockedPullComesToTheSamePlace) {
   EXPECT_TRUE(script.picks[0].lock);
   EXPECT_NEAR(script.picks[0].keys.back().value[0], 0.05, 1e-4);
   EXPECT_NEAR(script.picks[0].keys.back().value[1], 0.02, 1e-4);
-  EXPECT_TRUE(readBack(play.scene(), {.picks = false, .targets = {}, .camera = {}}).picks.empty());
+  EXPECT_TRUE(readBack(play.scene(), {.picks = false, .targets = {}, .camera = {}, .solids = {}}).picks.empty());
   // Played, the body hangs on the pull as it does here.
   ViewOptions options;
   options.scene = SceneKind::rest;
@@ -279,6 +364,48 @@ TEST_F(SavedScene, ALockedPullComesToTheSamePlace) {
   for (std::size_t v = 0; v < play.shape().body_vertices; ++v)
     largest = std::max(largest, (again.shape().positions[v] + shift - play.shape().positions[v]).norm());
   EXPECT_LT(largest, 0.05F * play.diagonal());
+}
+
+TEST_F(SavedScene, PlacedCollidersAndGroundPlayTheSame) {
+  Play play = playing(SceneKind::drop);  // which turns the body
+  play.settings.ground_height = -0.03F;
+  play.applySettings();
+  for (const ColliderShape& shape : {ColliderShape(BoxShape{{0.02F, 0.03F, 0.04F}}), ColliderShape(SphereShape{0.03F}),
+                                     ColliderShape(CapsuleShape{0.02F, 0.06F})}) {
+    play.addSolid(shape);
+    PlacedSolid solid = play.placed()[play.placed().size() - 1];
+    const float x = 0.06F * (float(play.placed().size()) - 2);
+    solid.settings.at.position = {x, 0.02F, 0.01F};
+    solid.settings.friction = 0.25F;
+    solid = dragged(solid, HandleKind::turn_y, Eigen::Vector3f(x + 0.3F, 0.6F, 0.2F));
+    play.changeSolid(play.placed().size() - 1, solid, false);
+  }
+  play.advance(0);
+  SceneTextOptions options;
+  options.solids = play.placed().all();
+  const SceneScript script = readBack(play.scene(), options);
+  ASSERT_EQ(script.colliders.size(), 3U);
+  EXPECT_NEAR(script.colliders[1].friction, 0.25, 1e-6);
+  ViewOptions view;
+  view.scene.script = std::make_shared<const SceneScript>(script);
+  Play again(play.shape().assets.front(), view);
+  again.settings.damping = play.settings.damping;
+  again.applySettings();
+  const Eigen::Vector3f shift(play.scene().placement().position.data());
+  const auto apart = [&] {
+    float most = 0;
+    for (std::size_t v = 0; v < play.shape().positions.size(); ++v)
+      most = std::max(most, (again.shape().positions[v] + shift - play.shape().positions[v]).norm());
+    return most;
+  };
+  ASSERT_EQ(again.shape().positions.size(), play.shape().positions.size());
+  EXPECT_LT(apart(), 1e-5F);  // bodies and colliders
+  EXPECT_NEAR(again.scene().groundHeight() + shift.y(), -0.03F, 1e-6);
+  run(play, 25);
+  run(again, 25);
+  EXPECT_LT(apart(), 1e-3F);
+  // Saved again, from the file's scene, they are there once more.
+  EXPECT_EQ(readBack(again.scene(), {}).colliders.size(), 3U);
 }
 
 TEST_F(SavedScene, CameraAndTargetsReadBack) {

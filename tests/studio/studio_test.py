@@ -176,6 +176,20 @@ def tools_of_the_window():
     check(any(s["scene"] == "drop" for s in states), "a digit that nobody types into a field does")
     check(max(s["bodies"] for s in states) >= 2, "a line cuts the body")
 
+    # Colliders: added, moved, sized and turned by their handles while the scene plays; the scene's file has them.
+    replayed("colliders", [
+        {"wait": 20}, {"key": "2"}, {"wait": 3}, {"click": "tab Scene"}, {"click": "+ Sphere"}, {"click": "+ Capsule"}, {"click": "+ Box"}, {"wait": 5},
+        {"pull": "handle center", "by": [-260, 120]}, {"pull": "handle size x", "by": [60, 0]}, {"pull": "handle turn y", "by": [90, 60]}, {"wait": 5}, {"screenshot": "colliders.png"},
+        {"click": "capsule 2"}, {"wait": 3}, {"pull": "handle radius", "by": [20, 0]}, {"wait": 3}, {"screenshot": "capsule.png"}, {"click": "sphere 1"}, {"wait": 3},
+        {"click": "Remove the collider"}, {"drag": "Height", "to": 0.45}, {"wait": 40}, {"screenshot": "ground.png"}, {"key": "control+s"}, {"wait": 3}, {"click": "Save the file"}, {"wait": 3}], "tools.sinew")
+    scene = json.loads((folder / "tools.scene.json").read_text())
+    capsule, box = scene["colliders"]
+    check("capsule" in capsule and "box" in box, f"the scene has the colliders that were not removed ({scene['colliders']})")
+    check(box["box"]["half_size"][0] > 1.2 * box["box"]["half_size"][1], "a handle sizes the box")
+    check(abs(box["keys"][0]["turn"]) > 5 and len(box["axis"]) == 3, "a handle turns it")
+    check(scene["ground"] < scene["camera"]["at"][1], "the ground is there")
+    done("render", "tools.sinew", "--scene", "tools.scene.json", "--frames", "1", "-o", "colliders_scene.png")
+
     # The page of keys, the menu, a file that is dropped, one that cannot be opened.
     states, said = replayed("pages", [
         {"wait": "evaluation"}, {"key": "f1"}, {"wait": 4}, {"screenshot": "help.png"}, {"key": "f1"}, {"click": "menu Play"}, {"wait": 4}, {"screenshot": "menu.png"}, {"key": "escape"},

@@ -244,13 +244,11 @@ Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, Jo
   reset();
 }
 
-bool Scene::hasGround() const {
+std::optional<float> Scene::ownGround() const {
   const SceneKind kind = options_.scene.kind;
-  return (script_ && script_->script.ground) || kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind);
-}
-
-float Scene::groundHeight() const {
-  return script_ && script_->script.ground ? float(*script_->script.ground - script_->origin[1]) : 0;
+  if (script_ && script_->script.ground) return float(*script_->script.ground - script_->origin[1]);
+  if (kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind)) return 0.0F;
+  return std::nullopt;
 }
 
 float Scene::reach() const {
@@ -451,8 +449,8 @@ void Scene::reset() {
   world.sleep_seconds = several || options_.scene.kind == SceneKind::cut ? kSleepSeconds : 0;
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
-  world.ground.enabled = hasGround();
-  world.ground.offset = groundHeight();
+  world.ground.enabled = ownGround().has_value();
+  world.ground.offset = ownGround().value_or(0);
   if (options_.scene.kind == SceneKind::drop) world.damping = kDropDamping;
 
   // Damping is towards the rigid motion of all pin sets together: where sets move apart (jaw and skull, lids) it would

@@ -103,10 +103,10 @@ class Scene {
   std::span<const SceneSolid> solids() const { return solids_; }                    ///< colliders, as they come and go
   const RigidTransform& placement() const { return placement_; }                    ///< of the body at the start
   const SceneOptions& options() const { return options_; }
-  double time() const { return time_; }                              ///< seconds since the start
-  bool hasGround() const;                                            ///< a level ground is there to be drawn
-  float groundHeight() const;                                        ///< m
-  std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
+  double time() const { return time_; }                                   ///< seconds since the start
+  bool hasGround() const { return world_.settings().ground.enabled; }     ///< a level ground is there to be drawn
+  float groundHeight() const { return world_.settings().ground.offset; }  ///< m
+  std::span<const std::uint32_t> pinned() const { return pinned_; }       ///< physical vertices held, for overlays
 
   /// Gives a channel of the package this input from now on, whatever the scene says; without a value the scene drives
   /// it again. reset() keeps it.
@@ -118,6 +118,8 @@ class Scene {
  private:
   friend class SceneState;
   void add(const BodySettings& settings, const std::shared_ptr<const Asset>& asset);
+  /// Where the scene has a level ground, m; nothing: it has none.
+  std::optional<float> ownGround() const;
   const std::shared_ptr<const Asset>& packageOf(std::size_t number) const {
     return number == 0 ? asset_ : options_.others[number - 1];
   }

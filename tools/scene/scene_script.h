@@ -18,6 +18,9 @@
 namespace sinew::tools {
 
 inline constexpr double kMostGravity = 1000;  ///< m/s²
+inline constexpr double kMostPlace = 1e6;     ///< m, of coordinates and lengths
+/// Of a collider: the least length of its shape, m; the most friction.
+inline constexpr double kLeastLength = 1e-9, kMostFriction = 1e4;
 
 /// What a scene file says. Lengths in metres, points in the source's coordinates (as `sinew inspect` shows them).
 struct SceneScript {

@@ -179,6 +179,11 @@ void StudioWindow::frame(double elapsed) {
     }
   } else if (!isSource() && play_) {
     drawViewMarks(layout_, play_input_->camera(), double(play_->diagonal()), height_);
+    for (const Handle& handle : play_input_->handles(*play_)) {
+      const Eigen::Vector3f drawn = handle.place.cast<float>() / play_->diagonal();
+      const Eigen::Vector2f at = onScreen(layout_, play_input_->camera(), drawn);
+      widgets_.place(handleName(handle.kind), at.x(), at.y());
+    }
   }
   for (const std::string& file : keys_.takeDropped()) open(file);
   // Where there is no graphics card, drawing is all the time a replay takes: only what is to be seen is.
@@ -273,6 +278,7 @@ void StudioWindow::saveScene() {
     SceneTextOptions options;
     options.picks = saves_picks_;
     options.targets = play_->scriptTargets();
+    options.solids = play_->placed().all();
     options.camera = sceneViewOf(play_input_->camera(), play_->package(), play_->scene().placement().position);
     writeFileAtomically(file, sceneText(play_->scene(), options));
     say("wrote " + file);
@@ -382,7 +388,7 @@ void StudioWindow::help() const {
 void StudioWindow::draw() {
   Renderer* renderer = nullptr;
   if (!isSource()) {
-    if (play_) renderer = &play_view_->draw(layout_, shown_, play_input_->camera(), *play_, play_input_->knife());
+    if (play_) renderer = &play_view_->draw(layout_, shown_, *play_input_, *play_);
   } else {
     renderer = author_view_->draw(layout_, *document_, state_);
   }

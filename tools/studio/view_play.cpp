@@ -17,7 +17,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double kStepSeconds = 1.0 / 60;
 constexpr int kMostStepsPerFrame = 4;  // a slow machine shows slow motion instead of falling ever further behind
 constexpr float kPickHz = 10;
-constexpr float kBallDiagonals = 6;                            // per second, how fast the ball follows the hand at most
+constexpr float kBallDiagonals = 6;                            // per second, how fast what the hand moves follows it
 constexpr float kFarDiagonals = 1e3F, kNearDiagonals = 0.02F;  // of what a ray meets; of a pick beside it
 
 constexpr float kTouchDiagonals = 0.003F;   // nearer than this touches
@@ -62,9 +62,13 @@ void Play::begin(const SceneChoice& scene) {
   endPush();
   scene_.emplace(std::move(started));
   for (std::uint32_t c = 0; c < held.size(); ++c) scene_->holdChannel(c, held[c]);
+  placed_.enter(*scene_);
   base_gravity_ = scene_->world().settings().gravity;
+  base_ground_ = scene.script ? -package().info().origin[1] : 0;
   if (!same) {
     const WorldSettings& world = scene_->world().settings();
+    settings.ground = world.ground.enabled;
+    settings.ground_height = world.ground.enabled ? float(double(world.ground.offset) - base_ground_) : 0;
     settings.iterations = static_cast<int>(world.iterations);
     settings.damping = world.damping;
     settings.deformation_damping = world.deformation_damping_ratio;
@@ -114,6 +118,8 @@ bool Play::swap(std::shared_ptr<const Asset> asset) {
 void Play::applySettings() {
   WorldSettings& world = scene_->world().settings();
   for (std::size_t k = 0; k < 3; ++k) world.gravity[k] = base_gravity_[k] * settings.gravity;
+  world.ground.enabled = settings.ground;
+  world.ground.offset = float(double(settings.ground_height) + base_ground_);
   world.iterations = static_cast<std::uint32_t>(settings.iterations);
   world.damping = settings.damping;
   world.deformation_damping_ratio = settings.deformation_damping;
@@ -138,7 +144,7 @@ void Play::stepOnce() {
   ++steps_;
 }
 
-void Play::remember() { timeline_.add({scene_->save(), grabbed_ ? grabbed_->pick : PickId{}, ball_}); }
+void Play::remember() { timeline_.add({scene_->save(), grabbed_ ? grabbed_->pick : PickId{}, ball_, placed_.marks()}); }
 
 void Play::capture() {
   const auto start = Clock::now();
@@ -181,6 +187,7 @@ void Play::goTo(std::size_t moment) {
   timeline_.goTo(moment);
   if (!(then.hand == PickId{})) scene_->world().letGoPick(then.hand);
   if (!(then.ball == ColliderId{})) scene_->removeSolid(then.ball);
+  placed_.meet(*scene_, then.placed);
   applySettings();
   capture();
 }
@@ -207,6 +214,31 @@ void Play::endPush() {
   scene_->removeSolid(ball_);
   ball_ = {};
   pushed_.reset();
+}
+
+void Play::addSolid(const ColliderShape& shape) {
+  Eigen::AlignedBox3f bounds;
+  for (const Eigen::Vector3f& p : std::span(shape_.positions).first(shape_.body_vertices)) bounds.extend(p);
+  const float size = kSolidDiagonals * diagonal();
+  Eigen::Vector3f at = bounds.center();
+  at.x() = bounds.max().x() + 2 * size;
+  if (placed_.size() > 0) {
+    // Above the one before.
+    at = Eigen::Vector3f(placed_[placed_.size() - 1].settings.at.position.data());
+    at.y() += 3 * size;
+  }
+  PlacedSolid solid;
+  solid.shape = shape;
+  solid.settings.at.position = {at.x(), at.y(), at.z()};
+  solid.settings.most_speed = kBallDiagonals * diagonal();
+  placed_.add(*scene_, solid);
+}
+
+void Play::changeSolid(std::size_t i, const PlacedSolid& solid, bool place_alone) {
+  placed_.change(*scene_, i, solid,
+                 !place_alone ? SolidChange::anew
+                 : playing    ? SolidChange::goes
+                              : SolidChange::jumps);
 }
 
 void Play::findTargets() {
