@@ -139,6 +139,34 @@ TEST(SlowMotion, TakesAsManyTimesTheTime) {
   EXPECT_NEAR(play.scene().time(), 10 * kStep, 1.5 * kStep);
 }
 
+TEST(StepLength, ChangesWhileItPlaysAndTimeIsTheSum) {
+  Play play = playing(SceneKind::drop);
+  run(play, 12);
+  play.settings.step_seconds = 1.0F / 240;
+  play.applySettings();
+  const std::size_t moment = play.timeline().at();
+  run(play, 48);
+  EXPECT_NEAR(play.scene().time(), 0.4, 1e-6);
+  // As many as the time of a frame asks for.
+  play.playing = true;
+  play.advance(kStep * 1.01);
+  EXPECT_NEAR(play.scene().time(), 0.4 + kStep, 1e-6);
+  const std::vector<Eigen::Vector3f> fine = play.shape().positions;
+  // Back, and on by the length that is set now: another way by coarser steps, the same by the same.
+  play.settings.step_seconds = 1.0F / 60;
+  play.goTo(moment);
+  EXPECT_NEAR(play.scene().time(), 0.2, 1e-6);
+  run(play, 13);
+  EXPECT_NEAR(play.scene().time(), 0.4 + kStep, 1e-6);
+  EXPECT_NE(play.shape().positions, fine);
+  play.settings.step_seconds = 1.0F / 240;
+  play.goTo(moment);
+  run(play, 52);
+  EXPECT_EQ(play.shape().positions, fine);
+  play.restart();
+  EXPECT_EQ(play.scene().stepSeconds(), 1.0F / 240);
+}
+
 TEST(Scenes, OneThatCannotBePlayedLeavesTheOneBefore) {
   Play play = playing(SceneKind::drop);
   run(play, 3);
@@ -389,8 +417,6 @@ TEST_F(SavedScene, PlacedCollidersAndGroundPlayTheSame) {
   ViewOptions view;
   view.scene.script = std::make_shared<const SceneScript>(script);
   Play again(play.shape().assets.front(), view);
-  again.settings.damping = play.settings.damping;
-  again.applySettings();
   const Eigen::Vector3f shift(play.scene().placement().position.data());
   const auto apart = [&] {
     float most = 0;
@@ -406,6 +432,33 @@ TEST_F(SavedScene, PlacedCollidersAndGroundPlayTheSame) {
   EXPECT_LT(apart(), 1e-3F);
   // Saved again, from the file's scene, they are there once more.
   EXPECT_EQ(readBack(again.scene(), {}).colliders.size(), 3U);
+}
+
+TEST_F(SavedScene, PlaysByAllThatTheSlidersSay) {
+  Play play = playing(SceneKind::drop);
+  play.settings.gravity = 0.5F;
+  play.settings.iterations = 7;
+  play.settings.damping = 1.5F;
+  play.settings.deformation_damping = 0.0625F;
+  play.settings.stiffness = 3;
+  play.settings.step_seconds = 1.0F / 120;
+  play.restart();
+  ViewOptions view;
+  view.scene.script = std::make_shared<const SceneScript>(readBack(play.scene(), {}));
+  Play again(play.shape().assets.front(), view);
+  const WorldSettings &saved = play.scene().world().settings(), &read = again.scene().world().settings();
+  EXPECT_NEAR(read.gravity[1], saved.gravity[1], 1e-6F);
+  EXPECT_EQ(read.iterations, 7U);
+  EXPECT_EQ(read.damping, 1.5F);
+  EXPECT_EQ(read.deformation_damping_ratio, 0.0625F);
+  EXPECT_EQ(again.scene().world().bodySettings(again.scene().body()).stiffness_scale, 3);
+  EXPECT_NEAR(again.scene().stepSeconds(), 1.0F / 120, 1e-8F);
+  // The sliders stand where they stood; stiffness multiplies what the file has.
+  EXPECT_EQ(again.settings.damping, 1.5F);
+  EXPECT_EQ(again.settings.stiffness, 1);
+  again.settings.stiffness = 2;
+  again.restart();
+  EXPECT_EQ(again.scene().world().bodySettings(again.scene().body()).stiffness_scale, 6);
 }
 
 TEST_F(SavedScene, CameraAndTargetsReadBack) {

@@ -32,7 +32,7 @@ struct RenderCommand {
   std::vector<std::string> scenes;
   std::string solver = "coupled";
   double seconds = 0;
-  double step = 1.0 / 60;
+  double step = 0;
   int frames = 0;
   std::string size;
   std::string overlay;
@@ -199,7 +199,9 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")
       ->check(CLI::Range(0.0, 600.0))
       ->check(finiteNumber());
-  verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0))->check(finiteNumber());
+  verb->add_option("--step", command->step, "Seconds per step (default: the scene's own, else 1/60)")
+      ->check(CLI::Range(1e-5, 1.0))
+      ->check(finiteNumber());
   verb->add_option("--frames", command->frames,
                    "Pictures of each scene (default 6; 1: all scenes side by side), or frames of the video (default 30 "
                    "a second)")

@@ -112,7 +112,7 @@ SceneOptions sceneOptions(const PictureOptions& from, const SceneChoice& choice)
   SceneOptions options;
   options.scene = choice;
   options.others = from.others;
-  options.step_seconds = static_cast<float>(from.step_seconds);
+  options.step_seconds = static_cast<float>(from.step_seconds > 0 ? from.step_seconds : choice.stepSeconds());
   options.solver = from.solver;
   return options;
 }
@@ -500,7 +500,7 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   Shape shape;
   for (int f = 0; f < frames; ++f) {
     const double time = f / kFramesPerSecond;
-    while (scene.time() + 0.5 * options.step_seconds < time) scene.step();
+    while (scene.time() + 0.5 * double(scene.stepSeconds()) < time) scene.step();
     captureShape(scene, shape);
     if (!renderer || !shape.isLike(drawn)) {
       drawn = shape;

@@ -35,9 +35,12 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(json, "", {"sinew_scene",  "seconds",   "still",  "gravity",  "iterations", "channels", "targets",
-                      "cuts",         "picks",     "pushes", "impulses", "forces",     "wind",     "drag",
-                      "self_contact", "colliders", "ground", "bodies",   "camera",     "note"});
+    object(json, "", {"sinew_scene", "seconds",    "step",         "still",
+                      "gravity",     "iterations", "damping",      "deformation_damping_ratio",
+                      "stiffness",   "channels",   "targets",      "cuts",
+                      "picks",       "pushes",     "impulses",     "forces",
+                      "wind",        "drag",       "self_contact", "colliders",
+                      "ground",      "bodies",     "camera",       "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -45,6 +48,12 @@ class Reader {
     script_.still = number(json, "", "still", script_.seconds, 0, script_.seconds);
     script_.gravity = number(json, "", "gravity", 0, 0, kMostGravity);
     if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
+    if (json.contains("step")) script_.step = number(json["step"], "/step", 1e-5, 1);
+    if (json.contains("damping")) script_.damping = number(json["damping"], "/damping", 0, 1e4);
+    if (json.contains("deformation_damping_ratio")) {
+      script_.deformation_damping_ratio = number(json["deformation_damping_ratio"], "/deformation_damping_ratio", 0, 1);
+    }
+    script_.stiffness = number(json, "", "stiffness", 1, 0, 1e6);
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);
     if (json.contains("colliders")) colliders(json["colliders"]);

@@ -106,7 +106,11 @@ std::string sceneText(const Scene& scene, const SceneTextOptions& options) {
   Json json = {{"sinew_scene", 1}, {"seconds", 2}};
   const WorldSettings& world = scene.world().settings();
   if (world.gravity[1] < 0) json["gravity"] = sevenDigits(-double(world.gravity[1]));
+  json["step"] = sevenDigits(double(scene.options().step_seconds));
   json["iterations"] = world.iterations;
+  json["damping"] = sevenDigits(double(world.damping));
+  json["deformation_damping_ratio"] = sevenDigits(double(world.deformation_damping_ratio));
+  json["stiffness"] = sevenDigits(double(scene.world().bodySettings(scene.body()).stiffness_scale));
   const formats::PackageView& package = scene.assets().front()->package();
   Json channels = Json::object();
   for (std::uint32_t c = 0; c < scene.channelInputs().size(); ++c) {

@@ -27,8 +27,8 @@ struct SceneTextOptions {
 };
 
 /// The text of a scene file (docs/scenes.md) that brings a body from rest to the pose of this one and holds it there:
-/// its channels' inputs, its locked picks, gravity, iterations, ground and colliders. \pre the scene's bodies were not
-/// cut
+/// its channels' inputs, its locked picks, and plays there by the same settings, ground and colliders. \pre the scene's
+/// bodies were not cut
 std::string sceneText(const Scene& scene, const SceneTextOptions& options);
 
 }  // namespace sinew::tools

@@ -3,10 +3,13 @@
 
 #include <imgui.h>
 
-#include <cstdio>
+#include <algorithm>
+#include <array>
 #include <string>
 #include <tuple>
+#include <vector>
 
+#include "tools/core/text.h"
 #include "tools/studio/shortcuts.h"
 
 namespace sinew::tools {
@@ -138,10 +141,25 @@ void ScenePanel::selected(Widgets& widgets, Play& play, std::size_t i) {
   if (widgets.button("Remove the collider")) play.removeSolid(i);
 }
 
+bool ScenePanel::step(Widgets& widgets, float& seconds) {
+  static constexpr std::array kRates = {30, 60, 120, 240};
+  std::vector<std::string> choices;
+  std::string chosen = rounded(double(seconds), 4) + " s";  // of a scene from a file
+  for (const int rate : kRates) {
+    choices.push_back("1/" + std::to_string(rate) + " s");
+    if (float(1.0 / rate) == seconds) chosen = choices.back();
+  }
+  if (!widgets.combo("Step##length", chosen, choices)) return false;
+  const auto at = std::find(choices.begin(), choices.end(), chosen);
+  seconds = float(1.0 / kRates[std::size_t(at - choices.begin())]);
+  return true;
+}
+
 void ScenePanel::settings(Widgets& widgets, Play& play) {
   heading("Settings");
   PlaySettings& settings = play.settings;
   bool changed = widgets.slider("Gravity", settings.gravity, 0, 3, "%.2f x", false);
+  changed |= step(widgets, settings.step_seconds);
   changed |= widgets.whole("Iterations", settings.iterations, 1, 16);
   changed |= widgets.slider("Air damping", settings.damping, 0, 10, "%.2f /s", true);
   changed |= widgets.slider("Friction##inner", settings.deformation_damping, 0, 1, "%.2f", false);

@@ -18,6 +18,7 @@ class ScenePanel {
   static void hand(Widgets& widgets, Play& play);
   static void colliders(Widgets& widgets, Play& play);
   static void selected(Widgets& widgets, Play& play, std::size_t i);
+  static bool step(Widgets& widgets, float& seconds);
   static void settings(Widgets& widgets, Play& play);
 };
 

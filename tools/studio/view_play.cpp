@@ -14,8 +14,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kStepSeconds = 1.0 / 60;
-constexpr int kMostStepsPerFrame = 4;  // a slow machine shows slow motion instead of falling ever further behind
+constexpr double kMostFrameSeconds = 4.0 / 60;  // a slow machine shows slow motion instead of falling further behind
 constexpr float kPickHz = 10;
 constexpr float kBallDiagonals = 6;                            // per second, how fast what the hand moves follows it
 constexpr float kFarDiagonals = 1e3F, kNearDiagonals = 0.02F;  // of what a ray meets; of a pick beside it
@@ -49,7 +48,7 @@ void Play::begin(const SceneChoice& scene) {
   options.scene = scene;
   options.others = options_.others;
   options.solver = options_.solver;
-  options.step_seconds = static_cast<float>(kStepSeconds);
+  options.step_seconds = same ? settings.step_seconds : float(scene.stepSeconds());
   options.stiffness_scale = settings.stiffness;
   std::vector<std::optional<float>> held;  // by hand: that outlives a scene
   if (scene_.has_value()) {
@@ -73,6 +72,7 @@ void Play::begin(const SceneChoice& scene) {
     settings.damping = world.damping;
     settings.deformation_damping = world.deformation_damping_ratio;
     settings.gravity = 1;
+    settings.step_seconds = options.step_seconds;
   }
   applySettings();
   owed_seconds_ = 0;
@@ -120,6 +120,7 @@ void Play::applySettings() {
   for (std::size_t k = 0; k < 3; ++k) world.gravity[k] = base_gravity_[k] * settings.gravity;
   world.ground.enabled = settings.ground;
   world.ground.offset = float(double(settings.ground_height) + base_ground_);
+  scene_->setStepSeconds(settings.step_seconds);
   world.iterations = static_cast<std::uint32_t>(settings.iterations);
   world.damping = settings.damping;
   world.deformation_damping_ratio = settings.deformation_damping;
@@ -164,10 +165,10 @@ void Play::capture() {
 void Play::advance(double elapsed) {
   for (; single_steps_ > 0; --single_steps_) stepOnce();
   if (playing) {
-    owed_seconds_ = std::min(owed_seconds_ + elapsed * double(settings.speed), kMostStepsPerFrame * kStepSeconds);
-    while (owed_seconds_ >= kStepSeconds) {
+    owed_seconds_ = std::min(owed_seconds_ + elapsed * double(settings.speed), kMostFrameSeconds);
+    while (owed_seconds_ >= double(settings.step_seconds)) {
       stepOnce();
-      owed_seconds_ -= kStepSeconds;
+      owed_seconds_ -= double(settings.step_seconds);
     }
   }
   capture();

@@ -28,6 +28,7 @@ struct PlaySettings {
   float damping = 0, deformation_damping = 0;  ///< as in WorldSettings
   float stiffness = 1;                         ///< BodySettings::stiffness_scale; taken when a scene starts
   float speed = 1;                             ///< of time, 0.02..1
+  float step_seconds = 1.0F / 60;              ///< length of a step, 1e-5..1
   bool ground = false;                         ///< there is a level one
   float ground_height = 0;                     ///< m, above where the body's source, or a built-in scene, has 0
 };
