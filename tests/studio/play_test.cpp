@@ -415,6 +415,7 @@ TEST_F(SavedScene, PlacedCollidersAndGroundPlayTheSame) {
   ASSERT_EQ(script.colliders.size(), 3U);
   EXPECT_NEAR(script.colliders[1].friction, 0.25, 1e-6);
   ViewOptions view;
+  view.scene = SceneKind::rest;
   view.scene.script = std::make_shared<const SceneScript>(script);
   Play again(play.shape().assets.front(), view);
   const Eigen::Vector3f shift(play.scene().placement().position.data());
@@ -444,6 +445,7 @@ TEST_F(SavedScene, PlaysByAllThatTheSlidersSay) {
   play.settings.step_seconds = 1.0F / 120;
   play.restart();
   ViewOptions view;
+  view.scene = SceneKind::rest;
   view.scene.script = std::make_shared<const SceneScript>(readBack(play.scene(), {}));
   Play again(play.shape().assets.front(), view);
   const WorldSettings &saved = play.scene().world().settings(), &read = again.scene().world().settings();
@@ -459,6 +461,15 @@ TEST_F(SavedScene, PlaysByAllThatTheSlidersSay) {
   again.settings.stiffness = 2;
   again.restart();
   EXPECT_EQ(again.scene().world().bodySettings(again.scene().body()).stiffness_scale, 6);
+}
+
+TEST_F(SavedScene, FromStraightAboveReadsBack) {
+  Play play = playing(SceneKind::rest);
+  Camera camera;
+  camera.pitch = 1.57F;
+  SceneTextOptions options;
+  options.camera = sceneViewOf(camera, play.package(), {});
+  EXPECT_NEAR(readBack(play.scene(), options).view->pitch, 1.55, 0.01);
 }
 
 TEST_F(SavedScene, CameraAndTargetsReadBack) {

@@ -249,7 +249,8 @@ SceneScript::View sceneViewOf(const Camera& camera, const formats::PackageView& 
   const float diagonal = package.info().diagonal;
   SceneScript::View view;
   view.yaw = double(camera.yaw);
-  view.pitch = double(camera.pitch);
+  constexpr double kSteepest = kMostPitch * std::numbers::pi / 180;
+  view.pitch = std::clamp(double(camera.pitch), -kSteepest, kSteepest);
   view.at.emplace();
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);

@@ -431,7 +431,7 @@ class Reader {
     object(json, "/camera", {"yaw", "pitch", "at", "height", "note"});
     SceneScript::View view;
     view.yaw = number(json, "/camera", "yaw", 0, -360, 360) * kDegree;
-    view.pitch = number(json, "/camera", "pitch", 0, -89, 89) * kDegree;
+    view.pitch = number(json, "/camera", "pitch", 0, -kMostPitch, kMostPitch) * kDegree;
     if (json.contains("at") != json.contains("height")) {
       text_.fail("/camera", "at and height go together", "Give both, or none to show the whole body.");
     }

@@ -18,7 +18,8 @@
 namespace sinew::tools {
 
 inline constexpr double kMostGravity = 1000;  ///< m/s²
-inline constexpr double kMostPlace = 1e6;     ///< m, of coordinates and lengths
+inline constexpr double kMostPitch = 89;   ///< degrees, of a camera: straight from above nothing says which way is up
+inline constexpr double kMostPlace = 1e6;  ///< m, of coordinates and lengths
 /// Of a collider: the least length of its shape, m; the most friction.
 inline constexpr double kLeastLength = 1e-9, kMostFriction = 1e4;
 
