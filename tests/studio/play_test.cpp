@@ -12,9 +12,10 @@
 #include <limits>
 #include <numeric>
 
-#include "tests/support/box_package.h"
+#include "tests/support/touching_box.h"
 #include "tools/scene/scene_text.h"
 #include "tools/studio/play_colors.h"
+#include "tools/studio/play_contacts.h"
 #include "tools/studio/section_view.h"
 #include "tools/studio/timeline.h"
 #include "tools/studio/view_play.h"
@@ -274,6 +275,61 @@ TEST(PlacedColliders, MovedWhileItPlaysTakeTheBodyAlong) {
     play.advance(kStep);
   }
   EXPECT_LT(center().x() - before.x(), -0.03F);
+}
+
+int contactsWithin(const Play& play, float low, float high, std::size_t axis) {
+  int count = 0;
+  for (const Eigen::Vector3f& x : contactsOf(play))
+    count += x[Eigen::Index(axis)] > low && x[Eigen::Index(axis)] < high ? 1 : 0;
+  return count;
+}
+
+TEST(Contacts, AreThoseOfTwoBodiesToo) {
+  ViewOptions options;
+  options.scene = SceneKind::stack;
+  Play play(test::touchingBox({0.2, 0.2, 0.2}), options);
+  play.settings.stiffness = 20;  // else the lowest are flat
+  play.restart();
+  run(play, 60);
+  EXPECT_GE(contactsWithin(play, -0.01F, 0.01F, 1), 4);  // with the ground
+  EXPECT_GE(contactsWithin(play, 0.19F, 0.21F, 1), 8);   // of the first two with each other
+  EXPECT_EQ(contactsWithin(play, 0.03F, 0.17F, 1), 0);   // and not between
+  play.scene().world().settings().collisions = false;
+  EXPECT_EQ(contactsWithin(play, 0.19F, 0.21F, 1), 0);
+}
+
+TEST(Contacts, AreThoseOfABodyWithItselfToo) {
+  // Two cubes of one body, apart at rest, together now.
+  test::BoxOptions box;
+  box.cells = {2, 2, 2};
+  box.center = {-0.75, 0, 0};
+  formats::PackageContent content = test::boxContent(box);
+  box.center[0] = 0.75;
+  test::appendBody(content, test::boxContent(box));
+  for (const std::uint32_t piece : {0U, 1U}) {
+    const std::array<double, 3> center = {piece == 0 ? -0.75 : 0.75, 0, 0};
+    test::addDistances(content, piece, center, {1, 1, 1}, [&](const auto& at) {
+      return test::boxDistance(at, center, {1, 1, 1});
+    });
+  }
+  for (const bool self_contact : {true, false}) {
+    SceneScript script;
+    script.self_contact = self_contact;
+    ViewOptions options;
+    options.scene = SceneKind::rest;
+    options.scene.script = std::make_shared<const SceneScript>(script);
+    Play play(test::makeAsset(content), options);
+    play.playing = false;
+    EXPECT_TRUE(contactsOf(play).empty());
+    World& world = play.scene().world();
+    std::vector<Vec3> positions(world.positions(play.scene().body()).begin(),
+                                world.positions(play.scene().body()).end());
+    for (Vec3& x : positions) x[0] += x[0] < 0 ? 0.25F : -0.25F;
+    world.setState(play.scene().body(), positions, {});
+    play.advance(0);
+    EXPECT_EQ(contactsWithin(play, -0.01F, 0.01F, 0) > 8, self_contact);
+    EXPECT_EQ(contactsWithin(play, 0.01F, 2, 0), 0);
+  }
 }
 
 // A body put into a known shape.

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "tools/studio/play_contacts.h"
+
 namespace sinew::tools {
 namespace {
 

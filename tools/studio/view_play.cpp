@@ -19,9 +19,6 @@ constexpr float kPickHz = 10;
 constexpr float kBallDiagonals = 6;                            // per second, how fast what the hand moves follows it
 constexpr float kFarDiagonals = 1e3F, kNearDiagonals = 0.02F;  // of what a ray meets; of a pick beside it
 
-constexpr float kTouchDiagonals = 0.003F;   // nearer than this touches
-constexpr std::size_t kMostTouches = 4000;  // vertices that are looked at: about 4 ms
-
 }  // namespace
 
 double millisecondsSince(Clock::time_point start) {
@@ -313,20 +310,6 @@ bool Play::cut(const Eigen::Vector3f& point, const Eigen::Vector3f& normal) {
   capture();
   remember();
   return true;
-}
-
-std::vector<Eigen::Vector3f> contactsOf(const Play& play) {
-  std::vector<Eigen::Vector3f> touching;
-  const std::size_t count = play.shape().body_vertices;
-  QueryFilter filter;
-  filter.bodies = false;
-  QueryObject found;
-  for (std::size_t v = 0; v < count; v += count / kMostTouches + 1) {
-    const Eigen::Vector3f& x = play.shape().positions[v];
-    const float radius = kTouchDiagonals * play.diagonal();
-    if (play.scene().world().overlaps({x.x(), x.y(), x.z()}, radius, {&found, 1}, filter) > 0) touching.push_back(x);
-  }
-  return touching;
 }
 
 std::vector<std::pair<Eigen::Vector3f, Eigen::Vector3f>> lockedPicks(const Play& play) {

@@ -167,9 +167,6 @@ class Play {
   std::uint32_t steps_ = 0;
 };
 
-/// Vertices of the bodies that touch the ground or a collider, metres.
-std::vector<Eigen::Vector3f> contactsOf(const Play& play);
-
 /// Picks that stay where they were let go: where they hold, and where they pull to, metres.
 std::vector<std::pair<Eigen::Vector3f, Eigen::Vector3f>> lockedPicks(const Play& play);
 
