@@ -207,15 +207,38 @@ def tools_of_the_window():
     check(json.loads((folder / "tools.json").read_text()) == before, "and is one step")
 
 
+def files_cannot_grow():
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
+
+
+def films():
+    """The menu films what plays, in a process of its own."""
+    film = [{"click": "menu File"}, {"click": "Video of the scene ..."}, {"wait": 3}, {"drag": "Length", "to": 0}]
+    states, said = replayed("film", [
+        {"wait": 20}, {"key": "2"}, {"wait": 5}, {"click": "tab Scene"}, {"click": "+ Box"}, *film, {"screenshot": "film.png"}, {"click": "Film the file"}, {"wait": 2},
+        {"screenshot": "filming.png"}, {"wait": "film"}, {"wait": 2}, {"click": "menu File"}, {"click": "Turntable ..."}, {"wait": 3}, {"drag": "Length", "to": 0},
+        {"click": "The scene drop from its start, as it is by itself"}, {"click": "Film the file"}, {"wait": "film"}, {"wait": 2}, *film, {"click": "Film the file"},
+        {"wait": 2}, {"click": "Cancel the video"}, {"wait": 3}], "tools.sinew")
+    check("wrote tools.mp4" in said and "wrote tools.turntable.mp4" in said, f"both are there ({said})")
+    check(said[-1] == "the video is given up", "one that is being made can be given up")
+    for name in ("tools.mp4", "tools.turntable.mp4"):
+        check((folder / name).read_bytes()[4:8] == b"ftyp", f"{name} is a video")
+    (folder / "full_film.json").write_text(json.dumps({"events": [{"wait": 20}, {"key": "2"}, *film, {"click": "Film the file"}, {"wait": "film"}, {"wait": 3}]}))
+    result = subprocess.run([arguments.sinew, "studio", "tools.sinew", "--replay", "full_film.json", "--log-state", "/dev/stdout"], cwd=folder, env=environment,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=files_cannot_grow)
+    said = [json.loads(line)["message"] for line in result.stdout.split("\n") if '"message"' in line]
+    check(said and said[-1].startswith("no video: tools.mp4"), f"what cannot be written is said ({said})")
+
+
 def trouble_on_the_disk():
     """Files that cannot grow: a message that names the file, and the recipe on the disk is whole."""
     before = (folder / "tools.json").read_bytes()
-    limited = lambda: (signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500)))
     (folder / "full.json").write_text(json.dumps({"events": [
         {"wait": "evaluation"}, {"click": "tab Paint"}, {"click": "Paint on"}, {"wait": 3}, {"click": "spot"}, {"click": "Surface"},
         {"stroke": [[-0.062, 0.662, 0.103], [-0.04, 0.633, 0.125]]}, {"wait": 20}, {"key": "control+z"}, {"wait": 20}]}))
     result = subprocess.run([arguments.sinew, "studio", "tools.json", "--replay", "full.json", "--log-state", "/dev/stdout"], cwd=folder, env=environment,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limited)
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=files_cannot_grow)
     said = [json.loads(line)["message"] for line in result.stdout.split("\n") if '"message"' in line]
     check(result.returncode == 0, f"with a full disk the window goes on {result.stderr[-300:]}")
     check(any("cannot write" in text or "cannot finish" in text for text in said), f"it says so ({said})")
@@ -318,6 +341,7 @@ try:
     result = sinew("studio", "other.obj", "--replay", "open.json")
     check(result.returncode == 2 and "-o NAME.json" in result.stderr, "a recipe of another source is not taken for its own")
     tools_of_the_window()
+    films()
     trouble_on_the_disk()
     if arguments.keep:
         for picture in folder.glob("*.png"):

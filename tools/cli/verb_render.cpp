@@ -37,7 +37,7 @@ struct RenderCommand {
   std::string size;
   std::string overlay;
   std::string view, camera, light, background;
-  bool turntable = false;
+  bool turntable = false, progress_lines = false;
   int columns = 0;
 };
 
@@ -144,7 +144,8 @@ void renderPackage(const RenderCommand& command, bool video) {
   }
   std::string title(asset->package().text(asset->package().info().name));
   if (title.empty()) title = std::filesystem::path(command.input).stem().string();
-  Progress progress(true);
+  Progress progress(!command.progress_lines);
+  if (command.progress_lines) tellLines(progress);
   progress.stage("draw");
   const auto show = [&](double done) { progress.fraction(done); };
   const HeadlessContext context;
@@ -219,6 +220,7 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
                    "Where the light comes from: yaw,pitch in degrees from the front (default: beside the eye)");
   verb->add_option("--background", command->background, "RRGGBB, or RRGGBB,RRGGBB for top and bottom");
   verb->add_option("--columns", command->columns, "Pictures in a row (default: --frames)")->check(CLI::Range(0, 64));
+  addProgressLines(*verb, command->progress_lines);
   verb->callback([command, &exit_code] {
     runRender(*command);
     exit_code = static_cast<int>(ExitCode::done);
