@@ -231,6 +231,24 @@ def films():
     check(said and said[-1].startswith("no video: tools.mp4"), f"what cannot be written is said ({said})")
 
 
+def mouse_is_kept():
+    """The mouse's habits are those of the last session; a place that cannot be written is no error."""
+    kept = folder / "config" / "sinew" / "studio.json"
+    kept.parent.mkdir(parents=True)
+    kept.write_text('{"later": 1}')
+    look = lambda: replayed("mouse", [{"wait": 3}, {"pull": [1180, 90], "by": [60, 0]}, {"click": "menu Look"}, {"click": "Mouse as in Maya"}, {"wait": 3}], "tools.sinew")[0]
+    turned = lambda states: abs(states[-1]["camera"]["yaw"] - states[1]["camera"]["yaw"]) > 0.05
+    check(turned(look()), "left beside the model orbits at first")
+    check(json.loads(kept.read_text()) == {"later": 1, "navigation": "Maya"}, "the choice is kept beside what else is there")
+    check(not turned(look()), "and is that of the next session")
+    kept.write_text('{"navigation": ')
+    check(turned(look()), "what cannot be read is as if it were not there")
+    shutil.rmtree(kept.parent)
+    kept.parent.write_text("no folder")
+    check(turned(look()), "nor is a place that cannot be written an error")
+    kept.parent.unlink()
+
+
 def trouble_on_the_disk():
     """Files that cannot grow: a message that names the file, and the recipe on the disk is whole."""
     before = (folder / "tools.json").read_bytes()
@@ -257,7 +275,7 @@ def trouble_on_the_disk():
 
 
 try:
-    environment = virtual_display.without_display(XDG_CACHE_HOME=str(folder / "cache"))
+    environment = virtual_display.without_display(XDG_CACHE_HOME=str(folder / "cache"), XDG_CONFIG_HOME=str(folder / "config"))
     shutil.copy(arguments.head, folder / "head.obj")
     new_recipe("face.json")
 
@@ -342,6 +360,7 @@ try:
     check(result.returncode == 2 and "-o NAME.json" in result.stderr, "a recipe of another source is not taken for its own")
     tools_of_the_window()
     films()
+    mouse_is_kept()
     trouble_on_the_disk()
     if arguments.keep:
         for picture in folder.glob("*.png"):

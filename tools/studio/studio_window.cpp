@@ -22,6 +22,7 @@
 #include "tools/core/text.h"
 #include "tools/render/front.h"
 #include "tools/scene/scene_text.h"
+#include "tools/studio/preferences.h"
 #include "tools/studio/scene_panel.h"
 #include "tools/studio/show_panel.h"
 #include "tools/studio/view_marks.h"
@@ -45,7 +46,7 @@ StudioWindow::StudioWindow(const Opened& opened, const StudioOptions& options)
       gui_(window_.get(), window_.scale()),
       log_(options.view.state_log) {
   layout_.scale = window_.scale();
-  state_.navigation = options.navigation;
+  state_.navigation = options.navigation.value_or(readPreferences().navigation);
   take(opened);
   if (!options.replay.empty()) replay_.emplace(options.replay);
 }
@@ -363,7 +364,10 @@ void StudioWindow::stiffenRecipe() {
 
 void StudioWindow::panel(Commands& commands) {
   beginPanel(layout_, height_);
+  const Navigation before = state_.navigation;
   menus_.draw(document_ != nullptr, isSource(), widgets_, state_.navigation, commands);
+  // Where they cannot be kept, that is no reason to trouble anybody.
+  if (state_.navigation != before) writePreferences({state_.navigation});
   if (document_ != nullptr) {
     header_panel_.draw(*document_, widgets_);
   } else {
