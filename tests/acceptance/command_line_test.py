@@ -340,6 +340,11 @@ class CommandLine(unittest.TestCase):
             self.assertAlmostEqual(y, 0.5, delta=1e-3)
             z = middle(seconds=1, forces=[{"keys": [{"time": 0, "force": [0, 0, 1000]}], **({"at": [0, 0.5, -0.5]} if at else {})}])[2]
             self.assertAlmostEqual(z, 0.5, delta=0.03)
+        # In thick air it falls at g over the damping; a file's step length is taken, unless --step says another.
+        self.assertAlmostEqual(middle(seconds=1, gravity=9.81, damping=10, step=0.005)[1], 0.5 - 0.883, delta=0.01)
+        played = lambda *more: json.loads(run("simulate", package, "--scene", scene, "--json", *more).stdout)
+        self.assertEqual((played()["step_seconds"], played()["steps"]), (0.005, 200))
+        self.assertEqual(played("--step", "0.01")["steps"], 100)
         lifted = {"at": [0, 1, 0], "keys": [{"time": 0}, {"time": 0.5, "move": [0, 1, 0]}]}
         self.assertAlmostEqual(middle(seconds=3, gravity=9.81, picks=[{**lifted, "lock": True}])[1], 1.5, delta=0.1)
         self.assertLess(middle(seconds=3, gravity=9.81, picks=[{**lifted, "release": 1}])[1], -5)
@@ -352,6 +357,8 @@ class CommandLine(unittest.TestCase):
         self.assertLess(x, 0.5 * 0.37)
         self.assertAlmostEqual(middle(seconds=1, drag=1)[0], 0, delta=1e-4)
         for keys, said in (({"picks": [{"keys": []}]}, "a pick needs a place"), ({"pushes": [{"keys": ways}]}, "a sphere needs a radius"),
+                           ({"damping": -1}, "Legal: 0.0 to 10000.0"), ({"deformation_damping_ratio": 2}, "Legal: 0.0 to 1.0"),
+                           ({"step": 0}, "Legal: "), ({"stiffness": "soft"}, "needs a number"), ({"deformation_damping": 0.1}, "deformation_damping_ratio"),
                            ({"impulses": [{"time": 0}]}, "an impulse needs"), ({"wind": [{"velocity": [0, 0, 0]}]}, "a keyframe needs a time")):
             scene.write_text(json.dumps({"sinew_scene": 1, **keys}))
             self.assert_refused(run("simulate", package, "--scene", scene), 3, said)

@@ -9,11 +9,13 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <numeric>
 
-#include "tests/support/box_package.h"
+#include "tests/support/touching_box.h"
 #include "tools/scene/scene_text.h"
 #include "tools/studio/play_colors.h"
+#include "tools/studio/play_contacts.h"
 #include "tools/studio/section_view.h"
 #include "tools/studio/timeline.h"
 #include "tools/studio/view_play.h"
@@ -123,7 +125,7 @@ TEST(GoingBack, MemoryHasABoundAndTheNewestMomentsStay) {
   Timeline timeline(10 * each + each / 2);
   for (int s = 0; s < 50; ++s) {
     scene.step();
-    timeline.add({scene.save(), {}, {}});
+    timeline.add({scene.save(), {}, {}, {}});
     EXPECT_LE(timeline.bytes(), 10 * each + each / 2);
   }
   EXPECT_EQ(timeline.size(), 10U);
@@ -136,6 +138,34 @@ TEST(SlowMotion, TakesAsManyTimesTheTime) {
   play.settings.speed = 0.25F;
   for (int frame = 0; frame < 40; ++frame) play.advance(kStep);
   EXPECT_NEAR(play.scene().time(), 10 * kStep, 1.5 * kStep);
+}
+
+TEST(StepLength, ChangesWhileItPlaysAndTimeIsTheSum) {
+  Play play = playing(SceneKind::drop);
+  run(play, 12);
+  play.settings.step_seconds = 1.0F / 240;
+  play.applySettings();
+  const std::size_t moment = play.timeline().at();
+  run(play, 48);
+  EXPECT_NEAR(play.scene().time(), 0.4, 1e-6);
+  // As many as the time of a frame asks for.
+  play.playing = true;
+  play.advance(kStep * 1.01);
+  EXPECT_NEAR(play.scene().time(), 0.4 + kStep, 1e-6);
+  const std::vector<Eigen::Vector3f> fine = play.shape().positions;
+  // Back, and on by the length that is set now: another way by coarser steps, the same by the same.
+  play.settings.step_seconds = 1.0F / 60;
+  play.goTo(moment);
+  EXPECT_NEAR(play.scene().time(), 0.2, 1e-6);
+  run(play, 13);
+  EXPECT_NEAR(play.scene().time(), 0.4 + kStep, 1e-6);
+  EXPECT_NE(play.shape().positions, fine);
+  play.settings.step_seconds = 1.0F / 240;
+  play.goTo(moment);
+  run(play, 52);
+  EXPECT_EQ(play.shape().positions, fine);
+  play.restart();
+  EXPECT_EQ(play.scene().stepSeconds(), 1.0F / 240);
 }
 
 TEST(Scenes, OneThatCannotBePlayedLeavesTheOneBefore) {
@@ -161,6 +191,145 @@ TEST(Hand, ABallPushesTheBodyAside) {
   EXPECT_GT(now.x() - center.x(), 0.03F);
   play.endPush();
   EXPECT_TRUE(play.scene().solids().empty());
+}
+
+// A slab under the box in the scene drop.
+PlacedSolid slab(const Play& play) {
+  PlacedSolid solid;
+  solid.shape = BoxShape{{0.5F, 0.02F, 0.5F}};
+  solid.settings.at.position = {play.shape().positions.front().x(), 0.04F, 0};
+  return solid;
+}
+
+float lowest(const Play& play) {
+  float low = std::numeric_limits<float>::infinity();
+  for (std::size_t v = 0; v < play.shape().body_vertices; ++v) low = std::min(low, play.shape().positions[v].y());
+  return low;
+}
+
+TEST(PlacedColliders, CarryTheBodyAtOnceAndSurviveRestartAndAnotherBody) {
+  Play play = playing(SceneKind::drop);
+  play.addSolid(BoxShape{{0.1F, 0.1F, 0.1F}});
+  EXPECT_EQ(play.placed().selected, 0U);
+  play.changeSolid(0, slab(play), false);
+  run(play, 90);
+  EXPECT_NEAR(lowest(play), 0.06F, 5e-3F);  // its upper side
+  play.restart();
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  run(play, 90);
+  EXPECT_NEAR(lowest(play), 0.06F, 5e-3F);
+  ASSERT_TRUE(play.swap(box()));
+  run(play, 30);
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  EXPECT_NEAR(lowest(play), 0.06F, 5e-3F);
+  play.removeSolid(0);
+  run(play, 60);
+  EXPECT_TRUE(play.scene().solids().empty());
+  EXPECT_NEAR(lowest(play), 0, 5e-3F);
+  play.settings.ground = false;
+  play.applySettings();
+  run(play, 60);
+  EXPECT_LT(lowest(play), -0.5F);
+}
+
+TEST(PlacedColliders, StayWhenItGoesBackAndWhatFollowsIsTheSame) {
+  Play play = playing(SceneKind::drop);
+  run(play, 10);
+  play.addSolid(SphereShape{0.05F});
+  PlacedSolid solid = slab(play);
+  play.changeSolid(0, solid, false);
+  run(play, 50);
+  const std::size_t moment = play.timeline().at();
+  run(play, 20);
+  const std::vector<Eigen::Vector3f> later = play.shape().positions;
+  play.goTo(5);  // before it was there
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  play.goTo(moment);
+  EXPECT_EQ(play.scene().solids().size(), 1U);
+  run(play, 20);
+  EXPECT_EQ(play.shape().positions, later);
+  // Moved while it stands still, it is there at once, in all moments.
+  solid.settings.at.position[1] = 0.09F;
+  play.playing = false;
+  play.changeSolid(0, solid, true);
+  EXPECT_FLOAT_EQ(play.scene().world().colliderPose(play.scene().solids()[0].id).position[1], 0.09F);
+  play.goTo(moment);
+  ASSERT_EQ(play.scene().solids().size(), 1U);
+  EXPECT_FLOAT_EQ(play.scene().world().colliderPose(play.scene().solids()[0].id).position[1], 0.09F);
+  play.removeSolid(0);
+  play.goTo(moment);
+  EXPECT_TRUE(play.scene().solids().empty());
+}
+
+TEST(PlacedColliders, MovedWhileItPlaysTakeTheBodyAlong) {
+  Play play = playing(SceneKind::rest);
+  play.addSolid(SphereShape{0.03F});
+  const auto center = [&] { return Eigen::Vector3f(play.scene().world().motion(play.scene().body()).center.data()); };
+  const Eigen::Vector3f before = center();
+  PlacedSolid solid = play.placed()[0];
+  for (int s = 0; s < 40; ++s) {
+    const Eigen::Vector3f at = before + Eigen::Vector3f(0.2F - 0.005F * float(s), 0, 0);
+    solid.settings.at.position = {at.x(), at.y(), at.z()};
+    play.playing = true;
+    play.changeSolid(0, solid, true);
+    play.advance(kStep);
+  }
+  EXPECT_LT(center().x() - before.x(), -0.03F);
+}
+
+int contactsWithin(const Play& play, float low, float high, std::size_t axis) {
+  int count = 0;
+  for (const Eigen::Vector3f& x : contactsOf(play))
+    count += x[Eigen::Index(axis)] > low && x[Eigen::Index(axis)] < high ? 1 : 0;
+  return count;
+}
+
+TEST(Contacts, AreThoseOfTwoBodiesToo) {
+  ViewOptions options;
+  options.scene = SceneKind::stack;
+  Play play(test::touchingBox({0.2, 0.2, 0.2}), options);
+  play.settings.stiffness = 20;  // else the lowest are flat
+  play.restart();
+  run(play, 60);
+  EXPECT_GE(contactsWithin(play, -0.01F, 0.01F, 1), 4);  // with the ground
+  EXPECT_GE(contactsWithin(play, 0.19F, 0.21F, 1), 8);   // of the first two with each other
+  EXPECT_EQ(contactsWithin(play, 0.03F, 0.17F, 1), 0);   // and not between
+  play.scene().world().settings().collisions = false;
+  EXPECT_EQ(contactsWithin(play, 0.19F, 0.21F, 1), 0);
+}
+
+TEST(Contacts, AreThoseOfABodyWithItselfToo) {
+  // Two cubes of one body, apart at rest, together now.
+  test::BoxOptions box;
+  box.cells = {2, 2, 2};
+  box.center = {-0.75, 0, 0};
+  formats::PackageContent content = test::boxContent(box);
+  box.center[0] = 0.75;
+  test::appendBody(content, test::boxContent(box));
+  for (const std::uint32_t piece : {0U, 1U}) {
+    const std::array<double, 3> center = {piece == 0 ? -0.75 : 0.75, 0, 0};
+    test::addDistances(content, piece, center, {1, 1, 1}, [&](const auto& at) {
+      return test::boxDistance(at, center, {1, 1, 1});
+    });
+  }
+  for (const bool self_contact : {true, false}) {
+    SceneScript script;
+    script.self_contact = self_contact;
+    ViewOptions options;
+    options.scene = SceneKind::rest;
+    options.scene.script = std::make_shared<const SceneScript>(script);
+    Play play(test::makeAsset(content), options);
+    play.playing = false;
+    EXPECT_TRUE(contactsOf(play).empty());
+    World& world = play.scene().world();
+    std::vector<Vec3> positions(world.positions(play.scene().body()).begin(),
+                                world.positions(play.scene().body()).end());
+    for (Vec3& x : positions) x[0] += x[0] < 0 ? 0.25F : -0.25F;
+    world.setState(play.scene().body(), positions, {});
+    play.advance(0);
+    EXPECT_EQ(contactsWithin(play, -0.01F, 0.01F, 0) > 8, self_contact);
+    EXPECT_EQ(contactsWithin(play, 0.01F, 2, 0), 0);
+  }
 }
 
 // A body put into a known shape.
@@ -267,7 +436,7 @@ TEST_F(SavedScene, ALockedPullComesToTheSamePlace) {
   EXPECT_TRUE(script.picks[0].lock);
   EXPECT_NEAR(script.picks[0].keys.back().value[0], 0.05, 1e-4);
   EXPECT_NEAR(script.picks[0].keys.back().value[1], 0.02, 1e-4);
-  EXPECT_TRUE(readBack(play.scene(), {.picks = false, .targets = {}, .camera = {}}).picks.empty());
+  EXPECT_TRUE(readBack(play.scene(), {.picks = false, .targets = {}, .camera = {}, .solids = {}}).picks.empty());
   // Played, the body hangs on the pull as it does here.
   ViewOptions options;
   options.scene = SceneKind::rest;
@@ -279,6 +448,84 @@ TEST_F(SavedScene, ALockedPullComesToTheSamePlace) {
   for (std::size_t v = 0; v < play.shape().body_vertices; ++v)
     largest = std::max(largest, (again.shape().positions[v] + shift - play.shape().positions[v]).norm());
   EXPECT_LT(largest, 0.05F * play.diagonal());
+}
+
+TEST_F(SavedScene, PlacedCollidersAndGroundPlayTheSame) {
+  Play play = playing(SceneKind::drop);  // which turns the body
+  play.settings.ground_height = -0.03F;
+  play.applySettings();
+  for (const ColliderShape& shape : {ColliderShape(BoxShape{{0.02F, 0.03F, 0.04F}}), ColliderShape(SphereShape{0.03F}),
+                                     ColliderShape(CapsuleShape{0.02F, 0.06F})}) {
+    play.addSolid(shape);
+    PlacedSolid solid = play.placed()[play.placed().size() - 1];
+    const float x = 0.06F * (float(play.placed().size()) - 2);
+    solid.settings.at.position = {x, 0.02F, 0.01F};
+    solid.settings.friction = 0.25F;
+    solid = dragged(solid, HandleKind::turn_y, Eigen::Vector3f(x + 0.3F, 0.6F, 0.2F));
+    play.changeSolid(play.placed().size() - 1, solid, false);
+  }
+  play.advance(0);
+  SceneTextOptions options;
+  options.solids = play.placed().all();
+  const SceneScript script = readBack(play.scene(), options);
+  ASSERT_EQ(script.colliders.size(), 3U);
+  EXPECT_NEAR(script.colliders[1].friction, 0.25, 1e-6);
+  ViewOptions view;
+  view.scene = SceneKind::rest;
+  view.scene.script = std::make_shared<const SceneScript>(script);
+  Play again(play.shape().assets.front(), view);
+  const Eigen::Vector3f shift(play.scene().placement().position.data());
+  const auto apart = [&] {
+    float most = 0;
+    for (std::size_t v = 0; v < play.shape().positions.size(); ++v)
+      most = std::max(most, (again.shape().positions[v] + shift - play.shape().positions[v]).norm());
+    return most;
+  };
+  ASSERT_EQ(again.shape().positions.size(), play.shape().positions.size());
+  EXPECT_LT(apart(), 1e-5F);  // bodies and colliders
+  EXPECT_NEAR(again.scene().groundHeight() + shift.y(), -0.03F, 1e-6);
+  run(play, 25);
+  run(again, 25);
+  EXPECT_LT(apart(), 1e-3F);
+  // Saved again, from the file's scene, they are there once more.
+  EXPECT_EQ(readBack(again.scene(), {}).colliders.size(), 3U);
+}
+
+TEST_F(SavedScene, PlaysByAllThatTheSlidersSay) {
+  Play play = playing(SceneKind::drop);
+  play.settings.gravity = 0.5F;
+  play.settings.iterations = 7;
+  play.settings.damping = 1.5F;
+  play.settings.deformation_damping = 0.0625F;
+  play.settings.stiffness = 3;
+  play.settings.step_seconds = 1.0F / 120;
+  play.restart();
+  ViewOptions view;
+  view.scene = SceneKind::rest;
+  view.scene.script = std::make_shared<const SceneScript>(readBack(play.scene(), {}));
+  Play again(play.shape().assets.front(), view);
+  const WorldSettings &saved = play.scene().world().settings(), &read = again.scene().world().settings();
+  EXPECT_NEAR(read.gravity[1], saved.gravity[1], 1e-6F);
+  EXPECT_EQ(read.iterations, 7U);
+  EXPECT_EQ(read.damping, 1.5F);
+  EXPECT_EQ(read.deformation_damping_ratio, 0.0625F);
+  EXPECT_EQ(again.scene().world().bodySettings(again.scene().body()).stiffness_scale, 3);
+  EXPECT_NEAR(again.scene().stepSeconds(), 1.0F / 120, 1e-8F);
+  // The sliders stand where they stood; stiffness multiplies what the file has.
+  EXPECT_EQ(again.settings.damping, 1.5F);
+  EXPECT_EQ(again.settings.stiffness, 1);
+  again.settings.stiffness = 2;
+  again.restart();
+  EXPECT_EQ(again.scene().world().bodySettings(again.scene().body()).stiffness_scale, 6);
+}
+
+TEST_F(SavedScene, FromStraightAboveReadsBack) {
+  Play play = playing(SceneKind::rest);
+  Camera camera;
+  camera.pitch = 1.57F;
+  SceneTextOptions options;
+  options.camera = sceneViewOf(camera, play.package(), {});
+  EXPECT_NEAR(readBack(play.scene(), options).view->pitch, 1.55, 0.01);
 }
 
 TEST_F(SavedScene, CameraAndTargetsReadBack) {

@@ -143,6 +143,13 @@ def tools_of_the_window():
         {"wait": "evaluation"}, {"click": "tab Regions"}, {"click": "region hold"}, {"wait": 3}, {"pull": "handle radius", "by": [40, 0]}, {"wait": "evaluation"},
         {"wait": 3}, {"screenshot": "handles.png"}, {"pull": "handle center", "by": [30, 20]}, {"wait": "evaluation"},
         {"click": "region smile.L"}, {"wait": 3}, {"pull": "handle fibre", "by": [10, 60]}, {"wait": "evaluation"}, {"wait": 3}, {"screenshot": "fibre.png"}], "tools.json")
+    # Order: the window's command is the command line's.
+    done("author", "tools.json", "add-cluster", "extra", "--from", "spot")
+    replayed("order", [{"wait": "evaluation"}, {"click": "tab Regions"}, {"click": "region extra"}, {"wait": 3}, {"click": "Up"}, {"wait": "evaluation"},
+                       {"click": "Solo"}, {"wait": 3}, {"screenshot": "order.png"}], "tools.json")
+    check([c["name"] for c in json.loads((folder / "tools.json").read_text())["clusters"]] == ["extra", "smile.L"], "Up moves a cluster up")
+    check("move extra up" in done("author", "tools.json", "undo").stdout, "one step of the history")
+    done("author", "tools.json", "undo")
     document = json.loads((folder / "tools.json").read_text())
     pins = document["pins"][0]["from"]
     check(pins["radius"] > 0.025, f"the handle makes the disc larger ({pins['radius']} m)")
@@ -169,6 +176,20 @@ def tools_of_the_window():
     check(any(s["scene"] == "drop" for s in states), "a digit that nobody types into a field does")
     check(max(s["bodies"] for s in states) >= 2, "a line cuts the body")
 
+    # Colliders: added, moved, sized and turned by their handles while the scene plays; the scene's file has them.
+    replayed("colliders", [
+        {"wait": 20}, {"key": "2"}, {"wait": 3}, {"click": "tab Scene"}, {"click": "+ Sphere"}, {"click": "+ Capsule"}, {"click": "+ Box"}, {"wait": 5},
+        {"pull": "handle center", "by": [-260, 120]}, {"pull": "handle size x", "by": [60, 0]}, {"pull": "handle turn y", "by": [90, 60]}, {"wait": 5}, {"screenshot": "colliders.png"},
+        {"click": "capsule 2"}, {"wait": 3}, {"pull": "handle radius", "by": [20, 0]}, {"wait": 3}, {"screenshot": "capsule.png"}, {"click": "sphere 1"}, {"wait": 3},
+        {"click": "Remove the collider"}, {"drag": "Height", "to": 0.45}, {"wait": 40}, {"screenshot": "ground.png"}, {"key": "control+s"}, {"wait": 3}, {"click": "Save the file"}, {"wait": 3}], "tools.sinew")
+    scene = json.loads((folder / "tools.scene.json").read_text())
+    capsule, box = scene["colliders"]
+    check("capsule" in capsule and "box" in box, f"the scene has the colliders that were not removed ({scene['colliders']})")
+    check(box["box"]["half_size"][0] > 1.2 * box["box"]["half_size"][1], "a handle sizes the box")
+    check(abs(box["keys"][0]["turn"]) > 5 and len(box["axis"]) == 3, "a handle turns it")
+    check(scene["ground"] < scene["camera"]["at"][1], "the ground is there")
+    done("render", "tools.sinew", "--scene", "tools.scene.json", "--frames", "1", "-o", "colliders_scene.png")
+
     # The page of keys, the menu, a file that is dropped, one that cannot be opened.
     states, said = replayed("pages", [
         {"wait": "evaluation"}, {"key": "f1"}, {"wait": 4}, {"screenshot": "help.png"}, {"key": "f1"}, {"click": "menu Play"}, {"wait": 4}, {"screenshot": "menu.png"}, {"key": "escape"},
@@ -186,15 +207,56 @@ def tools_of_the_window():
     check(json.loads((folder / "tools.json").read_text()) == before, "and is one step")
 
 
+def files_cannot_grow():
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
+
+
+def films():
+    """The menu films what plays, in a process of its own."""
+    film = [{"click": "menu File"}, {"click": "Video of the scene ..."}, {"wait": 3}, {"drag": "Length", "to": 0}]
+    states, said = replayed("film", [
+        {"wait": 20}, {"key": "2"}, {"wait": 5}, {"click": "tab Scene"}, {"click": "+ Box"}, *film, {"screenshot": "film.png"}, {"click": "Film the file"}, {"wait": 2},
+        {"screenshot": "filming.png"}, {"wait": "film"}, {"wait": 2}, {"click": "menu File"}, {"click": "Turntable ..."}, {"wait": 3}, {"drag": "Length", "to": 0},
+        {"click": "The scene drop from its start, as it is by itself"}, {"click": "Film the file"}, {"wait": "film"}, {"wait": 2}, *film, {"click": "Film the file"},
+        {"wait": 2}, {"click": "Cancel the video"}, {"wait": 3}], "tools.sinew")
+    check("wrote tools.mp4" in said and "wrote tools.turntable.mp4" in said, f"both are there ({said})")
+    check(said[-1] == "the video is given up", "one that is being made can be given up")
+    for name in ("tools.mp4", "tools.turntable.mp4"):
+        check((folder / name).read_bytes()[4:8] == b"ftyp", f"{name} is a video")
+    (folder / "full_film.json").write_text(json.dumps({"events": [{"wait": 20}, {"key": "2"}, *film, {"click": "Film the file"}, {"wait": "film"}, {"wait": 3}]}))
+    result = subprocess.run([arguments.sinew, "studio", "tools.sinew", "--replay", "full_film.json", "--log-state", "/dev/stdout"], cwd=folder, env=environment,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=files_cannot_grow)
+    said = [json.loads(line)["message"] for line in result.stdout.split("\n") if '"message"' in line]
+    check(said and said[-1].startswith("no video: tools.mp4"), f"what cannot be written is said ({said})")
+
+
+def mouse_is_kept():
+    """The mouse's habits are those of the last session; a place that cannot be written is no error."""
+    kept = folder / "config" / "sinew" / "studio.json"
+    kept.parent.mkdir(parents=True)
+    kept.write_text('{"later": 1}')
+    look = lambda: replayed("mouse", [{"wait": 3}, {"pull": [1180, 90], "by": [60, 0]}, {"click": "menu Look"}, {"click": "Mouse as in Maya"}, {"wait": 3}], "tools.sinew")[0]
+    turned = lambda states: abs(states[-1]["camera"]["yaw"] - states[1]["camera"]["yaw"]) > 0.05
+    check(turned(look()), "left beside the model orbits at first")
+    check(json.loads(kept.read_text()) == {"later": 1, "navigation": "Maya"}, "the choice is kept beside what else is there")
+    check(not turned(look()), "and is that of the next session")
+    kept.write_text('{"navigation": ')
+    check(turned(look()), "what cannot be read is as if it were not there")
+    shutil.rmtree(kept.parent)
+    kept.parent.write_text("no folder")
+    check(turned(look()), "nor is a place that cannot be written an error")
+    kept.parent.unlink()
+
+
 def trouble_on_the_disk():
     """Files that cannot grow: a message that names the file, and the recipe on the disk is whole."""
     before = (folder / "tools.json").read_bytes()
-    limited = lambda: (signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500)))
     (folder / "full.json").write_text(json.dumps({"events": [
         {"wait": "evaluation"}, {"click": "tab Paint"}, {"click": "Paint on"}, {"wait": 3}, {"click": "spot"}, {"click": "Surface"},
         {"stroke": [[-0.062, 0.662, 0.103], [-0.04, 0.633, 0.125]]}, {"wait": 20}, {"key": "control+z"}, {"wait": 20}]}))
     result = subprocess.run([arguments.sinew, "studio", "tools.json", "--replay", "full.json", "--log-state", "/dev/stdout"], cwd=folder, env=environment,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limited)
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=files_cannot_grow)
     said = [json.loads(line)["message"] for line in result.stdout.split("\n") if '"message"' in line]
     check(result.returncode == 0, f"with a full disk the window goes on {result.stderr[-300:]}")
     check(any("cannot write" in text or "cannot finish" in text for text in said), f"it says so ({said})")
@@ -213,7 +275,7 @@ def trouble_on_the_disk():
 
 
 try:
-    environment = virtual_display.without_display(XDG_CACHE_HOME=str(folder / "cache"))
+    environment = virtual_display.without_display(XDG_CACHE_HOME=str(folder / "cache"), XDG_CONFIG_HOME=str(folder / "config"))
     shutil.copy(arguments.head, folder / "head.obj")
     new_recipe("face.json")
 
@@ -300,6 +362,8 @@ try:
     result = sinew("studio", "other.obj", "--replay", "open.json")
     check(result.returncode == 2 and "-o NAME.json" in result.stderr, "a recipe of another source is not taken for its own")
     tools_of_the_window()
+    films()
+    mouse_is_kept()
     trouble_on_the_disk()
     if arguments.keep:
         for picture in folder.glob("*.png"):

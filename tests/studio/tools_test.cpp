@@ -8,6 +8,7 @@
 #include "tools/render/front.h"
 #include "tools/studio/camera_mouse.h"
 #include "tools/studio/gizmo.h"
+#include "tools/studio/placed_solids.h"
 #include "tools/studio/shortcuts.h"
 
 namespace sinew::tools {
@@ -106,6 +107,40 @@ TEST(Handles, TurnAHalfSpaceAndAFibre) {
   const Gizmo fibre = {"/clusters/0/fibre", {0, 0, 1}, Vector3d(1, 0, 0), false};
   EXPECT_EQ(handles(fibre).at(HandleKind::fibre), Vector3d(1, 0, 0.5));
   EXPECT_EQ(dragged(fibre, HandleKind::fibre, {1, 4, 0}), Json({0, 1, 0}));
+}
+
+std::map<HandleKind, Vector3d> handles(const PlacedSolid& solid) {
+  std::map<HandleKind, Vector3d> all;
+  for (const Handle& handle : handlesOf(solid, Eigen::Vector3f::UnitX(), 0.5F)) all[handle.kind] = handle.place;
+  return all;
+}
+
+TEST(Handles, OfAColliderMoveSizeAndTurnIt) {
+  PlacedSolid box;
+  box.shape = BoxShape{{1, 2, 3}};
+  box.settings.at.position = {1, 0, 0};
+  const auto at = handles(box);
+  EXPECT_EQ(at.size(), 6U);
+  EXPECT_EQ(at.at(HandleKind::size_z), Vector3d(1, 0, 3));
+  EXPECT_EQ(at.at(HandleKind::turn_y), Vector3d(1, 2.5, 0));
+  EXPECT_EQ(dragged(box, HandleKind::center, {0, 5, 0}).settings.at.position, (Vec3{0, 5, 0}));
+  // Only what lies along its side counts; what is dragged through the middle comes out at the other side.
+  EXPECT_EQ(std::get<BoxShape>(dragged(box, HandleKind::size_z, {7, 0, -4}).shape).half_size, (Vec3{1, 2, 4}));
+  EXPECT_GT(std::get<BoxShape>(dragged(box, HandleKind::size_x, {1, 0, 0}).shape).half_size[0], 0);
+  const PlacedSolid turned = dragged(box, HandleKind::turn_y, {1, 0, 4});
+  EXPECT_NEAR((handles(turned).at(HandleKind::turn_y) - Vector3d(1, 0, 2.5)).norm(), 0, 1e-6);
+  EXPECT_NEAR((handles(turned).at(HandleKind::size_x) - Vector3d(2, 0, 0)).norm(), 0, 1e-6);
+
+  PlacedSolid capsule;
+  capsule.shape = CapsuleShape{0.25F, 1};
+  const CapsuleShape longer = std::get<CapsuleShape>(dragged(capsule, HandleKind::size_y, {0.5F, 2, 0}).shape);
+  EXPECT_EQ(longer.half_length, 2);
+  EXPECT_EQ(longer.radius, 0.25F);
+  EXPECT_EQ(std::get<CapsuleShape>(dragged(capsule, HandleKind::radius, {0.5F, 9, 0}).shape).radius, 0.5F);
+  PlacedSolid sphere;
+  sphere.shape = SphereShape{1};
+  EXPECT_EQ(handles(sphere).size(), 2U);
+  EXPECT_EQ(std::get<SphereShape>(dragged(sphere, HandleKind::radius, {0, 3, 4}).shape).radius, 5);
 }
 
 }  // namespace

@@ -16,8 +16,8 @@ def skip_without(*programs):
 
 
 def without_display(**more):
-    """The environment of a program that finds no screen and draws by software."""
-    environment = dict(os.environ, LIBGL_ALWAYS_SOFTWARE="1", **more)
+    """The environment of a program that finds no screen and draws by software, and no settings of whoever runs it."""
+    environment = dict(os.environ, **{"LIBGL_ALWAYS_SOFTWARE": "1", "XDG_CONFIG_HOME": "/dev/null/none", **more})
     for name in ("WAYLAND_DISPLAY", "DISPLAY"):
         environment.pop(name, None)
     return environment

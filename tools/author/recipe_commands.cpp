@@ -476,6 +476,39 @@ void RecipeEditor::rename(const std::string& from, const std::string& to) {
   commit("rename " + from + " " + to, document);
 }
 
+void RecipeEditor::move(const std::string& name, int by, const std::string& list) {
+  Json document = this->document();
+  std::vector<std::string> lists = {"clusters", "pins", "parts", "masks"};
+  if (!list.empty()) lists = {list};
+  for (const std::string& kind : lists) {
+    if (!document.contains(kind)) continue;
+    // Masks are an object, in the order of its keys.
+    std::vector<std::pair<std::string, Json>> entries;
+    for (const auto& [key, value] : document[kind].items())
+      entries.emplace_back(kind == "masks" ? key : value["name"].get<std::string>(), value);
+    const auto at = std::find_if(entries.begin(), entries.end(), [&](const auto& e) { return e.first == name; });
+    if (at == entries.end()) continue;
+    const std::ptrdiff_t from = at - entries.begin(), to = from + by;
+    if (to < 0 || to >= std::ptrdiff_t(entries.size())) {
+      usage("'" + name + "' is number " + std::to_string(from + 1) + " of " +
+                counted(entries.size(), "entry", "entries") + " in " + kind + " and cannot go " +
+                std::to_string(std::abs(by)) + (by < 0 ? " up" : " down"),
+            "Move it less far.");
+    }
+    const auto first = entries.begin();
+    if (to < from)
+      std::rotate(first + to, first + from, first + from + 1);
+    else
+      std::rotate(first + from, first + from + 1, first + to + 1);
+    Json sorted = kind == "masks" ? Json::object() : Json::array();
+    for (const auto& [key, value] : entries) kind == "masks" ? void(sorted[key] = value) : sorted.push_back(value);
+    document[kind] = sorted;
+    commit("move " + name + (by < 0 ? " up " : " down ") + std::to_string(std::abs(by)), document);
+    return;
+  }
+  noSuchName(document, name);
+}
+
 void RecipeEditor::remove(const std::string& name) {
   Json document = this->document();
   bool found = false;

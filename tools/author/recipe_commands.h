@@ -62,6 +62,9 @@ class RecipeEditor {
   std::vector<Change> set(const std::string& key, const std::string& value);
   /// Renames a mask (with all selections that use it), a cluster or a set of pins.
   void rename(const std::string& from, const std::string& to);
+  /// Moves a mask, a cluster, a part or a set of pins by so many places in its list: the order in which they are shown.
+  /// \param list "masks", "clusters", "pins" or "parts"; empty: the first of the latter three that has it, else masks.
+  void move(const std::string& name, int by, const std::string& list = "");
   /// Removes a mask, a cluster or a set of pins. A mask that is in use stays, with an error that says where.
   void remove(const std::string& name);
   /// Adds the mirror image of a mask or cluster. \param to empty: the name with left and right exchanged (.L/.R, _l/_r,

@@ -51,7 +51,8 @@ void addWindowOptions(CLI::App& verb, StudioOptions& options) {
   verb.add_option("--replay", options.replay, "Input from a file instead of mouse and keyboard (for tests)");
   const std::map<std::string, Navigation> navigations = {
       {"sinew", Navigation::usual}, {"blender", Navigation::blender}, {"maya", Navigation::maya}};
-  verb.add_option("--navigation", options.navigation, "The mouse moves the camera as in sinew, blender or maya")
+  verb.add_option("--navigation", options.navigation,
+                  "The mouse moves the camera as in sinew, blender or maya; without it as last time")
       ->transform(CLI::CheckedTransformer(navigations, CLI::ignore_case));
   options.open = [](const std::string& file) { return openForWindow(file); };
 }

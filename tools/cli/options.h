@@ -7,6 +7,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -16,6 +17,7 @@
 #include "sinew/runtime/settings.h"
 #include "tools/author/recipe.h"
 #include "tools/core/error.h"
+#include "tools/core/progress.h"
 
 namespace sinew::tools {
 
@@ -45,6 +47,18 @@ inline CLI::Validator finiteNumber() {
 /// The solver of this name, one that addSolverOption() lets through.
 inline const SolverFactory* solverNamed(const std::string& name) {
   return name == "report" ? &reportSolver() : nullptr;
+}
+
+/// Adds --progress-lines, for a program that started this one.
+inline void addProgressLines(CLI::App& verb, bool& wanted) {
+  verb.add_flag("--progress-lines", wanted,
+                "Stages and shares done as lines on stderr, for a program that started this one");
+}
+inline void tellLines(Progress& progress) {
+  progress.tell([](const std::string& stage, double done) {
+    std::fprintf(stderr, "%s %.3f\n", stage.c_str(), done);
+    std::fflush(stderr);
+  });
 }
 
 /// Adds --solver.

@@ -32,6 +32,8 @@ struct AuthorCommand {
   std::string mode = "paint";
   std::vector<std::string> assignments, names;
   double value = 1;
+  std::string list;
+  int places = 1;
   bool json = false, mirror = false;
   Stroke stroke;
 };
@@ -452,6 +454,16 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   });
   rename->add_option("from", command->name)->required();
   rename->add_option("to", command->other)->required();
+
+  CLI::App* move = add("move", "Move a mask, a cluster, a part or a set of pins up or down in its list", [command] {
+    const int places = command->places * (command->other == "up" ? -1 : 1);
+    edit(*command, [&](RecipeEditor& e) { e.move(command->name, places, command->list); });
+  });
+  move->add_option("name", command->name)->required();
+  move->add_option("way", command->other, "up or down")->required()->check(CLI::IsMember({"up", "down"}));
+  move->add_option("places", command->places, "How far (default 1)")->check(CLI::Range(1, 1000000));
+  move->add_option("--list", command->list, "Its list, where several have the name: clusters, pins, parts or masks")
+      ->check(CLI::IsMember({"clusters", "pins", "parts", "masks"}));
 
   CLI::App* remove = add("remove", "Remove a mask, a cluster, a part or a set of pins",
                          [command] { edit(*command, [&](RecipeEditor& e) { e.remove(command->name); }); });

@@ -161,12 +161,7 @@ void runBake(const BakeCommand& command) {
   }
   const auto limit = limitThreads(command.threads);
   Progress progress(!command.quiet && !command.progress_lines);
-  if (command.progress_lines) {
-    progress.tell([](const std::string& stage, double done) {
-      std::fprintf(stderr, "%s %.3f\n", stage.c_str(), done);
-      std::fflush(stderr);
-    });
-  }
+  if (command.progress_lines) tellLines(progress);
   StageCache cache(command.no_cache ? std::filesystem::path() : StageCache::userFolder());
   BakeResult result;
   if (budget) {
@@ -233,8 +228,7 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--report", command->report_file, "Write what was done, measured and found as JSON");
   verb->add_option("--threads", command->threads, "Threads at most; 0 = all processors")->check(CLI::Range(0U, 1024U));
   verb->add_flag("--json", command->json, "Print the report as JSON instead of the summary");
-  verb->add_flag("--progress-lines", command->progress_lines,
-                 "Stages and shares done as lines on stderr, for a program that started this one");
+  addProgressLines(*verb, command->progress_lines);
   verb->add_flag("-q,--quiet", command->quiet, "Print nothing but errors");
   verb->callback([command, &exit_code] {
     runBake(*command);

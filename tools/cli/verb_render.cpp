@@ -32,12 +32,12 @@ struct RenderCommand {
   std::vector<std::string> scenes;
   std::string solver = "coupled";
   double seconds = 0;
-  double step = 1.0 / 60;
+  double step = 0;
   int frames = 0;
   std::string size;
   std::string overlay;
   std::string view, camera, light, background;
-  bool turntable = false;
+  bool turntable = false, progress_lines = false;
   int columns = 0;
 };
 
@@ -144,7 +144,8 @@ void renderPackage(const RenderCommand& command, bool video) {
   }
   std::string title(asset->package().text(asset->package().info().name));
   if (title.empty()) title = std::filesystem::path(command.input).stem().string();
-  Progress progress(true);
+  Progress progress(!command.progress_lines);
+  if (command.progress_lines) tellLines(progress);
   progress.stage("draw");
   const auto show = [&](double done) { progress.fraction(done); };
   const HeadlessContext context;
@@ -199,7 +200,9 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--seconds", command->seconds, "Length of each scene; 0 = its own")
       ->check(CLI::Range(0.0, 600.0))
       ->check(finiteNumber());
-  verb->add_option("--step", command->step, "Seconds per step")->check(CLI::Range(1e-5, 1.0))->check(finiteNumber());
+  verb->add_option("--step", command->step, "Seconds per step (default: the scene's own, else 1/60)")
+      ->check(CLI::Range(1e-5, 1.0))
+      ->check(finiteNumber());
   verb->add_option("--frames", command->frames,
                    "Pictures of each scene (default 6; 1: all scenes side by side), or frames of the video (default 30 "
                    "a second)")
@@ -217,6 +220,7 @@ void addRenderVerb(CLI::App& app, int& exit_code) {
                    "Where the light comes from: yaw,pitch in degrees from the front (default: beside the eye)");
   verb->add_option("--background", command->background, "RRGGBB, or RRGGBB,RRGGBB for top and bottom");
   verb->add_option("--columns", command->columns, "Pictures in a row (default: --frames)")->check(CLI::Range(0, 64));
+  addProgressLines(*verb, command->progress_lines);
   verb->callback([command, &exit_code] {
     runRender(*command);
     exit_code = static_cast<int>(ExitCode::done);

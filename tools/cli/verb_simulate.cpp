@@ -28,7 +28,7 @@ struct SimulateCommand {
   std::vector<std::string> others;
   std::string scene = "drop";
   double seconds = 0;
-  std::vector<double> steps = {1.0 / 60};
+  std::vector<double> steps;  // empty: the scene's own
   std::string solver = "coupled";
   double gravity = std::nan("");
   unsigned threads = 1;
@@ -53,8 +53,9 @@ void runSimulate(const SimulateCommand& command) {
   SceneOptions options;
   options.scene = choice;
   options.others = loadOthers(command.others, {&choice, 1});
-  options.step_seconds = float(command.steps.front());
-  if (command.steps.size() > 1) options.step_sequence.assign(command.steps.begin(), command.steps.end());
+  const std::vector<double> lengths = command.steps.empty() ? std::vector{choice.stepSeconds()} : command.steps;
+  options.step_seconds = float(lengths.front());
+  if (lengths.size() > 1) options.step_sequence.assign(lengths.begin(), lengths.end());
   options.solver = solverNamed(command.solver);
   options.iterations = command.iterations;
   if (std::isfinite(command.gravity)) options.gravity = float(command.gravity);
@@ -63,8 +64,8 @@ void runSimulate(const SimulateCommand& command) {
 
   const double seconds = command.seconds > 0 ? command.seconds : choice.script ? choice.seconds() : kUsualSeconds;
   double round_seconds = 0;
-  for (const double step : command.steps) round_seconds += step;
-  const auto steps = std::uint64_t(std::llround(seconds / round_seconds * double(command.steps.size())));
+  for (const double step : lengths) round_seconds += step;
+  const auto steps = std::uint64_t(std::llround(seconds / round_seconds * double(lengths.size())));
   std::vector<double> microseconds;
   microseconds.reserve(steps);
   double volume_min = 1;
@@ -96,7 +97,7 @@ void runSimulate(const SimulateCommand& command) {
         {"package", command.package},
         {"scene", command.scene},
         {"steps", steps},
-        {"step_seconds", command.steps.size() > 1 ? ordered_json(command.steps) : ordered_json(command.steps.front())},
+        {"step_seconds", lengths.size() > 1 ? ordered_json(lengths) : ordered_json(lengths.front())},
         {"solver", command.solver},
         {"threads", command.threads},
         {"wall_seconds", wall},
@@ -119,7 +120,7 @@ void runSimulate(const SimulateCommand& command) {
     std::cout << jsonText(json);
   } else {
     std::printf("%s: scene %s, %llu steps of %.4g s\n", command.package.c_str(), command.scene.c_str(),
-                static_cast<unsigned long long>(steps), command.steps.front());
+                static_cast<unsigned long long>(steps), lengths.front());
     std::printf("  time       %.1f us a step (median), %.1f us (p99)\n", percentile(microseconds, 0.5),
                 percentile(microseconds, 0.99));
     if (scene.bodies().size() > 1) {
@@ -162,11 +163,11 @@ void addSimulateVerb(CLI::App& app, int& exit_code) {
   verb->add_option("--seconds", command->seconds, "Simulated time; 0 = 6, or the file's")
       ->check(CLI::Range(0.0, 1e6))
       ->check(finiteNumber());
-  verb->add_option("--step", command->steps, "Seconds per step; several, by commas, are taken in turn")
+  verb->add_option("--step", command->steps,
+                   "Seconds per step; several, by commas, are taken in turn (default: the scene's own, else 1/60)")
       ->delimiter(',')
       ->check(CLI::Range(1e-5, 1.0))
-      ->check(finiteNumber())
-      ->capture_default_str();
+      ->check(finiteNumber());
   addSolverOption(*verb, command->solver);
   verb->add_option("--gravity", command->gravity,
                    "m/s^2 downwards; without it 9.81 diagonals per s^2, so that any size behaves alike")

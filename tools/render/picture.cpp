@@ -112,7 +112,7 @@ SceneOptions sceneOptions(const PictureOptions& from, const SceneChoice& choice)
   SceneOptions options;
   options.scene = choice;
   options.others = from.others;
-  options.step_seconds = static_cast<float>(from.step_seconds);
+  options.step_seconds = static_cast<float>(from.step_seconds > 0 ? from.step_seconds : choice.stepSeconds());
   options.solver = from.solver;
   return options;
 }
@@ -249,7 +249,8 @@ SceneScript::View sceneViewOf(const Camera& camera, const formats::PackageView& 
   const float diagonal = package.info().diagonal;
   SceneScript::View view;
   view.yaw = double(camera.yaw);
-  view.pitch = double(camera.pitch);
+  constexpr double kSteepest = kMostPitch * std::numbers::pi / 180;
+  view.pitch = std::clamp(double(camera.pitch), -kSteepest, kSteepest);
   view.at.emplace();
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);
@@ -500,7 +501,7 @@ void renderVideo(const std::shared_ptr<const Asset>& asset, const std::string& t
   Shape shape;
   for (int f = 0; f < frames; ++f) {
     const double time = f / kFramesPerSecond;
-    while (scene.time() + 0.5 * options.step_seconds < time) scene.step();
+    while (scene.time() + 0.5 * double(scene.stepSeconds()) < time) scene.step();
     captureShape(scene, shape);
     if (!renderer || !shape.isLike(drawn)) {
       drawn = shape;

@@ -34,7 +34,7 @@ struct PictureOptions {
   std::vector<std::shared_ptr<const Asset>> others;  ///< as in SceneOptions
   std::vector<SceneChoice> scenes;                   ///< empty = rest, squash, drop, hang (a video: drop)
   double seconds = 0;                                ///< of each scene, 0..; 0 = the scene's own length
-  double step_seconds = 1.0 / 60;                    ///< 1e-5..1
+  double step_seconds = 0;                           ///< 1e-5..1; 0 = the scene's own
   const SolverFactory* solver = nullptr;             ///< null: its fields
   int frames = 0;  ///< pictures of each scene (1: all scenes in one row), or frames of the video; 0 = 6, or 30 a second
   int width = 0, height = 0;           ///< pixels of one picture, or of the video; 0 = 320 x 280, or 960 x 720

@@ -212,6 +212,8 @@ std::string SceneChoice::name() const { return script ? script->name : std::stri
 
 bool SceneChoice::takesSeveral() const { return script ? !script->bodies.empty() : hasSeveral(kind); }
 
+double SceneChoice::stepSeconds() const { return script && script->step ? *script->step : 1.0 / 60; }
+
 double SceneChoice::seconds() const {
   if (script) return script->seconds;
   switch (kind) {
@@ -244,13 +246,11 @@ Scene::Scene(std::shared_ptr<const Asset> asset, const SceneOptions& options, Jo
   reset();
 }
 
-bool Scene::hasGround() const {
+std::optional<float> Scene::ownGround() const {
   const SceneKind kind = options_.scene.kind;
-  return (script_ && script_->script.ground) || kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind);
-}
-
-float Scene::groundHeight() const {
-  return script_ && script_->script.ground ? float(*script_->script.ground - script_->origin[1]) : 0;
+  if (script_ && script_->script.ground) return float(*script_->script.ground - script_->origin[1]);
+  if (kind == SceneKind::drop || kind == SceneKind::cut || hasSeveral(kind)) return 0.0F;
+  return std::nullopt;
 }
 
 float Scene::reach() const {
@@ -421,8 +421,8 @@ void Scene::reset() {
   hands_.clear();
   held_points_.clear();
   next_impulse_ = 0;
-  time_ = 0;
-  steps_ = 0;
+  time_ = even_from_ = 0;
+  steps_ = even_steps_ = 0;
   pinned_.clear();
 
   const SceneKind kind = options_.scene.kind;
@@ -451,16 +451,19 @@ void Scene::reset() {
   world.sleep_seconds = several || options_.scene.kind == SceneKind::cut ? kSleepSeconds : 0;
   const float usual = script_ ? float(script_->script.gravity) : falls ? kGravityDiagonals * diagonal : 0.0F;
   world.gravity = {0, falls || script_ ? -options_.gravity.value_or(usual) : 0.0F, 0};
-  world.ground.enabled = hasGround();
-  world.ground.offset = groundHeight();
+  world.ground.enabled = ownGround().has_value();
+  world.ground.offset = ownGround().value_or(0);
   if (options_.scene.kind == SceneKind::drop) world.damping = kDropDamping;
 
   // Damping is towards the rigid motion of all pin sets together: where sets move apart (jaw and skull, lids) it would
   // drag the skin between them along.
   if (script_ && !script_->script.targets.empty()) world.deformation_damping_ratio = 0;
+  if (script_ && script_->script.damping) world.damping = float(*script_->script.damping);
+  if (script_ && script_->script.deformation_damping_ratio)
+    world.deformation_damping_ratio = float(*script_->script.deformation_damping_ratio);
 
   BodySettings placement;
-  placement.stiffness_scale = options_.stiffness_scale;
+  placement.stiffness_scale = options_.stiffness_scale * (script_ ? float(script_->script.stiffness) : 1.0F);
   placement.solver = options_.solver;
   placement.self_contact = touches_itself;
   placement.drag = script_ ? float(script_->script.drag) : 0;
@@ -717,6 +720,8 @@ bool Scene::continueFrom(const Scene& before) {
   }
   time_ = before.time_;
   steps_ = before.steps_;
+  even_from_ = before.even_from_;
+  even_steps_ = before.even_steps_;
   next_impulse_ = before.next_impulse_;
   const formats::PackageView& now = asset_->package();
   const formats::PackageView& old = before.asset_->package();
@@ -735,6 +740,13 @@ float Scene::stepSeconds() const {
   return sequence.empty() ? options_.step_seconds : sequence[steps_ % sequence.size()];
 }
 
+void Scene::setStepSeconds(float seconds) {
+  if (seconds == options_.step_seconds) return;
+  options_.step_seconds = seconds;
+  even_from_ = time_;
+  even_steps_ = steps_;
+}
+
 void Scene::step() {
   const float seconds = stepSeconds();
   while (next_cut_ < cuts_.size() && cuts_[next_cut_].time < time_ + 0.5 * double(seconds)) {
@@ -742,7 +754,8 @@ void Scene::step() {
   }
   if (drive()) world_.step(seconds);
   ++steps_;
-  time_ = options_.step_sequence.empty() ? double(steps_) * double(seconds) : time_ + double(seconds);
+  time_ = options_.step_sequence.empty() ? even_from_ + double(steps_ - even_steps_) * double(seconds)
+                                         : time_ + double(seconds);
 }
 
 }  // namespace sinew::tools

@@ -35,8 +35,9 @@ struct SceneChoice {
   /// By name, or the file of a name that ends in .json. Throws ToolError.
   static SceneChoice byName(const std::string& name);
   std::string name() const;
-  bool takesSeveral() const;  ///< it has bodies of several packages where they are given; others take the first
-  double seconds() const;     ///< its own length, s
+  bool takesSeveral() const;   ///< it has bodies of several packages where they are given; others take the first
+  double seconds() const;      ///< its own length, s
+  double stepSeconds() const;  ///< of a step, s: 1/60 where a file does not say it
   bool operator==(const SceneChoice&) const = default;
 };
 
@@ -76,6 +77,8 @@ class Scene {
 
   /// Length of the next step, s.
   float stepSeconds() const;
+  /// Makes all further steps so long, s. \pre options().step_sequence is empty
+  void setStepSeconds(float seconds);
 
   /// Goes on from where another one is, of the same choice and another bake of its package: time, inputs, held
   /// channels, and of each body pose and velocity, as near as its fields can. Vertices that the packages do not share
@@ -103,10 +106,10 @@ class Scene {
   std::span<const SceneSolid> solids() const { return solids_; }                    ///< colliders, as they come and go
   const RigidTransform& placement() const { return placement_; }                    ///< of the body at the start
   const SceneOptions& options() const { return options_; }
-  double time() const { return time_; }                              ///< seconds since the start
-  bool hasGround() const;                                            ///< a level ground is there to be drawn
-  float groundHeight() const;                                        ///< m
-  std::span<const std::uint32_t> pinned() const { return pinned_; }  ///< physical vertices held, for overlays
+  double time() const { return time_; }                                   ///< seconds since the start
+  bool hasGround() const { return world_.settings().ground.enabled; }     ///< a level ground is there to be drawn
+  float groundHeight() const { return world_.settings().ground.offset; }  ///< m
+  std::span<const std::uint32_t> pinned() const { return pinned_; }       ///< physical vertices held, for overlays
 
   /// Gives a channel of the package this input from now on, whatever the scene says; without a value the scene drives
   /// it again. reset() keeps it.
@@ -118,6 +121,8 @@ class Scene {
  private:
   friend class SceneState;
   void add(const BodySettings& settings, const std::shared_ptr<const Asset>& asset);
+  /// Where the scene has a level ground, m; nothing: it has none.
+  std::optional<float> ownGround() const;
   const std::shared_ptr<const Asset>& packageOf(std::size_t number) const {
     return number == 0 ? asset_ : options_.others[number - 1];
   }
@@ -163,6 +168,8 @@ class Scene {
   RigidTransform placement_;
   double time_ = 0;
   std::uint64_t steps_ = 0;
+  double even_from_ = 0;          // s, since when all steps are as long as the next
+  std::uint64_t even_steps_ = 0;  // their number before
   std::vector<std::uint32_t> pinned_;
   std::vector<float> inputs_;                        // by channel of the package
   std::vector<float> wanted_;                        // scratch

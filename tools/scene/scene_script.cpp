@@ -18,7 +18,6 @@ using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMostSeconds = 600;
-constexpr double kFar = 1e6;  // m
 constexpr std::size_t kMostHull = 64, kMostShape = 1000000;
 
 std::string inQuotes(std::string_view name) { return "'" + std::string(name) + "'"; }
@@ -36,9 +35,12 @@ class Reader {
 
   void run() {
     const Json& json = text_.json();
-    object(json, "", {"sinew_scene",  "seconds",   "still",  "gravity",  "iterations", "channels", "targets",
-                      "cuts",         "picks",     "pushes", "impulses", "forces",     "wind",     "drag",
-                      "self_contact", "colliders", "ground", "bodies",   "camera",     "note"});
+    object(json, "", {"sinew_scene", "seconds",    "step",         "still",
+                      "gravity",     "iterations", "damping",      "deformation_damping_ratio",
+                      "stiffness",   "channels",   "targets",      "cuts",
+                      "picks",       "pushes",     "impulses",     "forces",
+                      "wind",        "drag",       "self_contact", "colliders",
+                      "ground",      "bodies",     "camera",       "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -46,10 +48,16 @@ class Reader {
     script_.still = number(json, "", "still", script_.seconds, 0, script_.seconds);
     script_.gravity = number(json, "", "gravity", 0, 0, kMostGravity);
     if (json.contains("iterations")) script_.iterations = std::uint32_t(iterations(json["iterations"]));
+    if (json.contains("step")) script_.step = number(json["step"], "/step", 1e-5, 1);
+    if (json.contains("damping")) script_.damping = number(json["damping"], "/damping", 0, 1e4);
+    if (json.contains("deformation_damping_ratio")) {
+      script_.deformation_damping_ratio = number(json["deformation_damping_ratio"], "/deformation_damping_ratio", 0, 1);
+    }
+    script_.stiffness = number(json, "", "stiffness", 1, 0, 1e6);
     if (json.contains("channels")) channels(json["channels"]);
     if (json.contains("targets")) targets(json["targets"]);
     if (json.contains("colliders")) colliders(json["colliders"]);
-    if (json.contains("ground")) script_.ground = number(json["ground"], "/ground", -kFar, kFar);
+    if (json.contains("ground")) script_.ground = number(json["ground"], "/ground", -kMostPlace, kMostPlace);
     if (json.contains("bodies")) bodies(json["bodies"]);
     if (json.contains("cuts")) cuts(json["cuts"]);
     if (json.contains("picks")) picks(json["picks"]);
@@ -98,7 +106,7 @@ class Reader {
   std::array<double, 3> pointAt(const Json& value, const std::string& place) const {
     if (!value.is_array() || value.size() != 3) text_.fail(place, "needs three numbers", "Write [x, y, z].");
     std::array<double, 3> result{};
-    for (std::size_t i = 0; i < 3; ++i) result[i] = number(value[i], childPointer(place, i), -kFar, kFar);
+    for (std::size_t i = 0; i < 3; ++i) result[i] = number(value[i], childPointer(place, i), -kMostPlace, kMostPlace);
     return result;
   }
 
@@ -199,7 +207,7 @@ class Reader {
            } else if (from.contains("axis") || from.contains("point")) {
              text_.fail(here, "has an axis but no keys", R"(Give "keys": [{"time": s, "turn": degrees}, ...].)");
            }
-           solid.friction = number(from, here, "friction", 0.6, 0, 1e4);
+           solid.friction = number(from, here, "friction", 0.6, 0, kMostFriction);
            solid.restitution = number(from, here, "restitution", 0, 0, 1);
            script_.colliders.push_back(std::move(solid));
          });
@@ -208,7 +216,7 @@ class Reader {
   void shape(const std::string& name, const Json& json, const std::string& here, SceneScript::Solid& solid) const {
     const auto length = [&](const char* key) {
       if (!json.contains(key)) text_.fail(here, std::string("needs a ") + key, "Give metres.");
-      return float(number(json, here, key, 0, 1e-9, kFar));
+      return float(number(json, here, key, 0, kLeastLength, kMostPlace));
     };
     if (name == "plane") {
       object(json, here, {"normal", "note"});
@@ -224,7 +232,7 @@ class Reader {
       object(json, here, {"half_size", "note"});
       const std::array<double, 3> half = point(json, here, "half_size");
       for (const double x : half) {
-        if (!(x > 0)) text_.fail(here, "half_size needs three lengths above 0", "Give [0.5, 0.5, 0.5].");
+        if (!(x >= kLeastLength)) text_.fail(here, "half_size needs three lengths above 0", "Give [0.5, 0.5, 0.5].");
       }
       solid.base = BoxShape{{float(half[0]), float(half[1]), float(half[2])}};
     } else if (name == "hull") {
@@ -257,7 +265,8 @@ class Reader {
                    "Give {\"columns\": 2, \"cell\": m, \"heights\": [0, 0, 0, 0]}.");
       }
       for (std::size_t i = 0; i < heights.size(); ++i) {
-        solid.heights.push_back(float(number(heights[i], childPointer(childPointer(here, "heights"), i), -kFar, kFar)));
+        solid.heights.push_back(
+            float(number(heights[i], childPointer(childPointer(here, "heights"), i), -kMostPlace, kMostPlace)));
       }
       solid.base = field;
     }
@@ -390,7 +399,7 @@ class Reader {
     each(json, "/pushes", {"radius", "speed", "mass", "keys", "note"}, [&](const Json& from, const std::string& here) {
       SceneScript::Push push;
       if (!from.contains("radius")) text_.fail(here, "a sphere needs a radius", "Give \"radius\": metres.");
-      push.radius = number(from, here, "radius", 0, 1e-9, kFar);
+      push.radius = number(from, here, "radius", 0, 1e-9, kMostPlace);
       push.speed = number(from, here, "speed", 1e9, 1e-9, 1e9);
       push.mass = number(from, here, "mass", 0, 0, 1e12);
       push.keys = keysOf(from, here, "at");
@@ -422,12 +431,12 @@ class Reader {
     object(json, "/camera", {"yaw", "pitch", "at", "height", "note"});
     SceneScript::View view;
     view.yaw = number(json, "/camera", "yaw", 0, -360, 360) * kDegree;
-    view.pitch = number(json, "/camera", "pitch", 0, -89, 89) * kDegree;
+    view.pitch = number(json, "/camera", "pitch", 0, -kMostPitch, kMostPitch) * kDegree;
     if (json.contains("at") != json.contains("height")) {
       text_.fail("/camera", "at and height go together", "Give both, or none to show the whole body.");
     }
     if (json.contains("at")) view.at = point(json, "/camera", "at");
-    view.height = number(json, "/camera", "height", 0, 1e-6, kFar);
+    view.height = number(json, "/camera", "height", 0, 1e-6, kMostPlace);
     script_.view = view;
   }
 

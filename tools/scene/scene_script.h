@@ -18,6 +18,10 @@
 namespace sinew::tools {
 
 inline constexpr double kMostGravity = 1000;  ///< m/s²
+inline constexpr double kMostPitch = 89;   ///< degrees, of a camera: straight from above nothing says which way is up
+inline constexpr double kMostPlace = 1e6;  ///< m, of coordinates and lengths
+/// Of a collider: the least length of its shape, m; the most friction.
+inline constexpr double kLeastLength = 1e-9, kMostFriction = 1e4;
 
 /// What a scene file says. Lengths in metres, points in the source's coordinates (as `sinew inspect` shows them).
 struct SceneScript {
@@ -101,6 +105,9 @@ struct SceneScript {
   double still = 2;              ///< s, the moment of a single picture
   double gravity = 0;            ///< m/s², downwards, 0..kMostGravity
   std::uint32_t iterations = 0;  ///< as WorldSettings::iterations, 1..16; 0 = the runtime's default
+  std::optional<double> damping, deformation_damping_ratio;  ///< as in WorldSettings; none: the runtime's defaults
+  double stiffness = 1;                                      ///< as BodySettings::stiffness_scale, of all bodies
+  std::optional<double> step;                                ///< s, 1e-5..1
   std::vector<Channel> channels;
   std::vector<Target> targets;
   std::vector<Solid> colliders;

@@ -18,6 +18,9 @@ SceneState Scene::save() const {
   state.held_points_ = held_points_;
   state.time_ = time_;
   state.steps_ = steps_;
+  state.step_seconds_ = options_.step_seconds;
+  state.even_from_ = even_from_;
+  state.even_steps_ = even_steps_;
   state.pinned_ = pinned_;
   state.inputs_ = inputs_;
   return state;
@@ -36,6 +39,9 @@ bool Scene::restore(const SceneState& state) {
   held_points_ = state.held_points_;
   time_ = state.time_;
   steps_ = state.steps_;
+  options_.step_seconds = state.step_seconds_;
+  even_from_ = state.even_from_;
+  even_steps_ = state.even_steps_;
   pinned_ = state.pinned_;
   inputs_ = state.inputs_;
   return true;

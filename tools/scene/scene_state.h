@@ -31,6 +31,9 @@ class SceneState {
   std::vector<std::pair<BodyId, BodyPoint>> held_points_;
   double time_ = 0;
   std::uint64_t steps_ = 0;
+  float step_seconds_ = 0;
+  double even_from_ = 0;
+  std::uint64_t even_steps_ = 0;
   std::vector<std::uint32_t> pinned_;
   std::vector<float> inputs_;
 };

@@ -63,12 +63,7 @@ void AuthorView::fit(const ViewLayout& layout, ViewName view) {
 }
 
 Eigen::Vector2f AuthorView::onScreen(const ViewLayout& layout, const Eigen::Vector3d& place) const {
-  const Eigen::Matrix4f m = camera_.projection(layout.aspect()) * camera_.view();
-  const Eigen::Vector3f at = ((place - center_) / double(model_.diagonal)).cast<float>();
-  const Eigen::Vector4f clip = m * at.homogeneous();
-  const float x = (clip.x() / clip.w() * 0.5F + 0.5F) * float(layout.width()) + float(layout.panel);
-  const float y = (0.5F - clip.y() / clip.w() * 0.5F) * float(layout.height());
-  return {x / layout.pixels_per_unit, y / layout.pixels_per_unit};
+  return tools::onScreen(layout, camera_, ((place - center_) / double(model_.diagonal)).cast<float>());
 }
 
 Look AuthorView::look(const ViewLayout& layout) const {

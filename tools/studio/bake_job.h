@@ -3,8 +3,6 @@
 // A bake in a process of its own: it can be stopped at any moment, and nothing that befalls it harms the window.
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -13,18 +11,13 @@
 
 #include "sinew/runtime/asset.h"
 #include "tools/core/finding.h"
+#include "tools/studio/child_job.h"
 
 namespace sinew::tools {
 
 class BakeJob {
  public:
   enum class State : std::uint8_t { idle, running, done, failed };
-
-  /// Makes a folder for packages that goes with this. Throws ToolError(system) where none can be made.
-  BakeJob();
-  ~BakeJob();
-  BakeJob(const BakeJob&) = delete;
-  BakeJob& operator=(const BakeJob&) = delete;
 
   /// Bakes a recipe as it is on the disk: `sinew bake --draft`, with the user's stage cache, then the whole where that
   /// was one. What runs is stopped.
@@ -34,11 +27,11 @@ class BakeJob {
   void poll();
 
   State state() const { return state_; }
-  const std::string& stage() const { return stage_; }
-  float fraction() const { return fraction_; }         ///< of the stage, 0..1
-  double seconds() const { return seconds_; }          ///< of the last one that ended
-  const std::string& error() const { return error_; }  ///< of one that failed: its line
-  bool isDraft() const { return is_draft_; }           ///< of the last one that was done
+  const std::string& stage() const { return child_.stage(); }
+  float fraction() const { return child_.fraction(); }  ///< of the stage, 0..1
+  double seconds() const { return child_.seconds(); }   ///< of the last one that ended
+  const std::string& error() const { return error_; }   ///< of one that failed: its line
+  bool isDraft() const { return is_draft_; }            ///< of the last one that was done
   /// The package of the last one that was done; null before.
   const std::shared_ptr<const Asset>& asset() const { return asset_; }
   const std::filesystem::path& package() const { return package_; }
@@ -47,15 +40,12 @@ class BakeJob {
 
  private:
   void run(bool draft);
-  void takeLines();
-  void finish(int status);
+  void finish();
 
-  std::filesystem::path folder_, recipe_, package_, target_;
-  pid_t pid_ = -1;
-  int pipe_ = -1;
-  std::string text_, stage_, error_;
-  float fraction_ = 0;
-  double started_ = 0, seconds_ = 0;
+  JobFolder folder_;
+  ChildJob child_;  // ends before its folder goes
+  std::filesystem::path recipe_, package_, target_;
+  std::string error_;
   State state_ = State::idle;
   bool is_draft_ = false;
   std::uint32_t number_ = 0, done_ = 0;

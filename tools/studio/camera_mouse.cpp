@@ -3,6 +3,7 @@
 
 #include <imgui.h>
 
+#include <Eigen/Geometry>
 #include <array>
 
 #include "tools/studio/orbit.h"
@@ -81,6 +82,13 @@ void CameraMouse::frame(const ViewLayout& layout, bool is_held, bool over_view, 
     zoomCamera(camera, (io.MouseDelta.x - io.MouseDelta.y) / (kZoomPixels * layout.scale));
   }
   if (over_view && io.MouseWheel != 0) zoomCamera(camera, io.MouseWheel);
+}
+
+Eigen::Vector2f onScreen(const ViewLayout& layout, const Camera& camera, const Eigen::Vector3f& place) {
+  const Eigen::Vector4f clip = camera.projection(layout.aspect()) * camera.view() * place.homogeneous();
+  const float x = (clip.x() / clip.w() * 0.5F + 0.5F) * float(layout.width()) + float(layout.panel);
+  const float y = (0.5F - clip.y() / clip.w() * 0.5F) * float(layout.height());
+  return {x / layout.pixels_per_unit, y / layout.pixels_per_unit};
 }
 
 Eigen::Vector3f mouseRay(const ViewLayout& layout, const Camera& camera) {

@@ -38,6 +38,8 @@ class CameraMouse {
   Navigation navigation_ = Navigation::usual;
 };
 
+/// Where a place of the drawing lies in the window, in its own coordinates.
+Eigen::Vector2f onScreen(const ViewLayout& layout, const Camera& camera, const Eigen::Vector3f& place);
 /// The ray under the mouse, not unit.
 Eigen::Vector3f mouseRay(const ViewLayout& layout, const Camera& camera);
 

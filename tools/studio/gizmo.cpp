@@ -72,7 +72,8 @@ std::pair<Vector3d, Vector3d> axisOf(const VisualMesh& mesh, const VisualWeights
 }  // namespace
 
 std::string handleName(HandleKind kind) {
-  static constexpr std::array<const char*, 4> names = {"center", "radius", "normal", "fibre"};
+  static constexpr std::array<const char*, 9> names = {"center", "radius", "normal", "fibre", "size x",
+                                                       "size y", "size z", "turn x", "turn y"};
   return std::string("handle ") + names[std::size_t(kind)];
 }
 
@@ -139,6 +140,8 @@ Json dragged(const Gizmo& gizmo, HandleKind kind, const Vector3d& to) {
     case HandleKind::fibre:
       if (way.norm() > 0) value = jsonOf(way.normalized());
       break;
+    default:
+      break;  // of a collider
   }
   return value;
 }

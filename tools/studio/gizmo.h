@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/studio/handle.h"
 #include "tools/studio/studio_state.h"
 
 namespace sinew::tools {
@@ -21,14 +22,6 @@ struct Gizmo {
   std::optional<Eigen::Vector3d> tail;  ///< m, of a fibre
   bool is_found = false;                ///< a fibre that the bake would choose: dragging it makes it the recipe's
 };
-
-enum class HandleKind : std::uint8_t { center, radius, normal, fibre };
-struct Handle {
-  HandleKind kind = HandleKind::center;
-  Eigen::Vector3d place = Eigen::Vector3d::Zero();  ///< m
-};
-/// "handle radius": what a replay presses.
-std::string handleName(HandleKind kind);
 
 /// Those of the selected region, or of the point that was picked.
 std::vector<Gizmo> gizmosOf(const Document& document, const StudioState& state);

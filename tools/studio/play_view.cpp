@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "tools/studio/play_contacts.h"
+
 namespace sinew::tools {
 namespace {
 
@@ -17,8 +19,8 @@ constexpr Rgba8 kContactColor = {255, 60, 120, 255};
 
 }  // namespace
 
-Renderer& PlayView::draw(const ViewLayout& layout, const Shown& shown, Camera& camera, Play& play,
-                         const std::optional<std::array<Eigen::Vector3f, 2>>& knife) {
+Renderer& PlayView::draw(const ViewLayout& layout, const Shown& shown, ViewInput& input, Play& play) {
+  Camera& camera = input.camera();
   if (!renderer_ || !play.shape().isLike(drawn_)) {
     drawn_ = play.shape();
     renderer_.reset();
@@ -59,10 +61,15 @@ Renderer& PlayView::draw(const ViewLayout& layout, const Shown& shown, Camera& c
   if (shown.contacts) {
     for (const Eigen::Vector3f& at : contactsOf(play)) dot(at, kContactColor);
   }
-  if (knife) {
+  if (const auto& knife = input.knife()) {
     const float far = camera.distance * play.diagonal();
     const Eigen::Vector3f eye = camera.eye() * play.diagonal();
     line(eye + far * (*knife)[0], eye + far * (*knife)[1], kPickColor);
+  }
+  for (const std::vector<Handle> handles = input.handles(play); const Handle& handle : handles) {
+    const Eigen::Vector3f at = handle.place.cast<float>();
+    if (isTurn(handle.kind)) line(handles.front().place.cast<float>(), at, kLockColor);
+    dot(at, kLockColor);
   }
   renderer_->setAnnotation(annotation);
   FrameTimes::add(play.times.colors, millisecondsSince(start));

@@ -14,9 +14,8 @@ namespace sinew::tools {
 /// Draws the scene that is played.
 class PlayView {
  public:
-  /// Into the renderer's own target: present() what is returned. \param knife the line of a cut, as rays from the eye
-  Renderer& draw(const ViewLayout& layout, const Shown& shown, Camera& camera, Play& play,
-                 const std::optional<std::array<Eigen::Vector3f, 2>>& knife);
+  /// Into the renderer's own target: present() what is returned.
+  Renderer& draw(const ViewLayout& layout, const Shown& shown, ViewInput& input, Play& play);
   /// Of the colours that the last draw() showed.
   const PlayColors& colors() const { return colors_; }
 

@@ -155,8 +155,42 @@ void RegionsPanel::details(Document& document, StudioState& state, Widgets& widg
       state.selected.reset();
       if (state.show == Show::selected) state.show = Show::all;
       if (state.solo == region) state.solo.reset();
+      return;
     }
   }
+  order(document, region, widgets);
+}
+
+void RegionsPanel::order(Document& document, const Region& region, Widgets& widgets) {
+  const Recipe& recipe = document.recipe();
+  std::vector<std::string> names;
+  const auto take = [&](const auto& list) {
+    for (const auto& entry : list) names.push_back(entry.name);
+  };
+  std::string list;
+  if (region.kind == RegionKind::cluster) {
+    take(recipe.clusters);
+    list = "clusters";
+  } else if (region.kind == RegionKind::pins) {
+    take(recipe.pins);
+    list = "pins";
+  } else if (region.kind == RegionKind::part) {
+    take(recipe.parts);
+    list = "parts";
+  } else {
+    for (const auto& mask : recipe.masks) names.push_back(mask.first);
+    list = "masks";
+  }
+  // What a cluster mesh of the source defines alone is in no list.
+  const auto at = std::find(names.begin(), names.end(), region.name);
+  const float half = (ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ItemSpacing.x) / 2;
+  const auto button = [&](const char* label, int by, bool possible) {
+    if (widgets.button(label, half, possible))
+      document.edit([&](RecipeEditor& editor) { editor.move(region.name, by, list); });
+  };
+  button("Up", -1, at != names.end() && at != names.begin());
+  ImGui::SameLine();
+  button("Down", 1, at != names.end() && at + 1 != names.end());
 }
 
 void RegionsPanel::material(Document& document, const std::string& cluster, Widgets& widgets) {

@@ -17,6 +17,7 @@ class RegionsPanel {
  private:
   void list(const Evaluated& evaluated, StudioState& state, Widgets& widgets);
   void details(Document& document, StudioState& state, Widgets& widgets);
+  static void order(Document& document, const Region& region, Widgets& widgets);
   void material(Document& document, const std::string& cluster, Widgets& widgets);
   static void coverage(const Document& document, StudioState& state, Widgets& widgets);
   static void check(const Document& document, StudioState& state, Widgets& widgets);

@@ -149,6 +149,10 @@ bool Replay::begin(const Window& window) {
       return true;
     }
     const bool for_bake = value == "bake";
+    if (value == "film") {
+      if (window.is_filming && ++waited_ > kMostWait) fail("the film does not end", "Film a shorter scene.");
+      return !window.is_filming;
+    }
     if (for_bake && window.bake_failed) fail("the bake failed", "Bake the recipe by itself to see why.");
     if (for_bake ? window.is_baked : window.is_evaluated) return true;
     if (++waited_ > kMostWait)

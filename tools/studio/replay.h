@@ -24,6 +24,7 @@ class Replay {
     std::function<std::optional<Eigen::Vector2f>(const Eigen::Vector3d&)> on_screen;  ///< none: no source yet
     bool is_evaluated = false, is_baked = false, bake_failed = false;
     std::function<void(const std::string&)> screenshot;
+    bool is_filming = false;
   };
 
   /// Reads the events. Throws ToolError(bad_input) naming file, line and cure.

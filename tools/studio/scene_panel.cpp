@@ -3,10 +3,13 @@
 
 #include <imgui.h>
 
-#include <cstdio>
+#include <algorithm>
+#include <array>
 #include <string>
 #include <tuple>
+#include <vector>
 
+#include "tools/core/text.h"
 #include "tools/studio/shortcuts.h"
 
 namespace sinew::tools {
@@ -22,6 +25,7 @@ void ScenePanel::draw(Widgets& widgets, Play& play) {
   choice(widgets, play);
   time(widgets, play);
   hand(widgets, play);
+  colliders(widgets, play);
   settings(widgets, play);
 }
 
@@ -88,10 +92,74 @@ void ScenePanel::hand(Widgets& widgets, Play& play) {
   if (!play.message().empty()) note(play.message());
 }
 
+void ScenePanel::colliders(Widgets& widgets, Play& play) {
+  heading("Colliders");
+  PlaySettings& settings = play.settings;
+  bool changed = widgets.checkbox("Ground", settings.ground);
+  if (settings.ground) {
+    const float far = 2 * play.diagonal();
+    changed |= widgets.slider("Height", settings.ground_height, -far, far, "%.3f m", false);
+  }
+  if (changed) play.applySettings();
+  const float size = kSolidDiagonals * play.diagonal(), third = share(3);
+  const auto add = [&](const char* label, const ColliderShape& shape) {
+    if (widgets.button(label, third)) play.addSolid(shape);
+  };
+  add("+ Box", BoxShape{{size, size, size}});
+  ImGui::SameLine();
+  add("+ Sphere", SphereShape{size});
+  ImGui::SameLine();
+  add("+ Capsule", CapsuleShape{size / 2, size});
+  for (std::size_t i = 0; i < play.placed().size(); ++i) {
+    const bool is_selected = play.placed().selected == i;
+    const std::string name = shapeName(play.placed()[i].shape) + " " + std::to_string(i + 1);
+    if (widgets.selectable(name, is_selected)) play.selectSolid(is_selected ? std::nullopt : std::optional(i));
+  }
+  if (play.placed().selected) selected(widgets, play, *play.placed().selected);
+}
+
+void ScenePanel::selected(Widgets& widgets, Play& play, std::size_t i) {
+  PlacedSolid solid = play.placed()[i];
+  const float most = 2 * play.diagonal(), least = 1e-3F * play.diagonal();
+  const auto length = [&](const char* label, float& value) {
+    return widgets.slider(label, value, least, most, "%.4f m", true);
+  };
+  bool changed = false;
+  if (auto* sphere = std::get_if<SphereShape>(&solid.shape)) {
+    changed |= length("Radius##of the collider", sphere->radius);
+  } else if (auto* capsule = std::get_if<CapsuleShape>(&solid.shape)) {
+    changed |= length("Radius##of the collider", capsule->radius);
+    changed |= length("Half length", capsule->half_length);
+  } else if (auto* box = std::get_if<BoxShape>(&solid.shape)) {
+    changed |= length("Half x", box->half_size[0]);
+    changed |= length("Half y", box->half_size[1]);
+    changed |= length("Half z", box->half_size[2]);
+  }
+  changed |= widgets.slider("Friction##of the collider", solid.settings.friction, 0, 2, "%.2f", false);
+  changed |= widgets.slider("Bounce", solid.settings.restitution, 0, 1, "%.2f", false);
+  if (changed) play.changeSolid(i, solid, false);
+  if (widgets.button("Remove the collider")) play.removeSolid(i);
+}
+
+bool ScenePanel::step(Widgets& widgets, float& seconds) {
+  static constexpr std::array kRates = {30, 60, 120, 240};
+  std::vector<std::string> choices;
+  std::string chosen = rounded(double(seconds), 4) + " s";  // of a scene from a file
+  for (const int rate : kRates) {
+    choices.push_back("1/" + std::to_string(rate) + " s");
+    if (float(1.0 / rate) == seconds) chosen = choices.back();
+  }
+  if (!widgets.combo("Step##length", chosen, choices)) return false;
+  const auto at = std::find(choices.begin(), choices.end(), chosen);
+  seconds = float(1.0 / kRates[std::size_t(at - choices.begin())]);
+  return true;
+}
+
 void ScenePanel::settings(Widgets& widgets, Play& play) {
   heading("Settings");
   PlaySettings& settings = play.settings;
   bool changed = widgets.slider("Gravity", settings.gravity, 0, 3, "%.2f x", false);
+  changed |= step(widgets, settings.step_seconds);
   changed |= widgets.whole("Iterations", settings.iterations, 1, 16);
   changed |= widgets.slider("Air damping", settings.damping, 0, 10, "%.2f /s", true);
   changed |= widgets.slider("Friction##inner", settings.deformation_damping, 0, 1, "%.2f", false);

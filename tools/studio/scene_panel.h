@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// The tab of a scene: which one, its time, the hand, its settings.
+// The tab of a scene: which one, its time, the hand, colliders, its settings.
 #pragma once
 
 #include "tools/studio/view_play.h"
@@ -16,6 +16,9 @@ class ScenePanel {
   static void choice(Widgets& widgets, Play& play);
   static void time(Widgets& widgets, Play& play);
   static void hand(Widgets& widgets, Play& play);
+  static void colliders(Widgets& widgets, Play& play);
+  static void selected(Widgets& widgets, Play& play, std::size_t i);
+  static bool step(Widgets& widgets, float& seconds);
   static void settings(Widgets& widgets, Play& play);
 };
 

@@ -14,6 +14,8 @@ namespace {
 constexpr std::array kShortcuts = {
     Shortcut{Command::open_file, "File", "Open ...", GLFW_KEY_O, true},
     Shortcut{Command::save_scene, "File", "Save pose or channels as a scene ...", GLFW_KEY_S, true},
+    Shortcut{Command::film, "File", "Video of the scene ..."},
+    Shortcut{Command::turntable, "File", "Turntable ..."},
     Shortcut{Command::export_package, "File", "Export the package", GLFW_KEY_E, true, false, Place::document},
     Shortcut{Command::screenshot, "File", "Picture of the window", GLFW_KEY_F12},
     Shortcut{Command::undo, "Edit", "Undo", GLFW_KEY_Z, true, false, Place::document},

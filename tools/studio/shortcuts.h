@@ -17,6 +17,8 @@ namespace sinew::tools {
 enum class Command : std::uint8_t {
   open_file,
   save_scene,
+  film,
+  turntable,
   export_package,
   screenshot,
   undo,

@@ -32,7 +32,8 @@ void ShowPanel::draw(double frame_seconds, const PlayColors& colors, Widgets& wi
   ImGui::SameLine(half);
   widgets.checkbox("Contacts", shown.contacts);
   if (ImGui::IsItemHovered())
-    ImGui::SetTooltip("Where it touches the ground or a collider: %s", nameWithKeys(Command::contacts).c_str());
+    ImGui::SetTooltip("Where it touches the ground, a collider, another body or itself: %s",
+                      nameWithKeys(Command::contacts).c_str());
   std::string color = playColorNames()[std::size_t(shown.color)];
   if (widgets.combo("Colours", color, playColorNames())) {
     for (std::size_t k = 0; k < playColorNames().size(); ++k) {

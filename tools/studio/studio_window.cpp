@@ -11,13 +11,18 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
+#include <numbers>
 #include <thread>
 #include <utility>
 
 #include "tools/author/recipe_values.h"
 #include "tools/core/atomic_file.h"
+#include "tools/core/text.h"
+#include "tools/render/front.h"
 #include "tools/scene/scene_text.h"
+#include "tools/studio/preferences.h"
 #include "tools/studio/scene_panel.h"
 #include "tools/studio/show_panel.h"
 #include "tools/studio/view_marks.h"
@@ -41,7 +46,7 @@ StudioWindow::StudioWindow(const Opened& opened, const StudioOptions& options)
       gui_(window_.get(), window_.scale()),
       log_(options.view.state_log) {
   layout_.scale = window_.scale();
-  state_.navigation = options.navigation;
+  state_.navigation = options.navigation.value_or(readPreferences().navigation);
   take(opened);
   if (!options.replay.empty()) replay_.emplace(options.replay);
 }
@@ -135,7 +140,8 @@ void StudioWindow::replayFrame() {
                       true,
                       true,
                       false,
-                      [this](const std::string& png) { screenshot_ = png; }};
+                      [this](const std::string& png) { screenshot_ = png; },
+                      film_.isRunning()};
   if (document_ != nullptr) {
     seen.is_evaluated = document_->isCurrent() && author_view_->hasSource();
     seen.is_baked = document_->isBaked() && bakes_taken_ == document_->bake().done();
@@ -149,6 +155,7 @@ void StudioWindow::frame(double elapsed) {
     document_->poll(seconds_);
     takeBake();
   }
+  if (const std::string said = film_.poll(); !said.empty()) say(said, film_.hasFailed());
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
   if (replay_) replayFrame();
@@ -179,6 +186,11 @@ void StudioWindow::frame(double elapsed) {
     }
   } else if (!isSource() && play_) {
     drawViewMarks(layout_, play_input_->camera(), double(play_->diagonal()), height_);
+    for (const Handle& handle : play_input_->handles(*play_)) {
+      const Eigen::Vector3f drawn = handle.place.cast<float>() / play_->diagonal();
+      const Eigen::Vector2f at = onScreen(layout_, play_input_->camera(), drawn);
+      widgets_.place(handleName(handle.kind), at.x(), at.y());
+    }
   }
   for (const std::string& file : keys_.takeDropped()) open(file);
   // Where there is no graphics card, drawing is all the time a replay takes: only what is to be seen is.
@@ -228,6 +240,10 @@ void StudioWindow::run(Command command) {
     case Command::save_scene:
       saveScene();
       break;
+    case Command::film:
+    case Command::turntable:
+      film(command == Command::turntable);
+      break;
     case Command::export_package:
       HeaderPanel::exportPackage(*document_);
       break;
@@ -263,6 +279,15 @@ void StudioWindow::open(const std::string& file) {
   }
 }
 
+std::string StudioWindow::sceneToSave() {
+  SceneTextOptions options;
+  options.picks = saves_picks_;
+  options.targets = play_->scriptTargets();
+  options.solids = play_->placed().all();
+  options.camera = sceneViewOf(play_input_->camera(), play_->package(), play_->scene().placement().position);
+  return sceneText(play_->scene(), options);
+}
+
 void StudioWindow::saveScene() {
   if (!play_) {
     say("there is no body yet whose pose could be saved", true);
@@ -270,17 +295,61 @@ void StudioWindow::saveScene() {
   }
   const auto save = [this](const std::string& file) {
     requireWritable(file, {file_});
-    SceneTextOptions options;
-    options.picks = saves_picks_;
-    options.targets = play_->scriptTargets();
-    options.camera = sceneViewOf(play_input_->camera(), play_->package(), play_->scene().placement().position);
-    writeFileAtomically(file, sceneText(play_->scene(), options));
+    writeFileAtomically(file, sceneToSave());
     say("wrote " + file);
   };
   dialog_.open("Save what plays as a scene", "Save", besideIt(".scene.json"), save, [this](Widgets& widgets) {
     widgets.checkbox("Locked pulls, not the channels alone", saves_picks_);
     note("sinew view, render and simulate take it: --scene FILE.");
   });
+}
+
+void StudioWindow::film(bool turntable) {
+  if (!play_) {
+    say("there is no body yet that could be filmed", true);
+    return;
+  }
+  const SceneChoice scene = play_->scene().options().scene;
+  // What a built-in scene drives is in no scene's file.
+  films_as_saved_ = scene.script != nullptr || scene == SceneKind::rest || play_->placed().size() > 0;
+  film_seconds_ = float(scene.seconds());
+  const auto start = [this, scene, turntable](const std::string& file) {
+    FilmOptions options;
+    options.package = document_ == nullptr ? file_ : document_->bake().package().string();
+    options.turntable = turntable;
+    options.seconds = sevenDigits(double(film_seconds_));
+    options.step = sevenDigits(double(play_->settings.step_seconds));
+    if (films_as_saved_) {
+      options.scene_text = sceneToSave();
+    } else {
+      const SceneScript::View view = sceneViewOf(play_input_->camera(), play_->package(), {});
+      constexpr double kDegrees = 180 / std::numbers::pi;
+      const double yaw = std::remainder(view.yaw - double(frontYaw(play_->package())), 2 * std::numbers::pi);
+      options.scene = scene.script ? scene.script->text.file() : scene.name();
+      options.camera = exactText(sevenDigits(yaw * kDegrees)) + "," + exactText(sevenDigits(view.pitch * kDegrees));
+    }
+    film_.start(options, file);
+    say("filming " + file);
+  };
+  dialog_.open(
+      turntable ? "Film a turntable" : "Film the scene", "Film", besideIt(turntable ? ".turntable.mp4" : ".mp4"), start,
+      [this, scene](Widgets& widgets) {
+        if (widgets.radio("As it would be saved: pose, sliders, colliders", films_as_saved_)) films_as_saved_ = true;
+        if (widgets.radio("The scene " + scene.name() + " from its start, as it is by itself", !films_as_saved_))
+          films_as_saved_ = false;
+        widgets.slider("Length", film_seconds_, 0.5F, 30, "%.1f s", false);
+      });
+}
+
+void StudioWindow::filmPanel() {
+  if (!film_.isRunning()) return;
+  const float third = ImGui::GetContentRegionAvail().x / 3;
+  ImGui::ProgressBar(film_.child().fraction(), {2 * third, ImGui::GetFrameHeight()}, "The video");
+  ImGui::SameLine();
+  if (widgets_.button("Cancel##the video")) {
+    film_.cancel();
+    say("the video is given up");
+  }
 }
 
 void StudioWindow::stiffenRecipe() {
@@ -295,7 +364,10 @@ void StudioWindow::stiffenRecipe() {
 
 void StudioWindow::panel(Commands& commands) {
   beginPanel(layout_, height_);
+  const Navigation before = state_.navigation;
   menus_.draw(document_ != nullptr, isSource(), widgets_, state_.navigation, commands);
+  // Where they cannot be kept, that is no reason to trouble anybody.
+  if (state_.navigation != before) writePreferences({state_.navigation});
   if (document_ != nullptr) {
     header_panel_.draw(*document_, widgets_);
   } else {
@@ -303,6 +375,7 @@ void StudioWindow::panel(Commands& commands) {
     const std::string name(package.text(package.info().name));
     ImGui::TextUnformatted(name.empty() ? file_.c_str() : name.c_str());
   }
+  filmPanel();
   tabs();
   ImGui::End();
 }
@@ -382,7 +455,7 @@ void StudioWindow::help() const {
 void StudioWindow::draw() {
   Renderer* renderer = nullptr;
   if (!isSource()) {
-    if (play_) renderer = &play_view_->draw(layout_, shown_, play_input_->camera(), *play_, play_input_->knife());
+    if (play_) renderer = &play_view_->draw(layout_, shown_, *play_input_, *play_);
   } else {
     renderer = author_view_->draw(layout_, *document_, state_);
   }

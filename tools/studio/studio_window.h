@@ -10,6 +10,7 @@
 #include "tools/studio/author_view.h"
 #include "tools/studio/channels_panel.h"
 #include "tools/studio/document.h"
+#include "tools/studio/film.h"
 #include "tools/studio/gui.h"
 #include "tools/studio/header_panel.h"
 #include "tools/studio/menus.h"
@@ -41,7 +42,10 @@ class StudioWindow {
   void open(const std::string& file);
   void panel(Commands& commands);
   void tabs();
+  std::string sceneToSave();
   void saveScene();
+  void film(bool turntable);
+  void filmPanel();
   void stiffenRecipe();
   void screenshot(const std::string& png);
   void help() const;
@@ -63,6 +67,9 @@ class StudioWindow {
   Menus menus_;
   PathDialog dialog_;
   bool saves_picks_ = true;
+  Film film_;
+  bool films_as_saved_ = true;
+  float film_seconds_ = 2;
   std::string file_;  // what is open, as the user named it
   std::unique_ptr<Document> document_;
   std::optional<Play> play_;

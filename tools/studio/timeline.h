@@ -5,8 +5,10 @@
 
 #include <cstddef>
 #include <deque>
+#include <vector>
 
 #include "tools/scene/scene_state.h"
+#include "tools/studio/placed_solids.h"
 
 namespace sinew::tools {
 
@@ -19,6 +21,7 @@ class Timeline {
     SceneState state;
     PickId hand;      ///< what the hand pulled with then; unknown: nothing
     ColliderId ball;  ///< what it pushed with
+    std::vector<PlacedSolids::Mark> placed;
   };
 
   explicit Timeline(std::size_t most_bytes = kMostBytes) : most_bytes_(most_bytes) {}

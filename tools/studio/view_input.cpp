@@ -17,7 +17,13 @@ namespace {
 constexpr float kBallRadius = 0.06F, kBallNotch = 0.02F;  // diagonals, and diagonals a notch of the wheel
 constexpr float kTargetReach = 0.02F;                     // of the distance to the eye
 constexpr float kTurnNotch = 0.1F;                        // rad
+constexpr float kHandleReach = 11;                        // pixels at 100 %, as a recipe's handles have it
 constexpr float kShortestCut = 0.01F;                     // rad: what is shorter was a click
+
+bool isMoving() {
+  const ImVec2 by = ImGui::GetIO().MouseDelta;
+  return by.x != 0 || by.y != 0;
+}
 
 }  // namespace
 
@@ -111,9 +117,11 @@ void ViewInput::mouse(const ViewLayout& layout, Navigation navigation, Play& pla
   const bool over_view = !io.WantCaptureMouse;
   const Eigen::Vector3f ray = mouseRay(layout, camera_);
   const bool looks = mouse_.begin(navigation, over_view);
-  if (over_view && !looks && ImGui::IsMouseClicked(ImGuiMouseButton_Left) && !takeHold(ray, play)) mouse_.leaveLeft();
+  if (over_view && !looks && ImGui::IsMouseClicked(ImGuiMouseButton_Left) && !takeSolid(layout, play) &&
+      !takeHold(ray, play))
+    mouse_.leaveLeft();
   const bool left = ImGui::IsMouseDown(ImGuiMouseButton_Left);
-  const bool holds = play.grabbed() || play.pushed() || knife_ || target_;
+  const bool holds = play.grabbed() || play.pushed() || knife_ || target_ || held_solid_;
   holdOn(ray, left, play);
   mouse_.frame(layout, holds, over_view, camera_);
 }
@@ -144,6 +152,26 @@ bool ViewInput::takeHold(const Eigen::Vector3f& ray, Play& play) {
   return true;
 }
 
+std::vector<Handle> ViewInput::handles(const Play& play) const {
+  const PlacedSolids& placed = play.placed();
+  if (!placed.selected) return {};
+  return handlesOf(placed[*placed.selected], camera_.right(), kSolidDiagonals * play.diagonal());
+}
+
+bool ViewInput::takeSolid(const ViewLayout& layout, const Play& play) {
+  const ImVec2 mouse = ImGui::GetIO().MousePos;
+  float nearest = kHandleReach * layout.scale;
+  for (const Handle& handle : handles(play)) {
+    const Eigen::Vector3f place = handle.place.cast<float>();
+    const float off = (onScreen(layout, camera_, place / play.diagonal()) - Eigen::Vector2f(mouse.x, mouse.y)).norm();
+    if (!(off < nearest)) continue;
+    nearest = off;
+    const std::size_t number = *play.placed().selected;
+    held_solid_ = {number, play.placed()[number], handle.kind, place};
+  }
+  return held_solid_.has_value();
+}
+
 bool ViewInput::takeTarget(const Eigen::Vector3f& ray, const Play& play) {
   float nearest = kTargetReach;
   for (std::size_t t = 0; t < play.targets().size(); ++t) {
@@ -164,6 +192,7 @@ void ViewInput::holdOn(const Eigen::Vector3f& ray, bool left, Play& play) {
     play.release();
     play.endPush();
     target_.reset();
+    held_solid_.reset();
     if (knife_) {
       const std::array<Eigen::Vector3f, 2> line = *std::exchange(knife_, std::nullopt);
       const Eigen::Vector3f normal = line[0].cross(line[1]);
@@ -172,6 +201,13 @@ void ViewInput::holdOn(const Eigen::Vector3f& ray, bool left, Play& play) {
     return;
   }
   if (knife_) (*knife_)[1] = ray;
+  if (held_solid_ && held_solid_->number < play.placed().size() && isMoving()) {
+    const Eigen::Vector3f from = held_solid_->from / play.diagonal();
+    const Eigen::Vector3f to = (from + dragOffset(camera_, from, ray)) * play.diagonal();
+    const HandleKind kind = held_solid_->kind;
+    play.changeSolid(held_solid_->number, dragged(held_solid_->solid, kind, to),
+                     kind == HandleKind::center || isTurn(kind));
+  }
   if (target_ && *target_ < play.targets().size()) {
     // The wheel turns it about the line of sight.
     const float turn = ImGui::GetIO().WantCaptureMouse ? 0 : ImGui::GetIO().MouseWheel * kTurnNotch;

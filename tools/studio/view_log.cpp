@@ -7,20 +7,6 @@
 #include "tools/core/error.h"
 
 namespace sinew::tools {
-namespace {
-
-// Window coordinates of a point given in metres.
-Eigen::Vector2f onScreen(const ViewLayout& layout, const Camera& camera, float diagonal, const Eigen::Vector3f& p) {
-  const Eigen::Matrix4f m = camera.projection(layout.aspect()) * camera.view();
-  const Eigen::Vector4f clip = m * (p / diagonal).homogeneous();
-  const float x =
-      (clip.x() / clip.w() * 0.5F + 0.5F) * static_cast<float>(layout.width()) + static_cast<float>(layout.panel);
-  const float y = (0.5F - clip.y() / clip.w() * 0.5F) * static_cast<float>(layout.height());
-  return {x / layout.pixels_per_unit, y / layout.pixels_per_unit};
-}
-
-}  // namespace
-
 ViewLog::ViewLog(const std::string& name) : file_(name.empty() ? nullptr : std::fopen(name.c_str(), "w")) {
   if (!name.empty() && file_ == nullptr)
     throw ToolError(ExitCode::system, name, "cannot be written", "Check the folder.");
@@ -41,7 +27,7 @@ void ViewLog::write(std::uint32_t frame, const ViewLayout& layout, const Camera&
   if (file_ == nullptr) return;
   Eigen::Vector3f center = Eigen::Vector3f::Zero();
   for (const Eigen::Vector3f& p : play.shape().physical) center += p / static_cast<float>(play.shape().physical.size());
-  const Eigen::Vector2f center_at = onScreen(layout, camera, play.diagonal(), center);
+  const Eigen::Vector2f center_at = onScreen(layout, camera, center / play.diagonal());
   std::fprintf(
       file_,
       "{\"frame\":%u,\"time\":%.4f,\"steps\":%u,\"scene\":\"%s\",\"playing\":%s,\"physical\":%s,\"clusters\":%s,",
@@ -64,8 +50,8 @@ void ViewLog::write(std::uint32_t frame, const ViewLayout& layout, const Camera&
                static_cast<double>(center_at.y()));
   if (const auto& grabbed = play.grabbed()) {
     const Eigen::Vector2f vertex_at =
-        onScreen(layout, camera, play.diagonal(), play.shape().positions[grabbed->vertex]);
-    const Eigen::Vector2f target_at = onScreen(layout, camera, play.diagonal(), grabbed->target);
+        onScreen(layout, camera, play.shape().positions[grabbed->vertex] / play.diagonal());
+    const Eigen::Vector2f target_at = onScreen(layout, camera, grabbed->target / play.diagonal());
     std::fprintf(file_, "\"grabbed\":%u,\"vertex_at\":[%.1f,%.1f],\"target_at\":[%.1f,%.1f]}\n", grabbed->vertex,
                  static_cast<double>(vertex_at.x()), static_cast<double>(vertex_at.y()),
                  static_cast<double>(target_at.x()), static_cast<double>(target_at.y()));

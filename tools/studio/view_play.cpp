@@ -14,14 +14,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kStepSeconds = 1.0 / 60;
-constexpr int kMostStepsPerFrame = 4;  // a slow machine shows slow motion instead of falling ever further behind
+constexpr double kMostFrameSeconds = 4.0 / 60;  // a slow machine shows slow motion instead of falling further behind
 constexpr float kPickHz = 10;
-constexpr float kBallDiagonals = 6;                            // per second, how fast the ball follows the hand at most
+constexpr float kBallDiagonals = 6;                            // per second, how fast what the hand moves follows it
 constexpr float kFarDiagonals = 1e3F, kNearDiagonals = 0.02F;  // of what a ray meets; of a pick beside it
-
-constexpr float kTouchDiagonals = 0.003F;   // nearer than this touches
-constexpr std::size_t kMostTouches = 4000;  // vertices that are looked at: about 4 ms
 
 }  // namespace
 
@@ -49,7 +45,7 @@ void Play::begin(const SceneChoice& scene) {
   options.scene = scene;
   options.others = options_.others;
   options.solver = options_.solver;
-  options.step_seconds = static_cast<float>(kStepSeconds);
+  options.step_seconds = same ? settings.step_seconds : float(scene.stepSeconds());
   options.stiffness_scale = settings.stiffness;
   std::vector<std::optional<float>> held;  // by hand: that outlives a scene
   if (scene_.has_value()) {
@@ -62,13 +58,18 @@ void Play::begin(const SceneChoice& scene) {
   endPush();
   scene_.emplace(std::move(started));
   for (std::uint32_t c = 0; c < held.size(); ++c) scene_->holdChannel(c, held[c]);
+  placed_.enter(*scene_);
   base_gravity_ = scene_->world().settings().gravity;
+  base_ground_ = scene.script ? -package().info().origin[1] : 0;
   if (!same) {
     const WorldSettings& world = scene_->world().settings();
+    settings.ground = world.ground.enabled;
+    settings.ground_height = world.ground.enabled ? float(double(world.ground.offset) - base_ground_) : 0;
     settings.iterations = static_cast<int>(world.iterations);
     settings.damping = world.damping;
     settings.deformation_damping = world.deformation_damping_ratio;
     settings.gravity = 1;
+    settings.step_seconds = options.step_seconds;
   }
   applySettings();
   owed_seconds_ = 0;
@@ -114,6 +115,9 @@ bool Play::swap(std::shared_ptr<const Asset> asset) {
 void Play::applySettings() {
   WorldSettings& world = scene_->world().settings();
   for (std::size_t k = 0; k < 3; ++k) world.gravity[k] = base_gravity_[k] * settings.gravity;
+  world.ground.enabled = settings.ground;
+  world.ground.offset = float(double(settings.ground_height) + base_ground_);
+  scene_->setStepSeconds(settings.step_seconds);
   world.iterations = static_cast<std::uint32_t>(settings.iterations);
   world.damping = settings.damping;
   world.deformation_damping_ratio = settings.deformation_damping;
@@ -138,7 +142,7 @@ void Play::stepOnce() {
   ++steps_;
 }
 
-void Play::remember() { timeline_.add({scene_->save(), grabbed_ ? grabbed_->pick : PickId{}, ball_}); }
+void Play::remember() { timeline_.add({scene_->save(), grabbed_ ? grabbed_->pick : PickId{}, ball_, placed_.marks()}); }
 
 void Play::capture() {
   const auto start = Clock::now();
@@ -158,10 +162,10 @@ void Play::capture() {
 void Play::advance(double elapsed) {
   for (; single_steps_ > 0; --single_steps_) stepOnce();
   if (playing) {
-    owed_seconds_ = std::min(owed_seconds_ + elapsed * double(settings.speed), kMostStepsPerFrame * kStepSeconds);
-    while (owed_seconds_ >= kStepSeconds) {
+    owed_seconds_ = std::min(owed_seconds_ + elapsed * double(settings.speed), kMostFrameSeconds);
+    while (owed_seconds_ >= double(settings.step_seconds)) {
       stepOnce();
-      owed_seconds_ -= kStepSeconds;
+      owed_seconds_ -= double(settings.step_seconds);
     }
   }
   capture();
@@ -181,6 +185,7 @@ void Play::goTo(std::size_t moment) {
   timeline_.goTo(moment);
   if (!(then.hand == PickId{})) scene_->world().letGoPick(then.hand);
   if (!(then.ball == ColliderId{})) scene_->removeSolid(then.ball);
+  placed_.meet(*scene_, then.placed);
   applySettings();
   capture();
 }
@@ -207,6 +212,31 @@ void Play::endPush() {
   scene_->removeSolid(ball_);
   ball_ = {};
   pushed_.reset();
+}
+
+void Play::addSolid(const ColliderShape& shape) {
+  Eigen::AlignedBox3f bounds;
+  for (const Eigen::Vector3f& p : std::span(shape_.positions).first(shape_.body_vertices)) bounds.extend(p);
+  const float size = kSolidDiagonals * diagonal();
+  Eigen::Vector3f at = bounds.center();
+  at.x() = bounds.max().x() + 2 * size;
+  if (placed_.size() > 0) {
+    // Above the one before.
+    at = Eigen::Vector3f(placed_[placed_.size() - 1].settings.at.position.data());
+    at.y() += 3 * size;
+  }
+  PlacedSolid solid;
+  solid.shape = shape;
+  solid.settings.at.position = {at.x(), at.y(), at.z()};
+  solid.settings.most_speed = kBallDiagonals * diagonal();
+  placed_.add(*scene_, solid);
+}
+
+void Play::changeSolid(std::size_t i, const PlacedSolid& solid, bool place_alone) {
+  placed_.change(*scene_, i, solid,
+                 !place_alone ? SolidChange::anew
+                 : playing    ? SolidChange::goes
+                              : SolidChange::jumps);
 }
 
 void Play::findTargets() {
@@ -280,20 +310,6 @@ bool Play::cut(const Eigen::Vector3f& point, const Eigen::Vector3f& normal) {
   capture();
   remember();
   return true;
-}
-
-std::vector<Eigen::Vector3f> contactsOf(const Play& play) {
-  std::vector<Eigen::Vector3f> touching;
-  const std::size_t count = play.shape().body_vertices;
-  QueryFilter filter;
-  filter.bodies = false;
-  QueryObject found;
-  for (std::size_t v = 0; v < count; v += count / kMostTouches + 1) {
-    const Eigen::Vector3f& x = play.shape().positions[v];
-    const float radius = kTouchDiagonals * play.diagonal();
-    if (play.scene().world().overlaps({x.x(), x.y(), x.z()}, radius, {&found, 1}, filter) > 0) touching.push_back(x);
-  }
-  return touching;
 }
 
 std::vector<std::pair<Eigen::Vector3f, Eigen::Vector3f>> lockedPicks(const Play& play) {

@@ -28,10 +28,16 @@ struct PlaySettings {
   float damping = 0, deformation_damping = 0;  ///< as in WorldSettings
   float stiffness = 1;                         ///< BodySettings::stiffness_scale; taken when a scene starts
   float speed = 1;                             ///< of time, 0.02..1
+  float step_seconds = 1.0F / 60;              ///< length of a step, 1e-5..1
+  bool ground = false;                         ///< there is a level one
+  float ground_height = 0;                     ///< m, above where the body's source, or a built-in scene, has 0
 };
 
 /// What the left button does on the body.
 enum class HandTool : std::uint8_t { pull, push, cut, target };
+
+/// Size of a collider that is added, diagonals.
+inline constexpr float kSolidDiagonals = 0.1F;
 
 /// Since a time of the steady clock.
 double millisecondsSince(std::chrono::steady_clock::time_point start);
@@ -102,6 +108,16 @@ class Play {
   std::vector<SceneScript::Target> scriptTargets() const;
   void moveTarget(std::size_t target, const Eigen::Vector3f& move, const Eigen::Matrix3f& turn);
 
+  /// Colliders that were placed by hand. They stay when the body is baked again, when another scene starts and when it
+  /// goes back.
+  const PlacedSolids& placed() const { return placed_; }
+  void selectSolid(std::optional<std::size_t> solid) { placed_.selected = solid; }
+  /// Adds one beside the body, and selects it. \param shape a box, sphere or capsule
+  void addSolid(const ColliderShape& shape);
+  /// \param place_alone its shape and surface stay: while the scene plays it goes there and takes bodies along
+  void changeSolid(std::size_t i, const PlacedSolid& solid, bool place_alone);
+  void removeSolid(std::size_t i) { placed_.remove(*scene_, i); }
+
   /// Cuts what a plane meets. \return whether it could; else message() says why
   bool cut(const Eigen::Vector3f& point, const Eigen::Vector3f& normal);
   /// What could not be done last, or is to be known; empty: nothing.
@@ -138,19 +154,18 @@ class Play {
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   std::vector<std::shared_ptr<const Asset>> triangles_of_;
   Vec3 base_gravity_{};
+  double base_ground_ = 0;
   std::optional<Grab> grabbed_;
   ColliderId ball_;
   std::optional<Eigen::Vector3f> pushed_;
   std::vector<Target> targets_;
+  PlacedSolids placed_;
   Timeline timeline_;
   std::string message_;
   int single_steps_ = 0;
   double owed_seconds_ = 0;
   std::uint32_t steps_ = 0;
 };
-
-/// Vertices of the bodies that touch the ground or a collider, metres.
-std::vector<Eigen::Vector3f> contactsOf(const Play& play);
 
 /// Picks that stay where they were let go: where they hold, and where they pull to, metres.
 std::vector<std::pair<Eigen::Vector3f, Eigen::Vector3f>> lockedPicks(const Play& play);

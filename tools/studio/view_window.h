@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "tools/scene/scene.h"
@@ -31,7 +32,7 @@ struct Opened {
 struct StudioOptions {
   ViewOptions view;    ///< its `frames` count from the replay's end; `file` and `scene` are those of what is opened
   std::string replay;  ///< events instead of mouse and keyboard (replay.h); the window ends after them; empty = none
-  Navigation navigation = Navigation::usual;
+  std::optional<Navigation> navigation;  ///< nothing: as in the last session
   /// Opens what is dropped on the window or chosen there: a package, a recipe, or a source, whose recipe is made where
   /// there is none. Throws ToolError.
   std::function<Opened(const std::string&)> open;
