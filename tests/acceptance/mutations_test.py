@@ -235,7 +235,7 @@ STORED = {"sinew_masks": 1, "points": [0, 0, 0, 0.1, 0, 0, 0, 0.1, 0, 0.8, 0, 0.
           "masks": {"cheek": {"points": [0, 1, 3], "weights": [1, 0.5, 0.25]}}}
 STROKES = {"strokes": [{"points": [[0, 0, 0], [0.1, 0, 0], [0.2, 0.1, 0]], "radius": 0.05, "falloff": 0.05, "strength": 1},
                        {"points": [[0.2, 0.1, 0]], "radius": 0.05, "erase": True}]}
-SCENE = {"sinew_scene": 1, "seconds": 0.2, "still": 0.1, "gravity": 9.81, "iterations": 2, "step": 0.02, "damping": 0.5, "deformation_damping_ratio": 0.1, "stiffness": 2, "channels": {"pull": [[0, 0], [0.1, 1]], "p*": [[0.1, 0.5]]},
+SCENE = {"sinew_scene": 1, "seconds": 0.2, "still": 0.1, "gravity": 9.81, "iterations": 2, "step": 0.02, "damping": 0.5, "deformation_damping_ratio": 0.1, "stiffness": 2, "package_pins": True, "channels": {"pull": [[0, 0], [0.1, 1]], "p*": [[0.1, 0.5]]},
          "targets": {"bone": {"axis": [1, 0, 0], "point": [0, 0, 0], "keys": [{"time": 0}, {"time": 0.1, "turn": 20, "move": [0, 0.1, 0]}]}},
          "camera": {"yaw": 10, "pitch": 3, "at": [0, 0, 0], "height": 2}, "note": "by hand"}
 

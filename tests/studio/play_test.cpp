@@ -511,6 +511,10 @@ TEST_F(SavedScene, PlaysByAllThatTheSlidersSay) {
   EXPECT_EQ(read.deformation_damping_ratio, 0.0625F);
   EXPECT_EQ(again.scene().world().bodySettings(again.scene().body()).stiffness_scale, 3);
   EXPECT_NEAR(again.scene().stepSeconds(), 1.0F / 120, 1e-8F);
+  // What falls here falls there; what something holds is held by the package's pins.
+  EXPECT_FALSE(again.scene().world().bodySettings(again.scene().body()).package_pins);
+  EXPECT_TRUE(readBack(playing(SceneKind::hang).scene(), {}).package_pins);
+  EXPECT_TRUE(readBack(playing(SceneKind::rest).scene(), {}).package_pins);
   // The sliders stand where they stood; stiffness multiplies what the file has.
   EXPECT_EQ(again.settings.damping, 1.5F);
   EXPECT_EQ(again.settings.stiffness, 1);

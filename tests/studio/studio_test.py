@@ -189,6 +189,9 @@ def tools_of_the_window():
     check(abs(box["keys"][0]["turn"]) > 5 and len(box["axis"]) == 3, "a handle turns it")
     check(scene["ground"] < scene["camera"]["at"][1], "the ground is there")
     done("render", "tools.sinew", "--scene", "tools.scene.json", "--frames", "1", "-o", "colliders_scene.png")
+    replayed("falling", [{"wait": 20}, {"key": "2"}, {"wait": 3}, {"key": "control+s"}, {"wait": 3}, {"click": "Save the file"}, {"wait": 3}], "tools.sinew")
+    measured = json.loads(done("simulate", "tools.sinew", "--scene", "tools.scene.json", "--seconds", "3", "--json").stdout)
+    check(measured["lowest"] < 0.1, f"saved, it falls to the ground as here, held by no pins ({measured['lowest']} diagonals above)")
 
     # The page of keys, the menu, a file that is dropped, one that cannot be opened.
     states, said = replayed("pages", [

@@ -467,7 +467,7 @@ void Scene::reset() {
   placement.solver = options_.solver;
   placement.self_contact = touches_itself;
   placement.drag = script_ ? float(script_->script.drag) : 0;
-  placement.package_pins = options_.scene.kind == SceneKind::rest;
+  placement.package_pins = script_ ? script_->script.package_pins : options_.scene.kind == SceneKind::rest;
   if (options_.scene.kind == SceneKind::drop) {
     // Turned about z, then about x.
     const float c = std::cos(kDropTilt);

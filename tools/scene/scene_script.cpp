@@ -39,8 +39,9 @@ class Reader {
                       "gravity",     "iterations", "damping",      "deformation_damping_ratio",
                       "stiffness",   "channels",   "targets",      "cuts",
                       "picks",       "pushes",     "impulses",     "forces",
-                      "wind",        "drag",       "self_contact", "colliders",
-                      "ground",      "bodies",     "camera",       "note"});
+                      "wind",        "drag",       "self_contact", "package_pins",
+                      "colliders",   "ground",     "bodies",       "camera",
+                      "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -67,6 +68,7 @@ class Reader {
     if (json.contains("wind")) script_.wind = vectorKeys(json["wind"], "/wind", "velocity");
     script_.drag = number(json, "", "drag", 0, 0, 1e4);
     script_.self_contact = flag(json, "", "self_contact");
+    script_.package_pins = flag(json, "", "package_pins", true);
     if (json.contains("camera")) camera(json["camera"]);
   }
 
@@ -81,8 +83,8 @@ class Reader {
     }
   }
 
-  bool flag(const Json& from, const std::string& pointer, const std::string& key) const {
-    if (!from.contains(key)) return false;
+  bool flag(const Json& from, const std::string& pointer, const std::string& key, bool otherwise = false) const {
+    if (!from.contains(key)) return otherwise;
     if (!from[key].is_boolean()) text_.fail(childPointer(pointer, key), "needs true or false", "");
     return from[key].get<bool>();
   }

@@ -121,6 +121,7 @@ struct SceneScript {
   std::vector<VectorKey> wind;  ///< m/s; empty: still air
   double drag = 0;              ///< as BodySettings::drag
   bool self_contact = false;    ///< as BodySettings::self_contact
+  bool package_pins = true;     ///< as BodySettings::package_pins
   std::optional<View> view;
   JsonText text;  ///< for messages
 
