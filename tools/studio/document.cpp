@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kWatchSeconds = 0.25;
-constexpr double kSettleSeconds = 0.3;  // after an edit, before a bake: sliders and strokes follow each other
+constexpr double kSettleSeconds = 0.1;  // after an edit, before a bake: sliders that are dragged make many edits
 
 std::string bytesOf(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
