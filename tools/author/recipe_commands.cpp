@@ -490,10 +490,10 @@ void RecipeEditor::move(const std::string& name, int by, const std::string& list
     if (at == entries.end()) continue;
     const std::ptrdiff_t from = at - entries.begin(), to = from + by;
     if (to < 0 || to >= std::ptrdiff_t(entries.size())) {
-      usage("'" + name + "' is number " + std::to_string(from + 1) + " of " +
-                counted(entries.size(), "entry", "entries") + " in " + kind + " and cannot go " +
-                std::to_string(std::abs(by)) + (by < 0 ? " up" : " down"),
-            "Move it less far.");
+      std::string problem = "'" + name + "' is number " + std::to_string(from + 1) + " of ";
+      problem += counted(entries.size(), "entry", "entries") + " in " + kind + " and cannot go ";
+      problem += std::to_string(std::abs(by)) + (by < 0 ? " up" : " down");
+      usage(problem, "Move it less far.");
     }
     const auto first = entries.begin();
     if (to < from)

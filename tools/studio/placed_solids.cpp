@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <utility>
 
 namespace sinew::tools {
 namespace {
@@ -33,7 +32,7 @@ std::vector<PlacedSolid> PlacedSolids::all() const {
 
 void PlacedSolids::add(Scene& scene, const PlacedSolid& solid) {
   Entry entry = {solid, {scene.addSolid(solid.shape, solid.settings), ++changes_}};
-  solids_.push_back(std::move(entry));
+  solids_.push_back(entry);
   selected = solids_.size() - 1;
 }
 
