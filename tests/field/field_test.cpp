@@ -356,6 +356,38 @@ TEST(Field, OtherMaterialsOnTheSameFunctions) {
   EXPECT_GT(std::abs(before.held->compliance[0] - made.held->compliance[0]), 0.1 * made.held->compliance[0]);
 }
 
+// A load that meets nothing, pieces that are held whole, flat, or of one tetrahedron: numbers stay finite.
+TEST(Field, OtherMaterialsWhereNothingMoves) {
+  const auto expectFinite = [](const Body& body, std::size_t loads) {
+    const Fields quick = reweighed(makeFields(body.input(), {}), body.input(), {});
+    for (const FieldSpace* space : {&quick.free, quick.held ? &*quick.held : &quick.free}) {
+      EXPECT_TRUE(space->stiffness.allFinite() && space->damping_hz.allFinite() && space->compliance.allFinite());
+      EXPECT_TRUE(std::isfinite(space->lowest_hz));
+      for (const FieldSample& s : space->samples) EXPECT_TRUE(std::isfinite(s.mu) && std::isfinite(s.lambda));
+    }
+    const FieldSpace& acting = quick.held ? *quick.held : quick.free;
+    EXPECT_TRUE(acting.compliance.size() == 0 || acting.compliance.size() == Index(loads));
+  };
+  Body body = beam(10);
+  body.hold([](const Vector3d& x) { return x[0] < 1e-9; });
+  body.loads.assign(2, VectorXd::Zero(3 * Index(body.positions.size())));
+  body.loads[1][3 * Index(body.positions.size()) - 1] = 1;
+  expectFinite(body, 2);
+  Body whole = beam(10);
+  whole.hold([](const Vector3d&) { return true; });
+  whole.loads = body.loads;
+  expectFinite(whole, 2);
+  Body one;
+  one.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  one.tetrahedra = {{0, 1, 2, 3}};
+  one.fill(1e5, 0.3);
+  expectFinite(one, 0);
+  Body flat = one;
+  flat.positions[3] = {1, 1, 0};
+  flat.fill(1e5, 0.3);
+  expectFinite(flat, 0);
+}
+
 // Two blocks that share an edge would turn about it; a tetrahedron that hangs by a vertex would swing.
 TEST(Field, WhatSharesLessThanAFaceDoesNotSwing) {
   Body body;

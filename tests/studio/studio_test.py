@@ -364,6 +364,13 @@ try:
     (folder / "other.json").write_text((folder / "head.json").read_text())
     result = sinew("studio", "other.obj", "--replay", "open.json")
     check(result.returncode == 2 and "-o NAME.json" in result.stderr, "a recipe of another source is not taken for its own")
+    # Another file comes while a dialog about this one's body is open: the dialog goes with the body.
+    (folder / "late.json").write_text(json.dumps({"events": [
+        {"wait": "bake"}, {"key": "control+s"}, {"wait": 5}, {"drop": "head.json"}, {"wait": "evaluation"}, {"wait": 5},
+        {"click": "tab Paint"}, {"click": "New mask"}, {"text": "late"}, {"key": "enter"},
+        {"stroke": [[0.62, 6.62, 1.03], [0.4, 6.33, 1.25]]}, {"wait": "evaluation"}]}))
+    done("studio", "face.json", "--replay", "late.json")
+    check("late" in json.loads((folder / "head.json").read_text()).get("masks", {}), "a dialog closes when another file comes")
     tools_of_the_window()
     films()
     mouse_is_kept()

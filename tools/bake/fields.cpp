@@ -123,12 +123,12 @@ FieldKeys keysOf(const FieldInput& input, const FieldOptions& options) {
     for (const auto& value : span) add(value);
   };
   addAll(input.positions), addAll(input.tetrahedra), addAll(input.masses), addAll(input.held);
-  add(options.functions), add(options.samples_per_function), add(options.residual_modes), add(options.element);
+  add(options.functions), add(options.samples_per_function), add(options.element);
   FieldKeys keys;
   const std::vector<std::byte> shape = writer.take();
   keys.shape = stageKey(shape);
   writer = {};
-  add(keys.shape), add(options.lowest_hz);
+  add(keys.shape), add(options.lowest_hz), add(options.residual_modes);
   addAll(input.young), addAll(input.poisson), addAll(input.loads);
   add(input.tethers.size());
   for (const FieldTether& tether : input.tethers) {

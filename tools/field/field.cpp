@@ -570,9 +570,10 @@ FieldElement elementOf(const FieldInput& input, const FieldOptions& options) {
 void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& loads, FieldSpace& space) {
   space.residual_modes.resize(0, 0);
   space.residual_locals.resize(0);
-  const geometry::SymmetricEigen old = geometry::symmetricEigen(sampledStiffness(space));
-  const Index first = firstElastic(old.values, space);
   const Index driven = space.driven_count, k = space.values.cols() - driven;
+  geometry::SymmetricEigen old;
+  if (k > 0) old = geometry::symmetricEigen(sampledStiffness(space));
+  const Index first = firstElastic(old.values, space);
   VectorXd scalar_before = VectorXd::Zero(k), scalar = scalar_before;  // of the samples
   for (FieldSample& s : space.samples) {
     const VectorXd size2 = s.volume * s.gradients.bottomRows(k).rowwise().squaredNorm();
@@ -586,20 +587,26 @@ void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& lo
   if (driven > 0 && !input.tethers.empty()) {
     space.tethers = tetherEnergy(elastic, input, Holds(elastic, input), space.values, space.young_scale);
   }
+  if (first == old.values.size()) {  // nothing strains
+    space.compliance.setZero(space.compliance.size() == 0 ? 0 : loads.cols());
+    return;
+  }
   const geometry::SymmetricEigen modes = geometry::symmetricEigen(sampledStiffness(space));
-  if (first < modes.values.size()) space.lowest_hz *= std::sqrt(modes.values[first] / old.values[first]);
+  space.lowest_hz *= std::sqrt(modes.values[first] / old.values[first]);
   const MatrixXd met = coordinates(space.values.rightCols(k), loads);
   const auto workOf = [&](const geometry::SymmetricEigen& of) {
     const Index count = of.values.size() - first;
     const MatrixXd along = of.vectors.rightCols(count).transpose() * met;
     return VectorXd((of.values.tail(count).cwiseInverse().asDiagonal() * along.cwiseAbs2()).colwise().sum());
   };
+  // Of each load, or where they are others than before of all together; 1 where the functions met nothing.
   const VectorXd before = workOf(old);
-  const bool same = space.compliance.size() == before.size();
-  const double mean =
-      same || before.size() == 0 || space.compliance.size() == 0 ? 1 : space.compliance.mean() / before.mean();
-  space.compliance = workOf(modes).cwiseProduct(same ? space.compliance.cwiseQuotient(before).eval()
-                                                     : VectorXd::Constant(before.size(), mean));
+  const double all = before.sum() > 0 && space.compliance.size() > 0 ? space.compliance.mean() / before.mean() : 1;
+  VectorXd share = VectorXd::Constant(before.size(), all);
+  if (space.compliance.size() == before.size()) {
+    share = (before.array() > 0).select(space.compliance.array() / before.array(), 1.0);
+  }
+  space.compliance = workOf(modes).cwiseProduct(share);
   addDamping(space);
 }
 

@@ -249,7 +249,7 @@ SceneScript::View sceneViewOf(const Camera& camera, const formats::PackageView& 
   const float diagonal = package.info().diagonal;
   SceneScript::View view;
   view.yaw = double(camera.yaw);
-  constexpr double kSteepest = kMostPitch * std::numbers::pi / 180;
+  constexpr double kSteepest = kMostPitch * kDegree;
   view.pitch = std::clamp(double(camera.pitch), -kSteepest, kSteepest);
   view.at.emplace();
   for (int k = 0; k < 3; ++k) {

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
-#include <numbers>
 
 #include "tools/core/ramp.h"
 
@@ -16,7 +15,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMostSeconds = 600;
 constexpr std::size_t kMostHull = 64, kMostShape = 1000000;
 

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <span>
 #include <string>
@@ -17,7 +18,8 @@
 
 namespace sinew::tools {
 
-inline constexpr double kMostGravity = 1000;  ///< m/s²
+inline constexpr double kMostGravity = 1000;               ///< m/s²
+inline constexpr double kDegree = std::numbers::pi / 180;  ///< radians
 inline constexpr double kMostPitch = 89;   ///< degrees, of a camera: straight from above nothing says which way is up
 inline constexpr double kMostPlace = 1e6;  ///< m, of coordinates and lengths
 /// Of a collider: the least length of its shape, m; the most friction.

@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <numbers>
 
 #include "tools/core/text.h"
 
@@ -15,7 +14,6 @@ using Json = nlohmann::ordered_json;
 using Eigen::Vector3d;
 
 constexpr double kReachSeconds = 0.5;  // from rest to the pose
-constexpr double kDegrees = 180 / std::numbers::pi;
 
 Vector3d wideOf(const Vec3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 
@@ -60,7 +58,7 @@ Json picksOf(const Scene& scene) {
   return list;
 }
 
-double degreesOf(const Eigen::AngleAxisd& turn) { return sevenDigits(turn.angle() * kDegrees); }
+double degreesOf(const Eigen::AngleAxisd& turn) { return sevenDigits(turn.angle() / kDegree); }
 
 Json solidOf(const PlacedSolid& solid, const Vector3d& shift) {
   Json json = Json::object();
@@ -133,7 +131,7 @@ std::string sceneText(const Scene& scene, const SceneTextOptions& options) {
     if (key.turn == 0 && move.isZero()) continue;
     Json keys = Json::array();
     keys.push_back({{"time", 0}});
-    keys.push_back({{"time", kReachSeconds}, {"turn", sevenDigits(key.turn * kDegrees)}, {"move", jsonOf(move)}});
+    keys.push_back({{"time", kReachSeconds}, {"turn", sevenDigits(key.turn / kDegree)}, {"move", jsonOf(move)}});
     json["targets"][target.name] = {{"axis", jsonOf({target.axis[0], target.axis[1], target.axis[2]})},
                                     {"point", jsonOf({target.point[0], target.point[1], target.point[2]})},
                                     {"keys", keys}};
@@ -146,8 +144,8 @@ std::string sceneText(const Scene& scene, const SceneTextOptions& options) {
   if (!colliders.empty()) json["colliders"] = colliders;
   if (!rotationOf(scene.placement()).isIdentity()) json["bodies"] = bodiesOf(scene);
   if (options.camera) {
-    json["camera"] = {{"yaw", sevenDigits(options.camera->yaw * kDegrees)},
-                      {"pitch", sevenDigits(options.camera->pitch * kDegrees)}};
+    json["camera"] = {{"yaw", sevenDigits(options.camera->yaw / kDegree)},
+                      {"pitch", sevenDigits(options.camera->pitch / kDegree)}};
     if (options.camera->at) {
       const auto& at = *options.camera->at;
       json["camera"]["at"] = jsonOf({at[0], at[1], at[2]});

@@ -19,11 +19,19 @@ void PathDialog::open(const std::string& title, const std::string& verb, const s
 }
 
 void PathDialog::draw(Widgets& widgets) {
-  if (!is_open_) return;
-  if (!ImGui::IsPopupOpen(title_.c_str())) ImGui::OpenPopup(title_.c_str());
+  // Dear ImGui closes a modal window only from within.
+  const bool is_shown = !title_.empty() && ImGui::IsPopupOpen(title_.c_str());
+  if (!is_open_ && !is_shown) return;
+  if (!is_shown) ImGui::OpenPopup(title_.c_str());
   ImGui::SetNextWindowPos(ImGui::GetMainViewport()->GetCenter(), ImGuiCond_Appearing, {0.5F, 0.5F});
   ImGui::SetNextWindowSize({ImGui::GetFontSize() * 34, 0});
   if (!ImGui::BeginPopupModal(title_.c_str(), nullptr, ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize)) return;
+  if (is_open_) fill(widgets);
+  if (!is_open_) ImGui::CloseCurrentPopup();
+  ImGui::EndPopup();
+}
+
+void PathDialog::fill(Widgets& widgets) {
   widgets.text("File", path_);
   if (more_) more_(widgets);
   if (!error_.empty()) note(error_);
@@ -39,8 +47,6 @@ void PathDialog::draw(Widgets& widgets) {
   ImGui::SameLine();
   if (widgets.button("Leave it", width) || ImGui::IsKeyPressed(ImGui::GetIO().KeyMap[ImGuiKey_Escape]))
     is_open_ = false;
-  if (!is_open_) ImGui::CloseCurrentPopup();
-  ImGui::EndPopup();
 }
 
 }  // namespace sinew::tools

@@ -62,6 +62,7 @@ void StudioWindow::take(const Opened& opened) {
     view.scene = opened.scene;
     play.emplace(opened.asset, view);
   }
+  dialog_.close();
   document_ = std::move(document);
   play_.reset();
   if (play) play_.emplace(std::move(*play));
@@ -323,10 +324,9 @@ void StudioWindow::film(bool turntable) {
       options.scene_text = sceneToSave();
     } else {
       const SceneScript::View view = sceneViewOf(play_input_->camera(), play_->package(), {});
-      constexpr double kDegrees = 180 / std::numbers::pi;
       const double yaw = std::remainder(view.yaw - double(frontYaw(play_->package())), 2 * std::numbers::pi);
       options.scene = scene.script ? scene.script->text.file() : scene.name();
-      options.camera = exactText(sevenDigits(yaw * kDegrees)) + "," + exactText(sevenDigits(view.pitch * kDegrees));
+      options.camera = exactText(sevenDigits(yaw / kDegree)) + "," + exactText(sevenDigits(view.pitch / kDegree));
     }
     film_.start(options, file);
     say("filming " + file);
