@@ -19,8 +19,8 @@ inline constexpr double kSinking = 2e-3;
 inline constexpr double kResolved = 2e-5;
 /// Points that are assumed to share the weight; more of them press in less.
 inline constexpr double kFew = 8;
-/// Depth that springs let points in: arrivals are stopped there, the drawn surface is lifted out of it, and points that
-/// lie deeper have not been pressed there. Diagonals.
+/// Depth that springs let points in: arrivals are stopped there, and the drawn surface is lifted out of it, beyond what
+/// contact points are pressed in; vertices that lie deeper have not been pressed there. Diagonals.
 inline constexpr double kPressedIn = 0.02;
 /// Least gravity in these bounds, diagonals per second squared.
 inline constexpr double kLeastGravity = 1;

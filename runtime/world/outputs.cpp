@@ -50,6 +50,17 @@ class Listed {
 
 VertexRun allOf(const Body& body) { return {0, std::uint32_t(body.package().visualPositions().size())}; }
 
+// Contact points are some of the surface: what lies between them is deeper by no more than what rests is.
+double pressedInto(const Body& body, std::uint32_t collider) {
+  float depth = 0;
+  for (const internal::Piece& piece : body.pieces) {
+    for (const internal::TouchingPoint& point : piece.state.touching) {
+      if (point.collider == collider) depth = std::max(depth, point.depth);
+    }
+  }
+  return double(depth) + internal::kPressedIn * double(body.package().info().diagonal);
+}
+
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
@@ -116,10 +127,10 @@ void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun>
   if (out.data == nullptr) return;
   internal::Array<std::uint32_t> ids(memory);
   findTouched(body, ids);
-  const double deepest = internal::kPressedIn * double(body.package().info().diagonal);
   for (const std::uint32_t id : ids) {
     const internal::Collider* const collider = colliderOf(id);
     if (collider == nullptr) continue;
+    const double deepest = pressedInto(body, id);
     const internal::Pose pose(internal::between(collider->before, collider->at, shown));
     const bool plane = collider->shape.isPlane();  // above it are most vertices of what rests on it
     const Eigen::Vector3d up = pose.rotation * collider->shape.half();

@@ -112,6 +112,45 @@ TEST(FreeBody, FallsOnAParabola) {
   }
 }
 
+// What is pressed askew between two plates and rests there stores much, and has no momentum when both are taken away.
+TEST(FreeBody, TakesNoSpinFromPlatesThatLetItGo) {
+  WorldSettings settings = weightless();
+  settings.damping = 0;
+  settings.iterations = 1;
+  World world(settings);
+  BoxOptions box = overlapping(ClusterMode::linear);
+  box.keep = [](std::uint32_t i, std::uint32_t j, std::uint32_t k) { return j < 2 ? i < 2 || k < 1 : i > 2; };
+  const BodyId body = *world.addBody(boxAsset(box));
+  float low = 0, high = 0;
+  for (const Vec3& x : world.positions(body)) {
+    low = std::min(low, x[1]);
+    high = std::max(high, x[1]);
+  }
+  ColliderSettings below, above;
+  below.at.position = {0, low, 0};
+  above.at.position = {0, high, 0};
+  const ColliderId plates[] = {*world.addCollider(PlaneShape{{0, 1, 0}}, below),
+                               *world.addCollider(PlaneShape{{0, -1, 0}}, above)};
+  for (int i = 1; i <= 120; ++i) {
+    above.at.position[1] = high - 0.5F * (high - low) * std::min(1.0F, float(i) / 30);
+    world.moveCollider(plates[1], above.at);
+    world.step(1.0F / 60);
+  }
+  for (const ColliderId plate : plates) world.removeCollider(plate);
+  const auto spin = [&] {
+    const Motion now = motionOf(world, body);
+    return (now.angular - now.center.cross(now.momentum)).norm();
+  };
+  const double diagonal = double(world.asset(body).package().info().diagonal);
+  const double before = spin();
+  world.step(1.0F / 60);
+  const Motion now = motionOf(world, body);
+  const double size = std::sqrt(2 * now.kinetic * now.mass);  // kg m/s, of its parts
+  ASSERT_GT(size, 0.01 * now.mass);
+  EXPECT_LT(std::abs(spin() - before), 1e-4 * size * diagonal);
+  EXPECT_LT(before, 1e-4 * size * diagonal);
+}
+
 TEST(FreeBody, KeepsMomentumWhileItTumblesAndWobbles) {
   for (const ClusterMode mode : kModes) {
     WorldSettings settings = weightless();

@@ -45,6 +45,29 @@ void run(Play& play, int steps) {
   }
 }
 
+TEST(BuiltIn, SquashPressesToHalfSoThatSidesBulgeAndLetsGo) {
+  Play play = playing(SceneKind::squash);
+  const auto extent = [&](int axis) {
+    float low = std::numeric_limits<float>::infinity(), high = -low;
+    const std::size_t count = play.scene().assets().front()->package().visualPositions().size();  // then the plates
+    for (std::size_t v = 0; v < count; ++v) {
+      low = std::min(low, play.shape().positions[v][axis]);
+      high = std::max(high, play.shape().positions[v][axis]);
+    }
+    return high - low;
+  };
+  run(play, 1);
+  const float width = extent(2);
+  run(play, 40);
+  EXPECT_EQ(play.scene().solids().size(), 2U);
+  EXPECT_NEAR(extent(1), 0.05, 1e-3);
+  EXPECT_GT(extent(2), 1.03F * width);
+  run(play, 49);
+  EXPECT_TRUE(play.scene().solids().empty());
+  EXPECT_NEAR(extent(1), 0.1, 1e-5);
+  EXPECT_NEAR(extent(2), 0.1, 1e-5);
+}
+
 TEST(GoingBack, WhatFollowsIsTheSameBitForBit) {
   Play play = playing(SceneKind::drop);
   run(play, 30);

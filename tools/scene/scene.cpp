@@ -21,8 +21,9 @@ constexpr float kGravityDiagonals = 9.81F;
 // `drop` starts this far above the ground, turned by this angle so that it lands on no face flatly.
 constexpr float kDropHeight = 0.35F;
 constexpr float kDropTilt = 0.25F;
-// `squash` presses to this part of the height within kPressSeconds, holds, lets go.
-constexpr float kPressedHeight = 0.05F;
+// `squash` presses between two plates to this part of the height within kPressSeconds, holds, takes both away.
+constexpr float kPressedHeight = 0.5F;
+constexpr float kPlateThickness = 0.01F, kPlateMargin = 0.1F;  // of the diagonal; half of it, and beyond the body
 constexpr float kPressSeconds = 0.5F;
 constexpr float kHoldSeconds = 0.25F;
 // `stretch` holds this part of the length at both ends and pulls to this factor.
@@ -77,6 +78,16 @@ struct Bounds {
     return axis;
   }
 };
+
+// What is drawn, as it stands in a scene that moves it without a turn.
+Bounds drawnBounds(const formats::PackageInfo& info, const Vec3& position) {
+  Bounds b{info.bounds_min, info.bounds_max};
+  for (std::size_t a = 0; a < 3; ++a) {
+    b.low[a] += position[a];
+    b.high[a] += position[a];
+  }
+  return b;
+}
 
 Bounds boundsOf(std::span<const Vec3> points) {
   constexpr float inf = std::numeric_limits<float>::infinity();
@@ -220,6 +231,7 @@ double SceneChoice::seconds() const {
     case SceneKind::rest:
       return 1;
     case SceneKind::squash:
+      return 1.5;
     case SceneKind::stretch:
       return 2;
     case SceneKind::drop:
@@ -287,15 +299,36 @@ void Scene::removeSolid(ColliderId id) {
   std::erase_if(solids_, [id](const SceneSolid& solid) { return solid.id == id; });
 }
 
-void Scene::addScriptSolids() {
-  for (const SceneScript::Solid& from : script_->script.colliders) {
-    ColliderSettings settings;
-    settings.at = from.motion.keys.empty() ? RigidTransform{} : motionAt(from.motion, script_->origin, 0);
-    settings.at.position = placeAfter(settings.at, placed(from.at));
+RigidTransform Scene::drivenAt(std::size_t i, double time) const {
+  if (script_) {
+    const SceneScript::Solid& from = script_->script.colliders[i];
+    RigidTransform at = from.motion.keys.empty() ? RigidTransform{} : motionAt(from.motion, script_->origin, time);
+    at.position = placeAfter(at, placed(from.at));
+    return at;
+  }
+  const Bounds bounds = drawnBounds(asset_->package().info(), placement_.position);
+  const float thick = kPlateThickness * reach();
+  const float height = 1 + (kPressedHeight - 1) * smoothstep(float(time) / kPressSeconds);
+  RigidTransform at;
+  for (const std::size_t a : {std::size_t(0), std::size_t(2)}) at.position[a] = 0.5F * (bounds.low[a] + bounds.high[a]);
+  at.position[1] = i == 0 ? bounds.low[1] - thick : bounds.low[1] + height * bounds.extent(1) + thick;
+  return at;
+}
+
+ColliderId Scene::addDriven(std::size_t i, const RigidTransform& at) {
+  ColliderSettings settings;
+  settings.at = at;
+  if (script_) {
+    const SceneScript::Solid& from = script_->script.colliders[i];
     settings.friction = float(from.friction);
     settings.restitution = float(from.restitution);
-    script_solids_.push_back(addSolid(from.shape(), settings));
+    return addSolid(from.shape(), settings);
   }
+  const Bounds bounds = drawnBounds(asset_->package().info(), placement_.position);
+  const float margin = kPlateMargin * reach();
+  const float sign = i == 0 ? 1.0F : -1.0F;
+  const Vec3 half = {0.5F * bounds.extent(0) + margin, kPlateThickness * reach(), 0.5F * bounds.extent(2) + margin};
+  return addSolid(PlaneShape{{0, sign, 0}, half[1]}, settings, plateOf(half, sign));
 }
 
 void Scene::addScriptBodies(const BodySettings& common) {
@@ -416,7 +449,7 @@ void Scene::reset() {
   bodies_.clear();
   assets_.clear();
   while (!solids_.empty()) removeSolid(solids_.back().id);
-  script_solids_.clear();
+  driven_solids_.clear();
   pushers_.clear();
   hands_.clear();
   held_points_.clear();
@@ -486,7 +519,8 @@ void Scene::reset() {
     placement.position[1] = -lowest + (options_.scene.kind == SceneKind::drop ? kDropHeight * diagonal : 0.0F);
   }
   if (script_) {
-    addScriptSolids();
+    for (std::size_t i = 0; i < script_->script.colliders.size(); ++i)
+      driven_solids_.push_back(addDriven(i, drivenAt(i, 0)));
     addScriptBodies(placement);
   } else if (several) {
     std::vector<Bounds> bounds;
@@ -509,6 +543,7 @@ void Scene::reset() {
   placement_ = {placement.position, placement.rotation};
   const auto positions = world_.positions(body());
   start_.assign(positions.begin(), positions.end());
+  if (kind == SceneKind::squash) driven_solids_ = {addDriven(0, drivenAt(0, 0)), addDriven(1, drivenAt(1, 0))};
 
   const Bounds bounds = boundsOf(start_);
   if (options_.scene.kind == SceneKind::hang) {
@@ -596,12 +631,8 @@ void Scene::driveHands(double time) {
     if (let_go) world_.releasePick(hand.pick);
     hand.done = let_go;
   }
-  for (std::size_t i = 0; i < script_solids_.size(); ++i) {
-    const SceneScript::Solid& from = script.colliders[i];
-    if (from.motion.keys.empty()) continue;
-    RigidTransform to = motionAt(from.motion, script_->origin, time);
-    to.position = placeAfter(to, placed(from.at));
-    world_.moveCollider(script_solids_[i], to);
+  for (std::size_t i = 0; i < driven_solids_.size(); ++i) {
+    if (!script.colliders[i].motion.keys.empty()) world_.moveCollider(driven_solids_[i], drivenAt(i, time));
   }
   pushers_.resize(script.pushes.size());
   for (std::size_t i = 0; i < pushers_.size(); ++i) {
@@ -659,29 +690,28 @@ void Scene::driveChannels(double time) {
   }
 }
 
-bool Scene::drive() {
+void Scene::drive() {
   const double end = time_ + double(stepSeconds());
   driveChannels(end);
   if (script_) {
     for (const BodyId one : bodies_) script_->moveTargets(world_, one, end);
     driveHands(end);
-    return true;
+    return;
   }
   const auto t = float(time_);
   const Bounds bounds = boundsOf(start_);
-  if (options_.scene.kind == SceneKind::squash && t <= kPressSeconds + kHoldSeconds) {
-    // Two plates press: every vertex is where they put it, so the body is as flat as said and at rest when it is let
-    // go.
-    const float height = 1 + (kPressedHeight - 1) * smoothstep(t / kPressSeconds);
-    std::vector<Vec3> pressed = start_;
-    for (Vec3& x : pressed) x[1] = bounds.low[1] + (x[1] - bounds.low[1]) * height;
-    world_.setState(body(), pressed, {});
-    return false;
+  if (options_.scene.kind == SceneKind::squash && !driven_solids_.empty()) {
+    if (t > kPressSeconds + kHoldSeconds) {
+      for (const ColliderId plate : driven_solids_) removeSolid(plate);
+      driven_solids_.clear();
+    } else {
+      world_.moveCollider(driven_solids_.back(), drivenAt(1, end));
+    }
   } else if (options_.scene.kind == SceneKind::stretch && !pinned_.empty()) {
     if (t > kPressSeconds + kHoldSeconds) {
       world_.unpinAll(body());
       pinned_.clear();
-      return true;
+      return;
     }
     const std::size_t axis = bounds.longest();
     const float middle = 0.5F * (bounds.low[axis] + bounds.high[axis]);
@@ -692,7 +722,6 @@ bool Scene::drive() {
       world_.pin(body(), v, target);
     }
   }
-  return true;
 }
 
 bool Scene::continueFrom(const Scene& before) {
@@ -707,17 +736,13 @@ bool Scene::continueFrom(const Scene& before) {
     carryState(before.world_, before.bodies_[b], assets_[b]->package(), positions, velocities);
     world_.setState(bodies_[b], positions, velocities);
   }
-  for (std::size_t i = 0; i < std::min(script_solids_.size(), before.script_solids_.size()); ++i) {
+  for (std::size_t i = 0; i < driven_solids_.size(); ++i) {
     // Put where it is: a jump would be a blow.
-    const SceneScript::Solid& from = script_->script.colliders[i];
-    if (from.motion.keys.empty()) continue;
-    removeSolid(script_solids_[i]);
-    ColliderSettings settings;
-    settings.at = before.world_.colliderPose(before.script_solids_[i]);
-    settings.friction = float(from.friction);
-    settings.restitution = float(from.restitution);
-    script_solids_[i] = addSolid(from.shape(), settings);
+    removeSolid(driven_solids_[i]);
+    if (i < before.driven_solids_.size())
+      driven_solids_[i] = addDriven(i, before.world_.colliderPose(before.driven_solids_[i]));
   }
+  driven_solids_.resize(std::min(driven_solids_.size(), before.driven_solids_.size()));
   time_ = before.time_;
   steps_ = before.steps_;
   even_from_ = before.even_from_;
@@ -752,7 +777,8 @@ void Scene::step() {
   while (next_cut_ < cuts_.size() && cuts_[next_cut_].time < time_ + 0.5 * double(seconds)) {
     cut(cuts_[next_cut_++].plane);
   }
-  if (drive()) world_.step(seconds);
+  drive();
+  world_.step(seconds);
   ++steps_;
   time_ = options_.step_sequence.empty() ? even_from_ + double(steps_ - even_steps_) * double(seconds)
                                          : time_ + double(seconds);

@@ -128,15 +128,17 @@ class Scene {
   }
   /// Longest rest diagonal of the packages, m.
   float reach() const;
-  void addScriptSolids();
+  /// Where a collider that the scene moves is at a time: of the script, or a plate of `squash`.
+  RigidTransform drivenAt(std::size_t i, double time) const;
+  ColliderId addDriven(std::size_t i, const RigidTransform& at);
   void addScriptBodies(const BodySettings& common);
   /// Colliders of the built-in scenes.
   void addBox();
   void addStairs();
   /// Planes of the scene, in the world.
   void planCuts();
-  /// Moves what the scene drives; false where the whole body is driven and there is nothing to step.
-  bool drive();
+  /// Moves what the scene drives.
+  void drive();
   void driveChannels(double time);
   /// What a script's hands do in the step that ends at a time.
   void driveHands(double time);
@@ -162,7 +164,7 @@ class Scene {
   };
   std::vector<Hand> hands_;  // by pick of the script
   std::vector<SceneSolid> solids_;
-  std::vector<ColliderId> script_solids_;                  // by collider of the script
+  std::vector<ColliderId> driven_solids_;                  // by collider of the script; `squash`: below, above
   std::vector<ColliderId> pushers_;                        // by push of the script; unknown: not there
   std::vector<std::pair<BodyId, BodyPoint>> held_points_;  // by force of the script
   RigidTransform placement_;

@@ -13,7 +13,7 @@ SceneState Scene::save() const {
   state.next_impulse_ = next_impulse_;
   state.hands_ = hands_;
   state.solids_ = solids_;
-  state.script_solids_ = script_solids_;
+  state.driven_solids_ = driven_solids_;
   state.pushers_ = pushers_;
   state.held_points_ = held_points_;
   state.time_ = time_;
@@ -34,7 +34,7 @@ bool Scene::restore(const SceneState& state) {
   next_impulse_ = state.next_impulse_;
   hands_ = state.hands_;
   solids_ = state.solids_;
-  script_solids_ = state.script_solids_;
+  driven_solids_ = state.driven_solids_;
   pushers_ = state.pushers_;
   held_points_ = state.held_points_;
   time_ = state.time_;

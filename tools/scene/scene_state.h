@@ -27,7 +27,7 @@ class SceneState {
   std::size_t next_cut_ = 0, next_impulse_ = 0;
   std::vector<Scene::Hand> hands_;
   std::vector<SceneSolid> solids_;
-  std::vector<ColliderId> script_solids_, pushers_;
+  std::vector<ColliderId> driven_solids_, pushers_;
   std::vector<std::pair<BodyId, BodyPoint>> held_points_;
   double time_ = 0;
   std::uint64_t steps_ = 0;

@@ -164,4 +164,15 @@ std::shared_ptr<const SolidMesh> wallOf(const Vec3& half_size, std::size_t axis,
   return mesh;
 }
 
+std::shared_ptr<const SolidMesh> plateOf(const Vec3& half_size, float sign) {
+  auto mesh = std::make_shared<SolidMesh>();
+  mesh->one_sided = true;
+  addSide(*mesh, half_size, 1, sign);
+  for (const std::size_t axis : {std::size_t(0), std::size_t(2)}) {
+    addSide(*mesh, half_size, axis, -1);
+    addSide(*mesh, half_size, axis, 1);
+  }
+  return mesh;
+}
+
 }  // namespace sinew::tools

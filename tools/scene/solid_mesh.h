@@ -25,4 +25,8 @@ std::shared_ptr<const SolidMesh> meshOf(const ColliderShape& shape, float reach)
 /// half_size of the wall. \param axis, sign where its inner side faces.
 std::shared_ptr<const SolidMesh> wallOf(const Vec3& half_size, std::size_t axis, float sign);
 
+/// A level plate that presses with its upper (sign 1) or lower side (-1): that side and its edges, so that what is
+/// between two of them is seen from above. \param half_size of the plate.
+std::shared_ptr<const SolidMesh> plateOf(const Vec3& half_size, float sign);
+
 }  // namespace sinew::tools
