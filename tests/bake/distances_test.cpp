@@ -30,7 +30,8 @@ formats::PackageContent cup() {
 // Steps out of a surface are as long as the surface is far: distances that jumped at an opening would lead past it.
 TEST(Distances, DoNotJumpAtOpenings) {
   formats::PackageContent content = cup();
-  addDistances(24, content);
+  StageCache no_cache{{}};
+  addDistances(24, content, no_cache);
   ASSERT_EQ(content.distance_grids.size(), 1U);
   const formats::DistanceGrid& grid = content.distance_grids[0];
   const std::size_t nodes[] = {grid.nodes[0], grid.nodes[1], grid.nodes[2]};

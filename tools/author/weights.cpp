@@ -502,6 +502,26 @@ WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physi
   for (std::uint32_t v = 0; v < places.size(); ++v) {
     if (area[v] > 0) hang(places[v], v, area[v]);
   }
+  // One for each pair of vertices.
+  std::vector<std::size_t> next(known.size() + 1, 0);
+  for (const Contribution& c : contributions_) ++next[c.physical + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  std::vector<Contribution> sorted(contributions_.size());
+  for (const Contribution& c : contributions_) sorted[next[c.physical]++] = c;
+  contributions_.clear();
+  std::vector<std::size_t> at(mesh.positions.size(), 0);  // of a visual vertex, its last one, and 1
+  std::size_t first = 0;
+  for (const Contribution& c : sorted) {
+    if (first < contributions_.size() && contributions_[first].physical != c.physical) first = contributions_.size();
+    if (at[c.visual] > first) {
+      contributions_[at[c.visual] - 1].weight += c.weight;
+    } else {
+      contributions_.push_back(c);
+      at[c.visual] = contributions_.size();
+    }
+  }
+  total_.assign(known.size(), 0);
+  for (const Contribution& c : contributions_) total_[c.physical] += c.weight;
   std::vector<std::uint32_t> sources;
   for (std::uint32_t p = 0; p < known.size(); ++p) {
     if (known[p] != 0) sources.push_back(p);
@@ -511,15 +531,11 @@ WeightTransfer::WeightTransfer(const VisualMesh& mesh, const PhysicalMesh& physi
 
 std::vector<double> WeightTransfer::operator()(std::span<const double> visual) const {
   std::vector<double> sum(taken_from_.size(), 0);
-  std::vector<double> total(taken_from_.size(), 0);
-  for (const Contribution& c : contributions_) {
-    sum[c.physical] += c.weight * visual[c.visual];
-    total[c.physical] += c.weight;
-  }
+  for (const Contribution& c : contributions_) sum[c.physical] += c.weight * visual[c.visual];
   std::vector<double> weights(taken_from_.size(), 0);
   for (std::size_t p = 0; p < weights.size(); ++p) {
     const std::uint32_t from = taken_from_[p];
-    if (from != kNoIndex) weights[p] = sum[from] / total[from];
+    if (from != kNoIndex) weights[p] = sum[from] / total_[from];
   }
   return weights;
 }

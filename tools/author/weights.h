@@ -33,8 +33,9 @@ class WeightTransfer {
   };
   const PhysicalMesh& physical_;
   TetGraph graph_;
-  std::vector<Contribution> contributions_;
-  std::vector<std::uint32_t> taken_from_;  // per physical vertex: itself, or the nearest that has a contribution
+  std::vector<Contribution> contributions_;  // by physical vertex, one of each pair
+  std::vector<double> total_;                // of contributions, per physical vertex
+  std::vector<std::uint32_t> taken_from_;    // per physical vertex: itself, or the nearest that has a contribution
 };
 
 /// The settings of a cluster: those of all, and its own.

@@ -66,7 +66,7 @@ void shortenToLids(const formats::DistanceGrid& grid, const std::vector<Vector3d
 }
 
 void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3d>& positions,
-             const std::vector<geometry::Triangle>& triangles, formats::PackageContent& content) {
+             const std::vector<geometry::Triangle>& triangles, formats::PackageContent& content, StageCache& cache) {
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (const auto& triangle : triangles) {
     for (const std::uint32_t v : triangle) {
@@ -97,30 +97,37 @@ void addGrid(std::uint32_t piece, std::uint32_t cells, const std::vector<Vector3
       }
     }
   }
-  const geometry::WindingNumber winding(positions, triangles, false);
-  std::vector<char> inside(nodes.size());
-  winding.inside(nodes, inside);
-  std::vector<double> distance;
-  for (const Vector3d& node : nodes) distance.push_back(std::sqrt(winding.bvh().closest(node).squared_distance));
-  shortenToLids(grid, nodes, inside, winding, distance);
-  const double largest = std::max(spacing, *std::max_element(distance.begin(), distance.end()));
-  grid.unit = float(largest / std::numeric_limits<std::int16_t>::max());
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const double value = std::round(distance[i] / double(grid.unit));
-    content.distance_values.push_back(std::int16_t(inside[i] != 0 ? -value : value));
+  StageWriter key;
+  key(nodes);
+  for (const auto& triangle : triangles) {
+    for (const std::uint32_t v : triangle) key.raw(&positions[v], sizeof positions[v]);
   }
+  const std::vector<double> distance = cache.get("distances", stageKey(key.take()), [&] {
+    const geometry::WindingNumber winding(positions, triangles, false);
+    std::vector<char> inside(nodes.size());
+    winding.inside(nodes, inside);
+    std::vector<double> made;
+    for (const Vector3d& node : nodes) made.push_back(std::sqrt(winding.bvh().closest(node).squared_distance));
+    shortenToLids(grid, nodes, inside, winding, made);
+    for (std::size_t i = 0; i < nodes.size(); ++i) made[i] = inside[i] != 0 ? -made[i] : made[i];
+    return made;
+  });
+  double largest = spacing;
+  for (const double d : distance) largest = std::max(largest, std::abs(d));
+  grid.unit = float(largest / std::numeric_limits<std::int16_t>::max());
+  for (const double d : distance) content.distance_values.push_back(std::int16_t(std::round(d / double(grid.unit))));
   content.distance_grids.push_back(grid);
 }
 
 }  // namespace
 
-void addDistances(std::uint32_t cells, formats::PackageContent& content) {
+void addDistances(std::uint32_t cells, formats::PackageContent& content, StageCache& cache) {
   if (cells == 0 || content.barycentric.empty() || content.field_points.empty()) return;
   std::vector<Vector3d> positions;
   for (const auto& x : content.visual_positions) positions.emplace_back(double(x[0]), double(x[1]), double(x[2]));
   for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
     const auto triangles = withoutCrowds(positions, trianglesOf(content, content.pieces[piece]));
-    if (!triangles.empty()) addGrid(piece, cells, positions, triangles, content);
+    if (!triangles.empty()) addGrid(piece, cells, positions, triangles, content, cache);
   }
 }
 

@@ -522,12 +522,13 @@ class PieceFields {
 
 ordered_json addFields(const Settings& settings, formats::PackageContent& content, StageCache* cache, bool draft) {
   StageCache no_cache{{}};
+  StageCache& kept = cache == nullptr ? no_cache : *cache;
   if (settings.field.functions == 0) return {{"left_out", "field.functions is 0"}};
   ordered_json pieces = ordered_json::array();
   for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
-    pieces.push_back(PieceFields(settings, piece, content).add(cache == nullptr ? no_cache : *cache, draft));
+    pieces.push_back(PieceFields(settings, piece, content).add(kept, draft));
   }
-  addDistances(settings.field.distances, content);
+  addDistances(settings.field.distances, content, kept);
   return pieces;
 }
 

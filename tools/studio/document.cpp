@@ -13,8 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kWatchSeconds = 0.25;
-constexpr double kSettleSeconds = 0.1;  // after an edit, before a bake: sliders that are dragged make many edits
+constexpr double kWatchSeconds = 0.1;
+// Edits in quick succession, as of a slider that is dragged, are baked so long after the last.
+constexpr double kSettleSeconds = 0.1;
 
 std::string bytesOf(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -37,6 +38,7 @@ Document::Document(const fs::path& recipe)
 void Document::refresh() {
   recipe_ = parseRecipe(editor_.text(), editor_.file());
   evaluation_.submit(editor_.file(), editor_.text());
+  bake_at_ = seconds_ - edited_ < kSettleSeconds ? seconds_ + kSettleSeconds : seconds_;
   edited_ = seconds_;
 }
 
@@ -178,7 +180,7 @@ void Document::reload() {
 void Document::bakeNow() {
   baked_text_ = editor_.text();
   source_changed_ = false;
-  edited_ = -1;
+  bake_at_ = kNever;
   bake_.start(editor_.file());
 }
 
@@ -199,8 +201,7 @@ void Document::poll(double seconds) {
     evaluated_ = std::move(result);
     ++evaluations_;
   }
-  if (bakes_by_itself && edited_ >= 0 && seconds - edited_ >= kSettleSeconds &&
-      (baked_text_ != editor_.text() || source_changed_)) {
+  if (bakes_by_itself && seconds >= bake_at_ && (baked_text_ != editor_.text() || source_changed_)) {
     bakeNow();
   }
   if (seconds - watched_ < kWatchSeconds) return;

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -80,7 +81,8 @@ class Document {
   std::uint32_t evaluations_ = 0;
   BakeJob bake_;
   std::string baked_text_, failed_text_;
-  double watched_ = 0, edited_ = -1, seconds_ = 0;
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+  double watched_ = 0, edited_ = -kNever, bake_at_ = kNever, seconds_ = 0;
   bool source_changed_ = false;
   std::string message_;
   bool is_trouble_ = false;
