@@ -50,6 +50,28 @@ class Strokes : public testing::Test {
   std::uint32_t at(double x, double y) const { return std::uint32_t(std::lround(y * 40) * 41 + std::lround(x * 40)); }
 };
 
+// Along a stroke that is pressed less and less, and seen by an eye from above as well.
+TEST_F(Strokes, APenPressesTheRadius) {
+  Stroke stroke = strokeOf(StrokeMode::paint, 0.2, 0);
+  stroke.points = {{0.2, 0.5, 0}, {0.8, 0.5, 0}};
+  stroke.pressures = {1, 0.25};
+  for (const bool seen : {false, true}) {
+    if (seen) stroke.eye = Vector3d(0.5, 0.5, 50);
+    StrokeBrush brush(surface);
+    brush.begin(stroke, none);
+    brush.addAll(stroke);
+    brush.advance();
+    const auto width = [&](double x) {
+      int points = 0;
+      for (int j = 0; j <= 40; ++j) points += brush.weights()[at(x, j / 40.0)] > 0.5;
+      return points / 40.0;
+    };
+    EXPECT_NEAR(width(0.2), 0.4, 0.04) << seen;
+    EXPECT_NEAR(width(0.5), 0.25, 0.05) << seen;
+    EXPECT_NEAR(width(0.8), 0.1, 0.04) << seen;
+  }
+}
+
 TEST_F(Strokes, AStrokeIsOneInsideItsRadiusAndZeroBeyondItsFalloff) {
   const auto weights =
       painted(surface, strokeOf(StrokeMode::paint, 0.1, 0.1, 0.8), {{0.3, 0.5, 0}, {0.7, 0.5, 0}}, none);
@@ -309,6 +331,7 @@ class StrokeCommands : public testing::Test {
 TEST_F(StrokeCommands, TheFileReadsBackAndOldOnesStillDo) {
   Stroke stroke = strokeOf(StrokeMode::subtract, 0.25, 0.125, 0.5);
   stroke.points = {{1, 2, 3}, {4, 5, 6.5}};
+  stroke.pressures = {1, 0.5};
   stroke.facing = Vector3d(0, 0, 1);
   stroke.mirror = MirrorPlane{{1, 0, 0}, Vector3d::UnitX(), 0};
   stroke.eye = Vector3d(0, 1, 2);
@@ -317,6 +340,7 @@ TEST_F(StrokeCommands, TheFileReadsBackAndOldOnesStillDo) {
   const std::vector<Stroke> read = readStrokes(folder / "s.json");
   ASSERT_EQ(read.size(), 1U);
   EXPECT_EQ(read[0].points, stroke.points);
+  EXPECT_EQ(read[0].pressures, stroke.pressures);
   EXPECT_EQ(read[0].mode, StrokeMode::subtract);
   EXPECT_EQ(*read[0].facing, *stroke.facing);
   EXPECT_EQ(read[0].mirror->normal, stroke.mirror->normal);

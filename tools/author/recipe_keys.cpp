@@ -279,7 +279,8 @@ std::vector<RecipeObject> declareKinds() {
        "distances along the surface, later strokes over earlier ones. `mode`: `paint` (what is larger, the default), "
        "`add`, `subtract`, `erase`, `smooth`; `grow` and `shrink` move the edge of all (no points) by the radius; "
        "`facing`: paints only what faces this way; `mirror`: a plane (point, normal) across which the stroke has an "
-       "image; `eye`: distances are those seen from there, and only what is seen is painted (`through`: true: what is "
+       "image; a point may have a pen's pressure, 0..1, as its fourth number: there the radius is this part of it; "
+       "`eye`: distances are those seen from there, and only what is seen is painted (`through`: true: what is "
        "hidden too; `lasso`: true: points are the corners of a loop, all inside is painted, no radius).",
        {{"strokes", kRecipePath, "", ""},
         note(),

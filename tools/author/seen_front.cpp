@@ -106,12 +106,12 @@ void SeenFront::inBox(const Vector2d& low, const Vector2d& high, const Use& use)
   }
 }
 
-void SeenFront::add(const Vector3d& place, double limit) {
+void SeenFront::add(const Vector3d& place, double from, double limit) {
   const Seen s = seen(place);
   if (!(s.depth > 0) || points_.empty()) return;
-  const double reach = limit / s.depth;
+  const double reach = (limit - from) / s.depth;
   const auto offer = [&](std::uint32_t p) {
-    const double d = (at_[p] - s.at).norm() * s.depth;
+    const double d = from + (at_[p] - s.at).norm() * s.depth;
     if (d <= limit && d < distance_[p]) waiting_.emplace_back(p, d);
   };
   // The first place looks at all points: with the grid, a stroke's first step would cost twice as much.
@@ -119,7 +119,7 @@ void SeenFront::add(const Vector3d& place, double limit) {
     for (const std::uint32_t p : points_) offer(p);
     return;
   }
-  if (cell_ == 0) makeGrid(reach);
+  if (cell_ == 0) makeGrid(limit / s.depth);
   inBox(s.at - Vector2d::Constant(reach), s.at + Vector2d::Constant(reach), offer);
 }
 

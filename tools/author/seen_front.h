@@ -21,9 +21,9 @@ class SeenFront {
   /// Forgets all places and looks from an eye. Costs a look at each point. \param along unit, to the picture's middle.
   /// \param normals of the welded points where hidden points are left out; empty: they are not
   void begin(const Eigen::Vector3d& eye, const Eigen::Vector3d& along, std::span<const Eigen::Vector3d> normals);
-  /// Lets distances spread from a place: those in the picture, in metres at the place's depth. \param limit m; what is
-  /// farther is never reached
-  void add(const Eigen::Vector3d& place, double limit);
+  /// Lets distances spread from a place: those in the picture, in metres at the place's depth. \param from m, the
+  /// distance there. \param limit m; what is farther is never reached
+  void add(const Eigen::Vector3d& place, double from, double limit);
   /// The same from the inside of a loop, where they are 0. \param corners in order around it, at least 3
   void addLoop(std::span<const Eigen::Vector3d> corners, double limit);
   /// Spreads on. \param most points that are looked at; a ray counts as ten. \return whether all is done

@@ -203,7 +203,7 @@ VisualWeights strokes(const SelectionSource& source, const Place& place) {
   std::size_t off = 0;
   for (const Stroke& stroke : readStrokes(file)) {
     brush.begin(stroke, std::move(painted));
-    for (const Vector3d& point : stroke.points) brush.add(point);
+    brush.addAll(stroke);
     brush.advance();
     off += brush.off();
     painted = brush.takeWeights();

@@ -31,6 +31,11 @@ double ramp(double outside, double falloff) {
 bool isPoint(const Json& p) {
   return p.is_array() && p.size() == 3 && p[0].is_number() && p[1].is_number() && p[2].is_number();
 }
+// As isPoint(), or with a pressure.
+bool isPressed(const Json& p) {
+  if (!p.is_array() || p.size() != 4 || !p[3].is_number()) return isPoint(p);
+  return isPoint({p[0], p[1], p[2]}) && p[3].get<double>() >= 0 && p[3].get<double>() <= 1;
+}
 bool isPoints(const Json& value) {
   return value.is_array() && !value.empty() && std::all_of(value.begin(), value.end(), isPoint);
 }
@@ -50,8 +55,13 @@ Stroke readStroke(const JsonText& text, const Json& json, const std::string& poi
       return entry.template get<double>();
     };
     if (key == "points") {
-      if (!isPoints(value)) text.fail(place, "must be a list of points", "Write [[x, y, z], ...], in metres.");
-      for (const Json& p : value) stroke.points.push_back(pointOf(p));
+      if (!value.is_array() || value.empty() || !std::all_of(value.begin(), value.end(), isPressed))
+        text.fail(place, "must be a list of points",
+                  "Write [[x, y, z], ...], in metres; a pressure, 0 .. 1, may follow.");
+      for (const Json& p : value) {
+        stroke.points.push_back(pointOf(p));
+        stroke.pressures.push_back(p.size() == 4 ? p[3].get<double>() : 1);
+      }
     } else if (key == "radius") {
       stroke.radius = number(1e-9, 1e9);
     } else if (key == "falloff") {
@@ -124,7 +134,11 @@ std::string strokesText(std::span<const Stroke> strokes) {
   for (std::size_t i = 0; i < strokes.size(); ++i) {
     const Stroke& stroke = strokes[i];
     Json json;
-    for (const Vector3d& p : stroke.points) json["points"].push_back(jsonOf(p));
+    for (std::size_t k = 0; k < stroke.points.size(); ++k) {
+      Json point = jsonOf(stroke.points[k]);
+      if (!stroke.pressures.empty() && stroke.pressures[k] < 1) point.push_back(sevenDigits(stroke.pressures[k]));
+      json["points"].push_back(std::move(point));
+    }
     if (!stroke.lasso) json["radius"] = sevenDigits(stroke.radius);
     json["falloff"] = sevenDigits(stroke.falloff);
     json["strength"] = sevenDigits(stroke.strength);
@@ -148,7 +162,6 @@ void StrokeBrush::begin(const Stroke& stroke, std::vector<double> weights) {
   front_.clear();
   sees_ = false;
   last_.reset();
-  places_.clear();
   corners_.clear();
   changed_.clear();
   changed_any_ = false;
@@ -187,21 +200,27 @@ void StrokeBrush::beginSeen(const Vector3d& toward) {
   look(1, mirrored(*stroke_.eye, plane.point, plane.normal), mirrored(toward, plane.point, plane.normal));
 }
 
-void StrokeBrush::place(const Vector3d& point) {
+// A smaller radius: distances begin with what it lacks.
+void StrokeBrush::place(const Vector3d& point, double pressure) {
+  const double limit = stroke_.radius + stroke_.falloff, from = (1 - pressure) * stroke_.radius;
   if (stroke_.eye) {
-    const double limit = stroke_.radius + stroke_.falloff;
     if (!sees_) beginSeen(point);
-    seen_[0].add(point, limit);
-    if (stroke_.mirror) seen_[1].add(mirrored(point, stroke_.mirror->point, stroke_.mirror->normal), limit);
+    seen_[0].add(point, from, limit);
+    if (stroke_.mirror) seen_[1].add(mirrored(point, stroke_.mirror->point, stroke_.mirror->normal), from, limit);
     return;
   }
-  places_.push_back(surface_.nearest(point));
+  front_.add(surface_.nearest(point), from, limit);
   if (!stroke_.mirror) return;
   const SurfacePoint image = surface_.nearest(mirrored(point, stroke_.mirror->point, stroke_.mirror->normal));
-  if (image.distance <= kMirrorTolerance * surface_.mesh().diagonal) places_.push_back(image);
+  if (image.distance <= kMirrorTolerance * surface_.mesh().diagonal) front_.add(image, from, limit);
 }
 
-void StrokeBrush::add(const Vector3d& point) {
+void StrokeBrush::addAll(const Stroke& stroke) {
+  for (std::size_t i = 0; i < stroke.points.size(); ++i)
+    add(stroke.points[i], stroke.pressures.empty() ? 1 : stroke.pressures[i]);
+}
+
+void StrokeBrush::add(const Vector3d& point, double pressure) {
   if (stroke_.lasso) {
     corners_.push_back(point);
     return;
@@ -209,9 +228,13 @@ void StrokeBrush::add(const Vector3d& point) {
   // Points of a quick stroke lie far apart: in between, half a radius at a time.
   const Vector3d step = last_ ? Vector3d(point - *last_) : Vector3d(Vector3d::Zero());
   const int pieces = std::clamp(int(std::ceil(2 * step.norm() / stroke_.radius)), 1, 1000);
-  for (int s = 1; s <= pieces; ++s) place(point - step * (1 - double(s) / pieces));
+  for (int s = 1; s <= pieces; ++s) {
+    const double back = last_ ? 1 - double(s) / pieces : 0;
+    place(point - back * step, pressure - back * (pressure - last_pressure_));
+  }
   if (surface_.nearest(point).distance > kOffSurface * surface_.mesh().diagonal) ++off_;
   last_ = point;
+  last_pressure_ = pressure;
 }
 
 double StrokeBrush::own(std::uint32_t point) {
@@ -235,8 +258,6 @@ double StrokeBrush::own(std::uint32_t point) {
 // Brings distances on; changed_ says of which points.
 bool StrokeBrush::spread(std::size_t most) {
   if (!stroke_.eye) {
-    front_.add(places_, stroke_.radius + stroke_.falloff);
-    places_.clear();
     const bool done = front_.spread(most);
     changed_ = front_.takeChanged();
     return done;

@@ -36,9 +36,11 @@ bool isWhole(StrokeMode mode);
 
 struct Stroke {
   std::vector<Eigen::Vector3d> points;  ///< metres; each stands for the surface point nearest to it
-  double radius = 0;                    ///< m, > 0, along the surface; a lasso has none
-  double falloff = 0;                   ///< m, from 1 at the radius to 0
-  double strength = 1;                  ///< 0..1
+  /// Of a pen, one a point, 0..1: there the radius is this part of it. Empty: all 1.
+  std::vector<double> pressures;
+  double radius = 0;    ///< m, > 0, along the surface; a lasso has none
+  double falloff = 0;   ///< m, from 1 at the radius to 0
+  double strength = 1;  ///< 0..1
   StrokeMode mode = StrokeMode::paint;
   std::optional<Eigen::Vector3d> facing;  ///< unit; only what faces this direction is painted
   std::optional<MirrorPlane> mirror;      ///< the stroke has an image across it
@@ -66,7 +68,9 @@ class StrokeBrush {
   /// Begins a stroke. \param stroke its points are not looked at. \param weights by welded point, 0..1
   void begin(const Stroke& stroke, std::vector<double> weights);
   /// The stroke goes on to a point (metres), at most half a radius at a time; or a lasso has this corner.
-  void add(const Eigen::Vector3d& point);
+  void add(const Eigen::Vector3d& point, double pressure = 1);
+  /// All points of a stroke, one after the other.
+  void addAll(const Stroke& stroke);
   /// Does what the points so far say, or a part of it. \param most points of the surface that are looked at: 1,000 take
   /// about 1 ms. \return whether all is done
   bool advance(std::size_t most = std::numeric_limits<std::size_t>::max());
@@ -80,7 +84,7 @@ class StrokeBrush {
   std::size_t off() const { return off_; }
 
  private:
-  void place(const Eigen::Vector3d& point);
+  void place(const Eigen::Vector3d& point, double pressure);
   void beginSeen(const Eigen::Vector3d& toward);
   bool spread(std::size_t most);
   double own(std::uint32_t point);
@@ -94,7 +98,7 @@ class StrokeBrush {
   std::vector<Eigen::Vector3d> corners_;  // of a lasso
   Stroke stroke_;
   std::optional<Eigen::Vector3d> last_;
-  std::vector<SurfacePoint> places_;  // not yet in the front
+  double last_pressure_ = 1;
   std::vector<double> before_, weights_;
   std::vector<std::uint32_t> changed_;
   std::vector<Eigen::Vector3d> normals_;  // by welded point

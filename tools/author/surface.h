@@ -88,8 +88,9 @@ class SurfaceFront {
 
   /// Forgets all places. Costs what was reached.
   void clear();
-  /// Lets distances spread from these places too. \param limit m; what is farther is never reached
-  void add(std::span<const SurfacePoint> places, double limit);
+  /// Lets distances spread from a place too. \param from m, the distance there. \param limit m; what is farther is
+  /// never reached
+  void add(const SurfacePoint& place, double from, double limit);
   /// Spreads on. \param most points that are looked at. \return whether all is done
   bool spread(std::size_t most);
 

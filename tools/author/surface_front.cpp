@@ -27,13 +27,11 @@ void SurfaceFront::offer(std::uint32_t point, double distance) {
   std::push_heap(queue_.begin(), queue_.end(), std::greater<>());
 }
 
-void SurfaceFront::add(std::span<const SurfacePoint> places, double limit) {
+void SurfaceFront::add(const SurfacePoint& place, double from, double limit) {
   limit_ = limit;
-  for (const SurfacePoint& place : places) {
-    if (place.triangle == kNoIndex) continue;
-    for (const std::uint32_t p : surface_.triangles_[place.triangle])
-      offer(p, (surface_.mesh_.welded_positions[p] - place.position).norm());
-  }
+  if (place.triangle == kNoIndex) return;
+  for (const std::uint32_t p : surface_.triangles_[place.triangle])
+    offer(p, from + (surface_.mesh_.welded_positions[p] - place.position).norm());
 }
 
 bool SurfaceFront::spread(std::size_t most) {

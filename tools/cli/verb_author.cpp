@@ -197,14 +197,16 @@ MirrorPlane planeNamed(const std::string& name, const Surface& surface) {
   return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Unit(name == "x" ? 0 : name == "y" ? 1 : 2), 0};
 }
 
-// A point "x,y,z" or "[x, y, z]", metres.
-Eigen::Vector3d pointNamed(const std::string& text) {
+// A point "x,y,z" or "[x, y, z]", metres. \param pressure where it may have a fourth number, which comes to its end
+Eigen::Vector3d pointNamed(const std::string& text, std::vector<double>* pressures = nullptr) {
   const std::string list = text.starts_with('[') ? text : "[" + text + "]";
   const auto json = nlohmann::ordered_json::parse(list, nullptr, false);
-  const bool is_point = json.is_array() && json.size() == 3 &&
+  const bool is_point = json.is_array() && (json.size() == 3 || (json.size() == 4 && pressures != nullptr)) &&
                         std::all_of(json.begin(), json.end(), [](const auto& number) { return number.is_number(); });
-  if (!is_point)
+  const double pressure = is_point && json.size() == 4 ? json[3].get<double>() : 1;
+  if (!is_point || !(pressure >= 0 && pressure <= 1))
     throw ToolError(ExitCode::usage, "", "'" + text + "' is no point", "Write it in metres, as in 0.04,1.55,0.1.");
+  if (pressures != nullptr) pressures->push_back(pressure);
   return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
 }
 
@@ -212,7 +214,7 @@ void addStroke(const AuthorCommand& command, RecipeEditor& editor) {
   Stroke stroke = command.stroke;
   const auto mode = std::find(strokeModeNames().begin(), strokeModeNames().end(), command.mode);
   stroke.mode = StrokeMode(mode - strokeModeNames().begin());
-  for (const std::string& point : command.names) stroke.points.push_back(pointNamed(point));
+  for (const std::string& point : command.names) stroke.points.push_back(pointNamed(point, &stroke.pressures));
   if (!command.from.empty()) stroke.eye = pointNamed(command.from);
   if (const std::string wrong = whatIsWrong(stroke); !wrong.empty())
     throw ToolError(ExitCode::usage, "", wrong, "See sinew author --help, and docs/studio.md.");
@@ -491,7 +493,7 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   CLI::App* stroke = add("stroke", "Add a brush stroke to a mask, or begin one; grow or shrink a mask",
                          [command] { edit(*command, [&](RecipeEditor& e) { addStroke(*command, e); }); });
   stroke->add_option("name", command->name, "The mask")->required();
-  stroke->add_option("points", command->names, "Where it goes: x,y,z in metres");
+  stroke->add_option("points", command->names, "Where it goes: x,y,z in metres; a pen's pressure may follow, 0 .. 1");
   stroke->add_option("--radius", command->stroke.radius, "m, along the surface; of grow and shrink: how far")
       ->check(CLI::Range(1e-9, 1e9));
   stroke->add_option("--falloff", command->stroke.falloff, "m, from 1 at the radius to 0")->check(CLI::Range(0.0, 1e9));

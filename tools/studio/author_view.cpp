@@ -85,7 +85,9 @@ void AuthorView::frame(const ViewLayout& layout, const Commands& commands, Docum
   for (const Command command : commands) run(command, layout, state);
   if (state.fly_to) flyTo(*std::exchange(state.fly_to, std::nullopt), state);
   const bool over_view = !io.WantCaptureMouse;
-  const Look look = this->look(layout);
+  Look look = this->look(layout);
+  if (const bool begins = over_view && ImGui::IsMouseClicked(ImGuiMouseButton_Left); begins || paint_.isStroking())
+    look.pressure = pen_.pressure(begins);
   hover_ = over_view || paint_.isStroking() ? source_->surface->along(look.eye, look.ray) : SurfacePoint{};
   const bool looks = mouse_.begin(state.navigation, over_view);
   if (over_view && !looks && ImGui::IsMouseClicked(ImGuiMouseButton_Left) && !takeHandle(layout, document, state) &&

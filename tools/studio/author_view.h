@@ -13,6 +13,7 @@
 #include "tools/studio/camera_mouse.h"
 #include "tools/studio/gizmo.h"
 #include "tools/studio/paint_tool.h"
+#include "tools/studio/pen.h"
 #include "tools/studio/shortcuts.h"
 #include "tools/studio/studio_state.h"
 
@@ -62,6 +63,7 @@ class AuthorView {
   CameraMouse mouse_;
   SurfacePoint hover_;
   PaintTool paint_;
+  Pen pen_;
   std::vector<Handle> handles_;
   struct Held {
     Gizmo gizmo;

@@ -68,7 +68,8 @@ void PaintTool::begin(const SurfacePoint& at, const Look& look, const Document& 
   if (brush.symmetric) stroke_.mirror = source_->plane;
   stroke_.points = {stroke_.lasso ? look.atDepth() : at.position};
   brush_->begin(stroke_, pointWeights(*source_, document, state.painted));
-  brush_->add(stroke_.points.front());
+  if (!stroke_.lasso) stroke_.pressures = {look.pressure};
+  brush_->add(stroke_.points.front(), look.pressure);
   changed_.clear();
   stroking_ = true;
   released_ = false;
@@ -92,7 +93,8 @@ void PaintTool::frame(const SurfacePoint& at, const Look& look, bool down, bool 
     }
   } else if (down && moved && stroke_.radius < kFillRadius && at.triangle != kNoIndex) {
     stroke_.points.push_back(at.position);
-    brush_->add(at.position);
+    stroke_.pressures.push_back(look.pressure);
+    brush_->add(at.position, look.pressure);
   }
   released_ = released_ || !down;
   // The loop is closed by letting go.
@@ -116,7 +118,7 @@ void layStroke(Document& document, const std::string& mask, const Stroke& stroke
   const StudioSource& source = *document.evaluated()->source;
   StrokeBrush brush(*source.surface);
   brush.begin(stroke, pointWeights(source, document, mask));
-  for (const Eigen::Vector3d& point : stroke.points) brush.add(point);
+  brush.addAll(stroke);
   brush.advance();
   save(source, brush, stroke, mask, document);
 }

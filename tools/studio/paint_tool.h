@@ -20,6 +20,7 @@ struct Look {
   Eigen::Vector3d ray = Eigen::Vector3d::Zero();   ///< unit, under the mouse
   Eigen::Vector3d back = Eigen::Vector3d::Zero();  ///< unit, out of the picture
   double depth = 1;                                ///< m, of what the camera turns about
+  double pressure = 1;                             ///< of a pen, 0..1; of a mouse 1
   /// Under the mouse, at that depth.
   Eigen::Vector3d atDepth() const { return eye - ray * (depth / ray.dot(back)); }
 };
