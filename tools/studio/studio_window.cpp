@@ -343,13 +343,20 @@ void StudioWindow::film(bool turntable) {
 
 void StudioWindow::filmPanel() {
   if (!film_.isRunning()) return;
-  const float third = ImGui::GetContentRegionAvail().x / 3;
-  ImGui::ProgressBar(film_.child().fraction(), {2 * third, ImGui::GetFrameHeight()}, "The video");
+  // Over the view: nothing of the panel moves under the mouse.
+  const ImVec2 size = ImGui::GetMainViewport()->Size;
+  const float em = ImGui::GetFontSize();
+  ImGui::SetNextWindowPos({size.x - em, em}, ImGuiCond_Always, {1, 0});
+  ImGui::Begin("##film", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing);
+  ImGui::ProgressBar(film_.child().fraction(), {12 * em, ImGui::GetFrameHeight()}, "The video");
   ImGui::SameLine();
-  if (widgets_.button("Cancel##the video")) {
+  if (widgets_.button("Cancel##the video", 5 * em)) {
     film_.cancel();
     say("the video is given up");
   }
+  ImGui::End();
 }
 
 void StudioWindow::stiffenRecipe() {
@@ -375,9 +382,9 @@ void StudioWindow::panel(Commands& commands) {
     const std::string name(package.text(package.info().name));
     ImGui::TextUnformatted(name.empty() ? file_.c_str() : name.c_str());
   }
-  filmPanel();
   tabs();
   ImGui::End();
+  filmPanel();
 }
 
 void StudioWindow::tabs() {
