@@ -107,7 +107,7 @@ extern "C" {
 void sinew_shape_init(sinew_shape* shape, size_t struct_size) { writeStruct(defaultShape(), shape, struct_size); }
 
 void sinew_collider_settings_init(sinew_collider_settings* settings, size_t struct_size) {
-  writeStruct(fromCpp({}), settings, struct_size);
+  writeStruct(fromCpp(sinew::ColliderSettings{}), settings, struct_size);
 }
 
 void sinew_query_filter_init(sinew_query_filter* filter, size_t struct_size) { writeStruct(kAll, filter, struct_size); }
@@ -117,7 +117,8 @@ sinew_status sinew_collider_add(sinew_world* world, const sinew_shape* shape, co
   return onWorld("sinew_collider_add", world, shape != nullptr && collider != nullptr, [&](sinew::World& w) {
     const std::optional<sinew::ColliderShape> made = toCpp(readStruct(shape, defaultShape()));
     if (!made) return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_collider_add: no such kind of shape");
-    const sinew::Result<sinew::ColliderId> added = w.addCollider(*made, toCpp(readStruct(settings, fromCpp({}))));
+    const sinew::Result<sinew::ColliderId> added =
+        w.addCollider(*made, toCpp(readStruct(settings, fromCpp(sinew::ColliderSettings{}))));
     if (!added) return tellFailure(SINEW_ERROR_ARGUMENT, added.reason());
     *collider = (*added).value;
     return SINEW_OK;

@@ -16,8 +16,6 @@ namespace {
 
 // Below this a cluster's own shape is too poor to match against; it joins a neighbour.
 constexpr std::size_t kMinimumMembers = 8;
-// Members that weigh less than this cost time and change nothing.
-constexpr double kMinimumWeight = 0.02;
 // Physical vertices per box that the automatic resolution aims at, and the most boxes it makes of one piece.
 constexpr std::uint32_t kVerticesPerBox = 100;
 constexpr std::uint32_t kMaximumBoxes = 48;

@@ -14,6 +14,9 @@
 
 namespace sinew::tools {
 
+/// Members that weigh less than this cost time and change nothing.
+inline constexpr double kMinimumWeight = 0.02;
+
 /// How clusters are made where nobody authored any.
 enum class ClusterMethod { grid, kmeans };
 

@@ -218,6 +218,14 @@ std::string childPointer(const std::string& pointer, std::size_t index) {
 
 double sevenDigits(double x) { return std::strtod(rounded(x, 7).c_str(), nullptr); }
 
+nlohmann::ordered_json jsonOf(const Eigen::Vector3d& point) {
+  return {sevenDigits(point[0]), sevenDigits(point[1]), sevenDigits(point[2])};
+}
+
+Eigen::Vector3d pointOf(const nlohmann::ordered_json& json) {
+  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
+}
+
 std::string nearestName(std::string_view wanted, std::span<const std::string> names) {
   if (names.empty()) return {};
   return *std::min_element(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -54,6 +55,10 @@ std::string childPointer(const std::string& pointer, std::size_t index);
 
 /// A number as people write it, of seven digits.
 double sevenDigits(double x);
+/// Three numbers of such digits.
+nlohmann::ordered_json jsonOf(const Eigen::Vector3d& point);
+/// Of an array of three numbers.
+Eigen::Vector3d pointOf(const nlohmann::ordered_json& json);
 
 /// Of `names` the one that is nearest to `wanted` (fewest letters changed), or empty where there are none. Ties: the
 /// first.

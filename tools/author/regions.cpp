@@ -3,15 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
+#include "tools/author/surface.h"
 #include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMostRegions = 256;
 constexpr int kLloydRounds = 6;
 // Fewer vertices cannot turn, let alone bend.
@@ -19,7 +18,6 @@ constexpr std::size_t kFewMembers = 8;
 // What an automatic region holds (as the automatic grid's boxes), and the most of them in a piece.
 constexpr std::uint32_t kVerticesPerRegion = 100;
 constexpr std::size_t kMostAutomatic = 48;
-constexpr double kMinimumWeight = 0.02;
 
 // Regions of members around centres: farthest points, then Lloyd's rounds; distances along the edges among members.
 class Regions {

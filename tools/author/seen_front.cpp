@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace sinew::tools {
 namespace {
@@ -12,7 +11,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMostCells = 256;  // a side
 constexpr std::size_t kRayCost = 10;
 // Of the diagonal: what hides a point lies this much nearer to the eye, so that a point's own triangles do not.

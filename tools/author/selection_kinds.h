@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "tools/author/json_text.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection.h"
 
@@ -68,9 +69,5 @@ const std::map<std::string_view, SelectionMethod>& placedSelections();
 /// \param pointer of what names it
 VisualWeights clusterMeshWeights(const SelectionSource& source, const std::string& name,
                                  std::optional<double> tolerance, const std::string& pointer);
-
-inline Eigen::Vector3d pointOf(const nlohmann::ordered_json& json) {
-  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
-}
 
 }  // namespace sinew::tools

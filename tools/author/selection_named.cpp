@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <set>
 
 #include "tools/author/selection_kinds.h"
 #include "tools/author/stored_masks.h"
+#include "tools/author/surface.h"
 #include "tools/core/command_line.h"
 #include "tools/core/text.h"
 
@@ -17,7 +17,6 @@ using Eigen::Vector3d;
 using Json = nlohmann::ordered_json;
 using Place = SelectionPlace;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // So many names of what there is does a message list.
 constexpr std::size_t kNamed = 12;
 

@@ -157,7 +157,7 @@ const Settings::Declaration& declarationOf(std::span<const Settings::Declaration
                   "Did you mean " + nearestName(key, keys) + "? All settings: sinew help settings.");
 }
 
-nlohmann::ordered_json jsonOf(const Settings& settings, const Settings::Declaration& d) {
+nlohmann::ordered_json settingJson(const Settings& settings, const Settings::Declaration& d) {
   if (const auto* number = std::get_if<Settings::Number>(&d.type)) return *number->value;
   if (const auto* optional = std::get_if<Settings::AutoNumber>(&d.type); optional != nullptr && *optional->value) {
     return **optional->value;
@@ -369,7 +369,7 @@ nlohmann::ordered_json Settings::recipeValue(std::string_view key) const {
   const auto all = declarations(copy);
   const Declaration& d = declarationOf(all, key);
   if (const auto* grid = std::get_if<Grid>(&d.type); grid != nullptr && (*grid->value)[0] != 0) return *grid->value;
-  return jsonOf(copy, d);
+  return settingJson(copy, d);
 }
 
 void Settings::assign(std::string_view assignment) {
@@ -384,7 +384,7 @@ void Settings::assign(std::string_view assignment) {
 nlohmann::ordered_json Settings::toJson() const {
   Settings copy = *this;
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
-  for (const Declaration& d : declarations(copy)) json[std::string(d.key)] = jsonOf(copy, d);
+  for (const Declaration& d : declarations(copy)) json[std::string(d.key)] = settingJson(copy, d);
   return json;
 }
 

@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <queue>
 
@@ -16,7 +15,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Of the diagonal: the same place but for rounding; on the surface; near enough to have been moved from there.
 constexpr double kSame = 1e-5;
 constexpr double kOnSurface = 1e-3;

@@ -39,8 +39,6 @@ bool isPressed(const Json& p) {
 bool isPoints(const Json& value) {
   return value.is_array() && !value.empty() && std::all_of(value.begin(), value.end(), isPoint);
 }
-Vector3d pointOf(const Json& json) { return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()}; }
-Json jsonOf(const Vector3d& p) { return {sevenDigits(p[0]), sevenDigits(p[1]), sevenDigits(p[2])}; }
 
 Stroke readStroke(const JsonText& text, const Json& json, const std::string& pointer) {
   Stroke stroke;

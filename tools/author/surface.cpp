@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <queue>
 
@@ -17,7 +16,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Of a triangle's edges: a ray through an edge that two triangles share meets one of them, whatever is rounded.
 constexpr double kEdge = 1e-9;
 // A mirrored surface that lies further off than this, in diagonals, is no image of itself.

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -14,6 +15,9 @@
 #include "tools/import/visual_mesh.h"
 
 namespace sinew::tools {
+
+/// How far away is what is not reached.
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct SurfacePoint {
   std::uint32_t triangle = kNoIndex;  ///< of VisualMesh::triangles

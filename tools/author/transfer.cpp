@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "tools/author/json_text.h"
 #include "tools/author/recipe.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection.h"
@@ -40,14 +41,10 @@ constexpr const char* kPending = "\n";
 
 // ---- Lengths and points of a recipe ----
 
-Json jsonOf(const Vector3d& x) { return {sevenDigits(x[0]), sevenDigits(x[1]), sevenDigits(x[2])}; }
-
 bool isPoint(const Json& json) {
   return json.is_array() && json.size() == 3 &&
          std::all_of(json.begin(), json.end(), [](const Json& x) { return x.is_number(); });
 }
-
-Vector3d pointOf(const Json& json) { return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()}; }
 
 // Moves what a recipe says in metres along with the model, by the declarations of its keys.
 class Mover {

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "tools/author/regions.h"
+#include "tools/author/surface.h"
 #include "tools/core/ramp.h"
 #include "tools/core/text.h"
 
@@ -19,9 +20,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// Members that weigh less than this cost time and change nothing (as in the automatic clusters).
-constexpr double kMinimumWeight = 0.02;
 // Of a vertex' weights: below the first a membership is dropped, up to the second it fades. Clusters that pull apart
 // stand far apart at the ends of their ramps: a dropped share of 2 % is seen as a step in the surface.
 constexpr double kMinimumShare = 0.004;

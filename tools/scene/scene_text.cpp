@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "tools/author/json_text.h"
 #include "tools/core/text.h"
 
 namespace sinew::tools {
@@ -16,8 +17,6 @@ using Eigen::Vector3d;
 constexpr double kReachSeconds = 0.5;  // from rest to the pose
 
 Vector3d wideOf(const Vec3& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
-
-Json jsonOf(const Vector3d& x) { return {sevenDigits(x[0]), sevenDigits(x[1]), sevenDigits(x[2])}; }
 
 // Where a point of a body lies at rest, relative to the package's origin.
 Vector3d restOf(const formats::PackageView& package, const BodyPoint& at) {

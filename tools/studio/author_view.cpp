@@ -20,8 +20,7 @@ constexpr Rgba8 kPointColor = {255, 140, 0, 255};
 constexpr Rgba8 kMuscleColor = {226, 60, 60, 255};
 constexpr Rgba8 kHandleColor = {60, 190, 255, 255};
 constexpr Rgba8 kRulerColor = {250, 220, 60, 255};
-constexpr double kPointer = 0.12;    // diagonals, of what points somewhere
-constexpr double kHandleReach = 11;  // pixels at 100 %
+constexpr double kPointer = 0.12;  // diagonals, of what points somewhere
 
 Eigen::Vector3d normalAt(const StudioSource& source, const SurfacePoint& at) {
   return source.surface->normal(at.triangle);
@@ -117,7 +116,7 @@ std::vector<Gizmo> AuthorView::gizmos(const Document& document, const StudioStat
 
 bool AuthorView::takeHandle(const ViewLayout& layout, const Document& document, const StudioState& state) {
   const ImVec2 mouse = ImGui::GetIO().MousePos;
-  double nearest = kHandleReach * double(layout.scale);
+  double nearest = double(layout.handleReach());
   for (const Gizmo& gizmo : gizmosOf(document, state)) {
     for (const Handle& handle : handlesOf(gizmo, camera_.right().cast<double>(), pointerLength())) {
       const Eigen::Vector2f at = onScreen(layout, handle.place);

@@ -25,9 +25,6 @@ std::string placedKey(const Json& selection) {
   return "";
 }
 
-Vector3d pointOf(const Json& json) { return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()}; }
-Json jsonOf(const Vector3d& p) { return {sevenDigits(p[0]), sevenDigits(p[1]), sevenDigits(p[2])}; }
-
 // The selection of a region; through a mask's name to the mask.
 std::optional<SelectionText> selectionOf(const Recipe& recipe, const Region& region) {
   const auto named = [&](const auto& list) -> std::optional<SelectionText> {

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tools/author/json_text.h"
 #include "tools/core/text.h"
 
 namespace sinew::tools {
@@ -19,8 +20,6 @@ constexpr std::array<const char*, 6> kKinds = {"cluster", "mask", "pins", "part"
 using Json = nlohmann::ordered_json;
 
 constexpr std::array<const char*, 3> kShapes = {"Disc", "Sphere", "Half space"};
-
-Json jsonOf(const Eigen::Vector3d& p) { return {sevenDigits(p[0]), sevenDigits(p[1]), sevenDigits(p[2])}; }
 
 std::string pointText(const Eigen::Vector3d& p, int digits) {
   return rounded(p[0], digits) + ", " + rounded(p[1], digits) + ", " + rounded(p[2], digits);

@@ -41,10 +41,6 @@ float stretchOf(const std::array<Vector3f, 3>& rest, const std::array<Vector3f, 
   return high * low > 1 ? high : low;
 }
 
-std::array<float, 3> mixed(const std::array<float, 3>& a, const std::array<float, 3>& b, float t) {
-  return {a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])};
-}
-
 }  // namespace
 
 std::span<const std::string> playColorNames() {

@@ -34,9 +34,6 @@ bool isPoint(const Json& json) {
   return json.is_array() && json.size() == 3 &&
          std::all_of(json.begin(), json.end(), [](const Json& x) { return x.is_number(); });
 }
-Eigen::Vector3d pointOf(const Json& json) {
-  return {json[0].get<double>(), json[1].get<double>(), json[2].get<double>()};
-}
 
 std::optional<Keys::Press> pressNamed(std::string name) {
   Keys::Press press;

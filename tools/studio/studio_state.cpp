@@ -29,11 +29,11 @@ std::optional<std::size_t> placeIn(const List& list, const std::string& name) {
   return std::nullopt;
 }
 
+}  // namespace
+
 std::array<float, 3> mixed(const std::array<float, 3>& a, const std::array<float, 3>& b, float t) {
   return {a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])};
 }
-
-}  // namespace
 
 const std::array<const char*, 6>& regionKindNames() {
   static constexpr std::array<const char*, 6> names = {"Clusters", "Masks", "Pins", "Parts", "Stiffness", "Thickness"};

@@ -80,6 +80,8 @@ struct StudioState {
 const VisualWeights* weightsOf(const Evaluated& evaluated, const Region& region);
 /// All regions that have weights, in the order of the panel.
 std::vector<Region> regionsOf(const Evaluated& evaluated);
+/// From `a` to `b`, t from 0 to 1.
+std::array<float, 3> mixed(const std::array<float, 3>& a, const std::array<float, 3>& b, float t);
 /// Its colour, linear.
 std::array<float, 3> colorOf(const StudioState& state, const Evaluated& evaluated, const Region& region);
 

@@ -17,7 +17,6 @@ namespace {
 constexpr float kBallRadius = 0.06F, kBallNotch = 0.02F;  // diagonals, and diagonals a notch of the wheel
 constexpr float kTargetReach = 0.02F;                     // of the distance to the eye
 constexpr float kTurnNotch = 0.1F;                        // rad
-constexpr float kHandleReach = 11;                        // pixels at 100 %, as a recipe's handles have it
 constexpr float kShortestCut = 0.01F;                     // rad: what is shorter was a click
 
 bool isMoving() {
@@ -160,7 +159,7 @@ std::vector<Handle> ViewInput::handles(const Play& play) const {
 
 bool ViewInput::takeSolid(const ViewLayout& layout, const Play& play) {
   const ImVec2 mouse = ImGui::GetIO().MousePos;
-  float nearest = kHandleReach * layout.scale;
+  float nearest = layout.handleReach();
   for (const Handle& handle : handles(play)) {
     const Eigen::Vector3f place = handle.place.cast<float>();
     const float off = (onScreen(layout, camera_, place / play.diagonal()) - Eigen::Vector2f(mouse.x, mouse.y)).norm();

@@ -11,6 +11,8 @@ struct ViewLayout {
   int panel = 0;  ///< width, at the left
   int width() const { return framebuffer_width - panel; }
   int height() const { return framebuffer_height; }
+  /// How near the mouse takes hold of a handle, pixels.
+  float handleReach() const { return 11 * scale; }
   float aspect() const { return static_cast<float>(width()) / static_cast<float>(height()); }
 };
 
