@@ -2,6 +2,7 @@
 #include "tools/study/error.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -79,10 +80,15 @@ MotionScene sceneOf(std::string_view name) {
   scene.seconds = scene.release ? MotionScene::kReleaseSeconds + kSeconds : kSeconds;
   scene.hold = HoldScene::cantilever;
   if (scene.release) return scene;
+  if (name == kFeetScene) {
+    scene.hold = HoldScene::lean;  // standing, it is held by its lowest tenth
+    scene.ground.emplace();
+    return scene;
+  }
   const std::optional<HoldScene> hold = holdSceneOf(name);
   if (!hold) {
     throw ToolError(ExitCode::usage, "", "no scene is named " + std::string(name),
-                    "Scenes: hang, lean, cantilever, release, press, twist, pins.");
+                    "Scenes: hang, lean, cantilever, release, press, squeeze, twist, feet, pins.");
   }
   scene.hold = *hold;
   return scene;
@@ -101,6 +107,11 @@ class Judge {
       if (counts[v] == 0) continue;
       vertices_.push_back(v);
       area_ += body.areas[v];
+    }
+    if (scene.ground) {
+      lying_ = reference_.frames;
+      while (first_ + 1 < lying_.size() && lowest(lying_[first_]) > scene.ground->height) ++first_;
+      reference_ = withoutRigid(std::move(reference_));
     }
     double square = 0, weight = 0;
     for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
@@ -139,9 +150,16 @@ class Judge {
     return result;
   }
 
-  void judge(const Motion& motion, ErrorRow& row) const {
+  void judge(Motion motion, ErrorRow& row) const {
     row.lost = !motion.finite || motion.frames.size() < reference_.frames.size();
     if (row.lost) return;
+    if (!lying_.empty()) {
+      row.astray = apart(motion.frames, lying_);
+      row.lost = !(*row.astray * rms_ < kLost * diagonal_);
+      if (row.lost) return;
+      motion = withoutRigid(std::move(motion));
+    }
+    row.shape = motion.frames[widest_];
     double square = 0, weight = 0, furthest = 0;
     for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
       for (const std::uint32_t v : vertices_) {
@@ -165,7 +183,6 @@ class Judge {
                               std::abs(volumeOf(motion.frames[frame]) - volumeOf(reference_.frames[frame])) / volume_);
       }
     }
-    row.shape = motion.frames[widest_];
     if (!swing_) return;
     if (const std::optional<Swing> swing = swingOf(motion)) {
       row.frequency = swing->frequency / swing_->frequency;
@@ -173,22 +190,55 @@ class Judge {
     }
   }
 
-  // Of a motion that was judged by this reference's means against another: rms difference of the paths.
+  // Judged by this reference's means: rms difference of two paths.
   double apart(const Motion& one, const Motion& other) const {
-    double square = 0, weight = 0;
-    for (std::size_t frame = first_; frame < std::min(one.frames.size(), other.frames.size()); ++frame) {
-      for (const std::uint32_t v : vertices_) {
-        square += body_.areas[v] * double((one.frames[frame][v] - other.frames[frame][v]).squaredNorm());
-      }
-      weight += area_;
-    }
-    return std::sqrt(square / weight) / rms_;
+    if (lying_.empty()) return apart(one.frames, other.frames);
+    return apart(withoutRigid(one).frames, withoutRigid(other).frames);
   }
 
  private:
   struct Swing {
     double frequency, decay;  // Hz, 1/s
   };
+
+  using Frames = std::vector<std::vector<Vector3f>>;
+
+  double apart(const Frames& one, const Frames& other) const {
+    double square = 0, weight = 0;
+    for (std::size_t frame = first_; frame < std::min(one.size(), other.size()); ++frame) {
+      for (const std::uint32_t v : vertices_) {
+        square += body_.areas[v] * double((one[frame][v] - other[frame][v]).squaredNorm());
+      }
+      weight += area_;
+    }
+    return std::sqrt(square / weight) / rms_;
+  }
+
+  float lowest(const std::vector<Vector3f>& frame) const {
+    float low = frame[vertices_.front()][1];
+    for (const std::uint32_t v : vertices_) low = std::min(low, frame[v][1]);
+    return low;
+  }
+
+  // Each frame moved onto the rest shape by the rigid motion that leaves the least, by area (Kabsch 1976).
+  Motion withoutRigid(Motion motion) const {
+    Vector3d rest_centre = Vector3d::Zero();
+    for (const std::uint32_t v : vertices_) rest_centre += body_.areas[v] / area_ * body_.surface[v];
+    for (std::vector<Vector3f>& frame : motion.frames) {
+      Vector3d centre = Vector3d::Zero();
+      for (const std::uint32_t v : vertices_) centre += body_.areas[v] / area_ * frame[v].cast<double>();
+      Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+      for (const std::uint32_t v : vertices_) {
+        moment += body_.areas[v] * (body_.surface[v] - rest_centre) * (frame[v].cast<double>() - centre).transpose();
+      }
+      const Eigen::JacobiSVD<Eigen::Matrix3d> svd(moment, Eigen::ComputeFullU | Eigen::ComputeFullV);
+      Vector3d sign = Vector3d::Ones();
+      sign[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+      const Eigen::Matrix3d back = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+      for (Vector3f& x : frame) x = (rest_centre + back * (x.cast<double>() - centre)).cast<float>();
+    }
+    return motion;
+  }
 
   std::vector<Vector3d> meanOfEnd(const Motion& motion) const {
     const auto frames = std::size_t(std::lround(kEndSeconds / kFrameSeconds));
@@ -272,6 +322,7 @@ class Judge {
   double area_ = 0, rms_ = 0, largest_ = 0, end_rms_ = 0, volume_ = 0;
   std::vector<Vector3d> end_;
   std::vector<Vector3f> before_;
+  Frames lying_;  // of what is not held: the reference as it lies
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   std::optional<Swing> swing_;
 };
@@ -403,8 +454,10 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
                   const std::function<void(double)>& progress) {
   const formats::PackageView& package = plan.own->package();
   MotionScene scene = sceneOf(name);
-  const HeldCase held = heldCase(plan.solid, package, scene.hold);
-  scene.regions = held.regions;
+  const SolidExtent extent = extentOf(plan.solid);
+  HeldCase held = heldCase(plan.solid, package, scene.hold, extent);
+  if (scene.ground) held.gravity = -Vector3d::UnitY();
+  if (scene.held()) scene.regions = held.regions;
   const MotionBody body = motionBody(package, scene, plan.materials, {});
   if (body.rest.empty()) {
     study.notes.push_back(name + ": nothing is held");
@@ -418,6 +471,14 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
     scene.gravity = rest.gravity;
     result.gravity = rest.gravity.norm();
   }
+  if (scene.ground) {
+    double low = body.surface.front()[1];
+    for (const Vector3d& x : body.surface) low = std::min(low, x[1]);
+    const double fall = MotionScene::kFall * (extent.high - extent.low)[1];
+    scene.ground->height = low - fall;
+    scene.seconds = result.seconds =
+        kFrameSeconds * std::ceil((kSeconds + std::sqrt(2 * fall / result.gravity)) / kFrameSeconds);
+  }
   std::vector<std::uint8_t> counts(body.surface.size(), 0);
   for (std::size_t v = 0; v < counts.size(); ++v) {
     if (!body.probes[v]) continue;
@@ -428,9 +489,8 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   for (const Mesh& mesh : plan.meshes) {
     const MotionBody& other =
         bodies
-            .emplace(mesh.asset.get(), mesh.asset == plan.own ? body
-                                                              : motionBody(mesh.asset->package(), scene, plan.materials,
-                                                                           extentOf(plan.solid)))
+            .emplace(mesh.asset.get(),
+                     mesh.asset == plan.own ? body : motionBody(mesh.asset->package(), scene, plan.materials, extent))
             .first->second;
     for (std::size_t v = 0; v < counts.size(); ++v) {
       if (!other.probes[v]) counts[v] = 0;
@@ -443,6 +503,10 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   const ExplicitRun linear = playSolid(body, scene, {.quadratic = false}, nothing);
   const ExplicitRun longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
   const ExplicitRun other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
+  std::optional<ExplicitRun> firmer;
+  if (scene.ground) {
+    firmer = playSolid(body, scene, {.quadratic = false, .penalty = 2 * ExplicitOptions{}.penalty}, nothing);
+  }
   progress(0.1);
   ExplicitRun reference = playSolid(options.refine ? refined(body) : body, scene, {.most_work = options.reference_work},
                                     [&](double of) { progress(0.1 + 0.4 * of); });
@@ -463,15 +527,25 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   if (affordable) result.linear = judge.apart(reference.motion, linear.motion);
   result.shorter = judge.apart(linear.motion, longer.motion);
   result.neo_hookean = judge.apart(linear.motion, other_law.motion);
+  if (firmer) result.penalty = judge.apart(linear.motion, firmer->motion);
   result.reference_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   study.scenes.push_back(std::move(result));
   progress(0.5);
+#if SINEW_WITH_BULLET
+  if (scene.ground && options.peers) {
+    study.notes.push_back(
+        name +
+        ": without Bullet's implicit elements, which do not keep Coulomb's law on its ground (a block "
+        "slides at a tenth of the friction) nor the sag of a block that lies there (a quarter less)");
+  }
+#endif
   for (std::size_t i = 0; i < plan.plays.size(); ++i) {
     const Play& play = plan.plays[i];
+    if (scene.ground && play.method == Method::bullet_implicit) continue;
     MotionScene timed = scene;
     timed.slowest_seconds = 1e-3 * options.slowest_ms;
     const auto at = bodies.find(play.asset.get());
-    const Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
+    Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
     ErrorRow row;
     row.scene = std::uint32_t(study.scenes.size() - 1);
     row.method = play.method;
@@ -479,7 +553,7 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
     row.vertices = std::uint32_t(play.asset->package().physicalVertices().size());
     row.milliseconds = 1e3 * motion.cpu_seconds / std::max<double>(1, double(motion.frames.size()));
     row.slow = motion.slow;
-    if (!row.slow) judge.judge(motion, row);
+    if (!row.slow) judge.judge(std::move(motion), row);
     study.rows.push_back(std::move(row));
     progress(0.5 + 0.5 * double(i + 1) / double(plan.plays.size()));
   }
@@ -549,6 +623,7 @@ nlohmann::ordered_json errorJson(const ErrorStudy& study) {
           {"from_linear", scene.linear ? nlohmann::ordered_json(*scene.linear) : nullptr},
           {"change_shorter_steps", scene.shorter},
           {"change_neo_hookean", scene.neo_hookean},
+          {"change_firmer_ground", scene.penalty ? nlohmann::ordered_json(*scene.penalty) : nullptr},
           {"frequency_hz", scene.frequency ? nlohmann::ordered_json(*scene.frequency) : nullptr}}}};
     one["results"] = nlohmann::ordered_json::array();
     for (const ErrorRow& row : study.rows) {
@@ -566,6 +641,7 @@ nlohmann::ordered_json errorJson(const ErrorStudy& study) {
         r["volume"] = row.volume;
         if (row.frequency) r["frequency_ratio"] = *row.frequency;
         if (row.decay) r["decay_ratio"] = *row.decay;
+        if (row.astray) r["astray"] = *row.astray;
         r["front"] = row.front;
         r["own_front"] = row.own_front;
       }
@@ -595,6 +671,9 @@ std::string errorText(const ErrorStudy& study) {
       print("LINEAR elements, too stiff: too large for quadratic ones; ");
     }
     print("half the steps change %.2g %%, the neo-Hookean law %.1f %%\n", 100 * scene.shorter, 100 * scene.neo_hookean);
+    if (scene.penalty) {
+      print("  a ground twice as firm changes %.2g %%; astray: path with the rigid motion\n", 100 * *scene.penalty);
+    }
     if (scene.lawMatters()) text += "  strains are so large that the law of elasticity matters: compare with care\n";
     print("  %-20s  %-38s  %8s  %7s  %7s  %7s  %7s  %6s  %6s\n", "method", "knobs", "ms/frame", "path, %", "end, %",
           "most, %", "vol., %", "freq.", "decay");
@@ -611,6 +690,7 @@ std::string errorText(const ErrorStudy& study) {
       }
       print("  %7.1f  %7.1f  %7.1f  %7.2f", 100 * row.path, 100 * row.end, 100 * row.largest, 100 * row.volume);
       if (row.frequency) print("  %6.3f  %6.2f", *row.frequency, *row.decay);
+      if (row.astray) print("  astray %6.1f", 100 * *row.astray);
       text += "\n";
     }
   }

@@ -187,7 +187,10 @@ Motion playXpbd(const MotionBody& body, const MotionScene& scene, std::uint32_t 
         f = deformationOf(t, x);
         solve(f.determinant() - 1 - t.mu / lambda, cofactors(f), 1 / (lambda * t.volume));
       }
-      for (std::size_t p = 0; p < count; ++p) v[p] = (x[p] - before[p]) / float(h);
+      for (std::size_t p = 0; p < count; ++p) {
+        if (scene.ground && body.region[p] < 0) projectToGround(*scene.ground, before[p], x[p]);
+        v[p] = (x[p] - before[p]) / float(h);
+      }
     }
   };
   return played(body, scene, step, [&] { return asDoubles(x); });
@@ -277,8 +280,10 @@ Motion playStiffnessWarping(const MotionBody& body, const MotionScene& scene, st
         rho = next;
       }
       for (std::size_t k = 0; k < count; ++k) {
+        const Vector3f before = x[k];
         x[k] += way[k];
-        v[k] = way[k] / float(h);
+        if (scene.ground && body.region[k] < 0) projectToGround(*scene.ground, before, x[k]);
+        v[k] = (x[k] - before) / float(h);
       }
     }
   };
@@ -301,6 +306,7 @@ Motion playBullet(const MotionBody& body, const MotionScene& scene, BulletKind k
   const ElasticMaterial& material = body.materials.front();
   benchmarks::BulletSolid solid({vertices, corners, masses, held, material.young, material.poisson},
                                 benchmarks::BulletSolid::Kind(kind), h, int(iterations));
+  if (scene.ground) solid.addGround(scene.ground->height, scene.ground->friction);
   const auto step = [&](double begin) {
     for (std::uint32_t i = 0; i < substeps; ++i) {
       const double now = begin + i * h;
@@ -330,7 +336,7 @@ Motion playBullet(const MotionBody&, const MotionScene&, BulletKind, std::uint32
 Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& scene, const SinewPlay& play) {
   const formats::PackageView& package = asset->package();
   const PackageSolid solid = packageSolid(package);
-  const HeldCase held = heldCase(solid, package, scene.hold);
+  const HeldCase held = scene.holds(solid, package, extentOf(solid));
   WorldSettings settings;
   settings.iterations = play.iterations;
   settings.deformation_damping_ratio = 0;
@@ -343,7 +349,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   if (!added) refuseHold(added.reason());
   const BodyId body = *added;
   std::vector<PinSetId> sets;
-  const std::vector<std::uint8_t> piece_held = heldPieces(solid, held);
+  const std::vector<std::uint8_t> played = scene.pieces(solid, held);
   for (const HeldRegion& region : held.regions) {
     if (held.package_pins) continue;
     const auto set = world.addPinSet(body, region.vertices);
@@ -352,7 +358,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   }
   std::vector<std::uint32_t> idle;
   for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
-    if (piece_held[solid.piece[v]] == 0) idle.push_back(v);
+    if (played[solid.piece[v]] == 0) idle.push_back(v);
   }
   if (!idle.empty()) {
     const auto set = world.addPinSet(body, idle);
@@ -360,6 +366,12 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   }
   const Vec3 first = world.positions(body).front();
   const Vector3d offset = Vector3d(double(first[0]), double(first[1]), double(first[2])) - solid.rest.front();
+  if (scene.ground) {
+    GroundPlane& ground = world.settings().ground;
+    ground.enabled = true;
+    ground.offset = float(scene.ground->height + offset[1]);
+    ground.friction = float(scene.ground->friction);
+  }
   Motion motion;
   const double h = kFrameSeconds / play.substeps;
   const int frames = int(std::lround(scene.seconds / kFrameSeconds));
