@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import tempfile
 import unittest
@@ -103,6 +104,58 @@ class Error(unittest.TestCase):
         self.assertEqual(len({row["vertices"] for row in rows}), 1)
         fine = min(row["path"] for row in self.rows(0, "sinew") if row["knobs"].startswith("32 functions"))
         self.assertAlmostEqual(min(row["path"] for row in rows if row["method"] == "sinew"), fine, delta=1e-3)
+
+    def write(self, name, content):
+        file = pathlib.Path(self.folder.name) / name
+        file.write_text(json.dumps(content))
+        return file
+
+    def test_a_scene_file_is_played(self):
+        scene = self.write("bend.json", {
+            "sinew_scene": 1, "seconds": 0.5, "damping": 1,
+            "targets": {"foot": {"axis": [0, 0, 1], "point": [0.9, 0, 0],
+                                 "keys": [{"time": 0}, {"time": 0.4, "turn": -10, "move": [0.05, -0.05, 0]}]}}})
+        done = run("study", "error", BAR / "recipe.json", "--set", "tetrahedra.vertices=150", "--scene", scene,
+                   "--functions", 32, "--vertices", 60, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        played = json.loads(done.stdout)["scenes"][0]
+        self.assertEqual(played["name"], "bend")
+        self.assertGreater(played["reference"]["rms_displacement"], 0.02)
+        best = {}
+        for row in played["results"]:
+            if "path" in row:
+                best[row["method"]] = min(row["path"], best.get(row["method"], 9))
+        self.assertLess(best["sinew"], 0.2)
+        self.assertLess(best["xpbd"], 0.5)
+        self.assertLess(best["stiffness warping"], 0.5)
+
+    def test_a_muscle_moves_the_reference_as_it_moves_the_body(self):
+        shutil.copy(BAR.parents[2] / "tests" / "assets" / "generated" / "cube.obj", self.folder.name)
+        recipe = self.write("muscle.json", {
+            "sinew_recipe": 3, "source": "cube.obj",
+            "settings": {"tetrahedra.vertices": 200, "clusters.stiffness": "elastic", "clusters.young": 1e6},
+            "clusters": [{"name": "muscle", "from": {"half_space": [-100, 0, 0], "normal": [1, 0, 0]}, "channel": "pull",
+                          "contraction": 0.1, "fibre": [1, 0, 0]}],
+            "pins": [{"name": "end", "from": {"half_space": [0.1, 0, 0], "normal": [-1, 0, 0]}}]})
+        scene = self.write("pull.json", {"sinew_scene": 1, "seconds": 1, "damping": 8,
+                                         "channels": {"pull": [[0, 0], [0.3, 1]]}})
+        done = run("study", "error", recipe, "--scene", scene, "--functions", 32, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        study = json.loads(done.stdout)
+        played = study["scenes"][0]
+        self.assertGreater(played["reference"]["rms_displacement"], 0.03)
+        self.assertLess(min(row["path"] for row in played["results"] if row["method"] == "sinew"), 0.35)
+        self.assertFalse([row for row in played["results"] if row["method"] == "xpbd"])
+        self.assertTrue(any("muscles" in note for note in study["notes"]))
+
+    def test_what_the_reference_cannot_do_is_refused_by_its_key(self):
+        for key, value in {"picks": [{"at": [0, 0, 0], "keys": [{"time": 0}]}], "self_contact": True, "drag": 1,
+                           "forces": [{"at": [0, 0, 0], "keys": [{"time": 0, "force": [1, 0, 0]}]}]}.items():
+            scene = self.write("refused.json", {"sinew_scene": 1, key: value})
+            done = run("study", "error", BAR / "recipe.json", "--scene", scene)
+            self.assertEqual(done.returncode, 3, key)
+            self.assertIn("refused.json", done.stderr)
+            self.assertIn(key, done.stderr)
 
     def test_what_cannot_be_compared_is_refused(self):
         page = pathlib.Path(self.folder.name) / "none.html"

@@ -187,13 +187,13 @@ std::string table(const ErrorStudy& study, std::uint32_t s) {
   for (const ErrorRow& row : study.rows) {
     if (row.scene == s) rows.push_back(&row);
   }
-  const bool swings = study.scenes[s].frequency.has_value(), strays = study.scenes[s].penalty.has_value();
+  const bool swings = study.scenes[s].frequency.has_value(), strays = study.scenes[s].turned.has_value();
   std::string html =
       "<details><summary>All rows</summary><table><tr><th>method<th>set to<th>ms a frame<th>error of the path<th>of "
       "the "
       "end<th>largest<th>volume";
   if (swings) html += "<th>frequency<th>decay";
-  if (strays) html += "<th>path as it lies";
+  if (strays) html += "<th>path as it lies<th>turned";
   html += "</tr>";
   for (const ErrorRow* row : rows) {
     html += text("<tr%s><td>", row->front ? " class='f'" : "") + escaped(nameOf(row->method)) + "<td>" +
@@ -210,7 +210,7 @@ std::string table(const ErrorStudy& study, std::uint32_t s) {
             percent(row->volume);
     if (swings && row->frequency) html += text("<td>%.3f ×<td>%.2f ×", *row->frequency, *row->decay);
     if (swings && !row->frequency) html += "<td>none<td>";
-    if (row->astray) html += "<td>" + percent(*row->astray);
+    if (row->astray) html += "<td>" + percent(*row->astray) + text("<td>%.0f°", *row->turned);
     html += "</tr>";
   }
   return html + "</table></details>";
@@ -343,11 +343,15 @@ std::string errorPage(const ErrorStudy& study) {
         "<p><small>Reference: %u tetrahedra, steps of %.2g ms, %.0f s; its surface moved by %.2f %% of the diagonal "
         "rms, %.1f %% at most. ",
         scene.tetrahedra, 1e3 * scene.step_seconds, scene.reference_seconds, 100 * scene.rms, 100 * scene.largest);
-    html += scene.linear ? "Its elements are quadratic; linear ones on the same tetrahedra are " +
-                               percent(*scene.linear) + " off. "
-                         : std::string(
-                               "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
-                               "how much these figures do not say.</b> ");
+    html +=
+        !scene.self.empty() ? "<b>It is Sinew itself, of " + escaped(scene.self) +
+                                  " a frame: finite elements would take too long. These figures say what fewer "
+                                  "functions and longer steps cost, not what all functions lack.</b> "
+        : scene.linear
+            ? "Its elements are quadratic; linear ones on the same tetrahedra are " + percent(*scene.linear) + " off. "
+            : std::string(
+                  "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
+                  "how much these figures do not say.</b> ");
     html += text(
         "Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. Gravity %.3g "
         "m/s².</small></p>",

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -442,9 +443,81 @@ class GroundContact {
   std::vector<Vector3d> push_;
 };
 
+// Tethers and fibres.
+class Springs {
+ public:
+  template <std::size_t kNodes>
+  Springs(const MotionBody& body, const Nodes<kNodes>& nodes) {
+    if (!body.tethers.empty() || !body.fibres.empty()) force_.resize(nodes.rest.size(), Vector3d::Zero());
+    for (const MotionTether& tether : body.tethers) touched_.push_back(tether.vertex);
+    for (const MotionFibre& fibre : body.fibres) {
+      // The mean of a tetrahedron's F: of linear shape functions their gradients; of quadratic ones nothing of the
+      // corners, and of a node midway the sum of the gradients of both ends.
+      std::map<std::uint32_t, double> stretch;
+      for (const auto& [t, weight] : fibre.weights) {
+        const auto& corners = body.tetrahedra[t];
+        Matrix3d edges;
+        for (int k = 0; k < 3; ++k) edges.col(k) = body.rest[corners[std::size_t(k) + 1]] - body.rest[corners[0]];
+        const Vector3d along = weight * (edges.inverse() * fibre.direction);
+        const std::array<double, 4> slope = {-along.sum(), along[0], along[1], along[2]};
+        for (std::size_t n = 0; n < kNodes; ++n) {
+          if (n < 4 && kNodes > 4) continue;
+          stretch[nodes.tetrahedra[t][n]] += n < 4 ? slope[n] : slope[kEdges[n - 4][0]] + slope[kEdges[n - 4][1]];
+        }
+      }
+      stretch_.emplace_back(stretch.begin(), stretch.end());
+      rest_.emplace_back(Vector3d::Zero());
+      for (const auto& [v, w] : stretch_.back()) {
+        rest_.back() += w * nodes.rest[v];
+        touched_.push_back(v);
+      }
+    }
+    std::sort(touched_.begin(), touched_.end());
+    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+  }
+
+  // By node; null where there are none.
+  const std::vector<Vector3d>* forces(const MotionBody& body, const MotionScene& scene,
+                                      const std::vector<Eigen::Isometry3d>& held, const std::vector<double>& u,
+                                      double time) {
+    if (force_.empty()) return nullptr;
+    const auto displacement = [&](std::uint32_t v) { return Eigen::Map<const Vector3d>(&u[3 * std::size_t(v)]); };
+    for (const std::uint32_t v : touched_) force_[v].setZero();
+    for (const MotionTether& tether : body.tethers) {
+      const Vector3d& rest = body.rest[tether.vertex];
+      force_[tether.vertex] += tether.stiffness * (held[tether.region] * rest - rest - displacement(tether.vertex));
+    }
+    for (std::size_t i = 0; i < body.fibres.size(); ++i) {
+      const double tension = body.fibres[i].tension * scene.activation(body.fibres[i].channel, time);
+      if (!(tension > 0)) continue;
+      Vector3d along = rest_[i];
+      for (const auto& [v, w] : stretch_[i]) along += w * displacement(v);
+      along *= tension / along.norm();
+      for (const auto& [v, w] : stretch_[i]) force_[v] -= w * along;
+    }
+    return &force_;
+  }
+  // Of a displacement of all tethers, by node: what a step has to be short enough for. Null where there are none.
+  const std::vector<Vector3d>* stiffest(const MotionBody& body, const std::vector<double>& u) {
+    if (body.tethers.empty()) return nullptr;
+    for (const std::uint32_t v : touched_) force_[v].setZero();
+    for (const MotionTether& tether : body.tethers) {
+      force_[tether.vertex] -= tether.stiffness * Eigen::Map<const Vector3d>(&u[3 * std::size_t(tether.vertex)]);
+    }
+    return &force_;
+  }
+
+ private:
+  std::vector<Vector3d> force_;
+  std::vector<std::uint32_t> touched_;
+  std::vector<std::vector<std::pair<std::uint32_t, double>>> stretch_;  // of each fibre
+  std::vector<Vector3d> rest_;
+};
+
 // \param contact may be null
 template <std::size_t kNodes>
-double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes, GroundContact* contact) {
+double longestStep(Solid<kNodes>& solid, const MotionBody& body, const Nodes<kNodes>& nodes, GroundContact* contact) {
+  Springs springs(body, nodes);
   const std::size_t count = nodes.rest.size();
   double size = 0;
   for (const Vector3d& x : nodes.rest) size = std::max(size, (x - nodes.rest.front()).norm());
@@ -467,8 +540,12 @@ double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes, GroundConta
     }
     solid.startOver();
     const std::vector<Vector3d>* push = contact != nullptr ? &contact->stiffest(u) : nullptr;
-    solid.forces(u, ElasticLaw::corotated, [&](std::size_t v, const Vector3d& force) {
-      mode[v] = -(push != nullptr ? Vector3d(force + (*push)[v]) : force) / (scale * nodes.masses[v]);
+    const std::vector<Vector3d>* pull = springs.stiffest(body, u);
+    solid.forces(u, ElasticLaw::corotated, [&](std::size_t v, const Vector3d& elastic) {
+      Vector3d force = elastic;
+      if (push != nullptr) force += (*push)[v];
+      if (pull != nullptr) force += (*pull)[v];
+      mode[v] = -force / (scale * nodes.masses[v]);
     });
     double after = 0;
     for (std::size_t v = 0; v < count; ++v) after += nodes.region[v] >= 0 ? 0 : mode[v].squaredNorm();
@@ -488,14 +565,15 @@ ExplicitRun play(const MotionBody& body, const MotionScene& scene, const Explici
   Solid<kNodes> solid(body, nodes);
   std::optional<GroundContact> contact;
   if (scene.ground) contact.emplace(body, nodes, options.penalty);
-  const double longest = longestStep(solid, nodes, contact ? &*contact : nullptr);
+  const double longest = longestStep(solid, body, nodes, contact ? &*contact : nullptr);
   const auto steps = std::uint32_t(std::ceil(kFrameSeconds / (options.step_share * longest)));
   const double h = run.step_seconds = kFrameSeconds / steps;
   const int frames = int(std::lround(scene.seconds / kFrameSeconds));
   run.work = double(run.tetrahedra) * double(Element<kNodes>::kPoints) * steps * frames;
   if (run.work > options.most_work) return run;
   std::vector<double> u(3 * nodes.rest.size(), 0), v(u);
-  std::vector<Eigen::Affine3d> held(scene.regions.size());
+  std::vector<Eigen::Isometry3d> held(scene.regions.size());
+  Springs springs(body, nodes);
   for (int frame = 0; frame < frames && run.motion.finite; ++frame) {
     if (contact) {
       double fastest = scene.gravityAt(frame * kFrameSeconds).norm() * kFrameSeconds;
@@ -508,20 +586,18 @@ ExplicitRun play(const MotionBody& body, const MotionScene& scene, const Explici
       const double now = frame * kFrameSeconds + i * h;
       const Vector3d gravity = scene.gravityAt(now);
       const std::vector<Vector3d>* push = contact ? &contact->forces(*scene.ground, u) : nullptr;
-      const double decay = std::exp(-scene.dampingAt(now) * h), part = scene.part(now + h);
-      for (std::size_t r = 0; r < held.size(); ++r) {
-        held[r].translation() = scene.regions[r].at(Vector3d::Zero(), part);
-        for (int k = 0; k < 3; ++k) {
-          held[r].linear().col(k) = scene.regions[r].at(Vector3d::Unit(k), part) - held[r].translation();
-        }
-      }
+      const double decay = std::exp(-scene.dampingAt(now) * h);
+      for (std::size_t r = 0; r < held.size(); ++r) held[r] = scene.poseOf(r, now + h);
+      const std::vector<Vector3d>* pull = springs.forces(body, scene, held, u, now + h);
       solid.forces(u, options.law, [&](std::size_t node, const Vector3d& elastic) {
         Eigen::Map<Vector3d> displacement(&u[3 * node]), velocity(&v[3 * node]);
         if (nodes.region[node] >= 0) {
           displacement = held[std::size_t(nodes.region[node])] * nodes.rest[node] - nodes.rest[node];
           return;
         }
-        const Vector3d force = push != nullptr ? Vector3d(elastic + (*push)[node]) : elastic;
+        Vector3d force = elastic;
+        if (push != nullptr) force += (*push)[node];
+        if (pull != nullptr) force += (*pull)[node];
         velocity = decay * (velocity + h * (force / nodes.masses[node] + gravity));
         displacement += h * velocity;
       });

@@ -65,22 +65,35 @@ std::vector<ContactSample> pointsOf(const MotionBody& body, const formats::Packa
 }  // namespace
 
 Vector3d MotionScene::gravityAt(double time) const {
+  if (push) return gravity + push(time);
   return release && time >= kReleaseSeconds ? Vector3d(Vector3d::Zero()) : gravity;
 }
 
 double MotionScene::dampingAt(double time) const {
+  if (damping) return *damping;
   if (ground) return kDampingToRest;
   if (!release) return kDamping;
   return time >= kReleaseSeconds ? kDampingReleased : kDampingToRest;
 }
 
+Eigen::Isometry3d MotionScene::poseOf(std::size_t region, double time) const {
+  if (pose) return pose(region, time);
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  const HeldRegion& held = regions[region];
+  result.linear() = Eigen::AngleAxisd(part(time) * held.turn, held.axis).toRotationMatrix();
+  result.translation() = held.at(Vector3d::Zero(), part(time));
+  return result;
+}
+
 HeldCase MotionScene::holds(const PackageSolid& solid, const formats::PackageView& package,
                             const SolidExtent& extent) const {
-  return held() ? heldCase(solid, package, hold, extent) : HeldCase{};
+  HeldCase held;
+  held.package_pins = file.script != nullptr && !free;
+  return free || held.package_pins ? held : heldCase(solid, package, hold, extent);
 }
 
 std::vector<std::uint8_t> MotionScene::pieces(const PackageSolid& solid, const HeldCase& held_case) const {
-  return held() ? heldPieces(solid, held_case) : std::vector<std::uint8_t>(solid.pieces, 1);
+  return free || file.script != nullptr ? std::vector<std::uint8_t>(solid.pieces, 1) : heldPieces(solid, held_case);
 }
 
 MotionBody motionBody(const formats::PackageView& package, const MotionScene& scene,
@@ -108,6 +121,11 @@ MotionBody motionBody(const formats::PackageView& package, const MotionScene& sc
     const std::uint32_t piece = solid.piece[t[0]];
     body.materials.push_back(materials[std::min<std::size_t>(piece, materials.size() - 1)]);
   }
+  addSurface(package, number, body);
+  return body;
+}
+
+void addSurface(const formats::PackageView& package, const std::vector<std::int32_t>& number, MotionBody& body) {
   for (const auto& a : package.barycentric()) {
     const auto& corners = package.tetrahedra()[a.tetrahedron].vertex;
     Probe probe;
@@ -128,7 +146,6 @@ MotionBody motionBody(const formats::PackageView& package, const MotionScene& sc
     for (const std::uint32_t v : c) body.areas[v] += area / 3;
   }
   body.points = pointsOf(body, package);
-  return body;
 }
 
 MotionBody refined(const MotionBody& body) {

@@ -4,14 +4,15 @@
 // vertices go, frame by frame.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
-#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "sinew/runtime/asset.h"
@@ -20,6 +21,9 @@
 #include "tools/study/held_body.h"
 
 namespace sinew::tools {
+
+struct SceneDrive;
+struct SceneScript;
 
 inline constexpr double kFrameSeconds = 1.0 / 60;
 
@@ -36,6 +40,21 @@ struct ContactSample {
   double area = 0;  ///< m²
 };
 
+/// A spring between a vertex and where a region would hold it.
+struct MotionTether {
+  std::uint32_t vertex = 0, region = 0;
+  double stiffness = 0;  ///< N/m
+};
+
+/// A constant tension T along a fibre: the energy is activation T |d|, d = sum weight F direction the mean deformation
+/// gradient along it of what it runs through, as the runtime has it (docs/method.md §3).
+struct MotionFibre {
+  std::uint32_t channel = 0;                              ///< of the package
+  double tension = 0;                                     ///< of full activation, J
+  Eigen::Vector3d direction = Eigen::Vector3d::UnitX();   ///< unit, at rest
+  std::vector<std::pair<std::uint32_t, double>> weights;  ///< of tetrahedra; their sum is 1
+};
+
 /// A body as a method is given it.
 struct MotionBody {
   std::vector<Eigen::Vector3d> rest;                     ///< metres
@@ -48,6 +67,8 @@ struct MotionBody {
   std::vector<double> areas;                 ///< m², of each visual vertex: a third of its triangles
   /// The visual vertices, and points between them where they lie further apart than those of the tetrahedra.
   std::vector<ContactSample> points;
+  std::vector<MotionTether> tethers;  ///< of scenes from files, as all below
+  std::vector<MotionFibre> fibres;
 };
 
 /// A level plane that bodies lie on, at which their points slide by Coulomb's law and from which nothing bounces.
@@ -62,12 +83,24 @@ struct MotionScene {
   bool release = false;             ///< gravity ends at kReleaseSeconds, and what comes after is compared
   std::vector<HeldRegion> regions;  ///< what moves does so evenly over kMotionSeconds
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();  ///< m/s²
-  std::optional<MotionGround> ground;                 ///< with it nothing is held: the body falls on it
+  std::optional<MotionGround> ground;
+  bool free = false;  ///< nothing is held: all pieces are played
   double seconds = 2;
   double slowest_seconds = 1e9;  ///< a method that takes more for a frame is stopped
 
+  /// Of a scene from a file: the file, and its channels and targets as the package has them.
+  struct File {
+    std::shared_ptr<const SceneScript> script;
+    std::shared_ptr<const SceneDrive> drive;
+  } file;
+  std::optional<double> damping;                               ///< 1/s, in place of the scene's own
+  std::function<Eigen::Isometry3d(std::size_t, double)> pose;  ///< in place of the regions' own motion
+  std::function<double(std::uint32_t, double)> activation;     ///< of a channel of the package, 0..1
+  std::function<Eigen::Vector3d(double)> push;                 ///< m/s², beside gravity
+
   double comparedFrom() const { return release ? kReleaseSeconds : 0; }
-  bool held() const { return !ground; }
+  /// Where region `region` takes what it holds, from rest.
+  Eigen::Isometry3d poseOf(std::size_t region, double time) const;
   /// What holds a package in this scene. \param extent as of heldCase()
   HeldCase holds(const PackageSolid& solid, const formats::PackageView& package, const SolidExtent& extent) const;
   /// By piece: 1 where it is played. Of what is held, the pieces that regions hold; else all.
@@ -80,6 +113,8 @@ struct MotionScene {
   static constexpr double kReleaseSeconds = 1;
   /// Of the body's height: how far it falls.
   static constexpr double kFall = 0.1;
+  /// From its first contact on: what it does later depends on which side it falls over to.
+  static constexpr double kLandSeconds = 0.5;
 };
 
 /// Where the visual vertices were, at the end of each frame of kFrameSeconds.
@@ -101,6 +136,10 @@ struct Motion {
 /// \param materials one a piece.
 MotionBody motionBody(const formats::PackageView& package, const MotionScene& scene,
                       const std::vector<ElasticMaterial>& materials, const std::optional<SolidExtent>& extent);
+
+/// Adds the visual vertices, their areas and what touches. \param number of the body's vertices by those of the
+/// package, -1: none
+void addSurface(const formats::PackageView& package, const std::vector<std::int32_t>& number, MotionBody& body);
 
 /// Every tetrahedron cut into eight: the same body, of the same mass.
 MotionBody refined(const MotionBody& body);
