@@ -60,13 +60,13 @@ class Error(unittest.TestCase):
             if row["knobs"].startswith("32 functions"):
                 self.assertAlmostEqual(row["frequency_ratio"], 1, delta=0.06 if row["knobs"].endswith("4 steps") else 0.2)
 
-    def test_what_falls_on_the_ground_comes_to_the_rest_of_the_reference(self):
+    def test_what_falls_on_the_ground_lands_as_the_reference_does(self):
         reference = self.study["scenes"][2]["reference"]
         self.assertGreater(reference["largest_displacement"], 0.01)
         self.assertLess(reference["change_firmer_ground"], 0.1)
         for row in self.rows(2, "sinew"):
             if row["knobs"].startswith("32 functions, 4 iterations"):
-                self.assertLess(row["end"], 0.1)
+                self.assertLess(row["end"], 0.25)
                 self.assertLess(row["path"], 0.5)
         self.assertFalse(self.rows(2, "bullet fem, implicit"))
         self.assertTrue(any("Coulomb" in note for note in self.study["notes"]) or not self.rows(2, "bullet fem"))

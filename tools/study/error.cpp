@@ -751,13 +751,14 @@ std::string errorText(const ErrorStudy& study) {
     } else {
       print("LINEAR elements, too stiff: too large for quadratic ones; ");
     }
-    print("half the steps change %.2g %%, the neo-Hookean law %.1f %%\n", 100 * scene.shorter, 100 * scene.neo_hookean);
-    if (scene.penalty) {
-      print(
-          "  a ground twice as firm changes %.2g %%. astray: path with the rigid motion; turned: degrees against the "
-          "reference at the end, which "
-          "itself has turned by %.0f\n",
-          100 * *scene.penalty, *scene.turned);
+    if (scene.self.empty()) {
+      print("half the steps change %.2g %%, the neo-Hookean law %.1f %%", 100 * scene.shorter, 100 * scene.neo_hookean);
+    }
+    text += "\n";
+    if (scene.penalty) print("  a ground twice as firm changes %.2g %%\n", 100 * *scene.penalty);
+    if (scene.turned) {
+      print("  astray: path with the rigid motion; turned: degrees, against the reference at its end, which has %.0f\n",
+            *scene.turned);
     }
     if (scene.lawMatters()) text += "  strains are so large that the law of elasticity matters: compare with care\n";
     print("  %-20s  %-38s  %8s  %7s  %7s  %7s  %7s  %6s  %6s\n", "method", "knobs", "ms/frame", "path, %", "end, %",

@@ -352,10 +352,11 @@ std::string errorPage(const ErrorStudy& study) {
             : std::string(
                   "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
                   "how much these figures do not say.</b> ");
-    html += text(
-        "Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. Gravity %.3g "
-        "m/s².</small></p>",
-        100 * scene.shorter, 100 * scene.neo_hookean, scene.gravity);
+    if (scene.self.empty()) {
+      html += text("Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. ",
+                   100 * scene.shorter, 100 * scene.neo_hookean);
+    }
+    html += text("Gravity %.3g m/s².</small></p>", scene.gravity);
     if (scene.penalty) {
       html +=
           "<p><small>A ground twice as firm changes linear elements by " + percent(*scene.penalty) + ".</small></p>";
