@@ -20,6 +20,8 @@ namespace sinew::benchmarks {
 namespace {
 
 constexpr int kClusters = 16;
+// Of the body's size: the margins of shapes; half the ground's width.
+constexpr btScalar kMargin = 1e-3F, kGroundSize = 5;
 
 }  // namespace
 
@@ -35,6 +37,9 @@ struct BulletSolid::Impl {
   std::unique_ptr<btDeformableNeoHookeanForce> elasticity;
   std::unique_ptr<btDeformableGravityForce> gravity;
   std::unique_ptr<btSoftBody> body;
+  std::unique_ptr<btBoxShape> ground_shape;
+  std::unique_ptr<btRigidBody> ground;
+  std::set<std::pair<int, int>> edges;
   btScalar step = 0;
 
   btSoftBodyWorldInfo& info() {
@@ -70,7 +75,7 @@ BulletSolid::BulletSolid(const Tetrahedra& given, Kind kind, double step_seconds
   }
   all.body = std::make_unique<btSoftBody>(&all.info(), int(count), points.data(), masses.data());
   btSoftBody& body = *all.body;
-  std::set<std::pair<int, int>> edges;
+  std::set<std::pair<int, int>>& edges = all.edges;
   for (std::size_t t = 0; t + 3 < given.corners.size(); t += 4) {
     const auto corner = [&](std::size_t k) { return int(given.corners[t + k]); };
     body.appendTetra(corner(0), corner(1), corner(2), corner(3));
@@ -104,12 +109,44 @@ BulletSolid::BulletSolid(const Tetrahedra& given, Kind kind, double step_seconds
 }
 
 BulletSolid::~BulletSolid() {
+  if (impl_->ground && impl_->deformable_world) impl_->deformable_world->removeRigidBody(impl_->ground.get());
+  if (impl_->ground && impl_->plain_world) impl_->plain_world->removeRigidBody(impl_->ground.get());
   if (impl_->deformable_world) {
     impl_->deformable_world->removeForce(impl_->body.get(), impl_->elasticity.get());
     impl_->deformable_world->removeForce(impl_->body.get(), impl_->gravity.get());
     impl_->deformable_world->removeSoftBody(impl_->body.get());
   } else {
     impl_->plain_world->removeSoftBody(impl_->body.get());
+  }
+}
+
+void BulletSolid::addGround(double height, double friction) {
+  Impl& all = *impl_;
+  btVector3 rest_low = all.body->m_nodes[0].m_x, rest_high = rest_low;
+  for (int i = 0; i < all.body->m_nodes.size(); ++i) {
+    rest_low.setMin(all.body->m_nodes[i].m_x);
+    rest_high.setMax(all.body->m_nodes[i].m_x);
+  }
+  const btScalar size = (rest_high - rest_low).length(), margin = kMargin * size;
+  all.ground_shape = std::make_unique<btBoxShape>(btVector3(kGroundSize * size, size, kGroundSize * size));
+  all.ground_shape->setMargin(margin);
+  // Margins of both are counted from the surface out.
+  btTransform at = btTransform::getIdentity();
+  at.setOrigin(
+      {0.5F * (rest_low + rest_high)[0], btScalar(height) - size - 2 * margin, 0.5F * (rest_low + rest_high)[2]});
+  all.ground = std::make_unique<btRigidBody>(0, nullptr, all.ground_shape.get());
+  all.ground->setWorldTransform(at);
+  all.ground->setFriction(1);
+  all.body->getCollisionShape()->setMargin(margin);
+  all.body->m_cfg.kDF = btScalar(friction);
+  if (all.deformable_world) {
+    // Neighbours for its tree of nodes, which it would not finish; links pull only where there is a force of theirs.
+    for (const auto& [a, b] : all.edges) all.body->appendLink(a, b);
+    all.body->m_cfg.collisions = btSoftBody::fCollision::SDF_RD | btSoftBody::fCollision::SDF_RDN;
+    all.deformable_world->addRigidBody(all.ground.get());
+  } else {
+    all.body->m_cfg.collisions = btSoftBody::fCollision::SDF_RS;
+    all.plain_world->addRigidBody(all.ground.get());
   }
 }
 

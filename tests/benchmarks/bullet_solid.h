@@ -31,6 +31,9 @@ class BulletSolid {
   BulletSolid(const BulletSolid&) = delete;
   BulletSolid& operator=(const BulletSolid&) = delete;
 
+  /// A level ground below the body, of a box: Bullet's deformable bodies meet convex shapes alone. \param height m.
+  /// \param friction Coulomb coefficient
+  void addGround(double height, double friction);
   void setGravity(const std::array<double, 3>& gravity);
   /// Of a held vertex.
   void place(std::uint32_t vertex, const std::array<double, 3>& position);

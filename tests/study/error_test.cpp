@@ -28,15 +28,19 @@ struct Beam {
   std::array<double, 3> size;
   double young;
 
-  // A beam along x, its rear quarter held.
-  Beam(std::array<int, 3> cells, std::array<double, 3> box_size, double poisson, double modulus)
+  // A beam along x, its rear quarter held; or, where there is a ground, nothing.
+  Beam(std::array<int, 3> cells, std::array<double, 3> box_size, double poisson, double modulus,
+       std::optional<MotionGround> ground = {})
       : size(box_size), young(modulus) {
     BoxBody box;
     box.cells = cells;
     box.size = size;
     const auto asset = boxPackage(box, {});
     scene.hold = HoldScene::cantilever;
-    scene.regions = heldCase(packageSolid(asset->package()), asset->package(), scene.hold).regions;
+    scene.ground = ground;
+    scene.free = ground.has_value();
+    const PackageSolid package_solid = packageSolid(asset->package());
+    scene.regions = scene.holds(package_solid, asset->package(), extentOf(package_solid)).regions;
     body = motionBody(asset->package(), scene, {{modulus, poisson}}, {});
     // One density, whatever the package's masses are.
     ElasticSolid solid;
@@ -55,8 +59,34 @@ struct Beam {
         body.probes[t[k]] = probe;
       }
     }
+    // It touches by points midway along the edges of its lower side: the rule of degree 2 of each triangle.
+    for (const auto& t : body.tetrahedra) {
+      for (std::size_t top = 0; top < 4; ++top) {
+        std::array<std::size_t, 3> face{};
+        for (std::size_t k = 0; k < 3; ++k) face[k] = (top + 1 + k) % 4;
+        if (!std::all_of(face.begin(), face.end(), [&](std::size_t k) { return body.rest[t[k]][1] < low() + 1e-6; })) {
+          continue;
+        }
+        const Vector3d a = body.rest[t[face[0]]], b = body.rest[t[face[1]]], c = body.rest[t[face[2]]];
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t one = face[k], other = face[(k + 1) % 3];
+          Probe probe{t, {}};
+          probe.weight[one] = probe.weight[other] = 0.5;
+          const auto v = std::uint32_t(body.surface.size());
+          body.surface.push_back(0.5 * (body.rest[t[one]] + body.rest[t[other]]));
+          body.areas.push_back(0);
+          body.probes.emplace_back(probe);
+          body.points.push_back({{v, v, v}, {1, 0, 0}, (b - a).cross(c - a).norm() / 6});
+        }
+      }
+    }
   }
 
+  double low() const {
+    double y = 1e300;
+    for (const Vector3d& x : body.rest) y = std::min(y, x[1]);
+    return y;
+  }
   // Length beyond what is held, from the held vertices that are farthest out.
   double length() const {
     double held = -1e300, end = -1e300;
@@ -224,6 +254,99 @@ TEST(StudyError, ARefinedBodyIsTheSame) {
   }
   const std::vector<Vector3f> seen = probed(fine, fine.rest);
   for (std::size_t v = 0; v < seen.size(); ++v) EXPECT_LT((seen[v].cast<double>() - beam.body.surface[v]).norm(), 1e-6);
+}
+
+// A bar that nothing holds, all of it a fibre whose tension would shorten it by a tenth if it were linear, is shorter
+// by that: tension over volume is a stress along it, and corotated elasticity of no Poisson's ratio is linear along.
+TEST(StudyError, AFibreShortensTheReferenceAsItsTensionSays) {
+  Beam bar({6, 2, 2}, {1, 0.3, 0.3}, 0, 1e5, MotionGround{.height = -10});
+  bar.scene.damping = 20;
+  bar.scene.seconds = 1;
+  bar.scene.activation = [](std::uint32_t, double time) { return std::min(1.0, 5 * time); };
+  MotionFibre fibre;
+  const double volume = bar.size[0] * bar.size[1] * bar.size[2];
+  fibre.tension = 0.1 * bar.young * volume;
+  for (std::uint32_t t = 0; t < bar.body.tetrahedra.size(); ++t) {
+    const auto& c = bar.body.tetrahedra[t];
+    const Vector3d a = bar.body.rest[c[0]];
+    fibre.weights.emplace_back(
+        t, (bar.body.rest[c[1]] - a).cross(bar.body.rest[c[2]] - a).dot(bar.body.rest[c[3]] - a) / 6 / volume);
+  }
+  bar.body.fibres = {fibre};
+  for (const bool quadratic : {false, true}) {
+    const Motion motion = playSolid(bar.body, bar.scene, {.quadratic = quadratic}, kNothing).motion;
+    ASSERT_TRUE(motion.finite);
+    for (std::size_t v = 0; v < bar.body.rest.size(); ++v) {
+      const Vector3d& rest = bar.body.rest[v];
+      const Vector3d wanted(0.9 * rest[0], rest[1], rest[2]);
+      EXPECT_LT((motion.frames.back()[v].cast<double>() - wanted).norm(), 2e-3) << quadratic << ' ' << v;
+    }
+  }
+}
+
+struct GroundMethod {
+  const char* name;
+  std::function<Motion(const Beam&)> play;
+};
+
+std::vector<GroundMethod> groundMethods() {
+  return {
+    {"reference", [](const Beam& b) { return playSolid(b.body, b.scene, {}, kNothing).motion; }},
+        {"linear", [](const Beam& b) { return playSolid(b.body, b.scene, {.quadratic = false}, kNothing).motion; }},
+        {"xpbd", [](const Beam& b) { return playXpbd(b.body, b.scene, 20); }},
+        {"warping", [](const Beam& b) { return playStiffnessWarping(b.body, b.scene, 8, 40); }},
+#if SINEW_WITH_BULLET
+        {"bullet", [](const Beam& b) { return playBullet(b.body, b.scene, BulletKind::finite_elements, 16, 0); }},
+#endif
+  };
+}
+
+// A block that falls on the ground comes to rest on it, shorter at its top by rho g h² / 2E: no strain across, so
+// friction does nothing.
+TEST(StudyError, ABlockComesToRestOnTheGround) {
+  Beam block({2, 4, 2}, {0.3, 0.6, 0.3}, 0, 1e5, MotionGround{});
+  block.scene.ground->height = block.low() - 0.02;
+  block.scene.gravity = {0, -10, 0};
+  block.scene.seconds = 1.5;
+  const double sag = kDensity * 10 * 0.6 * 0.6 / (2 * block.young);
+  for (const GroundMethod& method : groundMethods()) {
+    SCOPED_TRACE(method.name);
+    const Motion motion = method.play(block);
+    ASSERT_TRUE(motion.finite);
+    ASSERT_EQ(motion.frames.size(), 90U);
+    double foot = 0, head = 0, feet = 0, heads = 0;
+    for (std::size_t v = 0; v < block.body.rest.size(); ++v) {
+      const double up = block.body.rest[v][1] - block.low(),
+                   way = double(motion.frames.back()[v][1]) - block.body.rest[v][1];
+      if (up < 1e-6) foot += way, ++feet;
+      if (up > 0.6 - 1e-6) head += way, ++heads;
+    }
+    EXPECT_NEAR(foot / feet, -0.02, 2e-3);
+    EXPECT_NEAR(head / heads - foot / feet, -sag, 0.05 * sag);
+  }
+}
+
+// On a slope it stays where that is less steep than friction, and beyond slides at g (sin - mu cos), less the damping.
+TEST(StudyError, ABlockSlidesByCoulombsLaw) {
+  for (const double slope : {0.3, 1.0}) {
+    Beam block({3, 1, 3}, {0.6, 0.2, 0.6}, 0, 1e6, MotionGround{});
+    block.scene.ground->height = block.low();
+    const double g = 10, down = g / std::hypot(1, slope), along = slope * down;
+    block.scene.gravity = {along, -down, 0};
+    block.scene.seconds = 0.5;
+    const double damping = block.scene.dampingAt(0), pull = std::max(0.0, along - block.scene.ground->friction * down);
+    const double way = pull / damping * (0.5 - (1 - std::exp(-0.5 * damping)) / damping);
+    for (const GroundMethod& method : groundMethods()) {
+      SCOPED_TRACE(std::string(method.name) + " " + std::to_string(slope));
+      const Motion motion = method.play(block);
+      ASSERT_TRUE(motion.finite);
+      double mean = 0;
+      for (std::size_t v = 0; v < block.body.rest.size(); ++v) {
+        mean += (double(motion.frames.back()[v][0]) - block.body.rest[v][0]) / double(block.body.rest.size());
+      }
+      EXPECT_NEAR(mean, way, std::max(0.1 * way, 5e-3));
+    }
+  }
 }
 
 // What is slower than asked is stopped, and said to be.

@@ -6,6 +6,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import tempfile
 import unittest
@@ -24,7 +25,7 @@ class Error(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.page = pathlib.Path(cls.folder.name) / "bar.html"
-        done = run("study", "error", BAR / "l_bar.obj", "--set", "tetrahedra.vertices=300", "--scene", "cantilever,release",
+        done = run("study", "error", BAR / "l_bar.obj", "--set", "tetrahedra.vertices=300", "--scene", "cantilever,release,feet",
                    "--functions", "6,32", "--vertices", 60, "--html", cls.page, "--json")
         if done.returncode != 0:
             raise AssertionError(done.stderr)
@@ -38,7 +39,7 @@ class Error(unittest.TestCase):
         return [row for row in self.study["scenes"][scene]["results"] if row["method"] == method]
 
     def test_gravity_moves_the_reference_about_as_asked(self):
-        for scene in self.study["scenes"]:
+        for scene in self.study["scenes"][:2]:
             self.assertTrue(scene["reference"]["quadratic"])
             # 2 % of the diagonal at rest; a swing about that, or one that dies away.
             self.assertGreater(scene["reference"]["rms_displacement"], 0.01)
@@ -59,8 +60,19 @@ class Error(unittest.TestCase):
             if row["knobs"].startswith("32 functions"):
                 self.assertAlmostEqual(row["frequency_ratio"], 1, delta=0.06 if row["knobs"].endswith("4 steps") else 0.2)
 
+    def test_what_falls_on_the_ground_lands_as_the_reference_does(self):
+        reference = self.study["scenes"][2]["reference"]
+        self.assertGreater(reference["largest_displacement"], 0.01)
+        self.assertLess(reference["change_firmer_ground"], 0.1)
+        for row in self.rows(2, "sinew"):
+            if row["knobs"].startswith("32 functions, 4 iterations"):
+                self.assertLess(row["end"], 0.25)
+                self.assertLess(row["path"], 0.5)
+        self.assertFalse(self.rows(2, "bullet fem, implicit"))
+        self.assertTrue(any("Coulomb" in note for note in self.study["notes"]) or not self.rows(2, "bullet fem"))
+
     def test_every_method_was_tried(self):
-        for scene in range(2):
+        for scene in range(3):
             for method in ("sinew", "report", "xpbd", "stiffness warping"):
                 self.assertTrue(any("path" in row for row in self.rows(scene, method)), method)
 
@@ -77,8 +89,8 @@ class Error(unittest.TestCase):
         page = self.page.read_text()
         self.assertFalse(re.search(r"(src|href)\s*=\s*['\"](?!data:)", page))
         self.assertNotIn("<script", page)
-        self.assertEqual(page.count("data:image/png;base64,"), 2)
-        self.assertEqual(page.count("aria-label='Error over time'"), 2)
+        self.assertEqual(page.count("data:image/png;base64,"), 3)
+        self.assertEqual(page.count("aria-label='Error over time'"), 3)
         for word in ("nan", "inf "):
             self.assertNotIn(word, re.sub(r"base64,[^']*", "", page))
 
@@ -92,6 +104,58 @@ class Error(unittest.TestCase):
         self.assertEqual(len({row["vertices"] for row in rows}), 1)
         fine = min(row["path"] for row in self.rows(0, "sinew") if row["knobs"].startswith("32 functions"))
         self.assertAlmostEqual(min(row["path"] for row in rows if row["method"] == "sinew"), fine, delta=1e-3)
+
+    def write(self, name, content):
+        file = pathlib.Path(self.folder.name) / name
+        file.write_text(json.dumps(content))
+        return file
+
+    def test_a_scene_file_is_played(self):
+        scene = self.write("bend.json", {
+            "sinew_scene": 1, "seconds": 0.5, "damping": 1,
+            "targets": {"foot": {"axis": [0, 0, 1], "point": [0.9, 0, 0],
+                                 "keys": [{"time": 0}, {"time": 0.4, "turn": -10, "move": [0.05, -0.05, 0]}]}}})
+        done = run("study", "error", BAR / "recipe.json", "--set", "tetrahedra.vertices=150", "--scene", scene,
+                   "--functions", 32, "--vertices", 60, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        played = json.loads(done.stdout)["scenes"][0]
+        self.assertEqual(played["name"], "bend")
+        self.assertGreater(played["reference"]["rms_displacement"], 0.02)
+        best = {}
+        for row in played["results"]:
+            if "path" in row:
+                best[row["method"]] = min(row["path"], best.get(row["method"], 9))
+        self.assertLess(best["sinew"], 0.2)
+        self.assertLess(best["xpbd"], 0.5)
+        self.assertLess(best["stiffness warping"], 0.5)
+
+    def test_a_muscle_moves_the_reference_as_it_moves_the_body(self):
+        shutil.copy(BAR.parents[2] / "tests" / "assets" / "generated" / "cube.obj", self.folder.name)
+        recipe = self.write("muscle.json", {
+            "sinew_recipe": 3, "source": "cube.obj",
+            "settings": {"tetrahedra.vertices": 200, "clusters.stiffness": "elastic", "clusters.young": 1e6},
+            "clusters": [{"name": "muscle", "from": {"half_space": [-100, 0, 0], "normal": [1, 0, 0]}, "channel": "pull",
+                          "contraction": 0.1, "fibre": [1, 0, 0]}],
+            "pins": [{"name": "end", "from": {"half_space": [0.1, 0, 0], "normal": [-1, 0, 0]}}]})
+        scene = self.write("pull.json", {"sinew_scene": 1, "seconds": 1, "damping": 8,
+                                         "channels": {"pull": [[0, 0], [0.3, 1]]}})
+        done = run("study", "error", recipe, "--scene", scene, "--functions", 32, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        study = json.loads(done.stdout)
+        played = study["scenes"][0]
+        self.assertGreater(played["reference"]["rms_displacement"], 0.03)
+        self.assertLess(min(row["path"] for row in played["results"] if row["method"] == "sinew"), 0.35)
+        self.assertFalse([row for row in played["results"] if row["method"] == "xpbd"])
+        self.assertTrue(any("muscles" in note for note in study["notes"]))
+
+    def test_what_the_reference_cannot_do_is_refused_by_its_key(self):
+        for key, value in {"picks": [{"at": [0, 0, 0], "keys": [{"time": 0}]}], "self_contact": True, "drag": 1,
+                           "forces": [{"at": [0, 0, 0], "keys": [{"time": 0, "force": [1, 0, 0]}]}]}.items():
+            scene = self.write("refused.json", {"sinew_scene": 1, key: value})
+            done = run("study", "error", BAR / "recipe.json", "--scene", scene)
+            self.assertEqual(done.returncode, 3, key)
+            self.assertIn("refused.json", done.stderr)
+            self.assertIn(key, done.stderr)
 
     def test_what_cannot_be_compared_is_refused(self):
         page = pathlib.Path(self.folder.name) / "none.html"

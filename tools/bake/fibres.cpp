@@ -116,6 +116,7 @@ Fibres findFibres(const formats::PackageContent& content, const FieldHost& host,
       };
       for (int k = 0; k < 3; ++k) add(corners[std::size_t(k) + 1], bit.slope[k]);
       add(corners[0], -bit.slope.sum());
+      fibre.parts.emplace_back(bit.tetrahedron, bit.volume);
       fibre.volume += bit.volume;
       fibre.tension += double(mechanics.contraction) * young[bit.tetrahedron] * bit.volume;
       fibre.hardening += bit.volume * hardening(double(mechanics.contraction), poisson[bit.tetrahedron]);

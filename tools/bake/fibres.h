@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "sinew/formats/writer.h"
@@ -16,12 +17,13 @@ namespace sinew::tools {
 /// A part of an activated cluster that its tension shortens.
 struct Fibre {
   std::uint32_t cluster = 0;
-  std::size_t load = 0;          ///< its cluster's
-  Eigen::VectorXd stretch;       ///< sum over vertices of stretch x: the mean deformation gradient along the fibre
-  double volume = 0, share = 0;  ///< m^3 of the cluster, and of all that it has
-  double contraction = 0;        ///< of the cluster at full activation
-  double hardening = 0;          ///< what it takes more than in proportion
-  double tension = 0;            ///< J, that shortens it by so much alone
+  std::size_t load = 0;     ///< its cluster's
+  Eigen::VectorXd stretch;  ///< sum over vertices of stretch x: the mean deformation gradient along the fibre
+  std::vector<std::pair<std::size_t, double>> parts;  ///< tetrahedra of the host, and what of their volume it has, m^3
+  double volume = 0, share = 0;                       ///< m^3 of the cluster, and of all that it has
+  double contraction = 0;                             ///< of the cluster at full activation
+  double hardening = 0;                               ///< what it takes more than in proportion
+  double tension = 0;                                 ///< J, that shortens it by so much alone
 };
 
 /// Fibres of the activated clusters of a piece, and by cluster the force of a unit of tension.

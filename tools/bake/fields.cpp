@@ -153,6 +153,26 @@ class PieceFields {
     contact_ = contactPoints(content, host_, settings.field.points);
   }
 
+  PieceElasticity elasticity() && {
+    PieceElasticity result;
+    result.piece = host_.piece;
+    result.vertices = host_.vertices;
+    result.tetrahedra = host_.tetrahedra;
+    for (const auto& corners : host_.tetrahedra) {
+      Vector3d centre = Vector3d::Zero();
+      for (const std::uint32_t v : corners) centre += host_.positions[v] / 4;
+      result.centres.push_back(centre);
+    }
+    result.young = std::move(young_);
+    result.poisson = std::move(poisson_);
+    result.lowest_hz = lowest_hz_;
+    result.held = std::move(held_);
+    result.pin_sets = std::move(pin_sets_);
+    result.tethers = std::move(tethers_);
+    for (Fibre& fibre : fibres_.fibres) result.fibres.push_back(std::move(fibre));
+    return result;
+  }
+
   /// \param draft fields of other materials serve, where the cache has them.
   ordered_json add(StageCache& cache, bool draft) {
     const FieldInput input = {host_.positions, host_.tetrahedra, host_.masses, young_, poisson_,
@@ -530,6 +550,10 @@ ordered_json addFields(const Settings& settings, formats::PackageContent& conten
   }
   addDistances(settings.field.distances, content, kept);
   return pieces;
+}
+
+PieceElasticity elasticityOf(formats::PackageContent& content, std::uint32_t piece) {
+  return PieceFields(Settings{}, piece, content).elasticity();
 }
 
 void removeFields(formats::PackageContent& content) {

@@ -236,9 +236,16 @@ void addError(CLI::App& study, int& exit_code) {
   verb->add_option(
           "--scene", options.scenes,
           "Several with commas. hang, lean, cantilever, press, squeeze, twist, pins: as study assets; release: a "
-          "cantilever that is let go. Absent: hang,release,press,twist, and pins where there are any")
+          "cantilever that is let go; feet: dropped on the ground; a scene file (.json). Absent: "
+          "hang,release,press,twist,feet, and pins "
+          "where "
+          "there are any")
       ->delimiter(',')
-      ->check(CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "squeeze", "twist", "pins"}));
+      ->check([](const std::string& name) {
+        if (name.ends_with(".json")) return std::string();
+        return CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "squeeze", "twist", "feet", "pins"})(
+            name);
+      });
   verb->add_option("--target", command->target,
                    "Gravity is made as strong as moves the reference by this, rms, percent of the diagonal")
       ->check(CLI::Range(0.01, 50.0))

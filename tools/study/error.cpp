@@ -2,6 +2,7 @@
 #include "tools/study/error.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -12,8 +13,10 @@
 #include "sinew/runtime/report.h"
 #include "tools/bake/bake.h"
 #include "tools/core/error.h"
+#include "tools/scene/scene_script.h"
 #include "tools/study/explicit_solid.h"
 #include "tools/study/peers.h"
+#include "tools/study/scripted.h"
 
 namespace sinew::tools {
 namespace {
@@ -26,6 +29,17 @@ constexpr std::array<std::string_view, kMethodCount> kMethods = {
 constexpr double kSeconds = 1.5;
 constexpr double kEndSeconds = 0.25;
 constexpr double kLost = 10;  // diagonals
+// Of the work that the reference may take: that of linear elements, which are played three times and more. Beyond, the
+// reference is this runtime itself, of the most functions, so iterated and stepped.
+constexpr double kLinearWork = 0.1;
+constexpr std::uint32_t kSelfIterations = 16, kSelfSteps = 16;
+
+std::uint32_t functionsOf(const Asset& asset) {
+  std::uint32_t functions = 0;
+  for (const auto& field : asset.package().fields())
+    functions = std::max(functions, std::uint32_t(field.function_count));
+  return functions;
+}
 
 struct Mesh {
   std::shared_ptr<const Asset> asset;
@@ -47,6 +61,15 @@ struct Plan {
   std::vector<ElasticMaterial> materials;
   std::vector<Mesh> meshes;  // of the peers
   std::vector<Play> plays;
+
+  // Of this runtime's packages the one of most functions.
+  std::shared_ptr<const Asset> finest() const {
+    std::shared_ptr<const Asset> best = own;
+    for (const Play& play : plays) {
+      if (play.method == Method::sinew && functionsOf(*play.asset) > functionsOf(*best)) best = play.asset;
+    }
+    return best;
+  }
 };
 
 std::shared_ptr<const Asset> bakeWith(Recipe recipe, const std::vector<std::pair<std::string, std::string>>& settings) {
@@ -73,16 +96,24 @@ void requireTetrahedra(const Asset& asset, const std::string& name) {
   }
 }
 
+bool isFile(std::string_view scene) { return scene.ends_with(".json"); }
+
 MotionScene sceneOf(std::string_view name) {
   MotionScene scene;
   scene.release = name == kReleaseScene;
   scene.seconds = scene.release ? MotionScene::kReleaseSeconds + kSeconds : kSeconds;
   scene.hold = HoldScene::cantilever;
   if (scene.release) return scene;
+  if (name == kFeetScene) {
+    scene.hold = HoldScene::lean;  // standing, it is held by its lowest tenth
+    scene.ground.emplace();
+    scene.free = true;
+    return scene;
+  }
   const std::optional<HoldScene> hold = holdSceneOf(name);
   if (!hold) {
     throw ToolError(ExitCode::usage, "", "no scene is named " + std::string(name),
-                    "Scenes: hang, lean, cantilever, release, press, twist, pins.");
+                    "Scenes: hang, lean, cantilever, release, press, squeeze, twist, feet, pins.");
   }
   scene.hold = *hold;
   return scene;
@@ -101,6 +132,11 @@ class Judge {
       if (counts[v] == 0) continue;
       vertices_.push_back(v);
       area_ += body.areas[v];
+    }
+    if (scene.free) {
+      lying_ = reference_.frames;
+      while (scene.ground && first_ + 1 < lying_.size() && lowest(lying_[first_]) > scene.ground->height) ++first_;
+      reference_ = withoutRigid(std::move(reference_));
     }
     double square = 0, weight = 0;
     for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
@@ -130,6 +166,9 @@ class Judge {
 
   double rms() const { return rms_ / diagonal_; }
   double largest() const { return largest_ / diagonal_; }
+  std::optional<double> turned() const {
+    return lying_.empty() ? std::nullopt : std::optional(degreesOf(rigidOf(lying_.back()).linear()));
+  }
   std::uint32_t compared() const { return std::uint32_t(vertices_.size()); }
   const std::vector<Vector3f>& shape() const { return reference_.frames[widest_]; }
   std::optional<double> frequency() const { return swing_ ? std::optional(swing_->frequency) : std::nullopt; }
@@ -139,9 +178,17 @@ class Judge {
     return result;
   }
 
-  void judge(const Motion& motion, ErrorRow& row) const {
+  void judge(Motion motion, ErrorRow& row) const {
     row.lost = !motion.finite || motion.frames.size() < reference_.frames.size();
     if (row.lost) return;
+    if (!lying_.empty()) {
+      row.astray = apart(motion.frames, lying_);
+      row.lost = !(*row.astray * rms_ < kLost * diagonal_);
+      if (row.lost) return;
+      row.turned = degreesOf(rigidOf(lying_.back()).linear().transpose() * rigidOf(motion.frames.back()).linear());
+      motion = withoutRigid(std::move(motion));
+    }
+    row.shape = motion.frames[widest_];
     double square = 0, weight = 0, furthest = 0;
     for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
       for (const std::uint32_t v : vertices_) {
@@ -165,7 +212,6 @@ class Judge {
                               std::abs(volumeOf(motion.frames[frame]) - volumeOf(reference_.frames[frame])) / volume_);
       }
     }
-    row.shape = motion.frames[widest_];
     if (!swing_) return;
     if (const std::optional<Swing> swing = swingOf(motion)) {
       row.frequency = swing->frequency / swing_->frequency;
@@ -173,22 +219,67 @@ class Judge {
     }
   }
 
-  // Of a motion that was judged by this reference's means against another: rms difference of the paths.
+  // Judged by this reference's means: rms difference of two paths.
   double apart(const Motion& one, const Motion& other) const {
-    double square = 0, weight = 0;
-    for (std::size_t frame = first_; frame < std::min(one.frames.size(), other.frames.size()); ++frame) {
-      for (const std::uint32_t v : vertices_) {
-        square += body_.areas[v] * double((one.frames[frame][v] - other.frames[frame][v]).squaredNorm());
-      }
-      weight += area_;
-    }
-    return std::sqrt(square / weight) / rms_;
+    if (lying_.empty()) return apart(one.frames, other.frames);
+    return apart(withoutRigid(one).frames, withoutRigid(other).frames);
   }
 
  private:
   struct Swing {
     double frequency, decay;  // Hz, 1/s
   };
+
+  using Frames = std::vector<std::vector<Vector3f>>;
+
+  double apart(const Frames& one, const Frames& other) const {
+    double square = 0, weight = 0;
+    for (std::size_t frame = first_; frame < std::min(one.size(), other.size()); ++frame) {
+      for (const std::uint32_t v : vertices_) {
+        square += body_.areas[v] * double((one[frame][v] - other[frame][v]).squaredNorm());
+      }
+      weight += area_;
+    }
+    return std::sqrt(square / weight) / rms_;
+  }
+
+  static double degreesOf(const Eigen::Matrix3d& turn) {
+    return Eigen::AngleAxisd(turn).angle() * 180 / std::numbers::pi;
+  }
+
+  float lowest(const std::vector<Vector3f>& frame) const {
+    float low = frame[vertices_.front()][1];
+    for (const std::uint32_t v : vertices_) low = std::min(low, frame[v][1]);
+    return low;
+  }
+
+  // The rigid motion that takes the rest shape to a frame and leaves the least, by area (Kabsch 1976).
+  Eigen::Isometry3d rigidOf(const std::vector<Vector3f>& frame) const {
+    Vector3d rest_centre = Vector3d::Zero(), centre = Vector3d::Zero();
+    for (const std::uint32_t v : vertices_) {
+      rest_centre += body_.areas[v] / area_ * body_.surface[v];
+      centre += body_.areas[v] / area_ * frame[v].cast<double>();
+    }
+    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+    for (const std::uint32_t v : vertices_) {
+      moment += body_.areas[v] * (frame[v].cast<double>() - centre) * (body_.surface[v] - rest_centre).transpose();
+    }
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(moment, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    Vector3d sign = Vector3d::Ones();
+    sign[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+    Eigen::Isometry3d rigid = Eigen::Isometry3d::Identity();
+    rigid.linear() = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+    rigid.translation() = centre - rigid.linear() * rest_centre;
+    return rigid;
+  }
+
+  Motion withoutRigid(Motion motion) const {
+    for (std::vector<Vector3f>& frame : motion.frames) {
+      const Eigen::Isometry3d back = rigidOf(frame).inverse();
+      for (Vector3f& x : frame) x = (back * x.cast<double>()).cast<float>();
+    }
+    return motion;
+  }
 
   std::vector<Vector3d> meanOfEnd(const Motion& motion) const {
     const auto frames = std::size_t(std::lround(kEndSeconds / kFrameSeconds));
@@ -272,6 +363,7 @@ class Judge {
   double area_ = 0, rms_ = 0, largest_ = 0, end_rms_ = 0, volume_ = 0;
   std::vector<Vector3d> end_;
   std::vector<Vector3f> before_;
+  Frames lying_;  // of what is not held: the reference as it lies
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   std::optional<Swing> swing_;
 };
@@ -332,7 +424,10 @@ void addPeers(const Recipe* recipe, Plan& plan) {
   };
   if (recipe == nullptr) addClusters(plan.own);
   for (const std::string boxes : {"1,1,1", "2,2,2", "4,4,4"}) {
-    if (recipe != nullptr) addClusters(bakeWith(*recipe, {{"clusters.grid", boxes}, {"field.functions", "4"}}));
+    if (recipe == nullptr) break;
+    addClusters(bakeWith(*recipe, {{"clusters.grid", boxes}, {"field.functions", "4"}}));
+    // A recipe's own clusters take no grid.
+    if (!recipe->clusters.empty()) break;
   }
   for (const Mesh& mesh : clustered) {
     for (const std::uint32_t iterations : {1U, 4U}) {
@@ -362,10 +457,7 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
     }
   };
   if (input.recipe == nullptr) {
-    std::uint32_t functions = 0;
-    for (const auto& field : plan.own->package().fields())
-      functions = std::max(functions, std::uint32_t(field.function_count));
-    addOwn(plan.own, counted(functions, "function"));
+    addOwn(plan.own, counted(functionsOf(*plan.own), "function"));
   } else {
     for (std::size_t i = 0; i < options.functions.size(); ++i) {
       const std::uint32_t functions = options.functions[i];
@@ -402,21 +494,36 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
 void measureScene(const std::string& name, const Plan& plan, const ErrorOptions& options, ErrorStudy& study,
                   const std::function<void(double)>& progress) {
   const formats::PackageView& package = plan.own->package();
-  MotionScene scene = sceneOf(name);
-  const HeldCase held = heldCase(plan.solid, package, scene.hold);
-  scene.regions = held.regions;
-  const MotionBody body = motionBody(package, scene, plan.materials, {});
+  const bool from_file = isFile(name);
+  MotionScene scene = from_file ? scriptedScene(errorScript(name), package) : sceneOf(name);
+  const SolidExtent extent = extentOf(plan.solid);
+  HeldCase held = from_file ? HeldCase{} : heldCase(plan.solid, package, scene.hold, extent);
+  if (scene.free && !from_file) held.gravity = -Vector3d::UnitY();
+  if (!scene.free && !from_file) scene.regions = held.regions;
+  const auto bodyOf = [&](const formats::PackageView& of) {
+    return from_file ? scriptedBody(of, scene) : motionBody(of, scene, plan.materials, extent);
+  };
+  const MotionBody body = bodyOf(package);
   if (body.rest.empty()) {
     study.notes.push_back(name + ": nothing is held");
     return;
   }
   ErrorScene result;
-  result.name = name;
+  result.name = from_file ? scene.file.script->name : name;
   result.seconds = scene.seconds;
   if (held.gravity.norm() > 0) {
     const ReferenceShape rest = referenceShape(plan.solid, plan.materials, held, options.target * study.diagonal);
     scene.gravity = rest.gravity;
     result.gravity = rest.gravity.norm();
+  }
+  if (from_file) result.gravity = scene.gravity.norm();
+  if (scene.ground && !from_file) {
+    double low = body.surface.front()[1];
+    for (const Vector3d& x : body.surface) low = std::min(low, x[1]);
+    const double fall = MotionScene::kFall * (extent.high - extent.low)[1];
+    scene.ground->height = low - fall;
+    scene.seconds = result.seconds =
+        kFrameSeconds * std::ceil((MotionScene::kLandSeconds + std::sqrt(2 * fall / result.gravity)) / kFrameSeconds);
   }
   std::vector<std::uint8_t> counts(body.surface.size(), 0);
   for (std::size_t v = 0; v < counts.size(); ++v) {
@@ -427,11 +534,7 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   std::map<const Asset*, MotionBody> bodies;
   for (const Mesh& mesh : plan.meshes) {
     const MotionBody& other =
-        bodies
-            .emplace(mesh.asset.get(), mesh.asset == plan.own ? body
-                                                              : motionBody(mesh.asset->package(), scene, plan.materials,
-                                                                           extentOf(plan.solid)))
-            .first->second;
+        bodies.emplace(mesh.asset.get(), mesh.asset == plan.own ? body : bodyOf(mesh.asset->package())).first->second;
     for (std::size_t v = 0; v < counts.size(); ++v) {
       if (!other.probes[v]) counts[v] = 0;
     }
@@ -440,14 +543,32 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   const auto begin = std::chrono::steady_clock::now();
   const auto nothing = [](double) {};
   // Cheap linear tetrahedra show what is not the elements' matter: the length of steps, the law.
-  const ExplicitRun linear = playSolid(body, scene, {.quadratic = false}, nothing);
-  const ExplicitRun longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
-  const ExplicitRun other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
+  const ExplicitOptions cheap{.quadratic = false, .most_work = kLinearWork * options.reference_work};
+  const ExplicitRun linear = playSolid(body, scene, cheap, nothing);
+  const bool elements = linear.work <= cheap.most_work;
+  ExplicitRun longer, other_law;
+  if (elements) {
+    longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
+    other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
+  }
+  std::optional<ExplicitRun> firmer;
+  if (scene.ground && elements) {
+    firmer = playSolid(body, scene, {.quadratic = false, .penalty = 2 * ExplicitOptions{}.penalty}, nothing);
+  }
   progress(0.1);
   ExplicitRun reference = playSolid(options.refine ? refined(body) : body, scene, {.most_work = options.reference_work},
                                     [&](double of) { progress(0.1 + 0.4 * of); });
-  const bool affordable = reference.work <= options.reference_work;
+  const bool affordable = elements && reference.work <= options.reference_work;
   if (!affordable) reference = linear;
+  if (!elements) {
+    const Asset& finest = *plan.finest();
+    const SinewPlay play{nullptr, kSelfIterations, kSelfSteps};
+    reference = {};
+    reference.motion = playSinew(plan.finest(), scene, play);
+    reference.step_seconds = kFrameSeconds / play.substeps;
+    result.self = counted(functionsOf(finest), "function") + ", " + counted(play.iterations, "iteration") + ", " +
+                  counted(play.substeps, "step");
+  }
   if (!reference.motion.finite) {
     study.notes.push_back(name + ": the reference is lost");
     return;
@@ -459,19 +580,42 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   result.rms = judge.rms();
   result.largest = judge.largest();
   result.frequency = judge.frequency();
+  result.turned = judge.turned();
   result.shape = judge.shape();
   if (affordable) result.linear = judge.apart(reference.motion, linear.motion);
-  result.shorter = judge.apart(linear.motion, longer.motion);
-  result.neo_hookean = judge.apart(linear.motion, other_law.motion);
+  if (elements) {
+    result.shorter = judge.apart(linear.motion, longer.motion);
+    result.neo_hookean = judge.apart(linear.motion, other_law.motion);
+  }
+  if (firmer) result.penalty = judge.apart(linear.motion, firmer->motion);
   result.reference_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  const std::string result_name = result.name;
   study.scenes.push_back(std::move(result));
   progress(0.5);
+  const bool muscles = !body.fibres.empty(), tethers = !body.tethers.empty();
+  if (options.peers && (muscles || tethers)) {
+    study.notes.push_back(result_name +
+                          (muscles ? ": without XPBD, stiffness warping and Bullet: they are given no muscles here"
+                                   : ": without Bullet, which is given no springs here for what pins hold in part"));
+  }
+#if SINEW_WITH_BULLET
+  if (scene.ground && options.peers) {
+    study.notes.push_back(
+        name +
+        ": without Bullet's implicit elements, which do not keep Coulomb's law on its ground (a block "
+        "slides at a tenth of the friction) nor the sag of a block that lies there (a quarter less)");
+  }
+#endif
   for (std::size_t i = 0; i < plan.plays.size(); ++i) {
     const Play& play = plan.plays[i];
+    if (scene.ground && play.method == Method::bullet_implicit) continue;
+    const bool others = play.method != Method::sinew && play.method != Method::report;
+    const bool deforms = play.method == Method::xpbd || play.method == Method::warping;
+    if (others && (muscles || (tethers && !deforms))) continue;
     MotionScene timed = scene;
     timed.slowest_seconds = 1e-3 * options.slowest_ms;
     const auto at = bodies.find(play.asset.get());
-    const Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
+    Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
     ErrorRow row;
     row.scene = std::uint32_t(study.scenes.size() - 1);
     row.method = play.method;
@@ -479,7 +623,7 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
     row.vertices = std::uint32_t(play.asset->package().physicalVertices().size());
     row.milliseconds = 1e3 * motion.cpu_seconds / std::max<double>(1, double(motion.frames.size()));
     row.slow = motion.slow;
-    if (!row.slow) judge.judge(motion, row);
+    if (!row.slow) judge.judge(std::move(motion), row);
     study.rows.push_back(std::move(row));
     progress(0.5 + 0.5 * double(i + 1) / double(plan.plays.size()));
   }
@@ -493,7 +637,13 @@ ErrorStudy measureError(const ErrorInput& input, const ErrorOptions& options,
                         const std::function<void(double)>& progress) {
   ErrorStudy study;
   study.input = input.name;
-  for (const std::string& name : options.scenes) sceneOf(name);
+  for (const std::string& name : options.scenes) {
+    if (isFile(name)) {
+      errorScript(name);
+    } else {
+      sceneOf(name);
+    }
+  }
   const Plan plan = planOf(input, options, study.notes, [&](double part) { progress(0.1 * part); });
   study.asset = plan.own;
   study.diagonal = plan.solid.diagonal;
@@ -546,9 +696,12 @@ nlohmann::ordered_json errorJson(const ErrorStudy& study) {
           {"rms_displacement", scene.rms},
           {"largest_displacement", scene.largest},
           {"quadratic", scene.linear.has_value()},
+          {"self", scene.self.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(scene.self)},
           {"from_linear", scene.linear ? nlohmann::ordered_json(*scene.linear) : nullptr},
           {"change_shorter_steps", scene.shorter},
           {"change_neo_hookean", scene.neo_hookean},
+          {"turned_deg", scene.turned ? nlohmann::ordered_json(*scene.turned) : nullptr},
+          {"change_firmer_ground", scene.penalty ? nlohmann::ordered_json(*scene.penalty) : nullptr},
           {"frequency_hz", scene.frequency ? nlohmann::ordered_json(*scene.frequency) : nullptr}}}};
     one["results"] = nlohmann::ordered_json::array();
     for (const ErrorRow& row : study.rows) {
@@ -566,6 +719,8 @@ nlohmann::ordered_json errorJson(const ErrorStudy& study) {
         r["volume"] = row.volume;
         if (row.frequency) r["frequency_ratio"] = *row.frequency;
         if (row.decay) r["decay_ratio"] = *row.decay;
+        if (row.astray) r["astray"] = *row.astray;
+        if (row.turned) r["turned_deg"] = *row.turned;
         r["front"] = row.front;
         r["own_front"] = row.own_front;
       }
@@ -589,12 +744,22 @@ std::string errorText(const ErrorStudy& study) {
     const ErrorScene& scene = study.scenes[s];
     print("\n%s: reference %u tetrahedra, %.2g ms steps, moved %.2f %% of the diagonal (rms). ", scene.name.c_str(),
           scene.tetrahedra, 1e3 * scene.step_seconds, 100 * scene.rms);
-    if (scene.linear) {
+    if (!scene.self.empty()) {
+      print("ITSELF (%s): too large for finite elements; ", scene.self.c_str());
+    } else if (scene.linear) {
       print("Quadratic; linear elements are off by %.0f %%, ", 100 * *scene.linear);
     } else {
       print("LINEAR elements, too stiff: too large for quadratic ones; ");
     }
-    print("half the steps change %.2g %%, the neo-Hookean law %.1f %%\n", 100 * scene.shorter, 100 * scene.neo_hookean);
+    if (scene.self.empty()) {
+      print("half the steps change %.2g %%, the neo-Hookean law %.1f %%", 100 * scene.shorter, 100 * scene.neo_hookean);
+    }
+    text += "\n";
+    if (scene.penalty) print("  a ground twice as firm changes %.2g %%\n", 100 * *scene.penalty);
+    if (scene.turned) {
+      print("  astray: path with the rigid motion; turned: degrees, against the reference at its end, which has %.0f\n",
+            *scene.turned);
+    }
     if (scene.lawMatters()) text += "  strains are so large that the law of elasticity matters: compare with care\n";
     print("  %-20s  %-38s  %8s  %7s  %7s  %7s  %7s  %6s  %6s\n", "method", "knobs", "ms/frame", "path, %", "end, %",
           "most, %", "vol., %", "freq.", "decay");
@@ -611,6 +776,7 @@ std::string errorText(const ErrorStudy& study) {
       }
       print("  %7.1f  %7.1f  %7.1f  %7.2f", 100 * row.path, 100 * row.end, 100 * row.largest, 100 * row.volume);
       if (row.frequency) print("  %6.3f  %6.2f", *row.frequency, *row.decay);
+      if (row.astray) print("  astray %6.1f, turned %3.0f", 100 * *row.astray, *row.turned);
       text += "\n";
     }
   }

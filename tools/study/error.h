@@ -30,12 +30,13 @@ enum class Method : std::uint8_t {
 inline constexpr std::size_t kMethodCount = 7;
 std::string_view nameOf(Method method);
 
-inline constexpr std::string_view kReleaseScene = "release";
+/// Beside those of HoldScene: a cantilever that is let go; the body dropped on its feet.
+inline constexpr std::string_view kReleaseScene = "release", kFeetScene = "feet";
 
 struct ErrorOptions {
-  std::vector<std::string>
-      scenes;  ///< names of HoldScene, or kReleaseScene; empty: kDefaultErrorScenes, and pins where there are any
-  double target = 0.02;  ///< rms displacement by gravity, of the diagonal, 1e-4..0.5
+  std::vector<std::string> scenes;  ///< of HoldScene, kReleaseScene, kFeetScene, scene files (.json); empty:
+                                    ///< kDefaultErrorScenes, and pins where there are any
+  double target = 0.02;             ///< rms displacement by gravity, of the diagonal, 1e-4..0.5
   std::vector<std::uint32_t> functions = {8, 16, 32, 64, 128};  ///< field.functions of the bakes
   std::vector<std::uint32_t> vertices = {80, 250};  ///< tetrahedra.vertices of the meshes besides the recipe's
   bool peers = true;                                ///< false: this runtime alone
@@ -45,9 +46,12 @@ struct ErrorOptions {
   double slowest_ms = 20;        ///< a method that takes more for a frame is stopped
 };
 
-inline constexpr std::array<std::string_view, 4> kDefaultErrorScenes = {"hang", kReleaseScene, "press", "twist"};
+inline constexpr std::array<std::string_view, 5> kDefaultErrorScenes = {"hang", kReleaseScene, "press", "twist",
+                                                                        kFeetScene};
 
-/// Errors are shares of the reference's own rms displacement: a body that does not move scores 1.
+/// Errors are shares of the reference's own rms displacement: a body that does not move scores 1. Of what is not held
+/// displacements are those without the best rigid motion of each frame, from when the reference touches the ground:
+/// what is rigid scores 1, wherever it lies.
 struct ErrorRow {
   std::uint32_t scene = 0;  ///< into ErrorStudy::scenes
   Method method = Method::sinew;
@@ -59,6 +63,8 @@ struct ErrorRow {
   double largest = 0;          ///< largest distance of any vertex at any time, of the reference's largest displacement
   double volume = 0;           ///< largest difference of volume, of that at rest; 0 where the surface is open
   std::optional<double> frequency, decay;  ///< `release`: of the swing, over the reference's
+  std::optional<double> astray;            ///< of what is not held: as path, with the rigid motion
+  std::optional<double> turned;            ///< and its turn against the reference at the end, degrees
   bool lost = false;                       ///< not finite, or further away than 10 diagonals: errors mean nothing
   bool slow = false;                       ///< stopped: slower than ErrorOptions::slowest_ms
   bool front = false;                      ///< nothing of the same scene is nearer (path) for less time
@@ -79,7 +85,11 @@ struct ErrorScene {
       linear;              ///< how far linear elements are off its quadratic ones, path; nothing: it has linear ones
   double shorter = 0;      ///< change of the path by steps of half the length (linear elements)
   double neo_hookean = 0;  ///< of the path by the other law of elasticity (linear elements)
+  std::optional<double> penalty;  ///< `feet`: of the path by a ground twice as firm (linear elements)
+  /// How this runtime was set where it is its own reference, as elements of the body would take too long; else empty.
+  std::string self;
   std::optional<double> frequency;  ///< `release`, Hz
+  std::optional<double> turned;     ///< of what is not held, from rest to its end, degrees
   /// Strains are so large that these figures depend on the law of elasticity.
   bool lawMatters() const { return neo_hookean > 0.1; }
   std::vector<Eigen::Vector3f> shape;  ///< as ErrorRow::shape

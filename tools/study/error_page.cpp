@@ -187,18 +187,22 @@ std::string table(const ErrorStudy& study, std::uint32_t s) {
   for (const ErrorRow& row : study.rows) {
     if (row.scene == s) rows.push_back(&row);
   }
-  const bool swings = study.scenes[s].frequency.has_value();
+  const bool swings = study.scenes[s].frequency.has_value(), strays = study.scenes[s].turned.has_value();
   std::string html =
       "<details><summary>All rows</summary><table><tr><th>method<th>set to<th>ms a frame<th>error of the path<th>of "
       "the "
       "end<th>largest<th>volume";
   if (swings) html += "<th>frequency<th>decay";
+  if (strays) html += "<th>path as it lies<th>turned";
   html += "</tr>";
   for (const ErrorRow* row : rows) {
     html += text("<tr%s><td>", row->front ? " class='f'" : "") + escaped(nameOf(row->method)) + "<td>" +
             escaped(row->knobs) + text("<td>%.3f", row->milliseconds);
     if (row->slow || row->lost) {
-      html += text("<td colspan='%d'>%s</tr>", swings ? 6 : 4,
+      html += text("<td colspan='%d'>%s</tr>",
+                   swings   ? 6
+                   : strays ? 5
+                            : 4,
                    row->slow ? "too slow: stopped" : "lost: not finite, or far away");
       continue;
     }
@@ -206,6 +210,7 @@ std::string table(const ErrorStudy& study, std::uint32_t s) {
             percent(row->volume);
     if (swings && row->frequency) html += text("<td>%.3f ×<td>%.2f ×", *row->frequency, *row->decay);
     if (swings && !row->frequency) html += "<td>none<td>";
+    if (row->astray) html += "<td>" + percent(*row->astray) + text("<td>%.0f°", *row->turned);
     html += "</tr>";
   }
   return html + "</table></details>";
@@ -338,15 +343,24 @@ std::string errorPage(const ErrorStudy& study) {
         "<p><small>Reference: %u tetrahedra, steps of %.2g ms, %.0f s; its surface moved by %.2f %% of the diagonal "
         "rms, %.1f %% at most. ",
         scene.tetrahedra, 1e3 * scene.step_seconds, scene.reference_seconds, 100 * scene.rms, 100 * scene.largest);
-    html += scene.linear ? "Its elements are quadratic; linear ones on the same tetrahedra are " +
-                               percent(*scene.linear) + " off. "
-                         : std::string(
-                               "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
-                               "how much these figures do not say.</b> ");
-    html += text(
-        "Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. Gravity %.3g "
-        "m/s².</small></p>",
-        100 * scene.shorter, 100 * scene.neo_hookean, scene.gravity);
+    html +=
+        !scene.self.empty() ? "<b>It is Sinew itself, of " + escaped(scene.self) +
+                                  " a frame: finite elements would take too long. These figures say what fewer "
+                                  "functions and longer steps cost, not what all functions lack.</b> "
+        : scene.linear
+            ? "Its elements are quadratic; linear ones on the same tetrahedra are " + percent(*scene.linear) + " off. "
+            : std::string(
+                  "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
+                  "how much these figures do not say.</b> ");
+    if (scene.self.empty()) {
+      html += text("Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. ",
+                   100 * scene.shorter, 100 * scene.neo_hookean);
+    }
+    html += text("Gravity %.3g m/s².</small></p>", scene.gravity);
+    if (scene.penalty) {
+      html +=
+          "<p><small>A ground twice as firm changes linear elements by " + percent(*scene.penalty) + ".</small></p>";
+    }
     if (scene.lawMatters()) {
       html += "<p><b>Strains are so large here that the law of elasticity matters: compare with care.</b></p>";
     }
@@ -369,7 +383,13 @@ std::string errorPage(const ErrorStudy& study) {
       "press: the top tenth moves down by 20 % of the height in 1 s; squeeze: by 5 %; twist: one end turns by 60 "
       "degrees; lean: the "
       "lowest tenth "
-      "is held, gravity sideways; pins: the recipe's own pins hold it. Times are the processor's, of one thread.</p>";
+      "is held, gravity sideways; pins: the recipe's own pins hold it; feet: it falls on "
+      "level ground (friction 0.6) from a tenth of its height, under a gravity that moves it by as much where it is "
+      "held "
+      "by its lowest tenth. There displacements are what is left of each frame without its best rigid motion, from the "
+      "reference's first contact on: what only moves rigidly has 100 %, wherever it lies; the column path as it lies "
+      "has "
+      "the rigid motion too. Times are the processor's, of one thread.</p>";
   for (const std::string& note : study.notes) html += "<p>" + escaped(note) + "</p>";
   return html + "</html>\n";
 }

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -24,6 +25,8 @@ constexpr std::size_t kGrain = 16;
 constexpr int kPowers = 60;
 // What power iteration may have missed, of the highest frequency; what stretched tetrahedra ring higher.
 constexpr double kPowerMargin = 1.05;
+// A point that touches within a frame is at most so much faster than the fastest at the frame's begin.
+constexpr double kFaster = 2;
 // Of the size: so small that a force is linear.
 constexpr double kLinear = 1e-4;
 
@@ -332,8 +335,189 @@ class Solid {
   std::vector<std::uint32_t> places_;  // where its forces lie in out_
 };
 
+// The ground under a body: springs that only push, with friction, at points of its surface.
+class GroundContact {
+ public:
+  template <std::size_t kNodes>
+  GroundContact(const MotionBody& body, const Nodes<kNodes>& nodes, double penalty)
+      : push_(nodes.rest.size(), Vector3d::Zero()) {
+    double young = 0;
+    Vector3d low = nodes.rest.front(), high = low;
+    for (const ElasticMaterial& m : body.materials) young += m.young / double(body.materials.size());
+    for (const Vector3d& x : nodes.rest) low = low.cwiseMin(x), high = high.cwiseMax(x);
+    const double pressure = penalty * young / (high - low).norm();
+    for (const ContactSample& point : body.points) {
+      std::map<std::uint32_t, double> weights;
+      bool whole = true;
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (point.weight[k] == 0) continue;
+        const auto& probe = nodes.probes[point.vertex[k]];
+        whole = whole && probe;
+        if (!whole) break;
+        for (const auto& [node, w] : *probe) weights[node] += point.weight[k] * w;
+      }
+      if (!whole) continue;
+      Point one;
+      one.stiffness = pressure * point.area;
+      one.first = std::uint32_t(weights_.size());
+      for (const auto& [node, w] : weights) {
+        if (w == 0) continue;
+        weights_.emplace_back(node, w);
+        one.rest += w * nodes.rest[node];
+      }
+      one.last = std::uint32_t(weights_.size());
+      points_.push_back(one);
+    }
+  }
+
+  // Which points may touch before the next call, at speeds of at most `speed`.
+  void look(const MotionGround& ground, const std::vector<double>& u, double speed, double seconds) {
+    near_.clear();
+    for (std::uint32_t i = 0; i < points_.size(); ++i) {
+      if (points_[i].touches || at(points_[i], u)[1] < ground.height + speed * seconds) near_.push_back(i);
+    }
+  }
+
+  // Forces of the nodes, by node.
+  const std::vector<Vector3d>& forces(const MotionGround& ground, const std::vector<double>& u) {
+    clear();
+    for (const std::uint32_t i : near_) {
+      Point& point = points_[i];
+      const Vector3d x = at(point, u);
+      const double load = point.stiffness * (ground.height - x[1]);
+      if (load <= 0) {
+        point.touches = false;
+        continue;
+      }
+      if (!point.touches) point.anchor = x;
+      point.touches = true;
+      Vector3d slide = x - point.anchor;
+      slide[1] = 0;
+      const double most = ground.friction * load / point.stiffness, length = slide.norm();
+      if (length > most) {
+        point.anchor += (1 - most / length) * slide;
+        slide *= most / length;
+      }
+      add(point, Vector3d(0, load, 0) - point.stiffness * slide);
+    }
+    return push_;
+  }
+
+  // As if all points touched and none slid: what a step has to be short enough for.
+  const std::vector<Vector3d>& stiffest(const std::vector<double>& u) {
+    clear();
+    for (const Point& point : points_) add(point, -point.stiffness * (at(point, u) - point.rest));
+    return push_;
+  }
+
+ private:
+  struct Point {
+    Vector3d rest = Vector3d::Zero(), anchor = Vector3d::Zero();
+    double stiffness = 0;  // N/m
+    std::uint32_t first = 0, last = 0;
+    bool touches = false;
+  };
+
+  Vector3d at(const Point& point, const std::vector<double>& u) const {
+    Vector3d x = point.rest;
+    for (std::uint32_t i = point.first; i < point.last; ++i) {
+      const auto& [node, w] = weights_[i];
+      x += w * Eigen::Map<const Vector3d>(&u[3 * std::size_t(node)]);
+    }
+    return x;
+  }
+  void add(const Point& point, const Vector3d& force) {
+    for (std::uint32_t i = point.first; i < point.last; ++i) {
+      push_[weights_[i].first] += weights_[i].second * force;
+      pushed_.push_back(weights_[i].first);
+    }
+  }
+  void clear() {
+    for (const std::uint32_t node : pushed_) push_[node].setZero();
+    pushed_.clear();
+  }
+
+  std::vector<Point> points_;
+  std::vector<std::pair<std::uint32_t, double>> weights_;
+  std::vector<std::uint32_t> near_, pushed_;
+  std::vector<Vector3d> push_;
+};
+
+// Tethers and fibres.
+class Springs {
+ public:
+  template <std::size_t kNodes>
+  Springs(const MotionBody& body, const Nodes<kNodes>& nodes) {
+    if (!body.tethers.empty() || !body.fibres.empty()) force_.resize(nodes.rest.size(), Vector3d::Zero());
+    for (const MotionTether& tether : body.tethers) touched_.push_back(tether.vertex);
+    for (const MotionFibre& fibre : body.fibres) {
+      // The mean of a tetrahedron's F: of linear shape functions their gradients; of quadratic ones nothing of the
+      // corners, and of a node midway the sum of the gradients of both ends.
+      std::map<std::uint32_t, double> stretch;
+      for (const auto& [t, weight] : fibre.weights) {
+        const auto& corners = body.tetrahedra[t];
+        Matrix3d edges;
+        for (int k = 0; k < 3; ++k) edges.col(k) = body.rest[corners[std::size_t(k) + 1]] - body.rest[corners[0]];
+        const Vector3d along = weight * (edges.inverse() * fibre.direction);
+        const std::array<double, 4> slope = {-along.sum(), along[0], along[1], along[2]};
+        for (std::size_t n = 0; n < kNodes; ++n) {
+          if (n < 4 && kNodes > 4) continue;
+          stretch[nodes.tetrahedra[t][n]] += n < 4 ? slope[n] : slope[kEdges[n - 4][0]] + slope[kEdges[n - 4][1]];
+        }
+      }
+      stretch_.emplace_back(stretch.begin(), stretch.end());
+      rest_.emplace_back(Vector3d::Zero());
+      for (const auto& [v, w] : stretch_.back()) {
+        rest_.back() += w * nodes.rest[v];
+        touched_.push_back(v);
+      }
+    }
+    std::sort(touched_.begin(), touched_.end());
+    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+  }
+
+  // By node; null where there are none.
+  const std::vector<Vector3d>* forces(const MotionBody& body, const MotionScene& scene,
+                                      const std::vector<Eigen::Isometry3d>& held, const std::vector<double>& u,
+                                      double time) {
+    if (force_.empty()) return nullptr;
+    const auto displacement = [&](std::uint32_t v) { return Eigen::Map<const Vector3d>(&u[3 * std::size_t(v)]); };
+    for (const std::uint32_t v : touched_) force_[v].setZero();
+    for (const MotionTether& tether : body.tethers) {
+      const Vector3d& rest = body.rest[tether.vertex];
+      force_[tether.vertex] += tether.stiffness * (held[tether.region] * rest - rest - displacement(tether.vertex));
+    }
+    for (std::size_t i = 0; i < body.fibres.size(); ++i) {
+      const double tension = body.fibres[i].tension * scene.activation(body.fibres[i].channel, time);
+      if (!(tension > 0)) continue;
+      Vector3d along = rest_[i];
+      for (const auto& [v, w] : stretch_[i]) along += w * displacement(v);
+      along *= tension / along.norm();
+      for (const auto& [v, w] : stretch_[i]) force_[v] -= w * along;
+    }
+    return &force_;
+  }
+  // Of a displacement of all tethers, by node: what a step has to be short enough for. Null where there are none.
+  const std::vector<Vector3d>* stiffest(const MotionBody& body, const std::vector<double>& u) {
+    if (body.tethers.empty()) return nullptr;
+    for (const std::uint32_t v : touched_) force_[v].setZero();
+    for (const MotionTether& tether : body.tethers) {
+      force_[tether.vertex] -= tether.stiffness * Eigen::Map<const Vector3d>(&u[3 * std::size_t(tether.vertex)]);
+    }
+    return &force_;
+  }
+
+ private:
+  std::vector<Vector3d> force_;
+  std::vector<std::uint32_t> touched_;
+  std::vector<std::vector<std::pair<std::uint32_t, double>>> stretch_;  // of each fibre
+  std::vector<Vector3d> rest_;
+};
+
+// \param contact may be null
 template <std::size_t kNodes>
-double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes) {
+double longestStep(Solid<kNodes>& solid, const MotionBody& body, const Nodes<kNodes>& nodes, GroundContact* contact) {
+  Springs springs(body, nodes);
   const std::size_t count = nodes.rest.size();
   double size = 0;
   for (const Vector3d& x : nodes.rest) size = std::max(size, (x - nodes.rest.front()).norm());
@@ -355,8 +539,14 @@ double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes) {
       place = scale * mode[v];
     }
     solid.startOver();
-    solid.forces(u, ElasticLaw::corotated,
-                 [&](std::size_t v, const Vector3d& force) { mode[v] = -force / (scale * nodes.masses[v]); });
+    const std::vector<Vector3d>* push = contact != nullptr ? &contact->stiffest(u) : nullptr;
+    const std::vector<Vector3d>* pull = springs.stiffest(body, u);
+    solid.forces(u, ElasticLaw::corotated, [&](std::size_t v, const Vector3d& elastic) {
+      Vector3d force = elastic;
+      if (push != nullptr) force += (*push)[v];
+      if (pull != nullptr) force += (*pull)[v];
+      mode[v] = -force / (scale * nodes.masses[v]);
+    });
     double after = 0;
     for (std::size_t v = 0; v < count; ++v) after += nodes.region[v] >= 0 ? 0 : mode[v].squaredNorm();
     omega2 = std::sqrt(after / square);
@@ -367,36 +557,47 @@ double longestStep(Solid<kNodes>& solid, const Nodes<kNodes>& nodes) {
 }
 
 template <std::size_t kNodes>
-ExplicitRun play(const MotionBody& body, const MotionScene& scene, ElasticLaw law, double share, double most_work,
+ExplicitRun play(const MotionBody& body, const MotionScene& scene, const ExplicitOptions& options,
                  const std::function<void(double)>& progress) {
   ExplicitRun run;
   run.tetrahedra = std::uint32_t(body.tetrahedra.size());
   const Nodes<kNodes> nodes(body);
   Solid<kNodes> solid(body, nodes);
-  const auto steps = std::uint32_t(std::ceil(kFrameSeconds / (share * longestStep(solid, nodes))));
+  std::optional<GroundContact> contact;
+  if (scene.ground) contact.emplace(body, nodes, options.penalty);
+  const double longest = longestStep(solid, body, nodes, contact ? &*contact : nullptr);
+  const auto steps = std::uint32_t(std::ceil(kFrameSeconds / (options.step_share * longest)));
   const double h = run.step_seconds = kFrameSeconds / steps;
   const int frames = int(std::lround(scene.seconds / kFrameSeconds));
   run.work = double(run.tetrahedra) * double(Element<kNodes>::kPoints) * steps * frames;
-  if (run.work > most_work) return run;
+  if (run.work > options.most_work) return run;
   std::vector<double> u(3 * nodes.rest.size(), 0), v(u);
-  std::vector<Eigen::Affine3d> held(scene.regions.size());
+  std::vector<Eigen::Isometry3d> held(scene.regions.size());
+  Springs springs(body, nodes);
   for (int frame = 0; frame < frames && run.motion.finite; ++frame) {
+    if (contact) {
+      double fastest = scene.gravityAt(frame * kFrameSeconds).norm() * kFrameSeconds;
+      for (std::size_t node = 0; node < nodes.rest.size(); ++node) {
+        fastest = std::max(fastest, Eigen::Map<const Vector3d>(&v[3 * node]).norm());
+      }
+      contact->look(*scene.ground, u, kFaster * fastest, kFrameSeconds);
+    }
     for (std::uint32_t i = 0; i < steps; ++i) {
       const double now = frame * kFrameSeconds + i * h;
       const Vector3d gravity = scene.gravityAt(now);
-      const double decay = std::exp(-scene.dampingAt(now) * h), part = scene.part(now + h);
-      for (std::size_t r = 0; r < held.size(); ++r) {
-        held[r].translation() = scene.regions[r].at(Vector3d::Zero(), part);
-        for (int k = 0; k < 3; ++k) {
-          held[r].linear().col(k) = scene.regions[r].at(Vector3d::Unit(k), part) - held[r].translation();
-        }
-      }
-      solid.forces(u, law, [&](std::size_t node, const Vector3d& force) {
+      const std::vector<Vector3d>* push = contact ? &contact->forces(*scene.ground, u) : nullptr;
+      const double decay = std::exp(-scene.dampingAt(now) * h);
+      for (std::size_t r = 0; r < held.size(); ++r) held[r] = scene.poseOf(r, now + h);
+      const std::vector<Vector3d>* pull = springs.forces(body, scene, held, u, now + h);
+      solid.forces(u, options.law, [&](std::size_t node, const Vector3d& elastic) {
         Eigen::Map<Vector3d> displacement(&u[3 * node]), velocity(&v[3 * node]);
         if (nodes.region[node] >= 0) {
           displacement = held[std::size_t(nodes.region[node])] * nodes.rest[node] - nodes.rest[node];
           return;
         }
+        Vector3d force = elastic;
+        if (push != nullptr) force += (*push)[node];
+        if (pull != nullptr) force += (*pull)[node];
         velocity = decay * (velocity + h * (force / nodes.masses[node] + gravity));
         displacement += h * velocity;
       });
@@ -424,8 +625,7 @@ ExplicitRun play(const MotionBody& body, const MotionScene& scene, ElasticLaw la
 
 ExplicitRun playSolid(const MotionBody& body, const MotionScene& scene, const ExplicitOptions& options,
                       const std::function<void(double)>& progress) {
-  return options.quadratic ? play<10>(body, scene, options.law, options.step_share, options.most_work, progress)
-                           : play<4>(body, scene, options.law, options.step_share, options.most_work, progress);
+  return options.quadratic ? play<10>(body, scene, options, progress) : play<4>(body, scene, options, progress);
 }
 
 }  // namespace sinew::tools

@@ -21,6 +21,9 @@ struct ExplicitOptions {
   bool quadratic = true;
   double step_share = 0.45;  ///< of the longest stable step: 2 / the highest frequency, by power iteration
   double most_work = 1e300;  ///< ExplicitRun::work beyond which nothing is played
+  /// Pressure of the ground for a depth, of the mean Young's modulus over the body's diagonal: a stress s presses the
+  /// surface in by s / (E penalty) diagonals.
+  double penalty = 100;
 };
 
 struct ExplicitRun {
@@ -30,7 +33,8 @@ struct ExplicitRun {
   double work = 0;  ///< points of quadrature times steps
 };
 
-/// Plays the scene with all threads. \param progress called with 0..1.
+/// Plays the scene with all threads. The ground pushes at MotionBody::points: by their area times the penalty times
+/// their depth, and as much for each length that they slide, up to Coulomb's bound. \param progress called with 0..1.
 ExplicitRun playSolid(const MotionBody& body, const MotionScene& scene, const ExplicitOptions& options,
                       const std::function<void(double)>& progress);
 

@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Of what a scene holds swinging; of what moves it and of what is let go.
+// Of what swings; of what comes to rest, be it to be let go or on the ground; of what is let go.
 constexpr double kDamping = 1;
 constexpr double kDampingToRest = 8, kDampingReleased = 0.5;
 
@@ -25,31 +25,89 @@ ElasticSolid solidOf(const MotionBody& body) {
   return solid;
 }
 
+// Triangles cut into n² alike, each a third of its area for each corner: the rule of the linear triangle.
+std::vector<ContactSample> pointsOf(const MotionBody& body, const formats::PackageView& package) {
+  std::vector<ContactSample> points;
+  for (std::uint32_t v = 0; v < body.surface.size(); ++v) points.push_back({{v, v, v}, {1, 0, 0}, 0});
+  double volume = 0;
+  for (const double v : nodalVolumes(solidOf(body))) volume += v;
+  // Edge of the regular tetrahedron of their mean volume.
+  const double edge = std::cbrt(6 * std::sqrt(2.0) * volume / double(std::max<std::size_t>(1, body.tetrahedra.size())));
+  for (const auto& c : package.visualTriangles()) {
+    const std::array<std::uint32_t, 3> corner = {c[0], c[1], c[2]};
+    if (!std::all_of(corner.begin(), corner.end(), [&](std::uint32_t v) { return body.probes[v].has_value(); }))
+      continue;
+    double longest = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      longest = std::max(longest, (body.surface[corner[(k + 1) % 3]] - body.surface[corner[k]]).norm());
+    }
+    const double area =
+        0.5 * (body.surface[c[1]] - body.surface[c[0]]).cross(body.surface[c[2]] - body.surface[c[0]]).norm();
+    const int n = std::max(1, int(std::ceil(longest / edge)));
+    for (int i = 0; i <= n; ++i) {
+      for (int j = 0; i + j <= n; ++j) {
+        const std::array<int, 3> at = {i, j, n - i - j};
+        const auto zeros = std::count(at.begin(), at.end(), 0);
+        // Small triangles that meet there: 6 inside, 3 on an edge, 1 at a corner.
+        const double share = area / (3.0 * n * n) * (zeros == 0 ? 6 : zeros == 1 ? 3 : 1);
+        if (zeros == 2) {
+          points[corner[std::size_t(std::find(at.begin(), at.end(), n) - at.begin())]].area += share;
+        } else {
+          points.push_back({corner, {double(i) / n, double(j) / n, double(n - i - j) / n}, share});
+        }
+      }
+    }
+  }
+  std::erase_if(points, [](const ContactSample& p) { return p.area <= 0; });
+  return points;
+}
+
 }  // namespace
 
 Vector3d MotionScene::gravityAt(double time) const {
+  if (push) return gravity + push(time);
   return release && time >= kReleaseSeconds ? Vector3d(Vector3d::Zero()) : gravity;
 }
 
 double MotionScene::dampingAt(double time) const {
+  if (damping) return *damping;
+  if (ground) return kDampingToRest;
   if (!release) return kDamping;
   return time >= kReleaseSeconds ? kDampingReleased : kDampingToRest;
 }
 
-std::string_view nameOf(const MotionScene& scene) { return scene.release ? "release" : nameOf(scene.hold); }
+Eigen::Isometry3d MotionScene::poseOf(std::size_t region, double time) const {
+  if (pose) return pose(region, time);
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  const HeldRegion& held = regions[region];
+  result.linear() = Eigen::AngleAxisd(part(time) * held.turn, held.axis).toRotationMatrix();
+  result.translation() = held.at(Vector3d::Zero(), part(time));
+  return result;
+}
+
+HeldCase MotionScene::holds(const PackageSolid& solid, const formats::PackageView& package,
+                            const SolidExtent& extent) const {
+  HeldCase held;
+  held.package_pins = file.script != nullptr && !free;
+  return free || held.package_pins ? held : heldCase(solid, package, hold, extent);
+}
+
+std::vector<std::uint8_t> MotionScene::pieces(const PackageSolid& solid, const HeldCase& held_case) const {
+  return free || file.script != nullptr ? std::vector<std::uint8_t>(solid.pieces, 1) : heldPieces(solid, held_case);
+}
 
 MotionBody motionBody(const formats::PackageView& package, const MotionScene& scene,
                       const std::vector<ElasticMaterial>& materials, const std::optional<SolidExtent>& extent) {
   const PackageSolid solid = packageSolid(package);
-  const HeldCase held = heldCase(solid, package, scene.hold, extent ? *extent : extentOf(solid));
+  const HeldCase held = scene.holds(solid, package, extent ? *extent : extentOf(solid));
   MotionBody body;
   std::vector<std::int32_t> region(solid.rest.size(), -1), number(solid.rest.size(), -1);
-  const std::vector<std::uint8_t> piece_held = heldPieces(solid, held);
+  const std::vector<std::uint8_t> played = scene.pieces(solid, held);
   for (std::size_t i = 0; i < held.regions.size(); ++i) {
     for (const std::uint32_t v : held.regions[i].vertices) region[v] = std::int32_t(i);
   }
   for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
-    if (solid.kept[v] == 0 || piece_held[solid.piece[v]] == 0) continue;
+    if (solid.kept[v] == 0 || played[solid.piece[v]] == 0) continue;
     number[v] = std::int32_t(body.rest.size());
     body.rest.push_back(solid.rest[v]);
     body.masses.push_back(solid.masses[v]);
@@ -63,6 +121,11 @@ MotionBody motionBody(const formats::PackageView& package, const MotionScene& sc
     const std::uint32_t piece = solid.piece[t[0]];
     body.materials.push_back(materials[std::min<std::size_t>(piece, materials.size() - 1)]);
   }
+  addSurface(package, number, body);
+  return body;
+}
+
+void addSurface(const formats::PackageView& package, const std::vector<std::int32_t>& number, MotionBody& body) {
   for (const auto& a : package.barycentric()) {
     const auto& corners = package.tetrahedra()[a.tetrahedron].vertex;
     Probe probe;
@@ -82,7 +145,7 @@ MotionBody motionBody(const formats::PackageView& package, const MotionScene& sc
         0.5 * (body.surface[c[1]] - body.surface[c[0]]).cross(body.surface[c[2]] - body.surface[c[0]]).norm();
     for (const std::uint32_t v : c) body.areas[v] += area / 3;
   }
-  return body;
+  body.points = pointsOf(body, package);
 }
 
 MotionBody refined(const MotionBody& body) {
@@ -99,6 +162,7 @@ MotionBody refined(const MotionBody& body) {
   result.tetrahedra = fine.tetrahedra;
   result.surface = body.surface;
   result.areas = body.areas;
+  result.points = body.points;
   for (const ElasticMaterial& m : body.materials) result.materials.insert(result.materials.end(), 8, m);
   volumes = nodalVolumes(fine);
   for (std::size_t v = 0; v < fine.rest.size(); ++v) {

@@ -160,7 +160,7 @@ Motion playXpbd(const MotionBody& body, const MotionScene& scene, std::uint32_t 
       for (std::size_t p = 0; p < count; ++p) {
         before[p] = x[p];
         if (body.region[p] >= 0) {
-          x[p] = scene.regions[std::size_t(body.region[p])].at(body.rest[p], scene.part(now + h)).cast<float>();
+          x[p] = (scene.poseOf(std::size_t(body.region[p]), now + h) * body.rest[p]).cast<float>();
         } else {
           v[p] = decay * (v[p] + gravity);
           x[p] += float(h) * v[p];
@@ -187,7 +187,16 @@ Motion playXpbd(const MotionBody& body, const MotionScene& scene, std::uint32_t 
         f = deformationOf(t, x);
         solve(f.determinant() - 1 - t.mu / lambda, cofactors(f), 1 / (lambda * t.volume));
       }
-      for (std::size_t p = 0; p < count; ++p) v[p] = (x[p] - before[p]) / float(h);
+      for (const MotionTether& tether : body.tethers) {
+        const float mass = inverse_mass[tether.vertex];
+        const Vector3f place = (scene.poseOf(tether.region, now + h) * body.rest[tether.vertex]).cast<float>();
+        if (mass > 0)
+          x[tether.vertex] -= mass / (mass + float(1 / (tether.stiffness * h * h))) * (x[tether.vertex] - place);
+      }
+      for (std::size_t p = 0; p < count; ++p) {
+        if (scene.ground && body.region[p] < 0) projectToGround(*scene.ground, before[p], x[p]);
+        v[p] = (x[p] - before[p]) / float(h);
+      }
     }
   };
   return played(body, scene, step, [&] { return asDoubles(x); });
@@ -241,14 +250,18 @@ Motion playStiffnessWarping(const MotionBody& body, const MotionScene& scene, st
           }
         }
       }
+      for (const MotionTether& tether : body.tethers) {
+        const Vector3f place = (scene.poseOf(tether.region, now + h) * body.rest[tether.vertex]).cast<float>();
+        r[tether.vertex] += float(tether.stiffness) * (place - x[tether.vertex]);
+        matrix.block(diagonal[tether.vertex]) += float(tether.stiffness) * Matrix3f::Identity();
+      }
       for (std::size_t k = 0; k < count; ++k) {
         const auto mass = float(body.masses[k] / (h * h));
         matrix.block(diagonal[k]) += mass * Matrix3f::Identity();
         // In doubles: the determinant of what is very stiff is no float.
         inverse[k] = matrix.block(diagonal[k]).cast<double>().inverse().cast<float>();
         if (body.region[k] >= 0) {
-          way[k] =
-              scene.regions[std::size_t(body.region[k])].at(body.rest[k], scene.part(now + h)).cast<float>() - x[k];
+          way[k] = (scene.poseOf(std::size_t(body.region[k]), now + h) * body.rest[k]).cast<float>() - x[k];
         } else {
           way[k] = float(h) * decay * (v[k] + gravity);
           r[k] += mass * way[k];
@@ -277,8 +290,10 @@ Motion playStiffnessWarping(const MotionBody& body, const MotionScene& scene, st
         rho = next;
       }
       for (std::size_t k = 0; k < count; ++k) {
+        const Vector3f before = x[k];
         x[k] += way[k];
-        v[k] = way[k] / float(h);
+        if (scene.ground && body.region[k] < 0) projectToGround(*scene.ground, before, x[k]);
+        v[k] = (x[k] - before) / float(h);
       }
     }
   };
@@ -301,6 +316,7 @@ Motion playBullet(const MotionBody& body, const MotionScene& scene, BulletKind k
   const ElasticMaterial& material = body.materials.front();
   benchmarks::BulletSolid solid({vertices, corners, masses, held, material.young, material.poisson},
                                 benchmarks::BulletSolid::Kind(kind), h, int(iterations));
+  if (scene.ground) solid.addGround(scene.ground->height, scene.ground->friction);
   const auto step = [&](double begin) {
     for (std::uint32_t i = 0; i < substeps; ++i) {
       const double now = begin + i * h;
@@ -308,7 +324,7 @@ Motion playBullet(const MotionBody& body, const MotionScene& scene, BulletKind k
       solid.setGravity({gravity[0], gravity[1], gravity[2]});
       for (std::uint32_t v = 0; v < body.rest.size(); ++v) {
         if (body.region[v] < 0) continue;
-        const Vector3d at = scene.regions[std::size_t(body.region[v])].at(body.rest[v], scene.part(now + h));
+        const Vector3d at = scene.poseOf(std::size_t(body.region[v]), now + h) * body.rest[v];
         solid.place(v, {at[0], at[1], at[2]});
       }
       solid.step(std::exp(-scene.dampingAt(now) * h));
@@ -327,10 +343,33 @@ Motion playBullet(const MotionBody& body, const MotionScene& scene, BulletKind k
 Motion playBullet(const MotionBody&, const MotionScene&, BulletKind, std::uint32_t, std::uint32_t) { return {}; }
 #endif
 
+namespace {
+
+// Moves the targets and sets the channels of a scene from a file.
+void playFile(const MotionScene& scene, const formats::PackageView& package, double time, const Vector3d& offset,
+              World& world, BodyId body) {
+  for (std::size_t r = 0; r < scene.regions.size(); ++r) {
+    const Eigen::Isometry3d pose = scene.poseOf(r, time);
+    RigidTransform to;
+    for (int row = 0; row < 3; ++row) {
+      to.position[std::size_t(row)] = float(pose.translation()[row] + offset[row]);
+      for (int column = 0; column < 3; ++column) {
+        to.rotation[std::size_t(3 * row + column)] = float(pose.linear()(row, column));
+      }
+    }
+    world.movePinSet(world.pinSet(body, package.text(package.pinSets()[r].name)), to);
+  }
+  for (std::uint32_t c = 0; c < package.channels().size(); ++c) {
+    world.setActivation(body, c, float(scene.activation(c, time)));
+  }
+}
+
+}  // namespace
+
 Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& scene, const SinewPlay& play) {
   const formats::PackageView& package = asset->package();
   const PackageSolid solid = packageSolid(package);
-  const HeldCase held = heldCase(solid, package, scene.hold);
+  const HeldCase held = scene.holds(solid, package, extentOf(solid));
   WorldSettings settings;
   settings.iterations = play.iterations;
   settings.deformation_damping_ratio = 0;
@@ -343,7 +382,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   if (!added) refuseHold(added.reason());
   const BodyId body = *added;
   std::vector<PinSetId> sets;
-  const std::vector<std::uint8_t> piece_held = heldPieces(solid, held);
+  const std::vector<std::uint8_t> played = scene.pieces(solid, held);
   for (const HeldRegion& region : held.regions) {
     if (held.package_pins) continue;
     const auto set = world.addPinSet(body, region.vertices);
@@ -352,7 +391,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   }
   std::vector<std::uint32_t> idle;
   for (std::uint32_t v = 0; v < solid.rest.size(); ++v) {
-    if (piece_held[solid.piece[v]] == 0) idle.push_back(v);
+    if (played[solid.piece[v]] == 0) idle.push_back(v);
   }
   if (!idle.empty()) {
     const auto set = world.addPinSet(body, idle);
@@ -360,6 +399,12 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
   }
   const Vec3 first = world.positions(body).front();
   const Vector3d offset = Vector3d(double(first[0]), double(first[1]), double(first[2])) - solid.rest.front();
+  if (scene.ground) {
+    GroundPlane& ground = world.settings().ground;
+    ground.enabled = true;
+    ground.offset = float(scene.ground->height + offset[1]);
+    ground.friction = float(scene.ground->friction);
+  }
   Motion motion;
   const double h = kFrameSeconds / play.substeps;
   const int frames = int(std::lround(scene.seconds / kFrameSeconds));
@@ -373,6 +418,7 @@ Motion playSinew(const std::shared_ptr<const Asset>& asset, const MotionScene& s
       for (std::size_t k = 0; k < sets.size(); ++k) {
         if (scene.regions[k].moves()) world.movePinSet(sets[k], poseOf(scene.regions[k], scene.part(now + h), offset));
       }
+      if (scene.file.drive) playFile(scene, package, now + h, offset, world, body);
       const double begin = threadSeconds();
       world.step(float(h));
       motion.cpu_seconds += threadSeconds() - begin;
