@@ -41,7 +41,7 @@ bool spinUntil(int spins, const Ready& ready) {
 struct ThreadPool::Impl {
   // What is left of one thread's share of the loop: its first index in the high half, its end in the low half. The
   // owner takes from the front, who has finished helps from the back. Shares are the same in every loop of one length,
-  // so a thread finds in its cache what it wrote in the loop before (docs/performance.md).
+  // so a thread finds in its cache what it wrote in the loop before.
   struct alignas(64) Share {
     std::atomic<std::uint64_t> left{0};
   };

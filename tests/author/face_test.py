@@ -153,7 +153,7 @@ class Face(unittest.TestCase):
         self.assertEqual([f for f in findings if f["severity"] != "info"], [])
 
     def test_costs_little(self):
-        """A frame costs what functions times samples cost: 0.2 ms of one core for these (README.md)."""
+        """A frame costs what functions times samples cost: 0.2 ms of one core for these."""
         fields = self.report["fields"]
         self.assertEqual(len(fields), 1)
         self.assertLessEqual(fields[0]["held"]["functions"], 80)

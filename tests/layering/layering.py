@@ -41,6 +41,7 @@ THIRD_PARTIES = {
     "opencv": ("opencv2/",),
     "epoxy": ("epoxy/",),
     "glfw": ("GLFW/",),
+    "x11": ("X11/",),
     "imgui": ("imgui", "backends/imgui"),
     "stb": ("stb_", "stb/"),
     "bullet": ("BulletSoftBody/", "btBulletDynamicsCommon.h"),  # a peer that benchmarks compare with
@@ -74,7 +75,7 @@ TOOL_THIRD = {
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
     "bake": ("xxhash",),
-    "studio": ("opencv", "epoxy", "glfw", "imgui"),
+    "studio": ("opencv", "epoxy", "glfw", "imgui", "x11"),
     "bench": ("simd",),  # measures the machine's peak
     "cli": ("cli11",),
 }

@@ -130,7 +130,7 @@ TEST(Resources, OutputsTakeNoMemoryTheSecondTime) {
   EXPECT_EQ(memory.allocations, before);
 }
 
-// docs/performance.md: at most 100 bytes a physical vertex and 40 a membership for one more instance of a package.
+// docs/runtime.md: at most 100 bytes a physical vertex and 40 a membership for one more instance of a package.
 TEST(Resources, AnInstanceIsSmall) {
   BoxOptions box;
   box.cells = {16, 16, 16};
