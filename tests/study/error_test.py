@@ -13,7 +13,9 @@ import unittest
 
 SINEW = None
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
-BAR = pathlib.Path(__file__).resolve().parents[2] / "samples" / "gallery" / "l_bar"
+SAMPLES = pathlib.Path(__file__).resolve().parents[2] / "samples"
+BAR = SAMPLES / "gallery" / "l_bar"
+CUBE = SAMPLES / "error" / "cube.obj"
 
 
 def run(*arguments):
@@ -156,6 +158,54 @@ class Error(unittest.TestCase):
             self.assertEqual(done.returncode, 3, key)
             self.assertIn("refused.json", done.stderr)
             self.assertIn(key, done.stderr)
+
+    def write_list(self, entry):
+        return self.write("list.json", {"sinew_error_list": 1, "entries": [
+            {"name": "small cube", "input": os.path.relpath(CUBE, self.folder.name), "scenes": ["press"],
+             "settings": {"tetrahedra.vertices": 60}, "functions": [8], "vertices": []}, entry]})
+
+    def test_a_list_is_one_page(self):
+        self.write("nothing.json", {"sinew_scene": 1, "seconds": 0.3, "gravity": 1})
+        entry = {"input": os.path.relpath(BAR / "recipe.json", self.folder.name), "scenes": ["nothing.json", "twist"],
+                 "settings": {"tetrahedra.vertices": 100}, "vertices": [60]}
+        page = pathlib.Path(self.folder.name) / "list.html"
+        done = run("study", "error", "--list", self.write_list(entry), "--functions", 6, "--html", page, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        cube, bar = json.loads(done.stdout)["entries"]
+        self.assertEqual([cube["input"], bar["input"]], ["small cube", entry["input"]])
+        self.assertLess(cube["vertices"], 100)
+        self.assertEqual([scene["name"] for scene in bar["scenes"]], ["nothing", "twist"])
+        # An entry's own settings, else those of the command.
+        for played, functions, meshes in ((cube, "8", 1), (bar, "6", 2)):
+            rows = played["scenes"][-1]["results"]
+            self.assertEqual({row["knobs"].split()[0] for row in rows if row["method"] == "sinew"}, {functions})
+            self.assertEqual(len({row["vertices"] for row in rows if row["method"] == "xpbd"}), meshes)
+        html = page.read_text()
+        self.assertEqual(html.count("aria-label='Error over time'"), 3)
+        table = re.search(r"<table class='budgets'>.*?</table>", html, re.DOTALL).group()
+        rows = re.findall(r"<tr><td>([^<]*)(.*?)</tr>", table)
+        self.assertEqual([name for name, _ in rows],
+                         ["small cube: press", entry["input"] + ": nothing", entry["input"] + ": twist"])
+        for _, cells in rows:
+            self.assertEqual([cell.count("; ") for cell in cells.split("<td>")[1:]], [1] * 6)
+        # What is within 2 ms: Sinew's, the best other's, the nearer one bold.
+        results = [row for row in cube["scenes"][0]["results"] if row.get("milliseconds_per_frame", 9) <= 2 and "path" in row]
+        own, other = (min((row for row in results if (row["method"] == "sinew") == ours), key=lambda row: row["path"])
+                      for ours in (True, False))
+        said = ["<b>%s</b>" % text if row["path"] < rival["path"] else text for row, rival, text in
+                ((row, rival, "%.*f %%" % (row["path"] < 0.1, 100 * row["path"])) for row, rival in ((own, other), (other, own)))]
+        self.assertEqual(rows[0][1].split("<td>")[-1], f"{said[0]}; {said[1]} <small>{other['method']}</small>")
+
+    def test_a_wrong_entry_is_refused_by_its_key(self):
+        bar = str(BAR / "recipe.json")
+        for key, entry in {"/input": {"input": "none.obj"}, "/scenes/1": {"input": bar, "scenes": ["twist", "twits"]},
+                           "/settings/tetrahedra.vertex": {"input": bar, "settings": {"tetrahedra.vertex": 9}},
+                           "/functions/0": {"input": bar, "functions": [0]}, "/scene": {"input": bar, "scene": []}}.items():
+            done = run("study", "error", "--list", self.write_list(entry))
+            self.assertEqual(done.returncode, 3, key)
+            self.assertRegex(done.stderr, r"list\.json: .* \(line 1, entries/1" + re.escape(key) + r"\)\. \w.*[.?]")
+        self.assertEqual(run("study", "error").returncode, 2)
+        self.assertNotEqual(run("study", "error", bar, "--list", self.write_list({"input": bar})).returncode, 0)
 
     def test_what_cannot_be_compared_is_refused(self):
         page = pathlib.Path(self.folder.name) / "none.html"

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "tools/author/settings.h"
+#include "tools/cli/error_list.h"
 #include "tools/cli/files.h"
 #include "tools/cli/options.h"
 #include "tools/cli/verb.h"
@@ -219,7 +220,7 @@ void addPull(CLI::App& study, int& exit_code) {
 void addError(CLI::App& study, int& exit_code) {
   struct Command {
     ErrorOptions options;
-    std::string input, page;
+    std::string input, list, page;
     std::vector<std::string> assignments;
     double target = 2;
     bool json = false;
@@ -227,12 +228,19 @@ void addError(CLI::App& study, int& exit_code) {
   auto command = std::make_shared<Command>();
   CLI::App* verb = study.add_subcommand(
       "error",
-      "A body in several scenes, by this runtime and by others, each with many settings: error against fine finite "
+      "Bodies in several scenes, by this runtime and by others, each with many settings: error against fine finite "
       "elements over processor time (minutes)");
   ErrorOptions& options = command->options;
-  verb->add_option("input", command->input, "A source, a recipe, or a package: that is played as it is")->required();
+  CLI::Option* input =
+      verb->add_option("input", command->input, "A source, a recipe, or a package: that is played as it is");
+  CLI::Option* list = verb->add_option("--list", command->list,
+                                       "Several inputs, each with scenes and settings of its own, in place of one: "
+                                       "docs/error-and-speed.md")
+                          ->type_name("FILE.json")
+                          ->excludes(input);
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE; all of them: sinew help settings")
-      ->type_name("KEY=VALUE");
+      ->type_name("KEY=VALUE")
+      ->excludes(list);
   verb->add_option(
           "--scene", options.scenes,
           "Several with commas. hang, lean, cantilever, press, squeeze, twist, pins: as study assets; release: a "
@@ -243,52 +251,64 @@ void addError(CLI::App& study, int& exit_code) {
       ->delimiter(',')
       ->check([](const std::string& name) {
         if (name.ends_with(".json")) return std::string();
-        return CLI::IsMember({"hang", "lean", "cantilever", "release", "press", "squeeze", "twist", "feet", "pins"})(
-            name);
-      });
+        return CLI::IsMember(std::vector<std::string>(kErrorScenes.begin(), kErrorScenes.end()))(name);
+      })
+      ->excludes(list);
   verb->add_option("--target", command->target,
                    "Gravity is made as strong as moves the reference by this, rms, percent of the diagonal")
       ->check(CLI::Range(0.01, 50.0))
       ->check(finiteNumber());
   verb->add_option("--functions", options.functions, "field.functions, several with commas")
       ->delimiter(',')
-      ->check(CLI::Range(1, 256));
+      ->check(CLI::Range(1U, ErrorOptions::kMostFunctions));
   verb->add_option("--vertices", options.vertices, "tetrahedra.vertices of the meshes besides the recipe's, for others")
       ->delimiter(',')
-      ->check(CLI::Range(8, 1000000));
+      ->check(CLI::Range(ErrorOptions::kLeastVertices, ErrorOptions::kMostVertices));
   verb->add_flag("--refine", options.refine, "The reference cuts each tetrahedron into eight (an hour)");
   verb->add_flag("!--no-peers", options.peers, "This runtime alone");
   verb->add_option("--html", command->page, "Write one page with diagrams, tables and pictures")
       ->type_name("FILE.html");
   verb->add_flag("--json", command->json, "Print one JSON document (shares, not percents)");
   verb->callback([command, &exit_code] {
-    if (!command->page.empty()) requireWritable(command->page, {command->input});
+    const std::string& from = command->list.empty() ? command->input : command->list;
+    if (from.empty()) {
+      throw ToolError(ExitCode::usage, "", "there is nothing to play", "Give an input, or --list FILE.json.");
+    }
+    if (!command->page.empty()) requireWritable(command->page, {from});
     command->options.target = command->target / 100;
-    std::optional<Recipe> recipe;
-    ErrorInput input{std::filesystem::path(command->input).filename().string(), nullptr, nullptr};
-    if (command->input.ends_with(".sinew")) {
-      if (!command->assignments.empty()) {
+    std::vector<ErrorEntry> entries;
+    if (command->list.empty()) {
+      entries.push_back({errorInput(command->input), command->options});
+      std::optional<Recipe>& recipe = entries.front().input.recipe;
+      if (!recipe && !command->assignments.empty()) {
         throw ToolError(ExitCode::usage, command->input, "is a package: --set changes nothing in it",
                         "Give the recipe or the source that it was baked from.");
       }
-      input.package = loadPackage(command->input);
+      if (recipe) applyAssignments(recipe->settings, command->assignments);
     } else {
-      recipe = recipeFor(command->input);
-      applyAssignments(recipe->settings, command->assignments);
-      input.recipe = &*recipe;
+      entries = readErrorList(command->list, command->options);
     }
     Progress progress(!command->json);
     progress.stage("error");
-    const ErrorStudy result = measureError(input, command->options, [&](double part) { progress.fraction(part); });
+    std::vector<ErrorStudy> results;
+    for (const ErrorEntry& entry : entries) {
+      results.push_back(measureError(entry.input, entry.options, [&](double part) {
+        progress.fraction((double(results.size()) + part) / double(entries.size()));
+      }));
+    }
     if (!command->page.empty()) {
       const HeadlessContext context;
-      writeFileAtomically(command->page, errorPage(result));
+      writeFileAtomically(command->page, errorPage(results));
     }
     progress.finish();
-    if (command->json) {
-      std::cout << jsonText(errorJson(result));
+    if (command->json && command->list.empty()) {
+      std::cout << jsonText(errorJson(results.front()));
+    } else if (command->json) {
+      nlohmann::ordered_json json = {{"study", "error"}, {"list", command->list}};
+      for (const ErrorStudy& result : results) json["entries"].push_back(errorJson(result));
+      std::cout << jsonText(json);
     } else {
-      std::cout << errorText(result);
+      for (const ErrorStudy& result : results) std::cout << errorText(result);
     }
     exit_code = int(ExitCode::done);
   });

@@ -112,8 +112,9 @@ MotionScene sceneOf(std::string_view name) {
   }
   const std::optional<HoldScene> hold = holdSceneOf(name);
   if (!hold) {
-    throw ToolError(ExitCode::usage, "", "no scene is named " + std::string(name),
-                    "Scenes: hang, lean, cantilever, release, press, squeeze, twist, feet, pins.");
+    std::string all;
+    for (const std::string_view known : kErrorScenes) all += (all.empty() ? "" : ", ") + std::string(known);
+    throw ToolError(ExitCode::usage, "", "no scene is named " + std::string(name), "Scenes: " + all + ".");
   }
   scene.hold = *hold;
   return scene;
@@ -387,7 +388,7 @@ void markFronts(ErrorStudy& study) {
 std::string counted(std::uint32_t n, const char* what) { return std::to_string(n) + " " + what + (n == 1 ? "" : "s"); }
 
 // Methods of others, and of the report.
-void addPeers(const Recipe* recipe, Plan& plan) {
+void addPeers(const std::optional<Recipe>& recipe, Plan& plan) {
   const auto add = [&](Method method, const Mesh& mesh, const std::string& knobs, auto play) {
     plan.plays.push_back({method, mesh.asset, mesh.name + ", " + knobs, play});
   };
@@ -422,9 +423,9 @@ void addPeers(const Recipe* recipe, Plan& plan) {
   const auto addClusters = [&](const std::shared_ptr<const Asset>& asset) {
     clustered.push_back({asset, counted(std::uint32_t(asset->package().clusters().size()), "cluster")});
   };
-  if (recipe == nullptr) addClusters(plan.own);
+  if (!recipe) addClusters(plan.own);
   for (const std::string boxes : {"1,1,1", "2,2,2", "4,4,4"}) {
-    if (recipe == nullptr) break;
+    if (!recipe) break;
     addClusters(bakeWith(*recipe, {{"clusters.grid", boxes}, {"field.functions", "4"}}));
     // A recipe's own clusters take no grid.
     if (!recipe->clusters.empty()) break;
@@ -443,7 +444,7 @@ void addPeers(const Recipe* recipe, Plan& plan) {
 Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<std::string>& notes,
             const std::function<void(double)>& progress) {
   Plan plan;
-  plan.own = input.recipe != nullptr ? bakeWith(*input.recipe, {}) : input.package;
+  plan.own = input.recipe ? bakeWith(*input.recipe, {}) : input.package;
   requireTetrahedra(*plan.own, input.name);
   plan.solid = packageSolid(plan.own->package());
   for (const PieceMaterial& m : materialsOf(plan.own->package())) plan.materials.push_back(m.material);
@@ -456,7 +457,7 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
            }});
     }
   };
-  if (input.recipe == nullptr) {
+  if (!input.recipe) {
     addOwn(plan.own, counted(functionsOf(*plan.own), "function"));
   } else {
     for (std::size_t i = 0; i < options.functions.size(); ++i) {
@@ -471,7 +472,7 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
   if (!options.peers) return plan;
   const auto own_vertices = std::uint32_t(plan.solid.rest.size());
   for (const std::uint32_t vertices : options.vertices) {
-    if (input.recipe == nullptr || vertices >= own_vertices) continue;
+    if (!input.recipe || vertices >= own_vertices) continue;
     try {
       const auto asset =
           bakeWith(*input.recipe, {{"tetrahedra.vertices", std::to_string(vertices)}, {"field.functions", "4"}});
@@ -633,17 +634,19 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
 
 std::string_view nameOf(Method method) { return kMethods[std::size_t(method)]; }
 
+void requireErrorScene(const std::string& name) {
+  if (isFile(name)) {
+    errorScript(name);
+  } else {
+    sceneOf(name);
+  }
+}
+
 ErrorStudy measureError(const ErrorInput& input, const ErrorOptions& options,
                         const std::function<void(double)>& progress) {
   ErrorStudy study;
   study.input = input.name;
-  for (const std::string& name : options.scenes) {
-    if (isFile(name)) {
-      errorScript(name);
-    } else {
-      sceneOf(name);
-    }
-  }
+  for (const std::string& name : options.scenes) requireErrorScene(name);
   const Plan plan = planOf(input, options, study.notes, [&](double part) { progress(0.1 * part); });
   study.asset = plan.own;
   study.diagonal = plan.solid.diagonal;
@@ -669,6 +672,15 @@ const ErrorRow* bestWithin(const ErrorStudy& study, std::uint32_t scene, std::op
   for (const ErrorRow& row : study.rows) {
     if (row.scene != scene || (method && row.method != *method) || row.lost || row.slow) continue;
     if (row.milliseconds <= milliseconds && (best == nullptr || row.path < best->path)) best = &row;
+  }
+  return best;
+}
+
+const ErrorRow* bestOfOthers(const ErrorStudy& study, std::uint32_t scene, double milliseconds) {
+  const ErrorRow* best = nullptr;
+  for (std::size_t m = 0; m < kMethodCount; ++m) {
+    const ErrorRow* row = Method(m) == Method::sinew ? nullptr : bestWithin(study, scene, Method(m), milliseconds);
+    if (row != nullptr && (best == nullptr || row->path < best->path)) best = row;
   }
   return best;
 }

@@ -4,6 +4,7 @@
 // against finer finite elements.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -33,9 +34,12 @@ std::string_view nameOf(Method method);
 /// Beside those of HoldScene: a cantilever that is let go; the body dropped on its feet.
 inline constexpr std::string_view kReleaseScene = "release", kFeetScene = "feet";
 
+inline constexpr std::array<std::string_view, 9> kErrorScenes = {
+    "hang", "lean", "cantilever", kReleaseScene, "press", "squeeze", "twist", kFeetScene, "pins"};
+
 struct ErrorOptions {
-  std::vector<std::string> scenes;  ///< of HoldScene, kReleaseScene, kFeetScene, scene files (.json); empty:
-                                    ///< kDefaultErrorScenes, and pins where there are any
+  std::vector<std::string> scenes;  ///< of kErrorScenes, scene files (.json); empty: kDefaultErrorScenes, and pins
+                                    ///< where there are any
   double target = 0.02;             ///< rms displacement by gravity, of the diagonal, 1e-4..0.5
   std::vector<std::uint32_t> functions = {8, 16, 32, 64, 128};  ///< field.functions of the bakes
   std::vector<std::uint32_t> vertices = {80, 250};  ///< tetrahedra.vertices of the meshes besides the recipe's
@@ -44,6 +48,8 @@ struct ErrorOptions {
   bool refine = false;
   double reference_work = 2e10;  ///< ExplicitOptions::most_work of the reference; beyond, its elements are linear
   double slowest_ms = 20;        ///< a method that takes more for a frame is stopped
+
+  static constexpr std::uint32_t kMostFunctions = 256, kLeastVertices = 8, kMostVertices = 1000000;
 };
 
 inline constexpr std::array<std::string_view, 5> kDefaultErrorScenes = {"hang", kReleaseScene, "press", "twist",
@@ -109,9 +115,12 @@ struct ErrorStudy {
 /// A recipe, of which bakes with other functions and vertices are made, or a package as it is.
 struct ErrorInput {
   std::string name;
-  const Recipe* recipe = nullptr;
+  std::optional<Recipe> recipe;
   std::shared_ptr<const Asset> package;  ///< where there is no recipe
 };
+
+/// Throws ToolError: usage for an unknown name, bad_input where a file asks for what the reference cannot do.
+void requireErrorScene(const std::string& name);
 
 /// Plays all scenes by all methods. Throws ToolError where the recipe cannot be baked, its surface does not hang on
 /// tetrahedra, it has no fields, or a scene is unknown.
@@ -121,6 +130,8 @@ ErrorStudy measureError(const ErrorInput& input, const ErrorOptions& options,
 /// The row of least path error within a time, of a scene and a method (of any: nothing). Null where there is none.
 const ErrorRow* bestWithin(const ErrorStudy& study, std::uint32_t scene, std::optional<Method> method,
                            double milliseconds);
+/// The same of all methods but this runtime.
+const ErrorRow* bestOfOthers(const ErrorStudy& study, std::uint32_t scene, double milliseconds);
 
 nlohmann::ordered_json errorJson(const ErrorStudy& study);
 std::string errorText(const ErrorStudy& study);

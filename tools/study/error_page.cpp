@@ -170,11 +170,13 @@ std::string diagram(const ErrorStudy& study, std::uint32_t s) {
   return svg + "</svg>";
 }
 
-std::string legend(const ErrorStudy& study) {
+std::string legend(std::span<const ErrorStudy> studies) {
   std::string html = "<p class='legend'>";
   for (std::size_t m = 0; m < kMethodCount; ++m) {
-    if (std::none_of(study.rows.begin(), study.rows.end(),
-                     [&](const ErrorRow& row) { return row.method == Method(m); }))
+    if (std::none_of(studies.begin(), studies.end(), [&](const ErrorStudy& study) {
+          return std::any_of(study.rows.begin(), study.rows.end(),
+                             [&](const ErrorRow& row) { return row.method == Method(m); });
+        }))
       continue;
     html += "<span><svg class='key' viewBox='0 0 14 14'>" + mark(Method(m), 7, 7, "") + "</svg> <b>" +
             escaped(nameOf(Method(m))) + "</b>: " + kTold[m] + "</span> ";
@@ -254,25 +256,27 @@ std::string picture(const ErrorStudy& study, std::uint32_t s) {
          " ms' src='data:image/png;base64," + base64(encodedPng(image)) + "'>";
 }
 
-std::string said(const ErrorRow* row) {
-  if (row == nullptr) return "nothing";
-  return percent(row->path) + " <small>" + escaped(nameOf(row->method)) + "</small>";
-}
-
-// What a time buys: the best of all, and the best of this runtime where another is better.
-std::string budgets(const ErrorStudy& study) {
-  std::string html = "<table><tr><th>within, ms a frame";
-  for (const ErrorScene& scene : study.scenes) html += "<th>" + escaped(scene.name);
+// What a time buys: the best of this runtime, then the best of all others; the nearer one bold.
+std::string budgets(std::span<const ErrorStudy> studies) {
+  std::string html = "<table class='budgets'><tr><th>within, ms a frame";
+  for (const double budget : kBudgets) html += text("<th>%g", budget);
   html += "</tr>";
-  for (const double budget : kBudgets) {
-    html += text("<tr><td>%g", budget);
+  for (const ErrorStudy& study : studies) {
     for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
-      const ErrorRow* all = bestWithin(study, s, {}, budget);
-      const ErrorRow* own = bestWithin(study, s, Method::sinew, budget);
-      html += "<td>" + said(all);
-      if (all != own) html += "<br>" + (own == nullptr ? std::string("<small>sinew: nothing</small>") : said(own));
+      html += "<tr><td>" + escaped(study.input + ": " + study.scenes[s].name);
+      for (const double budget : kBudgets) {
+        const ErrorRow* own = bestWithin(study, s, Method::sinew, budget);
+        const ErrorRow* other = bestOfOthers(study, s, budget);
+        const auto said = [](const ErrorRow* row, const ErrorRow* rival) {
+          if (row == nullptr) return std::string("–");
+          const bool nearer = rival == nullptr || row->path <= rival->path;
+          return nearer ? "<b>" + percent(row->path) + "</b>" : percent(row->path);
+        };
+        html += "<td>" + said(own, other) + "; " + said(other, own);
+        if (other != nullptr) html += " <small>" + escaped(nameOf(other->method)) + "</small>";
+      }
+      html += "</tr>";
     }
-    html += "</tr>";
   }
   return html + "</table>";
 }
@@ -301,13 +305,54 @@ std::string crossovers(const ErrorStudy& study, std::uint32_t s) {
   return "<p>" + html + ".</p>";
 }
 
+std::string section(const ErrorStudy& study, std::uint32_t s) {
+  const ErrorScene& scene = study.scenes[s];
+  std::string html =
+      "<h3>" + escaped(scene.name) + "</h3>" + crossovers(study, s) + diagram(study, s) +
+      "<p><small>Lines join what nothing of the same method beats; marks on the upper edge are further away. "
+      "Settings: under a mark.</small></p>";
+  html +=
+      "<p>At the reference's largest displacement, the best of each method within " +
+      text(
+          "%g ms; colour is the distance from the reference, white none, dark %g %% of its largest displacement and "
+          "more.</p>",
+          kPictureMilliseconds, 100 * double(kWorstColor)) +
+      picture(study, s) + table(study, s);
+  html += text(
+      "<p><small>Reference: %u tetrahedra, steps of %.2g ms, %.0f s; its surface moved by %.2f %% of the diagonal "
+      "rms, %.1f %% at most. ",
+      scene.tetrahedra, 1e3 * scene.step_seconds, scene.reference_seconds, 100 * scene.rms, 100 * scene.largest);
+  html += !scene.self.empty() ? "<b>It is Sinew itself, of " + escaped(scene.self) +
+                                    " a frame: finite elements would take too long. These figures say what fewer "
+                                    "functions and longer steps cost, not what all functions lack.</b> "
+          : scene.linear ? "Its elements are quadratic; linear ones on the same tetrahedra are " +
+                               percent(*scene.linear) + " off. "
+                         : std::string(
+                               "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
+                               "how much these figures do not say.</b> ");
+  if (scene.self.empty()) {
+    html += text("Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. ",
+                 100 * scene.shorter, 100 * scene.neo_hookean);
+  }
+  html += text("Gravity %.3g m/s².</small></p>", scene.gravity);
+  if (scene.penalty) {
+    html += "<p><small>A ground twice as firm changes linear elements by " + percent(*scene.penalty) + ".</small></p>";
+  }
+  if (scene.lawMatters()) {
+    html += "<p><b>Strains are so large here that the law of elasticity matters: compare with care.</b></p>";
+  }
+  return html;
+}
+
 }  // namespace
 
-std::string errorPage(const ErrorStudy& study) {
+std::string errorPage(std::span<const ErrorStudy> studies) {
+  std::string names;
+  for (const ErrorStudy& study : studies) names += (names.empty() ? "" : ", ") + study.input;
   std::string html =
       "<!doctype html><html lang='en'><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
       "<title>Error against run time: " +
-      escaped(study.input) +
+      escaped(names) +
       "</title><style>body{font:15px/1.5 system-ui,sans-serif;max-width:1240px;margin:1.5em auto;padding:0 "
       "1em;color:#222;"
       "background:#fff}table{border-collapse:collapse;margin:.6em 0}th,td{padding:.15em "
@@ -317,53 +362,21 @@ std::string errorPage(const ErrorStudy& study) {
       "height:14px;vertical-align:middle}.g{stroke:#e4e4e4}.r{stroke:#888;stroke-dasharray:4 4}.f "
       "td{font-weight:600}img{"
       "max-width:100%}.legend span{display:block}small{color:#555}summary{cursor:pointer}</style>";
-  html += "<h1>Error against run time: " + escaped(study.input) + "</h1>";
-  html += text(
-      "<p>%u physical vertices, %u tetrahedra, %u visual vertices, %.3g m across; Young's modulus %.3g Pa, Poisson's "
-      "ratio %.2g.</p>",
-      study.vertices, study.tetrahedra, std::uint32_t(study.asset->package().visualPositions().size()), study.diagonal,
-      study.material.young, study.material.poisson);
+  html += "<h1>Error against run time</h1>";
   html +=
-      "<h2>What a time buys</h2><p>The least error of the path within a processor time of a frame, one thread, by any "
-      "method and setting tried; under it Sinew's where another is nearer. 100 % is a body that does not move.</p>" +
-      budgets(study) + legend(study);
-  for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
-    const ErrorScene& scene = study.scenes[s];
-    html += "<h2>" + escaped(scene.name) + "</h2>" + crossovers(study, s) + diagram(study, s) +
-            "<p><small>Lines join what nothing of the same method beats; marks on the upper edge are further away. "
-            "Settings: under a mark.</small></p>";
-    html +=
-        "<p>At the reference's largest displacement, the best of each method within " +
-        text(
-            "%g ms; colour is the distance from the reference, white none, dark %g %% of its largest displacement and "
-            "more.</p>",
-            kPictureMilliseconds, 100 * double(kWorstColor)) +
-        picture(study, s) + table(study, s);
+      "<h2>What a time buys</h2><p>The least error of the path within a processor time of a frame, one thread, of any "
+      "setting tried: Sinew's; the best other's. Bold: the nearer one; –: no setting is so fast. 100 % is a body that "
+      "does not move.</p>" +
+      budgets(studies) + legend(studies);
+  for (const ErrorStudy& study : studies) {
+    html += "<h2>" + escaped(study.input) + "</h2>";
     html += text(
-        "<p><small>Reference: %u tetrahedra, steps of %.2g ms, %.0f s; its surface moved by %.2f %% of the diagonal "
-        "rms, %.1f %% at most. ",
-        scene.tetrahedra, 1e3 * scene.step_seconds, scene.reference_seconds, 100 * scene.rms, 100 * scene.largest);
-    html +=
-        !scene.self.empty() ? "<b>It is Sinew itself, of " + escaped(scene.self) +
-                                  " a frame: finite elements would take too long. These figures say what fewer "
-                                  "functions and longer steps cost, not what all functions lack.</b> "
-        : scene.linear
-            ? "Its elements are quadratic; linear ones on the same tetrahedra are " + percent(*scene.linear) + " off. "
-            : std::string(
-                  "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
-                  "how much these figures do not say.</b> ");
-    if (scene.self.empty()) {
-      html += text("Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. ",
-                   100 * scene.shorter, 100 * scene.neo_hookean);
-    }
-    html += text("Gravity %.3g m/s².</small></p>", scene.gravity);
-    if (scene.penalty) {
-      html +=
-          "<p><small>A ground twice as firm changes linear elements by " + percent(*scene.penalty) + ".</small></p>";
-    }
-    if (scene.lawMatters()) {
-      html += "<p><b>Strains are so large here that the law of elasticity matters: compare with care.</b></p>";
-    }
+        "<p>%u physical vertices, %u tetrahedra, %u visual vertices, %.3g m across; Young's modulus %.3g Pa, Poisson's "
+        "ratio %.2g.</p>",
+        study.vertices, study.tetrahedra, std::uint32_t(study.asset->package().visualPositions().size()),
+        study.diagonal, study.material.young, study.material.poisson);
+    for (std::uint32_t s = 0; s < study.scenes.size(); ++s) html += section(study, s);
+    for (const std::string& note : study.notes) html += "<p>" + escaped(note) + "</p>";
   }
   html +=
       "<h2>How it was measured</h2><p>All methods have the same material, masses, damping, holds and frames of 1/60 s. "
@@ -390,7 +403,6 @@ std::string errorPage(const ErrorStudy& study) {
       "reference's first contact on: what only moves rigidly has 100 %, wherever it lies; the column path as it lies "
       "has "
       "the rigid motion too. Times are the processor's, of one thread.</p>";
-  for (const std::string& note : study.notes) html += "<p>" + escaped(note) + "</p>";
   return html + "</html>\n";
 }
 
