@@ -284,6 +284,27 @@ TEST(StudyError, AFibreShortensTheReferenceAsItsTensionSays) {
   }
 }
 
+// Stiff tethers in place of holds: the same vertices, and the nodes between them.
+TEST(StudyError, StiffTethersHoldAsHoldsDo) {
+  Beam beam({8, 2, 2}, {1, 0.2, 0.2}, 0.3, 1e5);
+  beam.scene.gravity = {0, -4, 0};
+  beam.scene.release = true;
+  beam.scene.seconds = 1;
+  for (const bool quadratic : {false, true}) {
+    Beam tied = beam;
+    for (std::uint32_t v = 0; v < tied.body.rest.size(); ++v) {
+      if (tied.body.region[v] < 0) continue;
+      tied.body.tethers.push_back({v, 0, 1e6 * tied.body.masses[v]});
+      tied.body.region[v] = -1;
+    }
+    const double held =
+        beam.tip(playSolid(beam.body, beam.scene, {.quadratic = quadratic}, kNothing).motion.frames.back());
+    const double hung =
+        tied.tip(playSolid(tied.body, tied.scene, {.quadratic = quadratic}, kNothing).motion.frames.back());
+    EXPECT_NEAR(hung / held, 1, 0.02) << quadratic;
+  }
+}
+
 struct GroundMethod {
   const char* name;
   std::function<Motion(const Beam&)> play;

@@ -8,6 +8,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <utility>
@@ -443,13 +444,43 @@ class GroundContact {
   std::vector<Vector3d> push_;
 };
 
-// Tethers and fibres.
+// Tethers and fibres. A tether is a squared frequency of its vertex' mass; at a node midway it is the harmonic mean of
+// both ends', as it is held where both are.
 class Springs {
  public:
   template <std::size_t kNodes>
   Springs(const MotionBody& body, const Nodes<kNodes>& nodes) {
     if (!body.tethers.empty() || !body.fibres.empty()) force_.resize(nodes.rest.size(), Vector3d::Zero());
-    for (const MotionTether& tether : body.tethers) touched_.push_back(tether.vertex);
+    std::vector<std::vector<std::pair<std::uint32_t, double>>> squares(body.rest.size());  // region, 1/s²
+    std::uint32_t regions = 0;
+    for (const MotionTether& tether : body.tethers) {
+      regions = std::max(regions, tether.region + 1);
+      squares[tether.vertex].emplace_back(tether.region, tether.stiffness / body.masses[tether.vertex]);
+    }
+    const auto hang = [&](std::uint32_t node, std::uint32_t region, double square) {
+      if (square > 0) tethers_.push_back({node, region, square * nodes.masses[node], nodes.rest[node]});
+    };
+    const auto squareAt = [&](std::uint32_t v, std::uint32_t region) {
+      double sum = body.region[v] == std::int32_t(region) ? std::numeric_limits<double>::infinity() : 0;
+      for (const auto& [other, square] : squares[v]) sum += other == region ? square : 0;
+      return sum;
+    };
+    for (std::uint32_t v = 0; v < squares.size(); ++v) {
+      for (const auto& [region, square] : squares[v]) hang(v, region, square);
+    }
+    std::vector<char> seen(nodes.rest.size(), 0);
+    for (std::size_t t = 0; t < nodes.tetrahedra.size(); ++t) {
+      for (std::size_t n = 4; n < kNodes; ++n) {
+        const std::uint32_t node = nodes.tetrahedra[t][n];
+        if (std::exchange(seen[node], 1) != 0) continue;
+        for (std::uint32_t region = 0; region < regions; ++region) {
+          const double one = squareAt(body.tetrahedra[t][kEdges[n - 4][0]], region);
+          const double other = squareAt(body.tetrahedra[t][kEdges[n - 4][1]], region);
+          if (std::isfinite(one) || std::isfinite(other)) hang(node, region, 2 / (1 / one + 1 / other));
+        }
+      }
+    }
+    for (const Tether& tether : tethers_) touched_.push_back(tether.node);
     for (const MotionFibre& fibre : body.fibres) {
       // The mean of a tetrahedron's F: of linear shape functions their gradients; of quadratic ones nothing of the
       // corners, and of a node midway the sum of the gradients of both ends.
@@ -483,9 +514,9 @@ class Springs {
     if (force_.empty()) return nullptr;
     const auto displacement = [&](std::uint32_t v) { return Eigen::Map<const Vector3d>(&u[3 * std::size_t(v)]); };
     for (const std::uint32_t v : touched_) force_[v].setZero();
-    for (const MotionTether& tether : body.tethers) {
-      const Vector3d& rest = body.rest[tether.vertex];
-      force_[tether.vertex] += tether.stiffness * (held[tether.region] * rest - rest - displacement(tether.vertex));
+    for (const Tether& tether : tethers_) {
+      force_[tether.node] +=
+          tether.stiffness * (held[tether.region] * tether.rest - tether.rest - displacement(tether.node));
     }
     for (std::size_t i = 0; i < body.fibres.size(); ++i) {
       const double tension = body.fibres[i].tension * scene.activation(body.fibres[i].channel, time);
@@ -498,16 +529,22 @@ class Springs {
     return &force_;
   }
   // Of a displacement of all tethers, by node: what a step has to be short enough for. Null where there are none.
-  const std::vector<Vector3d>* stiffest(const MotionBody& body, const std::vector<double>& u) {
-    if (body.tethers.empty()) return nullptr;
+  const std::vector<Vector3d>* stiffest(const std::vector<double>& u) {
+    if (tethers_.empty()) return nullptr;
     for (const std::uint32_t v : touched_) force_[v].setZero();
-    for (const MotionTether& tether : body.tethers) {
-      force_[tether.vertex] -= tether.stiffness * Eigen::Map<const Vector3d>(&u[3 * std::size_t(tether.vertex)]);
+    for (const Tether& tether : tethers_) {
+      force_[tether.node] -= tether.stiffness * Eigen::Map<const Vector3d>(&u[3 * std::size_t(tether.node)]);
     }
     return &force_;
   }
 
  private:
+  struct Tether {
+    std::uint32_t node, region;
+    double stiffness;  // N/m
+    Vector3d rest;
+  };
+  std::vector<Tether> tethers_;
   std::vector<Vector3d> force_;
   std::vector<std::uint32_t> touched_;
   std::vector<std::vector<std::pair<std::uint32_t, double>>> stretch_;  // of each fibre
@@ -540,7 +577,7 @@ double longestStep(Solid<kNodes>& solid, const MotionBody& body, const Nodes<kNo
     }
     solid.startOver();
     const std::vector<Vector3d>* push = contact != nullptr ? &contact->stiffest(u) : nullptr;
-    const std::vector<Vector3d>* pull = springs.stiffest(body, u);
+    const std::vector<Vector3d>* pull = springs.stiffest(u);
     solid.forces(u, ElasticLaw::corotated, [&](std::size_t v, const Vector3d& elastic) {
       Vector3d force = elastic;
       if (push != nullptr) force += (*push)[v];
