@@ -15,8 +15,8 @@ import unittest
 SINEW = None
 SLOWNESS = float(os.environ.get("SINEW_TEST_SLOWNESS", "1"))  # of this build
 HEAD = None
-BOTH = ["tetrahedra", "places"]
-ALL = BOTH + ["fields"]
+GEOMETRY = ["tetrahedra", "places", "distances"]
+ALL = ["tetrahedra", "places", "fields", "distances"]
 
 
 class Cache(unittest.TestCase):
@@ -60,16 +60,16 @@ class Cache(unittest.TestCase):
         first = self.check([])
         self.assertEqual(self.check(ALL), first)
         self.recipe["settings"]["clusters.stretch_hz"] = 1.5  # stiffness
-        stiff = self.check(BOTH)
+        stiff = self.check(GEOMETRY)
         self.assertNotEqual(stiff, first)
         self.recipe["clusters"].append({"name": "nose", "from": {"group": "nose"}})
-        self.check(BOTH)
+        self.check(GEOMETRY)
         self.recipe["clusters"][1]["from"] = {"or": [{"group": "jaw"}, {"group": "cheek_*"}]}
-        self.check(BOTH)
+        self.check(GEOMETRY)
         self.recipe["settings"]["material.density"] = 500
-        self.check(BOTH)
+        self.check(GEOMETRY)
         self.recipe["settings"]["tetrahedra.vertices"] = 500
-        self.check([])
+        self.check(["distances"])  # of a surface that is what it was
         self.recipe["parts"] = [{"name": "eye", "from": {"group": "eye_l"}}]  # something else is filled
         self.check([])
         self.recipe["parts"][0]["attach"] = "follow"
@@ -96,7 +96,7 @@ class Cache(unittest.TestCase):
 
     def test_damaged_entries_are_found_and_made_again(self):
         package, _ = self.bake()
-        self.assertEqual(sorted(e.suffix for e in self.cache.iterdir()), [".fields", ".functions", ".places", ".tetrahedra"])
+        self.assertEqual(sorted(e.suffix for e in self.cache.iterdir()), [".distances", ".fields", ".functions", ".places", ".tetrahedra"])
         entries = sorted(e for e in self.cache.iterdir() if e.suffix != ".functions")  # only drafts read these
         whole = {e: e.read_bytes() for e in entries}
         for damage in (lambda b: b[:-1], lambda b: b[:20], lambda b: b"", lambda b: b + b"x",
@@ -106,7 +106,7 @@ class Cache(unittest.TestCase):
                 entry.write_bytes(damage(whole[entry]))
             again, report = self.bake()
             self.assertEqual(again, package)
-            self.assertEqual(report["damaged_entries"], 3)
+            self.assertEqual(report["damaged_entries"], 4)
             self.assertFalse(any(s["from_cache"] for s in report["stages"]))
         # One entry in the place of the other.
         entries[0].write_bytes(whole[entries[1]])
@@ -128,7 +128,7 @@ class Cache(unittest.TestCase):
         self.recipe["clusters"][1]["settings"] = {"stretch_hz": 1}
         package, report = draft()
         self.assertTrue(report["fields"][0]["draft"])
-        self.assertEqual([s["name"] for s in report["cache"]["stages"] if s["from_cache"]], BOTH + ["functions"])
+        self.assertEqual([s["name"] for s in report["cache"]["stages"] if s["from_cache"]], ["tetrahedra", "places", "functions", "distances"])
         self.assertEqual(report["fields"][0]["free"]["residual_modes"], 0)
         self.assertNotEqual(package, whole)
         after, report = self.bake()  # a draft is never kept
@@ -161,7 +161,7 @@ class Cache(unittest.TestCase):
             results = list(pool.map(lambda i: self.run_bake(self.path / f"{i}.sinew"), range(4)))
         self.assertEqual([r.returncode for r in results], [0] * 4, [r.stderr for r in results])
         self.assertEqual(len({(self.path / f"{i}.sinew").read_bytes() for i in range(4)}), 1)
-        self.assertEqual(len(list(self.cache.iterdir())), 4)  # nothing half-written stays
+        self.assertEqual(len(list(self.cache.iterdir())), 5)  # nothing half-written stays
         self.check(ALL)
 
 
