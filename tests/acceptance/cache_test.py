@@ -70,8 +70,8 @@ class Cache(unittest.TestCase):
         self.check(GEOMETRY)
         self.recipe["settings"]["tetrahedra.vertices"] = 500
         self.check(["distances"])  # of a surface that is what it was
-        self.recipe["parts"] = [{"name": "eye", "from": {"group": "eye_l"}}]  # something else is filled
-        self.check([])
+        self.recipe["parts"] = [{"name": "eye", "from": {"group": "eye_l"}}]  # something else is filled, the surface is the same
+        self.check(["distances"])
         self.recipe["parts"][0]["attach"] = "follow"
         self.check(ALL)  # what it follows moves as it did
         del self.recipe["parts"]
