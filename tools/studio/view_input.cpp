@@ -41,6 +41,14 @@ void ViewInput::fit(const ViewLayout& layout, const Play& play, ViewName view, b
       points.emplace_back(p.x() / play.diagonal(), play.scene().groundHeight() / play.diagonal(),
                           p.z() / play.diagonal());
   }
+  for (const SceneSolid& solid : play.scene().solids()) {
+    if (solid.mesh->endless) continue;
+    const RigidTransform at = play.scene().world().colliderPose(solid.id);
+    const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> turn(at.rotation.data());
+    const Eigen::Map<const Eigen::Vector3f> from(at.position.data());
+    for (const Vec3& x : solid.mesh->positions)
+      points.push_back((turn * Eigen::Map<const Eigen::Vector3f>(x.data()) + from) / play.diagonal());
+  }
   camera_ = viewCamera(view, frontYaw(play.package()));
   const SceneChoice& scene = play.scene().options().scene;
   const bool framed =
