@@ -354,7 +354,7 @@ void playFile(const MotionScene& scene, const formats::PackageView& package, dou
     for (int row = 0; row < 3; ++row) {
       to.position[std::size_t(row)] = float(pose.translation()[row] + offset[row]);
       for (int column = 0; column < 3; ++column) {
-        to.rotation[std::size_t(3 * row + column)] = float(pose.linear()(row, column));
+        to.rotation[3 * std::size_t(row) + std::size_t(column)] = float(pose.linear()(row, column));
       }
     }
     world.movePinSet(world.pinSet(body, package.text(package.pinSets()[r].name)), to);

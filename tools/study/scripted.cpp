@@ -127,7 +127,7 @@ MotionScene scriptedScene(const std::shared_ptr<const SceneScript>& script, cons
     for (int row = 0; row < 3; ++row) {
       pose.translation()[row] = double(motion.position[std::size_t(row)]);
       for (int column = 0; column < 3; ++column) {
-        pose.linear()(row, column) = double(motion.rotation[std::size_t(3 * row + column)]);
+        pose.linear()(row, column) = double(motion.rotation[3 * std::size_t(row) + std::size_t(column)]);
       }
     }
     return pose;
