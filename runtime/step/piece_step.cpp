@@ -569,7 +569,8 @@ void PieceStep::settle() {
   // A two-step formula does not reach across contacts: it would gain energy where they come and go.
   state.h_before = touched || together_ || forced_ || !state.touching.empty() ? 0 : h_;
   state.leaning = false;
-  // A contact may have stopped the piece and not touch any more; of what only touched before none is left.
+  // Momentum goes into the contacts of this step alone: those that ceased to press within it count, earlier ones do
+  // not.
   const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && !together_;
   state.elastic = value_.elastic;
   if (forced_) state.budget = -1;

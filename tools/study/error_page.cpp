@@ -389,20 +389,15 @@ std::string errorPage(std::span<const ErrorStudy> studies) {
       "one as "
       "a share of the largest displacement, and the volume's as a share of that at rest. Meshes of fewer vertices are "
       "baked "
-      "from the same source; their own surface differs from the reference's, and that is part of their error. hang: "
-      "the top "
-      "tenth is held, gravity sets in; release: held by its rear quarter, gravity ends after 1 s, what follows is "
-      "compared; "
-      "press: the top tenth moves down by 20 % of the height in 1 s; squeeze: by 5 %; twist: one end turns by 60 "
-      "degrees; lean: the "
-      "lowest tenth "
-      "is held, gravity sideways; pins: the recipe's own pins hold it; feet: it falls on "
-      "level ground (friction 0.6) from a tenth of its height, under a gravity that moves it by as much where it is "
-      "held "
-      "by its lowest tenth. There displacements are what is left of each frame without its best rigid motion, from the "
-      "reference's first contact on: what only moves rigidly has 100 %, wherever it lies; the column path as it lies "
-      "has "
-      "the rigid motion too. Times are the processor's, of one thread.</p>";
+      "from the same source; their own surface differs from the reference's, and that is part of their error. "
+      "hang: the top tenth is held, gravity sets in; release: held by its rear quarter, gravity ends after 1 s, "
+      "what follows is compared; press: the top tenth moves down by 20 % of the height in 1 s; squeeze: by 5 %; "
+      "twist: one end turns by 60 degrees; lean: the lowest tenth is held, gravity sideways; pins: the recipe's "
+      "own pins hold it; feet: it falls on level ground (friction 0.6) from a tenth of its height, under a gravity "
+      "that moves it by as much where it is held by its lowest tenth. There displacements are what is left of each "
+      "frame without its best rigid motion, from the reference's first contact on: what only moves rigidly has 100 "
+      "%, wherever it lies; the column path as it lies has the rigid motion too. Times are the processor's, of one "
+      "thread.</p>";
   return html + "</html>\n";
 }
 

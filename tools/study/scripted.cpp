@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 
+#include "sinew/runtime/settings.h"
 #include "tools/bake/fields.h"
 
 namespace sinew::tools {
@@ -13,8 +14,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Of the runtime (WorldSettings::damping).
-constexpr double kFileDamping = 0.2;
 // 1/s: a vertex whose tether alone would ring faster is held. It gives way to an acceleration a by a / omega².
 constexpr double kHeldOmega = 2 * std::numbers::pi * 2000;
 
@@ -92,7 +91,7 @@ MotionScene scriptedScene(const std::shared_ptr<const SceneScript>& script, cons
   scene.free = !script->package_pins || package.pinSets().empty();
   scene.seconds = kFrameSeconds * std::max(1.0, std::round(script->seconds / kFrameSeconds));
   scene.gravity = {0, -script->gravity, 0};
-  scene.damping = script->damping.value_or(kFileDamping);
+  scene.damping = script->damping.value_or(double(WorldSettings().damping));
   if (script->ground) scene.ground = MotionGround{.height = *script->ground - drive->origin[1]};
   double mass = 0;
   for (const auto& v : package.physicalVertices()) mass += double(v.mass);
