@@ -10,24 +10,31 @@
 namespace sinew::tools {
 
 TetGraph makeTetGraph(const PhysicalMesh& mesh) {
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-  edges.reserve(mesh.tetrahedra.size() * 12);
+  // Ends by vertex, each as often as tetrahedra have the edge.
+  std::vector<std::uint32_t> begin(mesh.positions.size() + 1, 0);
+  for (const auto& tet : mesh.tetrahedra) {
+    for (const std::uint32_t v : tet) begin[v + 1] += 3;
+  }
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::uint32_t> ends(begin.back()), at(begin.begin(), begin.end() - 1);
   for (const auto& tet : mesh.tetrahedra) {
     for (const std::uint32_t a : tet) {
       for (const std::uint32_t b : tet) {
-        if (a != b) edges.emplace_back(a, b);
+        if (a != b) ends[at[a]++] = b;
       }
     }
   }
-  std::sort(edges.begin(), edges.end());
-  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
   TetGraph graph;
-  graph.first.assign(mesh.positions.size() + 1, 0);
-  for (const auto& edge : edges) ++graph.first[edge.first + 1];
-  std::partial_sum(graph.first.begin(), graph.first.end(), graph.first.begin());
-  for (const auto& [a, b] : edges) {
-    graph.neighbour.push_back(b);
-    graph.length.push_back((mesh.positions[a] - mesh.positions[b]).norm());
+  graph.first.reserve(begin.size());
+  graph.first.push_back(0);
+  for (std::uint32_t a = 0; a < mesh.positions.size(); ++a) {
+    const auto first = ends.begin() + begin[a], last = ends.begin() + begin[a + 1];
+    std::sort(first, last);
+    graph.neighbour.insert(graph.neighbour.end(), first, std::unique(first, last));
+    graph.first.push_back(std::uint32_t(graph.neighbour.size()));
+    for (std::size_t i = graph.length.size(); i < graph.neighbour.size(); ++i) {
+      graph.length.push_back((mesh.positions[a] - mesh.positions[graph.neighbour[i]]).norm());
+    }
   }
   for (const PhysicalPiece& body : mesh.pieces) {
     const std::uint32_t from = graph.first[body.first_vertex];

@@ -49,15 +49,14 @@ std::vector<Bit> bitsOf(const FieldHost& host, std::uint32_t cluster, const Vect
   const std::vector<double> shares = host.sharesOf(cluster);
   std::vector<Bit> bits;
   for (std::size_t t = 0; t < host.tetrahedra.size(); ++t) {
-    Bit bit;
     double share = 0;
-    for (const std::uint32_t v : host.tetrahedra[t]) {
-      share += shares[v] / 4;
-      bit.at += host.positions[v] / 4;
-    }
+    for (const std::uint32_t v : host.tetrahedra[t]) share += shares[v] / 4;
+    if (share == 0) continue;
+    Bit bit;
+    for (const std::uint32_t v : host.tetrahedra[t]) bit.at += host.positions[v] / 4;
     const Eigen::Matrix3d edges = host.edgesOf(t);
     const double six = std::abs(edges.determinant()), longest = edges.colwise().norm().maxCoeff();
-    if (share == 0 || !(six > 6 * geometry::kFlat * longest * longest * longest)) continue;
+    if (!(six > 6 * geometry::kFlat * longest * longest * longest)) continue;
     bit.tetrahedron = t;
     bit.volume = share * six / 6;
     bit.slope = edges.inverse() * along * bit.volume;

@@ -113,15 +113,19 @@ Eigen::MatrixXd FieldHost::valuesAtAll(const Eigen::MatrixXd& of_host) const {
       const Vector3d arm = restOf(range.first_vertex + v) - center;
       moment += weights[v] * arm * arm.transpose();
     }
+    // The weighed values and their moments: what an affine motion of the host is fitted to.
     const Eigen::Matrix3d inverse = geometry::pseudoInverse<3>(moment);
+    Eigen::MatrixX4d parts = Eigen::MatrixX4d::Zero(of_host.rows(), 4);
+    for (std::uint32_t v = 0; v < range.vertex_count; ++v) {
+      if (!(weights[v] > 0)) continue;
+      const Vector3d arm = restOf(range.first_vertex + v) - center;
+      parts.row(number_[v]) << weights[v] / weight, weights[v] * arm.transpose() * inverse;
+    }
+    const Eigen::Matrix4Xd sums = parts.transpose() * of_host;
     for (const formats::Membership& to : members) {
       if (!(to.share > 0)) continue;
-      const Vector3d lever = inverse * (restOf(to.vertex) - center);
-      for (std::uint32_t v = 0; v < range.vertex_count; ++v) {
-        if (!(weights[v] > 0)) continue;
-        const double part = weights[v] * (1 / weight + lever.dot(restOf(range.first_vertex + v) - center));
-        all.row(to.vertex - range.first_vertex) += part * of_host.row(number_[v]);
-      }
+      const Vector3d arm = restOf(to.vertex) - center;
+      all.row(to.vertex - range.first_vertex) += sums.row(0) + arm.transpose() * sums.bottomRows<3>();
     }
   }
   return all;

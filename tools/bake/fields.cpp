@@ -283,6 +283,7 @@ class PieceFields {
         law_[v] = hasLaws(content_.mechanics[c]) ? c : formats::kNone;
       }
     }
+    if (std::count(law_.begin(), law_.end(), formats::kNone) == std::ptrdiff_t(law_.size())) law_.clear();
   }
 
   std::uint32_t lawAt(const Vector3d& place) const {
@@ -527,7 +528,7 @@ class PieceFields {
   const FieldHost host_;
   std::vector<double> young_, poisson_;  // of the host's tetrahedra
   std::vector<double> decay_;            // of its vertices
-  std::vector<std::uint32_t> law_;       // of its vertices: a cluster, or kNone
+  std::vector<std::uint32_t> law_;       // of its vertices: a cluster, or kNone; empty: kNone
   std::vector<std::vector<std::uint32_t>> held_;
   std::vector<char> taken_;  // the host's vertices that pin sets hold
   std::vector<FieldTether> tethers_;

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -147,16 +148,24 @@ void addSamples(const Elastic& elastic, const FieldOptions& options, const Matri
 
 // The rest Hessian of the samples and tethers, without driven functions.
 MatrixXd sampledStiffness(const FieldSpace& space) {
-  const Index k = space.values.cols() - space.driven_count;
-  MatrixXd result = MatrixXd::Zero(3 * k, 3 * k);
-  for (const FieldSample& s : space.samples) {
-    const MatrixX3d g = s.gradients.bottomRows(k);
-    for (Index a = 0; a < 3; ++a) {
-      for (Index b = 0; b < 3; ++b) {
-        MatrixXd block = s.mu * g.col(b) * g.col(a).transpose() + s.lambda * g.col(a) * g.col(b).transpose();
-        if (a == b) block += s.mu * g * g.transpose();
-        result(Eigen::seqN(a, k, 3), Eigen::seqN(b, k, 3)) += s.volume * block;
-      }
+  const Index k = space.values.cols() - space.driven_count, count = Index(space.samples.size());
+  std::array<MatrixXd, 3> g;  // slopes along an axis: a row a sample
+  VectorXd mu(count), lambda(count);
+  g.fill(MatrixXd(count, k));
+  for (Index i = 0; i < count; ++i) {
+    const FieldSample& s = space.samples[std::size_t(i)];
+    mu[i] = s.volume * s.mu;
+    lambda[i] = s.volume * s.lambda;
+    for (std::size_t a = 0; a < 3; ++a) g[a].row(i) = s.gradients.bottomRows(k).col(Index(a)).transpose();
+  }
+  MatrixXd result(3 * k, 3 * k), all_axes = MatrixXd::Zero(k, k);
+  for (const MatrixXd& along : g) all_axes += along.transpose() * (mu.asDiagonal() * along);
+  for (std::size_t a = 0; a < 3; ++a) {
+    for (std::size_t b = 0; b < 3; ++b) {
+      MatrixXd block = g[b].transpose() * (mu.asDiagonal() * g[a]);
+      block += g[a].transpose() * (lambda.asDiagonal() * g[b]);
+      if (a == b) block += all_axes;
+      result(Eigen::seqN(Index(a), k, 3), Eigen::seqN(Index(b), k, 3)) = block;
     }
   }
   if (space.tethers.size() > 0) {
@@ -164,6 +173,12 @@ MatrixXd sampledStiffness(const FieldSpace& space) {
       result(Eigen::seqN(a, k, 3), Eigen::seqN(a, k, 3)) += space.tethers.bottomRightCorner(k, k);
   }
   return result;
+}
+
+// Of sampledStiffness().
+geometry::SymmetricEigen restModes(const FieldSpace& space) {
+  if (space.values.cols() == space.driven_count) return {};
+  return geometry::symmetricEigen(sampledStiffness(space));
 }
 
 // Rms difference of the space's static answers from those of all patches, over their rms: one number a load.
@@ -208,12 +223,13 @@ Index firstElastic(const VectorXd& lambda, const FieldSpace& space) {
 // Decay by function, so that each mode of the space decays at its own frequency as well as such a table can: with s_ij
 // the share of function j in the energy of mode i, sum_j s_ij d_j = f_i in least squares of relative errors, d >= 0,
 // near c sqrt(w). The lowest mode is exact.
-void addDamping(FieldSpace& space) {
+//
+// @param modes restModes()
+void addDamping(const geometry::SymmetricEigen& modes, FieldSpace& space) {
   space.damping_hz = VectorXd::Zero(space.values.cols());
   const Index k = space.values.cols() - space.driven_count;
   if (k == 0 || space.samples.empty()) return;
   const VectorXd shape = space.stiffness.tail(k).cwiseSqrt();
-  const geometry::SymmetricEigen modes = geometry::symmetricEigen(sampledStiffness(space));
   const Index count = modes.values.size(), first = firstElastic(modes.values, space);
   if (first == count || !(space.lowest_hz > 0) || !(shape.maxCoeff() > 0)) return;
   MatrixXd rates(count - first, k);  // relative: of c sqrt(w)
@@ -281,7 +297,7 @@ void complete(const Elastic& elastic, const FieldOptions& options, FreeFunctions
   tbb::parallel_invoke(
       [&] {
         addSamples(elastic, options, MatrixXd::Identity(k, k), free.known.forces, space);
-        addDamping(space);
+        addDamping(restModes(space), space);
         if (free.answers) addErrors(elastic, *free.answers, space);
       },
       [&] {
@@ -540,7 +556,7 @@ FieldSpace heldSpace(const Elastic& whole, const FieldInput& input, const FieldO
   if (!input.tethers.empty()) space.tethers = tetherEnergy(elastic, input, holds, space.values, scale);
   const MatrixXd loads = known.forces.leftCols(std::min(known.forces.cols(), Index(input.loads.size()) + 3));
   addSamples(untethered, options, orthonormalCombinations(space.values, elastic.mass), loads, space);
-  addDamping(space);
+  addDamping(restModes(space), space);
   if (answers && interior.cols() > 0) addErrors(elastic, *answers, space);
   return space;
 }
@@ -571,8 +587,7 @@ void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& lo
   space.residual_modes.resize(0, 0);
   space.residual_locals.resize(0);
   const Index driven = space.driven_count, k = space.values.cols() - driven;
-  geometry::SymmetricEigen old;
-  if (k > 0) old = geometry::symmetricEigen(sampledStiffness(space));
+  const geometry::SymmetricEigen old = restModes(space);
   const Index first = firstElastic(old.values, space);
   VectorXd scalar_before = VectorXd::Zero(k), scalar = scalar_before;  // of the samples
   for (FieldSample& s : space.samples) {
@@ -591,7 +606,7 @@ void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& lo
     space.compliance.setZero(space.compliance.size() == 0 ? 0 : loads.cols());
     return;
   }
-  const geometry::SymmetricEigen modes = geometry::symmetricEigen(sampledStiffness(space));
+  const geometry::SymmetricEigen modes = restModes(space);
   space.lowest_hz *= std::sqrt(modes.values[first] / old.values[first]);
   const MatrixXd met = coordinates(space.values.rightCols(k), loads);
   const auto workOf = [&](const geometry::SymmetricEigen& of) {
@@ -607,7 +622,7 @@ void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& lo
     share = (before.array() > 0).select(space.compliance.array() / before.array(), 1.0);
   }
   space.compliance = workOf(modes).cwiseProduct(share);
-  addDamping(space);
+  addDamping(modes, space);
 }
 
 }  // namespace
