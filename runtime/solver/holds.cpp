@@ -17,12 +17,12 @@ constexpr double kOpen = 1e-3;
 
 using Column = Eigen::Map<Eigen::VectorXd>;
 
-/// Of Holds::by_point: three a held point, rounded up to eight.
-std::size_t columnsOf(std::size_t held) { return (3 * held + 7) / 8 * 8; }
+/// Of Holds::by_hold.
+std::size_t columnsOf(std::size_t sets, std::size_t single) { return (12 * sets + 1 + 3 * single + 7) / 8 * 8; }
 
 /// Numbers that makeHolds() needs beside its result. \param m scalar functions of held vertices
 std::size_t scratchOf(std::size_t r, std::size_t held, std::size_t m) {
-  return r * (r + 3 * held + 3 * m) + held * (m + 1);
+  return r * (r + 3 * held + 3 * m + 1) + held * (m + 4);
 }
 
 /// The lower triangle becomes its Cholesky factor; columns are r apart. Eigen's own takes memory of its own at this
@@ -57,13 +57,52 @@ void solveLower(const double* factor, std::uint32_t r, double* x) {
   }
 }
 
-/// Where a held point is at rest.
-Vector3d restOf(const Body& body, const HeldPoint& held) {
+Vector3d restOf(const Body& body, std::uint32_t vertex) {
+  return asVector(body.vertices()[vertex].rest_position).cast<double>();
+}
+
+Vector3d restOf(const Body& body, const PickedPoint& point) {
   Vector3d at = Vector3d::Zero();
-  for (std::size_t c = 0; c < held.at.weight.size() && held.at.weight[c] != 0; ++c) {
-    at += held.at.weight[c] * asVector(body.vertices()[held.at.vertex[c]].rest_position).cast<double>();
+  for (std::size_t c = 0; c < point.weight.size() && point.weight[c] != 0; ++c) {
+    at += point.weight[c] * restOf(body, point.vertex[c]);
   }
   return at;
+}
+
+/// Where a pin wants its vertex. \param part of the last step that has passed, 0..1
+Vector3d targetOf(const Pin& pin, double part) {
+  const Vector3d at_end = asVector(pin.at).cast<double>();
+  return part < 1 ? Vector3d((1 - part) * asVector(pin.before).cast<double>() + part * at_end) : at_end;
+}
+
+/// \param part of the last step that has passed, 0..1
+RigidPlace placeOfSet(const PinSet& set, double part) {
+  const RigidTransform at = part < 1 ? between(set.before, set.at, part) : set.at;
+  return {asMatrix(at.rotation).cast<double>(), asVector(at.position).cast<double>()};
+}
+
+/// \pre its number alone is set
+void findShape(const Body& body, const Field& field, Holds::Set& set) {
+  const auto forEach = [&](const auto& visit) {
+    for (const PinnedVertex& pinned : body.pin_sets[set.number].vertices) {
+      if (!(pinned.weight > 0) || !isIn(field, pinned.vertex)) continue;
+      visit(double(pinned.weight), asVector(pinned.local).cast<double>(), restOf(body, pinned.vertex));
+    }
+  };
+  forEach([&](double weight, const Vector3d& local, const Vector3d& rest) {
+    set.weight += weight;
+    set.local_mean += weight * local;
+    set.rest_mean += weight * rest;
+  });
+  set.local_mean /= set.weight;
+  set.rest_mean /= set.weight;
+  forEach([&](double weight, const Vector3d& local, const Vector3d& rest) {
+    const Vector3d arm = rest - set.rest_mean;
+    set.moment += weight * (local - set.local_mean) * arm.transpose();
+    set.spread += weight * arm.squaredNorm();
+  });
+  const Matrix3d open = kOpen * set.spread * Matrix3d::Identity();
+  if (set.spread > 0) set.turned = geometry::nearestRotation(Matrix3d(set.moment.transpose() + open));
 }
 
 /// Calls visit(weight, value) for each vertex of a point; value(c, m) is an axis of one of its residual modes.
@@ -114,23 +153,23 @@ bool isDriven(const Piece& piece, const PinSet& set) {
 void reserveHolds(Body& body, Piece& piece) {
   const Field& field = *piece.free;
   if (field.residual_modes == 0) return;
-  std::size_t held = 0;
-  for (const Pin& pin : body.pins) held += isIn(field, pin.vertex) ? 1U : 0U;
+  std::size_t single = 0, held = 0;
+  for (const Pin& pin : body.pins) single += isIn(field, pin.vertex) ? 1U : 0U;
   for (const PinSet& set : body.pin_sets) {
     for (const PinnedVertex& vertex : set.vertices) held += isIn(field, vertex.vertex) ? 1U : 0U;
   }
-  for (const Pick& pick : body.picks) held += isIn(field, pick.point.vertex[0]) ? 1U : 0U;
-  if (held == 0) return;
-  held = std::bit_ceil(held);  // pins come one by one
+  for (const Pick& pick : body.picks) single += isIn(field, pick.point.vertex[0]) ? 1U : 0U;
+  if (single + held == 0) return;
+  single = std::bit_ceil(single);  // pins come one by one
   const std::size_t sets = body.pin_sets.size(), rows = 3 * std::size_t(field.k) + 12 * sets + field.residual_modes;
   piece.holds.sets.reserve(sets);
   piece.holds.by_function.reserve(rows * field.stride);
-  piece.holds.by_point.reserve(rows * columnsOf(held));
+  piece.holds.by_hold.reserve(rows * columnsOf(sets, single));
   for (HoldWays* ways : {&piece.ways, &body.ways}) {
     ways->of_functions.reserve(field.stride);
-    ways->of_points.reserve(columnsOf(held));
+    ways->of_holds.reserve(columnsOf(sets, single));
   }
-  piece.holds.scratch = scratchOf(field.residual_modes, held, field.k + 4 * sets);
+  piece.holds.scratch = scratchOf(field.residual_modes, held + single, field.k + 4 * sets);
 }
 
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
@@ -139,41 +178,51 @@ void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
 
 // With p the rows of P and d those of D at the held vertices, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
 // S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
-// P^T S = L^-T Y.
+// P^T S = L^-T Y. Offsets of a set's points are sums of its functions 1, p and e, p about its mean.
 void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch) {
   const Field& field = piece.field();
   Holds& holds = piece.holds;
   const std::uint32_t r = field.residual_modes, k = field.k;
-  holds.count = 0;
+  holds.count = holds.single = 0;
   holds.stiffness = stiffness;
   holds.sets.clear();
   if (r == 0) return;
-  forEachHeld(body, piece, [&holds](const HeldPoint& held) {
+  forEachHeld(body, piece, [&](const HeldPoint& held) {
     ++holds.count;
-    if (held.set != formats::kNone && (holds.sets.empty() || holds.sets.back() != held.set)) {
-      holds.sets.push_back(held.set);
+    if (held.set == formats::kNone) {
+      ++holds.single;
+    } else if (holds.sets.empty() || holds.sets.back().number != held.set) {
+      Holds::Set set;
+      set.number = held.set;
+      findShape(body, field, set);
+      holds.sets.push_back(set);
     }
   });
   if (holds.count == 0) return;
-  const std::uint32_t count = holds.count, m = k + 4 * std::uint32_t(holds.sets.size());
+  const std::uint32_t count = holds.count, sets = std::uint32_t(holds.sets.size()), m = k + 4 * sets;
   double *const a = scratch.holds.data(), *const y = a + std::size_t(r) * r, *const z = y + std::size_t(r) * 3 * count,
-                *const firm = z + std::size_t(r) * 3 * m, *const psi = firm + count;
-  std::fill(a, firm, 0.0);
-  std::fill_n(psi, std::size_t(m) * count, 0.0);
+                *const rest = z + std::size_t(r) * 3 * m, *const firm = rest + r, *const off = firm + count,
+                *const psi = off + 3 * std::size_t(count);
+  std::fill(a, psi + std::size_t(m) * count, 0.0);
   const auto columnOf = [r](double* of, std::size_t i) { return Column(of + r * i, r); };
   const auto psiOf = [psi, m](std::uint32_t h, std::uint32_t i) { return psi[std::size_t(m) * h + i]; };
-  // Psi, 1 / d, p / d in the place of Y, and A.
+  // Psi, e, 1 / d, p / d in the place of Y, and A.
   for (std::uint32_t i = 0; i < r; ++i) a[(std::size_t(r) + 1) * i] = 1;
-  std::uint32_t h = 0, at_set = 0;
+  std::uint32_t h = 0, at_set = 0, pins = 0;
   forEachHeld(body, piece, [&](const HeldPoint& held) {
     double* const own = psi + std::size_t(m) * h;
     for (std::uint32_t j = 0; j < k; ++j) own[j] = valueAt(field, held.at, j);
     if (held.set != formats::kNone) {
-      while (holds.sets[at_set] != held.set) ++at_set;
+      while (holds.sets[at_set].number != held.set) ++at_set;
+      const Holds::Set& set = holds.sets[at_set];
+      const Vector3d local = asVector(held.local).cast<double>();
       double* const of_set = own + k + std::size_t{4} * at_set;
       of_set[0] = 1;
-      for (std::size_t c = 0; c < 3; ++c) of_set[1 + c] = double(held.local[c]);
+      Eigen::Map<Vector3d>(of_set + 1) = local - set.local_mean;
+      Eigen::Map<Vector3d>(off + std::size_t{3} * h) =
+          restOf(body, held.at) - set.rest_mean - set.turned * (local - set.local_mean);
     }
+    pins += held.pin != nullptr ? 1U : 0U;
     // A pick is a spring in series with what its point lacks, the finger as wide as a mode.
     firm[h] = held.pick != nullptr
                   ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
@@ -192,46 +241,67 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     ++h;
   });
   factorize(a, r);
-  for (std::size_t i = 0; i < 3 * std::size_t(count); ++i) solveLower(a, r, y + r * i);
+  for (std::uint32_t j = 0; j < 3 * count; ++j) {
+    solveLower(a, r, y + std::size_t(r) * j);
+    Column(rest, r) += off[j] * columnOf(y, j);
+  }
   for (h = 0; h < count; ++h) {
     for (std::uint32_t i = 0; i < m; ++i) {
       if (psiOf(h, i) == 0) continue;
       for (std::uint32_t c = 0; c < 3; ++c) columnOf(z, 3 * i + c) += psiOf(h, i) * columnOf(y, 3 * h + c);
     }
   }
-  const std::size_t columns = columnsOf(count), rows = 3 * std::size_t(m) + r;
-  holds.by_point.resize(rows * columns);
-  std::fill(holds.by_point.begin(), holds.by_point.end(), 0.0F);
+  const std::size_t columns = columnsOf(sets, holds.single), rows = 3 * std::size_t(m) + r;
+  holds.by_hold.resize(rows * columns);
+  std::fill(holds.by_hold.begin(), holds.by_hold.end(), 0.0F);
   holds.by_function.resize(rows * field.stride);
   std::fill(holds.by_function.begin(), holds.by_function.end(), 0.0F);
+  // Of function j: a field's, else a set's.
   const auto entry = [&](std::uint32_t i, std::uint32_t j) -> float& {
-    return holds.by_function[std::size_t(field.stride) * i + j];
+    return j < 3 * k ? holds.by_function[std::size_t(field.stride) * i + j] : holds.by_hold[columns * i + (j - 3 * k)];
   };
-  for (std::uint32_t i = 0; i < 3 * m; ++i) {
-    for (std::uint32_t j = 0; j < 3 * count; ++j) {
-      const double direct = i % 3 == j % 3 ? firm[j / 3] * psiOf(j / 3, i / 3) : 0;
-      holds.by_point[columns * i + j] = float(direct - columnOf(z, i).dot(columnOf(y, j)));
-    }
-  }
+  const auto ofRest = [&](std::uint32_t i) -> float& { return holds.by_hold[columns * i + 12 * sets]; };
+  const auto ofSingle = [&](std::uint32_t i, std::uint32_t s, std::uint32_t c) -> float& {
+    return holds.by_hold[columns * i + 12 * sets + 1 + 3 * s + c];
+  };
+  const auto heldOf = [&](std::uint32_t s) { return s < pins ? s : count - holds.single + s; };
   for (std::uint32_t i = 0; i < m; ++i) {
-    for (std::uint32_t j = 0; j < std::min(i + 1, k); ++j) {
+    for (std::uint32_t j = 0; j <= i; ++j) {
       double direct = 0;
       for (h = 0; h < count; ++h) direct += firm[h] * psiOf(h, i) * psiOf(h, j);
       for (std::uint32_t c = 0; c < 9; ++c) {
         const std::uint32_t row = 3 * i + c / 3, column = 3 * j + c % 3;
         const double less = columnOf(z, row).dot(columnOf(z, column));
-        entry(row, column) = float((c / 3 == c % 3 ? direct : 0) - less);
-        if (i < k) entry(column, row) = entry(row, column);
+        entry(row, column) = entry(column, row) = float((c / 3 == c % 3 ? direct : 0) - less);
+      }
+    }
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      const std::uint32_t row = 3 * i + c;
+      double direct = 0;
+      for (h = 0; h < count; ++h) direct += firm[h] * psiOf(h, i) * off[3 * h + c];
+      ofRest(row) = float(direct - columnOf(z, row).dot(Column(rest, r)));
+      for (std::uint32_t s = 0; s < holds.single; ++s) {
+        h = heldOf(s);
+        for (std::uint32_t axis = 0; axis < 3; ++axis) {
+          const double along = axis == c ? firm[h] * psiOf(h, i) : 0;
+          ofSingle(row, s, axis) = float(along - columnOf(z, row).dot(columnOf(y, 3 * h + axis)));
+        }
       }
     }
   }
-  for (std::uint32_t j = 0; j < 3 * count; ++j) {
-    solveUpper(a, r, y + std::size_t(r) * j);
-    for (std::uint32_t i = 0; i < r; ++i) holds.by_point[columns * (3 * m + i) + j] = float(columnOf(y, j)[i]);
+  const auto takeModes = [&](double* from, const auto& to) {
+    solveUpper(a, r, from);
+    for (std::uint32_t i = 0; i < r; ++i) to(3 * m + i) = float(from[i]);
+  };
+  for (std::uint32_t j = 0; j < 3 * m; ++j) {
+    takeModes(z + std::size_t(r) * j, [&](std::uint32_t row) -> float& { return entry(row, j); });
   }
-  for (std::uint32_t j = 0; j < 3 * k; ++j) {
-    solveUpper(a, r, z + std::size_t(r) * j);
-    for (std::uint32_t i = 0; i < r; ++i) entry(3 * m + i, j) = float(columnOf(z, j)[i]);
+  takeModes(rest, ofRest);
+  for (std::uint32_t s = 0; s < holds.single; ++s) {
+    for (std::uint32_t c = 0; c < 3; ++c) {
+      takeModes(y + std::size_t(r) * (3 * heldOf(s) + c),
+                [&](std::uint32_t row) -> float& { return ofSingle(row, s, c); });
+    }
   }
 }
 
@@ -265,12 +335,22 @@ void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d&
 }
 
 RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const RigidPlace& of_piece) {
+  // A set counts as one point, and what it is about that.
+  const auto forEach = [&](const auto& visit) {
+    for (const Pin& pin : body.pins) {
+      if (isIn(piece.field(), pin.vertex)) visit(1.0, restOf(body, pin.vertex), targetOf(pin, part));
+    }
+    for (const Holds::Set& set : piece.holds.sets) {
+      const RigidPlace at = placeOfSet(body.pin_sets[set.number], part);
+      visit(set.weight, set.rest_mean, Vector3d(at.turned * set.local_mean + at.moved));
+    }
+  };
   Vector3d rest_mean = Vector3d::Zero(), mean = Vector3d::Zero();
   double weight = 0;
-  forEachPinned(body, piece, [&](const HeldPoint& held) {
-    rest_mean += held.weight * restOf(body, held);
-    mean += held.weight * held.target(body, part);
-    weight += held.weight;
+  forEach([&](double w, const Vector3d& rest, const Vector3d& at) {
+    rest_mean += w * rest;
+    mean += w * at;
+    weight += w;
   });
   if (weight == 0) return of_piece;
   rest_mean /= weight;
@@ -278,11 +358,15 @@ RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const
   Matrix3d moment = Matrix3d::Zero();
   const double size = kOpen * double(body.package().info().diagonal);
   double spread = size * size;
-  forEachPinned(body, piece, [&](const HeldPoint& held) {
-    const Vector3d arm = restOf(body, held) - rest_mean;
-    moment += held.weight * (held.target(body, part) - mean) * arm.transpose();
-    spread += held.weight * arm.squaredNorm();
+  forEach([&](double w, const Vector3d& rest, const Vector3d& at) {
+    const Vector3d arm = rest - rest_mean;
+    moment += w * (at - mean) * arm.transpose();
+    spread += w * arm.squaredNorm();
   });
+  for (const Holds::Set& set : piece.holds.sets) {
+    moment += placeOfSet(body.pin_sets[set.number], part).turned * set.moment;
+    spread += set.spread;
+  }
   const Matrix3d turned = geometry::nearestRotation(Matrix3d(moment + kOpen * spread * of_piece.turned));
   return {turned, mean - turned * rest_mean};
 }
@@ -302,40 +386,49 @@ void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z
               float stiffness, HoldWays& ways) {
   const Field& field = piece.field();
   findWays(piece, z, place, ways);
-  ways.of_points.clear();
-  forEachHeld(body, piece, [&](const HeldPoint& held) {
-    const Vector3d at_place = place.turned * restOf(body, held) + place.moved;
-    Vector3d target;
-    if (held.pick != nullptr) {
-      Vector3d way = Vector3d::Zero();
-      for (std::uint32_t j = 0; j < field.k; ++j) {
-        way += valueAt(field, held.at, j) * Eigen::Map<const Vector3d>(ways.of_functions.data() + 3 * j);
-      }
-      const double kappa = springOf(piece, *held.pick, stiffness).kappa;
-      const double firm = kappa / (1 + kappa * ownCompliance(field, held.at) / double(stiffness));
-      target = reachOf(body, *held.pick, at_place + place.turned * way, firm);
-    } else {
-      target = held.target(body, part);
+  const Matrix3d back = place.turned.transpose();
+  const auto add = [&ways](const auto& way) {
+    for (const double number : way.reshaped()) ways.of_holds.push_back(float(number));
+  };
+  ways.of_holds.clear();
+  for (const Holds::Set& set : piece.holds.sets) {
+    const RigidPlace at = placeOfSet(body.pin_sets[set.number], part);
+    add(Vector3d(set.rest_mean + back * (place.moved - at.turned * set.local_mean - at.moved)));
+    add(Matrix3d(set.turned - back * at.turned));
+  }
+  ways.of_holds.push_back(1);
+  for (const Pin& pin : body.pins) {
+    if (!isIn(field, pin.vertex)) continue;
+    const Vector3d at_place = place.turned * restOf(body, pin.vertex) + place.moved;
+    add(Vector3d(back * (at_place - targetOf(pin, part))));
+  }
+  for (const Pick& pick : body.picks) {
+    if (!isIn(field, pick.point.vertex[0])) continue;
+    Vector3d way = Vector3d::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      way += valueAt(field, pick.point, j) * Eigen::Map<const Vector3d>(ways.of_functions.data() + 3 * j);
     }
-    const Vector3d off = place.turned.transpose() * (at_place - target);
-    for (int c = 0; c < 3; ++c) ways.of_points.push_back(float(off[c]));
-  });
-  ways.of_points.resize(columnsOf(piece.holds.count));
+    const double kappa = springOf(piece, pick, stiffness).kappa;
+    const double firm = kappa / (1 + kappa * ownCompliance(field, pick.point) / double(stiffness));
+    const Vector3d at_place = place.turned * restOf(body, pick.point) + place.moved;
+    add(Vector3d(back * (at_place - reachOf(body, pick, at_place + place.turned * way, firm))));
+  }
+  ways.of_holds.resize(columnsOf(piece.holds.sets.size(), piece.holds.single));
 }
 
 double answerOf(const Holds& holds, const HoldWays& ways, std::size_t row) {
   using Four = Eigen::Array4f;
-  const std::size_t stride = ways.of_functions.size(), columns = ways.of_points.size();
-  const float *const of_functions = holds.by_function.data() + stride * row, *const of_points =
-                                                                                 holds.by_point.data() + columns * row;
+  const std::size_t stride = ways.of_functions.size(), columns = ways.of_holds.size();
+  const float *const of_functions = holds.by_function.data() + stride * row, *const of_holds =
+                                                                                 holds.by_hold.data() + columns * row;
   Eigen::Array4d sum = Eigen::Array4d::Zero();
   for (std::size_t i = 0; i < stride; i += 4) {
     sum += Four::Map(of_functions + i).cast<double>() * Eigen::Array4d::Map(ways.of_functions.data() + i);
   }
   Four even = Four::Zero(), odd = Four::Zero();
   for (std::size_t i = 0; i < columns; i += 8) {
-    even += Four::Map(of_points + i) * Four::Map(ways.of_points.data() + i);
-    odd += Four::Map(of_points + i + 4) * Four::Map(ways.of_points.data() + i + 4);
+    even += Four::Map(of_holds + i) * Four::Map(ways.of_holds.data() + i);
+    odd += Four::Map(of_holds + i + 4) * Four::Map(ways.of_holds.data() + i + 4);
   }
   sum += (even + odd).cast<double>();
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);

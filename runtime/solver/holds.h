@@ -32,14 +32,9 @@ struct HeldPoint {
   const Pin* pin = nullptr;            ///< or
   const Pick* pick = nullptr;          ///< or the set holds it
 
-  /// Where a pin or set wants it, m. \param part of the last step that has passed, 0..1.
-  Vector3d target(const Body& body, double part = 1) const {
-    if (pin == nullptr) {
-      const PinSet& of = body.pin_sets[set];
-      return part < 1 ? placeOf(between(of.before, of.at, part), local) : placeOf(of.at, local);
-    }
-    const Vector3d at_end = asVector(pin->at).cast<double>();
-    return part < 1 ? Vector3d((1 - part) * asVector(pin->before).cast<double>() + part * at_end) : at_end;
+  /// Where a pin or set wants it, m.
+  Vector3d target(const Body& body) const {
+    return pin == nullptr ? placeOf(body.pin_sets[set].at, local) : Vector3d(asVector(pin->at).cast<double>());
   }
 };
 

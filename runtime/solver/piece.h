@@ -51,23 +51,35 @@ struct PieceState {
 /// What holds a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
 /// of it belongs to moduli of factor 1.
 struct Holds {
-  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), by_function(memory), by_point(memory) {}
+  explicit Holds(std::pmr::memory_resource* memory) : sets(memory), by_function(memory), by_hold(memory) {}
 
-  std::size_t scratch = 0;    ///< numbers that making them takes
-  std::uint32_t count = 0;    ///< of held points; 0: none, or the field does not know
-  float stiffness = 0;        ///< factor on the moduli that picks among them are made with
-  Array<std::uint32_t> sets;  ///< pin sets that hold some of them, by their numbers, ascending
-  // What offsets b = Phi w + l (HoldWays) pull at: 3 k rows of the functions, 12 of each set, its sum and its moments,
-  // and r of the residual modes.
+  /// A pin set among them. Its points p are at X of the rest shape, which lies about as the set does when turned, and
+  /// is e off; sums and means are weighed.
+  struct Set {
+    std::uint32_t number = 0;  ///< of the body's
+    double weight = 0;
+    Vector3d local_mean = Vector3d::Zero(), rest_mean = Vector3d::Zero();
+    Matrix3d moment = Matrix3d::Zero();      ///< of p and X about their means
+    double spread = 0;                       ///< of X
+    Matrix3d turned = Matrix3d::Identity();  ///< e = X - X mean - turned (p - p mean)
+  };
+
+  std::size_t scratch = 0;   ///< numbers that making them takes
+  std::uint32_t count = 0;   ///< of held points; 0: none, or the field does not know
+  std::uint32_t single = 0;  ///< those of no set
+  float stiffness = 0;       ///< factor on the moduli that picks among them are made with
+  Array<Set> sets;           ///< by their numbers, ascending
+  // What offsets b = Phi w + l (HoldWays) pull at: 3 k rows of the functions, 12 of each set, its sum and its moments
+  // about the mean of p, and r of the residual modes.
   Array<float> by_function;  ///< of w: field.stride columns; the first 3 k rows are Phi^T S Phi, symmetric
-  Array<float> by_point;     ///< of l: three columns a held point, rounded up to eight
+  Array<float> by_hold;      ///< of l: 12 columns a set, one of all e, three a point of no set; rounded up to eight
 };
 
 /// By how much the functions are off where a piece is held, in the frame of its holds (solver/holds.h).
 struct HoldWays {
-  explicit HoldWays(std::pmr::memory_resource* memory) : of_functions(memory), of_points(memory) {}
+  explicit HoldWays(std::pmr::memory_resource* memory) : of_functions(memory), of_holds(memory) {}
   Array<double> of_functions;  ///< w, field.stride
-  Array<float> of_points;      ///< l, the columns of Holds::by_point
+  Array<float> of_holds;       ///< l, in the columns of Holds::by_hold
 };
 
 /// A piece: its fields, its state, and the factor of its springs that steps of one length share.

@@ -77,9 +77,16 @@ void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficie
 
 bool hasSprings(const Body& body, const Piece& piece) {
   if (piece.field().tethers != nullptr) return true;
-  bool held = false;
-  forEachHeld(body, piece, [&held](const HeldPoint&) { held = true; });
-  return held;
+  const Field& field = piece.field();
+  const auto holds = [&field](std::uint32_t vertex, float weight) { return weight > 0 && isIn(field, vertex); };
+  return std::any_of(body.pins.begin(), body.pins.end(), [&](const Pin& pin) { return holds(pin.vertex, 1); }) ||
+         std::any_of(body.picks.begin(), body.picks.end(),
+                     [&](const Pick& pick) { return holds(pick.point.vertex[0], 1); }) ||
+         std::any_of(body.pin_sets.begin(), body.pin_sets.end(), [&](const PinSet& set) {
+           return !isDriven(piece, set) &&
+                  std::any_of(set.vertices.begin(), set.vertices.end(),
+                              [&](const PinnedVertex& pinned) { return holds(pinned.vertex, pinned.weight); });
+         });
 }
 
 void prepareSprings(const Body& body, Piece& piece, const SpringStep& step, const ConstCoefficientMap& y,
@@ -150,13 +157,15 @@ void addReactions(Body& body, Piece& piece, const SpringStep& step, std::span<co
   if (piece.holds.count > 0) {
     findWays(piece, std::as_const(piece).z(), placeOfHolds(body, piece, step), piece.ways);
     for (std::size_t i = 0; i < piece.holds.sets.size(); ++i) {
-      PinSet& set = body.pin_sets[piece.holds.sets[i]];
+      const Holds::Set& held = piece.holds.sets[i];
+      PinSet& set = body.pin_sets[held.number];
+      const Matrix3d axes = asMatrix(set.at.rotation).cast<double>();
       const std::size_t first = 3 * (std::size_t(field.k) + 4 * i);
-      set.force_sum += pullOf(piece, step, first);
-      for (std::size_t c = 0; c < 3; ++c) {
-        Vector3d arm;  // the set's axis, which the forces' moments along it pull at
-        for (std::size_t a = 0; a < 3; ++a) arm[int(a)] = double(set.at.rotation[3 * a + c]);
-        set.torque_sum += arm.cross(pullOf(piece, step, first + 3 * (c + 1)));
+      const Vector3d force = pullOf(piece, step, first);
+      set.force_sum += force;
+      set.torque_sum += (axes * held.local_mean).cross(force);
+      for (std::size_t c = 0; c < 3; ++c) {  // the set's axes, which the forces' moments along them pull at
+        set.torque_sum += axes.col(int(c)).cross(pullOf(piece, step, first + 3 * (c + 1)));
       }
     }
   }

@@ -11,6 +11,7 @@
 #include "sinew/runtime/world.h"
 #include "tests/runtime/world_state.h"
 #include "tests/support/box_package.h"
+#include "tests/support/field_content.h"
 
 namespace sinew::test {
 namespace {
@@ -31,6 +32,7 @@ struct Beam {
   PinMethod method = PinMethod::constrained_fit;
   float gravity = 9.81F;
   std::uint32_t iterations = 4;
+  bool residuals = false;
 };
 
 ClusterMechanics elastic(float young, float poisson) {
@@ -53,6 +55,10 @@ struct HeldBeam {
     box.stretch_hz = box.bend_hz = box.twist_hz = beam.hz;
     formats::PackageContent content = boxContent(box);
     content.mechanics.assign(content.clusters.size(), beam.mechanics);
+    if (beam.residuals) {
+      addFields(content);
+      addResiduals(content);
+    }
     asset = makeAsset(content);
     body = *world.addBody(asset);
     const auto vertices = asset->package().physicalVertices();
@@ -364,6 +370,49 @@ TEST(Pins, DrawnBeyondTheLimitsTheBodyStaysCalm) {
     world.step(1.0F / 60);
   }
   EXPECT_LT(rmsSpeed(world, body), 0.05);
+}
+
+// The end of a bent beam, caught as it is and taken along: by one set, in a frame of its own, and vertex by vertex.
+TEST(PinSets, HoldAsPinsOfTheirVerticesDo) {
+  Beam beam;
+  beam.residuals = true;
+  HeldBeam by_set(beam), by_pins(beam);
+  run(by_set.world, 1);
+  run(by_pins.world, 1);
+  ASSERT_GT(by_set.sag(), 0.01);
+  const auto turned = [](double angle) {
+    return Eigen::AngleAxisd(angle, Vector3d(1, 2, 2).normalized()).toRotationMatrix();
+  };
+  const Matrix3d begin = turned(0.7);
+  const Vector3d origin(1, 2, -0.5);
+  const auto transformOf = [](const Matrix3d& rotation, const Vector3d& position) {
+    RigidTransform at;
+    for (int i = 0; i < 9; ++i) at.rotation[std::size_t(i)] = float(rotation(i / 3, i % 3));
+    for (int i = 0; i < 3; ++i) at.position[std::size_t(i)] = float(position[i]);
+    return at;
+  };
+  const PinSetId set = *by_set.world.addPinSet(by_set.body, by_set.end, transformOf(begin, origin));
+  const std::vector<Vec3> caught(by_set.world.positions(by_set.body).begin(),
+                                 by_set.world.positions(by_set.body).end());
+  double way = 0, off = 0;
+  for (int step = 1; step <= 90; ++step) {
+    const Matrix3d rotation = turned(0.7 + 0.3 * std::min(1.0, step / 60.0));
+    const Vector3d position = origin + Vector3d(0.05, 0.1, 0.02) * std::min(1.0, step / 60.0);
+    by_set.world.movePinSet(set, transformOf(rotation, position));
+    for (const std::uint32_t v : by_pins.end) {
+      const Vector3d at = position + rotation * begin.transpose() * (wide(caught[v]) - origin);
+      by_pins.world.pin(by_pins.body, v, {float(at[0]), float(at[1]), float(at[2])});
+    }
+    by_set.world.step(1 / 60.0F);
+    by_pins.world.step(1 / 60.0F);
+    const auto x = by_set.world.positions(by_set.body), y = by_pins.world.positions(by_pins.body);
+    for (std::size_t v = 0; v < x.size(); ++v) {
+      way = std::max(way, (wide(x[v]) - wide(caught[v])).norm());
+      off = std::max(off, (wide(x[v]) - wide(y[v])).norm());
+    }
+  }
+  EXPECT_GT(way, 0.3);
+  EXPECT_LT(off, 5e-4);
 }
 
 TEST(PinSets, ALetGoBodyIsFree) {
