@@ -37,7 +37,7 @@ class ReportSolver final : public BodySolver {
     for (geometry::Quaternion& q : rotations_) q = {turn.w(), turn.x(), turn.y(), turn.z()};
     holdsChanged();
   }
-  void refresh(double) override {}
+  void refresh(double, Asked) override {}
   void takeState() override {}
   void holdsChanged() override {
     std::fill(held_.begin(), held_.end(), 0U);

@@ -37,6 +37,9 @@ struct StepWorld {
   std::span<const Collider* const> colliders;  ///< ids ascending, the ground first
 };
 
+/// What of Body::x and v is asked for: all of it, or the places alone that visual vertices hang on.
+enum class Asked : std::uint8_t { all, drawn };
+
 /// Moves one body. Body::x and v are its physical vertices, which refresh() brings up to date; all else that its motion
 /// depends on is the solver's own. Only what says so may throw std::bad_alloc.
 class BodySolver {
@@ -53,10 +56,10 @@ class BodySolver {
   virtual void step(const StepWorld& world, double seconds, SolverScratch& scratch) = 0;
   /// Brings Body::x and v up to date. \param part of the last step that has passed, 0..1, for what is drawn between
   /// two states; a solver that keeps no earlier state shows the last one.
-  virtual void refresh(double part) = 0;
+  virtual void refresh(double part, Asked what) = 0;
   /// Takes Body::x and v, which were set from outside.
   virtual void takeState() = 0;
-  /// Pins, pin sets or picks have come or gone. \pre refresh(1)
+  /// Pins, pin sets or picks have come or gone. \pre refresh(1, Asked::all)
   virtual void holdsChanged() = 0;
   /// Where the body is becomes rotation x + translation, and its motion turns along.
   virtual void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) = 0;

@@ -104,6 +104,24 @@ bool isPlastic(const formats::PackageView& package, std::span<const formats::Fie
   return false;
 }
 
+/// By physical vertex: 1 where visual vertices, or what rides along, hang on it; empty: on clusters, so on all.
+Array<std::uint8_t> drawnVertices(const formats::PackageView& package) {
+  Array<std::uint8_t> drawn;
+  if (package.barycentric().empty()) return drawn;
+  drawn.resize(package.physicalVertices().size());
+  for (const formats::BarycentricAttachment& at : package.barycentric()) {
+    for (const std::uint32_t v : package.tetrahedra()[at.tetrahedron].vertex) drawn[v] = 1;
+  }
+  for (const formats::AttachedPart& part : package.parts()) {
+    if (part.cluster == formats::kNone) continue;
+    const formats::Cluster& cluster = package.clusters()[part.cluster];
+    for (const auto& member : package.memberships().subspan(cluster.first_member, cluster.member_count)) {
+      if (member.share > 0) drawn[member.vertex] = 1;
+    }
+  }
+  return drawn;
+}
+
 }  // namespace
 
 Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,
@@ -120,6 +138,7 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
   double* next_mass = driven_masses.data();
   limits.resize(package.fieldPacks().size());
   bool limited = false;
+  const Array<std::uint8_t> drawn = drawnVertices(package);
   Array<Field> fields(package.fields().size());
   for (std::size_t i = 0; i < fields.size(); ++i) {
     const formats::Field& record = package.fields()[i];
@@ -131,7 +150,10 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
     field.driven = record.driven_count;
     field.lowest_hz = double(record.lowest_hz);
     field.first_vertex = piece.first_vertex;
-    field.vertex_count = piece.vertex_count;
+    field.vertex_count = field.drawn_count = piece.vertex_count;
+    while (!drawn.empty() && field.drawn_count > 0 && drawn[piece.first_vertex + field.drawn_count - 1] == 0) {
+      --field.drawn_count;
+    }
     field.functions = package.fieldFunctions().subspan(record.first_function, record.function_count);
     field.points = package.fieldPoints().subspan(record.first_point, record.point_count);
     const auto packs = package.fieldPacks().subspan(record.first_pack, record.pack_count);

@@ -22,6 +22,7 @@ struct Field {
   bool held = false;                ///< pin sets drive the first functions
   std::uint32_t k = 0, driven = 0;  ///< functions; the first `driven` are prescribed
   std::uint32_t first_vertex = 0, vertex_count = 0;
+  std::uint32_t drawn_count = 0;  ///< of them the first, among which are all that visual vertices hang on
   std::span<const formats::FieldFunction> functions;
   std::span<const formats::FieldPoint> points;
   const SamplePack* packs = nullptr;

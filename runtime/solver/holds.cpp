@@ -323,13 +323,14 @@ double ownCompliance(const Field& field, const PickedPoint& point) {
   return sum / 3;
 }
 
-void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways, Vec3* x) {
-  const std::uint32_t blocks = (field.vertex_count + 7) / 8;
+void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways,
+             std::span<Vec3> x) {
+  const std::uint32_t blocks = std::uint32_t((x.size() + 7) / 8);
   ways.resize(24 * std::size_t(blocks));
   kernels().residual_values({field.residual_modes, blocks, field.residual, amplitudes.data(), ways.data()});
   const Matrix3 frame = field.residual_scale * turned.cast<float>();
-  for (std::uint32_t v = 0; v < field.vertex_count; ++v) {
-    const float* const way = ways.data() + std::size_t{24} * (v / 8) + v % 8;
+  for (std::size_t v = 0; v < x.size(); ++v) {
+    const float* const way = ways.data() + 24 * (v / 8) + v % 8;
     x[v] = asArray(Vector3(asVector(x[v]) + frame * Vector3(way[0], way[8], way[16])));
   }
 }

@@ -122,8 +122,9 @@ void findAmplitudes(const Piece& piece, const HoldWays& ways, Array<float>& ampl
 /// Mean compliance in the three directions of a point in the residual modes, m/N; 0 where they are not known.
 double ownCompliance(const Field& field, const PickedPoint& point);
 
-/// Moves the piece's vertices by the residual modes. \param turned the frame of the amplitudes. \param ways scratch, 24
-/// for every eight vertices. \param x of its vertices
-void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways, Vec3* x);
+/// Moves the piece's first vertices by the residual modes. \param turned the frame of the amplitudes. \param ways
+/// scratch, 24 for every eight vertices. \param x of these
+void giveWay(const Field& field, const Array<float>& amplitudes, const Matrix3d& turned, Array<float>& ways,
+             std::span<Vec3> x);
 
 }  // namespace sinew::internal

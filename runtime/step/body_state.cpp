@@ -55,8 +55,9 @@ void standStill(PieceState& state) {
   state.h_before = 0;
 }
 
-/// Adds what the functions lack where the piece is held and picked. \pre body.shape are the coefficients drawn
-void drawGive(Body& body, const Piece& piece, double part, const Vector3d& center) {
+/// Adds what the functions lack where the piece is held and picked, to its first vertices. \pre body.shape are the
+/// coefficients drawn
+void drawGive(Body& body, const Piece& piece, double part, const Vector3d& center, std::uint32_t count) {
   const Field& field = piece.field();
   const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
   const Matrix3d of_piece = rotationOf(field, z, center);
@@ -64,7 +65,7 @@ void drawGive(Body& body, const Piece& piece, double part, const Vector3d& cente
   findWays(body, piece, z, place, part, piece.holds.stiffness, body.ways);
   body.amplitudes.resize(field.residual_modes);
   findAmplitudes(piece, body.ways, body.amplitudes);
-  giveWay(field, body.amplitudes, place.turned, body.field_values, body.x.data() + field.first_vertex);
+  giveWay(field, body.amplitudes, place.turned, body.field_values, {body.x.data() + field.first_vertex, count});
 }
 
 }  // namespace
@@ -104,14 +105,16 @@ void updateFibres(Body& body, bool changed) {
   }
 }
 
-void refresh(Body& body, double part) {
-  if (!body.outdated && body.shown == part) return;
+void refresh(Body& body, double part, Asked what) {
+  const bool all = what == Asked::all;
+  if (!body.outdated && body.shown == part && (body.whole || !all)) return;
   body.outdated = false;
   body.shown = part;
+  body.whole = all;
   const double left = 1 - part;
   for (const Piece& piece : body.pieces) {
     const Field& field = piece.field();
-    const std::uint32_t blocks = (field.vertex_count + 7) / 8;
+    const std::uint32_t count = all ? field.vertex_count : field.drawn_count, blocks = (count + 7) / 8;
     Array<float>&coefficients = body.coefficients, &out = body.field_values;
     coefficients.resize(4 * std::size_t(field.k));
     out.resize(24 * std::size_t(blocks));
@@ -122,6 +125,7 @@ void refresh(Body& body, double part) {
     const Matrix3d onward = turnBy(part * state.turn), back = turnBy(-left * state.turn);
     body.shape.resize(field.k);
     for (const bool moving : {false, true}) {
+      if (moving && !all) break;
       for (std::uint32_t j = 0; j < field.k; ++j) {
         const double one = oneOf(field, j);
         const Vector3d row = moving ? Vector3d(left * state.v_before[j] + part * state.v[j])
@@ -132,14 +136,14 @@ void refresh(Body& body, double part) {
       }
       kernels().field_values({field.k, blocks, field.values, coefficients.data(), out.data()});
       Array<Vec3>& to = moving ? body.v : body.x;
-      for (std::uint32_t i = 0; i < field.vertex_count; ++i) {
+      for (std::uint32_t i = 0; i < count; ++i) {
         for (std::size_t c = 0; c < 3; ++c) {
           const float value = out[24 * (i / 8) + 8 * c + i % 8];
           to[field.first_vertex + i][c] = moving ? value : float(double(value) + center[int(c)]);
         }
       }
     }
-    if (piece.holds.count > 0 && piece.springs_firm >= 0) drawGive(body, piece, part, center);
+    if (piece.holds.count > 0 && piece.springs_firm >= 0) drawGive(body, piece, part, center, count);
   }
   // What rides along rigidly keeps its shape.
   for (const formats::AttachedPart& rider : body.package().parts()) {

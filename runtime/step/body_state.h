@@ -13,7 +13,7 @@ void restPiece(const Body& body, Piece& piece);
 
 /// Positions and velocities of a body's physical vertices from its pieces' coefficients, where they are outdated.
 /// \param part of the last step that they are to show: between its two states, in the frame that turns with the piece.
-void refresh(Body& body, double part);
+void refresh(Body& body, double part, Asked what);
 
 /// Coefficients that come nearest to the positions and velocities in Body::x and v.
 void project(Body& body);

@@ -77,10 +77,10 @@ class CoupledSolver final : public BodySolver {
   void step(const StepWorld& world, double seconds, SolverScratch& scratch) override {
     stepPieces(body_, world, seconds, scratch.pieces);
   }
-  void refresh(double part) override { internal::refresh(body_, part); }
+  void refresh(double part, Asked what) override { internal::refresh(body_, part, what); }
   void takeState() override {
     project(body_);
-    internal::refresh(body_, 1);
+    internal::refresh(body_, 1, Asked::all);
   }
   void holdsChanged() override {
     if (chooseFields(body_)) project(body_);

@@ -71,7 +71,7 @@ void World::unpinAll(BodyId id) {
   if (body == nullptr) return;
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 0;
   body->pins.clear();
-  body->solver->refresh(1);
+  body->solver->refresh(1, internal::Asked::all);
   internal::removePinSets(*body);
   impl_->holdsChanged(*body);
 }
@@ -125,7 +125,7 @@ void World::movePinSet(PinSetId id, const RigidTransform& to) {
 void World::removePinSet(PinSetId id) {
   const auto [body, index] = impl_->findPinSet(id, "removePinSet");
   if (body == nullptr) return;
-  body->solver->refresh(1);
+  body->solver->refresh(1, internal::Asked::all);
   internal::removePinSet(*body, index);
   impl_->holdsChanged(*body);
 }

@@ -203,7 +203,7 @@ PickId World::pickAlong(Vec3 origin, Vec3 direction, float distance, float radiu
   double least = double(radius);
   for (const internal::BodyPointer& body : impl_->bodies) {
     if (body->picks.empty()) continue;
-    body->solver->refresh(1);
+    body->solver->refresh(1, internal::Asked::all);
     for (const internal::Pick& pick : body->picks) {
       for (const Vector3d& place : {wide(pick.target), whereIs(*body, pick.point)}) {
         const Vector3d arm = place - wide(origin);
@@ -260,7 +260,7 @@ void World::releasePicks() {
 PickState World::pickState(PickId id) const {
   const auto [body, index] = impl_->findPick(id, "pickState");
   if (body == nullptr) return {};
-  body->solver->refresh(1);
+  body->solver->refresh(1, internal::Asked::all);
   const internal::Pick& pick = body->picks[index];
   return {{body->id}, pick.at, asFloats(whereIs(*body, pick.point)), pick.target, pick.locked != 0};
 }

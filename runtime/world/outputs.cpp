@@ -65,7 +65,7 @@ double pressedInto(const Body& body, std::uint32_t collider) {
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
   const Impl::Presence presence(*impl_, "visualVertices", Impl::Presence::As::output);
-  const Body* body = presence ? impl_->seen(id, "visualVertices", impl_->shown) : nullptr;
+  const Body* body = presence ? impl_->seen(id, "visualVertices", impl_->shown, internal::Asked::drawn) : nullptr;
   if (body == nullptr) return;
   const VertexRun all = allOf(*body);
   impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
@@ -91,7 +91,7 @@ void World::visualVertices(std::span<const BodyOutput> outputs) const {
       for (std::uint32_t i = begin; i < end; ++i) {
         const Listed::Item& item = listed.items()[i];
         try {
-          item.body->solver->refresh(impl_->shown);
+          item.body->solver->refresh(impl_->shown, internal::Asked::drawn);
           const VertexRun all = allOf(*item.body);
           impl_->draw(*item.body, {&all, 1}, *item.output, outer == nullptr ? impl_->jobs : nullptr);
         } catch (...) {
@@ -111,7 +111,7 @@ void World::visualVertices(std::span<const BodyOutput> outputs) const {
 
 void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
   const Impl::Presence presence(*impl_, "visualSubMesh", Impl::Presence::As::output);
-  const Body* body = presence ? impl_->seen(id, "visualSubMesh", impl_->shown) : nullptr;
+  const Body* body = presence ? impl_->seen(id, "visualSubMesh", impl_->shown, internal::Asked::drawn) : nullptr;
   if (body == nullptr) return;
   if (sub_mesh >= body->package().subMeshes().size()) {
     impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
@@ -193,7 +193,7 @@ Bounds World::physicalBounds(BodyId id) const {
 
 Bounds World::visualBounds(BodyId id) const {
   const Impl::Presence presence(*impl_, "visualBounds", Impl::Presence::As::output);
-  const Body* body = presence ? impl_->seen(id, "visualBounds", impl_->shown) : nullptr;
+  const Body* body = presence ? impl_->seen(id, "visualBounds", impl_->shown, internal::Asked::drawn) : nullptr;
   Bounds bounds;
   if (body == nullptr) return bounds;
   if (body->package().visualPositions().empty()) return physicalBounds(id);

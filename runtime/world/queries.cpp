@@ -146,7 +146,7 @@ struct Probe {
 }  // namespace
 
 void World::Impl::drawInto(const Body& body, internal::Array<Vec3>& drawn) const {
-  body.solver->refresh(shown);
+  body.solver->refresh(shown, internal::Asked::drawn);
   drawn.resize(body.package().visualPositions().size());
   if (drawn.empty()) return;
   const VertexRun all = {0, std::uint32_t(drawn.size())};

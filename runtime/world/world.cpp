@@ -77,15 +77,15 @@ World::Impl::Presence::~Presence() {
   if (entered_) impl_.present.fetch_add(as_ == As::step ? 1 : -1, std::memory_order_acq_rel);
 }
 
-Body* World::Impl::seen(BodyId id, const char* call, double part) const {
+Body* World::Impl::seen(BodyId id, const char* call, double part, internal::Asked what) const {
   Body* body = find(id, call);
-  if (body != nullptr) body->solver->refresh(part);
+  if (body != nullptr) body->solver->refresh(part, what);
   return body;
 }
 
 void World::Impl::holdsChanged(Body& body) {
   internal::wake(bodies, body);
-  body.solver->refresh(1);
+  body.solver->refresh(1, internal::Asked::all);
   body.solver->holdsChanged();
 }
 
@@ -338,7 +338,7 @@ WorldSettings World::Impl::soundSettings(const char* call) {
 void World::Impl::keepDrawn() {
   visual.invalidate();
   for (const internal::BodyPointer& body : bodies) {
-    if (body->settings.keep_previous) body->solver->refresh(shown);
+    if (body->settings.keep_previous) body->solver->refresh(shown, internal::Asked::all);
     keepHistory(*body);
   }
 }

@@ -42,7 +42,7 @@ struct SINEW_HIDDEN World::Impl {
   internal::Body* find(BodyId id, const char* call) const;
 
   /// The same, with its positions and velocities up to date, or as they were at a part of the last step.
-  internal::Body* seen(BodyId id, const char* call, double part = 1) const;
+  internal::Body* seen(BodyId id, const char* call, double part = 1, internal::Asked what = internal::Asked::all) const;
   /// What holds or pulls a body has changed.
   void holdsChanged(internal::Body& body);
 

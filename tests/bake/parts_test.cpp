@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <sstream>
 
 #include "sinew/runtime/world.h"
@@ -263,6 +264,28 @@ TEST_F(Parts, TheHostDoesNotFeelARigidPart) {
     for (std::size_t k = 0; k < 3; ++k) largest = std::max(largest, std::abs(double(x[v][k]) - double(y[v][k])));
   }
   EXPECT_LT(largest, 1e-5);
+}
+
+TEST_F(Parts, WhatIsDrawnIsNumberedFirstAndAloneMadeForIt) {
+  const BakeResult plain = baked(recipe(R"("masks": {})")), with = baked(recipe(kBoth));
+  const auto asset = *Asset::fromMemory(plain.package);
+  const formats::PackageView& package = asset->package();
+  std::set<std::uint32_t> drawn;
+  for (const auto& at : package.barycentric()) {
+    for (const std::uint32_t v : package.tetrahedra()[at.tetrahedron].vertex) drawn.insert(v);
+  }
+  EXPECT_EQ(*drawn.rbegin() + 1, drawn.size());
+  EXPECT_LT(drawn.size(), package.physicalVertices().size());
+  for (const BakeResult* const result : {&plain, &with}) {
+    Stretched a(*result), b(*result);
+    a.world.step(1.0F / 60);
+    b.world.step(1.0F / 60);
+    const auto x = b.world.positions(b.body), v = b.world.velocities(b.body);
+    const std::vector<Vec3> places(x.begin(), x.end()), speeds(v.begin(), v.end());
+    EXPECT_EQ(visual(a.world, a.body), visual(b.world, b.body));
+    EXPECT_TRUE(std::equal(places.begin(), places.end(), a.world.positions(a.body).begin()));
+    EXPECT_TRUE(std::equal(speeds.begin(), speeds.end(), a.world.velocities(a.body).begin()));
+  }
 }
 
 TEST_F(Parts, AFreeBodyKeepsItsMomentumWithAPart) {

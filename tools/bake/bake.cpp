@@ -6,6 +6,7 @@
 #include <cstring>
 #include <memory>
 #include <new>
+#include <numeric>
 #include <span>
 #include <string>
 
@@ -89,12 +90,37 @@ Solid fillSource(const Recipe& recipe, ImportedSource source, StageCache& cache,
   return solid;
 }
 
+// Numbers the vertices of each piece anew: first those that its surface hangs on, which alone are needed to draw it.
+void drawnFirst(const VisualMesh& host, const std::vector<TetrahedronPlace>& places, PhysicalMesh& physical) {
+  std::vector<char> drawn(physical.positions.size(), 0);
+  for (const Triangle& t : host.triangles) {
+    for (const std::uint32_t visual : t) {
+      for (const std::uint32_t v : physical.tetrahedra[places[visual].tetrahedron]) drawn[v] = 1;
+    }
+  }
+  std::vector<std::uint32_t> order(physical.positions.size()), number(order.size());
+  std::iota(order.begin(), order.end(), 0U);
+  for (const PhysicalPiece& piece : physical.pieces) {
+    const auto first = order.begin() + piece.first_vertex;
+    std::stable_partition(first, first + piece.vertex_count, [&](std::uint32_t v) { return drawn[v] != 0; });
+  }
+  const std::vector<Vector3d> before = physical.positions;
+  for (std::uint32_t i = 0; i < order.size(); ++i) {
+    number[order[i]] = i;
+    physical.positions[i] = before[order[i]];
+  }
+  for (auto& corners : physical.tetrahedra) {
+    for (std::uint32_t& v : corners) v = number[v];
+  }
+}
+
 Placed placeSource(const Solid& solid, StageCache& cache) {
   const std::vector<RidingPart>& parts = solid.source.parts;
   Placed placed{solid.physical, {}, {}};
   placed.places =
       cache.get("places", solid.key, [&] { return placeVisualVertices(solid.host, solid.topology, solid.physical); });
   followHost(parts, solid.host, solid.physical, placed.places);
+  drawnFirst(solid.host, placed.places, placed.physical);
   placed.riders = joinRigidParts(parts, solid.host, placed.physical, placed.places);
   return placed;
 }
