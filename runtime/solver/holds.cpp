@@ -18,12 +18,10 @@ constexpr double kOpen = 1e-3;
 using Column = Eigen::Map<Eigen::VectorXd>;
 
 /// Of Holds::by_hold.
-std::size_t columnsOf(std::size_t sets, std::size_t single) { return (12 * sets + 1 + 3 * single + 7) / 8 * 8; }
+std::size_t columnsOf(std::size_t sets, std::size_t single) { return (12 * sets + 3 * single + 1 + 7) / 8 * 8; }
 
-/// Numbers that makeHolds() needs beside its result. \param m scalar functions of held vertices
-std::size_t scratchOf(std::size_t r, std::size_t held, std::size_t m) {
-  return r * (r + 3 * held + 3 * m + 1) + held * (m + 4);
-}
+/// Numbers that makeHolds() needs beside its result. \param m scalar functions of held points
+std::size_t scratchOf(std::size_t r, std::size_t m) { return r * (r + 3 * m + 1 + 3) + m * (m + 3 + 1); }
 
 /// The lower triangle becomes its Cholesky factor; columns are r apart. Eigen's own takes memory of its own at this
 /// size. \pre its eigenvalues are at least 1
@@ -153,13 +151,14 @@ bool isDriven(const Piece& piece, const PinSet& set) {
 void reserveHolds(Body& body, Piece& piece) {
   const Field& field = *piece.free;
   if (field.residual_modes == 0) return;
-  std::size_t single = 0, held = 0;
+  std::size_t single = 0;
+  bool held = false;
   for (const Pin& pin : body.pins) single += isIn(field, pin.vertex) ? 1U : 0U;
   for (const PinSet& set : body.pin_sets) {
-    for (const PinnedVertex& vertex : set.vertices) held += isIn(field, vertex.vertex) ? 1U : 0U;
+    for (const PinnedVertex& vertex : set.vertices) held = held || isIn(field, vertex.vertex);
   }
   for (const Pick& pick : body.picks) single += isIn(field, pick.point.vertex[0]) ? 1U : 0U;
-  if (single + held == 0) return;
+  if (single == 0 && !held) return;
   single = std::bit_ceil(single);  // pins come one by one
   const std::size_t sets = body.pin_sets.size(), rows = 3 * std::size_t(field.k) + 12 * sets + field.residual_modes;
   piece.holds.sets.reserve(sets);
@@ -169,16 +168,17 @@ void reserveHolds(Body& body, Piece& piece) {
     ways->of_functions.reserve(field.stride);
     ways->of_holds.reserve(columnsOf(sets, single));
   }
-  piece.holds.scratch = scratchOf(field.residual_modes, held + single, field.k + 4 * sets);
+  piece.holds.scratch = scratchOf(field.residual_modes, field.k + 4 * sets + single);
 }
 
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
   if (scratch.holds.size() < piece.holds.scratch) scratch.holds.resize(piece.holds.scratch);
 }
 
-// With p the rows of P and d those of D at the held vertices, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
+// With p the rows of P and d those of D at the held points, A = 1 + sum p p^T / d = L L^T and Y = L^-1 (p / d):
 // S = 1 / D - Y^T Y (Woodbury). Rows of functions psi are Psi^T S = psi / d - (Y psi)^T Y, those of the modes
-// P^T S = L^-T Y. Offsets of a set's points are sums of its functions 1, p and e, p about its mean.
+// P^T S = L^-T Y. All offsets are sums of functions: of the field's, of 1 and p about its mean for each set, of one for
+// each point of no set, and of e.
 void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch& scratch) {
   const Field& field = piece.field();
   Holds& holds = piece.holds;
@@ -199,109 +199,88 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     }
   });
   if (holds.count == 0) return;
-  const std::uint32_t count = holds.count, sets = std::uint32_t(holds.sets.size()), m = k + 4 * sets;
-  double *const a = scratch.holds.data(), *const y = a + std::size_t(r) * r, *const z = y + std::size_t(r) * 3 * count,
-                *const rest = z + std::size_t(r) * 3 * m, *const firm = rest + r, *const off = firm + count,
-                *const psi = off + 3 * std::size_t(count);
-  std::fill(a, psi + std::size_t(m) * count, 0.0);
+  const auto sets = std::uint32_t(holds.sets.size());
+  const std::uint32_t answered = k + 4 * sets, m = answered + holds.single;
+  double *const a = scratch.holds.data(), *const z = a + std::size_t(r) * r,
+                *const gram = z + std::size_t(r) * (3 * m + 1), *const off = gram + std::size_t(m) * m,
+                *const psi = off + std::size_t{3} * m, *const modes = psi + m;
+  std::fill(a, modes + std::size_t{3} * r, 0.0);
   const auto columnOf = [r](double* of, std::size_t i) { return Column(of + r * i, r); };
-  const auto psiOf = [psi, m](std::uint32_t h, std::uint32_t i) { return psi[std::size_t(m) * h + i]; };
-  // Psi, e, 1 / d, p / d in the place of Y, and A.
+  const auto p = [&](std::uint32_t c) { return columnOf(modes, c); };
+  // A, and sums over points of p psi / d in the place of Y psi, of psi psi / d and of psi e / d.
   for (std::uint32_t i = 0; i < r; ++i) a[(std::size_t(r) + 1) * i] = 1;
-  std::uint32_t h = 0, at_set = 0, pins = 0;
+  std::uint32_t at_set = 0, single = 0;
   forEachHeld(body, piece, [&](const HeldPoint& held) {
-    double* const own = psi + std::size_t(m) * h;
-    for (std::uint32_t j = 0; j < k; ++j) own[j] = valueAt(field, held.at, j);
+    std::fill(psi, modes + std::size_t{3} * r, 0.0);
+    for (std::uint32_t j = 0; j < k; ++j) psi[j] = valueAt(field, held.at, j);
+    std::uint32_t first = answered + single, last = first + 1;  // of its own functions
+    Vector3d e = Vector3d::Zero();
     if (held.set != formats::kNone) {
       while (holds.sets[at_set].number != held.set) ++at_set;
       const Holds::Set& set = holds.sets[at_set];
-      const Vector3d local = asVector(held.local).cast<double>();
-      double* const of_set = own + k + std::size_t{4} * at_set;
-      of_set[0] = 1;
-      Eigen::Map<Vector3d>(of_set + 1) = local - set.local_mean;
-      Eigen::Map<Vector3d>(off + std::size_t{3} * h) =
-          restOf(body, held.at) - set.rest_mean - set.turned * (local - set.local_mean);
+      const Vector3d local = asVector(held.local).cast<double>() - set.local_mean;
+      e = restOf(body, held.at) - set.rest_mean - set.turned * local;
+      first = k + 4 * at_set;
+      last = first + 4;
+      Eigen::Map<Vector3d>(psi + first + 1) = local;
+    } else {
+      ++single;
     }
-    pins += held.pin != nullptr ? 1U : 0U;
+    psi[first] = 1;
     // A pick is a spring in series with what its point lacks, the finger as wide as a mode.
-    firm[h] = held.pick != nullptr
-                  ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
-                  : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
+    const double firm = held.pick != nullptr
+                            ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
+                            : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
     forEachVertex(field, held.at, [&](double weight, const auto& value) {
       for (std::uint32_t c = 0; c < 3; ++c) {
-        Column p = columnOf(y, 3 * std::size_t(h) + c);
-        for (std::uint32_t i = 0; i < r; ++i) p[i] += weight * value(c, i);
+        for (std::uint32_t i = 0; i < r; ++i) modes[std::size_t(r) * c + i] += weight * value(c, i);
       }
     });
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      Column p = columnOf(y, 3 * std::size_t(h) + c);
-      for (std::uint32_t i = 0; i < r; ++i) columnOf(a, i).tail(r - i) += firm[h] * p[i] * p.tail(r - i);
-      p *= firm[h];
+    for (std::uint32_t i = 0; i < r; ++i) {
+      const std::uint32_t left = r - i;
+      columnOf(a, i).tail(left) +=
+          firm * (p(0)[i] * p(0).tail(left) + p(1)[i] * p(1).tail(left) + p(2)[i] * p(2).tail(left));
     }
-    ++h;
+    const auto add = [&](std::uint32_t i) {
+      const double pull = firm * psi[i];
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        columnOf(z, 3 * std::size_t(i) + c) += pull * p(c);
+        off[3 * i + c] += pull * e[int(c)];
+      }
+      Column(gram + std::size_t(m) * i, i + 1) += pull * Column(psi, i + 1);
+    };
+    for (std::uint32_t i = 0; i < k; ++i) add(i);
+    for (std::uint32_t i = first; i < last; ++i) add(i);
+    for (std::uint32_t c = 0; c < 3; ++c) columnOf(z, 3 * std::size_t(m)) += firm * e[int(c)] * p(c);
   });
   factorize(a, r);
-  for (std::uint32_t j = 0; j < 3 * count; ++j) {
-    solveLower(a, r, y + std::size_t(r) * j);
-    Column(rest, r) += off[j] * columnOf(y, j);
-  }
-  for (h = 0; h < count; ++h) {
-    for (std::uint32_t i = 0; i < m; ++i) {
-      if (psiOf(h, i) == 0) continue;
-      for (std::uint32_t c = 0; c < 3; ++c) columnOf(z, 3 * i + c) += psiOf(h, i) * columnOf(y, 3 * h + c);
-    }
-  }
-  const std::size_t columns = columnsOf(sets, holds.single), rows = 3 * std::size_t(m) + r;
+  for (std::uint32_t j = 0; j <= 3 * m; ++j) solveLower(a, r, z + std::size_t(r) * j);
+  const std::size_t columns = columnsOf(sets, holds.single), rows = 3 * std::size_t(answered) + r;
   holds.by_hold.resize(rows * columns);
   std::fill(holds.by_hold.begin(), holds.by_hold.end(), 0.0F);
   holds.by_function.resize(rows * field.stride);
   std::fill(holds.by_function.begin(), holds.by_function.end(), 0.0F);
-  // Of function j: a field's, else a set's.
+  // The field's functions, then the others, then e.
   const auto entry = [&](std::uint32_t i, std::uint32_t j) -> float& {
     return j < 3 * k ? holds.by_function[std::size_t(field.stride) * i + j] : holds.by_hold[columns * i + (j - 3 * k)];
   };
-  const auto ofRest = [&](std::uint32_t i) -> float& { return holds.by_hold[columns * i + 12 * sets]; };
-  const auto ofSingle = [&](std::uint32_t i, std::uint32_t s, std::uint32_t c) -> float& {
-    return holds.by_hold[columns * i + 12 * sets + 1 + 3 * s + c];
-  };
-  const auto heldOf = [&](std::uint32_t s) { return s < pins ? s : count - holds.single + s; };
   for (std::uint32_t i = 0; i < m; ++i) {
-    for (std::uint32_t j = 0; j <= i; ++j) {
-      double direct = 0;
-      for (h = 0; h < count; ++h) direct += firm[h] * psiOf(h, i) * psiOf(h, j);
+    for (std::uint32_t j = 0; j < std::min(i + 1, answered); ++j) {
       for (std::uint32_t c = 0; c < 9; ++c) {
         const std::uint32_t row = 3 * i + c / 3, column = 3 * j + c % 3;
-        const double less = columnOf(z, row).dot(columnOf(z, column));
-        entry(row, column) = entry(column, row) = float((c / 3 == c % 3 ? direct : 0) - less);
-      }
-    }
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      const std::uint32_t row = 3 * i + c;
-      double direct = 0;
-      for (h = 0; h < count; ++h) direct += firm[h] * psiOf(h, i) * off[3 * h + c];
-      ofRest(row) = float(direct - columnOf(z, row).dot(Column(rest, r)));
-      for (std::uint32_t s = 0; s < holds.single; ++s) {
-        h = heldOf(s);
-        for (std::uint32_t axis = 0; axis < 3; ++axis) {
-          const double along = axis == c ? firm[h] * psiOf(h, i) : 0;
-          ofSingle(row, s, axis) = float(along - columnOf(z, row).dot(columnOf(y, 3 * h + axis)));
-        }
+        const double direct = c / 3 == c % 3 ? gram[std::size_t(m) * i + j] : 0;
+        const auto answer = float(direct - columnOf(z, row).dot(columnOf(z, column)));
+        entry(column, row) = answer;
+        if (i < answered) entry(row, column) = answer;
       }
     }
   }
-  const auto takeModes = [&](double* from, const auto& to) {
-    solveUpper(a, r, from);
-    for (std::uint32_t i = 0; i < r; ++i) to(3 * m + i) = float(from[i]);
-  };
-  for (std::uint32_t j = 0; j < 3 * m; ++j) {
-    takeModes(z + std::size_t(r) * j, [&](std::uint32_t row) -> float& { return entry(row, j); });
+  for (std::uint32_t i = 0; i < 3 * answered; ++i) {
+    entry(i, 3 * m) = float(off[i] - columnOf(z, i).dot(columnOf(z, 3 * std::size_t(m))));
   }
-  takeModes(rest, ofRest);
-  for (std::uint32_t s = 0; s < holds.single; ++s) {
-    for (std::uint32_t c = 0; c < 3; ++c) {
-      takeModes(y + std::size_t(r) * (3 * heldOf(s) + c),
-                [&](std::uint32_t row) -> float& { return ofSingle(row, s, c); });
-    }
+  for (std::uint32_t j = 0; j <= 3 * m; ++j) {
+    solveUpper(a, r, z + std::size_t(r) * j);
+    for (std::uint32_t i = 0; i < r; ++i) entry(3 * answered + i, j) = float(z[std::size_t(r) * j + i]);
   }
 }
 
@@ -397,7 +376,6 @@ void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z
     add(Vector3d(set.rest_mean + back * (place.moved - at.turned * set.local_mean - at.moved)));
     add(Matrix3d(set.turned - back * at.turned));
   }
-  ways.of_holds.push_back(1);
   for (const Pin& pin : body.pins) {
     if (!isIn(field, pin.vertex)) continue;
     const Vector3d at_place = place.turned * restOf(body, pin.vertex) + place.moved;
@@ -414,6 +392,7 @@ void findWays(const Body& body, const Piece& piece, const ConstCoefficientMap& z
     const Vector3d at_place = place.turned * restOf(body, pick.point) + place.moved;
     add(Vector3d(back * (at_place - reachOf(body, pick, at_place + place.turned * way, firm))));
   }
+  ways.of_holds.push_back(1);
   ways.of_holds.resize(columnsOf(piece.holds.sets.size(), piece.holds.single));
 }
 

@@ -72,7 +72,7 @@ struct Holds {
   // What offsets b = Phi w + l (HoldWays) pull at: 3 k rows of the functions, 12 of each set, its sum and its moments
   // about the mean of p, and r of the residual modes.
   Array<float> by_function;  ///< of w: field.stride columns; the first 3 k rows are Phi^T S Phi, symmetric
-  Array<float> by_hold;      ///< of l: 12 columns a set, one of all e, three a point of no set; rounded up to eight
+  Array<float> by_hold;      ///< of l: 12 columns a set, three a point of no set, one of all e; rounded up to eight
 };
 
 /// By how much the functions are off where a piece is held, in the frame of its holds (solver/holds.h).
