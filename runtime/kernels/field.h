@@ -344,6 +344,45 @@ static void fieldValues(const FieldValuesArguments& a) {
   }
 }
 
+/// Eight rows of some columns.
+template <std::uint32_t kColumns>
+SINEW_INLINE void addProductBlock(const ProductArguments& a, std::uint32_t row, std::uint32_t column) {
+  Double4 sum[2 * kColumns];
+  double* const to = a.to + row;
+  SINEW_UNROLL
+  for (std::uint32_t c = 0; c < kColumns; ++c) {
+    const double* const from = to + a.to_stride * (column + c);
+    sum[2 * c] = loadDouble4(from);
+    sum[2 * c + 1] = loadDouble4(from + 4);
+  }
+  for (std::uint32_t d = 0; d < a.depth; ++d) {
+    const double* const left = a.left + a.stride * d + row;
+    const Double4 low = loadDouble4(left), high = loadDouble4(left + 4);
+    SINEW_UNROLL
+    for (std::uint32_t c = 0; c < kColumns; ++c) {
+      const double factor = a.right[std::size_t(a.depth) * (column + c) + d];
+      addTimes(sum[2 * c], low, factor);
+      addTimes(sum[2 * c + 1], high, factor);
+    }
+  }
+  SINEW_UNROLL
+  for (std::uint32_t c = 0; c < kColumns; ++c) {
+    double* const out = to + a.to_stride * (column + c);
+    storeDouble4(out, sum[2 * c]);
+    storeDouble4(out + 4, sum[2 * c + 1]);
+  }
+}
+
+static void addProduct(const ProductArguments& a) {
+  std::uint32_t column = 0;
+  for (; column + 4 <= a.columns; column += 4) {
+    for (std::uint32_t row = 0; row < a.rows; row += 8) addProductBlock<4>(a, row, column);
+  }
+  for (; column < a.columns; ++column) {
+    for (std::uint32_t row = 0; row < a.rows; row += 8) addProductBlock<1>(a, row, column);
+  }
+}
+
 /// sum_m a_m r_m at places.
 static void residualValues(const ResidualValuesArguments& a) {
   const std::int16_t* values = a.values;

@@ -57,6 +57,15 @@ struct FieldStiffnessArguments {
 };
 inline constexpr std::uint32_t kStiffnessScratch = 8 * (45 + 9);
 
+/// A matrix product to be added, by columns.
+struct ProductArguments {
+  std::uint32_t rows, columns, depth;  ///< rows: a multiple of eight
+  const double* left;                  ///< a column each `stride`
+  const double* right;                 ///< a column each `depth`
+  double* to;                          ///< a column each `to_stride`
+  std::size_t stride, to_stride;
+};
+
 /// Values of a field at blocks of eight places.
 struct FieldValuesArguments {
   std::uint32_t functions, blocks;

@@ -27,6 +27,7 @@ struct Kernels {
   void (*field_modes)(const FieldModesArguments& arguments);
   bool (*factorize)(const FactorArguments& arguments);  ///< \return whether the matrix was positive
   void (*solve)(const FactorArguments& arguments);
+  void (*add_product)(const ProductArguments& arguments);
   void (*field_values)(const FieldValuesArguments& arguments);
   void (*residual_values)(const ResidualValuesArguments& arguments);
   void (*field_heights)(const FieldHeightsArguments& arguments);

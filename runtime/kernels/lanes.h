@@ -168,6 +168,36 @@ SINEW_INLINE Float8 convert8(const std::int16_t* p) {
 #endif
 }
 SINEW_INLINE Float4 load4(const float* p) { return load<Float4>(p); }
+
+/// Four doubles, of which sums of products are made.
+#if defined(__AVX__)
+using Double4 = double __attribute__((vector_size(32)));
+SINEW_INLINE void addTimes(Double4& sum, Double4 x, double factor) { sum += x * factor; }
+#else
+using Double2 = double __attribute__((vector_size(16)));
+struct Double4 {
+  Double2 low, high;
+};
+SINEW_INLINE void addTimes(Double4& sum, Double4 x, double factor) {
+  sum.low += x.low * factor;
+  sum.high += x.high * factor;
+}
+#endif
+SINEW_INLINE Double4 loadDouble4(const double* p) {
+#if defined(__AVX__)
+  return load<Double4>(p);
+#else
+  return {load<Double2>(p), load<Double2>(p + 2)};
+#endif
+}
+SINEW_INLINE void storeDouble4(double* p, Double4 value) {
+#if defined(__AVX__)
+  store(p, value);
+#else
+  store(p, value.low);
+  store(p + 2, value.high);
+#endif
+}
 SINEW_INLINE void store4(float* p, Float4 value) { store(p, value); }
 #if defined(__AVX512F__)
 SINEW_INLINE Float16 load16(const float* p) { return load<Float16>(p); }

@@ -22,6 +22,7 @@ void fieldStiffnessOf(const FieldStiffnessArguments& a);
 void fieldModesOf(const FieldModesArguments& a);
 bool factorizeOf(const FactorArguments& a);
 void solveOf(const FactorArguments& a);
+void addProductOf(const ProductArguments& a);
 void fieldValuesOf(const FieldValuesArguments& a);
 void residualValuesOf(const ResidualValuesArguments& a);
 void fieldHeightsOf(const FieldHeightsArguments& a);
@@ -37,6 +38,7 @@ void fieldStiffnessOf(const FieldStiffnessArguments& a) { fieldStiffness(a); }
 void fieldModesOf(const FieldModesArguments& a) { fieldModes(a); }
 bool factorizeOf(const FactorArguments& a) { return factorize(a); }
 void solveOf(const FactorArguments& a) { solve(a); }
+void addProductOf(const ProductArguments& a) { addProduct(a); }
 void fieldValuesOf(const FieldValuesArguments& a) { fieldValues(a); }
 void residualValuesOf(const ResidualValuesArguments& a) { residualValues(a); }
 void fieldHeightsOf(const FieldHeightsArguments& a) { fieldHeights(a); }
@@ -50,6 +52,7 @@ inline constexpr Kernels tableNamed(const char* name) {
           narrow::fieldModesOf,
           narrow::factorizeOf,
           narrow::solveOf,
+          narrow::addProductOf,
           narrow::fieldValuesOf,
           narrow::residualValuesOf,
           narrow::fieldHeightsOf,

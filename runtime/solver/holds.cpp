@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "runtime/solver/holds.h"
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -20,16 +22,25 @@ using Column = Eigen::Map<Eigen::VectorXd>;
 /// Of Holds::by_hold.
 std::size_t columnsOf(std::size_t sets, std::size_t single) { return (12 * sets + 3 * single + 1 + 7) / 8 * 8; }
 
-/// Numbers that makeHolds() needs beside its result. \param m scalar functions of held points
-std::size_t scratchOf(std::size_t r, std::size_t m) { return r * (r + 3 * m + 1 + 3) + m * (m + 3 + 1); }
+/// Points that makeHolds() adds at once.
+constexpr std::uint32_t kBatch = 16;
 
-/// The lower triangle becomes its Cholesky factor; columns are r apart. Eigen's own takes memory of its own at this
-/// size. \pre its eigenvalues are at least 1
+/// Of the columns of its matrices.
+std::size_t strideOf(std::size_t r) { return (r + 7) / 8 * 8; }
+
+/// Numbers that makeHolds() needs beside its result. \param answered, m scalar functions, of the field and sets, of all
+std::size_t scratchOf(std::size_t r, std::size_t answered, std::size_t m) {
+  const std::size_t stride = strideOf(r);
+  return stride * (r + 3 * m + 1 + 3 * kBatch) + m * (m + 3 + 1) + kBatch * (answered + std::max(answered, r));
+}
+
+/// The lower triangle becomes its Cholesky factor; columns are strideOf(r) apart. Eigen's own takes memory of its own
+/// at this size. \pre its eigenvalues are at least 1
 void factorize(double* a, std::uint32_t r) {
   for (std::uint32_t j = 0; j < r; ++j) {
-    double* const column = a + std::size_t(r) * j;
+    double* const column = a + strideOf(r) * j;
     for (std::uint32_t i = 0; i < j; ++i) {
-      const double* const before = a + std::size_t(r) * i;
+      const double* const before = a + strideOf(r) * i;
       Column(column + j, r - j) -= before[j] * Eigen::Map<const Eigen::VectorXd>(before + j, r - j);
     }
     Column(column + j, r - j) *= 1 / std::sqrt(std::max(column[j], 1.0));
@@ -39,7 +50,7 @@ void factorize(double* a, std::uint32_t r) {
 /// x becomes L^-T x.
 void solveUpper(const double* factor, std::uint32_t r, double* x) {
   for (std::uint32_t i = r; i-- > 0;) {
-    const double* const column = factor + std::size_t(r) * i;
+    const double* const column = factor + strideOf(r) * i;
     const std::uint32_t left = r - i - 1;
     x[i] = (x[i] - Eigen::Map<const Eigen::VectorXd>(column + i + 1, left).dot(Column(x + i + 1, left))) / column[i];
   }
@@ -48,7 +59,7 @@ void solveUpper(const double* factor, std::uint32_t r, double* x) {
 /// x becomes L^-1 x.
 void solveLower(const double* factor, std::uint32_t r, double* x) {
   for (std::uint32_t i = 0; i < r; ++i) {
-    const double* const column = factor + std::size_t(r) * i;
+    const double* const column = factor + strideOf(r) * i;
     x[i] /= column[i];
     const std::uint32_t left = r - i - 1;
     Column(x + i + 1, left) -= x[i] * Eigen::Map<const Eigen::VectorXd>(column + i + 1, left);
@@ -168,7 +179,7 @@ void reserveHolds(Body& body, Piece& piece) {
     ways->of_functions.reserve(field.stride);
     ways->of_holds.reserve(columnsOf(sets, single));
   }
-  piece.holds.scratch = scratchOf(field.residual_modes, field.k + 4 * sets + single);
+  piece.holds.scratch = scratchOf(field.residual_modes, field.k + 4 * sets, field.k + 4 * sets + single);
 }
 
 void reserveHolds(const Piece& piece, MinimizeScratch& scratch) {
@@ -201,17 +212,41 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
   if (holds.count == 0) return;
   const auto sets = std::uint32_t(holds.sets.size());
   const std::uint32_t answered = k + 4 * sets, m = answered + holds.single;
-  double *const a = scratch.holds.data(), *const z = a + std::size_t(r) * r,
-                *const gram = z + std::size_t(r) * (3 * m + 1), *const off = gram + std::size_t(m) * m,
-                *const psi = off + std::size_t{3} * m, *const modes = psi + m;
-  std::fill(a, modes + std::size_t{3} * r, 0.0);
-  const auto columnOf = [r](double* of, std::size_t i) { return Column(of + r * i, r); };
-  const auto p = [&](std::uint32_t c) { return columnOf(modes, c); };
+  const std::size_t stride = strideOf(r);
+  double *const a = scratch.holds.data(), *const z = a + stride * r, *const modes = z + stride * (3 * m + 1),
+                *const gram = modes + stride * 3 * kBatch, *const off = gram + std::size_t(m) * m,
+                *const psi = off + std::size_t{3} * m, *const pulls = psi + m,
+                *const factors = pulls + kBatch * answered,
+                *const end = factors + kBatch * std::size_t(std::max(answered, r));
+  std::fill(a, end, 0.0);
+  const auto columnOf = [r, stride](double* of, std::size_t i) { return Column(of + stride * i, r); };
   // A, and sums over points of p psi / d in the place of Y psi, of psi psi / d and of psi e / d.
-  for (std::uint32_t i = 0; i < r; ++i) a[(std::size_t(r) + 1) * i] = 1;
-  std::uint32_t at_set = 0, single = 0;
+  for (std::uint32_t i = 0; i < r; ++i) a[(stride + 1) * i] = 1;
+  std::array<double, kBatch> firm{};
+  std::uint32_t batched = 0, at_set = 0, single = 0;
+  const auto modesOf = [&](std::uint32_t point, std::uint32_t axis) {
+    return modes + stride * (kBatch * axis + point);
+  };
+  const auto addBatch = [&] {
+    for (std::uint32_t axis = 0; axis < 3; ++axis) {
+      const double* const left = modesOf(0, axis);
+      for (std::uint32_t i = 0; i < r; ++i) {
+        for (std::uint32_t h = 0; h < kBatch; ++h) factors[kBatch * i + h] = firm[h] * left[stride * h + i];
+      }
+      for (std::uint32_t i = 0; i < r; i += 8) {  // what the lower triangle needs
+        kernels().add_product({std::uint32_t(stride) - i, std::min(8U, r - i), kBatch, left + i, factors + kBatch * i,
+                               a + (stride + 1) * i, stride, stride});
+      }
+      kernels().add_product(
+          {std::uint32_t(stride), answered, kBatch, left, pulls, z + stride * axis, stride, 3 * stride});
+    }
+    std::fill_n(modes, stride * 3 * kBatch, 0.0);
+    std::fill_n(pulls, kBatch * answered, 0.0);
+    firm.fill(0);
+    batched = 0;
+  };
   forEachHeld(body, piece, [&](const HeldPoint& held) {
-    std::fill(psi, modes + std::size_t{3} * r, 0.0);
+    std::fill_n(psi, m, 0.0);
     for (std::uint32_t j = 0; j < k; ++j) psi[j] = valueAt(field, held.at, j);
     std::uint32_t first = answered + single, last = first + 1;  // of its own functions
     Vector3d e = Vector3d::Zero();
@@ -223,38 +258,37 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
       first = k + 4 * at_set;
       last = first + 4;
       Eigen::Map<Vector3d>(psi + first + 1) = local;
-    } else {
-      ++single;
     }
     psi[first] = 1;
     // A pick is a spring in series with what its point lacks, the finger as wide as a mode.
-    const double firm = held.pick != nullptr
-                            ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
-                            : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
+    firm[batched] = held.pick != nullptr
+                        ? springOf(piece, *held.pick, stiffness).kappa / double(stiffness)
+                        : held.weight / double(field.residual_locals[held.at.vertex[0] - field.first_vertex]);
     forEachVertex(field, held.at, [&](double weight, const auto& value) {
-      for (std::uint32_t c = 0; c < 3; ++c) {
-        for (std::uint32_t i = 0; i < r; ++i) modes[std::size_t(r) * c + i] += weight * value(c, i);
+      for (std::uint32_t axis = 0; axis < 3; ++axis) {
+        double* const to = modesOf(batched, axis);
+        for (std::uint32_t i = 0; i < r; ++i) to[i] += weight * value(axis, i);
       }
     });
-    for (std::uint32_t i = 0; i < r; ++i) {
-      const std::uint32_t left = r - i;
-      columnOf(a, i).tail(left) +=
-          firm * (p(0)[i] * p(0).tail(left) + p(1)[i] * p(1).tail(left) + p(2)[i] * p(2).tail(left));
-    }
     const auto add = [&](std::uint32_t i) {
-      const double pull = firm * psi[i];
-      for (std::uint32_t c = 0; c < 3; ++c) {
-        columnOf(z, 3 * std::size_t(i) + c) += pull * p(c);
-        off[3 * i + c] += pull * e[int(c)];
-      }
+      const double pull = firm[batched] * psi[i];
+      if (i < answered) pulls[kBatch * i + batched] = pull;
       Column(gram + std::size_t(m) * i, i + 1) += pull * Column(psi, i + 1);
+      for (std::uint32_t c = 0; c < 3; ++c) off[3 * i + c] += pull * e[int(c)];
     };
     for (std::uint32_t i = 0; i < k; ++i) add(i);
     for (std::uint32_t i = first; i < last; ++i) add(i);
-    for (std::uint32_t c = 0; c < 3; ++c) columnOf(z, 3 * std::size_t(m)) += firm * e[int(c)] * p(c);
+    for (std::uint32_t axis = 0; axis < 3; ++axis) {
+      const Column p(modesOf(batched, axis), r);
+      if (held.set == formats::kNone) columnOf(z, 3 * std::size_t(first) + axis) = firm[batched] * p;
+      columnOf(z, 3 * std::size_t(m)) += firm[batched] * e[int(axis)] * p;
+    }
+    if (held.set == formats::kNone) ++single;
+    if (++batched == kBatch) addBatch();
   });
+  addBatch();
   factorize(a, r);
-  for (std::uint32_t j = 0; j <= 3 * m; ++j) solveLower(a, r, z + std::size_t(r) * j);
+  for (std::uint32_t j = 0; j <= 3 * m; ++j) solveLower(a, r, z + stride * j);
   const std::size_t columns = columnsOf(sets, holds.single), rows = 3 * std::size_t(answered) + r;
   holds.by_hold.resize(rows * columns);
   std::fill(holds.by_hold.begin(), holds.by_hold.end(), 0.0F);
@@ -279,8 +313,8 @@ void makeHolds(const Body& body, Piece& piece, float stiffness, MinimizeScratch&
     entry(i, 3 * m) = float(off[i] - columnOf(z, i).dot(columnOf(z, 3 * std::size_t(m))));
   }
   for (std::uint32_t j = 0; j <= 3 * m; ++j) {
-    solveUpper(a, r, z + std::size_t(r) * j);
-    for (std::uint32_t i = 0; i < r; ++i) entry(3 * answered + i, j) = float(z[std::size_t(r) * j + i]);
+    solveUpper(a, r, z + stride * j);
+    for (std::uint32_t i = 0; i < r; ++i) entry(3 * answered + i, j) = float(z[stride * j + i]);
   }
 }
 
