@@ -142,5 +142,36 @@ TEST(Stiffness, IsPositiveAndTheSameForAllInstructionSetsInAHeap) {
   EXPECT_GT(sets, 0);
 }
 
+TEST(Products, AreTheSameForAllInstructionSets) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> number;
+  constexpr std::uint32_t kRows = 24, kDepth = 7, kColumns = 9, kApart = 29;
+  const auto some = [&](std::size_t count) {
+    std::vector<double> numbers(count);
+    for (double& each : numbers) each = number(random);
+    return numbers;
+  };
+  const std::vector<double> left = some(kApart * kDepth), right = some(kDepth * kColumns),
+                            begin = some(kApart * kColumns);
+  std::vector<double> expected = begin;
+  for (std::uint32_t column = 0; column < kColumns; ++column) {
+    for (std::uint32_t row = 0; row < kRows; ++row) {
+      for (std::uint32_t d = 0; d < kDepth; ++d) {
+        expected[kApart * column + row] += left[kApart * d + row] * right[kDepth * column + d];
+      }
+    }
+  }
+  int sets = 0;
+  for (const char* name : {"portable", "sse42", "avx2", "avx512"}) {
+    const internal::Kernels* table = internal::kernelsNamed(name);
+    if (table == nullptr) continue;
+    ++sets;
+    std::vector<double> found = begin;
+    table->add_product({kRows, kColumns, kDepth, left.data(), right.data(), found.data(), kApart, kApart});
+    EXPECT_EQ(found, expected) << name;
+  }
+  EXPECT_GT(sets, 0);
+}
+
 }  // namespace
 }  // namespace sinew::test
