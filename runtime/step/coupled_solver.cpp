@@ -71,8 +71,7 @@ class CoupledSolver final : public BodySolver {
     chooseFields(body_);
     updateFibres(body_);
     for (Piece& piece : body_.pieces) restPiece(body_, piece);
-    body_.outdated = false;
-    body_.shown = 1;
+    body_.setCurrent();
   }
   void step(const StepWorld& world, double seconds, SolverScratch& scratch) override {
     stepPieces(body_, world, seconds, scratch.pieces);
@@ -248,8 +247,7 @@ class CoupledSolver final : public BodySolver {
       invertPlasticity(state.plastic, piece.rest_change);
     }
     updateFibres(body_, false);
-    body_.outdated = false;
-    body_.shown = 1;
+    body_.setCurrent();
   }
 
  private:

@@ -94,6 +94,12 @@ struct Body {
 
   /// Back to the rest shape at the place it was added; nothing held but by its pin sets.
   void reset();
+  /// All of x and v are those of the pieces, at the end of the last step.
+  void setCurrent() {
+    outdated = false;
+    whole = true;
+    shown = 1;
+  }
 
   std::uint32_t id = 0;  ///< BodyId
   std::shared_ptr<const Asset> asset;

@@ -41,7 +41,8 @@ struct SINEW_HIDDEN World::Impl {
   /// The same, and tells the log where there is none.
   internal::Body* find(BodyId id, const char* call) const;
 
-  /// The same, with its positions and velocities up to date, or as they were at a part of the last step.
+  /// The same, with what is asked for of its positions and velocities up to date, or as it was at a part of the last
+  /// step.
   internal::Body* seen(BodyId id, const char* call, double part = 1, internal::Asked what = internal::Asked::all) const;
   /// What holds or pulls a body has changed.
   void holdsChanged(internal::Body& body);

@@ -19,7 +19,7 @@ TEST(Rough, ASheetTakesFewSamples) {
       std::filesystem::temp_directory_path() / ("sinew_rough" + std::to_string(getpid()));
   std::filesystem::create_directories(folder);
   constexpr int kSide = 20;
-  // How many a sheet takes is chance: 140 to 330 of twelve such sheets.
+  // Of one sheet the number is chance, 140 to 330 over twelve of them, so it is judged over several.
   double taken = 0, wanted = 0;
   for (const unsigned seed : {1U, 7U, 8U, 9U}) {
     std::mt19937 random(seed);
