@@ -48,6 +48,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     return;
   }
   impl_->guarded("pin", false, [&] {
+    body->solver->refresh(1, internal::Asked::all);
     body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target, target, target});
     body->pinned[vertex] = 1;
     impl_->holdsChanged(*body);
@@ -61,17 +62,17 @@ void World::unpin(BodyId id, std::uint32_t vertex) {
   const auto held = std::find_if(body->pins.begin(), body->pins.end(),
                                  [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   if (held == body->pins.end()) return;
+  body->solver->refresh(1, internal::Asked::all);
   body->pins.erase(std::size_t(held - body->pins.begin()));
   body->pinned[vertex] = 0;
   impl_->holdsChanged(*body);
 }
 
 void World::unpinAll(BodyId id) {
-  Body* body = impl_->find(id, "unpinAll");
+  Body* body = impl_->seen(id, "unpinAll");
   if (body == nullptr) return;
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 0;
   body->pins.clear();
-  body->solver->refresh(1, internal::Asked::all);
   internal::removePinSets(*body);
   impl_->holdsChanged(*body);
 }

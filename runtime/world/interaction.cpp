@@ -166,7 +166,7 @@ Vec3 World::placeOf(BodyId id, const BodyPoint& at) const {
 }
 
 PickId World::pick(BodyId id, const BodyPoint& at, Vec3 target, const PickSettings& settings) {
-  Body* body = impl_->find(id, "pick");
+  Body* body = impl_->seen(id, "pick");
   if (body == nullptr || !impl_->isOf(*body, at, "pick")) return {};
   if (!internal::stateIsUsable(target, {}) || std::isnan(settings.frequency_hz)) {
     impl_->tell(LogSeverity::error, "pick: target or frequency is not finite, or the target beyond 1e15 m");
@@ -242,6 +242,7 @@ void World::letGoPick(PickId id) {
 void World::releasePick(PickId id) {
   const auto [body, index] = impl_->findPick(id, "releasePick");
   if (body == nullptr) return;
+  body->solver->refresh(1, internal::Asked::all);
   body->picks.erase(index);
   impl_->holdsChanged(*body);
 }
@@ -249,6 +250,7 @@ void World::releasePick(PickId id) {
 void World::releasePicks(BodyId id) {
   Body* body = impl_->find(id, "releasePicks");
   if (body == nullptr || body->picks.empty()) return;
+  body->solver->refresh(1, internal::Asked::all);
   body->picks.clear();
   impl_->holdsChanged(*body);
 }

@@ -85,7 +85,6 @@ Body* World::Impl::seen(BodyId id, const char* call, double part, internal::Aske
 
 void World::Impl::holdsChanged(Body& body) {
   internal::wake(bodies, body);
-  body.solver->refresh(1, internal::Asked::all);
   body.solver->holdsChanged();
 }
 

@@ -44,7 +44,8 @@ struct SINEW_HIDDEN World::Impl {
   /// The same, with what is asked for of its positions and velocities up to date, or as it was at a part of the last
   /// step.
   internal::Body* seen(BodyId id, const char* call, double part = 1, internal::Asked what = internal::Asked::all) const;
-  /// What holds or pulls a body has changed.
+  /// What holds or pulls a body has changed. \pre its x and v, which follow from what held it in the last step, were
+  /// made before: seen(), or refresh(1, Asked::all)
   void holdsChanged(internal::Body& body);
 
   /// The body and place of a pick; (nullptr, 0) where it was let go.

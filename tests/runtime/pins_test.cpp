@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <vector>
 
@@ -413,6 +414,47 @@ TEST(PinSets, HoldAsPinsOfTheirVerticesDo) {
   }
   EXPECT_GT(way, 0.3);
   EXPECT_LT(off, 5e-4);
+}
+
+// A game draws, and changes what holds a body between two steps: nothing moves by that.
+TEST(Pins, ComeAndGoWithoutMovingTheBody) {
+  Beam beam;
+  beam.residuals = true;
+  HeldBeam drawing(beam), asking(beam);
+  std::vector<Vec3> drawn(drawing.asset->package().visualPositions().size());
+  const std::uint32_t middle = drawing.wall.back() + 40;
+  const Vec3 at = drawing.world.positions(drawing.body)[middle];
+  using Change = std::function<void(HeldBeam&)>;
+  const std::vector<std::pair<Change, bool>> changes = {
+      {[&](HeldBeam& held) {
+         held.world.pin(held.body, middle, {at[0], at[1] - 0.05F, at[2]});
+       },
+       true},
+      {[](HeldBeam& held) {
+         held.world.pick(held.body, 0, {0.5F, 0.5F, 0});
+       },
+       false},
+      {[&](HeldBeam& held) { held.world.unpin(held.body, middle); }, false},
+      {[](HeldBeam& held) { held.world.releasePicks(held.body); }, false},
+      {[](HeldBeam& held) { EXPECT_TRUE(held.world.addPinSet(held.body, held.end)); }, false},
+      {[](HeldBeam& held) { held.world.unpinAll(held.body); }, false},
+  };
+  for (std::size_t c = 0; c < changes.size(); ++c) {
+    run(drawing.world, 0.3);
+    run(asking.world, 0.3);
+    const auto asked = asking.world.positions(asking.body);
+    const std::vector<Vec3> before(asked.begin(), asked.end());
+    drawing.world.visualVertices(drawing.body, {drawn[0].data(), 12, std::uint32_t(drawn.size())}, {});
+    changes[c].first(asking);
+    changes[c].first(drawing);
+    const auto after = drawing.world.positions(drawing.body);
+    double most = 0;
+    for (std::size_t v = 0; v < before.size(); ++v) {
+      if (changes[c].second && v == middle) continue;  // a new pin's own vertex may be drawn there at once
+      most = std::max(most, (wide(after[v]) - wide(before[v])).norm());
+    }
+    EXPECT_EQ(most, 0) << "change " << c;
+  }
 }
 
 TEST(PinSets, ALetGoBodyIsFree) {
