@@ -50,6 +50,30 @@ class Listed {
 
 VertexRun allOf(const Body& body) { return {0, std::uint32_t(body.package().visualPositions().size())}; }
 
+// Whether a place surely lies outside a collider; plain numbers, as most vertices of what rests on one do.
+class Outside {
+ public:
+  Outside(const internal::Collider& collider, const internal::Pose& pose) : plane_(collider.shape.isPlane()) {
+    const Eigen::Vector3d up = pose.rotation * collider.shape.half();
+    level_ = collider.shape.radius() + up.dot(pose.position);
+    for (int c = 0; c < 3; ++c) {
+      up_[c] = up[c];
+      low_[c] = collider.bounds().min()[c];
+      high_[c] = collider.bounds().max()[c];
+    }
+  }
+
+  bool operator()(const float* x) const {
+    const double a = double(x[0]), b = double(x[1]), c = double(x[2]);
+    if (plane_) return up_[0] * a + up_[1] * b + up_[2] * c >= level_;
+    return !(a >= low_[0] && a <= high_[0] && b >= low_[1] && b <= high_[1] && c >= low_[2] && c <= high_[2]);
+  }
+
+ private:
+  bool plane_;
+  double level_, up_[3], low_[3], high_[3];
+};
+
 // Contact points are some of the surface: what lies between them is deeper by no more than what rests is.
 double pressedInto(const Body& body, std::uint32_t collider) {
   float depth = 0;
@@ -132,14 +156,12 @@ void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun>
     if (collider == nullptr) continue;
     const double deepest = pressedInto(body, id);
     const internal::Pose pose(internal::between(collider->before, collider->at, shown));
-    const bool plane = collider->shape.isPlane();  // above it are most vertices of what rests on it
-    const Eigen::Vector3d up = pose.rotation * collider->shape.half();
-    const double level = collider->shape.radius() + up.dot(pose.position);
+    const Outside outside(*collider, pose);
     for (const VertexRun& run : runs) {
       for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
         float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
+        if (outside(x)) continue;
         const Eigen::Vector3d at = Eigen::Map<const Eigen::Vector3f>(x).cast<double>();
-        if (plane ? up.dot(at) >= level : !collider->bounds().contains(at)) continue;
         const internal::NearPlace near = collider->shape.near(pose.toLocal(at), deepest);
         if (!(near.distance < 0 && near.distance > -deepest)) continue;
         const Eigen::Vector3d out_of = at - near.distance * (pose.rotation * near.normal);
