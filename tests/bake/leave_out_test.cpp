@@ -136,11 +136,71 @@ TEST(LeaveOut, IsIdempotent) {
   }
 }
 
+std::set<std::string> namesOf(const std::vector<LeftUnseen>& left) {
+  std::set<std::string> names;
+  for (const LeftUnseen& one : left) names.insert(std::string(kNeedDeclarations[std::size_t(one.need)].name));
+  return names;
+}
+
+TEST(Automatic, WhatGoesUnseenIsLeftOutWithItsChange) {
+  std::vector<LeftUnseen> left;
+  const Needs needs = narrowed(Needs::automatic(), cow()->package(), false, left);
+  EXPECT_EQ(namesOf(left), (std::set<std::string>{"clusters", "exact"}));
+  for (const Need gone : {Need::cut, Need::identity, Need::groups, Need::masks, Need::clusters, Need::exact}) {
+    EXPECT_FALSE(needs.has(gone));
+  }
+  for (const Need seen : {Need::contact, Need::pins, Need::activation, Need::plasticity, Need::normals, Need::uvs,
+                          Need::colors, Need::textures}) {
+    EXPECT_TRUE(needs.has(seen)) << kNeedDeclarations[std::size_t(seen)].name;
+  }
+  std::uint64_t saved = 0;
+  for (const LeftUnseen& one : left) {
+    EXPECT_LE(one.change.most, one.change.unseen);
+    saved += one.bytes;
+  }
+  const Needs before = needs.with(Need::clusters).with(Need::exact);
+  EXPECT_EQ(packageWith(cow()->package(), before).size() - saved, packageWith(cow()->package(), needs).size());
+  EXPECT_LT(drawnDifference(cow()->package(), with(needs)->package()), 1e-3);
+}
+
+TEST(Automatic, NarrowsOthersAndKeepsWhatIsNamed) {
+  std::vector<LeftUnseen> left;
+  const Needs asked = Needs::automatic().with(Need::cut).with(Need::exact).with(Need::colors);
+  EXPECT_EQ(narrowed(asked, cow()->package(), false, left), Needs::none().with(Need::cut).with(Need::colors));
+  left.clear();
+  EXPECT_TRUE(narrowed(Needs::automatic(), cow()->package(), true, left).has(Need::clusters));
+  EXPECT_EQ(narrowed(Needs::all(), cow()->package(), false, left), Needs::all());
+}
+
+TEST(Automatic, SeesWhatCannotBeSeen) {
+  formats::PackageContent content = formats::contentOf(cow()->package());
+  for (formats::Color8& color : content.visual_colors) color = {255, 255, 255, 255};
+  for (formats::Float2& uv : content.visual_uvs) uv = {0.5F, 0.5F};
+  for (formats::Material& material : content.materials) material.texture = formats::kNone;
+  for (formats::FieldFibre& fibre : content.field_fibres) fibre.tension = 0;
+  const auto made = with(Needs::all().without(Need::normals));
+  content.visual_normals.assign(made->restNormals().begin(), made->restNormals().end());
+  const std::vector<std::byte> bytes = formats::writePackage(content);
+  const auto asset = *Asset::fromMemory(bytes);
+  std::vector<LeftUnseen> left;
+  narrowed(Needs::automatic(), asset->package(), false, left);
+  EXPECT_EQ(namesOf(left),
+            (std::set<std::string>{"activation", "clusters", "normals", "uvs", "colors", "textures", "exact"}));
+  // One normal that is turned is seen.
+  EXPECT_LT(changeWithout(asset->package(), Need::normals)->most, 0.5);
+  content.visual_normals[0] = {content.visual_normals[0][1], content.visual_normals[0][2],
+                               content.visual_normals[0][0]};
+  const auto other = *Asset::fromMemory(formats::writePackage(content));
+  EXPECT_GT(changeWithout(other->package(), Need::normals)->most, 0.5);
+}
+
 TEST(Needs, TextGoesBothWays) {
   EXPECT_EQ(Needs::parse("all"), Needs::all());
   EXPECT_EQ(Needs::parse("none"), Needs::none());
   EXPECT_EQ(Needs::parse("cut, contact"), Needs::none().with(Need::contact).with(Need::cut));
   EXPECT_EQ(Needs::parse(Needs::all().without(Need::exact).text()), Needs::all().without(Need::exact));
+  EXPECT_EQ(Needs::parse("auto,cut"), Needs::automatic().with(Need::cut));
+  EXPECT_EQ(Needs::automatic().with(Need::cut).text(), "auto,cut");
   for (const char* bad : {"", "contacts", "cut,", "all,cut"}) EXPECT_FALSE(Needs::parse(bad)) << bad;
 }
 

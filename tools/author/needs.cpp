@@ -16,8 +16,13 @@ std::optional<Needs> Needs::parse(std::string_view text) {
     while (name.ends_with(' ')) name.remove_suffix(1);
     const auto* known = std::find_if(kNeedDeclarations.begin(), kNeedDeclarations.end(),
                                      [&](const NeedDeclaration& d) { return d.name == name; });
-    if (known == kNeedDeclarations.end()) return std::nullopt;
-    needs = needs.with(known->need);
+    if (name == "auto") {
+      needs = needs.with(automatic());
+    } else if (known != kNeedDeclarations.end()) {
+      needs = needs.with(known->need);
+    } else {
+      return std::nullopt;
+    }
     if (comma == std::string_view::npos) return needs;
     text.remove_prefix(comma + 1);
   }
@@ -25,7 +30,7 @@ std::optional<Needs> Needs::parse(std::string_view text) {
 
 std::string Needs::text() const {
   if (*this == all()) return "all";
-  std::string text;
+  std::string text = isAutomatic() ? "auto" : "";
   for (const NeedDeclaration& d : kNeedDeclarations) {
     if (has(d.need)) text.append(text.empty() ? "" : ",").append(d.name);
   }

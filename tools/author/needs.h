@@ -55,9 +55,13 @@ class Needs {
  public:
   static Needs all() { return Needs((1U << kNeedDeclarations.size()) - 1); }
   static Needs none() { return Needs(0); }
-  /// "all", "none", or names separated by commas. \return nothing where one is unknown.
+  /// What is seen and felt, each unless leaving it out goes unseen.
+  static Needs automatic() { return Needs(kAutomatic); }
+  /// "all", "none", or names separated by commas, "auto" among them. \return nothing where one is unknown.
   static std::optional<Needs> parse(std::string_view text);
 
+  /// Whether those that go unseen are left out (tools/bake/leave_out.h, narrowed()).
+  bool isAutomatic() const { return (bits_ & kAutomatic) != 0; }
   bool has(Need need) const { return (bits_ >> unsigned(need) & 1U) != 0; }
   Needs with(Need need) const { return Needs(bits_ | 1U << unsigned(need)); }
   Needs without(Need need) const { return Needs(bits_ & ~(1U << unsigned(need))); }
@@ -69,6 +73,7 @@ class Needs {
   bool operator==(const Needs&) const = default;
 
  private:
+  static constexpr std::uint32_t kAutomatic = 1U << 31;
   explicit Needs(std::uint32_t bits) : bits_(bits) {}
   std::uint32_t bits_;
 };

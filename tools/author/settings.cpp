@@ -333,11 +333,11 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
               [](Settings& x, int v) { x.attachment.method = AttachmentMethod(v); }}},
       {"package.needs", "",
        "What a game wants of the package, separated by commas; sections that serve none of it are left out, and "
-       "without "
-       "exact numbers have 16 bits. Names: sinew bake --help.",
+       "without exact numbers have 16 bits. auto: of the others, or of all that is seen and felt, what is not left out "
+       "unseen. Names: sinew bake --help.",
        Text{&s.package.needs, [](const std::string& text) { return Needs::parse(text).has_value(); },
-            "all | none | " + Needs::names(" | "),
-            "^(all|none|(" + Needs::names("|") + ")( *, *(" + Needs::names("|") + "))*)$"}},
+            "all | none | auto | " + Needs::names(" | "),
+            "^(all|none|(auto|" + Needs::names("|") + ")( *, *(auto|" + Needs::names("|") + "))*)$"}},
   };
   for (Declaration& d : all) {
     d.of_cluster = d.key.starts_with(kClusterPrefix) &&

@@ -208,11 +208,25 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& pro
   }
   progress.stage("package");
   BakeResult result;
-  const Needs needs = Needs::parse(recipe.settings.package.needs).value_or(Needs::all());
+  Needs needs = Needs::parse(recipe.settings.package.needs).value_or(Needs::all());
+  std::vector<LeftUnseen> unseen;
+  if (needs.isAutomatic()) {
+    const std::vector<std::byte> whole =
+        openingPackage(content.package, solid.source.mesh.file, fields, content.findings);
+    const Opened opened(whole);
+    needs = narrowed(needs, opened.view, !recipe.clusters.empty(), unseen);
+  }
   if (needs != Needs::all()) leaveOut(content.package, needs);
   result.package = openingPackage(content.package, solid.source.mesh.file, fields, content.findings);
   ordered_json left_out = {{"needs", needs.text()}};
   if (!needs.has(Need::exact)) left_out.update(packNumbers(content.package, result.package, content.findings));
+  for (const LeftUnseen& left : unseen) {
+    left_out["unseen"].push_back({{"need", kNeedDeclarations[std::size_t(left.need)].name},
+                                  {"bytes", left.bytes},
+                                  {"change", left.change.most},
+                                  {"bound", left.change.unseen},
+                                  {"unit", left.change.unit}});
+  }
   result.findings = content.findings;
   result.report = reportOf(recipe.settings, solid, placed, content, fields, result.package.size());
   result.report["left_out"] = left_out;

@@ -5,10 +5,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <numbers>
+#include <span>
 #include <string>
 #include <utility>
 
+#include "sinew/runtime/asset.h"
 #include "tools/bake/moments.h"
 #include "tools/bake/stages.h"
 
@@ -20,6 +24,8 @@ using formats::PackageContent;
 
 // Displacement at which two packages are compared, rms, diagonals.
 constexpr double kBent = 0.1;
+// What nobody sees: a place that is off by so many diagonals, light that falls so many degrees askew.
+constexpr double kUnseenPlace = 1e-3, kUnseenDegrees = 0.5;
 
 Eigen::Vector3d vectorOf(const std::array<float, 3>& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
 
@@ -272,7 +278,83 @@ std::vector<Eigen::Vector3d> drawn(const formats::PackageView& package,
   return visual;
 }
 
+// Largest angle between the artist's normals and those that are made without, degrees.
+double normalsDifference(const formats::PackageView& package) {
+  const auto made = Asset::fromMemory(packageWith(package, Needs::all().without(Need::normals)));
+  if (!made) return std::numeric_limits<double>::infinity();
+  double largest = 0;
+  for (std::size_t v = 0; v < package.visualNormals().size(); ++v) {
+    const Eigen::Vector3d one = vectorOf(package.visualNormals()[v]), other = vectorOf((*made)->restNormals()[v]);
+    largest = std::max(largest, std::atan2(one.cross(other).norm(), one.dot(other)));
+  }
+  return largest * 180 / std::numbers::pi;
+}
+
+double packedDifference(const formats::PackageView& package) {
+  const auto packed = Asset::fromMemory(packageWith(package, Needs::all().without(Need::exact)));
+  return packed ? drawnDifference(package, (*packed)->package()) : std::numeric_limits<double>::infinity();
+}
+
+bool allAlike(std::span<const formats::Float2> uvs) {
+  return std::all_of(uvs.begin(), uvs.end(), [&](const formats::Float2& uv) { return uv == uvs.front(); });
+}
+
+bool allWhite(std::span<const formats::Color8> colors) {
+  constexpr formats::Color8 kWhite = {255, 255, 255, 255};
+  return std::all_of(colors.begin(), colors.end(), [&](const formats::Color8& c) { return c == kWhite; });
+}
+
 }  // namespace
+
+std::optional<SeenChange> changeWithout(const formats::PackageView& package, Need need) {
+  const auto share = [](bool unseen) { return SeenChange{unseen ? 0.0 : 1.0, 0, ""}; };
+  switch (need) {
+    case Need::exact:
+      return SeenChange{packedDifference(package), kUnseenPlace, "diagonals"};
+    case Need::normals:
+      return SeenChange{normalsDifference(package), kUnseenDegrees, "degrees"};
+    case Need::uvs:
+      return share(allAlike(package.visualUvs()));
+    case Need::colors:
+      return share(allWhite(package.visualColors()));
+    case Need::textures:
+      return share(std::all_of(package.materials().begin(), package.materials().end(),
+                               [](const formats::Material& material) { return material.texture == kNone; }));
+    case Need::activation:
+      return share(std::all_of(package.fieldFibres().begin(), package.fieldFibres().end(),
+                               [](const formats::FieldFibre& fibre) { return fibre.tension == 0; }));
+    case Need::plasticity:
+      return share(std::all_of(package.mechanics().begin(), package.mechanics().end(),
+                               [](const formats::ClusterMechanics& m) { return m.plastic_creep == 0; }));
+    case Need::clusters:
+      return share(true);
+    default:
+      return std::nullopt;
+  }
+}
+
+Needs narrowed(Needs needs, const formats::PackageView& package, bool authored, std::vector<LeftUnseen>& left) {
+  if (!needs.isAutomatic()) return needs;
+  Needs kept = Needs::none();
+  for (const NeedDeclaration& d : kNeedDeclarations) {
+    if (needs.has(d.need)) kept = kept.with(d.need);
+  }
+  if (kept == Needs::none()) {
+    kept = Needs::all();
+    for (const Need need : {Need::cut, Need::identity, Need::groups, Need::masks}) kept = kept.without(need);
+  }
+  std::size_t bytes = packageWith(package, kept).size();
+  for (const NeedDeclaration& d : kNeedDeclarations) {
+    if (!kept.has(d.need) || (d.need == Need::clusters && authored)) continue;
+    const std::optional<SeenChange> change = changeWithout(package, d.need);
+    if (!change || !change->isUnseen()) continue;
+    kept = kept.without(d.need);
+    const std::size_t less = packageWith(package, kept).size();
+    if (less < bytes) left.push_back({d.need, *change, bytes - less});
+    bytes = less;
+  }
+  return kept;
+}
 
 void leaveOut(PackageContent& content, Needs needs) {
   if (!needs.has(Need::pins)) removePins(content);

@@ -2,6 +2,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
 #include <vector>
 
 #include "sinew/formats/package.h"
@@ -17,6 +20,28 @@ void leaveOut(formats::PackageContent& content, Needs needs);
 
 /// The bytes of a package without what serves none of the needs.
 std::vector<std::byte> packageWith(const formats::PackageView& package, Needs needs);
+
+/// How much of what is seen changes without a need, and how much of that nobody sees.
+struct SeenChange {
+  double most, unseen;
+  std::string_view unit;
+  bool isUnseen() const { return most <= unseen; }
+};
+
+/// \return nothing where it is the game's matter, as of pins. Of clusters: alike ones become one, which the default
+/// solver and its drawing do not notice.
+std::optional<SeenChange> changeWithout(const formats::PackageView& package, Need need);
+
+/// A need that was left out unseen.
+struct LeftUnseen {
+  Need need;
+  SeenChange change;
+  std::uint64_t bytes;  ///< saved, after those before it
+};
+
+/// Needs::isAutomatic() carried out: the other needs, or all that is seen and felt where there are no others (so no
+/// cut, identity, groups and masks), without those that go unseen. \param authored its clusters are wanted by name
+Needs narrowed(Needs needs, const formats::PackageView& package, bool authored, std::vector<LeftUnseen>& left);
 
 /// Largest distance between where two packages of one body draw a visual vertex: at rest, and bent along each function
 /// by a tenth of the diagonal (root mean square). Diagonals. \pre the same visual vertices and functions

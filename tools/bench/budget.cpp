@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "tools/author/json_text.h"
+#include "tools/bench/answers.h"
 #include "tools/core/atomic_file.h"
 #include "tools/core/error.h"
 
@@ -71,11 +72,23 @@ class Costs {
   ordered_json json_ = ordered_json::object();
 };
 
+// What errors are measured against: the recipe's own mesh with the most functions, and what that is off itself.
+struct Yardstick {
+  Answers answers;
+  double own_error = 0;
+};
+
+double staticErrorOf(const formats::PackageView& package) {
+  double error = 0;
+  for (const formats::Field& field : package.fields()) error = std::max(error, double(field.static_error));
+  return error;
+}
+
 // Bakes of one mesh by their number of functions.
 class Search {
  public:
-  Search(Recipe recipe, const Budget& budget, Costs& costs, StageCache* cache)
-      : recipe_(std::move(recipe)), budget_(budget), costs_(costs), cache_(cache) {}
+  Search(Recipe recipe, const Budget& budget, Costs& costs, StageCache* cache, std::optional<Yardstick>& yardstick)
+      : recipe_(std::move(recipe)), budget_(budget), costs_(costs), cache_(cache), yardstick_(yardstick) {}
 
   const BudgetTry& tried(std::uint32_t functions) {
     const auto known = tries_.find(functions);
@@ -96,8 +109,12 @@ class Search {
     }
     scene_ = usualScene(**asset);
     BudgetTry made{functions, std::uint32_t(package.physicalVertices().size()), result.package.size(),
-                   costs_.of(*asset, scene_), 0};
-    for (const formats::Field& field : package.fields()) made.error = std::max(made.error, double(field.static_error));
+                   costs_.of(*asset, scene_), staticErrorOf(package)};
+    if (!yardstick_ && functions == kLadder.back() && !package.barycentric().empty()) {
+      yardstick_.emplace(Yardstick{Answers(package), made.error});
+    } else if (yardstick_) {
+      made.error = std::hypot(yardstick_->answers.errorOf(package), yardstick_->own_error);
+    }
     return tries_.emplace(functions, std::pair(made, std::move(result))).first->second.first;
   }
 
@@ -107,8 +124,9 @@ class Search {
            (!budget_.bytes || made.bytes <= *budget_.bytes);
   }
 
-  /// The most functions that fit. \pre kLadder[0] fits
-  std::uint32_t most() {
+  /// The most functions that fit. \return nothing where no number does.
+  std::optional<std::uint32_t> most() {
+    if (!fits(kLadder.front())) return std::nullopt;
     std::size_t low = 0, high = kLadder.size();
     while (high - low > 1) {
       const std::size_t middle = (low + high) / 2;
@@ -163,6 +181,7 @@ class Search {
   const Budget& budget_;
   Costs& costs_;
   StageCache* cache_;
+  std::optional<Yardstick>& yardstick_;
   FrameScene scene_ = FrameScene::air;
   std::map<std::uint32_t, std::pair<BudgetTry, BakeResult>> tries_;
 };
@@ -214,32 +233,47 @@ BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::f
                         Progress& progress, StageCache* cache) {
   progress.stage("budget");
   Costs known(costs);
+  std::optional<Yardstick> yardstick;
+  std::optional<BudgetResult> best;
+  std::string missed;  // what the finest mesh reached
+  const auto miss = [&](const std::string& what, const BudgetTry& made) {
+    if (missed.empty()) missed = what + figures(made);
+  };
   Recipe trial = recipe;
-  for (unsigned halving = 0;; ++halving) {
-    Search search(trial, budget, known, cache);
-    if (budget.error) {
-      const auto functions = search.fewest();
+  for (unsigned halving = 0; halving <= kMostHalvings; ++halving) {
+    Search search(trial, budget, known, cache, yardstick);
+    std::uint32_t vertices = 0;
+    try {
+      if (halving == 0) search.tried(kLadder.back());
+      vertices = search.tried(kLadder.front()).vertices;
+      const std::optional<std::uint32_t> functions = budget.error ? search.fewest() : search.most();
+      if (!functions && budget.error) {
+        miss("no bake comes within this error: ", search.tried(kLadder.back()));
+        break;  // fewer vertices are no nearer
+      }
       if (!functions) {
-        throw ToolError(ExitCode::bad_input, recipe.source.string(),
-                        "no bake comes within this error: " + figures(search.tried(kLadder.back())),
-                        "Allow more with --max-error.");
+        miss("nothing fits the budget: ", search.tried(kLadder.front()));
+      } else if (const BudgetTry& made = search.tried(*functions); !search.fits(*functions)) {
+        miss("what comes within this error exceeds the budget: ", made);
+      } else {
+        const bool better =
+            !best || (budget.error ? made.frame.all() < best->chosen.frame.all() : made.error < best->chosen.error);
+        if (!better) break;
+        best = search.take(*functions);
+        if (!yardstick) break;  // meshes are compared by what hangs on their tetrahedra
       }
-      if (!search.fits(*functions)) {
-        throw ToolError(ExitCode::bad_input, recipe.source.string(),
-                        "what comes within this error exceeds the budget: " + figures(search.tried(*functions)),
-                        "Allow more time or bytes, or a larger --max-error.");
-      }
-      return search.take(*functions);
+    } catch (const ToolError&) {
+      if (halving == 0) throw;
+      break;  // no mesh of so few vertices
     }
-    if (search.fits(kLadder.front())) return search.take(search.most());
-    const BudgetTry& least = search.tried(kLadder.front());
-    if (halving == kMostHalvings || least.vertices / 2 < kFewestVertices) {
-      throw ToolError(ExitCode::bad_input, recipe.source.string(), "nothing fits the budget: " + figures(least),
-                      "Allow more; leave out what the game does not want (--needs); or simplify the drawn mesh, which "
-                      "has its part in time and bytes.");
-    }
-    trial.settings.tetrahedra.target_vertices = least.vertices / 2;
+    if (vertices / 2 < kFewestVertices) break;
+    trial.settings.tetrahedra.target_vertices = vertices / 2;
   }
+  if (best) return std::move(*best);
+  throw ToolError(ExitCode::bad_input, recipe.source.string(), missed,
+                  budget.error ? "Allow a larger --max-error, or more time or bytes."
+                               : "Allow more; leave out what the game does not want (--needs); or simplify the drawn "
+                                 "mesh, which has its part in time and bytes.");
 }
 
 ordered_json budgetJson(const Budget& budget, const BudgetResult& result) {

@@ -21,7 +21,7 @@ namespace sinew::tools {
 struct Budget {
   std::optional<double> microseconds;  ///< of a frame: FrameCost::all() in the package's usualScene()
   std::optional<std::uint64_t> bytes;  ///< of the package
-  std::optional<double> error;  ///< formats::Field::static_error of every field; the cheapest bake within it is taken
+  std::optional<double> error;         ///< BudgetTry::error; the cheapest bake within it is taken
 
   /// "0.1ms" or "100us"; "200k", "1.5M" or bytes; "5%" or 0.05. \return nothing where the text is no such value above
   /// 0.
@@ -36,6 +36,9 @@ struct BudgetTry {
   std::uint32_t vertices = 0;   ///< physical
   std::uint64_t bytes = 0;
   FrameCost frame;
+  /// Of answers to small constant loads, of their rms displacement: from those of the recipe's own mesh with the most
+  /// functions (tools/bench/answers.h), and what these lack of all its tetrahedra's (formats::Field::static_error).
+  /// That alone where the surface does not hang on tetrahedra.
   double error = 0;
 };
 
@@ -46,10 +49,10 @@ struct BudgetResult {
   FrameScene scene = FrameScene::air;
 };
 
-/// Chooses field.functions, and tetrahedra.vertices where the recipe's own mesh cannot fit. Throws ToolError(bad_input)
-/// with what was reached where nothing fits, or as bake() does.
-/// \param costs a file of times by package, read where it is there: then the choice is the same on every machine. What
-/// it lacks is measured and added. Empty: everything is measured.
+/// Chooses field.functions, and tetrahedra.vertices where fewer than the recipe's are nearer within the budget. Throws
+/// ToolError(bad_input) with what was reached where nothing fits, or as bake() does. \param costs a file of times by
+/// package, read where it is there: then the choice is the same on every machine. What it lacks is measured and added.
+/// Empty: everything is measured.
 BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::filesystem::path& costs,
                         Progress& progress, StageCache* cache);
 

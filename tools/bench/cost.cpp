@@ -138,6 +138,11 @@ ordered_json packageCost(const std::shared_ptr<const Asset>& asset) {
     const std::vector<std::byte> without = packageWith(package, now.without(d.need));
     ordered_json need = {{"need", d.name}, {"bytes", std::int64_t(bytes) - std::int64_t(without.size())}};
     if (const auto time = timeOf(d.need)) need["microseconds"] = std::max(0.0, *time);
+    if (const auto change = changeWithout(package, d.need); change && without.size() < bytes) {
+      need["change"] = change->most;
+      need["unseen"] = change->isUnseen();
+      need["unit"] = change->unit;
+    }
     need["for"] = d.sentence;
     json["needs"].push_back(need);
   }

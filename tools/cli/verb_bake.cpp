@@ -43,7 +43,7 @@ Needs needsOf(const std::vector<std::string>& texts) {
     const auto known = text.ends_with(".json") ? neededBy(SceneScript::read(text)) : Needs::parse(text);
     if (!known) {
       throw ToolError(ExitCode::usage, "", "--needs does not know '" + text + "'",
-                      "Give all, none, a scene file, or some of these: " + Needs::names(", ") + ".");
+                      "Give all, none, auto, a scene file, or some of these: " + Needs::names(", ") + ".");
     }
     needs = needs.with(*known);
   }
@@ -135,6 +135,17 @@ void printSummary(const BakeCommand& command, const nlohmann::ordered_json& repo
                 report["left_out"]["drawn_difference"].get<double>(),
                 report["left_out"]["bytes_exact"].get<double>() / 1000);
   }
+  if (report.contains("left_out") && report["left_out"].contains("unseen")) {
+    for (const auto& left : report["left_out"]["unseen"]) {
+      std::printf("  unseen     without %s %.0f kB less", left["need"].get<std::string>().c_str(),
+                  left["bytes"].get<double>() / 1000);
+      if (const double change = left["change"].get<double>(); change > 0) {
+        std::printf(", %.2g %s at most (bound %.2g)", change, left["unit"].get<std::string>().c_str(),
+                    left["bound"].get<double>());
+      }
+      std::printf("\n");
+    }
+  }
   if (report.contains("budget")) printBudget(report["budget"]);
   std::fflush(stdout);
   printFindings(std::cout, findings, false);
@@ -204,7 +215,7 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
       "Unit of the source: " + lengthUnitNames(", ") + " or metres per unit; the same as --set import.unit=");
   verb->add_option("--needs", command->needs,
                    "What the game wants of the package, the rest is left out; the same as --set package.needs=. all, "
-                   "none, scene "
+                   "none, auto (of the others, or of all that is seen and felt, what is not left out unseen), scene "
                    "files (what they use, and what is drawn), or some of: " +
                        Needs::names("; ", true))
       ->delimiter(',')

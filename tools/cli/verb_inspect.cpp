@@ -39,12 +39,21 @@ void printCost(const nlohmann::ordered_json& cost) {
                 static_cast<unsigned long long>(section["bytes"].get<std::uint64_t>()),
                 section.contains("packed") ? "  packed" : "");
   }
-  std::printf("\n  without      saves bytes   us a step while used\n");
+  std::printf("\n  without      saves bytes   us a step while used   what is seen changes by\n");
   for (const auto& need : cost["needs"]) {
-    char time[32] = "";
+    char time[32] = "", change[48] = "";
+    if (need.contains("change")) {
+      const double most = need["change"].get<double>();
+      const std::string unit = need["unit"].get<std::string>();
+      if (most == 0) {
+        std::snprintf(change, sizeof change, "nothing");
+      } else if (!unit.empty()) {
+        std::snprintf(change, sizeof change, "%.2g %s", most, unit.c_str());
+      }
+    }
     if (need.contains("microseconds")) std::snprintf(time, sizeof time, "%.1f", need["microseconds"].get<double>());
-    std::printf("  %-11s %12lld   %20s   %s\n", need["need"].get<std::string>().c_str(),
-                static_cast<long long>(need["bytes"].get<std::int64_t>()), time,
+    std::printf("  %-11s %12lld   %20s   %23s   %s\n", need["need"].get<std::string>().c_str(),
+                static_cast<long long>(need["bytes"].get<std::int64_t>()), time, change,
                 need["for"].get<std::string>().c_str());
   }
   const auto& times = cost["times"];
