@@ -90,7 +90,6 @@ struct FieldModesArguments {
   float stiffness;         ///< factor on the squared frequencies
   float* lanes;            ///< scratch, 3 n x 8
   float* vector;           ///< 3 n, in and out
-  float* parts;            ///< scratch, 3 n rounded up to eight: the parts of the modes
 };
 
 /// A symmetric positive matrix, or its Cholesky factor: the lower triangle row by row. Entries right of the diagonal

@@ -403,8 +403,8 @@ void Objective::precondition(float* g) const {
     std::fill(local + field->unknowns(), local + field->stride, 0.0F);
     kernels().solve({field->unknowns(), field->stride, const_cast<float*>(system), local});
   } else {
-    kernels().field_modes({field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local,
-                           scratch->parts.data()});
+    kernels().field_modes(
+        {field->unknowns(), field->modes, float(1 / (h * h)), stiffness, scratch->lanes.data(), local});
   }
   for (std::uint32_t j = driven; j < k; ++j) {
     const float* const from = local + 3 * (j - driven);

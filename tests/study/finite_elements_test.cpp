@@ -385,6 +385,47 @@ TEST(QuadraticElements, ACoarseSlenderBeamSagsAsTimoshenkoSays) {
   }
 }
 
+// Sag of the end of a thin clamped beam of length 1 under its weight w a length: Euler's elastica, E I theta'' =
+// -w (1 - s) cos theta, theta(0) = theta'(1) = 0, by shooting. \param load w / E I
+double elasticaSag(double load) {
+  constexpr int kSteps = 2000;
+  constexpr double h = 1.0 / kSteps;
+  double sag = 0;
+  const auto bendAtEnd = [&](double bend) {
+    double theta = 0;
+    sag = 0;
+    for (int i = 0; i < kSteps; ++i) {  // midpoint rule
+      const double s = h * i, half_theta = theta + 0.5 * h * bend;
+      const double half_bend = bend - 0.5 * h * load * (1 - s) * std::cos(theta);
+      sag += h * std::sin(half_theta);
+      theta += h * half_bend;
+      bend -= h * load * (1 - s - 0.5 * h) * std::cos(half_theta);
+    }
+    return bend;
+  };
+  double low = 0, high = load;
+  for (int i = 0; i < 60; ++i) (bendAtEnd(0.5 * (low + high)) < 0 ? low : high) = 0.5 * (low + high);
+  return sag;
+}
+
+// A table of large deflections, one cell through the thickness.
+TEST(QuadraticElements, LargeDeflectionsAreThoseOfTheElastica) {
+  constexpr double kSide = 0.05;
+  EXPECT_NEAR(elasticaSag(0.01), 0.01 / 8, 1e-6);  // as of small ones
+  const Bar bar = clampedBar(20, 1, 1, kSide);
+  double last = 0;
+  for (const double load : {0.5, 1.0, 2.0, 4.0, 8.0, 16.0}) {
+    const double young = 12 * 1000 / (load * kSide * kSide), wanted = elasticaSag(load);
+    const double sag = sagOf(bar, 0, true, young, 1);
+    std::printf("w L^3 / E I = %4.1f: quadratic %.4f, elastica %.4f, small deflections %.4f\n", load, sag, wanted,
+                load / 8);
+    EXPECT_NEAR(sag, wanted, 0.01 * wanted);
+    EXPECT_GT(sag, last);
+    last = sag;
+  }
+  EXPECT_GT(last, 0.7);
+}
+
 // Bent so far that its end hangs: one cell through the thickness against three times as fine.
 TEST(QuadraticElements, ACoarseBeamBentFarIsNearItsLimit) {
   constexpr double kYoung = 2e6, kGravity = 20;
