@@ -299,31 +299,40 @@ SINEW_INLINE Float4 blendCorners(const AttachmentRecord& record, const SlotCorne
 
 /// Unit normals of visual vertices [begin, end), and tangents where `tangents.data` is given (xyz unit and orthogonal
 /// to the normal, w the sign of the rest tangent). \param rest_normals 3 floats each. \param rest_tangents 4 floats
-/// each. \param deform(vertices, normals, tangents) computes cofactor * normal and gradient * tangent of four vertices.
+/// each. \param deform(vertex, normal, tangent) computes cofactor * normal and gradient * tangent of a vertex.
 template <class Deform>
 SINEW_INLINE void writeDirections(const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
                                   std::uint32_t end, OutputStream normals, OutputStream tangents,
                                   const Deform& deform) {
-  for (std::uint32_t i = begin; i < end; i += 4) {
+  // In two passes over a few at a time: roots and quotients wait for what is gathered, and gathering waits for memory.
+  constexpr std::uint32_t kRun = 32;
+  for (std::uint32_t first = begin; first < end; first += kRun) {
+    const std::uint32_t count = end - first < kRun ? end - first : kRun;
+    Float4 n[kRun], t[kRun];
+    for (std::uint32_t k = 0; k < count; ++k) deform(first + k, n[k], t[k]);
     // Short of four vertices the last one is computed more than once.
-    const std::uint32_t last = end - 1;
-    const std::uint32_t index[4] = {i, i + 1 < end ? i + 1 : last, i + 2 < end ? i + 2 : last,
-                                    i + 3 < end ? i + 3 : last};
-    Float4 n[4], t[4] = {};
-    deform(index, n, t);
-    normalizeQuad(n, rest_normals, index);
-    if (normals.data != nullptr) {
-      if (i + 4 <= end) {
-        storeQuad(normals, i, n);
-      } else {
-        for (std::uint32_t k = 0; i + k < end; ++k) store3(normals.data + std::size_t(i + k) * normals.stride, n[k]);
+    for (std::uint32_t k = count; k % 4 != 0; ++k) n[k] = n[count - 1], t[k] = t[count - 1];
+    for (std::uint32_t k = 0; k < count; k += 4) {
+      const std::uint32_t i = first + k, last = end - 1;
+      const std::uint32_t index[4] = {i, i + 1 < end ? i + 1 : last, i + 2 < end ? i + 2 : last,
+                                      i + 3 < end ? i + 3 : last};
+      Float4 quad[4] = {n[k], n[k + 1], n[k + 2], n[k + 3]};
+      normalizeQuad(quad, rest_normals, index);
+      if (normals.data != nullptr) {
+        if (i + 4 <= end) {
+          storeQuad(normals, i, quad);
+        } else {
+          for (std::uint32_t c = 0; i + c < end; ++c)
+            store3(normals.data + std::size_t(i + c) * normals.stride, quad[c]);
+        }
       }
-    }
-    if (tangents.data != nullptr) {
-      orthonormalizeQuad(t, n);
-      for (std::uint32_t k = 0; k < 4 && i + k < end; ++k) {
-        const Float4 value = Float4{t[k][0], t[k][1], t[k][2], rest_tangents[4 * std::size_t(i + k) + 3]};
-        __builtin_memcpy(tangents.data + std::size_t(i + k) * tangents.stride, &value, sizeof value);
+      if (tangents.data != nullptr) {
+        Float4 along[4] = {t[k], t[k + 1], t[k + 2], t[k + 3]};
+        orthonormalizeQuad(along, quad);
+        for (std::uint32_t c = 0; c < 4 && i + c < end; ++c) {
+          const Float4 value = Float4{along[c][0], along[c][1], along[c][2], rest_tangents[4 * std::size_t(i + c) + 3]};
+          __builtin_memcpy(tangents.data + std::size_t(i + c) * tangents.stride, &value, sizeof value);
+        }
       }
     }
   }
@@ -336,14 +345,11 @@ inline void writeAttachedDirections(const AttachmentRecord* records, const SlotC
                                     const float* rest_normals, const float* rest_tangents, std::uint32_t begin,
                                     std::uint32_t end, OutputStream normals, OutputStream tangents) {
   writeDirections(rest_normals, rest_tangents, begin, end, normals, tangents,
-                  [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
-                    for (int k = 0; k < 4; ++k) {
-                      const std::uint32_t i = index[k];
-                      const SlotCorners& at = corners[records[i].slot];
-                      n[k] = blendCorners(records[i], at, cofactors, rest_normals + 3 * std::size_t(i));
-                      if (tangents.data != nullptr) {
-                        t[k] = blendCorners(records[i], at, gradients, rest_tangents + 4 * std::size_t(i));
-                      }
+                  [&](std::uint32_t i, Float4& n, Float4& t) SINEW_INLINE_LAMBDA {
+                    const SlotCorners& at = corners[records[i].slot];
+                    n = blendCorners(records[i], at, cofactors, rest_normals + 3 * std::size_t(i));
+                    if (tangents.data != nullptr) {
+                      t = blendCorners(records[i], at, gradients, rest_tangents + 4 * std::size_t(i));
                     }
                   });
 }
@@ -368,19 +374,14 @@ inline void writeBlendedDirections(const float* rest, const BlendRun* runs, cons
                                    const float* rest_tangents, std::uint32_t begin, std::uint32_t end,
                                    OutputStream normals, OutputStream tangents) {
   writeDirections(rest_normals, rest_tangents, begin, end, normals, tangents,
-                  [&](const std::uint32_t(&index)[4], Float4(&n)[4], Float4(&t)[4]) SINEW_INLINE_LAMBDA {
-                    for (int k = 0; k < 4; ++k) {
-                      const std::size_t i = index[k];
-                      const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
-                      Float4 sum_n = {}, sum_t = {};
-                      for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
-                        const Columns3 slope = clusterSlope(clusters[terms[j].of], position);
-                        const Float4 w = splat4(terms[j].weight);
-                        sum_n += w * times(cofactor(slope), rest_n);
-                        if (tangents.data != nullptr) sum_t += w * times(slope, load4(rest_tangents + 4 * i));
-                      }
-                      n[k] = sum_n;
-                      if (tangents.data != nullptr) t[k] = sum_t;
+                  [&](std::size_t i, Float4& n, Float4& t) SINEW_INLINE_LAMBDA {
+                    const Float4 position = load3(rest + 3 * i), rest_n = load3(rest_normals + 3 * i);
+                    n = t = Float4{};
+                    for (std::uint32_t j = runs[i].first; j < runs[i].first + runs[i].count; ++j) {
+                      const Columns3 slope = clusterSlope(clusters[terms[j].of], position);
+                      const Float4 w = splat4(terms[j].weight);
+                      n += w * times(cofactor(slope), rest_n);
+                      if (tangents.data != nullptr) t += w * times(slope, load4(rest_tangents + 4 * i));
                     }
                   });
 }
@@ -403,9 +404,38 @@ inline void growBounds(const float* points, std::uint32_t count, float* low, flo
   }
 }
 
+/// Which of the places [begin, end) lie below a plane: x along its normal less than its level. \param plane normal and
+/// level. \param[out] found their numbers, room for end - begin. \return how many
+inline std::uint32_t findBelow(OutputStream places, std::uint32_t begin, std::uint32_t end, const float* plane,
+                               std::uint32_t* found) {
+  const Float4 normal = load3(plane), level = splat4(plane[3]);
+  std::uint32_t count = 0;
+  for (std::uint32_t i = begin; i < end; i += 4) {
+    Float4 along[4];
+    for (std::uint32_t k = 0; k < 4; ++k) {
+      const std::size_t v = i + k < end ? i + k : end - 1;
+      along[k] = normal * load3(reinterpret_cast<const float*>(places.data + v * places.stride));
+    }
+    const Int4 below = sumsOfQuad(along[0], along[1], along[2], along[3]) < level;
+    if (!any(below)) continue;
+    for (std::uint32_t k = 0; k < 4 && i + k < end; ++k) {
+      found[count] = i + k;
+      count += isSet(below, k) ? 1U : 0U;
+    }
+  }
+  return count;
+}
+
 inline constexpr AttachKernels attachTable() {
-  return {fillSlotFrames,          fillSlotGradients,     fillGradients,          writeAttachedPositions,
-          writeAttachedDirections, writeBlendedPositions, writeBlendedDirections, growBounds};
+  return {fillSlotFrames,
+          fillSlotGradients,
+          fillGradients,
+          writeAttachedPositions,
+          writeAttachedDirections,
+          writeBlendedPositions,
+          writeBlendedDirections,
+          growBounds,
+          findBelow};
 }
 
 }  // namespace sinew::internal::SINEW_KERNELS

@@ -83,6 +83,8 @@ struct AttachKernels {
                              const ClusterColumns* clusters, const float* rest_normals, const float* rest_tangents,
                              std::uint32_t begin, std::uint32_t end, OutputStream normals, OutputStream tangents);
   void (*bounds)(const float* points, std::uint32_t count, float* low, float* high);
+  std::uint32_t (*below)(OutputStream places, std::uint32_t begin, std::uint32_t end, const float* plane,
+                         std::uint32_t* found);
 };
 
 }  // namespace sinew::internal

@@ -2,11 +2,13 @@
 //
 // What a world hands back to be drawn.
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <new>
 
 #include "runtime/contact/firmness.h"
 #include "runtime/interact/pin_sets.h"
+#include "runtime/kernels/kernels.h"
 #include "runtime/world/world_impl.h"
 
 namespace sinew {
@@ -50,28 +52,32 @@ class Listed {
 
 VertexRun allOf(const Body& body) { return {0, std::uint32_t(body.package().visualPositions().size())}; }
 
-// Whether a place surely lies outside a collider; plain numbers, as most vertices of what rests on one do.
-class Outside {
+// Numbers of the vertices that may lie in a collider, by runs: those below a plane, or below the top of its box, with
+// what floats round. May throw.
+class Below {
  public:
-  Outside(const internal::Collider& collider, const internal::Pose& pose) : plane_(collider.shape.isPlane()) {
-    const Eigen::Vector3d up = pose.rotation * collider.shape.half();
-    level_ = collider.shape.radius() + up.dot(pose.position);
-    for (int c = 0; c < 3; ++c) {
-      up_[c] = up[c];
-      low_[c] = collider.bounds().min()[c];
-      high_[c] = collider.bounds().max()[c];
-    }
+  Below(const internal::Collider& collider, const internal::Pose& pose, const StridedFloat3& places, double size,
+        std::pmr::memory_resource* memory)
+      : places_{reinterpret_cast<std::byte*>(places.data), places.stride}, found_(memory) {
+    const bool plane = collider.shape.isPlane();
+    const Eigen::Vector3d up =
+        plane ? Eigen::Vector3d(pose.rotation * collider.shape.half()) : Eigen::Vector3d::UnitY();
+    const double level = plane ? collider.shape.radius() + up.dot(pose.position) : collider.bounds().max()[1];
+    const double far = std::abs(level) + Eigen::Map<const Eigen::Vector3f>(places.data).cast<double>().lpNorm<1>();
+    plane_ = {float(up[0]), float(up[1]), float(up[2]), float(level + kRounding * (far + 2 * size))};
   }
 
-  bool operator()(const float* x) const {
-    const double a = double(x[0]), b = double(x[1]), c = double(x[2]);
-    if (plane_) return up_[0] * a + up_[1] * b + up_[2] * c >= level_;
-    return !(a >= low_[0] && a <= high_[0] && b >= low_[1] && b <= high_[1] && c >= low_[2] && c <= high_[2]);
+  std::span<const std::uint32_t> in(std::uint32_t begin, std::uint32_t end) {
+    found_.resize(end > begin ? end - begin : 0);
+    if (found_.empty()) return {};
+    return {found_.data(), internal::kernels().attach.below(places_, begin, end, plane_.data(), found_.data())};
   }
 
  private:
-  bool plane_;
-  double level_, up_[3], low_[3], high_[3];
+  static constexpr double kRounding = 1e-6;  // of a place's coordinates
+  internal::OutputStream places_;
+  std::array<float, 4> plane_;
+  internal::Array<std::uint32_t> found_;
 };
 
 // Contact points are some of the surface: what lies between them is deeper by no more than what rests is.
@@ -156,12 +162,13 @@ void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun>
     if (collider == nullptr) continue;
     const double deepest = pressedInto(body, id);
     const internal::Pose pose(internal::between(collider->before, collider->at, shown));
-    const Outside outside(*collider, pose);
+    const bool plane = collider->shape.isPlane();
+    Below below(*collider, pose, out, double(body.package().info().diagonal), memory);
     for (const VertexRun& run : runs) {
-      for (std::uint32_t v = run.first; v < std::min(run.first + run.count, out.count); ++v) {
+      for (const std::uint32_t v : below.in(run.first, std::min(run.first + run.count, out.count))) {
         float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);
-        if (outside(x)) continue;
         const Eigen::Vector3d at = Eigen::Map<const Eigen::Vector3f>(x).cast<double>();
+        if (!plane && !collider->bounds().contains(at)) continue;
         const internal::NearPlace near = collider->shape.near(pose.toLocal(at), deepest);
         if (!(near.distance < 0 && near.distance > -deepest)) continue;
         const Eigen::Vector3d out_of = at - near.distance * (pose.rotation * near.normal);

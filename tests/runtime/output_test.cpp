@@ -306,6 +306,67 @@ TEST(Outputs, SameBitsForAnyJobSystem) {
   }
 }
 
+// What rests on something is pressed into it by a little; it is drawn on it.
+TEST(Outputs, WhatRestsIsDrawnOnWhatItRestsOn) {
+  struct Support {
+    ColliderShape shape;
+    Vec3 at;
+    Vector3d up;
+  };
+  const double tilt = 0.2;
+  const Vec3 leaning = {float(-std::sin(tilt)), float(std::cos(tilt)), 0};
+  const Support supports[] = {{PlaneShape{{0, 1, 0}, 0}, {0, 0, 0}, {0, 1, 0}},
+                              {PlaneShape{leaning, 0}, {0, 0, 0}, {-std::sin(tilt), std::cos(tilt), 0}},
+                              {BoxShape{{3, 1, 3}}, {0, -1, 0}, {0, 1, 0}},
+                              {BoxShape{{3, 1, 3}}, {4000, -1, 0}, {0, 1, 0}}};
+  for (const Support& support : supports) {
+    WorldSettings settings;
+    settings.ground.enabled = false;
+    World world(settings);
+    ASSERT_TRUE(world.addCollider(support.shape, {.at = {.position = support.at}, .friction = 1}));
+    const auto asset = makeAsset(texturedBox(false, ClusterMode::quadratic));
+    const float low = asset->package().info().bounds_min[1];
+    const BodyId id = *world.addBody(asset, {.position = {support.at[0], 0.05F - low + 0.3F * float(tilt), 0}});
+    for (int i = 0; i < 240; ++i) world.step(1.0F / 60);
+    const Outputs drawn = outputsOf(world, id);
+    double lowest = 1e300, physical = 1e300;
+    const auto height = [&](const Vec3& x) {
+      return support.up.dot(Vector3d(double(x[0] - support.at[0]), double(x[1]), double(x[2])));
+    };
+    for (const Vec3& x : drawn.positions) lowest = std::min(lowest, height(x));
+    for (const Vec3& x : world.positions(id)) physical = std::min(physical, height(x));
+    const double rounding = 1e-6 * (1 + std::abs(double(support.at[0])));
+    EXPECT_LT(physical, -1e-6);
+    EXPECT_GT(lowest, -rounding) << support.at[0] << " " << support.up.transpose();
+    EXPECT_LT(lowest, 2e-3);
+  }
+}
+
+// Which places lie below a plane, by every instruction set, runs that do not fill the lanes among them.
+TEST(Outputs, PlacesBelowAPlaneAreFoundForEveryInstructionSet) {
+  std::vector<float> places(5 * 103);
+  for (std::size_t i = 0; i < places.size(); ++i) places[i] = float(std::sin(double(i * i)));
+  const float plane[4] = {0.6F, -0.64F, 0.48F, 0.1F};
+  int sets = 0;
+  for (const char* name : {"portable", "sse42", "avx2", "avx512"}) {
+    const internal::Kernels* table = internal::kernelsNamed(name);
+    if (table == nullptr) continue;
+    ++sets;
+    for (const auto& [begin, end] : {std::pair{0U, 103U}, {3U, 10U}, {7U, 8U}, {100U, 103U}}) {
+      std::vector<std::uint32_t> expected, found(end - begin);
+      for (std::uint32_t v = begin; v < end; ++v) {
+        const float* x = places.data() + 5 * std::size_t(v);
+        if ((plane[0] * x[0] + plane[1] * x[1]) + plane[2] * x[2] < plane[3]) expected.push_back(v);
+      }
+      const std::uint32_t count =
+          table->attach.below({reinterpret_cast<std::byte*>(places.data()), 20}, begin, end, plane, found.data());
+      found.resize(count);
+      EXPECT_EQ(found, expected) << name;
+    }
+  }
+  EXPECT_GT(sets, 0);
+}
+
 // The kernels of every instruction set this processor has, on the same input: equal bits; and against doubles.
 TEST(Outputs, SameBitsForEveryInstructionSet) {
   using namespace internal;

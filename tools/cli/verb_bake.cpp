@@ -221,7 +221,8 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
       ->delimiter(',')
       ->type_name("NEED ...");
   verb->add_option("--budget", command->time_budget,
-                   "The finest bake that a frame of one body takes this long, as in 0.1ms (chooses field.functions and tetrahedra.vertices)")
+                   "The finest bake that a frame of one body takes this long, as in 0.1ms (chooses field.functions and "
+                   "tetrahedra.vertices)")
       ->type_name("TIME");
   verb->add_option("--budget-bytes", command->byte_budget, "The finest bake of at most this size, as in 200k")
       ->type_name("SIZE");
