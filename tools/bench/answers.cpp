@@ -221,7 +221,7 @@ void Answers::takeRigidAway(MatrixXd& answers) const {
     }
     const Eigen::Matrix<double, 6, Eigen::Dynamic> weighed = rigid.transpose() * area.asDiagonal();
     const Eigen::Matrix<double, 6, 6> gram = weighed * rigid;
-    moved -= rigid * gram.completeOrthogonalDecomposition().solve(weighed * moved);
+    moved -= rigid * gram.ldlt().solve(weighed * moved);
     for (Index i = 0; i < n; ++i) answers.middleRows(3 * Index(piece[std::size_t(i)]), 3) = moved.middleRows(3 * i, 3);
   }
 }
