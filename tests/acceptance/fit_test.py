@@ -49,6 +49,23 @@ class Fit(unittest.TestCase):
         still = self.run_sinew("simulate", self.package, "--scene", "hang", "--seconds", "0.5", "--json")
         self.assertEqual(still.returncode, 0, still.stderr)
 
+    def test_auto_leaves_out_what_goes_unseen_and_says_what_it_changes(self):
+        everything = self.bake()["package_bytes"]
+        report = self.bake("--needs", "auto")
+        left = report["left_out"]
+        self.assertLess(report["package_bytes"], everything)
+        needs = left["needs"].split(",")
+        for need in ("contact", "pins", "normals", "uvs", "textures"):
+            self.assertIn(need, needs)
+        self.assertNotIn("exact", needs)
+        for unseen in left["unseen"]:
+            self.assertLessEqual(unseen["change"], unseen["bound"])
+            self.assertGreater(unseen["bytes"], 0)
+        self.assertLessEqual(left["drawn_difference"], 1e-3)
+        self.assertEqual(self.run_sinew("check", self.package).returncode, 0)
+        report = self.bake("--needs", "auto,cut,normals")
+        self.assertEqual(report["left_out"]["needs"], "cut,normals")
+
     def test_a_scene_file_says_what_it_needs(self):
         scene = self.path / "cuts.json"
         scene.write_text(json.dumps({"sinew_scene": 1, "ground": -1,

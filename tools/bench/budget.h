@@ -36,9 +36,9 @@ struct BudgetTry {
   std::uint32_t vertices = 0;   ///< physical
   std::uint64_t bytes = 0;
   FrameCost frame;
-  /// Of answers to small constant loads, of their rms displacement: from those of the recipe's own mesh with the most
-  /// functions (tools/bench/answers.h), and what these lack of all its tetrahedra's (formats::Field::static_error).
-  /// That alone where the surface does not hang on tetrahedra.
+  /// Of answers to small constant loads, of their rms displacement: from those of the recipe's own mesh with 128
+  /// functions, or 256 (tools/bench/answers.h), and what these lack of all its tetrahedra's
+  /// (formats::Field::static_error). That alone where the surface does not hang on tetrahedra.
   double error = 0;
 };
 
