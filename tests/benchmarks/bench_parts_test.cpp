@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "tools/bench/answers.h"
 #include "tools/bench/bounds.h"
 #include "tools/bench/lattice.h"
 #include "tools/bench/timing.h"
@@ -28,6 +29,38 @@ TEST(Lattice, HasTheSizesAskedForAndFields) {
   EXPECT_EQ(body.asset->package().tetrahedra().size(), 7U * 8U * 4U * 5U);
   ASSERT_EQ(body.asset->package().fields().size(), 1U);
   EXPECT_EQ(body.asset->package().fields()[0].function_count, 32U);
+}
+
+TEST(Answers, AreHalfAsLargeOfWhatIsTwiceAsStiff) {
+  LatticeOptions options;
+  options.points = {9, 7, 5};
+  options.visual_vertices = 400;
+  const LatticeBody body = makeLattice(options);
+  const Answers answers(body.asset->package());
+  EXPECT_LT(answers.errorOf(body.asset->package()), 1e-12);
+  LatticeOptions stiffer = options;
+  for (double* hz : {&stiffer.stretch_hz, &stiffer.bend_hz, &stiffer.twist_hz}) *hz *= std::sqrt(2.0);
+  EXPECT_NEAR(answers.errorOf(makeLattice(stiffer).asset->package()), 0.5, 1e-3);
+}
+
+TEST(Answers, CompareMeshesByWhatIsDrawn) {
+  LatticeOptions options;
+  options.points = {13, 9, 7};
+  options.visual_vertices = 400;
+  const Answers answers(makeLattice(options).asset->package());
+  double before = 1;
+  for (const std::uint32_t points : {3U, 5U, 7U}) {
+    LatticeOptions coarser = options;
+    coarser.points = {points + points / 2, points, points - points / 4};
+    coarser.boxes = {1, 1, 1};
+    const double error = answers.errorOf(makeLattice(coarser).asset->package());
+    std::printf("%u points along y: off by %.3f\n", points, error);
+    EXPECT_LT(error, before);
+    before = error;
+  }
+  LatticeOptions other = options;
+  other.visual_vertices = 300;
+  EXPECT_TRUE(std::isinf(answers.errorOf(makeLattice(other).asset->package())));
 }
 
 TEST(Lattice, VisualVerticesLieWithinTheirTetrahedra) {
