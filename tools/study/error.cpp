@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <numbers>
 
@@ -491,9 +492,21 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
   return plan;
 }
 
+// Points times steps of a scene's reference, and of the linear elements beside it.
+double referenceWork(const MotionBody& body, const MotionScene& scene, const ErrorOptions& options) {
+  const auto nothing = [](double) {};
+  const auto workOf = [&](bool quadratic, double most) {
+    const double work = playSolid(body, scene, {.quadratic = quadratic, .most_work = 0}, nothing).work;
+    return work <= most ? work : 0;
+  };
+  const double linear = workOf(false, kLinearWork * options.reference_work);
+  return workOf(true, options.reference_work) + (scene.ground ? 4 : 3) * linear;
+}
+
 // One scene: its reference, then all that is planned.
-void measureScene(const std::string& name, const Plan& plan, const ErrorOptions& options, ErrorStudy& study,
-                  const std::function<void(double)>& progress) {
+// \param[in,out] work_left of ErrorOptions::page_work
+void measureScene(const std::string& name, const Plan& plan, const ErrorOptions& options, double& work_left,
+                  ErrorStudy& study, const std::function<void(double)>& progress) {
   const formats::PackageView& package = plan.own->package();
   const bool from_file = isFile(name);
   MotionScene scene = from_file ? scriptedScene(errorScript(name), package) : sceneOf(name);
@@ -540,6 +553,12 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
       if (!other.probes[v]) counts[v] = 0;
     }
   }
+  const double work = referenceWork(body, scene, options);
+  if (work > work_left && !study.scenes.empty()) {
+    study.notes.push_back(result.name + ": left out, as its reference would take long; --scene " + name + " plays it");
+    return;
+  }
+  work_left -= work;
   // The reference: quadratic elements on the recipe's own tetrahedra.
   const auto begin = std::chrono::steady_clock::now();
   const auto nothing = [](double) {};
@@ -658,8 +677,9 @@ ErrorStudy measureError(const ErrorInput& input, const ErrorOptions& options,
     names.assign(kDefaultErrorScenes.begin(), kDefaultErrorScenes.end());
     if (!plan.own->package().pinSets().empty()) names.emplace_back(nameOf(HoldScene::pins));
   }
+  double work_left = options.scenes.empty() ? options.page_work : std::numeric_limits<double>::infinity();
   for (std::size_t s = 0; s < names.size(); ++s) {
-    measureScene(names[s], plan, options, study,
+    measureScene(names[s], plan, options, work_left, study,
                  [&](double part) { progress(0.1 + 0.9 * (double(s) + part) / double(names.size())); });
   }
   markFronts(study);

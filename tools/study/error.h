@@ -47,7 +47,10 @@ struct ErrorOptions {
   /// The reference cuts every tetrahedron into eight: ten times its time, or more.
   bool refine = false;
   double reference_work = 2e10;  ///< ExplicitOptions::most_work of the reference; beyond, its elements are linear
-  double slowest_ms = 20;        ///< a method that takes more for a frame is stopped
+  /// Of all references together where no scenes are named: scenes that exceed it are left out, and a note says so. The
+  /// first is always played. 1.2e10 take three minutes on two cores.
+  double page_work = 1.2e10;
+  double slowest_ms = 20;  ///< a method that takes more for a frame is stopped
 
   static constexpr std::uint32_t kMostFunctions = 256, kLeastVertices = 8, kMostVertices = 1000000;
 };
