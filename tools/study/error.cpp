@@ -549,6 +549,10 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   for (const Mesh& mesh : plan.meshes) {
     const MotionBody& other =
         bodies.emplace(mesh.asset.get(), mesh.asset == plan.own ? body : bodyOf(mesh.asset->package())).first->second;
+    if (other.rest.empty()) {
+      study.notes.push_back(result.name + ": without the mesh of " + mesh.name + ", of which nothing is held");
+      continue;
+    }
     for (std::size_t v = 0; v < counts.size(); ++v) {
       if (!other.probes[v]) counts[v] = 0;
     }
@@ -635,7 +639,9 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
     MotionScene timed = scene;
     timed.slowest_seconds = 1e-3 * options.slowest_ms;
     const auto at = bodies.find(play.asset.get());
-    Motion motion = play.play(at != bodies.end() ? at->second : body, timed);
+    const MotionBody& played = at != bodies.end() ? at->second : body;
+    if (played.rest.empty()) continue;
+    Motion motion = play.play(played, timed);
     ErrorRow row;
     row.scene = std::uint32_t(study.scenes.size() - 1);
     row.method = play.method;
