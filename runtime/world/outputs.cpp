@@ -56,15 +56,17 @@ VertexRun allOf(const Body& body) { return {0, std::uint32_t(body.package().visu
 // what floats round. May throw.
 class Below {
  public:
-  Below(const internal::Collider& collider, const internal::Pose& pose, const StridedFloat3& places, double size,
+  Below(const internal::Collider& collider, const internal::Pose& pose, const Body& body, const StridedFloat3& places,
         std::pmr::memory_resource* memory)
       : places_{reinterpret_cast<std::byte*>(places.data), places.stride}, found_(memory) {
     const bool plane = collider.shape.isPlane();
     const Eigen::Vector3d up =
         plane ? Eigen::Vector3d(pose.rotation * collider.shape.half()) : Eigen::Vector3d::UnitY();
     const double level = plane ? collider.shape.radius() + up.dot(pose.position) : collider.bounds().max()[1];
-    const double far = std::abs(level) + Eigen::Map<const Eigen::Vector3f>(places.data).cast<double>().lpNorm<1>();
-    plane_ = {float(up[0]), float(up[1]), float(up[2]), float(level + kRounding * (far + 2 * size))};
+    // Of the body, not of the places: a sub-mesh leaves the caller's first ones as they are.
+    const double far = std::abs(level) + Eigen::Map<const Eigen::Vector3f>(body.x[0].data()).cast<double>().lpNorm<1>();
+    const double size = 2 * double(body.package().info().diagonal);
+    plane_ = {float(up[0]), float(up[1]), float(up[2]), float(level + kRounding * (far + size))};
   }
 
   std::span<const std::uint32_t> in(std::uint32_t begin, std::uint32_t end) {
@@ -163,7 +165,7 @@ void World::Impl::liftFromColliders(const Body& body, std::span<const VertexRun>
     const double deepest = pressedInto(body, id);
     const internal::Pose pose(internal::between(collider->before, collider->at, shown));
     const bool plane = collider->shape.isPlane();
-    Below below(*collider, pose, out, double(body.package().info().diagonal), memory);
+    Below below(*collider, pose, body, out, memory);
     for (const VertexRun& run : runs) {
       for (const std::uint32_t v : below.in(run.first, std::min(run.first + run.count, out.count))) {
         float* const x = reinterpret_cast<float*>(reinterpret_cast<std::byte*>(out.data) + std::size_t(out.stride) * v);

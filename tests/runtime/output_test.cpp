@@ -336,6 +336,16 @@ TEST(Outputs, WhatRestsIsDrawnOnWhatItRestsOn) {
     for (const Vec3& x : drawn.positions) lowest = std::min(lowest, height(x));
     for (const Vec3& x : world.positions(id)) physical = std::min(physical, height(x));
     const double rounding = 1e-6 * (1 + std::abs(double(support.at[0])));
+    // Sub-meshes are drawn alike into a buffer that nobody has written.
+    for (std::uint32_t m = 0; m < asset->package().subMeshes().size(); ++m) {
+      const float nothing = std::numeric_limits<float>::quiet_NaN();
+      std::vector<Vec3> part(drawn.positions.size(), Vec3{nothing, nothing, nothing});
+      world.visualSubMesh(id, m, {{part[0].data(), 12, std::uint32_t(part.size())}, {}, {}, {}});
+      for (std::size_t v = 0; v < part.size(); ++v) {
+        if (std::isnan(part[v][0])) continue;
+        EXPECT_EQ(part[v], drawn.positions[v]);
+      }
+    }
     EXPECT_LT(physical, -1e-6);
     EXPECT_GT(lowest, -rounding) << support.at[0] << " " << support.up.transpose();
     EXPECT_LT(lowest, 2e-3);
