@@ -96,6 +96,18 @@ class Error(unittest.TestCase):
         for word in ("nan", "inf "):
             self.assertNotIn(word, re.sub(r"base64,[^']*", "", page))
 
+    def test_a_mesh_of_which_nothing_is_held_is_left_out_and_named(self):
+        penguin = pathlib.Path(__file__).resolve().parents[1] / "assets/models/penguin_painted.ply"
+        done = run("study", "error", penguin, "--set", "tetrahedra.vertices=300", "--vertices", 40, "--functions", 8,
+                   "--scene", "hang", "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        study = json.loads(done.stdout)
+        self.assertTrue(any("nothing is held" in note for note in study["notes"]), study["notes"])
+        results = study["scenes"][0]["results"]
+        self.assertGreater(study["scenes"][0]["compared_vertices"], 0)
+        self.assertFalse([row for row in results if row["knobs"].startswith("32 vertices")])
+        self.assertLess(min(row["path"] for row in results if "path" in row), 1)
+
     def test_a_package_is_played_as_it_is(self):
         package = pathlib.Path(self.folder.name) / "bar.sinew"
         self.assertEqual(run("bake", BAR / "l_bar.obj", "-o", package, "--set", "tetrahedra.vertices=300").returncode, 0)
