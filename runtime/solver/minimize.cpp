@@ -12,9 +12,10 @@
 namespace sinew::internal {
 namespace {
 
-constexpr std::uint32_t kPairs = 5;
 /// Times that a step is cut before the matrix of the shape at hand is made: that costs as much as ten tries.
 constexpr std::uint32_t kCuts = 2;
+/// Pairs of an island: its vectors are long.
+constexpr std::uint32_t kPairs = 5;
 /// Touches of an island that a job takes at least.
 constexpr std::uint32_t kTouchesAJob = 64;
 /// A direction shorter than this part of the way from the prediction changes nothing that can be seen.
@@ -29,24 +30,6 @@ constexpr double kSufficient = 1e-4;
 constexpr double kEnergyNoise = 4e-6;
 
 using Four = Eigen::Array4f;
-
-double dot(const float* a, const float* b, std::uint32_t n) {
-  // Short runs in floats, their sums in double.
-  constexpr std::uint32_t kRun = 16;
-  const auto product = [&](std::uint32_t i) { return Four(Four::Map(a + i) * Four::Map(b + i)); };
-  Eigen::Array4d total = Eigen::Array4d::Zero();
-  std::uint32_t i = 0;
-  for (; i + kRun <= n; i += kRun) {
-    const Four run = (product(i) + product(i + 4)) + (product(i + 8) + product(i + 12));
-    total += run.cast<double>();
-  }
-  for (; i < n; i += 4) total += product(i).cast<double>();
-  return (total[0] + total[1]) + (total[2] + total[3]);
-}
-
-void add(float factor, const float* a, float* to, std::uint32_t n) {
-  for (std::uint32_t i = 0; i < n; i += 4) Four::Map(to + i) += factor * Four::Map(a + i);
-}
 
 }  // namespace
 
@@ -63,7 +46,7 @@ MinimizeScratch::MinimizeScratch(std::pmr::memory_resource* memory)
       direction(memory),
       residual(memory),
       springs(memory),
-      pairs(memory),
+      pairs(kPairs, memory),
       lanes(memory),
       parts(memory),
       quaternions(memory),
@@ -88,7 +71,6 @@ void MinimizeScratch::reserve(const Field& field, std::size_t contact_count) {
     grow(*array, 4 * k);
   }
   grow(springs, k * k);
-  grow(pairs, 8 * kPairs * k);
   grow(lanes, 24 * k);
   grow(parts, 3 * k + 8);
   grow(quaternions, 32 * std::size_t(field.pack_count));
@@ -103,7 +85,7 @@ void MinimizeScratch::reserveVectors(std::size_t size) {
   for (Array<float>* array : {&base, &d, &next, &gradient, &next_gradient, &direction}) {
     if (array->size() < size) array->resize(size);
   }
-  if (pairs.size() < 2 * kPairs * size) pairs.resize(2 * kPairs * size);
+  pairs.reserve(size);
 }
 
 namespace {
@@ -563,7 +545,7 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
                     dot(gradient + first, direction + first, n), objective.heldByContacts(direction));
 }
 
-Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations,
+Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pairs, std::uint32_t iterations,
                           Objective::Value value) {
   Objective* const pieces[] = {&objective};
   SystemFactor* const systems[] = {&system};
@@ -574,23 +556,19 @@ Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint3
   minimand.first = first;
   minimand.size = 4 * objective.field->k;
   minimand.vectors = objective.scratch;
-  return minimize(minimand, iterations, value);
+  return minimize(minimand, pairs, iterations, value);
 }
 
-Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objective::Value value) {
+Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterations, Objective::Value value) {
   MinimizeScratch& s = *minimand.vectors;
   // Pins decide the driven coefficients: precondition() leaves them where they are.
   const std::uint32_t n = minimand.size;
   float *const d = s.d.data(), *const gradient = s.gradient.data(), *const direction = s.direction.data();
   float* const trial = s.next.data();
   const float* const next_gradient = s.next_gradient.data();
-  std::array<double, kPairs> curvature = {}, alpha = {};
-  std::uint32_t pairs = 0, newest = 0;  // the pairs lie in a ring
-  bool renewed = false;                 // the matrix is that of this shape
+  bool renewed = false;  // the matrix is that of this shape
   const bool has_friction = minimand.hasFriction();
   float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
-  const auto offsetOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot; };
-  const auto changeOf = [&](std::uint32_t slot) { return s.pairs.data() + std::size_t(2 * n) * slot + n; };
   double rounded2 = 0, energy_noise = 0;
   for (std::size_t i = 0; i < minimand.pieces.size(); ++i) {
     const Objective& piece = *minimand.pieces[i];
@@ -600,22 +578,14 @@ Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objectiv
   }
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);
-    for (std::uint32_t i = 0; i < pairs; ++i) {
-      const std::uint32_t slot = (newest + kPairs - i) % kPairs;
-      alpha[slot] = dot(offsetOf(slot), direction, n) / curvature[slot];
-      add(float(-alpha[slot]), changeOf(slot), direction, n);
-    }
+    pairs.reduce(direction);
     minimand.precondition(direction);
     for (std::uint32_t i = 0; i < n; ++i) direction[i] *= scale;
-    for (std::uint32_t i = pairs; i-- > 0;) {
-      const std::uint32_t slot = (newest + kPairs - i) % kPairs;
-      const double beta = dot(changeOf(slot), direction, n) / curvature[slot];
-      add(float(alpha[slot] - beta), offsetOf(slot), direction, n);
-    }
+    pairs.expand(direction);
     double slope = dot(gradient, direction, n);
     if (!(slope > 0)) {
-      if (pairs == 0) break;
-      pairs = 0;
+      if (pairs.count() == 0) break;
+      pairs.clear();
       continue;
     }
     const double way2 = dot(d, d, n);
@@ -645,24 +615,13 @@ Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objectiv
       if (renewed) break;
       minimand.renew(d, settled);
       renewed = true;
-      pairs = 0;
+      pairs.clear();
       scale = 1;
       continue;
     }
     renewed = false;
     scale *= part;
-    const std::uint32_t slot = (newest + 1) % kPairs;
-    float *const offset = offsetOf(slot), *const change = changeOf(slot);
-    for (std::uint32_t i = 0; i < n; ++i) {
-      offset[i] = trial[i] - d[i];
-      change[i] = next_gradient[i] - gradient[i];
-    }
-    const double bend = dot(offset, change, n);
-    if (bend > 1e-9 * std::sqrt(dot(offset, offset, n) * dot(change, change, n))) {
-      curvature[slot] = bend;
-      newest = slot;
-      pairs = std::min(pairs + 1, kPairs);
-    }
+    pairs.take(d, trial, gradient, next_gradient);
     std::copy_n(trial, n, d);
     std::copy_n(s.next_gradient.data(), n, s.gradient.data());
     value = next;

@@ -10,6 +10,7 @@
 
 #include "runtime/kernels/kernels.h"
 #include "runtime/memory/array.h"
+#include "runtime/solver/pairs.h"
 #include "runtime/solver/piece.h"
 #include "runtime/solver/system.h"
 #include "sinew/runtime/settings.h"
@@ -81,7 +82,7 @@ struct MinimizeScratch {
   Array<float> offset;  ///< from there to the base
   Array<float> shape;   ///< the same in the frame of the piece, less the rest shape
   Array<float> x, d, old, next, gradient, next_gradient, direction, residual, springs;
-  Array<float> pairs;  ///< five of s and y each
+  Pairs pairs;  ///< of pieces together
   Array<float> lanes, parts, quaternions;
   Array<float> squeezed;
   Array<float> samples;  ///< of stiffnessAt()
@@ -156,7 +157,7 @@ struct Minimand {
   std::span<const std::uint32_t> first;  ///< of each piece's coefficients in the vectors, floats
   std::uint32_t size = 0;                ///< of the vectors, floats
   std::span<Touch> touches;
-  MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient, direction and pairs count
+  MinimizeScratch* vectors = nullptr;    ///< base, d, next, gradient, next_gradient and direction count
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
   RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
@@ -184,12 +185,14 @@ struct Minimand {
   void addForces(std::uint32_t piece, float* gradient) const;
 };
 
-/// L-BFGS(5) about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where
-/// the matrix is no guide that of the shape at hand takes its place. \return the value at the offset that scratch.d
+/// L-BFGS about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where the
+/// matrix is no guide that of the shape at hand takes its place. \param pairs of vectors of this length; those that are
+/// there already are used. \return the value at the offset that scratch.d
 /// then holds, whose gradient scratch.gradient holds.
-Objective::Value minimize(Minimand& minimand, std::uint32_t iterations, Objective::Value start);
+Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterations, Objective::Value start);
 /// The same of one piece.
-Objective::Value minimize(Objective& objective, SystemFactor& system, std::uint32_t iterations, Objective::Value start);
+Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pairs, std::uint32_t iterations,
+                          Objective::Value start);
 
 /// Whether minimize() would stop at once at an offset with this gradient.
 bool isSettled(const Objective& objective, const float* d, const float* gradient);

@@ -10,6 +10,7 @@
 
 #include "runtime/memory/array.h"
 #include "runtime/solver/field.h"
+#include "runtime/solver/pairs.h"
 #include "runtime/solver/system.h"
 
 namespace sinew::internal {
@@ -33,7 +34,15 @@ struct TouchingPoint {
 /// The state of a piece: its further motion depends on nothing else, and this is saved.
 struct PieceState {
   explicit PieceState(std::pmr::memory_resource* memory)
-      : z(memory), v(memory), z_before(memory), v_before(memory), touching(memory), plastic(memory) {}
+      : z(memory),
+        v(memory),
+        z_before(memory),
+        v_before(memory),
+        touching(memory),
+        plastic(memory),
+        pairs(kPairs, memory) {}
+
+  static constexpr std::uint32_t kPairs = 8;
 
   bool held = false;                   ///< which of the piece's fields it moves in
   Array<Vector3d> z, v;                ///< coefficients of position (metres, world) and velocity
@@ -45,6 +54,10 @@ struct PieceState {
   bool leaning = false;                ///< on other pieces, of which one is held
   Array<TouchingPoint> touching;       ///< by collider, then by point
   Array<float> plastic;                ///< the samples' rest shapes (solver/plasticity.h); empty where none may change
+  /// Of the last step, its inertia of a length pairs_h, s, and the frame then; none where h_before is 0.
+  Pairs pairs;
+  double pairs_h = 0;
+  Eigen::Matrix3f pairs_frame = Eigen::Matrix3f::Identity();
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 

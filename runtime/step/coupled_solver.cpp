@@ -20,16 +20,43 @@ namespace {
 
 constexpr std::uint32_t kHeld = 1, kLeaning = 2;  ///< of SavedPiece::flags
 
-/// A PieceState without its arrays, which follow: z, v, z_before, v_before, touching, plastic.
+/// A PieceState without its arrays, which follow: z, v, z_before, v_before, touching, plastic, pairs.
 struct SavedPiece {
   std::uint32_t flags, functions, touching, plastic;
   double h_before, elastic, budget;
   std::array<double, 3> turn, omega;
+  double pairs_h;
+  std::array<float, 9> pairs_frame;
+  std::uint32_t pairs;
 };
 
-std::size_t pieceBytes(std::size_t functions, std::size_t touching, std::size_t plastic) {
-  return sizeof(SavedPiece) + 4 * functions * sizeof(Vector3d) + touching * sizeof(TouchingPoint) +
-         plastic * sizeof(float);
+std::size_t arrayBytes(const SavedPiece& saved) {
+  return 4 * std::size_t(saved.functions) * sizeof(Vector3d) + saved.touching * sizeof(TouchingPoint) +
+         saved.plastic * sizeof(float) + saved.pairs * Pairs::savedBytes(4 * saved.functions);
+}
+
+/// Pairs that the next step may use.
+std::uint32_t pairsOf(const PieceState& state) {
+  return state.h_before > 0 && state.pairs.fresh() ? state.pairs.count() : 0;
+}
+
+SavedPiece savedOf(const PieceState& state) {
+  SavedPiece saved = {(state.held ? kHeld : 0U) | (state.leaning ? kLeaning : 0U),
+                      std::uint32_t(state.z.size()),
+                      std::uint32_t(state.touching.size()),
+                      std::uint32_t(state.plastic.size()),
+                      state.h_before,
+                      state.elastic,
+                      state.budget,
+                      {state.turn[0], state.turn[1], state.turn[2]},
+                      {state.omega[0], state.omega[1], state.omega[2]},
+                      0,
+                      {},
+                      pairsOf(state)};
+  if (saved.pairs == 0) return saved;
+  saved.pairs_h = state.pairs_h;
+  std::copy_n(state.pairs_frame.data(), 9, saved.pairs_frame.data());
+  return saved;
 }
 
 class CoupledSolver final : public BodySolver {
@@ -47,6 +74,7 @@ class CoupledSolver final : public BodySolver {
       piece.state.touching.reserve(kMostContacts);
       piece.system.points.reserve(kMostContacts);
       piece.system.factor.reserve(3 * k * (3 * k + 7));
+      piece.state.pairs.reserve(4 * k);
       piece.springs.reserve(k * k);
       piece.row.reserve(k);
       findReach(*free, piece.reach_free);
@@ -155,7 +183,7 @@ class CoupledSolver final : public BodySolver {
   std::size_t stateBytes() const override {
     std::size_t bytes = 0;
     for (const Piece& piece : body_.pieces) {
-      bytes += pieceBytes(piece.state.z.size(), piece.state.touching.size(), piece.state.plastic.size());
+      bytes += sizeof(SavedPiece) + arrayBytes(savedOf(piece.state));
     }
     return bytes;
   }
@@ -168,21 +196,15 @@ class CoupledSolver final : public BodySolver {
     };
     for (const Piece& piece : body_.pieces) {
       const PieceState& state = piece.state;
-      const SavedPiece saved = {(state.held ? kHeld : 0U) | (state.leaning ? kLeaning : 0U),
-                                std::uint32_t(state.z.size()),
-                                std::uint32_t(state.touching.size()),
-                                std::uint32_t(state.plastic.size()),
-                                state.h_before,
-                                state.elastic,
-                                state.budget,
-                                {state.turn[0], state.turn[1], state.turn[2]},
-                                {state.omega[0], state.omega[1], state.omega[2]}};
+      const SavedPiece saved = savedOf(state);
       put(&saved, sizeof saved);
       for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
         put(array->data(), array->size() * sizeof(Vector3d));
       }
       put(state.touching.data(), state.touching.size() * sizeof(TouchingPoint));
       put(state.plastic.data(), state.plastic.size() * sizeof(float));
+      state.pairs.save(saved.pairs, at);
+      at += saved.pairs * Pairs::savedBytes(4 * saved.functions);
     }
   }
 
@@ -194,25 +216,25 @@ class CoupledSolver final : public BodySolver {
       const Field* const field = (saved.flags & kHeld) != 0 ? piece.fixed : piece.free;
       if (field == nullptr || saved.functions != field->k || saved.touching > kMostContacts ||
           saved.flags > (kHeld | kLeaning) || saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
-          !(saved.h_before >= 0 && std::isfinite(saved.h_before)) ||
-          bytes.size() < pieceBytes(saved.functions, saved.touching, saved.plastic)) {
+          !(saved.h_before >= 0 && std::isfinite(saved.h_before)) || saved.pairs > PieceState::kPairs ||
+          (saved.pairs > 0 && !(saved.pairs_h > 0)) || bytes.size() - sizeof saved < arrayBytes(saved)) {
         return false;
       }
+      const std::byte* at = bytes.data() + sizeof saved + 4 * std::size_t(saved.functions) * sizeof(Vector3d);
       std::uint64_t next = 0;
-      for (std::uint32_t t = 0; t < saved.touching; ++t) {
+      for (std::uint32_t t = 0; t < saved.touching; ++t, at += sizeof(TouchingPoint)) {
         TouchingPoint point;
-        std::memcpy(&point, bytes.data() + pieceBytes(saved.functions, t, 0), sizeof point);
+        std::memcpy(&point, at, sizeof point);
         const std::uint64_t place = std::uint64_t(point.collider) << 32 | point.point;
         if (place < next || point.point >= field->points.size() || !(point.floor <= 0)) return false;
         next = place + 1;
       }
-      for (std::uint32_t i = 0; i < saved.plastic; ++i) {
+      for (std::uint32_t i = 0; i < saved.plastic; ++i, at += sizeof(float)) {
         float value = 0;
-        const std::size_t at = pieceBytes(saved.functions, saved.touching, i);
-        std::memcpy(&value, bytes.data() + at, sizeof value);
+        std::memcpy(&value, at, sizeof value);
         if (!std::isfinite(value)) return false;
       }
-      bytes = bytes.subspan(pieceBytes(saved.functions, saved.touching, saved.plastic));
+      bytes = bytes.subspan(sizeof saved + arrayBytes(saved));
     }
     return bytes.empty();
   }
@@ -245,6 +267,10 @@ class CoupledSolver final : public BodySolver {
       state.plastic.resize(saved.plastic);
       get(state.plastic.data(), saved.plastic * sizeof(float));
       invertPlasticity(state.plastic, piece.rest_change);
+      state.pairs_h = saved.pairs_h;
+      std::copy_n(saved.pairs_frame.data(), 9, state.pairs_frame.data());
+      state.pairs.restore(4 * saved.functions, saved.pairs, at);
+      at += saved.pairs * Pairs::savedBytes(4 * saved.functions);
     }
     updateFibres(body_, false);
     body_.setCurrent();

@@ -153,7 +153,8 @@ void Island::solve(std::uint32_t iterations) {
   minimand_.press(s.d.data());
   if (chosen != 2) value = minimand_.at(s.d.data(), s.gradient.data(), false);
   const bool impact = std::any_of(found_.begin(), found_.end(), [](const FoundTouch* found) { return found->entered; });
-  minimize(minimand_, (impact ? kImpact : 1) * 2 * iterations, value);
+  s.pairs.start(size);
+  minimize(minimand_, s.pairs, (impact ? kImpact : 1) * 2 * iterations, value);
 }
 
 void Island::dampSwing(double h, const WorldSettings& settings) {

@@ -487,15 +487,32 @@ bool PieceStep::touchesAsBefore() const {
   });
 }
 
+// The second derivative changes little from step to step where nothing comes or goes, and pairs of a step that needs
+// none are not carried on: they may be of another shape.
+Pairs& PieceStep::carriedPairs() {
+  PieceState& state = piece_.state;
+  const Eigen::Matrix3f frame = Eigen::Map<const Eigen::Matrix3f>(objective_.rotation);
+  if (two_step_ && state.pairs.fresh()) {
+    const double identity = 1 / (effective_h_ * effective_h_) - 1 / (state.pairs_h * state.pairs_h);
+    state.pairs.carry(frame * state.pairs_frame.transpose(), float(identity));
+  } else {
+    state.pairs.start(4 * k_);
+  }
+  state.pairs_h = effective_h_;
+  state.pairs_frame = frame;
+  return state.pairs;
+}
+
 void PieceStep::solve() {
   objective_.setFrame({s_.prediction.data(), k_}, center_, restCenterOf(field_), frame_);
   useRestSystem(objective_, piece_.system);
   std::fill_n(s_.d.begin(), 4 * k_, 0.0F);
   std::fill_n(s_.next.begin(), 4 * field_.driven, 0.0F);
   objective_.press(s_.d.data());
+  Pairs& pairs = carriedPairs();
   Objective::Value value = objective_.at(s_.d.data(), s_.gradient.data(), true);
   if (objective_.has_offset) {
-    value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
+    value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
     return;
   }
   // The other place to start from: the old shape, moved along where nothing holds the piece.
@@ -522,18 +539,19 @@ void PieceStep::solve() {
       const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
       if (touchesAsBefore() || isSettled(objective_, s_.next.data(), s_.next_gradient.data())) {
         takeOld(old);
-        value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
+        value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
         return;
       }
     }
     objective_.press(s_.d.data());
-    value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
+    value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
     if (piece_.state.elastic < 0 || !(value_.total > expected)) return;
     std::copy_n(s_.old.data(), 4 * k_, s_.next.data());
     objective_.press(s_.next.data());
     takeOld(objective_.at(s_.next.data(), s_.next_gradient.data(), false));
     useSystemAt(objective_, piece_.system, s_.d.data());
-    value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
+    pairs.clear();
+    value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
     return;
   }
   // The old shape's energy is known.
@@ -542,7 +560,7 @@ void PieceStep::solve() {
     const Objective::Value old = objective_.at(s_.next.data(), s_.next_gradient.data(), false);
     if (old.total < value.total) takeOld(old);
   }
-  value_ = minimize(objective_, piece_.system, 2 * settings_.iterations, value);
+  value_ = minimize(objective_, piece_.system, pairs, 2 * settings_.iterations, value);
 }
 
 void PieceStep::settle() {

@@ -129,6 +129,9 @@ class PieceStep {
   /// Whether all that push at the prediction touched at the end of the last step.
   bool touchesAsBefore() const;
 
+  /// What the last step knows of the second derivative.
+  Pairs& carriedPairs();
+
   void solve();
 
   void settle();

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+//
+// What L-BFGS knows of a second derivative (Nocedal and Wright 2006, algorithm 7.4): the last steps and how the
+// gradient changed along each.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory_resource>
+
+#include "runtime/memory/array.h"
+
+namespace sinew::internal {
+
+/// Sum of products, n a multiple of four: short runs in floats, their sums in double.
+double dot(const float* a, const float* b, std::uint32_t n);
+/// to += factor a; n a multiple of four.
+void add(float factor, const float* a, float* to, std::uint32_t n);
+
+/// Pairs of an offset s and the gradient's change y along it, oldest first to go. Vectors are k x 4.
+class Pairs {
+ public:
+  /// \param most pairs that are kept, at most eight
+  Pairs(std::uint32_t most, std::pmr::memory_resource* memory) : most_(most), values_(memory) {}
+
+  /// Memory for vectors of so many floats.
+  void reserve(std::size_t size) { values_.reserve(2 * most_ * size); }
+  /// Without pairs, of vectors of n floats. \pre reserved, or may throw.
+  void start(std::uint32_t n);
+  void clear() { count_ = 0; }
+  std::uint32_t count() const { return count_; }
+  std::uint32_t most() const { return most_; }
+
+  /// Goes on in another step of the same length of vectors: turned, and of an objective whose second derivative has so
+  /// much more of the identity. Pairs along which that is not positive end all.
+  void carry(const Eigen::Matrix3f& turn, float identity);
+  /// Whether there are pairs since start() or carry().
+  bool fresh() const { return fresh_; }
+
+  /// The first half of the recursion, from the gradient; then comes the inverse of the first matrix.
+  void reduce(float* direction);
+  /// The second half. \param scale that the inverse was given.
+  void expand(float* direction) const;
+  /// \param from, to places. \param gradient, next_gradient there.
+  void take(const float* from, const float* to, const float* gradient, const float* next_gradient);
+
+  /// What a pair of vectors of n floats takes when it is saved.
+  static std::size_t savedBytes(std::size_t n) { return 2 * n / 4 * 3 * sizeof(float); }
+  /// The last `count` of them. \param to count * savedBytes(n)
+  void save(std::uint32_t count, std::byte* to) const;
+  /// These, fresh. \pre count <= most()
+  void restore(std::uint32_t n, std::uint32_t count, const std::byte* from);
+
+ private:
+  std::uint32_t slot(std::uint32_t age) const { return (newest_ + most_ - age) % most_; }
+  float* offset(std::uint32_t slot) { return values_.data() + std::size_t(2 * n_) * slot; }
+  float* change(std::uint32_t slot) { return offset(slot) + n_; }
+  const float* offset(std::uint32_t slot) const { return values_.data() + std::size_t(2 * n_) * slot; }
+  const float* change(std::uint32_t slot) const { return offset(slot) + n_; }
+
+  static constexpr std::uint32_t kRoom = 8;
+
+  std::uint32_t most_, n_ = 0, count_ = 0, newest_ = 0;  // the pairs lie in a ring
+  bool fresh_ = false;
+  std::array<double, kRoom> curvature_ = {}, along_ = {};
+  Array<float> values_;
+};
+
+}  // namespace sinew::internal

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: MIT
+#include "runtime/solver/pairs.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <random>
+#include <vector>
+
+namespace sinew::internal {
+namespace {
+
+constexpr std::uint32_t kRows = 6, kFloats = 4 * kRows, kKept = 3;
+
+using Matrix = Eigen::Matrix<double, 3 * kRows, 3 * kRows>;
+
+std::vector<float> padded(const Eigen::VectorXd& x) {
+  std::vector<float> result(kFloats);
+  for (std::uint32_t i = 0; i < kRows; ++i) {
+    for (std::uint32_t c = 0; c < 3; ++c) result[4 * i + c] = float(x[3 * i + c]);
+  }
+  return result;
+}
+
+Eigen::VectorXd unpadded(const std::vector<float>& x) {
+  Eigen::VectorXd result(3 * kRows);
+  for (std::uint32_t i = 0; i < kRows; ++i) {
+    for (std::uint32_t c = 0; c < 3; ++c) result[3 * i + c] = double(x[4 * i + c]);
+  }
+  return result;
+}
+
+/// A quadratic energy 1/2 x A x, and pairs along random ways in it: more than are kept.
+class PairsTest : public testing::Test {
+ protected:
+  PairsTest() : pairs(kKept, std::pmr::get_default_resource()) {
+    const Matrix half = Matrix::NullaryExpr([this] { return normal(random); });
+    hessian = half * half.transpose() + Matrix::Identity();
+    pairs.reserve(kFloats);
+    pairs.start(kFloats);
+    for (std::uint32_t i = 0; i < kKept + 2; ++i) {
+      const Eigen::VectorXd from = some(), to = some();
+      pairs.take(padded(from).data(), padded(to).data(), padded(hessian * from).data(), padded(hessian * to).data());
+      last = to - from;
+    }
+  }
+
+  Eigen::VectorXd some() {
+    return Eigen::VectorXd::NullaryExpr(3 * kRows, [this] { return normal(random); });
+  }
+
+  /// The inverse of the second derivative times g, as the pairs know it about the identity.
+  static Eigen::VectorXd inverse(Pairs& of, const Eigen::VectorXd& g) {
+    std::vector<float> direction = padded(g);
+    of.reduce(direction.data());
+    of.expand(direction.data());
+    return unpadded(direction);
+  }
+
+  std::mt19937 random{5};
+  std::normal_distribution<double> normal;
+  Matrix hessian;
+  Pairs pairs;
+  Eigen::VectorXd last;
+};
+
+TEST_F(PairsTest, KnowTheInverseAlongTheLastStep) {
+  EXPECT_EQ(pairs.count(), kKept);
+  EXPECT_LT((inverse(pairs, hessian * last) - last).norm(), 1e-4 * last.norm());
+}
+
+// The same energy turned, in a step of another length.
+TEST_F(PairsTest, GoOnTurnedAndWithOtherInertia) {
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
+  Matrix whole = Matrix::Zero();
+  for (std::uint32_t i = 0; i < kRows; ++i) whole.block<3, 3>(3 * i, 3 * i) = turn;
+  pairs.carry(turn.cast<float>(), 0.4F);
+  EXPECT_FALSE(pairs.fresh());
+  const Matrix other = whole * hessian * whole.transpose() + 0.4 * Matrix::Identity();
+  const Eigen::VectorXd way = whole * last;
+  EXPECT_LT((inverse(pairs, other * way) - way).norm(), 1e-4 * way.norm());
+}
+
+TEST_F(PairsTest, EndWhereTheirCurvatureIsNotPositive) {
+  pairs.carry(Eigen::Matrix3f::Identity(), -1e6F);
+  EXPECT_EQ(pairs.count(), 0U);
+}
+
+TEST_F(PairsTest, AreRestoredBitForBit) {
+  std::vector<std::byte> saved(kKept * Pairs::savedBytes(kFloats));
+  pairs.save(kKept, saved.data());
+  Pairs other(kKept, std::pmr::get_default_resource());
+  other.restore(kFloats, kKept, saved.data());
+  EXPECT_TRUE(other.fresh());
+  pairs.carry(Eigen::Matrix3f::Identity(), 0);
+  other.carry(Eigen::Matrix3f::Identity(), 0);
+  const Eigen::VectorXd g = some();
+  EXPECT_EQ(inverse(other, g), inverse(pairs, g));
+}
+
+}  // namespace
+}  // namespace sinew::internal
