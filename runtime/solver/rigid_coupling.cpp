@@ -195,7 +195,7 @@ void RigidCoupling::take(const Minimand& minimand, const float* g) {
   }
 }
 
-void RigidCoupling::give(const Minimand& minimand, float* direction) {
+void RigidCoupling::substitute() {
   for (const Node& node : nodes_) {
     for (std::uint32_t c = node.first; c < node.first + node.count; ++c) {
       nodes_[std::uint32_t(couplings_[c].key)].way -= couplings_[c].block * node.way;
@@ -207,15 +207,27 @@ void RigidCoupling::give(const Minimand& minimand, float* direction) {
     for (std::uint32_t c = node.first; c < node.first + node.count; ++c) {
       node.way -= couplings_[c].block.transpose() * nodes_[std::uint32_t(couplings_[c].key)].way;
     }
-    const Six more = node.way - node.own * node.load;
-    const Vector3d shift = more.head<3>(), turn = more.tail<3>();
-    float* const to = direction + minimand.first[node.piece];
-    const std::uint32_t k = minimand.pieces[node.piece]->field->k;
-    for (std::uint32_t j = 0; j < k; ++j) {
-      const Eigen::Vector4d& arm = arms(node.piece)[j];
-      const Vector3d way = arm[0] * shift + turn.cross(Vector3d(arm.tail<3>()));
-      for (std::uint32_t c = 0; c < 3; ++c) to[4 * j + c] += float(way[int(c)]);
-    }
+  }
+}
+
+void RigidCoupling::give(const Minimand& minimand, float* direction) {
+  substitute();
+  for (const Node& node : nodes_) add(minimand, node, node.way - node.own * node.load, direction);
+}
+
+void RigidCoupling::giveAlone(const Minimand& minimand, float* direction) {
+  substitute();
+  for (const Node& node : nodes_) add(minimand, node, node.way, direction);
+}
+
+void RigidCoupling::add(const Minimand& minimand, const Node& node, const Six& motion, float* direction) {
+  const Vector3d shift = motion.head<3>(), turn = motion.tail<3>();
+  float* const to = direction + minimand.first[node.piece];
+  const std::uint32_t k = minimand.pieces[node.piece]->field->k;
+  for (std::uint32_t j = 0; j < k; ++j) {
+    const Eigen::Vector4d& arm = arms(node.piece)[j];
+    const Vector3d way = arm[0] * shift + turn.cross(Vector3d(arm.tail<3>()));
+    for (std::uint32_t c = 0; c < 3; ++c) to[4 * j + c] += float(way[int(c)]);
   }
 }
 

@@ -29,6 +29,8 @@ class RigidCoupling {
   void take(const Minimand& minimand, const float* g);
   /// Adds R (A^-1 - D^-1) times the result of take().
   void give(const Minimand& minimand, float* direction);
+  /// Adds R A^-1 times the result of take(): the answer of pieces that are rigid.
+  void giveAlone(const Minimand& minimand, float* direction);
 
  private:
   using Block = Eigen::Matrix<double, 6, 6>;
@@ -50,6 +52,9 @@ class RigidCoupling {
   /// Null where there is none.
   Coupling* find(std::uint64_t key);
   void takeApart();
+  /// A^-1 times the loads, into the nodes' ways.
+  void substitute();
+  void add(const Minimand& minimand, const Node& node, const Six& motion, float* direction);
 
   Array<Node> nodes_;
   Array<Coupling> couplings_;  ///< by their keys

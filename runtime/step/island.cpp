@@ -10,9 +10,8 @@
 namespace sinew::internal {
 namespace {
 
-/// Times the iterations where something flew into another: with fewer a soft body that is stopped at 100 m/s is left
-/// stretched to many times its length, some of it beyond what stopped it.
-constexpr std::uint32_t kImpact = 8;
+/// Rounds of rigid answers, each to what the one before left.
+constexpr int kRigidRounds = 2;
 
 /// Rows of one key are alike from step to step.
 std::uint32_t keyOf(const TouchMemory& memory) {
@@ -130,6 +129,30 @@ void Island::solve(std::uint32_t iterations) {
   minimand_.press(s.d.data());
   Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
   int chosen = 0;
+  const auto take = [&](int start, const Objective::Value& other) {
+    if (!(other.total < value.total)) return;
+    chosen = start;
+    value = other;
+    std::copy_n(s.next.data(), size, s.d.data());
+    std::copy_n(s.next_gradient.data(), size, s.gradient.data());
+  };
+  const auto at_next = [&] {
+    minimand_.press(s.next.data());
+    return minimand_.at(s.next.data(), s.next_gradient.data(), false);
+  };
+  // What flew into another may start where rigid bodies would be stopped: of others the skin is stopped first, and they
+  // are drawn out to many times their length.
+  if (std::any_of(found_.begin(), found_.end(), [](const FoundTouch* found) { return found->entered; })) {
+    std::fill_n(s.next.begin(), size, 0.0F);
+    std::copy_n(s.gradient.data(), size, s.next_gradient.data());
+    for (int round = 0; round < kRigidRounds; ++round) {
+      std::fill_n(s.direction.begin(), size, 0.0F);
+      scratch_.rigid.take(minimand_, s.next_gradient.data());
+      scratch_.rigid.giveAlone(minimand_, s.direction.data());
+      for (std::uint32_t i = 0; i < size; ++i) s.next[i] -= s.direction[i];
+      take(0, at_next());
+    }
+  }
   for (int start = 1; start < 3; ++start) {
     bool differs = start == 1;
     for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -142,19 +165,12 @@ void Island::solve(std::uint32_t iterations) {
       }
     }
     if (!differs) break;
-    minimand_.press(s.next.data());
-    const Objective::Value other = minimand_.at(s.next.data(), s.next_gradient.data(), false);
-    if (!(other.total < value.total)) continue;
-    chosen = start;
-    value = other;
-    std::copy_n(s.next.data(), size, s.d.data());
-    std::copy_n(s.next_gradient.data(), size, s.gradient.data());
+    take(start, at_next());
   }
   minimand_.press(s.d.data());
   if (chosen != 2) value = minimand_.at(s.d.data(), s.gradient.data(), false);
-  const bool impact = std::any_of(found_.begin(), found_.end(), [](const FoundTouch* found) { return found->entered; });
   s.pairs.start(size);
-  minimize(minimand_, s.pairs, (impact ? kImpact : 1) * 2 * iterations, value);
+  minimize(minimand_, s.pairs, 2 * iterations, value);
 }
 
 void Island::dampSwing(double h, const WorldSettings& settings) {

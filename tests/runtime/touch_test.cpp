@@ -328,7 +328,7 @@ TEST(Touch, IsTheSameForAnyThreads) {
 TEST(Touch, NothingFliesThrough) {
   const auto bullet = touchingBox({0.3, 0.3, 0.3}), cube = touchingBox({1, 1, 1}), plate = touchingBox({0.1, 1, 1});
   for (const auto& target : {cube, plate}) {
-    for (const double speed : {10.0, 30.0, 100.0}) {
+    for (const double speed : {10.0, 30.0, 100.0, 100.231}) {
       for (const double rate : {30.0, 60.0, 240.0}) {
         for (int aim = 0; aim < 6; ++aim) {
           World world(inSpace());
@@ -384,7 +384,7 @@ TEST(Touch, PausedBodiesMayOverlapBelowWhatLiesOnThem) {
 TEST(Touch, NothingFliesThroughWhatStands) {
   const auto bullet = touchingBox({0.3, 0.3, 0.3}), plate = touchingBox({0.1, 1, 1});
   for (const float stiffness : {1.0F, 10.0F}) {
-    for (const double speed : {10.0, 30.0, 100.0}) {
+    for (const double speed : {10.0, 30.0, 100.0, 100.231}) {
       for (const double rate : {30.0, 60.0, 240.0}) {
         for (int aim = 0; aim < 4; ++aim) {
           World world(inSpace());
