@@ -264,7 +264,9 @@ void addError(CLI::App& study, int& exit_code) {
   verb->add_option("--vertices", options.vertices, "tetrahedra.vertices of the meshes besides the recipe's, for others")
       ->delimiter(',')
       ->check(CLI::Range(ErrorOptions::kLeastVertices, ErrorOptions::kMostVertices));
-  verb->add_flag("--refine", options.refine, "The reference cuts each tetrahedron into eight (an hour)");
+  verb->add_flag_callback(
+      "--refine", [&options] { options.refine_work = std::numeric_limits<double>::infinity(); },
+      "The reference cuts each tetrahedron into eight also where that takes long (an hour)");
   verb->add_flag("!--no-peers", options.peers, "This runtime alone");
   verb->add_option("--html", command->page, "Write one page with diagrams, tables and pictures")
       ->type_name("FILE.html");

@@ -44,8 +44,9 @@ struct ErrorOptions {
   std::vector<std::uint32_t> functions = {8, 16, 32, 64, 128};  ///< field.functions of the bakes
   std::vector<std::uint32_t> vertices = {80, 250};  ///< tetrahedra.vertices of the meshes besides the recipe's
   bool peers = true;                                ///< false: this runtime alone
-  /// The reference cuts every tetrahedron into eight: ten times its time, or more.
-  bool refine = false;
+  /// Work within which the reference cuts every tetrahedron into eight, and says how much that changes it: twenty times
+  /// its time or so. Beyond, it is that of the recipe's own mesh.
+  double refine_work = 2e9;
   double reference_work = 2e10;  ///< ExplicitOptions::most_work of the reference; beyond, its elements are linear
   /// Of all references together where no scenes are named: scenes that exceed it are left out, and a note says so. The
   /// first is always played. 1.2e10 take three minutes on two cores.
@@ -91,9 +92,10 @@ struct ErrorScene {
   double reference_seconds = 0;  ///< that it took, all threads
   double rms = 0, largest = 0;   ///< displacement, diagonals
   std::optional<double>
-      linear;              ///< how far linear elements are off its quadratic ones, path; nothing: it has linear ones
-  double shorter = 0;      ///< change of the path by steps of half the length (linear elements)
-  double neo_hookean = 0;  ///< of the path by the other law of elasticity (linear elements)
+      linear;  ///< how far linear elements are off its quadratic ones, path; nothing: it has linear ones
+  std::optional<double> refined;  ///< change of the path as each tetrahedron was cut into eight; nothing: it is not
+  double shorter = 0;             ///< change of the path by steps of half the length (linear elements)
+  double neo_hookean = 0;         ///< of the path by the other law of elasticity (linear elements)
   std::optional<double> penalty;  ///< `feet`: of the path by a ground twice as firm (linear elements)
   /// How this runtime was set where it is its own reference, as elements of the body would take too long; else empty.
   std::string self;

@@ -330,6 +330,7 @@ std::string section(const ErrorStudy& study, std::uint32_t s) {
                          : std::string(
                                "<b>Its elements are linear: quadratic ones would take too long. They are too stiff, by "
                                "how much these figures do not say.</b> ");
+  if (scene.refined) html += text("Each tetrahedron cut into eight changed them by %.2g %%. ", 100 * *scene.refined);
   if (scene.self.empty()) {
     html += text("Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. ",
                  100 * scene.shorter, 100 * scene.neo_hookean);
