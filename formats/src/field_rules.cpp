@@ -51,14 +51,17 @@ class FieldRules {
       : view_(view), reach_(reach), refuse_(refuse) {}
 
   bool hold() {
-    for (index_ = 0; index_ < view_.fields().size(); ++index_) {
+    for (index_ = 0; index_ < view_.allFields().size(); ++index_) {
       if (!checkRecord() || !checkRuns() || !checkFunctions() || !checkSamples() || !checkVertices() ||
           !checkPoints() || !checkModes()) {
         return false;
       }
     }
-    if (!view_.fields().empty() && pieces_ != view_.pieces().size()) {
+    if (!view_.allFields().empty() && pieces_ != view_.pieces().size()) {
       return refuse_(section::fields, "a piece without its free field");
+    }
+    if (!view_.allFields().empty() && view_.allFields().size() % view_.fields().size() != 0) {
+      return refuse_(section::fields, "a level that does not have all fields");
     }
     for (std::size_t r = 0; r < ends_.size(); ++r) {
       if (ends_[r] != view_.sectionData(kRuns[r].id).count) {
@@ -69,17 +72,30 @@ class FieldRules {
   }
 
  private:
-  const Field& field() const { return view_.fields()[index_]; }
+  const Field& field() const { return view_.allFields()[index_]; }
 
   bool refuse(const char* what) { return refuse_(section::fields, index_, what); }
 
   bool checkRecord() {
     const Field& f = field();
     if (f.held > 1) return refuse("held is not 0 or 1");
-    if (f.held == 0) {
+    if (f.level > 0) {
+      const std::size_t whole = view_.fields().size();
+      if (whole == 0 || index_ < whole || f.level != index_ / whole) return refuse("level is not the next one");
+      const Field& finer = view_.allFields()[index_ - whole];
+      if (f.piece != finer.piece || f.held != finer.held || f.driven_count != finer.driven_count ||
+          f.point_count != finer.point_count || f.function_count > finer.function_count) {
+        return refuse(
+            "is not of the piece, the pins and as many contact points as that of the level before, or has more "
+            "functions");
+      }
+    } else if (index_ >= view_.fields().size()) {
+      return refuse("of level 0 behind others");
+    } else if (f.held == 0) {
       if (f.piece != pieces_ || f.piece >= view_.pieces().size()) return refuse("not the free field of the next piece");
       ++pieces_;
-    } else if (index_ == 0 || view_.fields()[index_ - 1].held != 0 || view_.fields()[index_ - 1].piece != f.piece) {
+    } else if (index_ == 0 || view_.allFields()[index_ - 1].held != 0 ||
+               view_.allFields()[index_ - 1].piece != f.piece) {
       return refuse("held, but not behind the free field of its piece");
     }
     if (f.function_count == 0 || f.function_count > kMostFunctions)
@@ -330,6 +346,12 @@ class FieldRules {
   bool checkPoints() {
     const Field& f = field();
     const auto points = view_.fieldPoints().subspan(f.first_point, f.point_count);
+    if (f.level > 0 && !points.empty()) {
+      const Field& finer = view_.allFields()[index_ - view_.fields().size()];
+      if (std::memcmp(points.data(), &view_.fieldPoints()[finer.first_point], points.size_bytes()) != 0) {
+        return refuse("its contact points are not those of the level before");
+      }
+    }
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (reach_.beyond(points[i].at) != 0 || !(points[i].area > 0) || !(points[i].area <= kMostNumber)) {
         return refuse_(
@@ -376,8 +398,8 @@ class FieldRules {
     for (std::size_t i = 0; i < view_.fieldFibres().size(); ++i) {
       const FieldFibre& fibre = view_.fieldFibres()[i];
       const auto bad = [&](const char* what) { return refuse_(section::field_fibres, i, what); };
-      if (fibre.field >= view_.fields().size()) return bad("names a field that is not there");
-      const Field& f = view_.fields()[fibre.field];
+      if (fibre.field >= view_.allFields().size()) return bad("names a field that is not there");
+      const Field& f = view_.allFields()[fibre.field];
       const PieceRange& piece = view_.pieces()[f.piece];
       if (view_.mechanics().empty() || !hasCluster(piece, fibre.cluster) ||
           view_.mechanics()[fibre.cluster].channel == kNone ||
@@ -420,13 +442,13 @@ class FieldRules {
     for (std::size_t i = 0; i < residuals.size(); ++i) {
       const FieldResidual& residual = residuals[i];
       const auto bad = [&](const char* what) { return refuse_(section::field_residuals, i, what); };
-      if (residual.field >= view_.fields().size() || view_.fields()[residual.field].held != 0 ||
+      if (residual.field >= view_.allFields().size() || view_.allFields()[residual.field].held != 0 ||
           (i > 0 && residual.field <= residuals[i - 1].field)) {
         return bad("names a field that is not there, or held, or fields are not ascending");
       }
       if (residual.mode_count == 0 || residual.mode_count > kMostResidualModes) return bad("has no modes or above 256");
       if (!(residual.scale > 0) || beyond(residual.scale) != 0) return bad("scale is not above 0 and at most 1e18");
-      const std::size_t vertices = view_.pieces()[view_.fields()[residual.field].piece].vertex_count;
+      const std::size_t vertices = view_.pieces()[view_.allFields()[residual.field].piece].vertex_count;
       const std::size_t count = 24 * ((vertices + 7) / 8) * residual.mode_count;
       if (residual.first_value != values || count > view_.fieldResidualValues().size() - values) {
         return bad("its run of FRSV does not start where the one before ends, or reaches too far");
@@ -482,11 +504,11 @@ class FieldRules {
     for (std::size_t i = 0; i < view_.fieldTethers().size(); ++i) {
       const FieldTethers& tethers = view_.fieldTethers()[i];
       const auto bad = [&](const char* what) { return refuse_(section::field_tethers, i, what); };
-      if (tethers.field >= view_.fields().size() || view_.fields()[tethers.field].held == 0 ||
+      if (tethers.field >= view_.allFields().size() || view_.allFields()[tethers.field].held == 0 ||
           (i > 0 && tethers.field <= view_.fieldTethers()[i - 1].field)) {
         return bad("names a field that is not there, or not held, or fields are not ascending");
       }
-      const Field& f = view_.fields()[tethers.field];
+      const Field& f = view_.allFields()[tethers.field];
       const std::size_t k = f.function_count;
       if (tethers.first_value != values || k * k > view_.fieldTetherValues().size() - values) {
         return bad("its run of FTHV does not start where the one before ends, or reaches too far");

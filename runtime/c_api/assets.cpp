@@ -82,6 +82,7 @@ sinew_status sinew_asset_get_info(const sinew_asset* asset, sinew_asset_info* in
   std::copy(from.bounds_max.begin(), from.bounds_max.end(), result.bounds_max);
   result.total_mass = from.total_mass;
   std::copy(from.origin.begin(), from.origin.end(), result.origin);
+  result.levels = asset->asset->levels();
   writeStruct(result, info, info->struct_size);
   return SINEW_OK;
 }

@@ -41,6 +41,7 @@ sinew_body_settings fromCpp(const sinew::BodySettings& s) {
   result.gravity_scale = s.gravity_scale;
   result.drag = s.drag;
   result.self_contact = s.self_contact ? 1 : 0;
+  result.level = s.level;
   return result;
 }
 
@@ -58,6 +59,7 @@ sinew::BodySettings toCpp(const sinew_body_settings& s) {
   result.gravity_scale = s.gravity_scale;
   result.drag = s.drag;
   result.self_contact = s.self_contact != 0;
+  result.level = s.level;
   return result;
 }
 

@@ -105,6 +105,10 @@ std::span<const std::array<float, 4>> Asset::restTangents() const {
   return lazy_->tangents;
 }
 
+std::uint32_t Asset::levels() const {
+  return view_.allFields().empty() ? 1 : std::uint32_t(view_.allFields().back().level) + 1;
+}
+
 std::span<const VertexRun> Asset::subMeshVertices(std::uint32_t sub_mesh) const {
   return sub_mesh < view_.subMeshes().size() ? visualConstants().runsOf(sub_mesh) : std::span<const VertexRun>();
 }

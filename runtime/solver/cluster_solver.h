@@ -61,6 +61,8 @@ class BodySolver {
   virtual void takeState() = 0;
   /// Pins, pin sets or picks have come or gone. \pre refresh(1, Asked::all)
   virtual void holdsChanged() = 0;
+  /// A step of so many seconds begins, on the level of detail that BodySettings::level asks for. May throw.
+  virtual void beginStep(double) {}
   /// Where the body is becomes rotation x + translation, and its motion turns along.
   virtual void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) = 0;
   /// Body::activation has changed. May throw.

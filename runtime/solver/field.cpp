@@ -127,7 +127,7 @@ Array<std::uint8_t> drawnVertices(const formats::PackageView& package) {
 Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,
                         Array<SampleLimits>& limits) {
   std::size_t driven = 0, entries = 0;
-  for (const formats::Field& record : package.fields()) {
+  for (const formats::Field& record : package.allFields()) {
     driven += record.driven_count;
     const std::uint32_t unknowns = 3 * (record.function_count - record.driven_count);
     entries += std::size_t(unknowns) * strideOf(unknowns);
@@ -139,13 +139,14 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
   limits.resize(package.fieldPacks().size());
   bool limited = false;
   const Array<std::uint8_t> drawn = drawnVertices(package);
-  Array<Field> fields(package.fields().size());
+  Array<Field> fields(package.allFields().size());
   for (std::size_t i = 0; i < fields.size(); ++i) {
-    const formats::Field& record = package.fields()[i];
+    const formats::Field& record = package.allFields()[i];
     const formats::PieceRange& piece = package.pieces()[record.piece];
     Field& field = fields[i];
     field.piece = record.piece;
     field.held = record.held != 0;
+    field.level = record.level;
     field.k = record.function_count;
     field.driven = record.driven_count;
     field.lowest_hz = double(record.lowest_hz);
@@ -155,7 +156,9 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       --field.drawn_count;
     }
     field.functions = package.fieldFunctions().subspan(record.first_function, record.function_count);
-    field.points = package.fieldPoints().subspan(record.first_point, record.point_count);
+    // Contact points are the same on all levels, and are known by their place in the first one's.
+    const formats::Field& whole = package.allFields()[i % package.fields().size()];
+    field.points = package.fieldPoints().subspan(whole.first_point, whole.point_count);
     const auto packs = package.fieldPacks().subspan(record.first_pack, record.pack_count);
     field.packs = reinterpret_cast<const SamplePack*>(packs.data());
     field.pack_count = record.pack_count;
@@ -219,9 +222,9 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
   return fields;
 }
 
-const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held) {
+const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held, std::uint32_t level) {
   for (const Field& field : fields) {
-    if (field.piece == piece && field.held == held) return &field;
+    if (field.piece == piece && field.held == held && field.level == level) return &field;
   }
   return nullptr;
 }

@@ -19,6 +19,7 @@ using Matrix3d = Eigen::Matrix3d;
 /// One field of a package: the free one of a piece, or the one for where its pin sets hold it.
 struct Field {
   std::uint32_t piece = 0;          ///< BODY record
+  std::uint32_t level = 0;          ///< of detail; 0: the whole
   bool held = false;                ///< pin sets drive the first functions
   std::uint32_t k = 0, driven = 0;  ///< functions; the first `driven` are prescribed
   std::uint32_t first_vertex = 0, vertex_count = 0;
@@ -63,6 +64,6 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
                         Array<SampleLimits>& limits);
 
 /// The field of a piece; null where there is none. \param held the one for its pin sets.
-const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held);
+const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held, std::uint32_t level = 0);
 
 }  // namespace sinew::internal

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/contact/contacts.h"
 #include "runtime/geometry/rotation.h"
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/holds.h"
@@ -35,6 +36,22 @@ void stiffen(Body& body, const formats::Cluster& cluster) {
   const Matrix3 rotation = geometry::nearestRotation(moment);
   for (const std::uint32_t v : corner) {
     body.x[v] = asArray(middle + rotation * (asVector(body.vertices()[v].rest_position) - rest_middle));
+  }
+}
+
+/// How long what a change of level has lost is drawn, s.
+constexpr double kFadeSeconds = 0.3;
+
+/// Adds what the last change of level has lost. \param part as of refresh(). \pre body.shape are the coefficients drawn
+void drawFaded(Body& body, const Piece& piece, double part, const Vector3d& center, std::uint32_t count) {
+  const Field& field = piece.field();
+  const double left =
+      std::clamp((body.fade_left + (1 - part) * (body.fade_before - body.fade_left)) / kFadeSeconds, 0.0, 1.0);
+  const float weight = float(left * left * (3 - 2 * left));
+  const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
+  const Matrix3 turned = weight * rotationOf(field, z, center).cast<float>();
+  for (std::uint32_t v = field.first_vertex; v < field.first_vertex + count; ++v) {
+    body.x[v] = asArray(Vector3(asVector(body.x[v]) + turned * asVector(body.faded[v])));
   }
 }
 
@@ -144,6 +161,7 @@ void refresh(Body& body, double part, Asked what) {
       }
     }
     if (piece.holds.count > 0 && piece.springs_firm >= 0) drawGive(body, piece, part, center, count);
+    if (body.fade_before > 0) drawFaded(body, piece, part, center, count);
   }
   // What rides along rigidly keeps its shape.
   for (const formats::AttachedPart& rider : body.package().parts()) {
@@ -163,7 +181,7 @@ void refresh(Body& body, double part, Asked what) {
   }
 }
 
-void project(Body& body) {
+void project(Body& body, bool touching) {
   for (Piece& piece : body.pieces) {
     const Field& field = piece.field();
     PieceState& state = piece.state;
@@ -214,7 +232,7 @@ void project(Body& body) {
     standStill(state);
     state.elastic = -1;
     state.budget = -1;
-    state.touching.clear();
+    if (!touching) state.touching.clear();
   }
   body.outdated = true;
 }
@@ -241,6 +259,56 @@ bool chooseFields(Body& body) {
   }
   if (changed) updateFibres(body);
   return changed;
+}
+
+void useLevel(const Body& body, Piece& piece, std::uint32_t level) {
+  const std::uint32_t number = piece.free->piece;
+  piece.free = fieldOf(body.rest().fields, number, false, level);
+  piece.fixed = fieldOf(body.rest().fields, number, true, level);
+  findReach(*piece.free, piece.reach_free);
+  if (piece.fixed != nullptr) findReach(*piece.fixed, piece.reach_fixed);
+  piece.springs_firm = -1;
+  piece.system.h = 0;
+}
+
+void endFade(Body& body) {
+  if (!(body.fade_before > 0)) return;
+  body.fade_left = body.fade_before = 0;
+  body.outdated = true;
+  refresh(body, 1, Asked::all);
+}
+
+std::uint32_t levelOf(const Body& body) { return std::min(body.settings.level, body.asset->levels() - 1); }
+
+void changeLevel(Body& body) {
+  refresh(body, 1, Asked::all);
+  body.faded.resize(body.x.size());
+  std::copy(body.x.begin(), body.x.end(), body.faded.begin());
+  endFade(body);
+  for (Piece& piece : body.pieces) {
+    const Field& before = piece.field();
+    useLevel(body, piece, levelOf(body));
+    movePlasticity(before, piece.field(), piece.state.plastic);
+    invertPlasticity(piece.state.plastic, piece.rest_change);
+  }
+  updateFibres(body);
+  project(body, true);
+  refresh(body, 1, Asked::all);
+  for (const Piece& piece : body.pieces) {
+    const Field& field = piece.field();
+    const Matrix3 back = rotationOf(field, piece.z(), meanOf(field, piece.z())).transpose().cast<float>();
+    for (std::uint32_t v = field.first_vertex; v < field.first_vertex + field.vertex_count; ++v) {
+      body.faded[v] = asArray(Vector3(back * (asVector(body.faded[v]) - asVector(body.x[v]))));
+    }
+  }
+  body.fade_left = body.fade_before = kFadeSeconds;
+  body.outdated = true;
+}
+
+void passFade(Body& body, double seconds) {
+  body.fade_before = body.fade_left;
+  body.fade_left = std::max(0.0, body.fade_left - seconds);
+  if (body.fade_before > 0) body.outdated = true;
 }
 
 double kineticEnergy(const Body& body) {

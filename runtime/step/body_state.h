@@ -15,8 +15,9 @@ void restPiece(const Body& body, Piece& piece);
 /// \param part of the last step that they are to show: between its two states, in the frame that turns with the piece.
 void refresh(Body& body, double part, Asked what);
 
-/// Coefficients that come nearest to the positions and velocities in Body::x and v.
-void project(Body& body);
+/// Coefficients that come nearest to the positions and velocities in Body::x and v. \param touching what touched a
+/// collider still does.
+void project(Body& body, bool touching = false);
 
 /// The tensions of fibres as the body's channels are activated. \param changed the shapes' energies are others now.
 void updateFibres(Body& body, bool changed = true);
@@ -24,6 +25,18 @@ void updateFibres(Body& body, bool changed = true);
 /// Chooses the field of each piece: the held one where all of the package's pin sets on it hold. \return whether one
 /// changed.
 bool chooseFields(Body& body);
+
+/// The level of detail that a body is to have: what its settings ask for, as far as its package has it.
+std::uint32_t levelOf(const Body& body);
+/// A piece takes the fields of a level; its state does not follow.
+void useLevel(const Body& body, Piece& piece, std::uint32_t level);
+/// The pieces take the fields of levelOf(), and their state follows. What that takes of the shape is drawn on for a
+/// while. May throw.
+void changeLevel(Body& body);
+/// A step passes of that while.
+void passFade(Body& body, double seconds);
+/// It is over.
+void endFade(Body& body);
 
 /// Kinetic energy, and the elastic energy of the shape (made anew where it is not known), J.
 double kineticEnergy(const Body& body);

@@ -23,6 +23,7 @@ constexpr std::uint32_t kHeld = 1, kLeaning = 2;  ///< of SavedPiece::flags
 /// A PieceState without its arrays, which follow: z, v, z_before, v_before, touching, plastic, pairs.
 struct SavedPiece {
   std::uint32_t flags, functions, touching, plastic;
+  std::uint64_t level;
   double h_before, elastic, budget;
   std::array<double, 3> turn, omega;
   double pairs_h;
@@ -40,11 +41,13 @@ std::uint32_t pairsOf(const PieceState& state) {
   return state.h_before > 0 && state.pairs.fresh() ? state.pairs.count() : 0;
 }
 
-SavedPiece savedOf(const PieceState& state) {
+SavedPiece savedOf(const Piece& piece) {
+  const PieceState& state = piece.state;
   SavedPiece saved = {(state.held ? kHeld : 0U) | (state.leaning ? kLeaning : 0U),
                       std::uint32_t(state.z.size()),
                       std::uint32_t(state.touching.size()),
                       std::uint32_t(state.plastic.size()),
+                      piece.free->level,
                       state.h_before,
                       state.elastic,
                       state.budget,
@@ -83,6 +86,9 @@ class CoupledSolver final : public BodySolver {
       most_vertices = std::max(most_vertices, free->vertex_count);
       most_modes = std::max(most_modes, free->residual_modes);
     }
+    for (Piece& piece : body.pieces) {
+      if (levelOf(body) > 0) useLevel(body, piece, levelOf(body));
+    }
     body.shape.reserve(most_functions);
     body.amplitudes.reserve(most_modes);
     body.coefficients.reserve(4 * std::size_t(most_functions));
@@ -96,6 +102,7 @@ class CoupledSolver final : public BodySolver {
     }
   }
   void rest() override {
+    body_.fade_left = body_.fade_before = 0;
     chooseFields(body_);
     updateFibres(body_);
     for (Piece& piece : body_.pieces) restPiece(body_, piece);
@@ -105,11 +112,17 @@ class CoupledSolver final : public BodySolver {
     stepPieces(body_, world, seconds, scratch.pieces);
   }
   void refresh(double part, Asked what) override { internal::refresh(body_, part, what); }
+  void beginStep(double seconds) override {
+    if (!body_.pieces.empty() && body_.pieces[0].free->level != levelOf(body_)) changeLevel(body_);
+    passFade(body_, seconds);
+  }
   void takeState() override {
+    body_.fade_left = body_.fade_before = 0;
     project(body_);
     internal::refresh(body_, 1, Asked::all);
   }
   void holdsChanged() override {
+    endFade(body_);
     if (chooseFields(body_)) project(body_);
     // A two-step formula does not reach across what came or went: it would keep a part of its force.
     for (Piece& piece : body_.pieces) piece.state.h_before = 0;
@@ -183,7 +196,7 @@ class CoupledSolver final : public BodySolver {
   std::size_t stateBytes() const override {
     std::size_t bytes = 0;
     for (const Piece& piece : body_.pieces) {
-      bytes += sizeof(SavedPiece) + arrayBytes(savedOf(piece.state));
+      bytes += sizeof(SavedPiece) + arrayBytes(savedOf(piece));
     }
     return bytes;
   }
@@ -196,7 +209,7 @@ class CoupledSolver final : public BodySolver {
     };
     for (const Piece& piece : body_.pieces) {
       const PieceState& state = piece.state;
-      const SavedPiece saved = savedOf(state);
+      const SavedPiece saved = savedOf(piece);
       put(&saved, sizeof saved);
       for (const auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {
         put(array->data(), array->size() * sizeof(Vector3d));
@@ -213,7 +226,8 @@ class CoupledSolver final : public BodySolver {
       SavedPiece saved;
       if (bytes.size() < sizeof saved) return false;
       std::memcpy(&saved, bytes.data(), sizeof saved);
-      const Field* const field = (saved.flags & kHeld) != 0 ? piece.fixed : piece.free;
+      const auto level = std::uint32_t(std::min<std::uint64_t>(saved.level, formats::kNone));
+      const Field* const field = fieldOf(body_.rest().fields, piece.free->piece, (saved.flags & kHeld) != 0, level);
       if (field == nullptr || saved.functions != field->k || saved.touching > kMostContacts ||
           saved.flags > (kHeld | kLeaning) || saved.plastic != (field->plastic ? 72 * field->pack_count : 0) ||
           !(saved.h_before >= 0 && std::isfinite(saved.h_before)) || saved.pairs > PieceState::kPairs ||
@@ -249,6 +263,7 @@ class CoupledSolver final : public BodySolver {
       PieceState& state = piece.state;
       SavedPiece saved;
       get(&saved, sizeof saved);
+      if (saved.level != piece.free->level) useLevel(body_, piece, std::uint32_t(saved.level));
       state.held = (saved.flags & kHeld) != 0;
       state.leaning = (saved.flags & kLeaning) != 0;
       state.h_before = saved.h_before;
@@ -273,6 +288,7 @@ class CoupledSolver final : public BodySolver {
       at += saved.pairs * Pairs::savedBytes(4 * saved.functions);
     }
     updateFibres(body_, false);
+    body_.fade_left = body_.fade_before = 0;
     body_.setCurrent();
   }
 

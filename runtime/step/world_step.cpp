@@ -8,6 +8,7 @@
 
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/cluster_solver.h"
+#include "runtime/step/body_state.h"
 #include "runtime/step/sleep.h"
 
 namespace sinew::internal {
@@ -30,6 +31,13 @@ void growScratch(const BodyList& bodies, std::size_t colliders, StepScratch& scr
 
 void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together, const StepWorld& world,
                JobSystem* jobs, double seconds, double share) {
+  for (const BodyPointer& body : bodies) {
+    if (!body->asleep()) {
+      body->solver->beginStep(seconds);
+    } else if (body->fade_before > 0) {
+      passFade(*body, seconds);
+    }
+  }
   if (std::all_of(bodies.begin(), bodies.end(), [](const BodyPointer& body) { return body->asleep(); })) return;
   growScratch(bodies, world.colliders.size(), scratch, jobs);
   if (world.settings.sleep_seconds > 0) reserveSleep(bodies, together);

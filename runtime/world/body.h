@@ -126,6 +126,10 @@ struct Body {
   Array<Vector3d> shape;
   HoldWays ways;
 
+  // What the last change of level has lost, which is drawn on for a while.
+  double fade_left = 0, fade_before = 0;  ///< how long, s: now, and as the last step began
+  Array<Vec3> faded;                      ///< by physical vertex, in the frame of its piece, m
+
   Array<ColliderTouch> touches;  ///< of the last step, piece by piece
   Array<std::uint32_t> touched;  ///< colliders that events have said it touches
 

@@ -78,7 +78,7 @@ struct SavedBody {
   std::uint32_t id, sleeps_with;
   Activity activity;
   std::uint32_t touched, touches;
-  std::uint32_t in_fields, keep_previous, package_pins, layers, can_touch, self_contact, reserved;
+  std::uint32_t in_fields, keep_previous, package_pins, layers, can_touch, self_contact, level;
   Vec3 position;
   Mat3 rotation;
   float stiffness_scale, friction, gravity_scale, drag;
@@ -235,7 +235,7 @@ std::size_t World::Impl::writeSnapshot(const World& world, std::byte* to) const 
                       s.layers,
                       s.touches,
                       s.self_contact ? 1U : 0U,
-                      0,
+                      s.level,
                       s.position,
                       s.rotation,
                       s.stiffness_scale,
@@ -462,6 +462,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
           body.settings.self_contact = s.self_contact != 0;
           body.settings.gravity_scale = s.gravity_scale;
           body.settings.drag = s.drag;
+          body.settings.level = s.level;
           body.settings.package_pins = s.package_pins != 0;
           body.settings.solver = solver;
           whole = bool(restoreState({s.id}, parts[b].state)) && whole;

@@ -301,6 +301,13 @@ bool World::setBodySettings(BodyId id, const BodySettings& settings) {
     impl_->tell(LogSeverity::error, "setBodySettings: %s", fault);
     return false;
   }
+  BodySettings& had = body->settings;
+  had.level = settings.level;
+  if (had.friction == settings.friction && had.layers == settings.layers && had.touches == settings.touches &&
+      had.self_contact == settings.self_contact && had.gravity_scale == settings.gravity_scale &&
+      had.drag == settings.drag) {
+    return true;  // what sleeps sleeps on
+  }
   impl_->changed(*body);
   // A two-step formula does not reach across another weight.
   if (body->settings.gravity_scale != settings.gravity_scale) body->solver->addMotion({0, 0, 0}, {0, 0, 0}, {0, 0, 0});

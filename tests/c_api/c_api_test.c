@@ -188,6 +188,7 @@ static void testMotion(const sinew_asset* asset) {
 
   info.struct_size = sizeof info;
   CHECK_OK(sinew_asset_get_info(asset, &info));
+  CHECK(info.levels == 1);
   sinew_world_options_init(&options, sizeof options);
   CHECK(options.struct_size == sizeof options && options.allocate == NULL);
   options.allocator_user = &counts;
@@ -574,7 +575,8 @@ static void testInteraction(const sinew_asset* asset) {
   settings.gravity[1] = settings.damping = 0;
   CHECK_OK(sinew_world_create(&settings, NULL, &world));
   sinew_body_settings_init(&body_settings, sizeof body_settings);
-  CHECK(body_settings.gravity_scale == 1 && body_settings.drag == 0);
+  CHECK(body_settings.gravity_scale == 1 && body_settings.drag == 0 && body_settings.level == 0);
+  body_settings.level = 3; /* more than there are: the last */
   body_settings.package_pins = 0;
   CHECK_OK(sinew_body_add(world, asset, &body_settings, &body));
   motion.struct_size = sizeof motion;

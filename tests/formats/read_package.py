@@ -190,7 +190,7 @@ SECTIONS = {
     "GRPV": ("<I", 0, False, None),
     "MASK": ("<4I", 0, False, None),
     "MSKV": ("<If", 0, False, None),
-    "FELD": ("<13I3f", 1, False, 12),
+    "FELD": ("<I2H11I3f", 1, False, 12),
     "FFUN": ("<2f4f2If", 1, False, 12),
     "FPAK": ("<48f8I", 1, False, 12),
     "FGRD": ("<8f", 1, False, 12),
@@ -374,6 +374,9 @@ class Package:
                          f"section {name}, element {i}: a text lies outside STRS")
 
     def check_info(self):
+        # level is the third number of a FELD record; what follows counts without it
+        self.levels = [f[2] for f in self.records["FELD"]]
+        self.records["FELD"] = [f[:2] + f[3:] for f in self.records["FELD"]]
         need(len(self.records["INFO"]) == 1, "section INFO: must have one element")
         info = self.records["INFO"][0]
         origin, unit, low, high = info[0:3], info[3], info[4:7], info[7:10]
@@ -570,12 +573,23 @@ class Package:
 
     def check_fields(self):
         r = self.records
+        levels = self.levels
         fields = r["FELD"]
+        whole = levels.count(0)
+        need(all(level == i // whole for i, level in enumerate(levels)) if fields else True, "section FELD: levels")
+        need(not fields or len(fields) % whole == 0, "section FELD: a level that is not whole")
+        for i in range(whole, len(fields)):
+            f, finer = fields[i], fields[i - whole]
+            need((f[0], f[1], f[3], f[10]) == (finer[0], finer[1], finer[3], finer[10]) and f[2] <= finer[2]
+                 and r["FPNT"][f[9]:f[9] + f[10]] == r["FPNT"][finer[9]:finer[9] + finer[10]],
+                 f"section FELD, element {i}: unlike the level before")
+        every, fields = fields, fields[:whole]
         order = [(f[0], f[1]) for f in fields]
         need(order == sorted(set(order)), "section FELD: not by piece, the free field before the held one")
         need(all(piece < len(r["BODY"]) for piece, _ in order), "section FELD: no such piece")
         need([b for b, held in order if held == 0] == (list(range(len(r["BODY"]))) if fields else []),
              "section FELD: not one free field for each piece")
+        fields = every
         need(all(f[3] <= f[2] for f in fields), "section FELD: driven_count above function_count")
         # first in FELD's record, and how many elements a field takes
         runs = {"FFUN": (4, lambda k, f: k), "FPAK": (5, lambda k, f: f[6]), "FGRD": (7, lambda k, f: 3 * k * f[6]),
@@ -764,7 +778,7 @@ class Package:
             "tetrahedra": len(r["TETS"]),
             "clusters": [{"name": self.text(c[0], c[1]), "members": c[5], "mode": ("rigid", "linear", "quadratic")[c[2]]}
                          for c in r["CLUS"]],
-            "fields": [self.field_summary(f) for f in r["FELD"]],
+            "fields": [self.field_summary(f, level) for f, level in zip(r["FELD"], self.levels)],
             "visual_vertices": len(r["VPOS"]),
             "visual_triangles": len(r["VTRI"]),
             "source_vertices": len(r["SVTX"]),
@@ -772,9 +786,9 @@ class Package:
             "tetrahedra_quality": {"min_dihedral_deg": info[16], "max_dihedral_deg": info[17], "inverted": info[18]},
         }
 
-    def field_summary(self, f):
+    def field_summary(self, f, level):
         samples = sum(volume > 0 for pack in self.records["FPAK"][f[5]:f[5] + f[6]] for volume in pack[:8])
-        return {"piece": self.text(*self.records["BODY"][f[0]][6:8]), "held": f[1] == 1, "functions": f[2], "driven": f[3],
+        return {"piece": self.text(*self.records["BODY"][f[0]][6:8]), "held": f[1] == 1, "level": level, "functions": f[2], "driven": f[3],
                 "samples": samples, "contact_points": f[10], "lowest_hz": f[13], "static_error": f[14],
                 "least_eigenvalue": f[15]}
 

@@ -315,6 +315,11 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"field.functions", "",
        "Functions that a piece moves in: more bend finer and cost more. 0: only --solver report moves the package.",
        Count{&s.field.functions, 0, 256}},
+      {"field.levels", "",
+       "Levels of detail beside the whole, for bodies far away: each has half the functions of the one before, no "
+       "fewer "
+       "than eight (World::setLevel).",
+       Count{&s.field.levels, 0, 4}},
       {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
       {"field.points", "", "Points of each piece's surface that may touch something.", Count{&s.field.points, 0, 4096}},
       {"field.residual_modes", "",
@@ -333,8 +338,9 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
               [](Settings& x, int v) { x.attachment.method = AttachmentMethod(v); }}},
       {"package.needs", "",
        "What a game wants of the package, separated by commas; sections that serve none of it are left out, and "
-       "without exact numbers have 16 bits. auto: of the others, or of all that is seen and felt, what is not left out "
-       "unseen. Names: sinew bake --help.",
+       "without exact numbers have 16 bits. auto: the others, or all that is seen and felt, less what nobody would "
+       "miss. "
+       "Names: sinew bake --help.",
        Text{&s.package.needs, [](const std::string& text) { return Needs::parse(text).has_value(); },
             "all | none | auto | " + Needs::names(" | "),
             "^(all|none|(auto|" + Needs::names("|") + ")( *, *(auto|" + Needs::names("|") + "))*)$"}},

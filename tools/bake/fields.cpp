@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -63,6 +64,12 @@ Material materialOf(const formats::PackageContent& content, std::size_t c) {
   if (cluster.mode == formats::ClusterMode::rigid) hz = std::numeric_limits<double>::infinity();
   material.hz = std::clamp(hz, 1e-3, 1e5);
   return material;
+}
+
+/// Of a level of detail: half of those of the level before, no fewer than eight.
+std::uint32_t functionsOf(std::uint32_t whole, std::uint32_t level) {
+  constexpr std::uint32_t kFewest = 8;
+  return level == 0 ? whole : std::min(whole, std::max(kFewest, whole >> level));
 }
 
 /// Whether samples in a cluster have limits or plasticity.
@@ -173,15 +180,20 @@ class PieceFields {
     return result;
   }
 
-  /// \param draft fields of other materials serve, where the cache has them.
-  ordered_json add(StageCache& cache, bool draft) {
+  /// \param level of detail: each has half as many functions. \param draft fields of other materials serve, where the
+  /// cache has them.
+  ordered_json add(StageCache& cache, std::uint32_t level, bool draft) {
+    level_ = level;
+    FieldOptions options = options_;
+    options.functions = functionsOf(options_.functions, level);
+    if (level > 0) options.residual_modes = 0;
     const FieldInput input = {host_.positions, host_.tetrahedra, host_.masses, young_, poisson_,
                               held_,           tethers_,         fibres_.loads};
-    const FieldKeys keys = keysOf(input, options_);
+    const FieldKeys keys = keysOf(input, options);
     std::optional<Fields> before;
     if (draft && !cache.has("fields", keys.all)) before = cache.find<Fields>("functions", keys.shape);
-    const Fields fields = before ? reweighed(*before, input, options_) : cache.get("fields", keys.all, [&] {
-      Fields made = makeFields(input, options_), bare = made;
+    const Fields fields = before ? reweighed(*before, input, options) : cache.get("fields", keys.all, [&] {
+      Fields made = makeFields(input, options), bare = made;
       bare.free.residual_modes.resize(0, 0);
       bare.free.residual_locals.resize(0);
       cache.keep("functions", keys.shape, bare, 0);
@@ -189,6 +201,7 @@ class PieceFields {
     });
     ordered_json report;
     report["piece"] = host_.piece;
+    if (level > 0) report["level"] = level;
     if (before) report["draft"] = true;
     report["young_pa"] = fields.free.young_scale * meanYoung();
     report["free"] = append(fields.free, false);
@@ -398,6 +411,7 @@ class PieceFields {
     formats::Field field = {};
     field.piece = host_.piece;
     field.held = held ? 1 : 0;
+    field.level = std::uint16_t(level_);
     field.function_count = k;
     field.driven_count = space.driven_count;
     field.first_function = std::uint32_t(content_.field_functions.size());
@@ -537,6 +551,7 @@ class PieceFields {
   ContactPoints contact_;
   double lowest_hz_ = 0;
   FieldOptions options_;
+  std::uint32_t level_ = 0;
 };
 
 }  // namespace
@@ -545,12 +560,17 @@ ordered_json addFields(const Settings& settings, formats::PackageContent& conten
   StageCache no_cache{{}};
   StageCache& kept = cache == nullptr ? no_cache : *cache;
   if (settings.field.functions == 0) return {{"left_out", "field.functions is 0"}};
-  ordered_json pieces = ordered_json::array();
-  for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) {
-    pieces.push_back(PieceFields(settings, piece, content).add(kept, draft));
+  ordered_json report = ordered_json::array();
+  std::deque<PieceFields> pieces;
+  for (std::uint32_t piece = 0; piece < content.pieces.size(); ++piece) pieces.emplace_back(settings, piece, content);
+  for (std::uint32_t level = 0; level <= settings.field.levels; ++level) {
+    if (level > 0 && functionsOf(settings.field.functions, level) == functionsOf(settings.field.functions, level - 1)) {
+      break;
+    }
+    for (PieceFields& piece : pieces) report.push_back(piece.add(kept, level, draft));
   }
   addDistances(settings.field.distances, content, kept);
-  return pieces;
+  return report;
 }
 
 PieceElasticity elasticityOf(formats::PackageContent& content, std::uint32_t piece) {

@@ -67,6 +67,7 @@ ordered_json fieldJson(const formats::PackageView& package, const formats::Field
   }
   return {{"piece", package.text(package.pieces()[field.piece].name)},
           {"held", field.held != 0},
+          {"level", field.level},
           {"functions", field.function_count},
           {"driven", field.driven_count},
           {"samples", samples},
@@ -137,7 +138,7 @@ ordered_json inspectPackage(const formats::PackageView& package) {
   json["channels"] = ordered_json::array();
   for (const auto& channel : package.channels()) json["channels"].push_back(package.text(channel.name));
   json["fields"] = ordered_json::array();
-  for (const auto& field : package.fields()) json["fields"].push_back(fieldJson(package, field));
+  for (const auto& field : package.allFields()) json["fields"].push_back(fieldJson(package, field));
   for (const auto& set : package.pinSets()) {
     json["pin_sets"].push_back(
         {{"name", package.text(set.name)}, {"target", package.text(set.target)}, {"vertices", set.count}});

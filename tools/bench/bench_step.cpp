@@ -50,7 +50,8 @@ bool isOnGround(Place place) { return place == Place::falling_on_the_ground || p
 /// A body of a package that has pins, which are let go where the place is another.
 class Scene {
  public:
-  Scene(const std::shared_ptr<const Asset>& asset, Place place, bool report = false) : place_(place) {
+  Scene(const std::shared_ptr<const Asset>& asset, Place place, bool report = false, std::uint32_t level = 0)
+      : place_(place) {
     const formats::PackageInfo& info = asset->package().info();
     WorldSettings settings;
     settings.ground.enabled = isOnGround(place);
@@ -59,6 +60,7 @@ class Scene {
     world_ = std::make_unique<World>(settings);
     BodySettings body;
     if (report) body.solver = &reportSolver();
+    body.level = level;
     id_ = *world_->addBody(asset, body);
     if (!isHeld(place)) {
       const PinSetId pins = world_->pinSet(id_, kBenchPins);
@@ -150,6 +152,16 @@ void emitSizes(const BenchContext& context, const std::string& mesh, const std::
     Scene of_large(large, place), of_small(small, place);
     emitAgainst(context, name + nameOf(place), large, of_large, "the smaller", of_small, kSizeTimes,
                 "<= 1.1 x the smaller");
+  }
+}
+
+void emitLevels(const BenchContext& context, const std::shared_ptr<const Asset>& asset) {
+  for (std::uint32_t level = 1; level < asset->levels(); ++level) {
+    const std::uint32_t functions = asset->package().allFields()[level].function_count;
+    Scene air(asset, Place::air, false, level);
+    context.emit(
+        stepLine("spot, in the air, level " + std::to_string(level) + " of " + std::to_string(functions) + " functions",
+                 *asset, measure(air.timed(), context.timing())));
   }
 }
 
@@ -278,6 +290,7 @@ void benchStep(const BenchContext& context) {
       if (!quick || mesh.name == kSpot.name) emitSizes(context, mesh.name, asset, baked(large), std::to_string(large));
     }
     emitClusters(context, small);
+    emitLevels(context, bakeMesh(models, kSpot, {.vertices = small, .levels = 2}));
   }
   if (context.options.face.empty()) {
     emitMissing(context, "face, smiling", "<= 200 us", "no package: bake samples/gallery/face and name it with --face");

@@ -17,6 +17,7 @@ std::shared_ptr<const Asset> bakeMesh(const std::filesystem::path& models, const
     recipe.settings.set("clusters.grid", "[" + side + "," + side + "," + side + "]");
   }
   if (options.mode != nullptr) recipe.settings.set("clusters.mode", options.mode);
+  if (options.levels > 0) recipe.settings.set("field.levels", std::to_string(options.levels));
   if (options.pinned) {
     RecipePins pins;
     pins.name = kBenchPins;

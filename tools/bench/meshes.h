@@ -29,6 +29,7 @@ struct MeshBakeOptions {
   std::uint32_t grid = 0;         ///< clusters along each axis; 0: as the bake chooses
   const char* mode = nullptr;     ///< clusters.mode; null: the default
   bool pinned = false;            ///< with the pin set
+  std::uint32_t levels = 0;       ///< field.levels
 };
 
 /// The package of a mesh by default settings but for these. Throws ToolError where the mesh cannot be baked.

@@ -215,7 +215,7 @@ void addBakeVerb(CLI::App& app, int& exit_code) {
       "Unit of the source: " + lengthUnitNames(", ") + " or metres per unit; the same as --set import.unit=");
   verb->add_option("--needs", command->needs,
                    "What the game wants of the package, the rest is left out; the same as --set package.needs=. all, "
-                   "none, auto (of the others, or of all that is seen and felt, what is not left out unseen), scene "
+                   "none, auto (the others, or all that is seen and felt, less what nobody would miss), scene "
                    "files (what they use, and what is drawn), or some of: " +
                        Needs::names("; ", true))
       ->delimiter(',')

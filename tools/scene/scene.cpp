@@ -670,6 +670,17 @@ void Scene::driveHands(double time) {
     if (!world_.contains(id)) continue;
     from.at ? world_.addForce(id, point, force) : world_.addForce(id, force);
   }
+  if (!script.levels.empty()) {
+    std::uint32_t level = 0;
+    for (const SceneScript::Level& key : script.levels) {
+      if (key.time <= time) level = key.level;
+    }
+    for (const BodyId id : bodies_) {
+      BodySettings settings = world_.bodySettings(id);
+      settings.level = level;
+      world_.setBodySettings(id, settings);
+    }
+  }
   if (!script.wind.empty()) world_.settings().wind = narrow(valueAt(script.wind, time));
 }
 

@@ -39,7 +39,7 @@ class Reader {
                       "picks",       "pushes",     "impulses",     "forces",
                       "wind",        "drag",       "self_contact", "package_pins",
                       "colliders",   "ground",     "bodies",       "camera",
-                      "note"});
+                      "levels",      "note"});
     if (!json.contains("sinew_scene") || json["sinew_scene"] != 1) {
       text_.fail("/sinew_scene", "is no scene of version 1", R"(Begin it with "sinew_scene": 1.)");
     }
@@ -65,6 +65,7 @@ class Reader {
     if (json.contains("forces")) forces(json["forces"]);
     if (json.contains("wind")) script_.wind = vectorKeys(json["wind"], "/wind", "velocity");
     script_.drag = number(json, "", "drag", 0, 0, 1e4);
+    if (json.contains("levels")) levels(json["levels"]);
     script_.self_contact = flag(json, "", "self_contact");
     script_.package_pins = flag(json, "", "package_pins", true);
     if (json.contains("camera")) camera(json["camera"]);
@@ -404,6 +405,20 @@ class Reader {
       push.mass = number(from, here, "mass", 0, 0, 1e12);
       push.keys = keysOf(from, here, "at");
       script_.pushes.push_back(std::move(push));
+    });
+  }
+
+  void levels(const Json& json) {
+    each(json, "/levels", {"time", "level", "note"}, [&](const Json& from, const std::string& here) {
+      if (!from.contains("level") || !from["level"].is_number_integer()) {
+        text_.fail(here, "a level needs a whole number", R"(Give "level": 0 for all functions, 1 for half of them.)");
+      }
+      const SceneScript::Level level = {number(from, here, "time", 0, 0, kMostSeconds),
+                                        std::uint32_t(number(from, here, "level", 0, 0, 4))};
+      if (!script_.levels.empty() && level.time < script_.levels.back().time) {
+        text_.fail(here, "a level is earlier than the one before", "Sort them by time.");
+      }
+      script_.levels.push_back(level);
     });
   }
 

@@ -87,6 +87,11 @@ struct SceneScript {
     double radius = 0, speed = 0, mass = 0;  ///< m, m/s, kg
     std::vector<VectorKey> keys;             ///< places
   };
+  /// From a time on, as BodySettings::level, of all bodies.
+  struct Level {
+    double time;
+    std::uint32_t level;
+  };
   struct Impulse {
     double time;                              ///< s
     std::optional<std::array<double, 3>> at;  ///< nearest point of the surface as it lies; none: all of the mass
@@ -122,6 +127,7 @@ struct SceneScript {
   std::vector<Force> forces;
   std::vector<VectorKey> wind;  ///< m/s; empty: still air
   double drag = 0;              ///< as BodySettings::drag
+  std::vector<Level> levels;    ///< in order of time; empty: the whole
   bool self_contact = false;    ///< as BodySettings::self_contact
   bool package_pins = true;     ///< as BodySettings::package_pins
   std::optional<View> view;

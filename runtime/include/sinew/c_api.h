@@ -78,6 +78,7 @@ typedef struct sinew_asset_info {
   float bounds_max[3];
   float total_mass; /* kg */
   double origin[3]; /* m, world position of the source that positions are relative to */
+  uint32_t levels;  /* of detail that bodies can have: 1, the whole, and those that the bake has added */
 } sinew_asset_info;
 
 /* Fills as much of info as info->struct_size (set by the caller) has room for. */
@@ -192,6 +193,7 @@ typedef struct sinew_body_settings {
   float gravity_scale;        /* times the world's gravity, -1e4..1e4; 1 */
   float drag;                 /* of the air, by area of surface, 0..1e4: see sinew::BodySettings; 0 */
   uint32_t self_contact;      /* 1: its surface touches itself: see sinew::BodySettings; 0 */
+  uint32_t level;             /* of detail, at most sinew_asset_info.levels - 1: see sinew::BodySettings; 0 */
 } sinew_body_settings;
 
 SINEW_API void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size);
@@ -267,7 +269,8 @@ SINEW_API sinew_status sinew_body_set_activation(sinew_world* world, uint32_t bo
 SINEW_API sinew_status sinew_body_set_activation_by_name(sinew_world* world, uint32_t body, const char* channel,
                                                          float value);
 
-/* Changes friction, layers, touches, self_contact, gravity_scale and drag of a body; get gives all that it has. */
+/* Changes friction, layers, touches, self_contact, gravity_scale, drag and level of a body; get gives all that it has.
+ */
 SINEW_API sinew_status sinew_body_set_settings(sinew_world* world, uint32_t body, const sinew_body_settings* settings);
 SINEW_API sinew_status sinew_body_get_settings(const sinew_world* world, uint32_t body, sinew_body_settings* settings);
 

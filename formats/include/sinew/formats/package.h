@@ -110,7 +110,15 @@ class PackageView {
   std::span<const std::uint32_t> groupVertices() const { return list<std::uint32_t, section::group_vertices>(); }
   std::span<const Mask> masks() const { return list<Mask, section::masks>(); }
   std::span<const MaskWeight> maskWeights() const { return list<MaskWeight, section::mask_weights>(); }
-  std::span<const Field> fields() const { return list<Field, section::fields>(); }
+  /// Of all levels of detail, those of level 0 first. What names a field counts among these.
+  std::span<const Field> allFields() const { return list<Field, section::fields>(); }
+  /// Those of level 0.
+  std::span<const Field> fields() const {
+    const auto all = allFields();
+    std::size_t count = 0;
+    while (count < all.size() && all[count].level == 0) ++count;
+    return all.first(count);
+  }
   std::span<const FieldFunction> fieldFunctions() const { return list<FieldFunction, section::field_functions>(); }
   std::span<const FieldPack> fieldPacks() const { return list<FieldPack, section::field_packs>(); }
   std::span<const Lanes> fieldGradients() const { return list<Lanes, section::field_gradients>(); }

@@ -297,7 +297,8 @@ using Lanes = std::array<float, 8>;
 /// that pin sets drive, which are orthogonal to the others.
 struct Field {
   std::uint32_t piece;                   ///< into BODY
-  std::uint32_t held;                    ///< 0: of the free piece; 1: pin sets prescribe the driven functions
+  std::uint16_t held;                    ///< 0: of the free piece; 1: pin sets prescribe the driven functions
+  std::uint16_t level;                   ///< of detail: 0 is the whole; each further one has fewer functions
   std::uint32_t function_count;          ///< k, 1..1024
   std::uint32_t driven_count;            ///< the first so many are prescribed by pin sets: four each; 0 in a free field
   std::uint32_t first_function;          ///< into FFUN

@@ -176,8 +176,8 @@ class SINEW_API World {
 
   /// The settings it has. \pre contains(body)
   const BodySettings& bodySettings(BodyId body) const;
-  /// Changes friction, layers, touches, self_contact, gravity_scale and drag; the others stay as they were given to
-  /// addBody(). \return false, and nothing is done, where one is out of range.
+  /// Changes friction, layers, touches, self_contact, gravity_scale, drag and level; the others stay as they were given
+  /// to addBody(). \return false, and nothing is done, where one is out of range.
   bool setBodySettings(BodyId body, const BodySettings& settings);
   /// Stops a body or lets it go on: from rest where it was stopped and moved, else with the motion that it had.
   void setActivity(BodyId body, Activity activity);
