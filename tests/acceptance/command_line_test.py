@@ -359,9 +359,23 @@ class CommandLine(unittest.TestCase):
         for keys, said in (({"picks": [{"keys": []}]}, "a pick needs a place"), ({"pushes": [{"keys": ways}]}, "a sphere needs a radius"),
                            ({"damping": -1}, "Legal: 0.0 to 10000.0"), ({"deformation_damping_ratio": 2}, "Legal: 0.0 to 1.0"),
                            ({"step": 0}, "Legal: "), ({"stiffness": "soft"}, "needs a number"), ({"deformation_damping": 0.1}, "deformation_damping_ratio"),
-                           ({"impulses": [{"time": 0}]}, "an impulse needs"), ({"wind": [{"velocity": [0, 0, 0]}]}, "a keyframe needs a time")):
+                           ({"impulses": [{"time": 0}]}, "an impulse needs"), ({"wind": [{"velocity": [0, 0, 0]}]}, "a keyframe needs a time"),
+                           ({"levels": [{"time": 0}]}, "a level needs"), ({"levels": [{"time": 1, "level": 1}, {"time": 0, "level": 0}]}, "earlier")):
             scene.write_text(json.dumps({"sinew_scene": 1, **keys}))
             self.assert_refused(run("simulate", package, "--scene", scene), 3, said)
+
+    def test_a_scene_changes_the_level_of_detail(self):
+        mesh = self.bake_block()[0]
+        package, scene = self.path / "levels.sinew", self.path / "levels.json"
+        self.assertEqual(run("bake", mesh, "-o", package, "--set", "field.levels=2").returncode, 0)
+        fields = json.loads(run("inspect", package, "--json").stdout)["fields"]
+        self.assertEqual([(f["level"], f["functions"]) for f in fields], [(0, 32), (1, 16), (2, 8)])
+        places = []
+        for levels in ([], [{"time": 0.2, "level": 2}, {"time": 0.6, "level": 1}]):
+            scene.write_text(json.dumps({"sinew_scene": 1, "seconds": 1, "gravity": 9.81, "ground": -0.2, "levels": levels}))
+            places.append(json.loads(run("simulate", package, "--scene", scene, "--json").stdout))
+        self.assertNotEqual(*(p["state_hash"] for p in places))
+        self.assertAlmostEqual(*(p["lowest_visual"] for p in places), delta=0.01)
 
     def test_scenes_of_several_bodies_end_asleep(self):
         mesh, package = self.bake_block()
