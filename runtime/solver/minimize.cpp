@@ -566,7 +566,8 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   float *const d = s.d.data(), *const gradient = s.gradient.data(), *const direction = s.direction.data();
   float* const trial = s.next.data();
   const float* const next_gradient = s.next_gradient.data();
-  bool renewed = false;  // the matrix is that of this shape
+  bool carried = pairs.count() > 0;  // from a step before: of another shape where they lead astray
+  bool renewed = false;              // the matrix is that of this shape
   const bool has_friction = minimand.hasFriction();
   float scale = 1;  // of the inverse of the first matrix: what had to be cut was too soft
   double rounded2 = 0, energy_noise = 0;
@@ -606,9 +607,15 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
       taken = next.total <= wanted - noise ||
               (next.total <= wanted + noise && dot(next_gradient, direction, n) >= (2 * kSufficient - 1) * slope);
       if (taken) break;
+      if (carried) break;
       part *= tries == 0 ? 0.5F : 0.25F;
       // Another shape's stiffness is no guide here.
       if (!renewed && tries == kCuts) break;
+    }
+    if (!taken && carried) {
+      pairs.clear();
+      carried = false;
+      continue;
     }
     ++iteration;
     if (!taken) {
@@ -619,7 +626,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
       scale = 1;
       continue;
     }
-    renewed = false;
+    renewed = carried = false;
     scale *= part;
     pairs.take(d, trial, gradient, next_gradient);
     std::copy_n(trial, n, d);

@@ -89,11 +89,14 @@ int sweep(const std::string& input, std::uint32_t most, unsigned halvings, const
       writeFileAtomically(file, costs.dump());
       Progress progress(false);
       const BudgetResult made = bakeWithin(recipe, budget, file, progress, &cache);
-      const auto again = measureFrame(*Asset::fromMemory(made.bake.package), made.scene);
-      const double ratio = best == nullptr ? 0 : made.chosen.error / best->error;
+      const auto asset = *Asset::fromMemory(made.bake.package);
+      const auto again = measureFrame(asset, made.scene);
+      // By the sweep's yardstick, which may be finer than the search's.
+      const double error = std::hypot(answers.errorOf(asset->package()), own_error);
+      const double ratio = best == nullptr ? 0 : error / best->error;
       std::printf("%s ms: chosen %u functions, %u vertices, %.1f us (again %.1f), error %.2f %%", text.c_str(),
                   made.chosen.functions, made.chosen.vertices, made.chosen.frame.all(), again.all(),
-                  100 * made.chosen.error);
+                  100 * error);
       if (best != nullptr) {
         std::printf("; sweep: %u functions, %u samples, %u vertices, %.1f us, %.2f %%: %.2f x", best->functions,
                     best->samples, best->vertices, best->microseconds, 100 * best->error, ratio);
