@@ -41,7 +41,7 @@ class Pairs {
 
   /// The first half of the recursion, from the gradient; then comes the inverse of the first matrix.
   void reduce(float* direction);
-  /// The second half. \param scale that the inverse was given.
+  /// The second half.
   void expand(float* direction) const;
   /// \param from, to places. \param gradient, next_gradient there.
   void take(const float* from, const float* to, const float* gradient, const float* next_gradient);

@@ -95,8 +95,7 @@ int sweep(const std::string& input, std::uint32_t most, unsigned halvings, const
       const double error = std::hypot(answers.errorOf(asset->package()), own_error);
       const double ratio = best == nullptr ? 0 : error / best->error;
       std::printf("%s ms: chosen %u functions, %u vertices, %.1f us (again %.1f), error %.2f %%", text.c_str(),
-                  made.chosen.functions, made.chosen.vertices, made.chosen.frame.all(), again.all(),
-                  100 * error);
+                  made.chosen.functions, made.chosen.vertices, made.chosen.frame.all(), again.all(), 100 * error);
       if (best != nullptr) {
         std::printf("; sweep: %u functions, %u samples, %u vertices, %.1f us, %.2f %%: %.2f x", best->functions,
                     best->samples, best->vertices, best->microseconds, 100 * best->error, ratio);
