@@ -13,6 +13,7 @@
 #include "runtime/cut/places.h"
 #include "runtime/cut/samples.h"
 #include "runtime/cut/tethers.h"
+#include "runtime/geometry/cells.h"
 #include "runtime/geometry/symmetric_eigen.h"
 
 namespace sinew::cutting {
@@ -294,8 +295,8 @@ class CutField {
     return decay;
   }
 
-  /// A fibre of each activated cluster that the part has some of: the mean stretch of that, and the parent's tension by
-  /// volume.
+  /// Fibres of each activated cluster that the part has some of: the mean stretch of its cells, and the parent's
+  /// tension by volume.
   void appendFibres() {
     const formats::PieceRange& range = package_.pieces()[input_.piece.source];
     for (std::uint32_t c = range.first_cluster; c < range.first_cluster + range.cluster_count; ++c) {
@@ -315,7 +316,7 @@ class CutField {
     }
     const auto restOf = [&](std::uint32_t v) { return asVector(package_.physicalVertices()[v].rest_position); };
     const formats::PieceRange& range = package_.pieces()[input_.piece.source];
-    double whole = 0, here = 0;
+    double whole = 0;
     for (const formats::Tetrahedron& t :
          package_.tetrahedra().subspan(range.first_tetrahedron, range.tetrahedron_count)) {
       Eigen::Matrix3d edges;
@@ -324,26 +325,43 @@ class CutField {
       for (const std::uint32_t v : t.vertex) mean += share[v] / 4;
       whole += mean * std::abs(edges.determinant()) / 6;
     }
-    MatrixXd gradient = MatrixXd::Zero(parent_.count(), 3);
+    std::vector<std::uint32_t> bits;  // tetrahedra of the part
+    std::vector<Vector3d> places;
+    std::vector<double> volumes;
     for (std::uint32_t i = 0; i < input_.piece.tetrahedron_count; ++i) {
       const PartTetrahedron& t = input_.mesh.tetrahedra[input_.piece.first_tetrahedron + i];
       const auto& corners = package_.tetrahedra()[t.source].vertex;
       double mean = 0;
-      for (std::size_t n = 0; n < 4; ++n) mean += share[corners[n]] * t.center[n];
+      Vector3d center = Vector3d::Zero();
+      for (std::size_t n = 0; n < 4; ++n) {
+        mean += share[corners[n]] * t.center[n];
+        center += t.center[n] * restOf(corners[n]);
+      }
       if (!(mean > 0) || !(t.volume > 0)) continue;
-      MatrixXd one = MatrixXd::Zero(parent_.count(), 3);
-      const double volume = slopes_.add(t, one);
-      if (!(volume > 0)) continue;
-      gradient += mean * t.volume / volume * one;
-      here += mean * t.volume;
+      bits.push_back(input_.piece.first_tetrahedron + i);
+      places.push_back(center);
+      volumes.push_back(mean * t.volume);
     }
-    if (!(here > 0)) return;
+    const std::vector<std::uint32_t> cells = geometry::cellsOf(places, volumes, geometry::kFibreCells);
     const Vector3d along = asVector(package_.mechanics()[c].fibre);
-    const VectorXd values = functions_.gradientsFrom(gradient / here) * along;
-    content_.field_fibres.push_back({std::uint32_t(content_.fields.size() - 1), input_.clusters[c],
-                                     std::uint32_t(content_.field_fibre_values.size()),
-                                     float(tension * std::min(1.0, here / whole))});
-    for (const double value : values) content_.field_fibre_values.push_back(float(value));
+    for (std::uint32_t cell = 0; cell < geometry::kFibreCells; ++cell) {
+      MatrixXd gradient = MatrixXd::Zero(parent_.count(), 3);
+      double here = 0;
+      for (std::size_t b = 0; b < bits.size(); ++b) {
+        if (cells[b] != cell) continue;
+        MatrixXd one = MatrixXd::Zero(parent_.count(), 3);
+        const double volume = slopes_.add(input_.mesh.tetrahedra[bits[b]], one);
+        if (!(volume > 0)) continue;
+        gradient += volumes[b] / volume * one;
+        here += volumes[b];
+      }
+      if (!(here > 0)) continue;
+      const VectorXd values = functions_.gradientsFrom(gradient / here) * along;
+      content_.field_fibres.push_back({std::uint32_t(content_.fields.size() - 1), input_.clusters[c],
+                                       std::uint32_t(content_.field_fibre_values.size()),
+                                       float(tension * std::min(1.0, here / whole))});
+      for (const double value : values) content_.field_fibre_values.push_back(float(value));
+    }
   }
 
   const FieldInput& input_;

@@ -24,6 +24,7 @@ void addMoments(const formats::PackageView& package, const formats::Cluster& clu
 RestConstants makeRestConstants(const formats::PackageView& package) {
   RestConstants result;
   result.fields = makeFields(package, result.driven_masses, result.field_stiffness, result.field_limits);
+  makeFibres(package, {result.fields.data(), result.fields.size()}, result.fibres, result.fibre_matrices);
   for (const formats::DistanceGrid& grid : package.distanceGrids()) result.depths.emplace_back(package, grid);
   const auto clusters = package.clusters();
   result.clusters.resize(clusters.size());

@@ -24,6 +24,8 @@ struct RestConstants {
   Array<double> driven_masses;       ///< Field::driven_mass
   Array<float> field_stiffness;      ///< Field::stiffness
   Array<SampleLimits> field_limits;  ///< Field::limits
+  Array<FibreStiffness> fibres;      ///< Field::fibres
+  Array<float> fibre_matrices;       ///< FibreStiffness::matrix
   Array<Field> fields;               ///< in which pieces move
   OwningArray<DepthMap> depths;      ///< of the pieces that have one, in their order
 };

@@ -176,14 +176,6 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       field.residual_scale = residual.scale;
       field.residual_locals = package.fieldResidualLocals().data() + residual.first_local;
     }
-    const auto before = [](const formats::FieldFibre& fibre, std::size_t of) { return fibre.field < of; };
-    const auto fibres = package.fieldFibres();
-    const auto first = std::lower_bound(fibres.begin(), fibres.end(), i, before);
-    field.fibres = {first, std::lower_bound(first, fibres.end(), i + 1, before)};
-    if (!field.fibres.empty()) {
-      field.fibre_values =
-          package.fieldFibreValues().subspan(field.fibres[0].first_value, field.fibres.size() * field.k);
-    }
     field.gradients = package.fieldGradients().data()[record.first_gradient].data();
     field.values = package.fieldValues().data()[record.first_value].data();
     if (!field.points.empty()) field.point_values = package.fieldPointValues().data()[record.first_point_value].data();
@@ -220,6 +212,42 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
   }
   if (!limited) limits.clear();
   return fields;
+}
+
+void makeFibres(const formats::PackageView& package, std::span<Field> fields, Array<FibreStiffness>& fibres,
+                Array<float>& matrices) {
+  const auto records = package.fieldFibres();
+  // Records go by field, then by cluster.
+  const auto isNext = [&](std::size_t i) {
+    return i == 0 || records[i].field != records[i - 1].field || records[i].cluster != records[i - 1].cluster;
+  };
+  std::size_t count = 0, entries = 0;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const std::size_t k = fields[records[i].field].k;
+    if (isNext(i)) ++count, entries += k * (k + 1) / 2;
+  }
+  fibres.resize(count);
+  matrices.resize(entries);
+  std::fill(matrices.begin(), matrices.end(), 0.0F);
+  float* next = matrices.data();
+  std::size_t of = 0;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const formats::FieldFibre& record = records[i];
+    Field& field = fields[record.field];
+    const std::size_t k = field.k;
+    if (isNext(i)) {
+      fibres[of] = {record.cluster, next};
+      const std::size_t first = field.fibres.empty() ? of : std::size_t(field.fibres.data() - fibres.data());
+      field.fibres = {fibres.data() + first, ++of - first};
+      next += k * (k + 1) / 2;
+    }
+    const auto values = package.fieldFibreValues().subspan(record.first_value, k);
+    float* entry = next - k * (k + 1) / 2;
+    for (std::size_t row = 0; row < k; ++row) {
+      const float pull = record.tension * values[row];
+      for (std::size_t column = 0; column <= row; ++column) *entry++ += pull * values[column];
+    }
+  }
 }
 
 const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held, std::uint32_t level) {

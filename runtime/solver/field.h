@@ -16,6 +16,12 @@ namespace sinew::internal {
 using Vector3d = Eigen::Vector3d;
 using Matrix3d = Eigen::Matrix3d;
 
+/// What the fibres of a cluster that a channel activates hold together.
+struct FibreStiffness {
+  std::uint32_t cluster = 0;      ///< CLUS record
+  const float* matrix = nullptr;  ///< rows of the lower triangle, J: sum T b b^T over its records, fully activated
+};
+
 /// One field of a package: the free one of a piece, or the one for where its pin sets hold it.
 struct Field {
   std::uint32_t piece = 0;          ///< BODY record
@@ -33,13 +39,12 @@ struct Field {
   const float* modes = nullptr;          ///< by eight modes: squared frequencies, then their 3 n coefficients
   const SampleLimits* limits = nullptr;  ///< by pack; null where no sample has any
   bool plastic = false;                  ///< some sample may change its rest shape
-  std::span<const formats::FieldFibre> fibres;
+  std::span<const FibreStiffness> fibres;
   const float* tethers = nullptr;          ///< k x k, N/m: 1/2 sum T_ij z_i . z_j; null without
   std::uint32_t residual_modes = 0;        ///< r, of what the functions lack (FRES); 0: not known
   const std::int16_t* residual = nullptr;  ///< by eight vertices: x of each mode, then y, then z
   float residual_scale = 0;                ///< of these, (m/N)^1/2
   const float* residual_locals = nullptr;  ///< by vertex, m/N
-  std::span<const float> fibre_values;     ///< k a fibre: its direction is their sum with the coefficients
   std::uint32_t pack_count = 0;
 
   const float* stiffness = nullptr;     ///< at rest, of the unknowns: 3 n rows of `stride` floats, whole
@@ -62,6 +67,10 @@ struct Field {
 /// the numbers that fields point to.
 Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,
                         Array<SampleLimits>& limits);
+
+/// Gives the fields their fibres. \param[out] fibres, matrices own what they point to.
+void makeFibres(const formats::PackageView& package, std::span<Field> fields, Array<FibreStiffness>& fibres,
+                Array<float>& matrices);
 
 /// The field of a piece; null where there is none. \param held the one for its pin sets.
 const Field* fieldOf(std::span<const Field> fields, std::uint32_t piece, bool held, std::uint32_t level = 0);

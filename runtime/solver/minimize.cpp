@@ -173,7 +173,7 @@ double Objective::held(const float* d, float* gradient) const {
     }
   }
   std::fill(local + field->unknowns(), local + stride, 0.0F);
-  // Four rows at once, as in external().
+  // Four rows at once, as in symmetric().
   double total = 0;
   const std::uint32_t n = field->unknowns();
   for (std::uint32_t first = 0; first < n; first += 4) {
@@ -198,31 +198,43 @@ double Objective::held(const float* d, float* gradient) const {
   return 0.5 * total;
 }
 
+namespace {
+
+// d . residual + 1/2 sum M_ij d_i . d_j and its gradient, of the rows from `first` on.
+// \param matrix symmetric, k x k. \param residual, d, gradient k x 4; gradient may be null
+double symmetric(const float* matrix, const float* residual, const float* d, std::uint32_t k, std::uint32_t first,
+                 float* gradient) {
+  double total = 0;
+  // Four rows at once: a row alone waits for its own sums.
+  constexpr std::uint32_t kRows = 4;
+  for (; first < k; first += kRows) {
+    const std::uint32_t count = std::min(kRows, k - first);
+    std::array<std::array<float, 4>, kRows> pull = {};
+    const float* row[kRows];
+    for (std::uint32_t r = 0; r < kRows; ++r) row[r] = matrix + std::size_t(k) * (first + std::min(r, count - 1));
+    for (std::uint32_t i = 0; i < k; ++i) {
+      for (std::uint32_t r = 0; r < kRows; ++r) {
+        for (std::uint32_t c = 0; c < 4; ++c) pull[r][c] += row[r][i] * d[4 * i + c];
+      }
+    }
+    for (std::uint32_t r = 0; r < count; ++r) {
+      const std::uint32_t j = first + r;
+      for (std::uint32_t c = 0; c < 3; ++c) {
+        total += double(d[4 * j + c]) * double(residual[4 * j + c] + 0.5F * pull[r][c]);
+        if (gradient != nullptr) gradient[4 * j + c] += residual[4 * j + c] + pull[r][c];
+      }
+    }
+  }
+  return total;
+}
+
+}  // namespace
+
 double Objective::external(const float* d, float* gradient) const {
   const std::uint32_t k = field->k;
   double total = 0;
   if (has_springs) {
-    const float *const springs = scratch->springs.data(), *const residual = scratch->residual.data();
-    // Four rows at once: a row alone waits for its own sums.
-    constexpr std::uint32_t kRows = 4;
-    for (std::uint32_t first = field->driven; first < k; first += kRows) {
-      const std::uint32_t count = std::min(kRows, k - first);
-      std::array<std::array<float, 4>, kRows> pull = {};
-      const float* row[kRows];
-      for (std::uint32_t r = 0; r < kRows; ++r) row[r] = springs + std::size_t(k) * (first + std::min(r, count - 1));
-      for (std::uint32_t i = 0; i < k; ++i) {
-        for (std::uint32_t r = 0; r < kRows; ++r) {
-          for (std::uint32_t c = 0; c < 4; ++c) pull[r][c] += row[r][i] * d[4 * i + c];
-        }
-      }
-      for (std::uint32_t r = 0; r < count; ++r) {
-        const std::uint32_t j = first + r;
-        for (std::uint32_t c = 0; c < 3; ++c) {
-          total += double(d[4 * j + c]) * double(residual[4 * j + c] + 0.5F * pull[r][c]);
-          if (gradient != nullptr) gradient[4 * j + c] += residual[4 * j + c] + pull[r][c];
-        }
-      }
-    }
+    total += symmetric(scratch->springs.data(), scratch->residual.data(), d, k, field->driven, gradient);
   }
   if (holds != nullptr) total += held(d, gradient);
   const std::uint32_t driven = field->driven;
@@ -289,28 +301,6 @@ void Objective::toFrame(const float* d) const {
   }
 }
 
-// A constant tension T along a fibre: T |F d|, F the mean deformation gradient of its cluster.
-double Objective::fibres(const float* local, float* gradient) const {
-  double energy = 0;
-  for (std::size_t i = 0; i < tensions.size(); ++i) {
-    if (!(tensions[i] > 0)) continue;
-    const float* const values = field->fibre_values.data() + i * field->k;
-    std::array<float, 4> along = {};
-    for (std::uint32_t j = 0; j < field->k; ++j) {
-      const std::array<float, 3>& rest = field->functions[j].rest;
-      for (std::uint32_t c = 0; c < 3; ++c) along[c] += values[j] * (local[4 * j + c] + rest[c]);
-    }
-    const float length = std::sqrt(along[0] * along[0] + (along[1] * along[1] + along[2] * along[2]));
-    energy += double(tensions[i]) * double(length);
-    if (!(length > 0)) continue;
-    for (std::uint32_t j = 0; j < field->k; ++j) {
-      const float pull = tensions[i] * values[j] / length;
-      for (std::uint32_t c = 0; c < 3; ++c) gradient[4 * j + c] += pull * along[c];
-    }
-  }
-  return energy;
-}
-
 double Objective::elastic(const float* d, float* gradient, bool mark) const {
   const float* const r = rotation;
   toFrame(d);
@@ -328,7 +318,11 @@ double Objective::elastic(const float* d, float* gradient, bool mark) const {
   arguments.gradient = gradient;
   arguments.rest_change = rest_change;
   arguments.limits = field->limits;
-  const double energy = kernels().field_energy(arguments) + fibres(scratch->x.data(), gradient);
+  double energy = kernels().field_energy(arguments);
+  if (fibres != nullptr) {
+    energy += fibres->fibre_energy +
+              symmetric(fibres->fibres.data(), fibres->fibre_pull.data(), scratch->x.data(), field->k, 0, gradient);
+  }
   for (std::uint32_t j = 0; j < field->k; ++j) {
     float* const row = gradient + 4 * j;
     const float pull[3] = {row[0], row[1], row[2]};
@@ -354,6 +348,16 @@ void Objective::stiffnessAt(const float* d, float* matrix) const {
   arguments.scratch = scratch->samples.data();
   arguments.matrix = matrix;
   kernels().field_stiffness(arguments);
+  if (fibres == nullptr) return;
+  for (std::uint32_t i = field->driven; i < field->k; ++i) {
+    const float* const row = fibres->fibres.data() + std::size_t(field->k) * i;
+    for (std::uint32_t j = field->driven; j <= i; ++j) {
+      for (std::uint32_t axis = 0; axis < 3; ++axis) {
+        matrix[std::size_t(field->stride) * (3 * (i - field->driven) + axis) + 3 * (j - field->driven) + axis] +=
+            row[j];
+      }
+    }
+  }
 }
 
 Objective::Value Objective::at(const float* d, float* gradient, bool mark) const {

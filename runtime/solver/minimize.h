@@ -99,7 +99,7 @@ struct Objective {
   double h = 0;                        ///< of the inertia: the step, or 2/3 of it, s
   float stiffness = 1;                 ///< factor on the moduli
   const float* rest_change = nullptr;  ///< Piece::rest_change, or null
-  std::span<const float> tensions;     ///< Piece::tensions
+  const Piece* fibres = nullptr;       ///< whose fibres, fibre_pull and fibre_energy count, or null
   bool has_springs = false;            ///< scratch.springs and scratch.residual count
   const float* holds = nullptr;        ///< Holds::by_function, or null
   float holds_rotation[9];             ///< of their frame, column-major
@@ -135,8 +135,6 @@ struct Objective {
   /// Friction's bound follows the load at the last evaluation: corrects the gradient there. \return change of the
   /// value.
   double rub(float* gradient) const;
-  /// What active fibres add of the elastic energy. \param local coefficients as toFrame() makes them.
-  double fibres(const float* local, float* gradient) const;
   /// Normal forces of the contacts at d become what friction sees.
   void press(const float* d) const;
   /// The first matrix's inverse times g, in place.

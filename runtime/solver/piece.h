@@ -102,7 +102,8 @@ struct Piece {
         fixed(held_field),
         state(memory),
         rest_change(memory),
-        tensions(memory),
+        fibres(memory),
+        fibre_pull(memory),
         springs(memory),
         row(memory),
         holds(memory),
@@ -122,8 +123,11 @@ struct Piece {
   const Field* fixed;  ///< null where the package has none
   PieceState state;
 
-  Array<float> rest_change;  ///< of state.plastic, as the energy wants it
-  Array<float> tensions;     ///< of the field's fibres, J; empty: none is active
+  Array<float> rest_change;     ///< of state.plastic, as the energy wants it
+  Array<float> fibres;          ///< k x k, J: 1/2 sum S_ij z_i . z_j is the energy of active fibres; empty: none is
+  Array<float> fibre_pull;      ///< k x 4: S times the rest shape, in the frame of the piece
+  double fibre_energy = 0;      ///< at rest, J
+  bool fibres_changed = false;  ///< they are to be made anew
 
   Array<double> springs;     ///< k x k: sum kappa phi phi^T of pins and picks
   double springs_firm = -1;  ///< kappa of pins that they were made with, N/m; negative: to be made anew

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "runtime/contact/contacts.h"
 #include "runtime/geometry/rotation.h"
@@ -99,26 +100,68 @@ void restPiece(const Body& body, Piece& piece) {
     state.v[j].setZero();
   }
   standStill(state);
-  state.elastic = state.budget = piece.tensions.empty() ? 0 : -1;
+  state.elastic = state.budget = piece.fibres.empty() ? 0 : -1;
   state.touching.clear();
   resetPlasticity(field, state.plastic);
   invertPlasticity(state.plastic, piece.rest_change);
 }
 
-void updateFibres(Body& body, bool changed) {
-  const auto& activation = body.activation;
-  const float stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
-  const bool active = std::any_of(activation.begin(), activation.end(), [](float value) { return value > 0; });
-  for (Piece& piece : body.pieces) {
-    const Field& field = piece.field();
-    piece.tensions.resize(active ? field.fibres.size() : 0);
-    for (std::size_t i = 0; i < piece.tensions.size(); ++i) {
-      const formats::FieldFibre& fibre = field.fibres[i];
-      const std::uint32_t channel = body.package().mechanics()[fibre.cluster].channel;
-      piece.tensions[i] = stiffness * activation[channel] * fibre.tension;
+namespace {
+
+/// S of 1/2 sum S_ij z_i . z_j: a tension in proportion to the stretch, a / (1 - a gamma) of that of full activation,
+/// so that a cluster of contraction gamma activated to a shortens by a gamma.
+void makeFibres(const Body& body, float stiffness, Piece& piece) {
+  const Field& field = piece.field();
+  const std::size_t k = field.k;
+  piece.fibres.clear();
+  for (const FibreStiffness& fibre : field.fibres) {
+    const formats::ClusterMechanics& mechanics = body.package().mechanics()[fibre.cluster];
+    const float activation = body.activation[mechanics.channel];
+    if (!(activation > 0)) continue;
+    const float factor = stiffness * activation / (1 - activation * mechanics.contraction);
+    if (piece.fibres.empty()) {
+      piece.fibres.resize(k * k);
+      std::fill(piece.fibres.begin(), piece.fibres.end(), 0.0F);
     }
-    if (field.fibres.empty() || !changed) continue;
-    piece.state.elastic = piece.state.budget = -1;
+    const float* from = fibre.matrix;
+    for (std::size_t row = 0; row < k; ++row, from += row) {
+      float* const to = piece.fibres.data() + k * row;
+      for (std::size_t column = 0; column <= row; ++column) to[column] += factor * from[column];
+    }
+  }
+  if (piece.fibres.empty()) return;
+  piece.fibre_pull.resize(4 * k);
+  piece.fibre_energy = 0;
+  for (std::size_t row = 0; row < k; ++row) {
+    for (std::size_t column = 0; column < row; ++column)
+      piece.fibres[k * column + row] = piece.fibres[k * row + column];
+  }
+  for (std::size_t row = 0; row < k; ++row) {
+    Eigen::Array4d pull = Eigen::Array4d::Zero();
+    const auto rest = [&field](std::size_t j) {
+      const std::array<float, 3>& at = field.functions[j].rest;
+      return Eigen::Array4d(double(at[0]), double(at[1]), double(at[2]), 0);
+    };
+    for (std::size_t column = 0; column < k; ++column) pull += double(piece.fibres[k * row + column]) * rest(column);
+    Eigen::Array4f::Map(piece.fibre_pull.data() + 4 * row) = pull.cast<float>();
+    piece.fibre_energy += 0.5 * (pull * rest(row)).sum();
+  }
+}
+
+}  // namespace
+
+void updateFibres(Body& body, bool changed) {
+  for (Piece& piece : body.pieces) {
+    if (piece.field().fibres.empty() && piece.fibres.empty()) continue;
+    piece.fibres_changed = true;
+    if (changed) piece.state.elastic = piece.state.budget = -1;
+  }
+}
+
+void makeFibres(Body& body) {
+  const float stiffness = body.settings.stiffness_scale * body.settings.stiffness_scale;
+  for (Piece& piece : body.pieces) {
+    if (std::exchange(piece.fibres_changed, false)) makeFibres(body, stiffness, piece);
   }
 }
 

@@ -19,8 +19,11 @@ void refresh(Body& body, double part, Asked what);
 /// collider still does.
 void project(Body& body, bool touching = false);
 
-/// The tensions of fibres as the body's channels are activated. \param changed the shapes' energies are others now.
+/// Fibres are to be made anew, as the body's channels are activated. \param changed the shapes' energies are others
+/// now.
 void updateFibres(Body& body, bool changed = true);
+/// Makes Piece::fibres where they have changed: before a step, and before energies are asked for.
+void makeFibres(Body& body);
 
 /// Chooses the field of each piece: the held one where all of the package's pin sets on it hold. \return whether one
 /// changed.

@@ -79,6 +79,10 @@ class CoupledSolver final : public BodySolver {
       piece.system.factor.reserve(3 * k * (3 * k + 7));
       piece.state.pairs.reserve(4 * k);
       piece.springs.reserve(k * k);
+      if (!free->fibres.empty() || (fixed != nullptr && !fixed->fibres.empty())) {
+        piece.fibres.reserve(k * k);
+        piece.fibre_pull.reserve(4 * k);
+      }
       piece.row.reserve(k);
       findReach(*free, piece.reach_free);
       if (fixed != nullptr) findReach(*fixed, piece.reach_fixed);
@@ -105,6 +109,7 @@ class CoupledSolver final : public BodySolver {
     body_.fade_left = body_.fade_before = 0;
     chooseFields(body_);
     updateFibres(body_);
+    makeFibres(body_);
     for (Piece& piece : body_.pieces) restPiece(body_, piece);
     body_.setCurrent();
   }
@@ -115,6 +120,7 @@ class CoupledSolver final : public BodySolver {
   void beginStep(double seconds) override {
     if (!body_.pieces.empty() && body_.pieces[0].free->level != levelOf(body_)) changeLevel(body_);
     passFade(body_, seconds);
+    makeFibres(body_);
   }
   void takeState() override {
     body_.fade_left = body_.fade_before = 0;
@@ -137,6 +143,7 @@ class CoupledSolver final : public BodySolver {
     return activationStretch(mechanics, active) * plasticShapeOf(piece.field(), cluster, piece.state.plastic);
   }
   BodyEnergy energy(SolverScratch& scratch) override {
+    makeFibres(body_);
     return {kineticEnergy(body_), elasticEnergy(body_, scratch.pieces)};
   }
 

@@ -30,7 +30,7 @@ constexpr double kStanding = 1e-6;
 
 void setMaterial(const Piece& piece, Objective& objective) {
   if (!piece.rest_change.empty()) objective.rest_change = piece.rest_change.data();
-  objective.tensions = {piece.tensions.data(), piece.tensions.size()};
+  objective.fibres = piece.fibres.empty() ? nullptr : &piece;
 }
 
 void PieceStep::run() {

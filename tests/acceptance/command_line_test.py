@@ -380,11 +380,12 @@ class CommandLine(unittest.TestCase):
     def test_scenes_of_several_bodies_end_asleep(self):
         mesh, package = self.bake_block()
         even, uneven = "0.016667", "0.016667,0.004167"
+        seconds = {"stack": "6", "pyramid": "6", "stairs": "6", "pile": "12"}
         for scene, count, low, high, sequences in (("stack", 10, 9.8, 10.02, (even, uneven)), ("pyramid", 10, 3.95, 4.01, (even, uneven)),
                                                    ("stairs", 6, 0.4, 6, (even, uneven)), ("pile", 60, 1, 6, (even,)),
                                                    (self.heap_scene(mesh), 27, 1, 6, (even, uneven))):
             for steps in sequences:
-                measures = json.loads(run("simulate", package, "--scene", scene, "--seconds", "12" if scene == "pile" else "6",
+                measures = json.loads(run("simulate", package, "--scene", scene, "--seconds", seconds.get(scene, "8"),
                                           "--step", steps, "--json").stdout)
                 bodies = measures["bodies"]
                 self.assertEqual((bodies["count"], bodies["asleep"]), (count, count), (scene, steps))

@@ -234,10 +234,31 @@ TEST(StudyError, PeersDoNotMindTheUnit) {
   EXPECT_LT(rmsApart(playXpbd(beam.body, beam.scene, 20), xpbd), 1e-2 * moved);
 }
 
-// Cut into eight it is the same body: its mass, what is held, where its surface lies.
+// Cut into eight it is the same body: its mass, what is held and by how much, its fibres, where its surface lies.
 TEST(StudyError, ARefinedBodyIsTheSame) {
   Beam beam({4, 2, 2}, {1, 0.3, 0.3}, 0.3, 3e4);
+  for (std::uint32_t v = 0; v < beam.body.rest.size(); ++v) {
+    if (beam.body.rest[v][0] > 0.4) beam.body.tethers.push_back({v, 2, 1 + beam.body.rest[v][1]});
+  }
+  beam.body.fibres = {{.channel = 1, .tension = 3, .direction = {0, 1, 0}, .weights = {{0, 0.25}, {7, 0.75}}}};
   const MotionBody fine = refined(beam.body);
+  const auto total = [](const auto& list, auto of) {
+    double result = 0;
+    for (const auto& one : list) result += of(one);
+    return result;
+  };
+  const auto stiffness = [](const MotionTether& tether) { return tether.stiffness; };
+  EXPECT_NEAR(total(fine.tethers, stiffness), total(beam.body.tethers, stiffness), 1e-9);
+  EXPECT_GT(fine.tethers.size(), 3 * beam.body.tethers.size());
+  for (const MotionTether& tether : fine.tethers) {
+    EXPECT_EQ(tether.region, 2U);
+    EXPECT_GT(fine.rest[tether.vertex][0], 0.3);
+  }
+  ASSERT_EQ(fine.fibres.size(), 1U);
+  ASSERT_EQ(fine.fibres[0].weights.size(), 16U);
+  EXPECT_EQ(fine.fibres[0].tension, 3);
+  EXPECT_NEAR(total(fine.fibres[0].weights, [](const auto& part) { return part.second; }), 1, 1e-12);
+  for (const auto& [t, weight] : fine.fibres[0].weights) EXPECT_TRUE(t / 8 == 0 || t / 8 == 7) << t;
   EXPECT_EQ(fine.tetrahedra.size(), 8 * beam.body.tetrahedra.size());
   const auto massOf = [](const MotionBody& body) {
     double sum = 0;
@@ -266,6 +287,7 @@ TEST(StudyError, AFibreShortensTheReferenceAsItsTensionSays) {
   MotionFibre fibre;
   const double volume = bar.size[0] * bar.size[1] * bar.size[2];
   fibre.tension = 0.1 * bar.young * volume;
+  fibre.contraction = 0.1;
   for (std::uint32_t t = 0; t < bar.body.tetrahedra.size(); ++t) {
     const auto& c = bar.body.tetrahedra[t];
     const Vector3d a = bar.body.rest[c[0]];

@@ -158,7 +158,7 @@ class Error(unittest.TestCase):
         study = json.loads(done.stdout)
         played = study["scenes"][0]
         self.assertGreater(played["reference"]["rms_displacement"], 0.03)
-        self.assertLess(min(row["path"] for row in played["results"] if row["method"] == "sinew"), 0.35)
+        self.assertLess(min(row["path"] for row in played["results"] if row["method"] == "sinew"), 0.08)
         self.assertFalse([row for row in played["results"] if row["method"] == "xpbd"])
         self.assertTrue(any("muscles" in note for note in study["notes"]))
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/bake/fibres.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
 
+#include "runtime/geometry/cells.h"
 #include "runtime/geometry/tet_mesh.h"
 
 namespace sinew::tools {
@@ -15,8 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Parts that a fibre is cut into at most.
-constexpr double kMostSegments = 8;
 /// Tension of a fibre that what surrounds it holds, against what shortens it alone.
 constexpr double kStrongest = 20;
 
@@ -65,30 +63,10 @@ std::vector<Bit> bitsOf(const FieldHost& host, std::uint32_t cluster, const Vect
   return bits;
 }
 
-/// A fibre's tension acts on the mean stretch of what it runs through, so something long would buckle under it: it is
-/// cut into parts about as long as wide.
-std::size_t segmentsOf(const std::vector<Bit>& bits, const Vector3d& along) {
-  Vector3d center = Vector3d::Zero();
-  double volume = 0;
-  for (const Bit& bit : bits) {
-    center += bit.volume * bit.at;
-    volume += bit.volume;
-  }
-  center /= volume;
-  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-  for (const Bit& bit : bits) spread += bit.volume / volume * (bit.at - center) * (bit.at - center).transpose();
-  const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - along * along.transpose();
-  const double length = std::sqrt(along.dot(spread * along));
-  const double width = std::sqrt(
-      std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(across * spread * across).eigenvalues()[2]));
-  if (!(width * kMostSegments > length)) return std::size_t(kMostSegments);
-  return std::size_t(std::max(1.0, std::round(length / width)));
-}
-
 }  // namespace
 
 Fibres findFibres(const formats::PackageContent& content, const FieldHost& host, std::span<const double> young,
-                  std::span<const double> poisson, bool whole) {
+                  std::span<const double> poisson) {
   const formats::PieceRange& range = host.range;
   Fibres result;
   for (std::uint32_t c = range.first_cluster; c < range.first_cluster + range.cluster_count; ++c) {
@@ -100,13 +78,14 @@ Fibres findFibres(const formats::PackageContent& content, const FieldHost& host,
     Eigen::VectorXd load = Eigen::VectorXd::Zero(3 * Eigen::Index(host.positions.size()));
     double volume = 0;
     for (const Bit& bit : bits) volume += bit.volume;
-    const std::size_t segments = whole ? 1 : segmentsOf(bits, along);
-    double low = bits[0].at.dot(along), high = low;
-    for (const Bit& bit : bits) low = std::min(low, bit.at.dot(along)), high = std::max(high, bit.at.dot(along));
-    std::vector<Fibre> fibres(segments);
-    for (const Bit& bit : bits) {
-      const double place = high > low ? (bit.at.dot(along) - low) / (high - low) : 0;
-      Fibre& fibre = fibres[std::min(segments - 1, std::size_t(place * double(segments)))];
+    std::vector<Vector3d> places;
+    std::vector<double> volumes;
+    for (const Bit& bit : bits) places.push_back(bit.at), volumes.push_back(bit.volume);
+    const std::vector<std::uint32_t> cells = geometry::cellsOf(places, volumes, geometry::kFibreCells);
+    std::vector<Fibre> fibres(1 + *std::max_element(cells.begin(), cells.end()));
+    for (std::size_t b = 0; b < bits.size(); ++b) {
+      const Bit& bit = bits[b];
+      Fibre& fibre = fibres[cells[b]];
       if (fibre.stretch.size() == 0) fibre.stretch = Eigen::VectorXd::Zero(Eigen::Index(host.positions.size()));
       const auto& corners = host.tetrahedra[bit.tetrahedron];
       const auto add = [&](std::uint32_t v, double slope) {
@@ -121,7 +100,6 @@ Fibres findFibres(const formats::PackageContent& content, const FieldHost& host,
       fibre.hardening += bit.volume * hardening(double(mechanics.contraction), poisson[bit.tetrahedron]);
     }
     for (Fibre& fibre : fibres) {
-      if (!(fibre.volume > 0)) continue;
       fibre.cluster = c;
       fibre.load = result.loads.size();
       fibre.share = fibre.volume / volume;

@@ -14,7 +14,7 @@
 
 namespace sinew::tools {
 
-/// A part of an activated cluster that its tension shortens.
+/// A cell of an activated cluster: its tension shortens it.
 struct Fibre {
   std::uint32_t cluster = 0;
   std::size_t load = 0;     ///< its cluster's
@@ -33,9 +33,8 @@ struct Fibres {
 };
 
 /// \param young, poisson of the host's tetrahedra.
-/// \param whole no cluster is cut into several. What tethers hold does not buckle.
 Fibres findFibres(const formats::PackageContent& content, const FieldHost& host, std::span<const double> young,
-                  std::span<const double> poisson, bool whole);
+                  std::span<const double> poisson);
 
 /// Records them for a field (sections FFIB, FFBV).
 void addFibres(std::span<const Fibre> fibres, const FieldSpace& space, std::uint32_t field,

@@ -152,7 +152,7 @@ class PieceFields {
     findMaterial();
     findLaws();
     findHeld();
-    fibres_ = findFibres(content, host_, young_, poisson_, !tethers_.empty());
+    fibres_ = findFibres(content, host_, young_, poisson_);
     options_.functions = settings.field.functions;
     options_.samples_per_function = settings.field.samples;
     options_.residual_modes = settings.field.residual_modes;

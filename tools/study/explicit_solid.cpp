@@ -482,25 +482,32 @@ class Springs {
     }
     for (const Tether& tether : tethers_) touched_.push_back(tether.node);
     for (const MotionFibre& fibre : body.fibres) {
-      // The mean of a tetrahedron's F: of linear shape functions their gradients; of quadratic ones nothing of the
-      // corners, and of a node midway the sum of the gradients of both ends.
-      std::map<std::uint32_t, double> stretch;
+      stretch_.emplace_back();
       for (const auto& [t, weight] : fibre.weights) {
         const auto& corners = body.tetrahedra[t];
         Matrix3d edges;
         for (int k = 0; k < 3; ++k) edges.col(k) = body.rest[corners[std::size_t(k) + 1]] - body.rest[corners[0]];
-        const Vector3d along = weight * (edges.inverse() * fibre.direction);
+        const Vector3d along = edges.inverse() * fibre.direction;
         const std::array<double, 4> slope = {-along.sum(), along[0], along[1], along[2]};
-        for (std::size_t n = 0; n < kNodes; ++n) {
-          if (n < 4 && kNodes > 4) continue;
-          stretch[nodes.tetrahedra[t][n]] += n < 4 ? slope[n] : slope[kEdges[n - 4][0]] + slope[kEdges[n - 4][1]];
+        // Of quadratic elements the points of Keast's rule of degree 2, which F's square has.
+        constexpr std::size_t kPoints = kNodes > 4 ? 4 : 1;
+        for (std::size_t point = 0; point < kPoints; ++point) {
+          std::array<double, 4> at;
+          at.fill(0.1381966011250105);
+          at[point] = 0.5854101966249685;
+          Stretch part{weight / double(kPoints), fibre.direction, {}};
+          for (std::size_t n = 0; n < kNodes; ++n) {
+            double value = n < 4 ? slope[n] : 0;
+            if (kNodes > 4 && n < 4) value *= 4 * at[n] - 1;
+            if (n >= 4) {
+              const auto& [one, other] = kEdges[n - 4];
+              value = 4 * (at[one] * slope[other] + at[other] * slope[one]);
+            }
+            part.slope.emplace_back(nodes.tetrahedra[t][n], value);
+            touched_.push_back(nodes.tetrahedra[t][n]);
+          }
+          stretch_.back().push_back(std::move(part));
         }
-      }
-      stretch_.emplace_back(stretch.begin(), stretch.end());
-      rest_.emplace_back(Vector3d::Zero());
-      for (const auto& [v, w] : stretch_.back()) {
-        rest_.back() += w * nodes.rest[v];
-        touched_.push_back(v);
       }
     }
     std::sort(touched_.begin(), touched_.end());
@@ -519,12 +526,15 @@ class Springs {
           tether.stiffness * (held[tether.region] * tether.rest - tether.rest - displacement(tether.node));
     }
     for (std::size_t i = 0; i < body.fibres.size(); ++i) {
-      const double tension = body.fibres[i].tension * scene.activation(body.fibres[i].channel, time);
+      const double activation = scene.activation(body.fibres[i].channel, time);
+      const double tension = body.fibres[i].tension * activation / (1 - activation * body.fibres[i].contraction);
       if (!(tension > 0)) continue;
-      Vector3d along = rest_[i];
-      for (const auto& [v, w] : stretch_[i]) along += w * displacement(v);
-      along *= tension / along.norm();
-      for (const auto& [v, w] : stretch_[i]) force_[v] -= w * along;
+      for (const Stretch& part : stretch_[i]) {
+        Vector3d along = part.rest;
+        for (const auto& [v, w] : part.slope) along += w * displacement(v);
+        along *= part.weight * tension;
+        for (const auto& [v, w] : part.slope) force_[v] -= w * along;
+      }
     }
     return &force_;
   }
@@ -547,8 +557,13 @@ class Springs {
   std::vector<Tether> tethers_;
   std::vector<Vector3d> force_;
   std::vector<std::uint32_t> touched_;
-  std::vector<std::vector<std::pair<std::uint32_t, double>>> stretch_;  // of each fibre
-  std::vector<Vector3d> rest_;
+  // The deformation gradient at a point along a fibre: rest, and the sum of slope times displacement.
+  struct Stretch {
+    double weight;
+    Vector3d rest;
+    std::vector<std::pair<std::uint32_t, double>> slope;
+  };
+  std::vector<std::vector<Stretch>> stretch_;  // of each fibre
 };
 
 // \param contact may be null

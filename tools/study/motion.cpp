@@ -148,6 +148,38 @@ void addSurface(const formats::PackageView& package, const std::vector<std::int3
   body.points = pointsOf(body, package);
 }
 
+namespace {
+
+// Springs of the same stiffness by volume, which is linear between vertices, and of the same sum.
+// \param volumes of the finer vertices, m³
+void refineTethers(const MotionBody& body, const ElasticSolid& coarse, const std::vector<double>& volumes,
+                   MotionBody& result) {
+  std::uint32_t regions = 0;
+  for (const MotionTether& tether : body.tethers) regions = std::max(regions, tether.region + 1);
+  const std::vector<double> coarse_volumes = nodalVolumes(coarse);
+  for (std::uint32_t region = 0; region < regions; ++region) {
+    std::vector<Vector3d> by_volume(body.rest.size(), Vector3d::Zero());
+    double wanted = 0, sum = 0;
+    for (const MotionTether& tether : body.tethers) {
+      if (tether.region != region) continue;
+      by_volume[tether.vertex][0] += tether.stiffness / coarse_volumes[tether.vertex];
+      wanted += tether.stiffness;
+    }
+    if (wanted == 0) continue;
+    (void)refined(coarse, &by_volume);
+    const std::size_t first = result.tethers.size();
+    for (std::uint32_t v = 0; v < by_volume.size(); ++v) {
+      const double stiffness = by_volume[v][0] * volumes[v];
+      if (stiffness == 0 || result.region[v] >= 0) continue;
+      result.tethers.push_back({v, region, stiffness});
+      sum += stiffness;
+    }
+    for (std::size_t i = first; i < result.tethers.size(); ++i) result.tethers[i].stiffness *= wanted / sum;
+  }
+}
+
+}  // namespace
+
 MotionBody refined(const MotionBody& body) {
   const ElasticSolid coarse = solidOf(body);
   // What a vertex midway is: held where both ends are, by the same region; of the density between theirs.
@@ -173,6 +205,15 @@ MotionBody refined(const MotionBody& body) {
   const double factor = std::accumulate(body.masses.begin(), body.masses.end(), 0.0) /
                         std::accumulate(result.masses.begin(), result.masses.end(), 0.0);
   for (double& m : result.masses) m *= factor;
+  for (const MotionFibre& fibre : body.fibres) {
+    MotionFibre finer = fibre;
+    finer.weights.clear();
+    for (const auto& [t, weight] : fibre.weights) {
+      for (std::uint32_t child = 8 * t; child < 8 * t + 8; ++child) finer.weights.emplace_back(child, weight / 8);
+    }
+    result.fibres.push_back(std::move(finer));
+  }
+  refineTethers(body, coarse, volumes, result);
   // A probe lies in one of the eight that have come of its tetrahedron, found by its corners.
   std::vector<std::array<std::uint32_t, 5>> home;  // corners in order, then the tetrahedron
   for (std::uint32_t t = 0; t < body.tetrahedra.size(); ++t) {

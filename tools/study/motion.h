@@ -46,11 +46,12 @@ struct MotionTether {
   double stiffness = 0;  ///< N/m
 };
 
-/// A constant tension T along a fibre: the energy is activation T |d|, d = sum weight F direction the mean deformation
-/// gradient along it of what it runs through, as the runtime has it (docs/method.md §3).
+/// A tension along a fibre in proportion to its stretch, as the runtime has it (docs/method.md §3): at activation a the
+/// energy is a / (1 - a contraction) tension sum weight |F direction|^2 / 2 over the tetrahedra that it runs through.
 struct MotionFibre {
   std::uint32_t channel = 0;                              ///< of the package
-  double tension = 0;                                     ///< of full activation, J
+  double tension = 0;                                     ///< J
+  double contraction = 0;                                 ///< what it shortens by alone at full activation
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();   ///< unit, at rest
   std::vector<std::pair<std::uint32_t, double>> weights;  ///< of tetrahedra; their sum is 1
 };

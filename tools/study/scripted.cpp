@@ -54,6 +54,7 @@ void addFibres(const formats::PackageView& package, const PieceElasticity& piece
     MotionFibre fibre;
     fibre.channel = mechanics.channel;
     fibre.tension = double(tensions[i]);
+    fibre.contraction = double(mechanics.contraction);
     fibre.direction = {double(mechanics.fibre[0]), double(mechanics.fibre[1]), double(mechanics.fibre[2])};
     for (const auto& [t, volume] : piece.fibres[i].parts) {
       if (own[t] >= 0) fibre.weights.emplace_back(std::uint32_t(own[t]), volume / piece.fibres[i].volume);

@@ -343,9 +343,9 @@ static_assert(sizeof(FieldPack) == 224);
 // frequencies, 1/s^2, then for each function that is not driven their x, y and z coefficients. Modes are orthonormal.
 // Lanes behind the last: 0. They speed up the solver and decide nothing.
 
-/// FFIB: a fibre of an activated cluster in a field, or a part of one that is long. Its mean deformation gradient along
-/// the fibre is sum_j b_j z_j; a tension of the cluster's activation times `tension` shortens that vector. By field,
-/// then by cluster.
+/// FFIB: a cell of an activated cluster in a field. Its mean deformation gradient along the fibre is d = sum_j b_j z_j;
+/// its energy at activation a is 1/2 a / (1 - a contraction) `tension` d . d (docs/method.md §3). By field, then by
+/// cluster.
 struct FieldFibre {
   std::uint32_t field;        ///< into FELD
   std::uint32_t cluster;      ///< into CLUS; one with a channel
