@@ -208,9 +208,8 @@ TEST(Levels, OfOtherPointsOrMoreFunctionsAreRefused) {
     settings.field.levels = 1;
     tools::addFields(settings, content, nullptr);
     change(content);
-    const std::vector<std::byte> bytes = formats::writePackage(content);
-    formats::PackageView view;
-    return formats::PackageView::open(bytes, view).reason;
+    const Result<Asset> asset = Asset::fromMemory(formats::writePackage(content));
+    return asset ? std::string() : std::string(asset.reason());
   };
   EXPECT_EQ(refusalOf([](formats::PackageContent&) {}), "");
   EXPECT_NE(refusalOf([](formats::PackageContent& c) { c.fields[1].level = 2; }), "");
