@@ -208,7 +208,7 @@ TEST(Levels, OfOtherPointsOrMoreFunctionsAreRefused) {
     settings.field.levels = 1;
     tools::addFields(settings, content, nullptr);
     change(content);
-    const Result<Asset> asset = Asset::fromMemory(formats::writePackage(content));
+    const auto asset = Asset::fromMemory(formats::writePackage(content));
     return asset ? std::string() : std::string(asset.reason());
   };
   EXPECT_EQ(refusalOf([](formats::PackageContent&) {}), "");
