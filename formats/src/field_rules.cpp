@@ -14,6 +14,8 @@ namespace sinew::formats {
 namespace {
 
 constexpr std::uint32_t kMostFunctions = 1024, kMostResidualModes = 256;
+/// Of the matrices that the runtime makes of fibres: 256 MB.
+constexpr std::size_t kMostFibreEntries = std::size_t(1) << 26;
 // Of 1, of the diagonal, of the mass: what sums of rounded numbers may be off.
 constexpr float kTolerance = 1e-3F;
 // Of a tether's diagonal: what a thousand rounded numbers may take from an eigenvalue.
@@ -394,7 +396,7 @@ class FieldRules {
   /// Fibres in the order of their fields and clusters. At rest a fibre is neither stretched nor turned: its values give
   /// its direction.
   bool checkFibres() {
-    std::size_t values = 0;
+    std::size_t values = 0, entries = 0;
     for (std::size_t i = 0; i < view_.fieldFibres().size(); ++i) {
       const FieldFibre& fibre = view_.fieldFibres()[i];
       const auto bad = [&](const char* what) { return refuse_(section::field_fibres, i, what); };
@@ -412,6 +414,12 @@ class FieldRules {
           return bad("fibres are not ascending by field and cluster");
         }
       }
+      const std::size_t k = f.function_count;
+      if (i == 0 || fibre.field != view_.fieldFibres()[i - 1].field ||
+          fibre.cluster != view_.fieldFibres()[i - 1].cluster) {
+        entries += k * (k + 1) / 2;
+      }
+      if (entries > kMostFibreEntries) return bad("k (k + 1) / 2 over activated clusters and fields is above 67108864");
       if (negativeOrBeyond(fibre.tension) != 0) return bad("tension is negative, not finite or above 1e18");
       if (fibre.first_value != values || f.function_count > view_.fieldFibreValues().size() - values) {
         return bad("its run of FFBV does not start where the one before ends, or reaches too far");
@@ -420,7 +428,8 @@ class FieldRules {
       for (std::size_t j = 0; j < f.function_count; ++j) {
         const float value = view_.fieldFibreValues()[values + j];
         const FieldFunction& function = view_.fieldFunctions()[f.first_function + j];
-        if (beyond(value) != 0) return bad("a value is not finite or above 1e18");
+        if ((beyond(value) | beyond(fibre.tension * value * value)) != 0)
+          return bad("a value, or its square times the tension, is not finite or above 1e18");
         sum[3] += value * function.one * view_.info().diagonal;
         for (std::size_t axis = 0; axis < 3; ++axis) sum[axis] += value * function.rest[axis];
       }

@@ -75,6 +75,29 @@ TEST(Attach, APointNeverHangsOnAnotherBody) {
   for (std::size_t v = 3; v < 6; ++v) EXPECT_GE(places[v].tetrahedron, body.first_tetrahedron);
 }
 
+// What lies between a flat tetrahedron and a tall one: the flat one's deformation turns normals by rounding.
+TEST(Attach, OfTetrahedraThatHoldAPointTheBroadestCarriesIt) {
+  for (const bool flat_first : {true, false}) {
+    PhysicalMesh physical;
+    physical.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.3, 0.3, 1e-3}, {0.3, 0.3, -1}};
+    physical.tetrahedra = {{0, 1, 2, 3}, {0, 2, 1, 4}};
+    if (!flat_first) std::swap(physical.tetrahedra[0], physical.tetrahedra[1]);
+    PhysicalPiece piece;
+    piece.vertex_count = 5;
+    piece.tetrahedron_count = 2;
+    physical.pieces = {piece};
+    VisualMesh mesh;
+    mesh.positions = mesh.welded_positions = {{0, 0, 0}, {0.5, 0, 0}, {0.25, 0.25, 0}};
+    mesh.welded = {0, 1, 2};
+    mesh.triangles = {{0, 1, 2}};
+    const Topology topology = analyzeTopology(mesh);
+    physical.part_piece.assign(topology.parts.size(), 0);
+    for (const TetrahedronPlace& place : placeVisualVertices(mesh, topology, physical)) {
+      EXPECT_EQ(place.tetrahedron, flat_first ? 1U : 0U);
+    }
+  }
+}
+
 TEST(Attach, SeamVerticesShareATetrahedron) {
   PhysicalMesh physical = latticeMesh({3, 3, 3}, 1);
   VisualMesh mesh = trianglesAt({{0.5, 0.5, 0.5}, {0.5, 0.5, 0.5}});

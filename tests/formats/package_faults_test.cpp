@@ -735,6 +735,11 @@ const std::vector<ContentFault> kFieldFaults = {
     {"FFIB, element 0: a value", [](auto& c) { c.field_fibre_values[3] = kNan; }},
     {"FFIB, element 1: a value", [](auto& c) { c.field_fibre_values[4] = -kInfinity; }},
     {"FFIB, element 2: a value", [](auto& c) { c.field_fibre_values[12] = 1.5e18F; }},
+    {"FFIB, element 2: a value",
+     [](auto& c) {
+       c.field_fibres[2].tension = 1e17F;
+       c.field_fibre_values[12] = 100;
+     }},
     {"FFIB, element 0: its values", [](auto& c) { c.field_fibre_values[0] += 0.01F; }},
     {"FFIB, element 0: its values", [](auto& c) { c.field_fibre_values[2] += 0.01F; }},
     {"FFIB, element 1: its values", [](auto& c) { c.field_fibre_values[5] *= 1.01F; }},

@@ -708,6 +708,8 @@ class Package:
         need(order == sorted(order), "section FFIB: not by field and cluster")
         need(all(f < len(r["FELD"]) for f, _ in order), "section FFIB: no such field")
         tile("FFIB", [(f[2], r["FELD"][f[0]][2]) for f in r["FFIB"]], len(r["FFBV"]))
+        sizes = [r["FELD"][field][2] for field, _ in set(order)]
+        need(sum(k * (k + 1) // 2 for k in sizes) <= 1 << 26, "section FFIB: too many clusters times functions")
         for i, (field, cluster, first, tension) in enumerate(r["FFIB"]):
             where = f"section FFIB, element {i}: "
             piece = r["BODY"][r["FELD"][field][0]]
@@ -716,7 +718,7 @@ class Package:
             need(0 <= tension <= MOST, where + "tension")
             functions = r["FFUN"][r["FELD"][field][4]:][:r["FELD"][field][2]]
             values = [v for v, in r["FFBV"][first:first + len(functions)]]
-            need(all(abs(v) <= MOST for v in values), where + "a value")
+            need(all(abs(v) <= MOST and tension * v * v <= MOST for v in values), where + "a value")
             wanted = (0, *r["CMEC"][cluster][18:21])
             for n in range(4):
                 found = sum(v * f[2 + n] for v, f in zip(values, functions)) * (1 if n else r["INFO"][0][10])

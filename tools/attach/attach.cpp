@@ -198,6 +198,29 @@ class Neighbourhood {
     return best;
   }
 
+  // Of a tetrahedron and those beside it that hold the point as well, as it lies on their corner or side, the one of
+  // the largest least height: normals follow its deformation, and a flat one has that of rounding across.
+  std::uint32_t broadest(std::uint32_t from, const Vector3d& p) const {
+    const auto height = [&](std::uint32_t t) {
+      const auto& v = mesh_.tetrahedra[t];
+      Eigen::Matrix3d edges;
+      for (int k = 0; k < 3; ++k) edges.col(k) = mesh_.positions[v[std::size_t(k)]] - mesh_.positions[v[3]];
+      const Eigen::Matrix3d slopes = edges.inverse();
+      return 1 / std::max(slopes.rowwise().norm().maxCoeff(), slopes.colwise().sum().norm());
+    };
+    double most = height(from);
+    std::uint32_t best = from;
+    for (const std::uint32_t v : mesh_.tetrahedra[from]) {
+      for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
+        const double here = height(around_[i]);
+        if (!(here > most) || !holds(around_[i], p)) continue;
+        most = here;
+        best = around_[i];
+      }
+    }
+    return best;
+  }
+
   // From one tetrahedron to ever nearer ones beside it.
   std::uint32_t walk(std::uint32_t from, const Vector3d& p, double& squared_distance) const {
     squared_distance = distance(from, p);
@@ -309,7 +332,7 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
     for (std::size_t p = range.begin(); p != range.end(); ++p) {
       const Vector3d& x = mesh.welded_positions[p];
       if (start[p] != kNoIndex && neighbourhood.holds(start[p], x)) {
-        places[p] = {start[p], {}, 0};
+        places[p] = {neighbourhood.broadest(start[p], x), {}, 0};
         continue;
       }
       double best = std::numeric_limits<double>::infinity();
@@ -328,7 +351,8 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
           (neighbourhood.doubled(best_tetrahedron) || !neighbourhood.close(start[p], best_tetrahedron))) {
         best_tetrahedron = neighbourhood.walk(start[p], x, best);
       }
-      if (best > 0) best_tetrahedron = neighbourhood.calmest(best_tetrahedron, x);
+      best_tetrahedron =
+          best > 0 ? neighbourhood.calmest(best_tetrahedron, x) : neighbourhood.broadest(best_tetrahedron, x);
       places[p] = {best_tetrahedron, {}, std::sqrt(best)};
     }
   });
