@@ -224,7 +224,7 @@ void makeFibres(const formats::PackageView& package, std::span<Field> fields, Ar
   std::size_t count = 0, entries = 0;
   for (std::size_t i = 0; i < records.size(); ++i) {
     const std::size_t k = fields[records[i].field].k;
-    if (isNext(i)) ++count, entries += k * (k + 1) / 2;
+    if (isNext(i)) ++count, entries += k * (k + 1) / 2 + 4 * k;
   }
   fibres.resize(count);
   matrices.resize(entries);
@@ -236,13 +236,23 @@ void makeFibres(const formats::PackageView& package, std::span<Field> fields, Ar
     Field& field = fields[record.field];
     const std::size_t k = field.k;
     if (isNext(i)) {
-      fibres[of] = {record.cluster, next};
+      fibres[of] = {record.cluster, next + 4 * k, next, 0};
       const std::size_t first = field.fibres.empty() ? of : std::size_t(field.fibres.data() - fibres.data());
       field.fibres = {fibres.data() + first, ++of - first};
-      next += k * (k + 1) / 2;
+      next += k * (k + 1) / 2 + 4 * k;
     }
     const auto values = package.fieldFibreValues().subspan(record.first_value, k);
-    float* entry = next - k * (k + 1) / 2;
+    Vector3d along = Vector3d::Zero();  // at rest
+    for (std::size_t j = 0; j < k; ++j) {
+      for (int axis = 0; axis < 3; ++axis) {
+        along[axis] += double(values[j]) * double(field.functions[j].rest[std::size_t(axis)]);
+      }
+    }
+    fibres[of - 1].energy += 0.5 * double(record.tension) * along.squaredNorm();
+    float* entry = next - k * (k + 1) / 2 - 4 * k;
+    for (std::size_t j = 0; j < k; ++j, entry += 4) {
+      for (int axis = 0; axis < 3; ++axis) entry[axis] += float(double(record.tension * values[j]) * along[axis]);
+    }
     for (std::size_t row = 0; row < k; ++row) {
       const float pull = record.tension * values[row];
       for (std::size_t column = 0; column <= row; ++column) *entry++ += pull * values[column];

@@ -20,6 +20,8 @@ using Matrix3d = Eigen::Matrix3d;
 struct FibreStiffness {
   std::uint32_t cluster = 0;      ///< CLUS record
   const float* matrix = nullptr;  ///< rows of the lower triangle, J: sum T b b^T over its records, fully activated
+  const float* pull = nullptr;    ///< k x 4: that matrix times the rest shape
+  double energy = 0;              ///< at rest, J
 };
 
 /// One field of a package: the free one of a piece, or the one for where its pin sets hold it.

@@ -209,14 +209,17 @@ double symmetric(const float* matrix, const float* residual, const float* d, std
   constexpr std::uint32_t kRows = 4;
   for (; first < k; first += kRows) {
     const std::uint32_t count = std::min(kRows, k - first);
-    std::array<std::array<float, 4>, kRows> pull = {};
     const float* row[kRows];
     for (std::uint32_t r = 0; r < kRows; ++r) row[r] = matrix + std::size_t(k) * (first + std::min(r, count - 1));
+    Four pull0 = Four::Zero(), pull1 = pull0, pull2 = pull0, pull3 = pull0;
     for (std::uint32_t i = 0; i < k; ++i) {
-      for (std::uint32_t r = 0; r < kRows; ++r) {
-        for (std::uint32_t c = 0; c < 4; ++c) pull[r][c] += row[r][i] * d[4 * i + c];
-      }
+      const Four way = Four::Map(d + 4 * i);
+      pull0 += row[0][i] * way;
+      pull1 += row[1][i] * way;
+      pull2 += row[2][i] * way;
+      pull3 += row[3][i] * way;
     }
+    const std::array<Four, kRows> pull = {pull0, pull1, pull2, pull3};
     for (std::uint32_t r = 0; r < count; ++r) {
       const std::uint32_t j = first + r;
       for (std::uint32_t c = 0; c < 3; ++c) {

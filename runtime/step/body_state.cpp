@@ -108,6 +108,13 @@ void restPiece(const Body& body, Piece& piece) {
 
 namespace {
 
+/// to += factor from, n numbers each.
+void addTimes(float factor, const float* from, float* to, std::size_t n) {
+  std::size_t i = 0;
+  for (; i + 4 <= n; i += 4) Eigen::Array4f::Map(to + i) += factor * Eigen::Array4f::Map(from + i);
+  for (; i < n; ++i) to[i] += factor * from[i];
+}
+
 /// S of 1/2 sum S_ij z_i . z_j: a tension in proportion to the stretch, a / (1 - a gamma) of that of full activation,
 /// so that a cluster of contraction gamma activated to a shortens by a gamma.
 void makeFibres(const Body& body, float stiffness, Piece& piece) {
@@ -121,30 +128,22 @@ void makeFibres(const Body& body, float stiffness, Piece& piece) {
     const float factor = stiffness * activation / (1 - activation * mechanics.contraction);
     if (piece.fibres.empty()) {
       piece.fibres.resize(k * k);
+      piece.fibre_pull.resize(4 * k);
       std::fill(piece.fibres.begin(), piece.fibres.end(), 0.0F);
+      std::fill(piece.fibre_pull.begin(), piece.fibre_pull.end(), 0.0F);
+      piece.fibre_energy = 0;
     }
+    addTimes(factor, fibre.pull, piece.fibre_pull.data(), 4 * k);
+    piece.fibre_energy += double(factor) * fibre.energy;
     const float* from = fibre.matrix;
     for (std::size_t row = 0; row < k; ++row, from += row) {
-      float* const to = piece.fibres.data() + k * row;
-      for (std::size_t column = 0; column <= row; ++column) to[column] += factor * from[column];
+      addTimes(factor, from, piece.fibres.data() + k * row, row + 1);
     }
   }
-  if (piece.fibres.empty()) return;
-  piece.fibre_pull.resize(4 * k);
-  piece.fibre_energy = 0;
-  for (std::size_t row = 0; row < k; ++row) {
-    for (std::size_t column = 0; column < row; ++column)
+  for (std::size_t row = 0; row < k && !piece.fibres.empty(); ++row) {
+    for (std::size_t column = 0; column < row; ++column) {
       piece.fibres[k * column + row] = piece.fibres[k * row + column];
-  }
-  for (std::size_t row = 0; row < k; ++row) {
-    Eigen::Array4d pull = Eigen::Array4d::Zero();
-    const auto rest = [&field](std::size_t j) {
-      const std::array<float, 3>& at = field.functions[j].rest;
-      return Eigen::Array4d(double(at[0]), double(at[1]), double(at[2]), 0);
-    };
-    for (std::size_t column = 0; column < k; ++column) pull += double(piece.fibres[k * row + column]) * rest(column);
-    Eigen::Array4f::Map(piece.fibre_pull.data() + 4 * row) = pull.cast<float>();
-    piece.fibre_energy += 0.5 * (pull * rest(row)).sum();
+    }
   }
 }
 
