@@ -33,9 +33,14 @@ class Cache(unittest.TestCase):
     def tearDown(self):
         self.temporary.cleanup()
 
+    def write_recipe(self):
+        recipe, text = self.path / "head.json", json.dumps(self.recipe)
+        if not recipe.exists() or recipe.read_text() != text:
+            recipe.write_text(text)
+        return recipe
+
     def run_bake(self, package, *arguments):
-        recipe = self.path / "head.json"
-        recipe.write_text(json.dumps(self.recipe))
+        recipe = self.write_recipe()
         environment = dict(os.environ, XDG_CACHE_HOME=str(self.path / "cache"))
         return subprocess.run([SINEW, "bake", recipe, "-o", package, "--json", *arguments], capture_output=True, text=True,
                               env=environment, timeout=300 * SLOWNESS)
@@ -157,6 +162,7 @@ class Cache(unittest.TestCase):
         self.cache.chmod(stat.S_IRWXU)
 
     def test_two_bakes_at_once_share_it(self):
+        self.write_recipe()  # before any of them reads it
         with concurrent.futures.ThreadPoolExecutor(4) as pool:
             results = list(pool.map(lambda i: self.run_bake(self.path / f"{i}.sinew"), range(4)))
         self.assertEqual([r.returncode for r in results], [0] * 4, [r.stderr for r in results])
