@@ -11,7 +11,7 @@ namespace sinew::internal {
 namespace {
 
 /// Times the iterations where something flew into another: the end of such a step lies far from all places to start
-/// from, and a heap that lands in steps cut short goes on creeping (docs/stability.md).
+/// from, and a heap that lands in steps cut short goes on creeping (docs/decisions/0026-impacts.md).
 constexpr std::uint32_t kImpact = 2;
 /// Rounds of rigid answers, each to what the one before left.
 constexpr int kRigidRounds = 2;
