@@ -85,6 +85,21 @@ std::shared_ptr<const Asset> bakeWith(Recipe recipe, const std::vector<std::pair
   return *asset;
 }
 
+// No other method has bounds on stretch.
+std::optional<Recipe> withoutLimits(std::optional<Recipe> recipe) {
+  if (!recipe) return recipe;
+  recipe->settings.set("clusters.limit", "none");
+  for (RecipeCluster& cluster : recipe->clusters) {
+    std::erase_if(cluster.settings, [](const auto& setting) { return setting.first == "clusters.limit"; });
+  }
+  return recipe;
+}
+
+bool hasLimits(const formats::PackageView& package) {
+  const auto limited = [](const formats::ClusterMechanics& m) { return m.limit != formats::LimitMethod::none; };
+  return std::any_of(package.mechanics().begin(), package.mechanics().end(), limited);
+}
+
 // What can be compared with finite elements.
 void requireTetrahedra(const Asset& asset, const std::string& name) {
   if (asset.package().tetrahedra().empty() || asset.package().barycentric().empty()) {
@@ -445,7 +460,11 @@ void addPeers(const std::optional<Recipe>& recipe, Plan& plan) {
 Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<std::string>& notes,
             const std::function<void(double)>& progress) {
   Plan plan;
-  plan.own = input.recipe ? bakeWith(*input.recipe, {}) : input.package;
+  const std::optional<Recipe> recipe = withoutLimits(input.recipe);
+  plan.own = recipe ? bakeWith(*recipe, {}) : input.package;
+  if (hasLimits(plan.own->package())) {
+    notes.emplace_back("the package has bounds on stretch (clusters.limit), which no other method has");
+  }
   requireTetrahedra(*plan.own, input.name);
   plan.solid = packageSolid(plan.own->package());
   for (const PieceMaterial& m : materialsOf(plan.own->package())) plan.materials.push_back(m.material);
@@ -458,14 +477,14 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
            }});
     }
   };
-  if (!input.recipe) {
+  if (!recipe) {
     addOwn(plan.own, counted(functionsOf(*plan.own), "function"));
   } else {
     for (std::size_t i = 0; i < options.functions.size(); ++i) {
       const std::uint32_t functions = options.functions[i];
-      addOwn(functions == input.recipe->settings.field.functions
+      addOwn(functions == recipe->settings.field.functions
                  ? plan.own
-                 : bakeWith(*input.recipe, {{"field.functions", std::to_string(functions)}}),
+                 : bakeWith(*recipe, {{"field.functions", std::to_string(functions)}}),
              counted(functions, "function"));
       progress(double(i + 1) / double(options.functions.size()));
     }
@@ -473,10 +492,10 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
   if (!options.peers) return plan;
   const auto own_vertices = std::uint32_t(plan.solid.rest.size());
   for (const std::uint32_t vertices : options.vertices) {
-    if (!input.recipe || vertices >= own_vertices) continue;
+    if (!recipe || vertices >= own_vertices) continue;
     try {
       const auto asset =
-          bakeWith(*input.recipe, {{"tetrahedra.vertices", std::to_string(vertices)}, {"field.functions", "4"}});
+          bakeWith(*recipe, {{"tetrahedra.vertices", std::to_string(vertices)}, {"field.functions", "4"}});
       if (asset->package().visualPositions().size() != plan.own->package().visualPositions().size()) continue;
       requireTetrahedra(*asset, input.name);
       plan.meshes.push_back({asset, std::to_string(asset->package().physicalVertices().size()) + " vertices"});
@@ -485,7 +504,7 @@ Plan planOf(const ErrorInput& input, const ErrorOptions& options, std::vector<st
     }
   }
   plan.meshes.push_back({plan.own, std::to_string(own_vertices) + " vertices"});
-  addPeers(input.recipe, plan);
+  addPeers(recipe, plan);
 #if !SINEW_WITH_BULLET
   notes.emplace_back("no Bullet: this build has none (Debian: libbullet-dev)");
 #endif
@@ -500,7 +519,7 @@ double referenceWork(const MotionBody& body, const MotionScene& scene, const Err
     return work <= most ? work : 0;
   };
   const double linear = workOf(false, kLinearWork * options.reference_work);
-  return workOf(true, options.reference_work) + (scene.ground ? 4 : 3) * linear;
+  return workOf(true, options.reference_work) + (scene.ground ? 5 : 4) * linear;
 }
 
 // One scene: its reference, then all that is planned.
@@ -570,10 +589,11 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   const ExplicitOptions cheap{.quadratic = false, .most_work = kLinearWork * options.reference_work};
   const ExplicitRun linear = playSolid(body, scene, cheap, nothing);
   const bool elements = linear.work <= cheap.most_work;
-  ExplicitRun longer, other_law;
+  ExplicitRun longer, other_law, own_law;
   if (elements) {
     longer = playSolid(body, scene, {.quadratic = false, .step_share = 0.9}, nothing);
     other_law = playSolid(body, scene, {.law = ElasticLaw::neo_hookean, .quadratic = false}, nothing);
+    own_law = playSolid(body, scene, {.law = ElasticLaw::determinant, .quadratic = false}, nothing);
   }
   std::optional<ExplicitRun> firmer;
   if (scene.ground && elements) {
@@ -616,6 +636,7 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
   if (elements) {
     result.shorter = judge.apart(linear.motion, longer.motion);
     result.neo_hookean = judge.apart(linear.motion, other_law.motion);
+    result.own_law = judge.apart(linear.motion, own_law.motion);
   }
   if (coarser) result.refined = judge.apart(reference.motion, coarser->motion);
   if (firmer) result.penalty = judge.apart(linear.motion, firmer->motion);
@@ -746,6 +767,7 @@ nlohmann::ordered_json errorJson(const ErrorStudy& study) {
           {"change_refined", scene.refined ? nlohmann::ordered_json(*scene.refined) : nullptr},
           {"change_shorter_steps", scene.shorter},
           {"change_neo_hookean", scene.neo_hookean},
+          {"change_own_law", scene.own_law},
           {"turned_deg", scene.turned ? nlohmann::ordered_json(*scene.turned) : nullptr},
           {"change_firmer_ground", scene.penalty ? nlohmann::ordered_json(*scene.penalty) : nullptr},
           {"frequency_hz", scene.frequency ? nlohmann::ordered_json(*scene.frequency) : nullptr}}}};
@@ -799,7 +821,8 @@ std::string errorText(const ErrorStudy& study) {
     }
     if (scene.self.empty()) {
       if (scene.refined) print("each cut into eight changed them by %.2g %%, ", 100 * *scene.refined);
-      print("half the steps change %.2g %%, the neo-Hookean law %.1f %%", 100 * scene.shorter, 100 * scene.neo_hookean);
+      print("half the steps change %.2g %%, the neo-Hookean law %.1f %%, Sinew's own %.1f %%", 100 * scene.shorter,
+            100 * scene.neo_hookean, 100 * scene.own_law);
     }
     text += "\n";
     if (scene.penalty) print("  a ground twice as firm changes %.2g %%\n", 100 * *scene.penalty);

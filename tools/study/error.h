@@ -95,7 +95,8 @@ struct ErrorScene {
       linear;  ///< how far linear elements are off its quadratic ones, path; nothing: it has linear ones
   std::optional<double> refined;  ///< change of the path as each tetrahedron was cut into eight; nothing: it is not
   double shorter = 0;             ///< change of the path by steps of half the length (linear elements)
-  double neo_hookean = 0;         ///< of the path by the other law of elasticity (linear elements)
+  double neo_hookean = 0;         ///< of the path by the neo-Hookean law of elasticity (linear elements)
+  double own_law = 0;             ///< by the runtime's (linear elements)
   std::optional<double> penalty;  ///< `feet`: of the path by a ground twice as firm (linear elements)
   /// How this runtime was set where it is its own reference, as elements of the body would take too long; else empty.
   std::string self;

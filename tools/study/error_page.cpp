@@ -332,8 +332,10 @@ std::string section(const ErrorStudy& study, std::uint32_t s) {
                                "how much these figures do not say.</b> ");
   if (scene.refined) html += text("Each tetrahedron cut into eight changed them by %.2g %%. ", 100 * *scene.refined);
   if (scene.self.empty()) {
-    html += text("Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%. ",
-                 100 * scene.shorter, 100 * scene.neo_hookean);
+    html += text(
+        "Steps of half the length change linear ones by %.2g %%, the stable neo-Hookean law by %.1f %%, "
+        "Sinew's own law by %.1f %%. ",
+        100 * scene.shorter, 100 * scene.neo_hookean, 100 * scene.own_law);
   }
   html += text("Gravity %.3g m/s².</small></p>", scene.gravity);
   if (scene.penalty) {
@@ -380,7 +382,8 @@ std::string errorPage(std::span<const ErrorStudy> studies) {
     for (const std::string& note : study.notes) html += "<p>" + escaped(note) + "</p>";
   }
   html +=
-      "<h2>How it was measured</h2><p>All methods have the same material, masses, damping, holds and frames of 1/60 s. "
+      "<h2>How it was measured</h2><p>All methods have the same material, masses, damping, holds and frames of 1/60 s, "
+      "and none bounds on stretch (a recipe's clusters.limit is left out). "
       "The "
       "reference is corotated linear elasticity on the recipe's own tetrahedra, of ten nodes, by "
       "central "

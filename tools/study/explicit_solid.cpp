@@ -116,6 +116,16 @@ struct alignas(64) Forces {
   for (int i = 0; i < 4; ++i) q[i] = n[i];
 }
 
+// g g' of the runtime's measure of volume (docs/method.md §3). \param j J - 1
+[[gnu::always_inline]] inline void setPressure(const Lanes& j, Lanes& result) {
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const float beyond = j[i] > 0 ? j[i] : j[i] < -1 ? -1 - j[i] : 0;  // of 1, of 0
+    const float root = std::sqrt(1 + beyond), fourth = std::sqrt(root);
+    const float g = 4 * beyond / ((root + 1) * (fourth + 1)), slope = 1 / (root * fourth);
+    result[i] = j[i] > 0 ? g * slope : j[i] < -1 ? -(1 + g) * slope : j[i];
+  }
+}
+
 // Of `count` blocks. \param u displacement by node: x, y, z.
 template <std::size_t kNodes>
 [[gnu::always_inline]] inline void forcesOf(Block<kNodes>* blocks, std::size_t count, ElasticLaw law, const double* u,
@@ -143,28 +153,34 @@ template <std::size_t kNodes>
           g[3 * row + c] = d[0] * block.inverse[c] + d[1] * block.inverse[3 + c] + d[2] * block.inverse[6 + c];
         }
       }
+      // Cofactors of F less 1, and J - 1.
+      const Lanes e[9] = {g[4] + g[8] + g[4] * g[8] - g[5] * g[7], g[5] * g[6] - g[3] * g[8] - g[3],
+                          g[3] * g[7] - g[4] * g[6] - g[6],        g[2] * g[7] - g[1] * g[8] - g[1],
+                          g[0] + g[8] + g[0] * g[8] - g[2] * g[6], g[1] * g[6] - g[0] * g[7] - g[7],
+                          g[1] * g[5] - g[2] * g[4] - g[2],        g[2] * g[3] - g[0] * g[5] - g[5],
+                          g[0] + g[4] + g[0] * g[4] - g[1] * g[3]};
+      const Lanes j = g[0] + e[0] + g[0] * e[0] + g[1] * e[1] + g[2] * e[2];
       Lanes p[9];
-      if (law == ElasticLaw::corotated) {
-        follow(g, block.turn[point]);
-        Lanes d[9];
-        turnOf(block.turn[point], d);
-        Lanes trace = g[0] + g[4] + g[8] + d[0] + d[4] + d[8];  // of RᵀF - 1
-        for (int i = 0; i < 9; ++i) trace += d[i] * g[i];
-        for (int i = 0; i < 9; ++i) {
-          p[i] = 2 * block.mu * (g[i] - d[i]) + block.lambda * trace * (i % 4 == 0 ? 1 + d[i] : d[i]);
-        }
-      } else {
-        // Cofactors of F less 1, and J - 1.
-        const Lanes e[9] = {g[4] + g[8] + g[4] * g[8] - g[5] * g[7], g[5] * g[6] - g[3] * g[8] - g[3],
-                            g[3] * g[7] - g[4] * g[6] - g[6],        g[2] * g[7] - g[1] * g[8] - g[1],
-                            g[0] + g[8] + g[0] * g[8] - g[2] * g[6], g[1] * g[6] - g[0] * g[7] - g[7],
-                            g[1] * g[5] - g[2] * g[4] - g[2],        g[2] * g[3] - g[0] * g[5] - g[5],
-                            g[0] + g[4] + g[0] * g[4] - g[1] * g[3]};
-        const Lanes j = g[0] + e[0] + g[0] * e[0] + g[1] * e[1] + g[2] * e[2];
+      if (law == ElasticLaw::neo_hookean) {
         // mu/2 (tr FᵀF - 3) - mu (J - 1) + (lambda + mu)/2 (J - 1)²
         const Lanes pressure = (block.lambda + block.mu) * j;
         for (int i = 0; i < 9; ++i) {
           p[i] = block.mu * (g[i] - e[i]) + pressure * (i % 4 == 0 ? 1 + e[i] : e[i]);
+        }
+      } else {
+        follow(g, block.turn[point]);
+        Lanes d[9];
+        turnOf(block.turn[point], d);
+        for (int i = 0; i < 9; ++i) p[i] = 2 * block.mu * (g[i] - d[i]);
+        if (law == ElasticLaw::corotated) {
+          Lanes trace = g[0] + g[4] + g[8] + d[0] + d[4] + d[8];  // of RᵀF - 1
+          for (int i = 0; i < 9; ++i) trace += d[i] * g[i];
+          for (int i = 0; i < 9; ++i) p[i] += block.lambda * trace * (i % 4 == 0 ? 1 + d[i] : d[i]);
+        } else {
+          Lanes pressure;
+          setPressure(j, pressure);
+          pressure *= block.lambda;
+          for (int i = 0; i < 9; ++i) p[i] += pressure * (i % 4 == 0 ? 1 + e[i] : e[i]);
         }
       }
       for (int row = 0; row < 3; ++row) {

@@ -11,7 +11,8 @@
 namespace sinew::tools {
 
 enum class ElasticLaw : std::uint8_t {
-  corotated,    ///< as the runtime's: mu |F - R|² + lambda/2 tr²(RᵀF - 1)
+  corotated,    ///< mu |F - R|² + lambda/2 tr²(RᵀF - 1)
+  determinant,  ///< the runtime's: mu |F - R|² + lambda/2 g²(det F), g as in docs/method.md §3
   neo_hookean,  ///< stable neo-Hookean (Smith, de Goes, Kim 2018), of the same linear elasticity
 };
 
