@@ -65,6 +65,17 @@ struct Field {
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
 
+/// Adds row i of a k x k matrix, as far as its diagonal, to the lower triangle of that of the unknowns: alike for each
+/// axis.
+inline void addRow(const Field& field, std::uint32_t i, const float* row, float* matrix) {
+  const std::uint32_t driven = field.driven;
+  for (std::uint32_t j = driven; j <= i; ++j) {
+    for (std::uint32_t axis = 0; axis < 3; ++axis) {
+      matrix[std::size_t(field.stride) * (3 * (i - driven) + axis) + 3 * (j - driven) + axis] += row[j];
+    }
+  }
+}
+
 /// All fields of a package, in its order; empty where it has none. \param[out] driven_masses, stiffness, limits own
 /// the numbers that fields point to.
 Array<Field> makeFields(const formats::PackageView& package, Array<double>& driven_masses, Array<float>& stiffness,

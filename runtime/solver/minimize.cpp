@@ -353,13 +353,7 @@ void Objective::stiffnessAt(const float* d, float* matrix) const {
   kernels().field_stiffness(arguments);
   if (fibres == nullptr) return;
   for (std::uint32_t i = field->driven; i < field->k; ++i) {
-    const float* const row = fibres->fibres.data() + std::size_t(field->k) * i;
-    for (std::uint32_t j = field->driven; j <= i; ++j) {
-      for (std::uint32_t axis = 0; axis < 3; ++axis) {
-        matrix[std::size_t(field->stride) * (3 * (i - field->driven) + axis) + 3 * (j - field->driven) + axis] +=
-            row[j];
-      }
-    }
+    addRow(*field, i, fibres->fibres.data() + std::size_t(field->k) * i, matrix);
   }
 }
 

@@ -60,11 +60,7 @@ void addSprings(const Objective& objective, float* matrix) {
       const float firm = t.firm * t.phi[i];
       for (std::uint32_t j = 0; j <= i; ++j) row[j] += firm * t.phi[j];
     }
-    for (std::uint32_t j = driven; j <= i; ++j) {
-      for (std::uint32_t axis = 0; axis < 3; ++axis) {
-        matrix[std::size_t(field.stride) * (3 * (i - driven) + axis) + 3 * (j - driven) + axis] += row[j];
-      }
-    }
+    addRow(field, i, row, matrix);
   }
 }
 
