@@ -96,6 +96,30 @@ class Error(unittest.TestCase):
         for word in ("nan", "inf "):
             self.assertNotIn(word, re.sub(r"base64,[^']*", "", page))
 
+    def test_bounds_on_stretch_are_left_out_of_bakes_and_named_of_packages(self):
+        # Straightened by 90 degrees the bend stretches beyond the usual bound of 1.5.
+        scene = ["--scene", BAR / "straight.json", "--no-peers", "--json"]
+        straight = {}
+        with tempfile.TemporaryDirectory() as folder:
+            recipe = json.loads((BAR / "recipe.json").read_text())
+            recipe["source"] = str(BAR / "l_bar.obj")
+            recipe["settings"].update({"tetrahedra.vertices": 600, "field.functions": 16})
+            recipe["clusters"][0]["settings"]["limit"] = "principal"
+            written = pathlib.Path(folder) / "bar.json"
+            written.write_text(json.dumps(recipe))
+            package = pathlib.Path(folder) / "bar.sinew"
+            self.assertEqual(run("bake", written, "-o", package).returncode, 0)
+            for name, arguments in (("recipe", [written, "--functions", 16]), ("package", [package])):
+                done = run("study", "error", *arguments, *scene)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                straight[name] = json.loads(done.stdout)
+        noted = {name: any("bounds on stretch" in note for note in study["notes"]) for name, study in straight.items()}
+        self.assertEqual(noted, {"recipe": False, "package": True})
+        error = {name: min(row["path"] for row in study["scenes"][0]["results"]) for name, study in straight.items()}
+        self.assertLess(error["recipe"], 0.03)
+        self.assertGreater(error["package"], 0.04)
+        self.assertLess(straight["recipe"]["scenes"][0]["reference"]["change_own_law"], 0.02)
+
     def test_a_mesh_of_which_nothing_is_held_is_left_out_and_named(self):
         penguin = pathlib.Path(__file__).resolve().parents[1] / "assets/models/penguin_painted.ply"
         done = run("study", "error", penguin, "--set", "tetrahedra.vertices=300", "--vertices", 40, "--functions", 8,
