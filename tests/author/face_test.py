@@ -162,6 +162,13 @@ class Face(unittest.TestCase):
         for scene in self.moved:
             self.assertEqual(json.loads((FACE / f"{scene}.json").read_text())["iterations"], 1)
 
+    def test_says_what_each_part_of_it_costs(self):
+        # Numbers of 16 bits are too coarse for skin of a millimetre: without `exact` it keeps those of 32.
+        cost = json.loads(run("inspect", self.package, "--cost", "--json"))
+        self.assertEqual([need["bytes"] for need in cost["needs"] if need["need"] == "exact"], [0])
+        self.assertLess(cost["none"]["bytes"], 0.8 * cost["bytes"])
+        self.assertGreater(cost["times"]["load_none_us"], 0)
+
     def test_no_jags_about_the_lips(self):
         near = [face for face, _ in self.faces
                 if all(abs(self.points[i][0]) < 0.036 and 0.6 < self.points[i][1] < 0.636 and self.points[i][2] > 0.118 for i in face)]

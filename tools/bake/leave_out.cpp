@@ -291,7 +291,7 @@ double normalsDifference(const formats::PackageView& package) {
 }
 
 double packedDifference(const formats::PackageView& package) {
-  const auto packed = Asset::fromMemory(packageWith(package, Needs::all().without(Need::exact)));
+  const auto packed = Asset::fromMemory(formats::writePackage(formats::contentOf(package), true));
   return packed ? drawnDifference(package, (*packed)->package()) : std::numeric_limits<double>::infinity();
 }
 
@@ -393,7 +393,9 @@ void leaveOut(PackageContent& content, Needs needs) {
 std::vector<std::byte> packageWith(const formats::PackageView& package, Needs needs) {
   PackageContent content = formats::contentOf(package);
   leaveOut(content, needs);
-  return formats::writePackage(content, !needs.has(Need::exact));
+  std::vector<std::byte> bytes = formats::writePackage(content, !needs.has(Need::exact));
+  if (!needs.has(Need::exact) && !Asset::fromMemory(bytes)) bytes = formats::writePackage(content);
+  return bytes;
 }
 
 double restErrorOf(const PackageContent& content) {

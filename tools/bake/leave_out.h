@@ -18,7 +18,7 @@ namespace sinew::tools {
 /// made at run time are those of the surface. Idempotent.
 void leaveOut(formats::PackageContent& content, Needs needs);
 
-/// The bytes of a package without what serves none of the needs.
+/// The bytes of a package without what serves none of the needs; of 32-bit numbers where 16 bits are too coarse.
 std::vector<std::byte> packageWith(const formats::PackageView& package, Needs needs);
 
 /// How much of what is seen changes without a need, and how much of that nobody sees.
