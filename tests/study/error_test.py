@@ -102,7 +102,7 @@ class Error(unittest.TestCase):
         straight = {}
         with tempfile.TemporaryDirectory() as folder:
             recipe = json.loads((BAR / "recipe.json").read_text())
-            recipe["source"] = str(BAR / "l_bar.obj")
+            shutil.copy(BAR / "l_bar.obj", folder)
             recipe["settings"].update({"tetrahedra.vertices": 600, "field.functions": 16})
             recipe["clusters"][0]["settings"]["limit"] = "principal"
             written = pathlib.Path(folder) / "bar.json"
