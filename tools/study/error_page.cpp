@@ -382,8 +382,8 @@ std::string errorPage(std::span<const ErrorStudy> studies) {
     for (const std::string& note : study.notes) html += "<p>" + escaped(note) + "</p>";
   }
   html +=
-      "<h2>How it was measured</h2><p>All methods have the same material, masses, damping, holds and frames of 1/60 s, "
-      "and none bounds on stretch (a recipe's clusters.limit is left out). "
+      "<h2>How it was measured</h2><p>All methods have the same material, masses, damping, holds and frames of 1/60 s; "
+      "a recipe's bounds on stretch (clusters.limit) are left out. "
       "The "
       "reference is corotated linear elasticity on the recipe's own tetrahedra, of ten nodes, by "
       "central "
