@@ -79,13 +79,13 @@ DepthMap::DepthMap(const formats::PackageView& package, const formats::DistanceG
   Array<std::uint32_t> next;
   next.assign(first_);
   first_tetrahedron_ = body.first_tetrahedron;
-  inverse_.resize(tetrahedra.size());
+  frames_.resize(tetrahedra.size());
   for (std::size_t i = 0; i < tetrahedra.size(); ++i) {
     for_each_cell(tetrahedra[i], [&](std::uint32_t cell) { list_[next[cell]++] = std::uint32_t(i); });
     const Vector3f last = cornerOf(package, tetrahedra[i], 3);
     Matrix3f sides;
     for (std::size_t c = 0; c < 3; ++c) sides.col(Eigen::Index(c)) = cornerOf(package, tetrahedra[i], c) - last;
-    inverse_[i] = sides.inverse();
+    frames_[i] = {sides.inverse(), last};
   }
 }
 
@@ -115,6 +115,7 @@ float DepthMap::distance(const Vector3f& place) const {
 
 Vector3f DepthMap::outward(const Vector3f& place) const {
   const GridPlace at = gridPlace(place);
+  const std::array<std::size_t, 3> stride = {1, grid_->nodes[0], std::size_t(grid_->nodes[0]) * grid_->nodes[1]};
   Vector3f sum = Vector3f::Zero();
   for (std::uint32_t corner = 0; corner < 8; ++corner) {
     std::array<std::uint32_t, 3> node;
@@ -124,12 +125,11 @@ Vector3f DepthMap::outward(const Vector3f& place) const {
       node[axis] = at.node[axis] + (next ? 1 : 0);
       weight *= next ? at.part[Eigen::Index(axis)] : 1 - at.part[Eigen::Index(axis)];
     }
+    const std::int16_t* const value = values_.data() + (node[0] + node[1] * stride[1] + node[2] * stride[2]);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      std::array<std::uint32_t, 3> low = node, high = node;
-      if (low[axis] > 0) --low[axis];
-      if (high[axis] + 1 < grid_->nodes[axis]) ++high[axis];
-      const float rise = valueAt(high[0], high[1], high[2]) - valueAt(low[0], low[1], low[2]);
-      sum[Eigen::Index(axis)] += weight * rise / float(high[axis] - low[axis]);
+      const std::size_t below = node[axis] > 0 ? 1 : 0, above = node[axis] + 1 < grid_->nodes[axis] ? 1 : 0;
+      const float rise = float(value[above * stride[axis]]) - float(*(value - below * stride[axis]));
+      sum[Eigen::Index(axis)] += weight * (above + below == 2 ? 0.5F : 1.0F) * rise;
     }
   }
   const float length = sum.norm();
@@ -147,18 +147,36 @@ std::uint32_t DepthMap::cellOf(const Vector3f& place) const {
 
 bool DepthMap::locate(const Vector3f& place, MaterialPoint& at) const {
   if (list_.empty() || !place.allFinite()) return false;
+  const auto weightsIn = [&](std::uint32_t tetrahedron) {
+    const Vector3f w = frames_[tetrahedron].inverse * (place - frames_[tetrahedron].last);
+    return Eigen::Vector4f(w[0], w[1], w[2], 1 - w.sum());
+  };
+  const auto take = [&](std::uint32_t tetrahedron, const Eigen::Vector4f& w) {
+    at = {package_->tetrahedra()[first_tetrahedron_ + tetrahedron].vertex, {w[0], w[1], w[2], w[3]}, tetrahedron};
+  };
+  if (at.tetrahedron < frames_.size()) {
+    const Eigen::Vector4f w = weightsIn(at.tetrahedron);
+    if (w.minCoeff() >= 0) {
+      take(at.tetrahedron, w);
+      return true;
+    }
+  }
   const std::uint32_t cell = cellOf(place);
   float best = -1e30F;
+  std::uint32_t found = formats::kNone;
+  Eigen::Vector4f weights = Eigen::Vector4f::Zero();
   for (std::uint32_t i = first_[cell]; i < first_[cell + 1]; ++i) {
-    const formats::Tetrahedron& t = package_->tetrahedra()[first_tetrahedron_ + list_[i]];
-    const Vector3f w = inverse_[list_[i]] * (place - cornerOf(*package_, t, 3));
-    const float least = std::min(w.minCoeff(), 1 - w.sum());
+    const Eigen::Vector4f w = weightsIn(list_[i]);
+    const float least = w.minCoeff();
     if (!(least > best)) continue;
     best = least;
-    at = {t.vertex, {w[0], w[1], w[2], 1 - w.sum()}};
+    found = list_[i];
+    weights = w;
     if (least >= 0) break;
   }
-  return best > -1e30F;
+  if (found == formats::kNone) return false;
+  take(found, weights);
+  return true;
 }
 
 }  // namespace sinew::internal

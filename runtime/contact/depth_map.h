@@ -18,6 +18,7 @@ namespace sinew::internal {
 struct MaterialPoint {
   std::array<std::uint32_t, 4> vertex;
   std::array<float, 4> weight;
+  std::uint32_t tetrahedron = formats::kNone;  ///< of its DepthMap, where that found it
 };
 
 /// One piece's distances (DIST), tetrahedra (TETS) and contact points (FPNT).
@@ -35,8 +36,8 @@ class DepthMap {
   const Eigen::Vector3f& pointNormal(const formats::FieldPoint& point) const {
     return point_normals_[std::size_t(&point - first_point_)];
   }
-  /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \return false where
-  /// none is near.
+  /// The tetrahedron that has a place, or of those near it the one that it is least outside of. \param[in,out] at that
+  /// of a place near by is looked at first. \return false where none is near.
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
 
   std::uint32_t piece() const { return grid_->piece; }
@@ -68,7 +69,11 @@ class DepthMap {
   std::uint32_t first_tetrahedron_ = 0;
   const formats::FieldPoint* first_point_ = nullptr;  ///< of the free field; the held one's follow
   Array<Eigen::Vector3f> point_normals_;
-  Array<Eigen::Matrix3f> inverse_;  ///< of each tetrahedron's sides from its last corner
+  struct Frame {
+    Eigen::Matrix3f inverse;  ///< of the sides from the last corner
+    Eigen::Vector3f last;
+  };
+  Array<Frame> frames_;  ///< of each tetrahedron
 };
 
 }  // namespace sinew::internal

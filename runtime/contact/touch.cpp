@@ -22,37 +22,40 @@ constexpr double kNear = 2e-4;
 constexpr std::size_t kMostFunctions = 1024;
 /// Steps of a way out, each as long as the surface is far.
 constexpr int kLeaving = 16;
+/// Points that are looked at together.
+constexpr int kBlock = 8;
 /// So near points of one piece are, of the distance between neighbours, where its surface may touch itself.
 constexpr float kNeighbours = 1.5F;
 
 Vector3f sumOf(const float* row, const float* coefficients, std::uint32_t k) {
-  Vector3f sum = Vector3f::Zero();
-  for (std::uint32_t j = 0; j < k; ++j) sum += row[j] * Eigen::Map<const Vector3f>(coefficients + 4 * j);
-  return sum;
+  return sumOfRows(row, coefficients, k).matrix().head<3>();
 }
 
 void setRow(const Field& field, const MaterialPoint& at, float* row) {
+  std::array<const float*, 4> values;
+  for (std::size_t c = 0; c < 4; ++c) values[c] = field.valuesAt(at.vertex[c] - field.first_vertex);
   for (std::uint32_t j = 0; j < field.k; ++j) {
-    row[j] = 0;
-    for (std::size_t c = 0; c < 4; ++c) row[j] += at.weight[c] * field.valueAt(at.vertex[c] - field.first_vertex, j);
+    row[j] = (at.weight[0] * values[0][8 * j] + at.weight[1] * values[1][8 * j]) +
+             (at.weight[2] * values[2][8 * j] + at.weight[3] * values[3][8 * j]);
   }
 }
 
 /// Deformation gradient of the tetrahedron that has a material point.
 Matrix3f gradientAt(const TouchingPiece& piece, const formats::PackageView& package, const MaterialPoint& at) {
-  std::array<Vector3f, 4> now, rest;
-  for (std::size_t c = 0; c < 4; ++c) {
-    now[c].setZero();
-    for (std::uint32_t j = 0; j < piece.field->k; ++j) {
-      now[c] += piece.field->valueAt(at.vertex[c] - piece.field->first_vertex, j) *
-                Eigen::Map<const Vector3f>(piece.base + 4 * j);
-    }
-    rest[c] = asVector(package.physicalVertices()[at.vertex[c]].rest_position);
+  const Field& field = *piece.field;
+  std::array<Eigen::Array4f, 4> now;
+  now.fill(Eigen::Array4f::Zero());
+  std::array<const float*, 4> values;
+  for (std::size_t c = 0; c < 4; ++c) values[c] = field.valuesAt(at.vertex[c] - field.first_vertex);
+  for (std::uint32_t j = 0; j < field.k; ++j) {
+    const auto coefficient = Eigen::Array4f::Map(piece.base + 4 * j);
+    for (std::size_t c = 0; c < 4; ++c) now[c] += values[c][8 * j] * coefficient;
   }
+  const auto rest = [&](std::size_t c) { return asVector(package.physicalVertices()[at.vertex[c]].rest_position); };
   Matrix3f sides, rest_sides;
-  for (int c = 0; c < 3; ++c) {
-    sides.col(c) = now[std::size_t(c)] - now[3];
-    rest_sides.col(c) = rest[std::size_t(c)] - rest[3];
+  for (std::size_t c = 0; c < 3; ++c) {
+    sides.col(int(c)) = (now[c] - now[3]).matrix().head<3>();
+    rest_sides.col(int(c)) = rest(c) - rest(3);
   }
   return sides * rest_sides.inverse();
 }
@@ -182,6 +185,20 @@ class TouchSearch {
     if (way.squaredNorm() > 0) way_ = b_.turn.transpose() * way.normalized();
   }
 
+  void lookAll() {
+    const auto count = std::uint32_t(a_.field->points.size());
+    const bool all = isItself() || is_fast_;
+    for (std::uint32_t first = 0; first < count; first += kBlock) {
+      const Eigen::Array<float, kBlock, 1> outside = outsideBox(first);
+      const std::uint32_t last = std::min(count, first + kBlock);
+      const bool known = !known_.empty() && known_.front().point < last;
+      if (!all && !known && outside.minCoeff() > 0) continue;
+      for (std::uint32_t p = first; p < last; ++p) {
+        if (all || known || outside[p - first] <= 0) look(p);
+      }
+    }
+  }
+
   /// Adds the touch of a point, if it is one. What touched is one where it was as well: a prediction that goes on as a
   /// thin part sprang leads away from what that part lies on. \pre points come in ascending order
   void look(std::uint32_t p) {
@@ -206,6 +223,16 @@ class TouchSearch {
   }
 
   bool isItself() const { return &a_ == &b_; }
+
+  /// How far points lie outside b's box, along the axis along which they do most; not above 0 within.
+  Eigen::Array<float, kBlock, 1> outsideBox(std::uint32_t first) const {
+    Eigen::Array<float, kBlock, 1> outside = Eigen::Array<float, kBlock, 1>::Constant(-1);
+    for (int c = 0; c < 3; ++c) {
+      const auto x = Eigen::Array<float, kBlock, 1>::Map(a_.points.data() + stride_ * std::size_t(c) + first);
+      outside = outside.max((x + apart_[c]) - high_[c]).max(low_[c] - (x + apart_[c]));
+    }
+    return outside;
+  }
 
   /// The material points X with x(X) = x(X_p) are X_p and those that the piece overlaps itself with. \return whether
   /// one of these was found.
@@ -523,7 +550,7 @@ void findTouches(const TouchingPiece& a, const TouchingPiece& b, std::uint32_t i
   if (!search.areNear()) return;
   const std::size_t first = list.touches.size();
   search.remember(known);
-  for (std::uint32_t p = 0; p < a.field->points.size(); ++p) search.look(p);
+  search.lookAll();
   for (std::size_t i = first; i < list.touches.size(); ++i) {
     Touch& touch = list.touches[i].touch;
     touch.a = index_a;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -51,6 +52,16 @@ struct TouchMemory {
 /// The order of touches.
 inline std::array<std::uint32_t, 5> touchOrder(const TouchMemory& m) {
   return {m.body_a, m.piece_a, m.body_b, m.piece_b, m.point};
+}
+
+/// Calls visit for the touches of one pair of pieces after the other, as far as they lie together.
+template <class Visit>
+void forEachPair(std::span<const TouchMemory> touches, const Visit& visit) {
+  const auto pairOf = [](const TouchMemory& m) { return std::array{m.body_a, m.piece_a, m.body_b, m.piece_b}; };
+  for (std::size_t first = 0, end = 0; first < touches.size(); first = end) {
+    while (end < touches.size() && pairOf(touches[end]) == pairOf(touches[first])) ++end;
+    visit(touches.subspan(first, end - first));
+  }
 }
 
 /// A touch as it is found: its rows are places in TouchList::rows.

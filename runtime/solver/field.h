@@ -61,9 +61,24 @@ struct Field {
   std::uint32_t unknowns() const { return 3 * (k - driven); }
 
   /// phi_j at vertex i of the piece, or at contact point i.
-  float valueAt(std::uint32_t i, std::uint32_t j) const { return values[8 * (i / 8 * k + j) + i % 8]; }
+  float valueAt(std::uint32_t i, std::uint32_t j) const { return valuesAt(i)[8 * j]; }
+  /// phi at vertex i, eight floats from one function to the next.
+  const float* valuesAt(std::uint32_t i) const { return values + std::size_t(8) * (i / 8) * k + i % 8; }
   float valueAtPoint(std::uint32_t i, std::uint32_t j) const { return point_values[8 * (i / 8 * k + j) + i % 8]; }
 };
+
+/// sum_j row_j rows_j of k x 4.
+inline Eigen::Array4f sumOfRows(const float* row, const float* rows, std::uint32_t k) {
+  using Four = Eigen::Array4f;
+  Four even = Four::Zero(), odd = Four::Zero();
+  std::uint32_t j = 0;
+  for (; j + 2 <= k; j += 2) {
+    even += row[j] * Four::Map(rows + 4 * j);
+    odd += row[j + 1] * Four::Map(rows + 4 * j + 4);
+  }
+  if (j < k) even += row[j] * Four::Map(rows + 4 * j);
+  return even + odd;
+}
 
 /// Adds row i of a k x k matrix, as far as its diagonal, to the lower triangle of that of the unknowns: alike for each
 /// axis.

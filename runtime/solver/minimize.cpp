@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "runtime/solver/for_each.h"
 #include "runtime/solver/rigid_coupling.h"
@@ -90,11 +91,13 @@ void MinimizeScratch::reserveVectors(std::size_t size) {
 
 namespace {
 
-/// What friction does of it.
-PushForce rubForce(const Push& push) {
+Eigen::Vector3f slideOf(const Push& push) { return push.slide + (push.way - push.normal.dot(push.way) * push.normal); }
+
+/// What friction does under a load.
+PushForce rubForce(const Push& push, float load) {
   PushForce force;
-  const Eigen::Vector3f slide = push.slide + (push.way - push.normal.dot(push.way) * push.normal);
-  const float length = slide.norm(), most = push.friction * push.pressed;
+  const Eigen::Vector3f slide = slideOf(push);
+  const float length = slide.norm(), most = push.friction * load;
   if (push.kappa * length <= most) {
     force.pull = push.kappa * slide;
     force.energy = 0.5 * double(push.kappa) * double(length) * double(length);
@@ -108,28 +111,16 @@ PushForce rubForce(const Push& push) {
 float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
 float loadOf(const Push& push) { return push.kappa * std::max(0.0F, -gapOf(push)); }
 
-/// What friction sees becomes the load at the push's way. \return what changes of its force.
+/// What friction sees becomes the load at the push's way. \return what changes of its force: nothing of what sticks
+/// under both.
 PushForce pressAnew(Push& push) {
-  const bool pushes = gapOf(push) < 0;
-  PushForce before = pushes ? rubForce(push) : PushForce();
-  push.pressed = loadOf(push);
-  if (!pushes) return before;
-  PushForce change = rubForce(push);
-  change.pull -= before.pull;
-  change.energy -= before.energy;
+  const float load = loadOf(push), before = std::exchange(push.pressed, load);
+  if (!(load > 0) || push.kappa * slideOf(push).norm() <= push.friction * std::min(before, load)) return {};
+  PushForce change = rubForce(push, load);
+  const PushForce old = rubForce(push, before);
+  change.pull -= old.pull;
+  change.energy -= old.energy;
   return change;
-}
-
-/// sum row_j rows_j of k x 4.
-Four sumOf(const float* row, const float* rows, std::uint32_t k) {
-  Four even = Four::Zero(), odd = Four::Zero();
-  std::uint32_t j = 0;
-  for (; j + 2 <= k; j += 2) {
-    even += row[j] * Four::Map(rows + 4 * j);
-    odd += row[j + 1] * Four::Map(rows + 4 * j + 4);
-  }
-  if (j < k) even += row[j] * Four::Map(rows + 4 * j);
-  return even + odd;
 }
 
 void addTo(float* rows, const float* row, const Four& pull, std::uint32_t k) {
@@ -139,7 +130,7 @@ void addTo(float* rows, const float* row, const Four& pull, std::uint32_t k) {
 Four padded(const Eigen::Vector3f& v) { return {v[0], v[1], v[2], 0}; }
 
 Eigen::Vector3f wayOf(const Contact& contact, const float* d, std::uint32_t k) {
-  return sumOf(contact.phi, d, k).matrix().head<3>();
+  return sumOfRows(contact.phi, d, k).matrix().head<3>();
 }
 
 }  // namespace
@@ -147,7 +138,7 @@ Eigen::Vector3f wayOf(const Contact& contact, const float* d, std::uint32_t k) {
 PushForce pushForce(const Push& push) {
   const float gap = gapOf(push);
   if (!(gap < 0)) return {};
-  PushForce force = rubForce(push);
+  PushForce force = rubForce(push, push.pressed);
   force.pull += push.kappa * gap * push.normal;
   force.energy += 0.5 * double(push.kappa) * double(gap) * double(gap);
   return force;
@@ -410,8 +401,8 @@ double Objective::roughStiffness() const {
 }
 
 Eigen::Vector3f Minimand::wayOf(const Touch& touch, const float* d) const {
-  const Four way = sumOf(touch.phi_a, d + first[touch.a], pieces[touch.a]->field->k) -
-                   sumOf(touch.phi_b, d + first[touch.b], pieces[touch.b]->field->k);
+  const Four way = sumOfRows(touch.phi_a, d + first[touch.a], pieces[touch.a]->field->k) -
+                   sumOfRows(touch.phi_b, d + first[touch.b], pieces[touch.b]->field->k);
   return way.matrix().head<3>();
 }
 
@@ -484,25 +475,29 @@ bool Minimand::hasFriction() const {
 }
 
 double Minimand::heldByContacts(const float* direction) const {
-  double held = 0;
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
+  if (isAlone()) return pieces[0]->heldByContacts(direction);
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     const Objective& piece = *pieces[i];
-    held += piece.heldByContacts(direction + first[i]);
+    double& held = values[i].total;
+    held = piece.heldByContacts(direction + first[i]);
     for (const TouchRow& row : piece.touch_rows) {
       if (gapOf(touches[row.touch]) < 0) continue;
-      const Eigen::Vector3f way = sumOf(row.phi, direction + first[i], piece.field->k).matrix().head<3>();
+      const Eigen::Vector3f way = sumOfRows(row.phi, direction + first[i], piece.field->k).matrix().head<3>();
       held += double(row.firm) * double(way.squaredNorm());
     }
-  }
+  });
+  double held = 0;
+  for (const Objective::Value& one : values) held += one.total;
   return held;
 }
 
 void Minimand::renew(const float* d, bool pushing_only) const {
-  for (Touch& touch : touches) {
+  forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
+    Touch& touch = touches[i];
     touch.way = wayOf(touch, d);
     touch.firm = !pushing_only || gapOf(touch) < 0 ? touch.kappa : 0;
-  }
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
+  });
+  forEach(jobs, std::uint32_t(pieces.size()), kPiecesAJob, [&](std::uint32_t i) {
     Objective& piece = *pieces[i];
     for (Contact& contact : piece.scratch->contacts) {
       contact.way = internal::wayOf(contact, d + first[i], piece.field->k);
@@ -510,7 +505,7 @@ void Minimand::renew(const float* d, bool pushing_only) const {
     }
     for (TouchRow& row : piece.touch_rows) row.firm = touches[row.touch].firm;
     useSystemAt(piece, *systems[i], d + first[i]);
-  }
+  });
   if (rigid != nullptr) rigid->make(*this);
 }
 
@@ -564,6 +559,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   MinimizeScratch& s = *minimand.vectors;
   // Pins decide the driven coefficients: precondition() leaves them where they are.
   const std::uint32_t n = minimand.size;
+  JobSystem* const jobs = minimand.jobs;
   float *const d = s.d.data(), *const gradient = s.gradient.data(), *const direction = s.direction.data();
   float* const trial = s.next.data();
   const float* const next_gradient = s.next_gradient.data();
@@ -580,20 +576,20 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
   }
   for (std::uint32_t iteration = 0; iteration < iterations;) {
     std::copy_n(gradient, n, direction);
-    pairs.reduce(direction);
+    pairs.reduce(direction, jobs);
     minimand.precondition(direction);
     for (std::uint32_t i = 0; i < n; ++i) direction[i] *= scale;
-    pairs.expand(direction);
-    double slope = dot(gradient, direction, n);
+    pairs.expand(direction, jobs);
+    double slope = dot(gradient, direction, n, jobs);
     if (!(slope > 0)) {
       if (pairs.count() == 0) break;
       pairs.clear();
       continue;
     }
-    const double way2 = dot(d, d, n);
+    const double way2 = dot(d, d, n, jobs);
     // What a scaled matrix leaves to go is longer where the first one was right.
     const double most = double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
-    const double length2 = dot(direction, direction, n);
+    const double length2 = dot(direction, direction, n, jobs);
     const bool settled = length2 <= most;
     if (settled && (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction)))) break;
     float part = 1;
@@ -606,7 +602,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
       const double wanted = value.total - kSufficient * double(part) * slope;
       // Where energies say nothing any more slopes do (Hager and Zhang 2005, the approximate Wolfe condition).
       taken = next.total <= wanted - noise ||
-              (next.total <= wanted + noise && dot(next_gradient, direction, n) >= (2 * kSufficient - 1) * slope);
+              (next.total <= wanted + noise && dot(next_gradient, direction, n, jobs) >= (2 * kSufficient - 1) * slope);
       if (taken) break;
       if (carried) break;
       part *= tries == 0 ? 0.5F : 0.25F;
@@ -629,7 +625,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     }
     renewed = carried = false;
     scale *= part;
-    pairs.take(d, trial, gradient, next_gradient);
+    pairs.take(d, trial, gradient, next_gradient, jobs);
     std::copy_n(trial, n, d);
     std::copy_n(s.next_gradient.data(), n, s.gradient.data());
     value = next;

@@ -2,8 +2,11 @@
 #include "runtime/solver/pairs.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
+
+#include "runtime/solver/for_each.h"
 
 namespace sinew::internal {
 namespace {
@@ -12,10 +15,26 @@ using Four = Eigen::Array4f;
 
 /// Least cosine between a step and the gradient's change that says anything of the curvature.
 constexpr double kLeastCosine = 1e-9;
+/// Floats that a job takes at least, and jobs at most.
+constexpr std::uint32_t kFloatsAJob = 8192, kMostJobs = 256;
 
-}  // namespace
+/// The sum of sumOf(begin, end) over parts of 0..n, in an order that no thread changes.
+template <class SumOf>
+auto sumOfParts(JobSystem* jobs, std::uint32_t n, const SumOf& sumOf) {
+  const std::uint32_t size = std::max(kFloatsAJob, (n / kMostJobs + 31) / 32 * 32);
+  auto sum = sumOf(0U, std::min(n, size));
+  if (n <= size) return sum;
+  std::array<decltype(sum), kMostJobs> parts;
+  const std::uint32_t count = (n - 1) / size;  // but for the first
+  forEach(jobs, count, 1, [&](std::uint32_t i) {
+    const std::uint32_t begin = size * (i + 1);
+    parts[i] = sumOf(begin, std::min(n, begin + size));
+  });
+  for (std::uint32_t i = 0; i < count; ++i) sum += parts[i];
+  return sum;
+}
 
-double dot(const float* a, const float* b, std::uint32_t n) {
+double dotOf(const float* a, const float* b, std::uint32_t n) {
   constexpr std::uint32_t kRun = 32;
   const auto product = [&](std::uint32_t i) { return Four(Four::Map(a + i) * Four::Map(b + i)); };
   Eigen::Array4d total = Eigen::Array4d::Zero();
@@ -31,6 +50,21 @@ double dot(const float* a, const float* b, std::uint32_t n) {
 
 void add(float factor, const float* a, float* to, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; i += 4) Four::Map(to + i) += factor * Four::Map(a + i);
+}
+
+/// add(), and then the product with another vector, unless that is null.
+double addThenDot(JobSystem* jobs, float factor, const float* a, float* to, const float* with, std::uint32_t n) {
+  return sumOfParts(jobs, n, [&](std::uint32_t begin, std::uint32_t end) {
+    add(factor, a + begin, to + begin, end - begin);
+    return with == nullptr ? 0 : dotOf(with + begin, to + begin, end - begin);
+  });
+}
+
+}  // namespace
+
+double dot(const float* a, const float* b, std::uint32_t n, JobSystem* jobs) {
+  return sumOfParts(jobs, n,
+                    [&](std::uint32_t begin, std::uint32_t end) { return dotOf(a + begin, b + begin, end - begin); });
 }
 
 void Pairs::start(std::uint32_t n) {
@@ -57,31 +91,39 @@ void Pairs::carry(const Eigen::Matrix3f& turn, float identity) {
   }
 }
 
-void Pairs::reduce(float* direction) {
+void Pairs::reduce(float* direction, JobSystem* jobs) {
+  double product = count_ > 0 ? dot(offset(slot(0)), direction, n_, jobs) : 0;
   for (std::uint32_t age = 0; age < count_; ++age) {
     const std::uint32_t i = slot(age);
-    along_[i] = dot(offset(i), direction, n_) / curvature_[i];
-    add(float(-along_[i]), change(i), direction, n_);
+    along_[i] = product / curvature_[i];
+    const float* const next = age + 1 < count_ ? offset(slot(age + 1)) : nullptr;
+    product = addThenDot(jobs, float(-along_[i]), change(i), direction, next, n_);
   }
 }
 
-void Pairs::expand(float* direction) const {
+void Pairs::expand(float* direction, JobSystem* jobs) const {
+  double product = count_ > 0 ? dot(change(slot(count_ - 1)), direction, n_, jobs) : 0;
   for (std::uint32_t age = count_; age-- > 0;) {
     const std::uint32_t i = slot(age);
-    const double beta = dot(change(i), direction, n_) / curvature_[i];
-    add(float(along_[i] - beta), offset(i), direction, n_);
+    const float* const next = age > 0 ? change(slot(age - 1)) : nullptr;
+    product = addThenDot(jobs, float(along_[i] - product / curvature_[i]), offset(i), direction, next, n_);
   }
 }
 
-void Pairs::take(const float* from, const float* to, const float* gradient, const float* next_gradient) {
+void Pairs::take(const float* from, const float* to, const float* gradient, const float* next_gradient,
+                 JobSystem* jobs) {
   const std::uint32_t i = (newest_ + 1) % most_;
-  float *const way = offset(i), *const bend = change(i);
-  for (std::uint32_t j = 0; j < n_; ++j) {
-    way[j] = to[j] - from[j];
-    bend[j] = next_gradient[j] - gradient[j];
-  }
-  const double curvature = dot(way, bend, n_);
-  if (!(curvature > kLeastCosine * std::sqrt(dot(way, way, n_) * dot(bend, bend, n_)))) return;
+  const Eigen::Array3d products = sumOfParts(jobs, n_, [&](std::uint32_t begin, std::uint32_t end) {
+    float *const way = offset(i), *const bend = change(i);
+    for (std::uint32_t j = begin; j < end; ++j) {
+      way[j] = to[j] - from[j];
+      bend[j] = next_gradient[j] - gradient[j];
+    }
+    const float *const a = way + begin, *const b = bend + begin;
+    return Eigen::Array3d(dotOf(a, b, end - begin), dotOf(a, a, end - begin), dotOf(b, b, end - begin));
+  });
+  const double curvature = products[0];
+  if (!(curvature > kLeastCosine * std::sqrt(products[1] * products[2]))) return;
   curvature_[i] = curvature;
   newest_ = i;
   count_ = std::min(count_ + 1, most_);

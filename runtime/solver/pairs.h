@@ -11,13 +11,13 @@
 #include <memory_resource>
 
 #include "runtime/memory/array.h"
+#include "sinew/runtime/settings.h"
 
 namespace sinew::internal {
 
-/// Sum of products, n a multiple of four: short runs in floats, their sums in double.
-double dot(const float* a, const float* b, std::uint32_t n);
-/// to += factor a; n a multiple of four.
-void add(float factor, const float* a, float* to, std::uint32_t n);
+/// Sum of products, n a multiple of four: short runs in floats, their sums in double. \param jobs that share it; null:
+/// none. No number of threads changes a bit.
+double dot(const float* a, const float* b, std::uint32_t n, JobSystem* jobs = nullptr);
 
 /// Pairs of an offset s and the gradient's change y along it, oldest first to go. Vectors are k x 4.
 class Pairs {
@@ -40,11 +40,12 @@ class Pairs {
   bool fresh() const { return fresh_; }
 
   /// The first half of the recursion, from the gradient; then comes the inverse of the first matrix.
-  void reduce(float* direction);
+  void reduce(float* direction, JobSystem* jobs = nullptr);
   /// The second half.
-  void expand(float* direction) const;
+  void expand(float* direction, JobSystem* jobs = nullptr) const;
   /// \param from, to places. \param gradient, next_gradient there.
-  void take(const float* from, const float* to, const float* gradient, const float* next_gradient);
+  void take(const float* from, const float* to, const float* gradient, const float* next_gradient,
+            JobSystem* jobs = nullptr);
 
   /// What a pair of vectors of n floats takes when it is saved.
   static std::size_t savedBytes(std::size_t n) { return 2 * n / 4 * 3 * sizeof(float); }

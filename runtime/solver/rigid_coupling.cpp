@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
+#include "runtime/solver/for_each.h"
 #include "runtime/solver/minimize.h"
 
 namespace sinew::internal {
@@ -41,79 +42,107 @@ bool invert(const Block& block, Block& inverse) {
 }  // namespace
 
 RigidCoupling::RigidCoupling(std::pmr::memory_resource* memory)
-    : nodes_(memory), couplings_(memory), keys_(memory), node_of_(memory), first_arm_(memory), arms_(memory) {}
+    : nodes_(memory),
+      couplings_(memory),
+      keys_(memory),
+      node_of_(memory),
+      first_arm_(memory),
+      arms_(memory),
+      moments_(memory),
+      blocks_(memory) {}
 
-void RigidCoupling::findArms(const Minimand& minimand) {
-  first_arm_.clear();
-  arms_.clear();
-  for (const Objective* piece : minimand.pieces) {
-    const Field& field = *piece->field;
-    first_arm_.push_back(std::uint32_t(arms_.size()));
-    Vector3d center = Vector3d::Zero();
-    double mass = 0;
-    for (const formats::FieldFunction& f : field.functions) {
-      center += double(f.one) * Vector3d(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
-      mass += double(f.one) * double(f.one);
-    }
-    if (mass > 0) center /= mass;
-    const Eigen::Matrix3f turn = Eigen::Map<const Eigen::Matrix3f>(piece->rotation);
-    for (const formats::FieldFunction& f : field.functions) {
-      const Vector3d rest = {double(f.rest[0]), double(f.rest[1]), double(f.rest[2])};
-      Eigen::Vector4d& arm = arms_.add();
-      arm << double(f.one), turn.cast<double>() * (rest - double(f.one) * center);
-    }
+void RigidCoupling::reserve(std::size_t pieces, std::size_t functions, std::size_t touches) {
+  nodes_.reserve(pieces);
+  node_of_.reserve(pieces);
+  first_arm_.reserve(pieces);
+  arms_.reserve(functions);
+  couplings_.reserve(touches);
+  keys_.reserve(touches);
+  moments_.reserve(2 * touches);
+  blocks_.reserve(pieces);
+}
+
+Eigen::Vector4d RigidCoupling::momentsOf(std::uint32_t piece, const Field& field, const float* phi) const {
+  Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+  for (std::uint32_t j = 0; j < field.k; ++j) sum += double(phi[j]) * arms(piece)[j];
+  return sum;
+}
+
+void RigidCoupling::findArms(std::uint32_t piece, const Objective& objective) {
+  const Field& field = *objective.field;
+  Vector3d center = Vector3d::Zero();
+  double mass = 0;
+  for (const formats::FieldFunction& f : field.functions) {
+    center += double(f.one) * Vector3d(double(f.rest[0]), double(f.rest[1]), double(f.rest[2]));
+    mass += double(f.one) * double(f.one);
+  }
+  if (mass > 0) center /= mass;
+  const Matrix3d turn = Eigen::Map<const Eigen::Matrix3f>(objective.rotation).cast<double>();
+  Eigen::Vector4d* arm = arms(piece);
+  for (const formats::FieldFunction& f : field.functions) {
+    const Vector3d rest = {double(f.rest[0]), double(f.rest[1]), double(f.rest[2])};
+    *arm++ << double(f.one), turn * (rest - double(f.one) * center);
   }
 }
 
+RigidCoupling::Block RigidCoupling::ownBlock(std::uint32_t piece, const Objective& objective) {
+  const Field& field = *objective.field;
+  Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
+  const double inertia = 1 / (objective.h * objective.h);
+  for (std::uint32_t j = 0; j < field.k; ++j) gram += inertia * arms(piece)[j] * arms(piece)[j].transpose();
+  if (objective.has_springs) {
+    const float* row = objective.scratch->springs.data();
+    for (std::uint32_t i = 0; i < field.k; ++i, row += field.k) {
+      gram += momentsOf(piece, field, row) * arms(piece)[i].transpose();
+    }
+  }
+  // The mean of its three directions.
+  for (std::uint32_t i = 0; objective.holds != nullptr && i < field.k; ++i) {
+    const auto at = [&](std::uint32_t j, std::uint32_t c) {
+      return objective.holds[std::size_t(field.stride) * (3 * i + c) + 3 * j + c];
+    };
+    Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+    for (std::uint32_t j = 0; j < field.k; ++j) {
+      sum += double(objective.stiffness) / 3 * double(at(j, 0) + at(j, 1) + at(j, 2)) * arms(piece)[j];
+    }
+    gram += sum * arms(piece)[i].transpose();
+  }
+  for (const Contact& contact : objective.scratch->contacts) {
+    const Eigen::Vector4d at = momentsOf(piece, field, contact.phi);
+    gram += double(contact.firm) * at * at.transpose();
+  }
+  for (const TouchRow& touch : objective.touch_rows) {
+    const Eigen::Vector4d at = momentsOf(piece, field, touch.phi);
+    gram += double(touch.firm) * at * at.transpose();
+    moments_[2 * touch.touch + (touch.sign < 0 ? 1 : 0)] = at;
+  }
+  return blockOf(gram);
+}
+
 void RigidCoupling::make(const Minimand& minimand) {
-  findArms(minimand);
   nodes_.clear();
   couplings_.clear();
+  first_arm_.clear();
+  std::uint32_t functions = 0;
+  for (const Objective* piece : minimand.pieces) {
+    first_arm_.push_back(functions);
+    functions += piece->field->k;
+  }
+  arms_.resize(functions);
+  moments_.resize(2 * minimand.touches.size());
   node_of_.resize(minimand.pieces.size());
   std::fill(node_of_.begin(), node_of_.end(), formats::kNone);
-  const auto momentsOf = [&](std::uint32_t piece, const float* phi) {
-    Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-    const std::uint32_t k = minimand.pieces[piece]->field->k;
-    for (std::uint32_t j = 0; j < k; ++j) sum += double(phi[j]) * arms(piece)[j];
-    return sum;
-  };
   for (const std::uint32_t piece : minimand.order) {
-    const Objective& objective = *minimand.pieces[piece];
-    const Field& field = *objective.field;
-    if (field.driven > 0) continue;  // pin sets leave it no rigid motion
-    Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
-    const double inertia = 1 / (objective.h * objective.h);
-    for (std::uint32_t j = 0; j < field.k; ++j) gram += inertia * arms(piece)[j] * arms(piece)[j].transpose();
-    if (objective.has_springs) {
-      const float* row = objective.scratch->springs.data();
-      for (std::uint32_t i = 0; i < field.k; ++i, row += field.k) {
-        gram += momentsOf(piece, row) * arms(piece)[i].transpose();
-      }
-    }
-    // The mean of its three directions.
-    for (std::uint32_t i = 0; objective.holds != nullptr && i < field.k; ++i) {
-      const auto at = [&](std::uint32_t j, std::uint32_t c) {
-        return objective.holds[std::size_t(field.stride) * (3 * i + c) + 3 * j + c];
-      };
-      Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-      for (std::uint32_t j = 0; j < field.k; ++j) {
-        sum += double(objective.stiffness) / 3 * double(at(j, 0) + at(j, 1) + at(j, 2)) * arms(piece)[j];
-      }
-      gram += sum * arms(piece)[i].transpose();
-    }
-    for (const Contact& contact : objective.scratch->contacts) {
-      const Eigen::Vector4d at = momentsOf(piece, contact.phi);
-      gram += double(contact.firm) * at * at.transpose();
-    }
-    for (const TouchRow& touch : objective.touch_rows) {
-      const Eigen::Vector4d at = momentsOf(piece, touch.phi);
-      gram += double(touch.firm) * at * at.transpose();
-    }
+    if (minimand.pieces[piece]->field->driven > 0) continue;  // pin sets leave it no rigid motion
     node_of_[piece] = std::uint32_t(nodes_.size());
-    Node& node = nodes_.add();
-    node.piece = piece;
-    node.inverse = blockOf(gram);
+    nodes_.add().piece = piece;
   }
+  forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
+    Node& node = nodes_[n];
+    findArms(node.piece, *minimand.pieces[node.piece]);
+    node.inverse = ownBlock(node.piece, *minimand.pieces[node.piece]);
+    if (!invert(node.inverse, node.own)) node.own.setZero();
+  });
   // Of touches, by the nodes that they couple.
   const auto keyOf = [&](const Touch& touch) {
     const std::uint64_t a = node_of_[touch.a], b = node_of_[touch.b];
@@ -124,21 +153,21 @@ void RigidCoupling::make(const Minimand& minimand) {
   };
   keys_.clear();
   for (const Touch& touch : minimand.touches) {
-    if (couples(touch)) keys_.push_back(keyOf(touch));
+    if (couples(touch) && (keys_.empty() || keys_.back() != keyOf(touch))) keys_.push_back(keyOf(touch));
   }
-  std::sort(keys_.begin(), keys_.end());
+  sortAscending({keys_.data(), keys_.size()});
   const auto* const end = std::unique(keys_.begin(), keys_.end());
   for (const auto* key = keys_.begin(); key != end; ++key) couplings_.push_back({*key, Block::Zero()});
-  for (const Touch& touch : minimand.touches) {
+  Coupling* coupling = nullptr;
+  for (std::size_t i = 0; i < minimand.touches.size(); ++i) {
+    const Touch& touch = minimand.touches[i];
     if (!couples(touch)) continue;
-    std::uint32_t later = touch.a, earlier = touch.b;
-    const float *phi_later = touch.phi_a, *phi_earlier = touch.phi_b;
-    if (node_of_[later] < node_of_[earlier]) {
-      std::swap(later, earlier);
-      std::swap(phi_later, phi_earlier);
-    }
-    find(keyOf(touch))->block +=
-        blockOf(-double(touch.firm) * momentsOf(later, phi_later) * momentsOf(earlier, phi_earlier).transpose());
+    const std::uint64_t key = keyOf(touch);
+    if (coupling == nullptr || coupling->key != key) coupling = find(key);
+    const bool a_is_later = node_of_[touch.a] > node_of_[touch.b];
+    const Eigen::Vector4d &later = moments_[2 * i + (a_is_later ? 0 : 1)],
+                          &earlier = moments_[2 * i + (a_is_later ? 1 : 0)];
+    coupling->block += blockOf(-double(touch.firm) * later * earlier.transpose());
   }
   takeApart();
 }
@@ -155,7 +184,6 @@ void RigidCoupling::takeApart() {
     nodes_[n].first = at;
     while (at < couplings_.size() && couplings_[at].key >> 32 == n) ++at;
     nodes_[n].count = at - nodes_[n].first;
-    if (!invert(nodes_[n].inverse, nodes_[n].own)) nodes_[n].own.setZero();
   }
   for (Node& node : nodes_) {
     const std::span<Coupling> later(couplings_.data() + node.first, node.count);
@@ -166,22 +194,27 @@ void RigidCoupling::takeApart() {
       for (Coupling& coupling : later) coupling.block.setZero();
       continue;
     }
-    for (Coupling& coupling : later) coupling.block = (coupling.block * node.inverse).eval();
+    blocks_.resize(later.size());  // of A, which are those of L times S
+    for (std::size_t i = 0; i < later.size(); ++i) {
+      blocks_[i] = later[i].block;
+      later[i].block = blocks_[i] * node.inverse;
+    }
     for (std::size_t i = 0; i < later.size(); ++i) {
       const auto row = std::uint32_t(later[i].key);
-      nodes_[row].inverse -= later[i].block * whole * later[i].block.transpose();
+      nodes_[row].inverse -= later[i].block * blocks_[i].transpose();
       for (std::size_t j = 0; j < i; ++j) {
         const std::uint64_t key = std::uint64_t(std::uint32_t(later[j].key)) << 32 | row;
         Coupling* const found = find(key);
         if (found == nullptr) continue;
-        found->block -= later[i].block * whole * later[j].block.transpose();
+        found->block -= later[i].block * blocks_[j].transpose();
       }
     }
   }
 }
 
 void RigidCoupling::take(const Minimand& minimand, const float* g) {
-  for (Node& node : nodes_) {
+  forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
+    Node& node = nodes_[n];
     const std::uint32_t k = minimand.pieces[node.piece]->field->k;
     const float* const from = g + minimand.first[node.piece];
     node.load.setZero();
@@ -192,7 +225,7 @@ void RigidCoupling::take(const Minimand& minimand, const float* g) {
       node.load.tail<3>() += arm.tail<3>().cross(pull);
     }
     node.way = node.load;
-  }
+  });
 }
 
 void RigidCoupling::substitute() {
@@ -212,7 +245,9 @@ void RigidCoupling::substitute() {
 
 void RigidCoupling::give(const Minimand& minimand, float* direction) {
   substitute();
-  for (const Node& node : nodes_) add(minimand, node, node.way - node.own * node.load, direction);
+  forEach(minimand.jobs, std::uint32_t(nodes_.size()), kPiecesAJob, [&](std::uint32_t n) {
+    add(minimand, nodes_[n], nodes_[n].way - nodes_[n].own * nodes_[n].load, direction);
+  });
 }
 
 void RigidCoupling::giveAlone(const Minimand& minimand, float* direction) {

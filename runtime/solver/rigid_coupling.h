@@ -13,6 +13,7 @@
 namespace sinew::internal {
 
 struct Minimand;
+struct Objective;
 
 /// The first matrices B of pieces are not coupled: alone they leave it to iterations to carry forces through a stack,
 /// piece by piece. With R the rigid motions of all pieces, A their matrix with the couplings and D = R^T B R its
@@ -23,6 +24,8 @@ class RigidCoupling {
  public:
   explicit RigidCoupling(std::pmr::memory_resource* memory);
 
+  /// Memory for so many pieces of so many functions in all.
+  void reserve(std::size_t pieces, std::size_t functions, std::size_t touches);
   /// \pre frames and systems are made
   void make(const Minimand& minimand);
   /// R^T g of all pieces. \param g size() floats of the minimand.
@@ -48,7 +51,13 @@ class RigidCoupling {
   /// A coefficient's parts of a translation and a turn.
   Eigen::Vector4d* arms(std::uint32_t piece) { return arms_.data() + first_arm_[piece]; }
 
-  void findArms(const Minimand& minimand);
+  const Eigen::Vector4d* arms(std::uint32_t piece) const { return arms_.data() + first_arm_[piece]; }
+
+  void findArms(std::uint32_t piece, const Objective& objective);
+  /// Its block of D; and the moments of its rows.
+  Block ownBlock(std::uint32_t piece, const Objective& objective);
+  /// What a row sees of a translation and a turn.
+  Eigen::Vector4d momentsOf(std::uint32_t piece, const Field& field, const float* phi) const;
   /// Null where there is none.
   Coupling* find(std::uint64_t key);
   void takeApart();
@@ -60,7 +69,9 @@ class RigidCoupling {
   Array<Coupling> couplings_;  ///< by their keys
   Array<std::uint64_t> keys_;
   Array<std::uint32_t> node_of_, first_arm_;
-  Array<Eigen::Vector4d> arms_;  ///< by function: 1, and the place in the world about the centre
+  Array<Eigen::Vector4d> arms_;     ///< by function: 1, and the place in the world about the centre
+  Array<Eigen::Vector4d> moments_;  ///< of touches, both sides
+  Array<Block> blocks_;             ///< scratch of takeApart()
 };
 
 }  // namespace sinew::internal

@@ -2,6 +2,7 @@
 #include "runtime/step/island.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "runtime/solver/for_each.h"
@@ -22,6 +23,22 @@ std::uint32_t keyOf(const TouchMemory& memory) {
 }
 
 }  // namespace
+
+// Memory for the next power of two, so that it seldom grows.
+void IslandScratch::reserve(std::size_t steps, std::size_t members, std::size_t functions, std::size_t touch_count) {
+  members = std::bit_ceil(members);
+  functions = std::bit_ceil(functions);
+  touch_count = std::bit_ceil(touch_count);
+  vectors.reserveVectors(4 * functions);
+  rigid.reserve(members, functions, touch_count);
+  for (Array<std::uint32_t>* array : {&first, &order, &next_row}) array->reserve(members + 1);
+  place.reserve(steps);
+  objectives.reserve(members);
+  systems.reserve(members);
+  values.reserve(members);
+  touches.reserve(touch_count);
+  rows.reserve(2 * touch_count);
+}
 
 void Island::run(double h, const WorldSettings& settings, std::span<TouchMemory> remembered) {
   gather();
@@ -78,7 +95,6 @@ void Island::gather() {
     const std::uint32_t begin = i == 0 ? 0 : s.next_row[i - 1];
     return std::span<TouchRow>(s.rows.data() + begin, s.next_row[i] - begin);
   };
-  for (std::size_t i = 0; i < members_.size(); ++i) member(i).reserveSystem(rows_of(i).size());
   forEach(jobs_, std::uint32_t(members_.size()), kPiecesAJob, [&](std::uint32_t i) {
     member(i).prepareTogether(rows_of(i));
     std::copy_n(member(i).scratch().base.data(), 4 * member(i).field().k, s.vectors.base.data() + s.first[i]);
@@ -131,17 +147,15 @@ void Island::solve(std::uint32_t iterations) {
   std::fill_n(s.d.begin(), size, 0.0F);
   minimand_.press(s.d.data());
   Objective::Value value = minimand_.at(s.d.data(), s.gradient.data(), true);
-  int chosen = 0;
-  const auto take = [&](int start, const Objective::Value& other) {
-    if (!(other.total < value.total)) return;
-    chosen = start;
+  bool last_taken = true;  // touches are as they are at s.d
+  const auto tryNext = [&] {
+    minimand_.press(s.next.data());
+    const Objective::Value other = minimand_.at(s.next.data(), s.next_gradient.data(), false);
+    last_taken = other.total < value.total;
+    if (!last_taken) return;
     value = other;
     std::copy_n(s.next.data(), size, s.d.data());
     std::copy_n(s.next_gradient.data(), size, s.gradient.data());
-  };
-  const auto at_next = [&] {
-    minimand_.press(s.next.data());
-    return minimand_.at(s.next.data(), s.next_gradient.data(), false);
   };
   // What flew into another may start where rigid bodies would be stopped: of others the skin is stopped first, and they
   // are drawn out to many times their length.
@@ -154,7 +168,7 @@ void Island::solve(std::uint32_t iterations) {
       scratch_.rigid.take(minimand_, s.next_gradient.data());
       scratch_.rigid.giveAlone(minimand_, s.direction.data());
       for (std::uint32_t i = 0; i < size; ++i) s.next[i] -= s.direction[i];
-      take(0, at_next());
+      tryNext();
     }
   }
   for (int start = 1; start < 3; ++start) {
@@ -169,10 +183,12 @@ void Island::solve(std::uint32_t iterations) {
       }
     }
     if (!differs) break;
-    take(start, at_next());
+    tryNext();
   }
-  minimand_.press(s.d.data());
-  if (chosen != 2) value = minimand_.at(s.d.data(), s.gradient.data(), false);
+  if (!last_taken) {
+    minimand_.press(s.d.data());
+    value = minimand_.at(s.d.data(), s.gradient.data(), false);
+  }
   s.pairs.start(size);
   minimize(minimand_, s.pairs, (impact ? kImpact : 1) * 2 * iterations, value);
 }

@@ -25,6 +25,8 @@ struct IslandScratch {
         touches(memory),
         rows(memory),
         values(memory) {}
+  /// What islands of at most so many members, functions and touches need, among so many steps.
+  void reserve(std::size_t steps, std::size_t members, std::size_t functions, std::size_t touches);
 
   MinimizeScratch vectors;
   RigidCoupling rigid;
@@ -39,8 +41,8 @@ struct IslandScratch {
 /// The pieces of an island.
 class Island {
  public:
-  /// \param members of `steps` and of `seen`, ascending. \param found touches between them. \param rows that their
-  /// places are of.
+  /// \pre PieceStep::reserveSystem(). \param members of `steps` and of `seen`, ascending. \param found touches between
+  /// them. \param rows that their places are of.
   Island(std::span<const std::uint32_t> members, OwningArray<PieceStep>& steps, std::span<const TouchingPiece> seen,
          std::span<const FoundTouch* const> found, std::span<const float> rows, IslandScratch& scratch, JobSystem* jobs)
       : members_(members), steps_(steps), seen_(seen), found_(found), all_rows_(rows), scratch_(scratch), jobs_(jobs) {}

@@ -33,7 +33,7 @@ bool isStill(const Body& body) {
 
 }  // namespace
 
-void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights) {
+void fallAsleep(Body& body, std::uint32_t group) {
   body.sleeps_with = group;
   body.outdated = true;
   for (Piece& piece : body.pieces) {
@@ -44,17 +44,8 @@ void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights) {
     state.turn.setZero();
     state.omega.setZero();
     state.h_before = 0;
-    piece.box = boxOf(body, piece, Vector3d::Zero(), 0, heights);
+    piece.box = boxOf(body, piece, Vector3d::Zero(), 0);
   }
-}
-
-void reserveSleep(const BodyList& bodies, TogetherScratch& scratch) {
-  scratch.parent.reserve(bodies.size());
-  std::size_t heights = scratch.points.size();
-  for (const BodyPointer& body : bodies) {
-    for (const Piece& piece : body->pieces) heights = std::max(heights, pointFloats(piece.field()));
-  }
-  if (heights > scratch.points.size()) scratch.points.resize(heights);
 }
 
 void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch) {
@@ -70,11 +61,11 @@ void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, T
   Array<std::uint32_t>& parent = scratch.parent;
   parent.resize(bodies.size());
   for (std::uint32_t i = 0; i < bodies.size(); ++i) parent[i] = i;
-  for (const TouchMemory& touch : scratch.touching) {
-    const std::uint32_t a = rootOf(parent, placeOf(bodies, touch.body_a)),
-                        b = rootOf(parent, placeOf(bodies, touch.body_b));
+  forEachPair({scratch.touching.data(), scratch.touching.size()}, [&](std::span<const TouchMemory> touches) {
+    const std::uint32_t a = rootOf(parent, placeOf(bodies, touches[0].body_a)),
+                        b = rootOf(parent, placeOf(bodies, touches[0].body_b));
     parent[std::max(a, b)] = std::min(a, b);
-  }
+  });
   // A root is marked where one of its bodies has not rested long enough.
   const auto rested = [&](const Body& body) {
     return body.asleep() || (!body.pieces.empty() && body.still >= double(settings.sleep_seconds));
@@ -87,7 +78,7 @@ void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, T
   }
   for (std::uint32_t i = 0; i < bodies.size(); ++i) {
     const std::uint32_t root = parent[i] & ~kAwake;
-    if ((parent[root] & kAwake) == 0 && !bodies[i]->asleep()) fallAsleep(*bodies[i], bodies[root]->id, scratch.points);
+    if ((parent[root] & kAwake) == 0 && !bodies[i]->asleep()) fallAsleep(*bodies[i], bodies[root]->id);
   }
 }
 

@@ -8,15 +8,12 @@
 
 namespace sinew::internal {
 
-/// Grows scratch to the size that letSleep() needs. May throw.
-void reserveSleep(const BodyList& bodies, TogetherScratch& scratch);
-
 /// After a step: counts how long each body has rested, and those that have rested for
 /// WorldSettings::sleep_seconds fall asleep, if all that they touch has rested as long.
 void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
 
-/// \param group the first body of those it falls asleep with. \param heights scratch, grown.
-void fallAsleep(Body& body, std::uint32_t group, Array<float>& heights);
+/// \param group the first body of those it falls asleep with.
+void fallAsleep(Body& body, std::uint32_t group);
 /// Wakes a body and all that fell asleep with it.
 void wake(BodyList& bodies, Body& body);
 void wakeAll(BodyList& bodies);

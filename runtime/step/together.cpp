@@ -17,18 +17,19 @@
 namespace sinew::internal {
 namespace {
 
-void addBox(const Body& body, std::uint32_t body_index, std::uint32_t piece_index, const Vector3d& gravity, double h,
-            TogetherScratch& scratch) {
-  const Piece& piece = body.pieces[piece_index];
-  if (piece.field().points.empty() || body.activity == Activity::disabled) return;
+/// Points whose places are found at once, a multiple of eight.
+constexpr std::uint32_t kPointsAtOnce = 128;
+/// Pairs that a thread takes at once.
+constexpr std::uint32_t kPairsAJob = 8;
+
+void findBox(const Body& body, const Vector3d& gravity, double h, PieceBox& box) {
+  const Piece& piece = body.pieces[box.piece];
   const bool stands = body.activity != Activity::active;
   const Vector3d own_gravity = double(body.settings.gravity_scale) * gravity;
-  const Eigen::AlignedBox3d box =
-      body.asleep() && !stands ? piece.box : boxOf(body, piece, own_gravity, stands ? 0 : h, scratch.points);
-  scratch.boxes.push_back({body_index,
-                           piece_index,
-                           {box.min()[0], box.min()[1], box.min()[2]},
-                           {box.max()[0], box.max()[1], box.max()[2]}});
+  const Eigen::AlignedBox3d found =
+      body.asleep() && !stands ? piece.box : boxOf(body, piece, own_gravity, stands ? 0 : h);
+  Vector3d::Map(box.low.data()) = found.min();
+  Vector3d::Map(box.high.data()) = found.max();
 }
 
 bool mayTouch(const BodySettings& a, const BodySettings& b) {
@@ -50,14 +51,12 @@ std::uint32_t placeOf(const BodyList& bodies, std::uint32_t id) {
   return std::uint32_t(std::lower_bound(bodies.begin(), bodies.end(), id, comes_before) - bodies.begin());
 }
 
-Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h,
-                          Array<float>& heights) {
+Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h) {
   const Field& field = piece.field();
-  const std::uint32_t blocks = std::uint32_t((field.points.size() + 7) / 8);
+  const auto count = std::uint32_t(field.points.size());
   const Vector3d center = meanOf(field, piece.z());
-  if (heights.size() < 8 * std::size_t(blocks)) heights.resize(8 * std::size_t(blocks));
   Eigen::AlignedBox3d box;
-  if (field.points.empty()) return box;
+  if (count == 0) return box;
   const double margin = kMargin * double(body.package().info().diagonal);
   for (int axis = 0; axis < 3; ++axis) {
     float low = 1e30F, high = -1e30F;
@@ -70,10 +69,15 @@ Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& 
         if (later) x += h * (piece.state.v[j][axis] + one * h * gravity[axis]);
         along[j] = float(x);
       }
-      kernels().field_heights({field.k, blocks, field.point_values, along.data(), heights.data()});
-      for (std::size_t p = 0; p < field.points.size(); ++p) {
-        low = std::min(low, heights[p]);
-        high = std::max(high, heights[p]);
+      std::array<float, kPointsAtOnce> heights;
+      for (std::uint32_t first = 0; first < count; first += kPointsAtOnce) {
+        const std::uint32_t some = std::min(kPointsAtOnce, count - first);
+        kernels().field_heights(
+            {field.k, (some + 7) / 8, field.point_values + std::size_t(first) * field.k, along.data(), heights.data()});
+        for (std::uint32_t p = 0; p < some; ++p) {
+          low = std::min(low, heights[p]);
+          high = std::max(high, heights[p]);
+        }
       }
     }
     box.min()[axis] = center[axis] + double(low) - margin;
@@ -82,7 +86,8 @@ Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& 
   return box;
 }
 
-void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch) {
+void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch,
+               JobSystem* jobs) {
   scratch.boxes.clear();
   scratch.pairs.clear();
   scratch.order.clear();
@@ -92,10 +97,15 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
   if (bodies.size() < 2 && (bodies.empty() || !touchesItself(*bodies[0]))) return;
   const Vector3d gravity = asVector(settings.gravity).cast<double>();
   for (std::uint32_t b = 0; b < bodies.size(); ++b) {
-    for (std::uint32_t p = 0; p < bodies[b]->pieces.size(); ++p) addBox(*bodies[b], b, p, gravity, seconds, scratch);
+    if (bodies[b]->activity == Activity::disabled) continue;
+    for (std::uint32_t p = 0; p < bodies[b]->pieces.size(); ++p) {
+      if (!bodies[b]->pieces[p].field().points.empty()) scratch.boxes.push_back({b, p, {}, {}});
+    }
   }
-  const auto& boxes = scratch.boxes;
+  auto& boxes = scratch.boxes;
   if (boxes.empty()) return;
+  forEach(jobs, std::uint32_t(boxes.size()), kPiecesAJob,
+          [&](std::uint32_t i) { findBox(*bodies[boxes[i].body], gravity, seconds, boxes[i]); });
   // Sorted by their lower ends along x, in floats about the first: equal ones in their order.
   const double origin = boxes[0].low[0];
   for (std::uint32_t i = 0; i < boxes.size(); ++i) {
@@ -152,19 +162,16 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
 }
 
 void keepSleeping(const BodyList& bodies, TogetherScratch& scratch) {
-  for (const TouchMemory& touch : scratch.touching) {
-    const std::uint32_t a = placeOf(bodies, touch.body_a), b = placeOf(bodies, touch.body_b);
-    if (a >= bodies.size() || b >= bodies.size()) continue;
+  forEachPair({scratch.touching.data(), scratch.touching.size()}, [&](std::span<const TouchMemory> touches) {
+    const std::uint32_t a = placeOf(bodies, touches[0].body_a), b = placeOf(bodies, touches[0].body_b);
+    if (a >= bodies.size() || b >= bodies.size()) return;
     const Body &one = *bodies[a], &other = *bodies[b];
-    if (one.id != touch.body_a || other.id != touch.body_b || !one.asleep() || !other.asleep()) continue;
-    scratch.next_touching.push_back(touch);
-  }
+    if (one.id != touches[0].body_a || other.id != touches[0].body_b || !one.asleep() || !other.asleep()) return;
+    for (const TouchMemory& touch : touches) scratch.next_touching.push_back(touch);
+  });
 }
 
 namespace {
-
-/// Pairs that a thread takes at once.
-constexpr std::uint32_t kPairsAJob = 8;
 
 /// What is stepped together: one step for each piece of a busy body, in the order of boxes.
 class Together {
@@ -219,12 +226,12 @@ class Together {
       s.steps.emplace_back(body, piece, world_, seconds_, s.pieces[i]);
     });
     // What touched itself goes on by one step each, as what meets others does.
-    for (const TouchMemory& touch : s.touching) {
-      const std::uint32_t body = placeOf(bodies_, touch.body_a);
-      if (touch.body_a != touch.body_b || body >= bodies_.size() || bodies_[body]->id != touch.body_a) continue;
-      if (s.busy[body] == 0) continue;
+    forEachPair({s.touching.data(), s.touching.size()}, [&](std::span<const TouchMemory> touches) {
+      if (touches[0].body_a != touches[0].body_b) return;
+      const std::uint32_t body = placeOf(bodies_, touches[0].body_a);
+      if (body >= bodies_.size() || bodies_[body]->id != touches[0].body_a || s.busy[body] == 0) return;
       s.busy[body] = kBusyWithOthers;
-    }
+    });
   }
 
   void predict() {
@@ -274,7 +281,7 @@ class Together {
       touches = std::max(touches, step.field().points.size());
     }
     touches *= 2;  // both ways
-    const std::uint32_t lanes = jobs_ == nullptr ? 1 : std::clamp(jobs_->concurrency(), 1U, 64U);
+    const std::uint32_t lanes = std::max(1U, lanesOf((count + kPairsAJob - 1) / kPairsAJob));
     while (s.lanes.size() < lanes) s.lanes.emplace_back(s.touching.memory());
     for (TouchList& lane : s.lanes) {
       lane.touches.reserve(touches);
@@ -348,6 +355,8 @@ class Together {
     }
     s.alone.resize(count);
     std::fill(s.alone.begin(), s.alone.end(), std::uint8_t{0});
+    s.rows_of.resize(count);
+    std::fill(s.rows_of.begin(), s.rows_of.end(), 0U);
     s.members.clear();
     s.touching_pairs.clear();
     for (std::uint32_t i = 0; i < count; ++i) s.members.push_back(std::uint64_t(rootOf(s.parent, i)) << 32 | i);
@@ -358,29 +367,101 @@ class Together {
     sortAscending({s.members.data(), s.members.size()});
     sortAscending({s.touching_pairs.data(), s.touching_pairs.size()});
     s.next_touching.resize(s.found.touches.size());
-    std::size_t remembered = 0;
+    s.ids.clear();
+    s.own.clear();
+    s.islands.clear();
     std::size_t p = 0;
     for (std::size_t m = 0; m < s.members.size();) {
       const std::uint64_t root = s.members[m] >> 32;
-      s.ids.clear();
-      s.own.clear();
+      IslandRange island = {std::uint32_t(s.ids.size()), 0, std::uint32_t(s.own.size()), 0};
       for (; m < s.members.size() && s.members[m] >> 32 == root; ++m) s.ids.push_back(std::uint32_t(s.members[m]));
       for (; p < s.touching_pairs.size() && s.touching_pairs[p] >> 32 == root; ++p) {
         const TouchRange range = s.pair_touches[std::uint32_t(s.touching_pairs[p])];
         for (std::uint32_t i = 0; i < range.count; ++i) s.own.push_back(&s.found.touches[range.first + i]);
       }
-      s.alone[s.ids[0]] = s.own.empty() ? 1 : 0;
-      if (s.own.empty()) continue;
-      for (const std::uint32_t id : s.ids) s.steps[id].setTogether();
-      Island({s.ids.data(), s.ids.size()}, s.steps, {s.seen.data(), s.seen.size()}, {s.own.data(), s.own.size()},
-             {s.found.rows.data(), s.found.rows.size()}, s.island, jobs_)
-          .run(seconds_, world_.settings, {s.next_touching.data() + remembered, s.own.size()});
-      remembered += s.own.size();
+      island.members = std::uint32_t(s.ids.size()) - island.first_member;
+      island.touches = std::uint32_t(s.own.size()) - island.first_touch;
+      if (island.touches > 0) {
+        s.islands.push_back(island);
+      } else {
+        s.alone[s.ids[island.first_member]] = 1;
+      }
     }
-    s.next_touching.resize(remembered);
+    for (const FoundTouch* touch : s.own) {
+      ++s.rows_of[touch->touch.a];
+      if (touch->touch.b != touch->touch.a) ++s.rows_of[touch->touch.b];
+    }
+    for (std::uint32_t i = 0; i < count; ++i) {
+      if (s.rows_of[i] > 0) s.steps[i].reserveSystem(s.rows_of[i]);
+    }
+    solveIslands();
+    s.next_touching.resize(s.own.size());
     forEachStep([&](std::uint32_t i) {
       if (s.alone[i] != 0) s.steps[i].finishAlone();
     });
+  }
+
+  /// Large ones one after the other, each shared by all threads; small ones side by side.
+  void solveIslands() {
+    TogetherScratch& s = scratch_;
+    std::size_t members = 0, functions = 0, touches = 0;
+    s.small.clear();
+    for (std::uint32_t i = 0; i < s.islands.size(); ++i) {
+      const IslandRange& island = s.islands[i];
+      std::size_t own = 0;
+      for (const std::uint32_t id : membersOf(island)) {
+        s.steps[id].setTogether();
+        own += s.steps[id].field().k;
+      }
+      if (!isSmall(island)) {
+        solve(island, s.island, jobs_);
+        continue;
+      }
+      s.small.push_back(i);
+      members = std::max(members, std::size_t(island.members));
+      functions = std::max(functions, own);
+      touches = std::max(touches, std::size_t(island.touches));
+    }
+    const std::uint32_t lanes = lanesOf(std::uint32_t(s.small.size()));
+    while (s.island_lanes.size() < lanes) s.island_lanes.emplace_back(s.touching.memory());
+    for (std::uint32_t lane = 0; lane < lanes; ++lane) {
+      s.island_lanes[lane].reserve(s.steps.size(), members, functions, touches);
+    }
+    std::atomic<std::uint32_t> next = 0;
+    forEach(jobs_, lanes, 1, [&](std::uint32_t lane) {
+      for (std::uint32_t i = next++; i < s.small.size(); i = next++) {
+        solve(s.islands[s.small[i]], s.island_lanes[lane], nullptr);
+      }
+    });
+  }
+
+  std::span<const std::uint32_t> membersOf(const IslandRange& island) const {
+    return {scratch_.ids.data() + island.first_member, island.members};
+  }
+
+  /// Threads that may work side by side on so many jobs.
+  std::uint32_t lanesOf(std::uint32_t jobs) const {
+    return jobs_ == nullptr ? std::min(jobs, 1U) : std::min(jobs, std::clamp(jobs_->concurrency(), 1U, 64U));
+  }
+
+  /// Whether it is a small part of what each thread has to do, or too small to be shared; and shares no body with
+  /// another.
+  bool isSmall(const IslandRange& island) const {
+    constexpr std::uint32_t kParts = 4;
+    const std::uint32_t threads = jobs_ == nullptr ? 1 : std::max(1U, jobs_->concurrency());
+    if (island.members >= std::max(2 * kPiecesAJob, std::uint32_t(scratch_.ids.size()) / (kParts * threads)))
+      return false;
+    const auto members = membersOf(island);
+    return std::all_of(members.begin(), members.end(),
+                       [this](std::uint32_t id) { return bodies_[scratch_.body_of[id]]->pieces.size() == 1; });
+  }
+
+  void solve(const IslandRange& island, IslandScratch& memory, JobSystem* jobs) {
+    TogetherScratch& s = scratch_;
+    Island(membersOf(island), s.steps, {s.seen.data(), s.seen.size()},
+           {s.own.data() + island.first_touch, island.touches}, {s.found.rows.data(), s.found.rows.size()}, memory,
+           jobs)
+        .run(seconds_, world_.settings, {s.next_touching.data() + island.first_touch, island.touches});
   }
 
   /// Calls visit for each step. Pieces of a body share what they report.
@@ -399,9 +480,22 @@ class Together {
       body.repaired += piece.field().vertex_count;
     });
     keepSleeping(bodies_, scratch_);
-    std::sort(scratch_.next_touching.begin(), scratch_.next_touching.end(),
-              [](const TouchMemory& x, const TouchMemory& y) { return touchOrder(x) < touchOrder(y); });
-    scratch_.touching.swap(scratch_.next_touching);
+    sortTouches();
+  }
+
+  /// From next_touching to touching: pair after pair, whose touches are in order.
+  void sortTouches() {
+    TogetherScratch& s = scratch_;
+    s.runs.clear();
+    forEachPair({s.next_touching.data(), s.next_touching.size()}, [&](std::span<const TouchMemory> touches) {
+      s.runs.push_back({std::uint32_t(touches.data() - s.next_touching.data()), std::uint32_t(touches.size())});
+    });
+    std::sort(s.runs.begin(), s.runs.end(), [&](const TouchRange& x, const TouchRange& y) {
+      return touchOrder(s.next_touching[x.first]) < touchOrder(s.next_touching[y.first]);
+    });
+    s.touching.resize(s.next_touching.size());
+    TouchMemory* to = s.touching.data();
+    for (const TouchRange& run : s.runs) to = std::copy_n(s.next_touching.data() + run.first, run.count, to);
   }
 
   BodyList& bodies_;

@@ -21,6 +21,11 @@ struct PieceBox {
   std::array<double, 3> low, high;
 };
 
+/// An island: places in TogetherScratch::ids and own.
+struct IslandRange {
+  std::uint32_t first_member, members, first_touch, touches;
+};
+
 /// Touches, which stay from step to step, and memory that steps use again.
 struct TogetherScratch {
   explicit TogetherScratch(std::pmr::memory_resource* memory)
@@ -48,8 +53,13 @@ struct TogetherScratch {
         touching_pairs(memory),
         ids(memory),
         own(memory),
+        rows_of(memory),
+        islands(memory),
+        small(memory),
         island(memory),
-        next_touching(memory) {}
+        island_lanes(memory),
+        next_touching(memory),
+        runs(memory) {}
 
   Array<TouchMemory> touching;  ///< sorted
 
@@ -70,15 +80,19 @@ struct TogetherScratch {
   Array<TouchingPiece> seen;                     ///< of each step
   Array<std::uint8_t> alone;                     ///< of each step: nothing touches it
   Array<std::uint64_t> members, touching_pairs;  ///< root << 32 | step or pair
-  Array<std::uint32_t> ids;                      ///< of an island
-  Array<const FoundTouch*> own;                  ///< of an island
+  Array<std::uint32_t> ids;                      ///< steps, by island
+  Array<const FoundTouch*> own;                  ///< by island
+  Array<std::uint32_t> rows_of;                  ///< of each step: touches that it has
+  Array<IslandRange> islands;
+  Array<std::uint32_t> small;  ///< islands that are solved side by side
   IslandScratch island;
+  OwningArray<IslandScratch> island_lanes;  ///< of threads that solve small ones
   Array<TouchMemory> next_touching;
+  Array<TouchRange> runs;  ///< of it, by pair
 };
 
-/// Box around a piece's contact points now and, as it moves, after h seconds; world. \param heights scratch, grown.
-Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h,
-                          Array<float>& heights);
+/// Box around a piece's contact points now and, as it moves, after h seconds; world.
+Eigen::AlignedBox3d boxOf(const Body& body, const Piece& piece, const Vector3d& gravity, double h);
 /// Root of a tree in a forest of parents.
 std::uint32_t rootOf(Array<std::uint32_t>& parent, std::uint32_t i);
 /// Place of a BodyId in the list. \pre it is there
@@ -86,7 +100,8 @@ std::uint32_t placeOf(const BodyList& bodies, std::uint32_t id);
 
 /// Finds the bodies whose boxes meet those of others in a step: TogetherScratch::busy, boxes and pairs. What moves
 /// wakes what it meets.
-void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
+void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch,
+               JobSystem* jobs);
 
 /// Adds the touches between bodies that are asleep to TogetherScratch::next_touching.
 void keepSleeping(const BodyList& bodies, TogetherScratch& scratch);

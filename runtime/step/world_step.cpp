@@ -40,8 +40,8 @@ void stepWorld(BodyList& bodies, StepScratch& scratch, TogetherScratch& together
   }
   if (std::all_of(bodies.begin(), bodies.end(), [](const BodyPointer& body) { return body->asleep(); })) return;
   growScratch(bodies, world.colliders.size(), scratch, jobs);
-  if (world.settings.sleep_seconds > 0) reserveSleep(bodies, together);
-  findPairs(bodies, world.settings, seconds, together);
+  if (world.settings.sleep_seconds > 0) together.parent.reserve(bodies.size());
+  findPairs(bodies, world.settings, seconds, together, jobs);
   // Each lane takes the next body that nobody has taken. Bodies that touch no other share nothing, so it does not
   // matter which.
   std::atomic<std::size_t> next = 0;

@@ -322,7 +322,7 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
   body->solver->restore(bytes.subspan(header.bytes - header.solver_bytes, header.solver_bytes));
   if (header.asleep != 0) {
     impl_->guarded("restoreState", false, [&] {
-      internal::fallAsleep(*body, body->id, impl_->together.points);
+      internal::fallAsleep(*body, body->id);
       return true;
     });
   }
