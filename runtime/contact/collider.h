@@ -23,10 +23,11 @@ struct Pose {
 
 /// What a body did to a collider in a step.
 struct ColliderTouch {
-  std::uint32_t collider;    ///< ColliderId
-  Vector3d impulse, torque;  ///< on the collider; N s, and N m s about its origin
-  Vector3d place;            ///< sum of the contacts' loads times their places, N m
-  double load;               ///< N
+  std::uint32_t collider;            ///< ColliderId
+  Vector3d impulse, torque;          ///< on the collider; N s, and N m s about its origin
+  Vector3d place;                    ///< sum of the contacts' loads times their places about its origin, N m
+  double load;                       ///< N
+  Vector3d push = Vector3d::Zero();  ///< impulse that it gave along the contacts' normals, N s
 };
 
 /// A collider as steps see it.

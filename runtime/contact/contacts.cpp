@@ -205,7 +205,6 @@ class Search {
     contact.floor = float(std::min(0.0, low + kRecoverySpeed * step_.h * step_.diagonal));
     const double pressed_in = std::max(0.0, double(contact.floor) - gap_before);
     const double coming = touched == nullptr && gap < 0 ? comingOf(candidate, collider, before, normal) : 0;
-    contact.floor += bounceOf(collider, normal, coming, gap_before);
     contact.gap = float(gap - double(contact.floor));
     // A constant of the point, whatever else touches: else what rests would be a spring that changes.
     const double weight = std::max(step_.weight, field_.mass * kLeastGravity * step_.diagonal);
@@ -237,16 +236,6 @@ class Search {
                   const Vector3d& normal) const {
     const Vector3d carried = (collider.pose.toWorld(before) - collider.pose_before.toWorld(before)) / step_.h;
     return normal.dot(carried - velocityOf(field_, candidate.point, piece_.v()));
-  }
-
-  /// How much higher the plane lies that a point is pushed to which comes with speed a and leaves with v: after the
-  /// step it has of its energy v^2 / 2 + g v h = e^2 a^2 / 2, with its weight g into the plane (docs/method.md §4).
-  float bounceOf(const Collider& collider, const Vector3d& normal, double coming, double gap_before) const {
-    const double restitution = double(collider.settings.restitution);
-    if (!(restitution > 0) || !(coming > 0)) return 0;
-    const double fall = step_.h * std::max(0.0, -normal.dot(step_.gravity));
-    const double leaving = std::sqrt(fall * fall + restitution * restitution * coming * coming) - fall;
-    return float(std::max(0.0, gap_before) + leaving * step_.h);
   }
 
   /// A collider that has a mass gives way in the step by h^2 / m for each force, so that its springs and it are in
@@ -367,9 +356,9 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
     if (length > most) slide *= most / length;
     const Vector3d anchor = collider.pose.toLocal(at - slide - (contact.lag - lag * contact.normal).cast<double>());
     const Vector3d normal = collider.pose.rotation.transpose() * contact.normal.cast<double>();
-    // What bounces off has no floor any more, and where the collider gave way it is off by that.
+    // Where the collider gave way the floor is off by that.
     const float given_way = contact.give * contact.kappa * -gap;
-    const float floor = std::min(0.0F, contact.floor) - given_way;
+    const float floor = contact.floor - given_way;
     const float depth = std::max(0.0F, floor - (contact.floor + contact.gap + lag + rise));
     piece.state.touching.push_back({contact.point,
                                     collider.id,
@@ -386,6 +375,7 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
     const double load = double(contact.kappa) * -double(gap);
     ColliderTouch& touch = touches.back();
     touch.impulse += impulse;
+    touch.push += seconds * load * contact.normal.cast<double>();
     touch.torque += (at - collider.pose.position).cross(impulse);
     touch.place += load * (at - collider.pose.position);
     touch.load += load;

@@ -19,20 +19,23 @@ std::uint32_t strideOf(std::uint32_t unknowns) { return (unknowns + 7) / 8 * 8; 
 
 /// Q diag(values) Q^T from the modes.
 void fillStiffness(const Field& field, float* to) {
+  using Four = Eigen::Array4f;
   const std::uint32_t n = field.unknowns();
+  const auto entry = [&](std::uint32_t i, std::uint32_t j) -> float& { return to[std::size_t(field.stride) * i + j]; };
   for (std::uint32_t first = 0; first < n; first += 8) {
     const float* const block = field.modes + std::size_t(first) * (n + 1);
     for (std::uint32_t i = 0; i < n; ++i) {
-      std::array<float, 8> scaled;
-      for (std::size_t lane = 0; lane < 8; ++lane) scaled[lane] = block[lane] * block[8 * (i + 1) + lane];
-      float* const row = to + std::size_t(field.stride) * i;
-      for (std::uint32_t j = 0; j < n; ++j) {
+      const float* const own = block + 8 * (i + 1);
+      const Four low = Four::Map(block) * Four::Map(own), high = Four::Map(block + 4) * Four::Map(own + 4);
+      for (std::uint32_t j = 0; j <= i; ++j) {
         const float* const other = block + 8 * (j + 1);
-        float sum = 0;
-        for (std::size_t lane = 0; lane < 8; ++lane) sum += scaled[lane] * other[lane];
-        row[j] += sum;
+        const Four sum = low * Four::Map(other) + high * Four::Map(other + 4);
+        entry(i, j) += (sum[0] + sum[1]) + (sum[2] + sum[3]);
       }
     }
+  }
+  for (std::uint32_t i = 0; i < n; ++i) {
+    for (std::uint32_t j = 0; j < i; ++j) entry(j, i) = entry(i, j);
   }
 }
 

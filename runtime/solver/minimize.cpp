@@ -395,6 +395,20 @@ double Objective::heldByContacts(const float* direction) const {
   return held;
 }
 
+double Objective::fallen2(const float* gradient) const {
+  const auto& contacts = scratch->contacts;
+  if (has_springs || holds != nullptr || field->driven > 0) return 0;
+  if (std::any_of(contacts.begin(), contacts.end(), [](const Contact& c) { return gapOf(c) < 0; })) return 0;
+  Eigen::Vector3d pull = Eigen::Vector3d::Zero();
+  double mass = 0;
+  for (std::uint32_t j = 0; j < field->k; ++j) {
+    const double one = double(field->functions[j].one);
+    pull += one * Eigen::Map<const Eigen::Vector3f>(gradient + 4 * j).cast<double>();
+    mass += one * one;
+  }
+  return h * h * h * h * pull.squaredNorm() / mass;
+}
+
 double Objective::roughStiffness() const {
   const double omega = 2 * M_PI * double(field->lowest_hz);
   return kRough * double(stiffness) * omega * omega;
@@ -491,6 +505,17 @@ double Minimand::heldByContacts(const float* direction) const {
   return held;
 }
 
+double Minimand::fallen2(const float* gradient) const {
+  double most = 0;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const auto pushes = [&](const TouchRow& row) { return gapOf(touches[row.touch]) < 0; };
+    const auto rows = pieces[i]->touch_rows;
+    if (std::any_of(rows.begin(), rows.end(), pushes)) continue;
+    most = std::max(most, pieces[i]->fallen2(gradient + first[i]));
+  }
+  return most;
+}
+
 void Minimand::renew(const float* d, bool pushing_only) const {
   forEach(jobs, std::uint32_t(touches.size()), kTouchesAJob, [&](std::uint32_t i) {
     Touch& touch = touches[i];
@@ -516,8 +541,9 @@ double squaredSize(const Objective& objective) {
 }
 
 /// Whether a direction stays short without what holds it but does not push: along it the curvature is slope - held, not
-/// slope, so that the minimum lies at slope / (slope - held) times its length.
-bool staysShort(double squared_length, double most, double slope, double held) {
+/// slope, so that the minimum lies at slope / (slope - held) times its length; and what nothing pushes falls by itself.
+bool staysShort(double squared_length, double most, double slope, double held, double fallen2) {
+  if (!(slope > 0) || (held > 0 && fallen2 > most)) return false;
   const double left = 1 - held / slope;
   return left > 0 && squared_length <= left * left * most;
 }
@@ -538,7 +564,8 @@ bool isSettled(const Objective& objective, const float* d, const float* gradient
   std::fill_n(direction, first, 0.0F);
   objective.precondition(direction);
   return staysShort(dot(direction + first, direction + first, n), settledWay2(objective, dot(d + first, d + first, n)),
-                    dot(gradient + first, direction + first, n), objective.heldByContacts(direction));
+                    dot(gradient + first, direction + first, n), objective.heldByContacts(direction),
+                    objective.fallen2(gradient));
 }
 
 Objective::Value minimize(Objective& objective, SystemFactor& system, Pairs& pairs, std::uint32_t iterations,
@@ -582,8 +609,16 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     pairs.expand(direction, jobs);
     double slope = dot(gradient, direction, n, jobs);
     if (!(slope > 0)) {
-      if (pairs.count() == 0) break;
+      // Floats hold no matrix in which contacts that are far from pushing weigh millions of times what inertia does.
+      if (pairs.count() == 0) {
+        if (renewed) break;
+        ++iteration;
+        minimand.renew(d, true);
+        renewed = true;
+        scale = 1;
+      }
       pairs.clear();
+      carried = false;
       continue;
     }
     const double way2 = dot(d, d, n, jobs);
@@ -591,7 +626,9 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     const double most = double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
     const double length2 = dot(direction, direction, n, jobs);
     const bool settled = length2 <= most;
-    if (settled && (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction)))) break;
+    if (settled &&
+        (renewed || staysShort(length2, most, slope, minimand.heldByContacts(direction), minimand.fallen2(gradient))))
+      break;
     float part = 1;
     bool taken = false;
     Objective::Value next;

@@ -142,6 +142,9 @@ struct Objective {
   /// What contacts that do not push where they were last evaluated, as the first matrix has them, hold of a direction:
   /// sum of kappa |phi direction|^2, J.
   double heldByContacts(const float* direction) const;
+  /// Squared length of the way that the whole goes by its gradient and inertia alone, where nothing holds it and no
+  /// contact pushes it as last evaluated; else 0.
+  double fallen2(const float* gradient) const;
   /// Squared angular frequency above most elastic modes: what floats round of a shape pulls as if it were this stiff.
   double roughStiffness() const;
 };
@@ -171,6 +174,8 @@ struct Minimand {
   bool hasFriction() const;
   /// Objective::heldByContacts() of all, and of the touches.
   double heldByContacts(const float* direction) const;
+  /// The largest Objective::fallen2() of pieces that no touch pushes either.
+  double fallen2(const float* gradient) const;
   /// The matrices become those of the shape at d. \param pushing_only of contacts and touches those count that push
   /// there, not all that are near.
   void renew(const float* d, bool pushing_only) const;

@@ -58,6 +58,9 @@ struct PieceState {
   Pairs pairs;
   double pairs_h = 0;
   Eigen::Matrix3f pairs_frame = Eigen::Matrix3f::Identity();
+  /// Of an impact that goes on: the impulse that restitution returns, N s, and the energy that has been lost, J.
+  Vector3d rebound = Vector3d::Zero();
+  double lost = 0;
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 

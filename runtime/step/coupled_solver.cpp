@@ -24,8 +24,8 @@ constexpr std::uint32_t kHeld = 1, kLeaning = 2;  ///< of SavedPiece::flags
 struct SavedPiece {
   std::uint32_t flags, functions, touching, plastic;
   std::uint64_t level;
-  double h_before, elastic, budget;
-  std::array<double, 3> turn, omega;
+  double h_before, elastic, budget, lost;
+  std::array<double, 3> turn, omega, rebound;
   double pairs_h;
   std::array<float, 9> pairs_frame;
   std::uint32_t pairs;
@@ -51,8 +51,10 @@ SavedPiece savedOf(const Piece& piece) {
                       state.h_before,
                       state.elastic,
                       state.budget,
+                      state.lost,
                       {state.turn[0], state.turn[1], state.turn[2]},
                       {state.omega[0], state.omega[1], state.omega[2]},
+                      {state.rebound[0], state.rebound[1], state.rebound[2]},
                       0,
                       {},
                       pairsOf(state)};
@@ -191,6 +193,7 @@ class CoupledSolver final : public BodySolver {
       }
       state.turn = rotation * state.turn;
       state.omega = rotation * state.omega;
+      state.rebound = rotation * state.rebound;
       for (TouchingPoint& point : state.touching) {
         if (point.collider != kGroundCollider.value) continue;  // theirs go with the colliders
         Eigen::Map<Eigen::Vector3d> anchor(point.anchor.data());
@@ -276,8 +279,10 @@ class CoupledSolver final : public BodySolver {
       state.h_before = saved.h_before;
       state.elastic = saved.elastic;
       state.budget = saved.budget;
+      state.lost = saved.lost;
       state.turn = {saved.turn[0], saved.turn[1], saved.turn[2]};
       state.omega = {saved.omega[0], saved.omega[1], saved.omega[2]};
+      state.rebound = {saved.rebound[0], saved.rebound[1], saved.rebound[2]};
       piece.springs_firm = -1;
       piece.system.h = 0;
       for (auto* array : {&state.z, &state.v, &state.z_before, &state.v_before}) {

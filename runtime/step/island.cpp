@@ -171,18 +171,20 @@ void Island::solve(std::uint32_t iterations) {
       tryNext();
     }
   }
-  for (int start = 1; start < 3; ++start) {
-    bool differs = start == 1;
+  const auto leaned =
+      std::count_if(members_.begin(), members_.end(), [this](std::uint32_t m) { return steps_[m].leaned(); });
+  for (const bool to_old : {true, false}) {
+    if (std::size_t(leaned) == (to_old ? members_.size() : 0)) continue;
     for (std::size_t i = 0; i < members_.size(); ++i) {
       float* const next = s.next.data() + scratch_.first[i];
-      if (start == 1 || member(i).leaned()) {
+      if (to_old) {
         member(i).oldPlace(next);
+      } else if (member(i).leaned()) {
+        member(i).weightless(next);
       } else {
         std::fill_n(next, 4 * member(i).field().k, 0.0F);
-        differs = true;
       }
     }
-    if (!differs) break;
     tryNext();
   }
   if (!last_taken) {

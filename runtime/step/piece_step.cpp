@@ -23,8 +23,19 @@ constexpr double kLargeTurn = 0.1;
 constexpr double kMostParts = 64;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
+/// Of the speed with which it will leave: what comes no faster than that has come.
+constexpr double kStillComing = 0.1;
 /// Of the step's length that of the inertia of what stands: a trillion times its mass.
 constexpr double kStanding = 1e-6;
+
+}  // namespace
+
+namespace {
+
+void endImpact(PieceState& state) {
+  state.rebound.setZero();
+  state.lost = 0;
+}
 
 }  // namespace
 
@@ -206,6 +217,14 @@ void PieceStep::oldPlace(float* d) const {
   }
 }
 
+void PieceStep::weightless(float* d) const {
+  if (stands() || springs_ || field_.driven > 0) return oldPlace(d);
+  const Eigen::Vector3f fall = (effective_h_ * effective_h_ * gravity_).cast<float>();
+  for (std::uint32_t j = 0; j < k_; ++j) {
+    for (std::uint32_t c = 0; c < 4; ++c) d[4 * j + c] = c < 3 ? -float(oneOf(field_, j)) * fall[int(c)] : 0;
+  }
+}
+
 void PieceStep::finishTogether(bool leaning) {
   if (stands()) return;
   value_ = {};
@@ -251,6 +270,12 @@ void PieceStep::add(const Vector3d& way, const Vector3d& velocity, const Vector3
 
 std::span<const Collider* const> PieceStep::nearby() const {
   return {scratch_.contacts.near.data(), scratch_.contacts.near.size()};
+}
+
+const Collider& PieceStep::colliderOf(const ColliderTouch& touch) const {
+  const auto all = nearby();
+  const auto comes_before = [](const Collider* collider, std::uint32_t id) { return collider->id < id; };
+  return **std::lower_bound(all.begin(), all.end(), touch.collider, comes_before);
 }
 
 ContactStep PieceStep::contactStep() const {
@@ -582,6 +607,8 @@ void PieceStep::settle() {
   // Beside its weight and the air only contacts have changed the momentum, unless something holds the piece.
   const Vector3d given = -(field_.mass * (meanOf(field_, std::as_const(piece_).v()) - rigid_velocity_));
   const bool held = springs_ || field_.driven > 0;
+  const std::size_t first_touch = body_.touches.size();
+  const double elastic_before = state.elastic;
   rememberContacts(piece_, contactStep(), y(), center_, effective_h_, held || together_ ? nullptr : &given, s_,
                    body_.touches);
   // A two-step formula does not reach across contacts: it would gain energy where they come and go.
@@ -591,6 +618,7 @@ void PieceStep::settle() {
   // not.
   const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && !together_;
   state.elastic = value_.elastic;
+  held || together_ ? endImpact(state) : rebound(v, first_touch, elastic_before);
   if (forced_) state.budget = -1;
   if (free) keepMomentum(z, v);
   keepEnergy(z, v, free);
@@ -654,6 +682,76 @@ void PieceStep::keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free
     const Vector3d arm = z.row(j).transpose() - oneOf(field_, j) * center;
     const Vector3d rigid = oneOf(field_, j) * velocity + omega.cross(arm);
     v.row(j) = (rigid + kept * (v.row(j).transpose() - rigid)).transpose();
+  }
+}
+
+// An impact that a body loses energy in goes on while the places where it is pushed still come; what it takes of its
+// momentum beyond its weight is returned, times the restitution e, when they cease to. So nothing that rings pumps
+// itself up, and e^2 of what was lost bounds what is returned.
+void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
+  PieceState& state = piece_.state;
+  const std::span<ColliderTouch> touches(body_.touches.data() + first, body_.touches.size() - first);
+  Vector3d push = Vector3d::Zero(), returned = push, place = push, carried = push;
+  double load = 0;
+  for (const ColliderTouch& touch : touches) {
+    const Collider& collider = colliderOf(touch);
+    push += touch.push;
+    returned += double(collider.settings.restitution) * touch.push;
+    const Vector3d at = collider.pose.position + touch.place / touch.load;
+    place += touch.load * at;
+    carried += touch.load * (at - collider.pose_before.toWorld(collider.pose.toLocal(at))) / h_;
+    load += touch.load;
+  }
+  const double size = push.norm(), e = size > 0 ? returned.norm() / size : 0;
+  if (!(e > 0)) return endImpact(state);
+  place /= load;
+  carried /= load;
+  const Vector3d normal = push / size;
+  const double weight = field_.mass * std::max(0.0, -normal.dot(gravity_)) * h_;
+  if (size > weight) state.rebound += (1 - weight / size) * returned;
+  const ConstCoefficientMap z = std::as_const(piece_).z(), now(v.data(), v.rows(), 3),
+                            z_before(state.z_before.data()->data(), Eigen::Index(k_), 3),
+                            v_before(state.v_before.data()->data(), Eigen::Index(k_), 3);
+  const auto kinetic = [&](const ConstCoefficientMap& of) {
+    double sum = 0;
+    for (std::uint32_t j = 0; j < k_; ++j) {
+      sum += 0.5 * (of.row(j).transpose() - oneOf(field_, j) * carried).squaredNorm();
+    }
+    return sum;
+  };
+  const Vector3d center = meanOf(field_, z);
+  const double fallen = field_.mass * gravity_.dot(center - meanOf(field_, z_before));
+  state.lost += std::max(0.0, kinetic(v_before) + std::max(0.0, before) + fallen - kinetic(now) - state.elastic);
+  if (state.rebound.isZero(0)) return endImpact(state);
+  const Vector3d velocity = meanOf(field_, now), arm = place - center;
+  const Matrix3d inertia = inertiaOf(field_, z, center);
+  const Vector3d omega = solved(inertia, angularMomentum(field_, z, now, center, velocity));
+  const double coming = -normal.dot(velocity + omega.cross(arm) - carried);
+  const double leaving = state.rebound.norm() / field_.mass;
+  if (coming > kStillComing * leaving) return;
+  // A step's weight is taken back: v^2 / 2 + g v h is what it has left of the energy.
+  const double fall = weight / field_.mass;
+  const Vector3d impulse = (std::sqrt(fall * fall + leaving * leaving) - fall) / leaving * state.rebound;
+  const Vector3d turn = solved(inertia, arm.cross(impulse));
+  // The energy that a part s of it brings is a s + b s^2.
+  double a = 0, b = 0;
+  const auto added = [&](std::uint32_t j) {
+    const double one = oneOf(field_, j);
+    return Vector3d(one / field_.mass * impulse + turn.cross(Vector3d(z.row(j).transpose() - one * center)));
+  };
+  for (std::uint32_t j = 0; j < k_; ++j) {
+    a += added(j).dot(v.row(j).transpose() - oneOf(field_, j) * carried);
+    b += 0.5 * added(j).squaredNorm();
+  }
+  const double part =
+      b > 0 ? std::min(1.0, (std::sqrt(std::max(0.0, a * a + 4 * b * e * e * state.lost)) - a) / (2 * b)) : 0;
+  endImpact(state);
+  if (!(part > 0)) return;
+  for (std::uint32_t j = 0; j < k_; ++j) v.row(j) += part * added(j).transpose();
+  for (ColliderTouch& touch : touches) {
+    const Vector3d given = -part * touch.load / load * impulse;
+    touch.impulse += given;
+    touch.torque += (place - colliderOf(touch).pose.position).cross(given);
   }
 }
 

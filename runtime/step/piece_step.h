@@ -71,6 +71,8 @@ class PieceStep {
   void prepareTogether(std::span<TouchRow> rows);
   /// Where it was, from the prediction. \param d k x 4.
   void oldPlace(float* d) const;
+  /// Where it would go without its weight, which what carries it takes; where something holds it, oldPlace().
+  void weightless(float* d) const;
   /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held.
   void finishTogether(bool leaning);
 
@@ -87,6 +89,7 @@ class PieceStep {
  private:
   ConstCoefficientMap y() const { return {s_.prediction.data()->data(), Eigen::Index(k_), 3}; }
   std::span<const Collider* const> nearby() const;
+  const Collider& colliderOf(const ColliderTouch& touch) const;
   ContactStep contactStep() const;
   SpringStep springStep() const { return {h_, field_.mass * gravity_.norm(), stiffness_, frame_, moved_, center_}; }
 
@@ -146,6 +149,10 @@ class PieceStep {
 
   /// A free piece never has more energy than when something last acted on it.
   void keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free);
+
+  /// Restitution of what is free (docs/method.md §4). \param first of Body::touches that are this piece's. \param
+  /// before energy that it stored, J.
+  void rebound(CoefficientMap& v, std::size_t first, double before);
 
   void react();
 

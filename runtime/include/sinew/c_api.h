@@ -374,7 +374,7 @@ typedef struct sinew_collider_settings {
   float position[3]; /* m; 0 0 0 */
   float rotation[9]; /* proper; identity */
   float friction;    /* Coulomb coefficient, 0..1e4; 0.6 */
-  float restitution; /* part of the speed that a point bounces off with, 0..1; 0 */
+  float restitution; /* part of the speed that a free body leaves with, 0..1; 0 */
   uint32_t layers;   /* as of a body; 1 */
   uint32_t touches;  /* all */
   float mass;        /* kg, of the engine's rigid body; 0: it moves as it is told; 0 */

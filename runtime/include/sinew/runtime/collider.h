@@ -70,7 +70,7 @@ using ColliderShape =
 struct ColliderSettings {
   RigidTransform at;         ///< where it is
   float friction = 0.6F;     ///< Coulomb coefficient, 0..1e4; of a pair: BodySettings::friction
-  float restitution = 0;     ///< speed of a point of a body as it leaves, of that at which it came, 0..1
+  float restitution = 0;     ///< speed of a free body as it leaves, of that at which it came, 0..1; less where it rings
   std::uint32_t layers = 1;  ///< bits: two touch if each has a layer that is in the `touches` of the other
   std::uint32_t touches = 0xFFFFFFFFU;
   /// m/s, > 0: moveCollider() is followed no faster than that, as a hand follows a cursor; it may take several steps. A
