@@ -171,21 +171,18 @@ void Island::solve(std::uint32_t iterations) {
       tryNext();
     }
   }
-  const auto leaned =
-      std::count_if(members_.begin(), members_.end(), [this](std::uint32_t m) { return steps_[m].leaned(); });
-  for (const bool to_old : {true, false}) {
-    if (std::size_t(leaned) == (to_old ? members_.size() : 0)) continue;
+  for (const bool all : {true, false}) {
+    bool differs = all;
     for (std::size_t i = 0; i < members_.size(); ++i) {
       float* const next = s.next.data() + scratch_.first[i];
-      if (to_old) {
+      if (all || member(i).leaned()) {
         member(i).oldPlace(next);
-      } else if (member(i).leaned()) {
-        member(i).weightless(next);
       } else {
         std::fill_n(next, 4 * member(i).field().k, 0.0F);
+        differs = true;
       }
     }
-    tryNext();
+    if (differs) tryNext();
   }
   if (!last_taken) {
     minimand_.press(s.d.data());

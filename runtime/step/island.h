@@ -56,8 +56,7 @@ class Island {
   void gatherRows();
   /// Orders pieces from top to bottom, so that RigidCoupling eliminates each before those it rests on.
   void couple(const Vector3d& gravity);
-  /// Minimizes from the lowest of the places to start from: the prediction, the same without the weight of what leaned,
-  /// and the old places, unless all leaned.
+  /// Minimizes from the lowest of three starts: the prediction, the old places of all, those of pieces that leaned.
   void solve(std::uint32_t iterations);
   /// Support damping of the island: the rotation of its pieces about its centre decays.
   void dampSwing(double h, const WorldSettings& settings);

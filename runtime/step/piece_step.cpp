@@ -217,14 +217,6 @@ void PieceStep::oldPlace(float* d) const {
   }
 }
 
-void PieceStep::weightless(float* d) const {
-  if (stands() || springs_ || field_.driven > 0) return oldPlace(d);
-  const Eigen::Vector3f fall = (effective_h_ * effective_h_ * gravity_).cast<float>();
-  for (std::uint32_t j = 0; j < k_; ++j) {
-    for (std::uint32_t c = 0; c < 4; ++c) d[4 * j + c] = c < 3 ? -float(oneOf(field_, j)) * fall[int(c)] : 0;
-  }
-}
-
 void PieceStep::finishTogether(bool leaning) {
   if (stands()) return;
   value_ = {};

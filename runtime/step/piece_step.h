@@ -71,8 +71,6 @@ class PieceStep {
   void prepareTogether(std::span<TouchRow> rows);
   /// Where it was, from the prediction. \param d k x 4.
   void oldPlace(float* d) const;
-  /// Where it would go without its weight, which what carries it takes; where something holds it, oldPlace().
-  void weightless(float* d) const;
   /// The end of a step whose offset and gradient are in scratch(). \param leaning on something that is held.
   void finishTogether(bool leaning);
 

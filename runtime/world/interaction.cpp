@@ -168,8 +168,9 @@ Vec3 World::placeOf(BodyId id, const BodyPoint& at) const {
 PickId World::pick(BodyId id, const BodyPoint& at, Vec3 target, const PickSettings& settings) {
   Body* body = impl_->seen(id, "pick");
   if (body == nullptr || !impl_->isOf(*body, at, "pick")) return {};
-  if (!internal::stateIsUsable(target, {}) || std::isnan(settings.frequency_hz)) {
-    impl_->tell(LogSeverity::error, "pick: target or frequency is not finite, or the target beyond 1e15 m");
+  if (!internal::stateIsUsable(target, {}) || !(settings.frequency_hz > 0)) {
+    impl_->tell(LogSeverity::error,
+                "pick: the frequency is not above 0, the target is not finite, or the target beyond 1e15 m");
     return {};
   }
   if (!(settings.most_force >= 0)) {

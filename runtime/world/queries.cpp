@@ -167,10 +167,12 @@ void World::Impl::forEachDrawn(const QueryFilter& filter,
 }
 
 bool World::Impl::isRay(const char* call, const Vec3& origin, const Vec3& direction, float distance) const {
-  const bool unit = std::abs(asVector(direction).norm() - 1) < 1e-3F;
-  if (unit && internal::stateIsUsable(origin, {}) && distance > 0 && std::isfinite(distance)) return true;
-  tell(LogSeverity::error, "%s: the origin, direction (a unit vector) or distance is not usable", call);
-  return false;
+  const char* fault = nullptr;
+  if (!(std::abs(asVector(direction).norm() - 1) < 1e-3F)) fault = "the direction is no unit vector";
+  if (!internal::stateIsUsable(origin, {})) fault = "the origin is not finite, or beyond 1e15 m";
+  if (!(distance > 0 && std::isfinite(distance))) fault = "the distance is not above 0 and finite";
+  if (fault != nullptr) tell(LogSeverity::error, "%s: %s", call, fault);
+  return fault == nullptr;
 }
 
 std::optional<CastHit> World::Impl::cast(const char* call, Vec3 origin, double radius, Vec3 direction, float distance,
@@ -270,7 +272,7 @@ std::optional<CastHit> World::rayCast(Vec3 origin, Vec3 direction, float distanc
 
 std::optional<CastHit> World::sphereCast(Vec3 origin, float radius, Vec3 direction, float distance,
                                          const QueryFilter& filter) const {
-  return impl_->cast("sphereCast", origin, double(std::max(radius, std::numeric_limits<float>::min())), direction,
+  return impl_->cast("sphereCast", origin, double(radius == 0 ? std::numeric_limits<float>::min() : radius), direction,
                      distance, filter);
 }
 

@@ -135,7 +135,7 @@ bool usable(const Vec3& place) { return internal::stateIsUsable(place, {}); }
 constexpr std::size_t kEvents = 4;
 
 // s. Nobody means a longer one.
-constexpr float kLongestStep = 1e6F;
+constexpr float kLongestStep = 60;
 
 // Whether what rests under some settings rests under others.
 bool actsAlike(const WorldSettings& a, const WorldSettings& b) {

@@ -462,6 +462,12 @@ class Overlap(Folder):
         self.assertIn("clusters.overlap (every cluster has its own)", unused({"clusters.overlap": 0.2}, {"settings": {"overlap": 0}}))
         self.assertIn("clusters.young (it is of clusters.stiffness = elastic)", unused({"clusters.young": 5e4}))
         self.assertIsNone(unused({"clusters.young": 5e4}, {"settings": {"stiffness": "elastic"}}))
+        # Of a quadratic cluster the lowest frequency counts; and of one cluster what it has of another choice.
+        self.assertIn("clusters.stretch_hz (of a quadratic cluster the lowest of its three frequencies counts, 10 Hz)", unused({"clusters.stretch_hz": 25}))
+        self.assertIsNone(unused({"clusters.stretch_hz": 25, "clusters.bend_hz": 25, "clusters.twist_hz": 25}))
+        self.assertIsNone(unused({"clusters.stretch_hz": 25, "clusters.mode": "linear"}))
+        self.assertIn("left: clusters.stretch_hz (of a quadratic", unused({}, {"settings": {"stretch_hz": 25}}))
+        self.assertIn("left: clusters.young (it is of clusters.stiffness = elastic)", unused({}, {"settings": {"young": 5e4}}))
         self.write("bar.obj", Bar().obj())
         self.bake(self.path / "bar.obj", "--set", "clusters.soften_metres=0.1")
         self.assertIn("clusters.soften_metres (no cluster is the recipe's)", self.finding("settings-unused")["place"])

@@ -42,6 +42,9 @@ def check_pkg_config(moved, scratch, main_c, kind, package):
     program = scratch / "hello_pkg_config"
     run("cc", "-std=c99", main_c, "-o", program, *flags, env=environment)
     print(run(program, package, env=environment), end="")
+    with_cut = run("pkg-config", "--libs", "sinew_cut", env=environment).split()
+    if "-lsinew_cut" not in with_cut or with_cut.index("-lsinew_cut") > with_cut.index("-lsinew_runtime"):
+        sys.exit(f"consumer: cuts need {with_cut}, the library of cuts first")
     if any(library.startswith("libsinew") for library in needed_by(program)) != (kind == "shared"):
         sys.exit(f"consumer: by pkg-config a {kind} build that needs {needed_by(program)}")
 

@@ -202,7 +202,7 @@ TEST(Extremes, ABodyThatIsLostAltogetherComesBackWhereItWasAdded) {
          world.settings().gravity = {0, -1e15F, 0};
          for (int i = 0; i < 10; ++i) world.step(1);
        }},
-      {"a step of a fortnight", [](World& world, BodyId) { world.step(1e6F); }},
+      {"a step of a minute", [](World& world, BodyId) { world.step(60); }},
       {"nothing but NaN",
        [nan](World& world, BodyId body) {
          world.setState(body, std::vector<Vec3>(world.positions(body).size(), Vec3{nan, nan, nan}), {});

@@ -150,6 +150,14 @@ def tools_of_the_window():
     check([c["name"] for c in json.loads((folder / "tools.json").read_text())["clusters"]] == ["extra", "smile.L"], "Up moves a cluster up")
     check("move extra up" in done("author", "tools.json", "undo").stdout, "one step of the history")
     done("author", "tools.json", "undo")
+    # The slider of a region's frequency scales all three, and is one step.
+    replayed("rings", [{"wait": "evaluation"}, {"click": "tab Regions"}, {"click": "region smile.L"}, {"wait": 3}, {"drag": "Rings at", "to": 0.9},
+                       {"wait": "evaluation"}, {"wait": 3}, {"screenshot": "rings.png"}], "tools.json")
+    made = json.loads((folder / "tools.json").read_text())["clusters"][-1].get("settings", {})
+    hz = [made.get(key, 0) for key in ("stretch_hz", "bend_hz", "twist_hz")]
+    check(hz[0] > 50 and hz[0] == hz[1] == hz[2], f"what the slider was dragged to stays ({made})")
+    done("author", "tools.json", "undo")
+    check("settings" not in json.loads((folder / "tools.json").read_text())["clusters"][-1], "and is one step of the history")
     document = json.loads((folder / "tools.json").read_text())
     pins = document["pins"][0]["from"]
     check(pins["radius"] > 0.025, f"the handle makes the disc larger ({pins['radius']} m)")

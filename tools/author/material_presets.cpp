@@ -27,7 +27,7 @@ std::span<const MaterialPreset> materialPresets() {
       preset("flesh", "the defaults: a belly, a cheek", 10, 10, 0.5, 1.5),
       preset("rubber", "springs back fast", 25, 25, 0.5, 2),
       preset("stiff", "hardly gives way: gristle, a hoof's pad", 80, 80, 0.8, 1.2),
-      preset("cloth", "bends freely and hardly stretches", 60, 2, 0.8, 1.1)};
+      preset("cloth", "of sheets: bends freely and, being thin, hardly stretches", 2, 2, 0.8, 1.1)};
   return presets;
 }
 

@@ -437,6 +437,12 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
     }
   }
   if (!found) {
+    // NAME.KEY of a setting of clusters, or of a key that entries have: the name is what is wrong.
+    const std::string name = dot == std::string::npos ? "" : key.substr(0, dot);
+    const std::string last = dot == std::string::npos ? "" : key.substr(dot + 1);
+    const bool is_key = isSetting(std::string(kClusterPrefix) + last) || isKeyOf("cluster", last) ||
+                        isKeyOf("pin", last) || isKeyOf("part", last);
+    if (is_key && name + "." != kClusterPrefix && key.find('*') == std::string::npos) noSuchName(document, name);
     if (key.find('*') == std::string::npos) settings.set(key, value);  // says what is wrong with it
     usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster, part or set of pins",
           "All settings: sinew help settings.");

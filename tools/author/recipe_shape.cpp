@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/author/recipe_keys.h"
+#include "tools/author/settings.h"
 #include "tools/core/text.h"
 
 namespace sinew::tools {
@@ -74,8 +75,16 @@ class ShapeCheck {
                                     [wanted = std::string_view(name)](const RecipeKey& k) { return k.name == wanted; });
       const std::string place = childPointer(pointer, name);
       if (key == shape.keys.end()) {
+        // A cluster's settings are as good as keys of its own where the program writes them.
+        std::vector<std::string> known = names;
+        if (shape.name == "cluster") {
+          Settings settings;
+          for (const auto& d : Settings::declarations(settings)) {
+            if (d.of_cluster) known.emplace_back(d.key.substr(std::string_view(kClusterPrefix).size()));
+          }
+        }
         text_.fail(place, "there is no key '" + name + "' in a " + std::string(shape.name),
-                   "Did you mean " + nearestName(name, names) + "? Known: " + listed(names, names.size()) + ".");
+                   "Did you mean " + nearestName(name, known) + "? Known: " + listed(names, names.size()) + ".");
       }
       if (!legal(*key, value)) {
         text_.fail(place, std::string(key->name) + " cannot be " + shortened(value), "Legal: " + legalText(*key) + ".");

@@ -151,6 +151,10 @@ bool hasType(const Settings::Declaration& d, const nlohmann::ordered_json& value
 const Settings::Declaration& declarationOf(std::span<const Settings::Declaration> all, std::string_view key) {
   const auto at = std::find_if(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
   if (at != all.end()) return *at;
+  if (key.ends_with("material")) {
+    throw ToolError(ExitCode::usage, "", "a material is no setting: it stands for several",
+                    "Set it in a recipe: sinew author RECIPE set clusters.material=NAME, or CLUSTER.material=NAME.");
+  }
   std::vector<std::string> keys;
   for (const Settings::Declaration& d : all) keys.emplace_back(d.key);
   throw ToolError(ExitCode::usage, "", "there is no setting '" + std::string(key) + "'",
@@ -318,7 +322,7 @@ std::vector<Settings::Declaration> Settings::declarations(Settings& s) {
       {"field.levels", "",
        "Levels of detail beside the whole, for bodies far away: each has half the functions of the one before, no "
        "fewer "
-       "than eight (World::setLevel).",
+       "than eight (BodySettings::level).",
        Count{&s.field.levels, 0, 4}},
       {"field.samples", "", "Samples of the elastic energy for each function.", Number{&s.field.samples, 1, 100}},
       {"field.points", "", "Points of each piece's surface that may touch something.", Count{&s.field.points, 0, 4096}},

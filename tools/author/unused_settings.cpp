@@ -20,6 +20,29 @@ std::string valueOf(Settings& settings, std::string_view key) {
   return "";
 }
 
+/// Which of a cluster's frequencies counts, where a setting is another one (docs/settings.md, clusters.mode); else "".
+std::string whyFrequencyIsUnused(Settings& settings, std::string_view key) {
+  const ClusterOptions& o = settings.clusters;
+  const std::array<std::pair<std::string_view, double>, 3> all = {
+      {{"clusters.stretch_hz", o.stretch_hz}, {"clusters.bend_hz", o.bend_hz}, {"clusters.twist_hz", o.twist_hz}}};
+  const auto own = std::find_if(all.begin(), all.end(), [&](const auto& each) { return each.first == key; });
+  if (own == all.end() || settings.attachment.method == AttachmentMethod::clusters) return "";
+  if (o.mode == formats::ClusterMode::rigid) return "a rigid cluster does not deform";
+  if (o.mode == formats::ClusterMode::linear) {
+    return key == "clusters.stretch_hz" ? "" : "of a linear cluster stretch_hz alone counts";
+  }
+  const double lowest = std::min({o.stretch_hz, o.bend_hz, o.twist_hz});
+  if (!(own->second > lowest)) return "";
+  return "of a quadratic cluster the lowest of its three frequencies counts, " + rounded(lowest) + " Hz";
+}
+
+std::string whyUnused(Settings& settings, const Settings::Declaration& d) {
+  if (!d.needs_key.empty() && valueOf(settings, d.needs_key) != d.needs_value) {
+    return "it is of " + std::string(d.needs_key) + " = " + std::string(d.needs_value);
+  }
+  return whyFrequencyIsUnused(settings, d.key);
+}
+
 }  // namespace
 
 std::optional<Finding> unusedSettings(const Settings& given, std::span<const RecipeCluster> clusters, bool automatic) {
@@ -52,13 +75,27 @@ std::optional<Finding> unusedSettings(const Settings& given, std::span<const Rec
       };
       if (d.of_cluster && std::all_of(users.begin(), users.end(), own)) {
         why = "every cluster has its own";
-      } else if (!d.needs_key.empty() && std::none_of(users.begin(), users.end(), [&](User& user) {
-                   return !own(user) && valueOf(user.settings, d.needs_key) == d.needs_value;
-                 })) {
-        why = "it is of " + std::string(d.needs_key) + " = " + std::string(d.needs_value);
+      } else {
+        // By all that go by it.
+        for (User& user : users) {
+          if (d.of_cluster && own(user)) continue;
+          why = whyUnused(user.settings, d);
+          if (why.empty()) break;
+        }
       }
     }
     if (!why.empty()) unused.push_back(std::string(d.key) + " (" + why + ")");
+  }
+  // Of one cluster.
+  for (User& user : users) {
+    if (user.cluster == nullptr) continue;
+    for (const auto& [key, value] : user.cluster->settings) {
+      for (const auto& d : Settings::declarations(user.settings)) {
+        if (d.key != key || valueText(user.settings, d) == valueOf(settings, d.key)) continue;
+        const std::string why = whyUnused(user.settings, d);
+        if (!why.empty()) unused.push_back(user.cluster->name + ": " + std::string(d.key) + " (" + why + ")");
+      }
+    }
   }
   if (unused.empty()) return std::nullopt;
   Finding finding;

@@ -599,11 +599,14 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
     findings.push_back({"cluster-strays", Severity::info, what, strays, "", {}, "", cure});
   }
   if (uncovered > 0) {
-    const std::string what = std::to_string(uncovered) + " of " + std::to_string(mesh.positions.size()) +
-                             " physical vertices lie in no cluster of the recipe and went to the nearest one";
+    const std::string what =
+        std::to_string(uncovered) + " of " + std::to_string(mesh.positions.size()) +
+        " physical vertices lie in no cluster of the recipe and went to the nearest one, whose material they have";
     const char* const cure =
         R"(Add {"name": "rest", "from": {"rest": true}, "split": SIZE} to give them clusters of their own.)";
-    findings.push_back({"cluster-uncovered", Severity::info, what, uncovered, "", {}, "", cure});
+    // Where it is most of the body the recipe says something else than it does.
+    const Severity severity = 2 * uncovered > mesh.positions.size() ? Severity::warning : Severity::info;
+    findings.push_back({"cluster-uncovered", severity, what, uncovered, "", {}, "", cure});
   }
   judge(transfer, clusters, recipe_clusters, findings);
   return clusters;

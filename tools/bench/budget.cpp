@@ -251,7 +251,10 @@ std::optional<double> Budget::readError(std::string_view text) {
   std::string_view unit;
   const auto value = leadingNumber(text, unit);
   if (!value || (!unit.empty() && unit != "%")) return std::nullopt;
-  return unit == "%" ? *value / 100 : *value;
+  const double share = unit == "%" ? *value / 100 : *value;
+  // "5" means 5 % more likely than 500.
+  if (unit.empty() && share > 1) return std::nullopt;
+  return share;
 }
 
 BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::filesystem::path& costs,
@@ -260,10 +263,7 @@ BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::f
   Costs known(costs);
   std::optional<Yardstick> yardstick;
   std::optional<BudgetResult> best;
-  std::string missed;  // what the finest mesh reached
-  const auto miss = [&](const std::string& what, const BudgetTry& made) {
-    if (missed.empty()) missed = what + figures(made);
-  };
+  std::string missed;  // how near it came
   Recipe trial = recipe;
   for (unsigned halving = 0; halving <= kMostHalvings; ++halving) {
     Search search(trial, budget, known, cache, yardstick);
@@ -274,13 +274,13 @@ BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::f
       if (best && !budget.bytes && search.tried(best->chosen.functions).error > kWorth * best->chosen.error) break;
       const std::optional<std::uint32_t> functions = budget.error ? search.fewest() : search.most();
       if (!functions && budget.error) {
-        miss("no bake comes within this error: ", search.tried(kLadder.back()));
+        if (missed.empty()) missed = "no bake comes within this error: " + figures(search.tried(kLadder.back()));
         break;  // fewer vertices are no nearer
       }
       if (!functions) {
-        miss("nothing fits the budget: ", search.tried(kLadder.front()));
+        missed = "nothing fits the budget: " + figures(search.tried(kLadder.front()));  // the next mesh is cheaper
       } else if (const BudgetTry& made = search.tried(*functions); !search.fits(*functions)) {
-        miss("what comes within this error exceeds the budget: ", made);
+        if (missed.empty()) missed = "what comes within this error exceeds the budget: " + figures(made);
       } else {
         const bool better =
             !best || (budget.error ? made.frame.all() < best->chosen.frame.all() : made.error < best->chosen.error);

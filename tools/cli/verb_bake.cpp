@@ -63,7 +63,7 @@ std::optional<Budget> budgetOf(const BakeCommand& command) {
     refuse("--budget-bytes", command.byte_budget, "Give a size above 0, as in --budget-bytes 200k or 1.5M.");
   }
   if (!command.max_error.empty() && !(budget.error = Budget::readError(command.max_error))) {
-    refuse("--max-error", command.max_error, "Give a share above 0, as in --max-error 5% or 0.05.");
+    refuse("--max-error", command.max_error, "Give a share above 0, as in --max-error 5% or 0.05; more than 1 with %.");
   }
   if (budget.microseconds || budget.bytes || budget.error) return budget;
   if (!command.cost_file.empty()) {

@@ -18,7 +18,7 @@ namespace {
 struct CheckCommand {
   std::string file;
   std::vector<std::string> assignments;
-  std::string picture;
+  std::string unit, picture;
   unsigned threads = 0;
   bool json = false;
 };
@@ -34,9 +34,9 @@ Diagnosis checkPackageFile(const CheckCommand& command) {
     throw ToolError(ExitCode::usage, command.file, "--render draws the places of a source, this is a package",
                     "Use: " + commandLine({"sinew", "render", command.file, "-o", command.picture}) + ".");
   }
-  if (!command.assignments.empty()) {
-    throw ToolError(ExitCode::usage, command.file, "--set is for a source, this is a package",
-                    "Leave it out; settings take effect when baking.");
+  if (!command.assignments.empty() || !command.unit.empty()) {
+    throw ToolError(ExitCode::usage, command.file, "--set and --unit are for a source, this is a package",
+                    "Leave them out; settings take effect when baking.");
   }
   const auto asset = loadPackage(command.file);
   Diagnosis diagnosis{"package", checkPackage(asset->package()), ""};
@@ -48,6 +48,7 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
   Recipe recipe = recipeFor(command.file);
   if (!command.picture.empty()) requireOutput(Output::picture, command.picture, {command.file, recipe.source});
   applyAssignments(recipe.settings, command.assignments);
+  if (!command.unit.empty()) recipe.settings.set("import.unit", command.unit);
   Progress progress(!command.json);
   ImportedSource source = importSource(recipe, progress);
   progress.stage("check");
@@ -87,6 +88,7 @@ void addCheckVerb(CLI::App& app, int& exit_code) {
   verb->add_option("file", command->file, "A package (.sinew), a recipe (.json) or a mesh")->required();
   verb->add_option("--set", command->assignments, "A setting KEY=VALUE, for a source or recipe")
       ->type_name("KEY=VALUE");
+  verb->add_option("--unit", command->unit, "Unit of the source; the same as --set import.unit=");
   verb->add_option("--render", command->picture, "Draw the source with the places of the findings into this PNG")
       ->type_name("OUT.png");
   verb->add_option("--threads", command->threads, "Threads to use; 0 = all")->capture_default_str();

@@ -479,6 +479,12 @@ void Scene::reset() {
                     "the package has no distance grids, by which bodies touch each other",
                     "Bake it again without field.distances=0.");
   }
+  if (const formats::PackageView& package = asset_->package();
+      ownGround() && options_.solver == nullptr && !package.fields().empty() && package.fieldPoints().empty()) {
+    throw ToolError(ExitCode::bad_input, std::string(package.text(package.info().name)),
+                    "the package has no contact points: it would fall through the ground",
+                    "Bake it again with --needs contact, or choose --scene hang.");
+  }
   const bool touches_itself = script_ && script_->script.self_contact;
   world.collisions = several || is_cut || touches_itself;
   world.sleep_seconds = several || options_.scene.kind == SceneKind::cut ? kSleepSeconds : 0;

@@ -92,7 +92,8 @@ class Reader {
     const double x = value.is_number() ? value.get<double>() : std::nan("");
     if (!(x >= low && x <= high)) {
       Json range = {low, high};
-      text_.fail(pointer, "needs a number", "Legal: " + range[0].dump() + " to " + range[1].dump() + ".");
+      text_.fail(pointer, value.is_number() ? "is a number, but cannot be " + value.dump() : "needs a number",
+                 "Legal: " + range[0].dump() + " to " + range[1].dump() + ".");
     }
     return x;
   }

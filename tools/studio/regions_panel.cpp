@@ -211,11 +211,22 @@ void RegionsPanel::material(Document& document, const std::string& cluster, Widg
   std::string mode = modes[std::size_t(options.mode)];
   if (widgets.combo("Mode", mode, modes))
     document.edit([&](RecipeEditor& editor) { editor.set("clusters." + cluster + ".mode", mode); });
-  if (!ImGui::IsMouseDown(ImGuiMouseButton_Left)) stretch_hz_ = float(options.stretch_hz);
-  widgets.slider("Stretch", stretch_hz_, 0.5F, 200, "%.1f Hz", true);
+  // The frequency that counts; the other ones keep their proportions to it.
+  const std::array<std::pair<const char*, double>, 3> frequencies = {
+      {{"stretch_hz", options.stretch_hz}, {"bend_hz", options.bend_hz}, {"twist_hz", options.twist_hz}}};
+  const double counts = options.mode == formats::ClusterMode::quadratic
+                            ? std::min({options.stretch_hz, options.bend_hz, options.twist_hz})
+                            : options.stretch_hz;
+  if (!rings_at_held_) rings_at_ = float(counts);
+  widgets.slider("Rings at", rings_at_, 0.5F, 200, "%.1f Hz", true);
+  rings_at_held_ = widgets.isHeld();
   if (widgets.wasLeft()) {
-    const std::string value = exactText(sevenDigits(double(stretch_hz_)));
-    document.edit([&](RecipeEditor& editor) { editor.set("clusters." + cluster + ".stretch_hz", value); });
+    document.edit([&](RecipeEditor& editor) {
+      for (const auto& [key, value] : frequencies) {
+        const double made = sevenDigits(value / counts * double(rings_at_));
+        editor.set("clusters." + cluster + "." + key, exactText(made));
+      }
+    });
   }
   if (!own->channel.empty()) note("Channel " + own->channel + ", contraction " + rounded(own->contraction));
 }

@@ -24,7 +24,8 @@ class RegionsPanel {
 
   std::string name_;  // in the field, until Return
   std::optional<Region> named_;
-  float stretch_hz_ = 0;  // while it is dragged
+  float rings_at_ = 0;  // Hz, while it is dragged
+  bool rings_at_held_ = false;
   std::uint32_t counted_ = 0;
 };
 

@@ -89,6 +89,7 @@ bool Widgets::slider(const std::string& label, float& value, float low, float hi
   const bool changed = ImGui::SliderFloat(id.c_str(), &value, low, high, "", flags);
   mark(label);
   was_left_ = ImGui::IsItemDeactivatedAfterEdit();
+  is_held_ = ImGui::IsItemActive();
   ImGui::SameLine(0, ImGui::GetStyle().ItemInnerSpacing.x);
   ImGui::TextUnformatted(text.data());
   return changed;

@@ -38,6 +38,8 @@ class Widgets {
   bool whole(const std::string& label, int& value, int low, int high);
   /// Whether the slider that was drawn last has just been let go with another value.
   bool wasLeft() const { return was_left_; }
+  /// Whether it is being dragged.
+  bool isHeld() const { return is_held_; }
   /// Label beside the field. \return whether it was edited and left, by Return or a click elsewhere
   bool text(const std::string& label, std::string& value, const char* hint = "");
   bool combo(const std::string& label, std::string& value, std::span<const std::string> choices);
@@ -45,6 +47,7 @@ class Widgets {
  private:
   std::map<std::string, Box> boxes_;
   bool was_left_ = false;
+  bool is_held_ = false;
 };
 
 /// A line above a group of controls.

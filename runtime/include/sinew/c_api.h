@@ -163,10 +163,10 @@ SINEW_API void sinew_world_destroy(sinew_world* world);
 SINEW_API sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings);
 SINEW_API sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_settings* settings);
 
-/* Advances all bodies. seconds: above 0 and finite (1e-5 .. 1 is tested). */
+/* Advances all bodies. seconds: above 0 and at most 60 (1e-5 .. 1 is tested). */
 SINEW_API sinew_status sinew_world_step(sinew_world* world, float seconds);
 
-/* Advances all bodies by a frame's time (0 .. 1e6 s) in inner steps of substep_seconds; what is left over counts for
+/* Advances all bodies by a frame's time (0 .. 60 s) in inner steps of substep_seconds; what is left over counts for
    the next call, and what is drawn lies between the last two inner steps. steps: how many were taken; may be null. See
    sinew::World::advance(). */
 SINEW_API sinew_status sinew_world_advance(sinew_world* world, float seconds, uint32_t* steps);
