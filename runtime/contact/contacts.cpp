@@ -141,7 +141,12 @@ class Search {
       start += (kResolved * step_.diagonal - height) * Eigen::Map<const Vector3d>(touched->normal.data());
     }
     Candidate found = {p, number, touched != nullptr, Vector3d::Zero(), 0};
-    if (PathHit hit; collider.shape.enters(start, to, hit)) {
+    found.from = from;
+    if (touched != nullptr && double(touched->floor) < -margin_ && collider.shape.isConvex()) {
+      // It still comes out: by the way that was chosen for all.
+      found.normal = Eigen::Map<const Vector3d>(touched->normal.data());
+      found.offset = found.normal.dot(from) - height;
+    } else if (PathHit hit; collider.shape.enters(start, to, hit)) {
       found.normal = hit.normal;
       found.offset = hit.normal.dot(start + hit.part * (to - start));
     } else {
@@ -150,6 +155,7 @@ class Search {
         if (place.distance < 0 && touched == nullptr && !collider.shape.isSolid()) return;  // it came from behind
         found.normal = place.normal;
         found.offset = place.normal.dot(to) - place.distance;
+        found.inside = touched == nullptr && place.normal.dot(from) < found.offset - margin_;
       } else {
         if (touched == nullptr) return;
         // A prediction that goes on as a thin part sprang leads away from what that part lies on.
@@ -161,8 +167,33 @@ class Search {
     lent_.candidates.push_back(found);
   }
 
+  /// What begins within a convex collider leaves it by one way, the shortest for all of its points there (the depth of
+  /// two convex shapes): by ways of their own, to several sides, they would tear it apart.
+  void chooseWays() {
+    for (std::uint32_t c = 0; c < step_.colliders.size(); ++c) {
+      if (!step_.colliders[c]->shape.isConvex()) continue;
+      const auto isIt = [c](const Candidate& candidate) { return candidate.collider == c && candidate.inside; };
+      const Candidate* best = nullptr;
+      double least = 0;
+      for (const Candidate& way : lent_.candidates) {
+        if (!isIt(way)) continue;
+        double depth = 0;
+        for (const Candidate& other : lent_.candidates) {
+          if (isIt(other)) depth = std::max(depth, way.offset - way.normal.dot(other.from));
+        }
+        if (best == nullptr || depth < least) best = &way, least = depth;
+      }
+      if (best == nullptr) continue;
+      const Candidate chosen = *best;
+      for (Candidate& candidate : lent_.candidates) {
+        if (isIt(candidate)) candidate.normal = chosen.normal, candidate.offset = chosen.offset;
+      }
+    }
+  }
+
   /// Of many those carry that are near before the step, for which do must not depend on its length; then the others.
   void choose() {
+    chooseWays();
     std::size_t near_before = 0;
     for (const Candidate& candidate : lent_.candidates) near_before += candidate.near_before ? 1U : 0U;
     std::size_t first = kMostContacts, others = kMostContacts - std::min<std::size_t>(near_before, first);

@@ -29,10 +29,12 @@ struct ContactStep {
 
 /// Contact points that a plane may push, before the few that carry are chosen.
 struct Candidate {
-  std::uint32_t point, collider;  ///< of the field; number among those of the step
-  bool near_before;               ///< near it before the step
-  Vector3d normal;                ///< of the plane, in the collider's coordinates, unit
-  double offset;                  ///< of the plane along it, m
+  std::uint32_t point, collider;     ///< of the field; number among those of the step
+  bool near_before;                  ///< near it before the step
+  Vector3d normal;                   ///< of the plane, in the collider's coordinates, unit
+  double offset;                     ///< of the plane along it, m
+  bool inside = false;               ///< it begins within the collider
+  Vector3d from = Vector3d::Zero();  ///< place before the step, in its coordinates
 };
 
 /// What looking for contacts needs of memory.

@@ -223,15 +223,18 @@ Shape::Shape(const ColliderShape& shape, std::pmr::memory_resource* memory)
     within(Vector3d::Constant(kInfinity));
   } else if (const auto* sphere = std::get_if<SphereShape>(&shape)) {
     kind_ = Kind::round;
+    convex_ = true;
     radius_ = double(sphere->radius);
     within(Vector3d::Constant(radius_));
   } else if (const auto* capsule = std::get_if<CapsuleShape>(&shape)) {
     kind_ = Kind::round;
+    convex_ = true;
     radius_ = double(capsule->radius);
     size_ = {0, double(capsule->half_length), 0};
     within(Vector3d::Constant(radius_) + size_);
   } else if (const auto* box = std::get_if<BoxShape>(&shape)) {
     kind_ = Kind::box;
+    convex_ = true;
     size_ = wide(box->half_size);
     within(size_);
   } else if (const auto* grid = std::get_if<HeightFieldShape>(&shape)) {
@@ -372,6 +375,15 @@ void Shape::findNeighbours() {
   solid_ = std::all_of(neighbours_.begin(), neighbours_.end(), [](const Triangle& n) {
     return std::max({n[0], n[1], n[2]}) != kNone;
   });
+  // As a hull is, whose corners are few.
+  convex_ = solid_ && positions_.size() <= kMostHullPoints;
+  for (std::uint32_t t = 0; t < triangles_.size() && convex_; ++t) {
+    const Corners corners = cornersOf(t);
+    const Vector3d normal = Vector3d(corners.at[1] - corners.at[0]).cross(corners.at[2] - corners.at[0]).normalized();
+    for (const Vec3& place : positions_) {
+      convex_ = convex_ && normal.dot(wide(place) - corners.at[0]) <= 1e-6 * bounds_.diagonal().norm();
+    }
+  }
 }
 
 Corners Shape::cornersOf(std::uint32_t triangle) const {

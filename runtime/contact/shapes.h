@@ -49,6 +49,7 @@ class Shape {
 
   /// Whether it has an inside: all but meshes with a border.
   bool isSolid() const { return solid_; }
+  bool isConvex() const { return convex_; }
   /// Infinite for a plane.
   const Eigen::AlignedBox3d& bounds() const { return bounds_; }
 
@@ -139,7 +140,7 @@ class Shape {
   static constexpr std::uint32_t kDeepest = 64;
 
   Kind kind_ = Kind::plane;
-  bool solid_ = true;
+  bool solid_ = true, convex_ = false;
   double radius_ = 0;  ///< of a capsule; a plane's offset
   Vector3d size_ =
       Vector3d::Zero();  ///< half of a box's sides and of a capsule's segment; a plane's normal; a cell's side

@@ -269,6 +269,34 @@ TEST(Colliders, AMovingFloorTakesABodyAlong) {
   EXPECT_NEAR(motionOf(world, body).momentum[0] / motionOf(world, body).mass, 1, 1e-2);
 }
 
+// What begins within a convex collider comes out on one side, as it is: its points do not part to several.
+TEST(Colliders, WhatBeginsInsideComesOutWhole) {
+  const auto asset = boxAsset(cube());
+  std::vector<Vec3> corners;
+  for (int i = 0; i < 8; ++i) {
+    const auto side = [i](int bit) { return (i >> bit & 1) != 0 ? 0.4F : -0.4F; };
+    corners.push_back({side(0), side(1), side(2)});
+  }
+  const std::array<ColliderShape, 4> shapes = {BoxShape{{0.4F, 0.4F, 0.4F}}, SphereShape{0.4F},
+                                               CapsuleShape{0.3F, 0.5F}, HullShape{corners}};
+  for (const ColliderShape& shape : shapes) {
+    for (const Vector3d& start : {Vector3d(0.02, 0.01, 0), Vector3d(0.1, 0.15, 0.05)}) {
+      World world(weightless());
+      ASSERT_TRUE(world.addCollider(shape));
+      const BodyId body = *world.addBody(asset, placed(start.x(), start.y(), start.z()));
+      for (int i = 0; i < 900; ++i) world.step(1.0F / 60);
+      EXPECT_GT(Eigen::Map<const Eigen::Vector3f>(world.motion(body).center.data()).norm(), 0.35);
+      const auto x = world.positions(body);
+      double longest = 0;
+      for (const Vec3& a : x) {
+        for (const Vec3& b : x)
+          longest = std::max(longest, std::hypot(double(a[0] - b[0]), double(a[1] - b[1]), double(a[2] - b[2])));
+      }
+      EXPECT_LT(longest, 1.05 * 0.3 * std::sqrt(3.0)) << shape.index() << " at " << start.transpose();
+    }
+  }
+}
+
 // A step as long as a hitch in which a body meets the ground ends there, not where it began.
 TEST(Colliders, LongStepsEndAtTheGround) {
   BoxOptions hard = cube();

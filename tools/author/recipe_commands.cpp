@@ -348,13 +348,22 @@ std::vector<RecipeEditor::Change> RecipeEditor::setMaterial(const std::string& o
     usage("there is no material '" + value + "'", "Did you mean " + nearestName(value, names) + "? There are " +
                                                       listed(names, names.size()) + ", and default.");
   }
+  std::vector<std::pair<std::string, std::string>> values;
+  for (const MaterialPreset::Value& one : chosen->values) {
+    values.emplace_back(owner + "." + std::string(one.key), value == "default" ? value : exactText(one.value));
+  }
+  return setTogether(values, "set " + owner + ".material=" + value);
+}
+
+std::vector<RecipeEditor::Change> RecipeEditor::setTogether(std::span<const std::pair<std::string, std::string>> values,
+                                                            const std::string& command) {
   RecipeEditor trial = *this;
   std::vector<Change> changes;
-  for (const MaterialPreset::Value& one : chosen->values) {
-    const auto made = trial.set(owner + "." + std::string(one.key), value == "default" ? value : exactText(one.value));
+  for (const auto& [key, value] : values) {
+    const auto made = trial.set(key, value);
     changes.insert(changes.end(), made.begin(), made.end());
   }
-  commit("set " + owner + ".material=" + value, trial.document());
+  commit(command, trial.document());
   return changes;
 }
 

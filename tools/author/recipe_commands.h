@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tools/author/json_text.h"
@@ -60,6 +62,9 @@ class RecipeEditor {
   /// a preset (material_presets.h). \param value JSON, or plain text; "default" removes it. \return every value that
   /// differs now.
   std::vector<Change> set(const std::string& key, const std::string& value);
+  /// The same of several at once: one step of the history, which `command` names there.
+  std::vector<Change> setTogether(std::span<const std::pair<std::string, std::string>> values,
+                                  const std::string& command);
   /// Renames a mask (with all selections that use it), a cluster or a set of pins.
   void rename(const std::string& from, const std::string& to);
   /// Moves a mask, a cluster, a part or a set of pins by so many places in its list: the order in which they are shown.

@@ -221,12 +221,14 @@ void RegionsPanel::material(Document& document, const std::string& cluster, Widg
   widgets.slider("Rings at", rings_at_, 0.5F, 200, "%.1f Hz", true);
   rings_at_held_ = widgets.isHeld();
   if (widgets.wasLeft()) {
-    document.edit([&](RecipeEditor& editor) {
-      for (const auto& [key, value] : frequencies) {
-        const double made = sevenDigits(value / counts * double(rings_at_));
-        editor.set("clusters." + cluster + "." + key, exactText(made));
-      }
-    });
+    std::vector<std::pair<std::string, std::string>> values;
+    std::string command = "set";
+    for (const auto& [key, value] : frequencies) {
+      values.emplace_back("clusters." + cluster + "." + key,
+                          exactText(sevenDigits(value / counts * double(rings_at_))));
+      command += " " + values.back().first + "=" + values.back().second;
+    }
+    document.edit([&](RecipeEditor& editor) { editor.setTogether(values, command); });
   }
   if (!own->channel.empty()) note("Channel " + own->channel + ", contraction " + rounded(own->contraction));
 }
