@@ -28,10 +28,6 @@ constexpr double kStillComing = 0.1;
 /// Of the step's length that of the inertia of what stands: a trillion times its mass.
 constexpr double kStanding = 1e-6;
 
-}  // namespace
-
-namespace {
-
 void endImpact(PieceState& state) {
   state.rebound.setZero();
   state.lost = 0;
@@ -713,7 +709,7 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   };
   const Vector3d center = meanOf(field_, z);
   const double fallen = field_.mass * gravity_.dot(center - meanOf(field_, z_before));
-  state.lost += std::max(0.0, kinetic(v_before) + std::max(0.0, before) + fallen - kinetic(now) - state.elastic);
+  state.lost += kinetic(v_before) + std::max(0.0, before) + fallen - kinetic(now) - state.elastic;
   if (state.rebound.isZero(0)) return endImpact(state);
   const Vector3d velocity = meanOf(field_, now), arm = place - center;
   const Matrix3d inertia = inertiaOf(field_, z, center);
