@@ -32,6 +32,9 @@ Block blockOf(const Eigen::Matrix4d& gram) {
   return block;
 }
 
+/// from -= a b^T: unrolled once.
+[[gnu::noinline]] void subtractProduct(Block& from, const Block& a, const Block& b) { from -= a * b.transpose(); }
+
 bool invert(const Block& block, Block& inverse) {
   const Eigen::LLT<Block> factor(block);
   if (factor.info() != Eigen::Success) return false;
@@ -201,12 +204,12 @@ void RigidCoupling::takeApart() {
     }
     for (std::size_t i = 0; i < later.size(); ++i) {
       const auto row = std::uint32_t(later[i].key);
-      nodes_[row].inverse -= later[i].block * blocks_[i].transpose();
+      subtractProduct(nodes_[row].inverse, later[i].block, blocks_[i]);
       for (std::size_t j = 0; j < i; ++j) {
         const std::uint64_t key = std::uint64_t(std::uint32_t(later[j].key)) << 32 | row;
         Coupling* const found = find(key);
         if (found == nullptr) continue;
-        found->block -= later[i].block * blocks_[j].transpose();
+        subtractProduct(found->block, later[i].block, blocks_[j]);
       }
     }
   }
