@@ -16,6 +16,8 @@ namespace {
 using sinew::handles::assetOf;
 using sinew::handles::failNull;
 using sinew::handles::guarded;
+using sinew::handles::isFilled;
+using sinew::handles::isNullOrFilled;
 using sinew::handles::memoryOf;
 using sinew::handles::onBody;
 using sinew::handles::onWorld;
@@ -107,7 +109,9 @@ void sinew_body_settings_init(sinew_body_settings* settings, size_t struct_size)
 
 sinew_status sinew_body_add(sinew_world* world, const sinew_asset* asset, const sinew_body_settings* settings,
                             uint32_t* body) {
-  if (world == nullptr || asset == nullptr || body == nullptr) return failNull("sinew_body_add");
+  if (world == nullptr || asset == nullptr || body == nullptr || !isNullOrFilled(settings)) {
+    return failNull("sinew_body_add");
+  }
   return guarded("sinew_body_add", [&] {
     const sinew_body_settings given = readStruct(settings, fromCpp(sinew::BodySettings{}));
     const sinew::Result<sinew::BodyId> added = worldOf(world).addBody(assetOf(asset), toCpp(given));
@@ -200,13 +204,13 @@ sinew_status sinew_body_restore(sinew_world* world, uint32_t body, const void* b
 }
 
 sinew_status sinew_body_set_settings(sinew_world* world, uint32_t body, const sinew_body_settings* settings) {
-  return onBody("sinew_body_set_settings", world, body, settings != nullptr, [&](sinew::World& w, sinew::BodyId id) {
+  return onBody("sinew_body_set_settings", world, body, isFilled(settings), [&](sinew::World& w, sinew::BodyId id) {
     w.setBodySettings(id, toCpp(readStruct(settings, fromCpp(sinew::BodySettings()))));
   });
 }
 
 sinew_status sinew_body_get_settings(const sinew_world* world, uint32_t body, sinew_body_settings* settings) {
-  return onBody("sinew_body_get_settings", world, body, settings != nullptr,
+  return onBody("sinew_body_get_settings", world, body, isFilled(settings),
                 [&](const sinew::World& w, sinew::BodyId id) {
                   writeStruct(fromCpp(w.bodySettings(id)), settings, settings->struct_size);
                 });
@@ -218,14 +222,14 @@ void sinew_visual_output_init(sinew_visual_output* output, size_t struct_size) {
 
 sinew_status sinew_body_visual_vertices(const sinew_world* world, uint32_t body, const sinew_visual_output* output) {
   return onBody(
-      "sinew_body_visual_vertices", world, body, output != nullptr,
+      "sinew_body_visual_vertices", world, body, isFilled(output),
       [&](const sinew::World& w, sinew::BodyId id) { w.visualVertices(id, toCpp(readStruct(output, kNoOutput))); });
 }
 
 sinew_status sinew_world_visual_vertices(const sinew_world* world, const uint32_t* bodies,
                                          const sinew_visual_output* outputs, uint32_t count) {
   if (count == 0 && world != nullptr) return SINEW_OK;
-  const bool given = bodies != nullptr && outputs != nullptr;
+  const bool given = bodies != nullptr && isFilled(outputs);
   return onWorld("sinew_world_visual_vertices", world, given, [&](const sinew::World& w) {
     std::pmr::vector<sinew::BodyOutput> all(memoryOf(world));
     all.reserve(count);
@@ -239,7 +243,7 @@ sinew_status sinew_world_visual_vertices(const sinew_world* world, const uint32_
 
 sinew_status sinew_body_visual_sub_mesh(const sinew_world* world, uint32_t body, uint32_t sub_mesh,
                                         const sinew_visual_output* output) {
-  return onBody("sinew_body_visual_sub_mesh", world, body, output != nullptr,
+  return onBody("sinew_body_visual_sub_mesh", world, body, isFilled(output),
                 [&](const sinew::World& w, sinew::BodyId id) {
                   w.visualSubMesh(id, sub_mesh, toCpp(readStruct(output, kNoOutput)));
                 });

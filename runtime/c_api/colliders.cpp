@@ -17,6 +17,8 @@ static_assert(sizeof(sinew::formats::Triangle) == 3 * sizeof(uint32_t));
 
 namespace {
 
+using sinew::handles::isFilled;
+using sinew::handles::isNullOrFilled;
 using sinew::handles::onWorld;
 using sinew::handles::readStruct;
 using sinew::handles::tellFailure;
@@ -114,15 +116,16 @@ void sinew_query_filter_init(sinew_query_filter* filter, size_t struct_size) { w
 
 sinew_status sinew_collider_add(sinew_world* world, const sinew_shape* shape, const sinew_collider_settings* settings,
                                 uint32_t* collider) {
-  return onWorld("sinew_collider_add", world, shape != nullptr && collider != nullptr, [&](sinew::World& w) {
-    const std::optional<sinew::ColliderShape> made = toCpp(readStruct(shape, defaultShape()));
-    if (!made) return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_collider_add: no such kind of shape");
-    const sinew::Result<sinew::ColliderId> added =
-        w.addCollider(*made, toCpp(readStruct(settings, fromCpp(sinew::ColliderSettings{}))));
-    if (!added) return tellFailure(SINEW_ERROR_ARGUMENT, added.reason());
-    *collider = (*added).value;
-    return SINEW_OK;
-  });
+  return onWorld("sinew_collider_add", world, isFilled(shape) && isNullOrFilled(settings) && collider != nullptr,
+                 [&](sinew::World& w) {
+                   const std::optional<sinew::ColliderShape> made = toCpp(readStruct(shape, defaultShape()));
+                   if (!made) return tellFailure(SINEW_ERROR_ARGUMENT, "sinew_collider_add: no such kind of shape");
+                   const sinew::Result<sinew::ColliderId> added =
+                       w.addCollider(*made, toCpp(readStruct(settings, fromCpp(sinew::ColliderSettings{}))));
+                   if (!added) return tellFailure(SINEW_ERROR_ARGUMENT, added.reason());
+                   *collider = (*added).value;
+                   return SINEW_OK;
+                 });
 }
 
 sinew_status sinew_collider_move(sinew_world* world, uint32_t collider, const float position[3],

@@ -27,7 +27,7 @@ sinew_status tellFailure(sinew_status status, std::string_view reason) {
 
 sinew_status failNull(const char* call) {
   char line[128];
-  std::snprintf(line, sizeof line, "%s: a null pointer", call);
+  std::snprintf(line, sizeof line, "%s: a null pointer, or a struct that its _init function has not filled", call);
   return tellFailure(SINEW_ERROR_ARGUMENT, line);
 }
 

@@ -12,6 +12,16 @@
 
 namespace sinew::handles {
 
+/// Whether a caller's struct was filled by its _init function: all zero it would silently say nothing.
+template <class T>
+bool isFilled(const T* given) {
+  return given != nullptr && given->struct_size > sizeof given->struct_size;
+}
+template <class T>
+bool isNullOrFilled(const T* given) {
+  return given == nullptr || isFilled(given);
+}
+
 /// A struct of the caller's, which may be older (shorter) or newer than this one; what it lacks keeps its default.
 /// \param given null: all does.
 template <class T>

@@ -19,6 +19,8 @@ namespace {
 
 using sinew::handles::failNull;
 using sinew::handles::guarded;
+using sinew::handles::isFilled;
+using sinew::handles::isNullOrFilled;
 using sinew::handles::onWorld;
 using sinew::handles::readStruct;
 using sinew::handles::tellFailure;
@@ -163,7 +165,7 @@ void sinew_world_settings_init(sinew_world_settings* settings, size_t struct_siz
 
 sinew_status sinew_world_create(const sinew_world_settings* settings, const sinew_world_options* options,
                                 sinew_world** world) {
-  if (world == nullptr) return failNull("sinew_world_create");
+  if (world == nullptr || !isNullOrFilled(settings) || !isNullOrFilled(options)) return failNull("sinew_world_create");
   return guarded("sinew_world_create", [&] {
     const sinew_world_options given = readStruct(options, sinew_world_options{});
     if ((given.allocate == nullptr) != (given.release == nullptr)) {
@@ -207,12 +209,12 @@ void sinew_world_destroy(sinew_world* world) {
 }
 
 sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings) {
-  return onWorld("sinew_world_set_settings", world, settings != nullptr,
+  return onWorld("sinew_world_set_settings", world, isFilled(settings),
                  [&](sinew::World& w) { toCpp(readStruct(settings, fromCpp(w.settings())), w.settings()); });
 }
 
 sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_settings* settings) {
-  return onWorld("sinew_world_get_settings", world, settings != nullptr,
+  return onWorld("sinew_world_get_settings", world, isFilled(settings),
                  [&](const sinew::World& w) { writeStruct(fromCpp(w.settings()), settings, settings->struct_size); });
 }
 

@@ -99,6 +99,13 @@ static void testAsset(const char* path, sinew_asset** asset) {
 
   info.struct_size = sizeof info;
   CHECK_OK(sinew_asset_get_info(*asset, &info));
+  {
+    sinew_world_settings zero; /* as memset leaves it */
+    sinew_world* refused = NULL;
+    memset(&zero, 0, sizeof zero);
+    CHECK_FAILS(SINEW_ERROR_ARGUMENT, sinew_world_create(&zero, NULL, &refused));
+    CHECK(strstr(sinew_last_error(), "_init") != NULL && refused == NULL);
+  }
   CHECK(info.physical_vertices > 0 && info.clusters > 0 && info.visual_vertices > 0 && info.pieces == 1);
   CHECK(info.diagonal > 0 && info.total_mass > 0 && info.bounds_max[0] > info.bounds_min[0]);
   {
