@@ -543,7 +543,7 @@ double squaredSize(const Objective& objective) {
 /// Whether a direction stays short without what holds it but does not push: along it the curvature is slope - held, not
 /// slope, so that the minimum lies at slope / (slope - held) times its length; and what nothing pushes falls by itself.
 bool staysShort(double squared_length, double most, double slope, double held, double fallen2) {
-  if (!(slope > 0) || (held > 0 && fallen2 > most)) return false;
+  if (held > 0 && fallen2 > most) return false;
   const double left = 1 - held / slope;
   return left > 0 && squared_length <= left * left * most;
 }
@@ -609,16 +609,8 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
     pairs.expand(direction, jobs);
     double slope = dot(gradient, direction, n, jobs);
     if (!(slope > 0)) {
-      // Floats hold no matrix in which contacts that are far from pushing weigh millions of times what inertia does.
-      if (pairs.count() == 0) {
-        if (renewed) break;
-        ++iteration;
-        minimand.renew(d, true);
-        renewed = true;
-        scale = 1;
-      }
+      if (pairs.count() == 0) break;
       pairs.clear();
-      carried = false;
       continue;
     }
     const double way2 = dot(d, d, n, jobs);

@@ -61,6 +61,10 @@ struct PieceState {
   /// Of an impact that goes on: the impulse that restitution returns, N s, and the energy that has been lost, J.
   Vector3d rebound = Vector3d::Zero();
   double lost = 0;
+  void endImpact() {
+    rebound.setZero();
+    lost = 0;
+  }
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 

@@ -71,6 +71,7 @@ void standStill(PieceState& state) {
   std::copy(state.v.begin(), state.v.end(), state.v_before.begin());
   state.turn.setZero();
   state.h_before = 0;
+  state.endImpact();
 }
 
 /// Adds what the functions lack where the piece is held and picked, to its first vertices. \pre body.shape are the

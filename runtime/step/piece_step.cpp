@@ -23,15 +23,8 @@ constexpr double kLargeTurn = 0.1;
 constexpr double kMostParts = 64;
 /// Steps whose lengths differ by more than this factor do not continue a two-step formula.
 constexpr double kUnlike = 2.0;
-/// Of the speed with which it will leave: what comes no faster than that has come.
-constexpr double kStillComing = 0.1;
 /// Of the step's length that of the inertia of what stands: a trillion times its mass.
 constexpr double kStanding = 1e-6;
-
-void endImpact(PieceState& state) {
-  state.rebound.setZero();
-  state.lost = 0;
-}
 
 }  // namespace
 
@@ -606,7 +599,7 @@ void PieceStep::settle() {
   // not.
   const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && !together_;
   state.elastic = value_.elastic;
-  held || together_ ? endImpact(state) : rebound(v, first_touch, elastic_before);
+  held || together_ ? state.endImpact() : rebound(v, first_touch, elastic_before);
   if (forced_) state.budget = -1;
   if (free) keepMomentum(z, v);
   keepEnergy(z, v, free);
@@ -674,8 +667,8 @@ void PieceStep::keepEnergy(const CoefficientMap& z, CoefficientMap& v, bool free
 }
 
 // An impact that a body loses energy in goes on while the places where it is pushed still come; what it takes of its
-// momentum beyond its weight is returned, times the restitution e, when they cease to. So nothing that rings pumps
-// itself up, and e^2 of what was lost bounds what is returned.
+// momentum beyond its weight is returned, times the restitution e, when they cease to (Poisson's hypothesis). e^2 of
+// what was lost bounds what is returned: nothing that rings pumps itself up.
 void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   PieceState& state = piece_.state;
   const std::span<ColliderTouch> touches(body_.touches.data() + first, body_.touches.size() - first);
@@ -691,7 +684,7 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
     load += touch.load;
   }
   const double size = push.norm(), e = size > 0 ? returned.norm() / size : 0;
-  if (!(e > 0)) return endImpact(state);
+  if (!(e > 0)) return state.endImpact();
   place /= load;
   carried /= load;
   const Vector3d normal = push / size;
@@ -710,13 +703,13 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   const Vector3d center = meanOf(field_, z);
   const double fallen = field_.mass * gravity_.dot(center - meanOf(field_, z_before));
   state.lost += kinetic(v_before) + std::max(0.0, before) + fallen - kinetic(now) - state.elastic;
-  if (state.rebound.isZero(0)) return endImpact(state);
+  if (state.rebound.isZero(0)) return state.endImpact();
   const Vector3d velocity = meanOf(field_, now), arm = place - center;
   const Matrix3d inertia = inertiaOf(field_, z, center);
   const Vector3d omega = solved(inertia, angularMomentum(field_, z, now, center, velocity));
   const double coming = -normal.dot(velocity + omega.cross(arm) - carried);
   const double leaving = state.rebound.norm() / field_.mass;
-  if (coming > kStillComing * leaving) return;
+  if (coming > 0) return;
   // A step's weight is taken back: v^2 / 2 + g v h is what it has left of the energy.
   const double fall = weight / field_.mass;
   const Vector3d impulse = (std::sqrt(fall * fall + leaving * leaving) - fall) / leaving * state.rebound;
@@ -733,7 +726,7 @@ void PieceStep::rebound(CoefficientMap& v, std::size_t first, double before) {
   }
   const double part =
       b > 0 ? std::min(1.0, (std::sqrt(std::max(0.0, a * a + 4 * b * e * e * state.lost)) - a) / (2 * b)) : 0;
-  endImpact(state);
+  state.endImpact();
   if (!(part > 0)) return;
   for (std::uint32_t j = 0; j < k_; ++j) v.row(j) += part * added(j).transpose();
   for (ColliderTouch& touch : touches) {

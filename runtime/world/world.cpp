@@ -134,7 +134,7 @@ bool usable(const Vec3& place) { return internal::stateIsUsable(place, {}); }
 // Events a body that a step has room for from the start.
 constexpr std::size_t kEvents = 4;
 
-// s. Nobody means a longer one.
+// s, where floats round the fall of a step, g h^2, by the margin of contacts: 2 mm.
 constexpr float kLongestStep = 60;
 
 // Whether what rests under some settings rests under others.
