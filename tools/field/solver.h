@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "tools/field/dense.h"
 #include "tools/field/elastic.h"
 
 namespace sinew::tools::field {
@@ -51,7 +52,8 @@ class Solver {
   struct Front {
     std::vector<std::uint32_t> own, later;
     std::vector<std::size_t> children;  // into fronts_, all before this one
-    MatrixXd diagonal, below;           // L of own x own, later x own
+    Cholesky diagonal;                  // of own x own
+    MatrixXd below;                     // of L, later x own
   };
 
   // among: f, all 0 before and after.
