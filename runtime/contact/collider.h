@@ -57,7 +57,7 @@ struct Collider {
   RigidTransform before, at, target;  ///< before the last step, now, to go to
   Pose pose_before, pose;
   Vector3d impulse = Vector3d::Zero(), torque = Vector3d::Zero();  ///< ColliderReaction
-  Vector3d impulse_before = Vector3d::Zero();                      ///< when the inner step began
+  Vector3d impulse_before = Vector3d::Zero();                      ///< when the substep began
 
  private:
   void place();

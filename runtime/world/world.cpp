@@ -409,7 +409,7 @@ std::uint32_t World::advance(float seconds) {
   if (!presence) return 0;
   const WorldSettings settings = impl_->soundSettings("advance");
   const double h = double(settings.substep_seconds), time = impl_->left_over + double(seconds);
-  // Frames of the length of an inner step each hold one, however their sum is rounded.
+  // Frames of the length of a substep each hold one, however their sum is rounded.
   const double whole = std::floor(time / h + 1e-6);
   const std::uint32_t steps = std::uint32_t(std::min(whole, double(settings.most_substeps)));
   return impl_->guarded("advance", 0U, [&] {

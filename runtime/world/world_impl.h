@@ -181,7 +181,7 @@ struct SINEW_HIDDEN World::Impl {
   internal::Array<ContactEvent> events;
   internal::Array<std::uint32_t> touched;                    ///< scratch
   internal::Array<std::uint64_t> touching, touching_before;  ///< ids of two bodies, the lower one in the high half
-  double left_over = 0;             ///< time that advance() was given and no inner step has taken yet, s
+  double left_over = 0;             ///< time that advance() was given and no substep has taken yet, s
   double shown = 1;                 ///< part of the last step that is drawn
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
   mutable internal::VisualPool visual;

@@ -146,7 +146,7 @@ typedef struct sinew_world_settings {
   float damping;                   /* by the air, 1/s, 0..1e4; 0.2 */
   float deformation_damping_ratio; /* of what is not rigid motion and of contacts, to critical, 0..1; 0.25 */
   float support_damping;           /* of turning on supports, 1/s; 4 */
-  float substep_seconds;           /* inner step of sinew_world_advance(), s, 1e-5..1; 1/60 */
+  float substep_seconds;           /* substep of sinew_world_advance(), s, 1e-5..1; 1/60 */
   uint32_t most_substeps;          /* that one call of it takes, 1..1000; 8 */
   float sleep_seconds;             /* what rests so long falls asleep, s; 0 never; 0 */
   uint32_t collisions;             /* 0 or 1: bodies touch each other, where their packages have distances; 0 */
@@ -166,8 +166,8 @@ SINEW_API sinew_status sinew_world_get_settings(const sinew_world* world, sinew_
 /* Advances all bodies. seconds: above 0 and at most 60 (1e-5 .. 1 is tested). */
 SINEW_API sinew_status sinew_world_step(sinew_world* world, float seconds);
 
-/* Advances all bodies by a frame's time (0 .. 60 s) in inner steps of substep_seconds; what is left over counts for
-   the next call, and what is drawn lies between the last two inner steps. steps: how many were taken; may be null. See
+/* Advances all bodies by a frame's time (0 .. 60 s) in substeps of substep_seconds; what is left over counts for
+   the next call, and what is drawn lies between the last two substeps. steps: how many were taken; may be null. See
    sinew::World::advance(). */
 SINEW_API sinew_status sinew_world_advance(sinew_world* world, float seconds, uint32_t* steps);
 

@@ -186,11 +186,11 @@ class SINEW_API World {
   /// Advances all bodies. \param seconds step length, > 0 and at most 60 (1e-5 .. 1 s is tested); other values do
   /// nothing.
   void step(float seconds);
-  /// Advances all bodies by the time of a frame, however long, in inner steps of WorldSettings::substep_seconds. What
+  /// Advances all bodies by the time of a frame, however long, in substeps of WorldSettings::substep_seconds. What
   /// is left over counts for the next call, and what is drawn (visualVertices(), visualSubMesh(), visualBounds()) lies
-  /// between the last two inner steps, so that nothing stutters and no motion depends on the rate of frames. All other
-  /// calls see the state after the last inner step. Pin sets and pins reach their targets evenly over the inner steps
-  /// of a call. \param seconds 0 .. 60; other values do nothing. \return inner steps taken, perhaps none.
+  /// between the last two substeps, so that nothing stutters and no motion depends on the rate of frames. All other
+  /// calls see the state after the last substep. Pin sets and pins reach their targets evenly over the substeps
+  /// of a call. \param seconds 0 .. 60; other values do nothing. \return substeps taken, perhaps none.
   std::uint32_t advance(float seconds);
 
   /// Positions (metres, world) and velocities (m/s) of the physical vertices, in the package's order.
