@@ -206,11 +206,11 @@ void refresh(Body& body, double part, Asked what) {
     if (piece.holds.count > 0 && piece.springs_firm >= 0) drawGive(body, piece, part, center, count);
     if (body.fade_before > 0) drawFaded(body, piece, part, center, count);
   }
-  // What rides along rigidly keeps its shape.
+  // A rigid rider keeps its shape.
   for (const formats::AttachedPart& rider : body.package().parts()) {
     if (rider.cluster != formats::kNone) stiffen(body, body.package().clusters()[rider.cluster]);
   }
-  // What is held is drawn where it is held: springs leave the local give to the vertex itself.
+  // Held vertices are drawn at their holds: springs leave the local give to the vertex itself.
   for (const Pin& pin : body.pins) {
     body.x[pin.vertex] = asArray(Vector3(float(left) * asVector(pin.before) + float(part) * asVector(pin.at)));
   }

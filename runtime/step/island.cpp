@@ -157,7 +157,7 @@ void Island::solve(std::uint32_t iterations) {
     std::copy_n(s.next.data(), size, s.d.data());
     std::copy_n(s.next_gradient.data(), size, s.gradient.data());
   };
-  // What flew into another may start where rigid bodies would be stopped: of others the skin is stopped first, and they
+  // Bodies of an impact may start where rigid ones would be stopped: else the skin is stopped first, and they
   // are drawn out to many times their length.
   const bool impact = std::any_of(found_.begin(), found_.end(), [](const FoundTouch* found) { return found->entered; });
   if (impact) {

@@ -25,7 +25,7 @@ struct IslandScratch {
         touches(memory),
         rows(memory),
         values(memory) {}
-  /// What islands of at most so many members, functions and touches need, among so many steps.
+  /// Room for islands of at most so many members, functions and touches, among so many steps.
   void reserve(std::size_t steps, std::size_t members, std::size_t functions, std::size_t touches);
 
   MinimizeScratch vectors;

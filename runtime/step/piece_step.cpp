@@ -536,8 +536,8 @@ void PieceStep::solve() {
     std::copy_n(s_.next_gradient.data(), 4 * k_, s_.gradient.data());
   };
   if (!s_.contacts.empty()) {
-    // What touches starts at y, where contacts push and A knows them: at the old place they may not push yet. Where
-    // all that push have touched before the old place is as good a start, and of what rests it is the end.
+    // A touching piece starts at y, where contacts push and A knows them: at the old place they may not push yet. Where
+    // all that push have touched before the old place is as good a start, and at rest the end.
     std::copy_n(s_.next.data(), 4 * k_, s_.old.data());
     objective_.press(s_.old.data());
     const double expected = piece_.state.elastic + objective_.besideElastic(s_.old.data(), nullptr);
@@ -595,8 +595,8 @@ void PieceStep::settle() {
   // A two-step formula does not reach across contacts: it would gain energy where they come and go.
   state.h_before = touched || together_ || forced_ || !state.touching.empty() ? 0 : h_;
   state.leaning = false;
-  // Momentum goes into the contacts of this step alone: those that ceased to press within it count, earlier ones do
-  // not.
+  // Momentum goes into the contacts of this step alone, even if they ceased to press within it: not into
+  // earlier ones.
   const bool free = field_.driven == 0 && !springs_ && s_.contacts.empty() && !together_;
   state.elastic = value_.elastic;
   held || together_ ? state.endImpact() : rebound(v, first_touch, elastic_before);

@@ -53,7 +53,7 @@ class PieceStep {
   /// The same near other pieces: a two-step formula does not reach across contacts.
   void useEuler();
 
-  /// What contacts with other pieces see. \param before room for the coefficients before the step, k x 4.
+  /// The piece as other pieces touch it. \param before room for the coefficients before the step, k x 4.
   TouchingPiece touchingPiece(std::span<float> before) const;
 
   Objective& objective() { return objective_; }
@@ -98,11 +98,11 @@ class PieceStep {
   bool findForces();
   /// The air's drag as springs to where the wind leads, c / h each.
   void addDrag();
-  /// What it took of the momentum of what nothing holds.
+  /// Takes drag's momentum where nothing holds the piece.
   void takeDrag();
   double keptOfTurns() const;
 
-  /// What moves as one: of a piece that the field holds, its pin sets; of another its mass.
+  /// The rigid motion: of the pin sets where the field holds the piece, else of its mass.
   void findMotion();
 
   bool mayContinue() const;
@@ -130,14 +130,14 @@ class PieceStep {
   /// Whether all that push at the prediction touched at the end of the last step.
   bool touchesAsBefore() const;
 
-  /// What the last step knows of the second derivative.
+  /// The last step's pairs, of the second derivative.
   Pairs& carriedPairs();
 
   void solve();
 
   void settle();
 
-  /// What is deformed beyond its yield stays so: the shape stores less then.
+  /// Deformation beyond the yield stays: the shape stores less then.
   void becomePermanent();
 
   /// The rigid motion that minimizing, in floats, has lost is put back: a minimum has the prediction's centre.
@@ -184,7 +184,7 @@ class PieceStep {
 /// Whether a piece's state can be stepped: finite and not lost.
 bool isUsable(const Piece& piece);
 
-/// What the energy of a piece depends on beside its coefficients: permanent shapes and tensions.
+/// Permanent shapes and tensions: a piece's energy depends on these beside its coefficients.
 void setMaterial(const Piece& piece, Objective& objective);
 
 /// Advances all pieces of a body by one step, at whose end its pins and pin sets are where `at` says.

@@ -40,7 +40,7 @@ Matrix3d inertiaOf(const Field& field, const ConstCoefficientMap& z, const Vecto
     moment += arm * arm.transpose();
   }
   const double trace = moment.trace();
-  // What is straight has no inertia about its line.
+  // A straight line has no inertia about itself.
   return (trace * (1 + 1e-9)) * Matrix3d::Identity() - moment;
 }
 

@@ -8,7 +8,7 @@
 
 namespace sinew::internal {
 
-/// After a step: counts how long each body has rested, and those that have rested for
+/// After a step: counts how long each body has rested. Bodies at rest for
 /// WorldSettings::sleep_seconds fall asleep, if all that they touch has rested as long.
 void letSleep(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch);
 

@@ -134,7 +134,7 @@ void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, 
     if (touchesItself(*bodies[boxes[i].body])) scratch.pairs.push_back(std::uint64_t(i) << 32 | i);
   }
   sortAscending({scratch.pairs.data(), scratch.pairs.size()});
-  // What moves wakes what it meets, and that what it meets.
+  // A moving body wakes what it meets, and that the next.
   const auto body_of = [&](std::uint32_t box) -> Body& { return *bodies[boxes[box].body]; };
   for (bool woke = true; woke;) {
     woke = false;
@@ -173,7 +173,7 @@ void keepSleeping(const BodyList& bodies, TogetherScratch& scratch) {
 
 namespace {
 
-/// What is stepped together: one step for each piece of a busy body, in the order of boxes.
+/// Pieces stepped together: one step for each piece of a busy body, in the order of boxes.
 class Together {
  public:
   Together(BodyList& bodies, const StepWorld& world, double seconds, TogetherScratch& scratch, JobSystem* jobs)
@@ -225,7 +225,7 @@ class Together {
       s.seen[i].body = body.id;
       s.steps.emplace_back(body, piece, world_, seconds_, s.pieces[i]);
     });
-    // What touched itself goes on by one step each, as what meets others does.
+    // Self-touching bodies go on by one step each, like bodies among others.
     forEachPair({s.touching.data(), s.touching.size()}, [&](std::span<const TouchMemory> touches) {
       if (touches[0].body_a != touches[0].body_b) return;
       const std::uint32_t body = placeOf(bodies_, touches[0].body_a);
@@ -306,7 +306,7 @@ class Together {
     lookAgain();
   }
 
-  /// What has begun to touch itself goes on by one step, not by two.
+  /// A newly self-touching body goes on by one step, not by two.
   void lookAgain() {
     TogetherScratch& s = scratch_;
     const auto body_of = [&](std::uint64_t pair) { return s.boxes[pair >> 32].body; };

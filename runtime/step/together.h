@@ -11,7 +11,7 @@
 
 namespace sinew::internal {
 
-/// What the boxes of a body meet: nothing (0), its own, those of others or what it touched itself before, its own
+/// Meetings of a body's boxes: none (0), its own, others' or what it touched itself before, its own
 /// surface that it has not touched before.
 inline constexpr std::uint8_t kBusyWithItself = 1, kBusyWithOthers = 2, kBusyAnew = 3;
 
