@@ -31,13 +31,13 @@ struct WholeMotion {
                   angular_velocity = Eigen::Vector3d::Zero();
 };
 
-/// What all bodies of a step see.
+/// The world of a step's bodies.
 struct StepWorld {
   const WorldSettings& settings;
   std::span<const Collider* const> colliders;  ///< ids ascending, the ground first
 };
 
-/// What of Body::x and v is asked for: all of it, or the places alone that visual vertices hang on.
+/// Part of Body::x and v asked for: all of it, or the places alone that visual vertices hang on.
 enum class Asked : std::uint8_t { all, drawn };
 
 /// Moves one body. Body::x and v are its physical vertices, which refresh() brings up to date; all else that its motion
@@ -67,7 +67,7 @@ class BodySolver {
   virtual void move(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) = 0;
   /// Body::activation has changed. May throw.
   virtual void activationChanged() = 0;
-  /// What has become permanent and what is activated of a cluster's rest shape (World::clusterRestShape).
+  /// A cluster's rest shape as it is made permanent and activated (World::clusterRestShape).
   virtual Eigen::Matrix3f restShape(std::uint32_t cluster) const = 0;
   virtual BodyEnergy energy(SolverScratch& scratch) = 0;
   /// Gives it an impulse, N s. \param point no weights: on all of it alike.
@@ -77,7 +77,7 @@ class BodySolver {
   virtual void addMotion(const Eigen::Vector3d& linear, const Eigen::Vector3d& angular,
                          const Eigen::Vector3d& about) = 0;
 
-  /// What the motion depends on beside Body's own members, as bytes.
+  /// Bytes of the motion's state beside Body's own members.
   virtual std::size_t stateBytes() const = 0;
   virtual void save(std::span<std::byte> bytes) const = 0;
   /// Whether these can be restored.

@@ -41,7 +41,7 @@ void fillStiffness(const Field& field, float* to) {
 
 constexpr float kOutOfReach = 1e18F;
 
-/// What a cluster's CMEC record asks of a sample. |F - R| is the root of the sum of (stretch - 1)^2, so it tells how
+/// A sample's limits by a cluster's CMEC record. |F - R| is the root of the sum of (stretch - 1)^2, so it tells how
 /// far all limits are at least.
 void setLimits(const formats::PackageView& package, const formats::ClusterMechanics& m, std::size_t lane,
                SampleLimits& limits) {
@@ -208,7 +208,7 @@ Array<Field> makeFields(const formats::PackageView& package, Array<double>& driv
       }
     }
     field.young = volume > 0 ? weighed / volume : 0;
-    // Vertices count by their masses: those that only carry accessories have next to none.
+    // Vertices count by their masses: mere carriers of accessories have next to none.
     const double wave = volume > 0 ? M_PI * std::cbrt(double(field.k) / volume) : 0;
     const double vertex = volume * squared_masses / (field.mass * field.mass);
     field.foundation = kFoundation * field.young * wave * wave * vertex;

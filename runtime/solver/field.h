@@ -16,7 +16,7 @@ namespace sinew::internal {
 using Vector3d = Eigen::Vector3d;
 using Matrix3d = Eigen::Matrix3d;
 
-/// What the fibres of a cluster that a channel activates hold together.
+/// Stiffness of a cluster's fibres that a channel activates.
 struct FibreStiffness {
   std::uint32_t cluster = 0;      ///< CLUS record
   const float* matrix = nullptr;  ///< rows of the lower triangle, J: sum T b b^T over its records, fully activated

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What holds a piece at run time, and how it gives way there. The functions of a field meet a hold only with their own
+// Holds of a piece at run time, and how it gives way there. The functions of a field meet a hold only with their own
 // compliance; what they lack, G = P P^T + D of its FRES section, lies between them and the hold. So b, by how much the
 // functions are off at the held vertices, costs 1/2 b^T S b, S = (P P^T + D)^-1 (docs/method.md §4).
 #pragma once

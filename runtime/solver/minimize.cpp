@@ -93,7 +93,7 @@ namespace {
 
 Eigen::Vector3f slideOf(const Push& push) { return push.slide + (push.way - push.normal.dot(push.way) * push.normal); }
 
-/// What friction does under a load.
+/// Force of friction under a load.
 PushForce rubForce(const Push& push, float load) {
   PushForce force;
   const Eigen::Vector3f slide = slideOf(push);
@@ -111,7 +111,7 @@ PushForce rubForce(const Push& push, float load) {
 float gapOf(const Push& push) { return push.gap + push.normal.dot(push.way); }
 float loadOf(const Push& push) { return push.kappa * std::max(0.0F, -gapOf(push)); }
 
-/// What friction sees becomes the load at the push's way. \return what changes of its force: nothing of what sticks
+/// Friction takes the load at the push's way. \return change of its force: none where it sticks
 /// under both.
 PushForce pressAnew(Push& push) {
   const float load = loadOf(push), before = std::exchange(push.pressed, load);
@@ -614,7 +614,7 @@ Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterat
       continue;
     }
     const double way2 = dot(d, d, n, jobs);
-    // What a scaled matrix leaves to go is longer where the first one was right.
+    // The way a scaled matrix leaves is longer where the first one was right.
     const double most = double(scale) * double(scale) * (kSettled * kSettled * way2 + rounded2);
     const double length2 = dot(direction, direction, n, jobs);
     const bool settled = length2 <= most;

@@ -128,9 +128,9 @@ struct Objective {
                 const Matrix3d& turned);
   /// All of it but the elastic energy; adds to the gradient where that is not null.
   double besideElastic(const float* d, float* gradient) const;
-  /// What springs and contacts add of it, alone.
+  /// The springs' and contacts' part of it.
   double external(const float* d, float* gradient) const;
-  /// What Holds add of it, beyond their pull at the prediction.
+  /// Holds' part of it, beyond their pull at the prediction.
   double held(const float* d, float* gradient) const;
   /// Friction's bound follows the load at the last evaluation: corrects the gradient there. \return change of the
   /// value.
@@ -139,7 +139,7 @@ struct Objective {
   void press(const float* d) const;
   /// The first matrix's inverse times g, in place.
   void precondition(float* g) const;
-  /// What contacts that do not push where they were last evaluated, as the first matrix has them, hold of a direction:
+  /// A direction's energy in contacts that the first matrix has but that do not push where last evaluated:
   /// sum of kappa |phi direction|^2, J.
   double heldByContacts(const float* direction) const;
   /// Squared length of the way that the whole goes by its gradient and inertia alone, where nothing holds it and no
@@ -162,10 +162,10 @@ struct Minimand {
   std::span<Objective::Value> values;    ///< of the pieces at the last at(); not of one piece alone
   JobSystem* jobs = nullptr;             ///< that shares the work; null: none
   RigidCoupling* rigid = nullptr;        ///< what precondition() knows of the touches; null: nothing
-  std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`: those that hang or lie on others come first
+  std::span<const std::uint32_t> order;  ///< of the pieces in `rigid`, first the ones that hang or lie on others
 
   Objective::Value at(const float* d, float* gradient, bool mark) const;
-  /// What friction sees is that at d.
+  /// Friction takes the load at d.
   void press(const float* d) const;
   /// Objective::rub() of all, and of the touches.
   double rub(float* gradient) const;
@@ -182,14 +182,14 @@ struct Minimand {
 
  private:
   bool isAlone() const { return pieces.size() == 1 && touches.empty(); }
-  /// What a touch's points move apart.
+  /// Way of a touch's points apart.
   Eigen::Vector3f wayOf(const Touch& touch, const float* d) const;
   /// Adds the touches' forces on a piece.
   void addForces(std::uint32_t piece, float* gradient) const;
 };
 
 /// L-BFGS about the step's matrix, with an energy check, from the offset in scratch.d, whose value is known. Where the
-/// matrix is no guide that of the shape at hand takes its place. \param pairs of vectors of this length; those that are
+/// matrix is no guide that of the shape at hand takes its place. \param pairs of vectors of this length; any that are
 /// there already are used. \return the value at the offset that scratch.d
 /// then holds, whose gradient scratch.gradient holds.
 Objective::Value minimize(Minimand& minimand, Pairs& pairs, std::uint32_t iterations, Objective::Value start);

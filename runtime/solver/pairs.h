@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What L-BFGS knows of a second derivative (Nocedal and Wright 2006, algorithm 7.4): the last steps and how the
+// L-BFGS's view of a second derivative (Nocedal and Wright 2006, algorithm 7.4): the last steps and how the
 // gradient changed along each.
 #pragma once
 
@@ -47,7 +47,7 @@ class Pairs {
   void take(const float* from, const float* to, const float* gradient, const float* next_gradient,
             JobSystem* jobs = nullptr);
 
-  /// What a pair of vectors of n floats takes when it is saved.
+  /// Bytes of a saved pair of vectors of n floats.
   static std::size_t savedBytes(std::size_t n) { return 2 * n / 4 * 3 * sizeof(float); }
   /// The last `count` of them. \param to count * savedBytes(n)
   void save(std::uint32_t count, std::byte* to) const;

@@ -68,7 +68,7 @@ struct PieceState {
   double budget = -1;  ///< bound on a free piece's energy about its centre, J; negative: its present energy
 };
 
-/// What holds a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
+/// Holds of a piece at run time where its field knows what it lacks (solver/holds.h), in a frame of their own. All
 /// of it belongs to moduli of factor 1.
 struct Holds {
   explicit Holds(std::pmr::memory_resource* memory) : sets(memory), by_function(memory), by_hold(memory) {}
@@ -89,7 +89,7 @@ struct Holds {
   std::uint32_t single = 0;  ///< those of no set
   float stiffness = 0;       ///< factor on the moduli that picks among them are made with
   Array<Set> sets;           ///< by their numbers, ascending
-  // What offsets b = Phi w + l (HoldWays) pull at: 3 k rows of the functions, 12 of each set, its sum and its moments
+  // Pulls of offsets b = Phi w + l (HoldWays): 3 k rows of the functions, 12 of each set, its sum and its moments
   // about the mean of p, and r of the residual modes.
   Array<float> by_function;  ///< of w: field.stride columns; the first 3 k rows are Phi^T S Phi, symmetric
   Array<float> by_hold;      ///< of l: 12 columns a set, three a point of no set, one of all e; rounded up to eight

@@ -56,7 +56,7 @@ class RigidCoupling {
   void findArms(std::uint32_t piece, const Objective& objective);
   /// Its block of D; and the moments of its rows.
   Block ownBlock(std::uint32_t piece, const Objective& objective);
-  /// What a row sees of a translation and a turn.
+  /// A row's moments of a translation and a turn.
   Eigen::Vector4d momentsOf(std::uint32_t piece, const Field& field, const float* phi) const;
   /// Null where there is none.
   Coupling* find(std::uint64_t key);

@@ -51,7 +51,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
   }
 }
 
-/// What a triple of rows answers, in the world, N.
+/// Pull of a triple of rows, in the world, N.
 Vector3d pullOf(const Piece& piece, const SpringStep& step, std::size_t row) {
   Vector3d pull;
   for (int c = 0; c < 3; ++c) pull[c] = answerOf(piece.holds, piece.ways, row + std::size_t(c));

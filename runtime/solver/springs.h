@@ -11,7 +11,7 @@
 
 namespace sinew::internal {
 
-/// What a step asks of the springs.
+/// A step as its springs see it.
 struct SpringStep {
   double h;         ///< s
   double weight;    ///< of the piece: its mass times gravity, N
@@ -24,7 +24,7 @@ struct SpringStep {
 /// Whether a spring acts on the piece.
 bool hasSprings(const Body& body, const Piece& piece);
 
-/// What a field's tethers pull at its first functions, N: one for each of `pull`, at most k.
+/// Pull of a field's tethers on its first functions, N: one for each of `pull`, at most k.
 void tetherPull(const Field& field, const SpringStep& step, const ConstCoefficientMap& z, std::span<Vector3d> pull);
 
 /// Makes piece.springs where pins or picks have changed, and scratch.springs and scratch.residual for this step: the

@@ -12,7 +12,7 @@ namespace {
 /// A matrix whose holds are turned by so much, rad, is off by about twice that, and a few iterations make up for it.
 constexpr float kTurned = 0.05F;
 
-/// What is added to the diagonal, relative: rounding must not make a factor negative.
+/// Additions to the diagonal, relative: rounding must not make a factor negative.
 constexpr float kRoundings[] = {3e-7F, 3e-5F, 3e-3F};
 
 /// From the frame of the piece to that of its holds.
