@@ -24,7 +24,7 @@ Wide crossOf(const Wide& a, const Wide& b) { return a.cross(b); }
 
 double angleBetween(const Wide& a, const Wide& b) { return std::atan2(crossOf(a, b).norm(), a.dot(b)); }
 
-// What of a direction is across a unit vector, of unit length, or zero.
+// Part of a direction across a unit vector, of unit length, or zero.
 Wide unitAcross(const Wide& direction, const Wide& n) { return unitOrZero(direction - n * n.dot(direction)); }
 
 // From one position to another.
@@ -62,7 +62,7 @@ void makeSlots(const formats::PackageView& package, VisualConstants& result) {
   }
 }
 
-// What directions are computed from: the deformation of the slots, at a physical vertex their mean by volume.
+// Sources of directions: the deformation of the slots, at a physical vertex their mean by volume.
 void makeSlotGradients(const formats::PackageView& package, VisualConstants& result) {
   const auto vertices = package.physicalVertices();
   result.slots_at.resize(result.corners.empty() ? 0 : vertices.size(), BlendRun{0, 0});
