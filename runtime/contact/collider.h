@@ -21,7 +21,7 @@ struct Pose {
   Vector3d toLocal(const Vector3d& world) const { return rotation.transpose() * (world - position); }
 };
 
-/// What a body did to a collider in a step.
+/// A body's effect on a collider in a step.
 struct ColliderTouch {
   std::uint32_t collider;            ///< ColliderId
   Vector3d impulse, torque;          ///< on the collider; N s, and N m s about its origin

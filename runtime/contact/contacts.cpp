@@ -120,7 +120,7 @@ class Search {
     for (std::uint32_t p = 0; p < count_ && !isFull(); ++p) {
       const Eigen::Vector3f now = placeOf(p, false), before = placeOf(p, true);
       const TouchingPoint* const touched = touchedBefore(piece_, collider.id, p);
-      // What touched may have been pressed through what is thin.
+      // A touching point may be pressed through a thin shape.
       if (touched == nullptr && !box.intersects(Eigen::AlignedBox3f(now.cwiseMin(before), now.cwiseMax(before)))) {
         continue;
       }
@@ -167,7 +167,7 @@ class Search {
     lent_.candidates.push_back(found);
   }
 
-  /// What begins within a convex collider leaves it by one way, the shortest for all of its points there (the depth of
+  /// A piece that begins within a convex collider leaves by one way, the shortest for all points there (the depth of
   /// two convex shapes): by ways of their own, to several sides, they would tear it apart.
   void chooseWays() {
     for (std::uint32_t c = 0; c < step_.colliders.size(); ++c) {
@@ -226,8 +226,8 @@ class Search {
     contact.collider = candidate.collider;
     contact.normal = normal.cast<float>();
     contact.friction = frictionOf(*step_.body, collider);
-    // What starts inside finds the plane lower, and rising, so that it comes out at a bounded speed. What touched is
-    // pressed in no deeper than it was where its plane is another one.
+    // A point that starts inside finds the plane lower, and rising, to come out at a bounded speed. One that touched
+    // is pressed in no deeper than it was where its plane is another.
     double low = gap_before;
     if (touched != nullptr) {
       low = double(touched->floor);
@@ -413,14 +413,14 @@ void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoeffici
   }
   if (given == nullptr || scratch.contacts.empty()) return;
   if (touches.size() == first) {
-    // What pressed as the minimization went on may not press at its end.
+    // A contact that pressed while minimizing may not press at its end.
     const auto deeper = [](const Contact& a, const Contact& b) { return a.gap < b.gap; };
     const Contact& deepest = *std::min_element(scratch.contacts.begin(), scratch.contacts.end(), deeper);
     const Collider& collider = *step.colliders[deepest.collider];
     const Vector3d place = positionOf(field, deepest.point, y, center) - collider.pose.position;
     touches.push_back({collider.id, Vector3d::Zero(), Vector3d::Zero(), place, 1});
   }
-  // What minimizing left of the momentum, by load.
+  // Momentum that minimizing left, by load.
   Vector3d left = *given;
   double load = 0;
   for (std::size_t i = first; i < touches.size(); ++i) {

@@ -15,7 +15,7 @@ namespace sinew::internal {
 /// them over the surface, carry for all.
 inline constexpr std::uint32_t kMostContacts = 96;
 
-/// What a step asks of colliders.
+/// A step as contacts see it.
 struct ContactStep {
   std::span<const Collider* const> colliders;  ///< ids ascending
   const BodySettings* body;
@@ -37,7 +37,7 @@ struct Candidate {
   Vector3d from = Vector3d::Zero();  ///< place before the step, in its coordinates
 };
 
-/// What looking for contacts needs of memory.
+/// Memory for looking for contacts.
 struct ContactScratch {
   explicit ContactScratch(std::pmr::memory_resource* memory) : places(memory), candidates(memory), near(memory) {}
   void reserve(const Field& field);
@@ -47,7 +47,7 @@ struct ContactScratch {
   Array<const Collider*> near;
 };
 
-/// What is remembered of a point and a collider from the last step; null where they did not touch.
+/// Memory of a point and a collider from the last step; null where they did not touch.
 const TouchingPoint* touchedBefore(const Piece& piece, std::uint32_t collider, std::uint32_t point);
 
 /// max over the contact points of |phi_j|, by function: what a bound of them is made of.
@@ -63,7 +63,7 @@ void findNear(const Piece& piece, std::span<const Collider* const> all, const Co
 void findContacts(const Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,
                   ContactScratch& lent, MinimizeScratch& scratch);
 
-/// What touches at offset scratch.d becomes PieceState::touching, and the forces there times `seconds` what the
+/// Touches at offset scratch.d become PieceState::touching, and the forces there times `seconds` what the
 /// colliders get. \param given what the piece gave away of its momentum, if contacts alone took it, N s: what
 /// minimizing leaves of it is shared out by load. \param[out] touches grows by the colliders touched.
 void rememberContacts(Piece& piece, const ContactStep& step, const ConstCoefficientMap& y, const Vector3d& center,

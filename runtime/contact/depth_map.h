@@ -41,7 +41,7 @@ class DepthMap {
   bool locate(const Eigen::Vector3f& place, MaterialPoint& at) const;
 
   std::uint32_t piece() const { return grid_->piece; }
-  /// What is thinner may not be seen, metres.
+  /// Thinner parts may not be seen, metres.
   float spacing() const { return grid_->spacing; }
   const formats::PackageView& package() const { return *package_; }
 

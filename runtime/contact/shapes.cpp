@@ -15,7 +15,7 @@ using formats::Triangle;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kMostHullPoints = 1024, kMostTriangles = 1U << 24, kMostColumns = 4096, kLeaf = 4;
-/// What floats round of a place, of the size.
+/// Floats' rounding of a place, of the size.
 constexpr double kRounding = 3e-7;
 
 Vector3d wide(const Vec3& v) { return {double(v[0]), double(v[1]), double(v[2])}; }
@@ -89,7 +89,7 @@ bool makeHull(std::span<const Vec3> points, Array<Triangle>& faces) {
     double highest = 0;
     for (const Triangle& face : faces) highest = std::max(highest, height(face));
     if (highest <= rounding) continue;
-    // What lies in a plane with the point goes too: no face is a needle.
+    // A face in a plane with the point goes too: no face is a needle.
     seen.resize(faces.size());
     for (std::size_t f = 0; f < faces.size(); ++f) seen[f] = height(faces[f]) > -rounding ? 1 : 0;
     rim.clear();
@@ -114,7 +114,7 @@ bool makeHull(std::span<const Vec3> points, Array<Triangle>& faces) {
   return true;
 }
 
-/// What the distance to a segment on the y axis is measured from.
+/// Nearest point of a segment on the y axis.
 Vector3d onSegment(const Vector3d& p, double half) { return {0, std::clamp(p.y(), -half, half), 0}; }
 
 NearPlace nearRound(const Vector3d& p, double half, double radius) {

@@ -44,7 +44,7 @@ class Shape {
   /// \pre faultOf() is null. May throw std::bad_alloc.
   Shape(const ColliderShape& shape, std::pmr::memory_resource* memory);
 
-  /// What it can be made of again, bit for bit. \pre outlived by the shape.
+  /// Its source: makes it again, bit for bit. \pre outlived by the shape.
   ColliderShape source() const;
 
   /// Whether it has an inside: all but meshes with a border.

@@ -234,8 +234,8 @@ class TouchSearch {
     return outside;
   }
 
-  /// The material points X with x(X) = x(X_p) are X_p and those that the piece overlaps itself with. \return whether
-  /// one of these was found.
+  /// Finds a material point X other than X_p with x(X) = x(X_p): the piece overlaps itself there. \return whether
+  /// there is one.
   bool findsItself(std::uint32_t p, const TouchMemory* last, const Vector3f& at, Vector3f& place, float& distance,
                    Vector3f& outward) {
     const Vector3f own = asVector(a_.field->points[p].at);
@@ -276,8 +276,8 @@ class TouchSearch {
 
   Vector3f pointAt(std::uint32_t p) const { return {a_.points[p], a_.points[stride_ + p], a_.points[2 * stride_ + p]}; }
 
-  /// The nearest point of the surface that faces a point and that it is not far behind, or kNone. Of neighbours at rest
-  /// those that faced it then as well.
+  /// The nearest point of the surface that faces a point and that it is not far behind, or kNone. Neighbours at rest
+  /// have to have faced it then.
   std::uint32_t facingPoint(std::uint32_t p) {
     const auto& points = a_.field->points;
     const Vector3f x = pointAt(p), rest = asVector(points[p].at);
@@ -409,8 +409,8 @@ class TouchSearch {
     FoundTouch touch = {};
     const bool known = last != nullptr;
     const bool touched = known && last->depth > 0;
-    // What came in goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
-    // a point that lies beyond the edge is carried still. What started deep inside goes out as the two were pushed
+    // A point goes out as it came in: at an edge of b the nearest way out is another one in each step, and half of
+    // a point that lies beyond the edge is carried still. One that started deep inside goes out as the two were pushed
     // apart: of many ways some would hold each other; its own of before does where that does not. Of others surfaces
     // that touch face each other: where the nearest way out does not, the way back into a does.
     Vector3f facing, left_at, way = known ? Vector3f(outwardOf(*last)) : outward;
@@ -427,7 +427,7 @@ class TouchSearch {
         if (outward.dot(back) < 0) way = back;
         if (!leave(*b_.map, place, way, b_.diagonal, left_at, facing)) return;
       }
-      // What is pushed goes along the normal: out there, where that is a way out.
+      // A pushed point goes along the normal: out there, where that is a way out.
       way = facing;
       Vector3f nearer, there;
       if (leave(*b_.map, place, way, b_.diagonal, nearer, there)) left_at = nearer, facing = there;
@@ -452,9 +452,9 @@ class TouchSearch {
     const Vector3f over = at - sumOf(row_b, b_.base, field_b.k);
     const Vector3f over_before = sumOf(row_a, a_.before, field_a.k) + apart_ - sumOf(row_b, b_.before, field_b.k);
     const float gap = t.normal.dot(over), gap_before = t.normal.dot(over_before);
-    // What starts inside finds the surface where it is, and rising: as far as a step brings it out beyond what it
-    // carries, so that what is stuck is no spring that winds up and what carries does not sink. What came in from
-    // outside is pressed in no deeper than it was where its way out is another one.
+    // A point that starts inside finds the surface where it is, and rising: as far as a step brings it out beyond its
+    // load, so that a stuck one is no spring that winds up and a carrier does not sink. One from outside is
+    // pressed in no deeper than it was where its way out is another one.
     const double diagonal = std::min(a_.diagonal, b_.diagonal), rise = kRecoverySpeed * h_ * diagonal;
     const bool came_in = touched ? last->floor == 0 : gap_before >= 0;
     const double depth = touched ? double(last->depth) : 0;
@@ -524,8 +524,8 @@ class TouchSearch {
   std::array<float, 4 * kMostFunctions> between_;
 };
 
-/// What comes so fast that it could pass through is stopped in the step: few points share its momentum within
-/// kPressedIn. What a stiffer spring stored already stays what it was.
+/// A touch so fast that it could pass through is stopped in the step: few points share its momentum within
+/// kPressedIn. A stiffened spring's stored energy stays as it was.
 /// \param c its dashpot, N s/m.
 void stopInTime(double mass, double diagonal, double h, double c, FoundTouch& found) {
   const double needed = mass * double(found.coming) / (h * kFew * diagonal * kPressedIn) - c / h;
