@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What the attachment kernels read and write: plain structs, shared with the code that fills them.
+// Data of the attachment kernels: plain structs, shared with the code that fills them.
 #pragma once
 
 #include <cstddef>

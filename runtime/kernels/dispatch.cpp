@@ -12,7 +12,7 @@
 
 namespace sinew::internal {
 
-extern const Kernels kSSE42, kAVX2, kAVX512, kPORTABLE;  // those that are built
+extern const Kernels kSSE42, kAVX2, kAVX512, kPORTABLE;  // if they are built
 
 namespace {
 
@@ -22,7 +22,7 @@ struct Candidate {
 };
 
 #if !defined(SINEW_PORTABLE_KERNELS)
-// What __builtin_cpu_supports() would say, which brings five kilobytes of tables along.
+// In place of __builtin_cpu_supports(), which brings five kilobytes of tables along.
 struct Processor {
   bool sse42 = false, avx2 = false, avx512 = false;
 

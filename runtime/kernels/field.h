@@ -237,7 +237,7 @@ constexpr std::uint32_t ofNine(std::uint32_t i, std::uint32_t j) {
 }
 
 /// d^2 Psi / dF^2 of eight samples times their volumes: 2 mu for directions of F that do not turn
-/// R, 2 mu |1 - 2 / (sigma_i + sigma_j)| for those that do (McAdams 2011; absolute values: Chen 2024), and lambda
+/// R, 2 mu |1 - 2 / (sigma_i + sigma_j)| for turning ones (McAdams 2011; absolute values: Chen 2024), and lambda
 /// (dg/dF)^2 (Gauss-Newton: no second derivative of g). Limits of principal stretches add theirs.
 [[gnu::noinline]] static void sampleStiffness(const FieldStiffnessArguments& a, std::uint32_t s, float* out) {
   const SamplePack& pack = a.packs[s];

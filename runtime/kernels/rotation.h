@@ -65,7 +65,7 @@ template <class F>
        select(settled, iterate.z, q.z)};
   const Mask left = usable & ~settled;
   if (!any(left)) return;
-  // What Newton cannot settle, one by one.
+  // Lanes that Newton leaves, one by one.
   for (std::uint32_t i = 0; i < sizeof(F) / sizeof(float); ++i) {
     if (!isSet(left, i)) continue;
     float matrix[9], quaternion[4] = {lane(q.w, i), lane(q.x, i), lane(q.y, i), lane(q.z, i)};
