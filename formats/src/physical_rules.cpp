@@ -156,7 +156,7 @@ class PhysicalRules {
     return !(std::sqrt(squared) <= 1.001 * double(cluster.radius) + 1e-6 * double(view_.info().diagonal));
   }
 
-  /// What is wrong with the pseudo-inverses of a cluster's moments; null if nothing. Fitting multiplies
+  /// Fault of the pseudo-inverses of a cluster's moments; null if none. Fitting multiplies
   /// sums over the members by the inverse: what makes more than 1 of the moment would throw them anywhere.
   const char* faultOfMoments(const Cluster& cluster) const {
     std::array<double, 9> mean = {};
@@ -264,7 +264,7 @@ class PhysicalRules {
     return true;
   }
 
-  /// What is wrong with a cluster's mechanics; null if nothing.
+  /// Fault of a cluster's mechanics; null if none.
   const char* faultOf(const ClusterMechanics& m) const {
     if (m.stiffness > StiffnessModel::elastic) return "unknown stiffness model";
     if (m.limit > LimitMethod::curve) return "unknown limit method";

@@ -21,7 +21,7 @@ struct Packing {
   }
 };
 
-/// What the format fixes for a section, whatever it holds. Reader and writer share this table.
+/// The format's rule for a section, whatever it holds. Reader and writer share this table.
 struct SectionRule {
   std::uint32_t id;
   std::uint32_t element_bytes;

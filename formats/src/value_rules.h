@@ -7,13 +7,13 @@
 
 namespace sinew::formats {
 
-// What the format says of the values in a package's sections (docs/package-format.md), beyond the header, the section
+// The format's rules for the values in a package's sections (docs/package-format.md), beyond the header, the section
 // table and section INFO, which have been checked. In this order: each relies on those before it. False where `refuse`
 // has the reason.
 
-/// What moves, BODY to PSTV.
+/// Physics, BODY to PSTV.
 [[nodiscard]] bool checkPhysical(const PackageView& view, const Reach& reach, Refusal& refuse);
-/// What is drawn and how it hangs on what moves, PART to MSKV.
+/// The visual mesh and its attachment, PART to MSKV.
 [[nodiscard]] bool checkVisual(const PackageView& view, const Reach& reach, Refusal& refuse);
 /// The sections of fields, FELD to DVAL; one pass over each.
 [[nodiscard]] bool checkFields(const PackageView& view, const Reach& reach, Refusal& refuse);

@@ -79,7 +79,7 @@ struct PackageContent {
 /// \param packed sections that can be are packed (kSectionPacked).
 [[nodiscard]] std::vector<std::byte> writePackage(const PackageContent& content, bool packed = false);
 
-/// What a package has, to be changed and written anew; sections that this software does not know are left out.
+/// A package's content, to be changed and written anew; sections unknown to this software are left out.
 [[nodiscard]] PackageContent contentOf(const PackageView& package);
 
 }  // namespace sinew::formats
