@@ -60,7 +60,7 @@ class Clusters {
       // All copies of a vertex.
       for (std::uint32_t v = firstOf(m.vertex); v < mesh_.vertices.size() && mesh_.vertices[v] == m.vertex; ++v) {
         const double own = double(mesh_.masses[v]) / double(package_.physicalVertices()[m.vertex].mass);
-        // What carries an accessory keeps its weights; its own four vertices have none.
+        // Carriers keep their weights; an accessory's own four vertices have none.
         const double weight = rider != kNone ? double(m.mu) * own : double(mesh_.masses[v]) * double(m.share);
         mu.push_back(weight);
         mass += weight;

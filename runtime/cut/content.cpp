@@ -522,7 +522,7 @@ class Maker {
   PartContent result_;
   formats::PackageContent& out_;
   std::vector<PartPiece> pieces_;
-  std::vector<std::uint32_t> local_;  // of the package's vertices to the part's, those that lie there first
+  std::vector<std::uint32_t> local_;  // of the package's vertices to the part's, the ones there first
   std::array<std::vector<std::uint32_t>, 2> local_tetrahedron_;  // below, above: of the package's to the part's
   std::vector<std::uint32_t> clusters_, pin_sets_;               // the same
   std::vector<std::uint32_t> place_;                             // by numberOf()

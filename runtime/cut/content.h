@@ -12,7 +12,7 @@
 
 namespace sinew::cutting {
 
-/// What a cut has found.
+/// Findings of a cut.
 struct Cut {
   const formats::PackageView& package;
   const CutSettings& settings;

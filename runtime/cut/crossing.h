@@ -32,7 +32,7 @@ class Crossing {
   Crossing(const Crossing&) = delete;
   Crossing& operator=(const Crossing&) = delete;
 
-  /// What lies at a place of the plane; none where no tetrahedron has it.
+  /// Interior at a place of the plane; none where no tetrahedron has it.
   std::optional<Interior> at(const Vector3d& place) const;
   /// Where each node hangs.
   std::vector<Hung> hang(const Surface& surface) const;

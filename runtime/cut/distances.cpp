@@ -17,7 +17,7 @@ namespace {
 constexpr double kMargin = 1.5;
 /// A node counts as inside of a tetrahedron so far outside of it, of its height.
 constexpr double kInside = 1e-6;
-/// What a material that is pressed flat against the plane makes of a distance at most.
+/// Least slope of a distance, in a material that is pressed flat against the plane.
 constexpr double kLeastSlope = 0.05;
 
 using Nodes = std::array<std::uint32_t, 3>;

@@ -17,7 +17,7 @@ struct SectionPoint {
   Hung hung;      ///< tetrahedron of PartMesh
 };
 
-/// What a part has of a piece.
+/// A part's share of a piece.
 struct PartPiece {
   std::uint32_t source = 0;                                    ///< piece of the package
   std::uint32_t piece = 0;                                     ///< of the part's package

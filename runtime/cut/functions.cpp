@@ -123,7 +123,7 @@ PartFunctions restrictFunctions(const ParentField& parent, const MatrixXd& paren
   const MatrixXd coordinates = affine.transpose() * moment;  // rank x 4: of 1, (X - center) / size
   const MatrixXd affine_values = left * affine;
 
-  // What the parent's functions have beyond it, each of its length on the whole: driven ones of sets that went count
+  // The parent's functions beyond it, each of its length on the whole: driven ones of sets that went count
   // as long as they are here.
   MatrixXd others = parent_values(Eigen::all, split.others);
   VectorXd scale = VectorXd::Ones(others.cols());

@@ -11,7 +11,7 @@
 
 namespace sinew::cutting {
 
-/// Numbers of a field of a package, out of their lanes; after its own functions those that a slit adds (Jumps), which
+/// Numbers of a field of a package, out of their lanes; after its own functions the slit's (Jumps), which
 /// no set drives and whose values are not read here.
 class ParentField {
  public:

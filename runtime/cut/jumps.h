@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What the sides of a slit may do apart: functions that jump across it.
+// Functions that jump across a slit, for motion of its sides apart.
 #pragma once
 
 #include <Eigen/Core>

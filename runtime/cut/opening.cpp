@@ -165,7 +165,7 @@ class Opening {
     }
   }
 
-  /// What hangs together: copies of vertices, then of tetrahedra.
+  /// Joins copies that hang together: vertices, then tetrahedra.
   void join() {
     const std::uint32_t first = vertices_ + 4 * std::uint32_t(crossed_.size());
     together_.emplace(std::size_t(first) + 2 * std::size_t(tetrahedra_));

@@ -95,7 +95,7 @@ class Finder {
                            : nodes_[surface_.vertices[corner - visual].node].tetrahedron;
   }
 
-  /// What the surface hangs on is needed on the side where the surface is.
+  /// Tetrahedra that carry the surface are needed on the surface's side.
   void joinSurface() {
     for (const Fragment& fragment : surface_.fragments) {
       const std::uint32_t first = tetrahedronOfCorner(fragment.corner[0]);
@@ -184,7 +184,7 @@ class Finder {
     return some;
   }
 
-  /// What is left without a surface, or too small, joins the largest part.
+  /// A rest without a surface, or too small, joins the largest part.
   void joinRemains(double least) {
     const std::vector<char> has_surface = drawn();
     const double all = double(package_.info().total_mass);

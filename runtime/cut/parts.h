@@ -52,7 +52,7 @@ struct Partition {
   bool again = false;
 };
 
-/// What the plane leaves of tetrahedra, and their volumes at rest.
+/// Fractions of tetrahedra, and their volumes at rest.
 struct Shares {
   std::vector<Fraction> fractions;
   std::vector<double> volumes;  ///< m^3
@@ -78,7 +78,7 @@ Partition findParts(const formats::PackageView& package, const Surface& surface,
 /// The same of a plane that ends. A tetrahedron is cut where the middle of the plane in it lies within the outline; a
 /// vertex has as many copies as its tetrahedra have sides that hang together (Molino 2004): over faces that the plane
 /// passes through, and about the vertex itself. So the slit ends at faces between tetrahedra that are cut and others.
-/// What would leave a part that is too small, or without a surface, is not cut.
+/// Cuts that would leave a part too small, or without a surface, are not made.
 Partition openSlit(const formats::PackageView& package, const Surface& surface, const Section& section,
                    const std::vector<Hung>& nodes, double least, const Sides& sides);
 

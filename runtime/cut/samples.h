@@ -39,7 +39,7 @@ class Slopes {
 
 /// The parent's samples that lie on the part, then places as far as can be from those before, until there are enough
 /// for the functions. Each stands for the tetrahedra that are nearest to it: volumes and uniform strains are exact.
-/// What lies across a slit is farther by its size times the jump of psi; where psi is steep samples are denser.
+/// Distances across a slit grow by its size times the jump of psi; where psi is steep samples are denser.
 std::vector<Sample> findSamples(const FieldInput& input, const ParentField& parent, const Nearest& nearest,
                                 const PartFunctions& functions, const Slopes& slopes, const Around& around,
                                 const Jumps& jumps);

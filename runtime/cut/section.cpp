@@ -115,7 +115,7 @@ class Closing {
 
   /// Ways over gaps of the surface: from each node where the rim ends to one where it begins, the nearest first.
   std::vector<std::array<std::uint32_t, 2>> bridges() const {
-    std::vector<int> surplus(surface_.nodes.size(), 0);  // edges that leave, less those that come
+    std::vector<int> surplus(surface_.nodes.size(), 0);  // leaving edges less coming ones
     for (const auto& [u, v] : surface_.rim) ++surplus[u], --surplus[v];
     std::vector<std::uint32_t> ends, starts;
     for (std::uint32_t n = 0; n < surplus.size(); ++n) {

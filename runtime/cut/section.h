@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What closes the two sides of a cut: polygons in the plane, triangulated.
+// Closure of a cut's two sides: polygons in the plane, triangulated.
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@ using Locate = std::function<std::optional<Interior>(const Vector3d& at)>;
 
 struct Section {
   std::vector<Polygon> polygons;
-  /// Edges that only one face has: those that lead over gaps of the surface, and those of the rim that join to no loop.
+  /// Edges that only one face has: bridges over gaps of the surface, and rim edges that join to no loop.
   std::size_t open = 0;
 };
 

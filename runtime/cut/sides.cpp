@@ -177,7 +177,7 @@ Sides findSides(const formats::PackageView& package, std::span<const Vec3> posit
     Vector3d x = sides.at[corners[3]];
     for (std::size_t k = 0; k < 3; ++k) x += double(a.weight[k]) * (sides.at[corners[k]] - sides.at[corners[3]]);
     sides.visual_at[i] = x;
-    // What hangs on an accessory's tetrahedron goes with it.
+    // A vertex on an accessory's tetrahedron goes with it.
     if (sides.visual_rider[i] == formats::kNone) sides.visual_rider[i] = sides.rider[corners[0]];
   }
   weld(package, diagonal, sides);

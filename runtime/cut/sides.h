@@ -68,7 +68,7 @@ struct Sides {
 /// \param positions of the physical vertices, world.
 Sides findSides(const formats::PackageView& package, std::span<const Vec3> positions, const PlaneFrame& plane);
 
-/// What a plane leaves of a tetrahedron above and below: parts of its volume, and of that the mean barycentric
+/// Fractions of a tetrahedron above and below a plane: parts of its volume, and of that the mean barycentric
 /// coordinates, multiplied. They sum to 1/4 for each corner.
 struct Fraction {
   std::array<double, 2> volume = {};                  ///< below, above

@@ -86,7 +86,7 @@ class Clip {
       if ((u < count_ && sideOf(u) != 0) || (v < count_ && sideOf(v) != 0)) continue;
       const std::uint32_t from = nodeOf(u), to = nodeOf(v);
       if (from == to) continue;
-      // What ends above ends below too, the other way round.
+      // A rim above is one below too, the other way round.
       if (side < 0) surface_.rim.push_back({to, from});
       surface_.touching.push_back({std::min(from, to), std::max(from, to)});
     }

@@ -44,7 +44,7 @@ struct NewVertex {
   double s = 0;
 };
 
-/// What is left of a triangle. Corners from the number of visual vertices on are new ones, of the fragment's side.
+/// Remnant of a triangle. Corners from the number of visual vertices on are new ones, of the fragment's side.
 struct Fragment {
   std::array<std::uint32_t, 3> corner;
   std::uint32_t triangle = 0;

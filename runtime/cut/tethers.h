@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What holds vertices of a part in part: springs of a held field between them and where their pin sets would have them.
+// Tethers of partly held vertices: springs of a held field between them and where their pin sets would have them.
 #pragma once
 
 #include <Eigen/Core>

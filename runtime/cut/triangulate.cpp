@@ -118,7 +118,7 @@ class Triangulation {
         stack.push_back(other);
       }
     }
-    // What lies right of an edge must not be reached.
+    // Triangles right of an edge must stay unreached.
     for (const auto& [u, v] : edges) {
       const auto [t, i] = sideOf(v, u);
       if (t == kNobody || inside[t] != 0) return false;
