@@ -91,7 +91,7 @@ void keepTouchedCells(CellGrid& grid, const TriangleBvh& surface, const WindingN
     const Eigen::AlignedBox3d inner(box.min() + depth, box.max() - depth);
     grid.kept[i] = surface.touches(inner) || (solid != nullptr && solid->inside(box.center())) ? 1 : 0;
   });
-  // What runs in the side between two boxes enters neither: the one above keeps it, at the top end the one below.
+  // Surface in the side between two boxes enters neither: the one above keeps it, at the top end the one below.
   std::vector<char> added(grid.kept.size(), 0);
   for_cells([&](std::size_t i, const std::array<int, 3>& cell, const Eigen::AlignedBox3d& box) {
     if (grid.kept[i] != 0 || !surface.touches({box.min() - depth, box.max() + depth})) return;

@@ -11,7 +11,7 @@
 
 namespace sinew::geometry {
 
-/// What stuffing asks of a solid. All are called from several threads at once.
+/// The solid of a stuffing. All are called from several threads at once.
 struct StuffingDomain {
   std::function<bool(const Eigen::Vector3d&)> inside;
   /// Where the segment from a point inside to one outside leaves the solid, 0..1.

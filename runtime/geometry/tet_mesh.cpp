@@ -85,7 +85,7 @@ std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32
   for (std::size_t i = 0; i < faces.size();) {
     std::size_t end = i + 1;
     while (end < faces.size() && faces[end].key == faces[i].key) ++end;
-    // What is left when tetrahedra on either side have paired off, in order.
+    // Faces left when tetrahedra on either side have paired off, in order.
     const auto even = [&](const Face& f) {
       const Tetrahedron& t = mesh.tetrahedra[f.tetrahedron];
       const auto& corners = kFaces[f.face];

@@ -38,7 +38,7 @@ std::array<double, 2> dihedralRange(const Eigen::Vector3d& a, const Eigen::Vecto
 /// \param tetrahedron_of if not null, receives the tetrahedron of each face.
 std::vector<Triangle> boundaryFaces(const TetMesh& mesh, std::vector<std::uint32_t>* tetrahedron_of = nullptr);
 
-/// What tetrahedra of one component share. Parts that share only a vertex or an edge turn there without strain.
+/// The link of tetrahedra in a component. Parts that share only a vertex or an edge turn there without strain.
 enum class JoinedBy { vertices, faces };
 
 /// Component of each tetrahedron, numbered by first tetrahedron. \return their number.
