@@ -11,7 +11,7 @@ PickedPoint pickedPoint(const Body& body, const BodyPoint& at);
 /// Where the spring of a pick pulls from `at`: its target, or nearer where `firm` (N/m) would pull with more than its
 /// largest force.
 inline Eigen::Vector3d reachOf(const Body& body, const Pick& pick, const Eigen::Vector3d& at, double firm) {
-  // What a pick that names no force pulls with, of the body's weight on Earth.
+  // Pull of a pick that names no force, of the body's weight on Earth.
   constexpr double kWeights = 50, kEarth = 9.81;
   const double most =
       pick.most_force > 0 ? double(pick.most_force) : kWeights * kEarth * double(body.package().info().total_mass);
