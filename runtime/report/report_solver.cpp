@@ -201,7 +201,7 @@ class ReportSolver final : public BodySolver {
     give(point, push);
   }
 
-  // What is held takes none of it.
+  // Held vertices take none of it.
   void give(const PickedPoint& point, const Vector3& impulse) {
     if (point.weight[0] == 0) {
       const Vector3 change = impulse / body_.package().info().total_mass;
@@ -215,7 +215,7 @@ class ReportSolver final : public BodySolver {
     }
   }
 
-  // What the held vertices would have done is what the owner of their transform feels.
+  // Motion that holding prevents is felt by the owner of the transform.
   void react(const Vector3& gravity, float h, std::span<const Vec3> pull) {
     for (PinSet& set : body_.pin_sets) {
       for (const PinnedVertex& vertex : set.vertices) {
