@@ -128,7 +128,7 @@ void addPins(const Recipe& recipe, const AuthoredWeights& authored, const Weight
   findings.insert(findings.end(), found.begin(), found.end());
 }
 
-// What carries a part: a cluster, a set of pins, a mask, or a selection.
+// Carrier of a part: a cluster, a set of pins, a mask, or a selection.
 VisualWeights hostWeights(const Recipe& recipe, const RecipePart& part, const AuthoredWeights& authored,
                           Selections& selections) {
   if (part.to.json.is_null()) return {};

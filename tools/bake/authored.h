@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a recipe authors, on its way into a package.
+// Authored content on its way into a package.
 #pragma once
 
 #include <array>
@@ -31,19 +31,19 @@ struct AuthoredWeights {
 AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, const Topology& topology,
                                const std::vector<ClusterMesh>& cluster_meshes, std::vector<Finding>& findings);
 
-/// What sets of pins select and will not move, by the visual vertices (author/pins.h). The bake says it of the physical
+/// Vertices that pins select and will not move, by the visual ones (author/pins.h). The bake judges the physical
 /// ones.
 std::vector<Finding> judgePins(const Recipe& recipe, const AuthoredWeights& authored);
 
-/// What an edit adds, evaluated on the source: throws ToolError(bad_input) where a new or changed selection selects
-/// nothing or cannot be. \return what is worth knowing, and what of its pins will not move.
+/// An edit's additions, evaluated on the source: throws ToolError(bad_input) where a new or changed selection selects
+/// nothing or cannot be. \return findings, and what of its pins will not move.
 std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after, const VisualMesh& mesh,
                                         const Topology& topology, const std::vector<ClusterMesh>& cluster_meshes);
 
 /// Linear RGBA 0..1 as bytes 0..255, as the package keeps colours.
 std::vector<formats::Color8> packedColors(std::span<const std::array<float, 4>> colors);
 
-/// What `thickness` makes of a shell at each point of the welded surface: a factor; empty where the recipe has none.
+/// Factor of `thickness` on a shell at each point of the welded surface; empty where the recipe has none.
 std::vector<double> shellFactors(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh);
 
 /// Adds the activation channels of authored clusters (sections CHAN and CMEC), the softness of vertices (PSTF), the pin

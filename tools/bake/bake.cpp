@@ -90,7 +90,7 @@ Solid fillSource(const Recipe& recipe, ImportedSource source, StageCache& cache,
   return solid;
 }
 
-// Numbers the vertices of each piece anew: first those that its surface hangs on, which alone are needed to draw it.
+// Numbers the vertices of each piece anew: first its surface's carriers, which alone are needed to draw it.
 void drawnFirst(const VisualMesh& host, const std::vector<TetrahedronPlace>& places, PhysicalMesh& physical) {
   std::vector<char> drawn(physical.positions.size(), 0);
   for (const Triangle& t : host.triangles) {

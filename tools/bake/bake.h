@@ -17,7 +17,7 @@
 
 namespace sinew::tools {
 
-/// What a recipe and its source say, before anything is filled.
+/// A recipe and its source as read, before anything is filled.
 struct ImportedSource {
   VisualMesh mesh;
   Topology topology;
@@ -49,7 +49,7 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache = nu
 /// ToolError where the machine fails.
 std::vector<Finding> refusalOfBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache);
 
-/// What the report says of the stages' cache.
+/// The report on the stages' cache.
 nlohmann::ordered_json cacheJson(const StageCache& cache);
 
 /// The stages' costs as the report shows them.

@@ -57,7 +57,7 @@ void addPlacesWithin(const std::array<Vector3d, 3>& corner, double spacing, std:
   }
 }
 
-/// A place in the tetrahedron that holds it, or of those that do not the one that it lies least outside of.
+/// A place in the tetrahedron that holds it, else in the one that it lies least outside of.
 void hang(const FieldHost& host, const Vector3d& x, ContactPoint& point) {
   double best = -std::numeric_limits<double>::infinity();
   for (std::size_t t = 0; t < host.tetrahedra.size(); ++t) {

@@ -23,7 +23,7 @@ constexpr double kStrongest = 20;
 double hardening(double contraction, double poisson) {
   const double mu = 0.5 / (1 + poisson), lambda = poisson / ((1 + poisson) * (1 - 2 * poisson));
   const double along = 1 - contraction;
-  // Sides are between those of rest and those that keep the volume.
+  // Sides are between the rest's and the volume-keeping ones.
   double low = 1, high = 1 / std::sqrt(along);
   for (int round = 0; round < 60; ++round) {
     const double across = 0.5 * (low + high);
@@ -35,7 +35,7 @@ double hardening(double contraction, double poisson) {
   return contraction > 0 ? stress / contraction : 1;
 }
 
-/// What a tetrahedron is of a cluster.
+/// A tetrahedron's bit of a cluster.
 struct Bit {
   std::size_t tetrahedron = 0;
   double volume = 0;                  // times the cluster's share
@@ -117,7 +117,7 @@ void addFibres(std::span<const Fibre> fibres, const FieldSpace& space, std::uint
                formats::PackageContent& content) {
   for (const Fibre& fibre : fibres) {
     const Eigen::VectorXd values = space.values.transpose() * fibre.stretch;
-    // What shortens the fibre by so much where it lies: what surrounds it stretches along.
+    // Tension to shorten the fibre so much where it lies: its surroundings stretch along.
     const double alone = space.young_scale * fibre.tension;
     const double answer = space.compliance.size() > 0 ? space.compliance[Eigen::Index(fibre.load)] : 0;
     const double embedded = answer > 0 ? std::min(fibre.share * fibre.contraction / answer, kStrongest * alone) : alone;

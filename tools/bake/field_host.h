@@ -11,7 +11,7 @@
 
 namespace sinew::tools {
 
-/// What of a piece deforms. The vertices that carry rigid accessories, behind the others, follow this host: they are no
+/// Deforming part of a piece. Vertices that carry rigid accessories, behind the others, follow this host: they are no
 /// unknowns of its elasticity.
 class FieldHost {
  public:

@@ -53,7 +53,7 @@ Material materialOf(const formats::PackageContent& content, std::size_t c) {
   }
   std::array<double, 3> class_hz = {double(cluster.stretch_hz), double(cluster.bend_hz), double(cluster.twist_hz)};
   if (mechanics.stiffness == formats::StiffnessModel::per_step) {
-    // What a step of 1/60 s keeps of a deformation, beta = 1 / (1 + (2 pi f h)^2), as a frequency.
+    // Deformation kept by a step of 1/60 s, beta = 1 / (1 + (2 pi f h)^2), as a frequency.
     for (std::size_t i = 0; i < 3; ++i) {
       const double beta = std::max(1e-9, double(mechanics.per_step_beta[i]));
       class_hz[i] = std::sqrt((1 - beta) / beta) * 60 / (2 * std::numbers::pi);
@@ -218,7 +218,7 @@ class PieceFields {
     return sum / double(young_.size());
   }
 
-  /// What multiplies the stiffness of a vertex.
+  /// Factor on the stiffness of a vertex.
   double paintedAt(std::size_t v) const {
     if (content_.vertex_stiffness.empty()) return 1;
     return std::max(double(content_.vertex_stiffness[host_.vertices[v]]), kSoftest * kSoftest);
@@ -234,7 +234,7 @@ class PieceFields {
       absolute = absolute || materials.back().hz == 0;
       if (materials.back().hz > 0) lowest = std::min(lowest, materials.back().hz);
     }
-    // What a vertex has of rigid clusters makes it stiff only where it belongs to nothing else.
+    // Rigid clusters make a vertex stiff only where it belongs to nothing else.
     std::vector<double> young(host_.masses.size(), 0), poisson = young, soft = young;
     for (const bool rigid : {false, true}) {
       for (std::uint32_t c = 0; c < host_.range.cluster_count; ++c) {
@@ -249,7 +249,7 @@ class PieceFields {
         const std::vector<double> shares = host_.sharesOf(host_.range.first_cluster + c);
         for (std::size_t v = 0; v < shares.size(); ++v) {
           if (rigid && soft[v] > kNoShare) continue;
-          // What several bones share is skin between them.
+          // Vertices of several bones are skin there.
           young[v] += shares[v] * (!rigid || shares[v] > 1 - kNoShare ? e : 1.0);
           poisson[v] += shares[v] * material.poisson;
           if (!rigid) soft[v] += shares[v];
@@ -308,7 +308,7 @@ class PieceFields {
     return law_[nearest];
   }
 
-  /// What the pin sets hold: vertices, and by tethers what they hold in part.
+  /// The pin sets' holds: vertices, and by tethers the ones held in part.
   void findHeld() {
     taken_.assign(host_.positions.size(), 0);
     std::vector<std::uint32_t> held_by(host_.positions.size(), formats::kNone);
@@ -365,8 +365,8 @@ class PieceFields {
     for (FieldTether& tether : tethers_) tether.held = number[tether.held];
   }
 
-  /// What belongs to a rigid cluster that one pin set holds moves with that set: its own vertices as if they were in
-  /// the set, those that it shares with others by tethers. A share of s beside r of the clusters that deform makes the
+  /// A rigid cluster that one pin set holds moves with that set: its own vertices as if they were in
+  /// the set, shared ones by tethers. A share of s beside r of the clusters that deform makes the
   /// tether s / r times as stiff as a stretch of these clusters' size is.
   void holdRigid(const std::vector<std::uint32_t>& held_by, const std::vector<double>& weight) {
     std::vector<double> young(host_.positions.size(), 0), around = young, soft = young, radius = young;

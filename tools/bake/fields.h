@@ -14,12 +14,12 @@ namespace sinew::tools {
 /// The function space of each piece (sections FELD to DVAL), made from its tetrahedra and the material of its clusters.
 /// To be called when all else of the content stands. \return for the report: by piece what was made; nothing is, and
 /// the report says why, where the settings ask for no functions.
-/// \param cache keeps them; null: none does. \param draft those that are kept of the same tetrahedra and pins serve, in
+/// \param cache keeps them; null: none does. \param draft fields kept of the same tetrahedra and pins serve, in
 /// new materials (reweighed()); the report says `draft` of a piece where they do.
 nlohmann::ordered_json addFields(const Settings& settings, formats::PackageContent& content,
                                  StageCache* cache = nullptr, bool draft = false);
 
-/// What the fields of a piece are made from: what finite elements need to be the same body.
+/// Sources of a piece's fields, and all that finite elements need to be the same body.
 struct PieceElasticity {
   std::uint32_t piece = 0;
   std::vector<std::uint32_t> vertices;                   ///< of the package: all that deforms

@@ -24,7 +24,7 @@ using formats::PackageContent;
 
 // Displacement at which two packages are compared, rms, diagonals.
 constexpr double kBent = 0.1;
-// What nobody sees: a place that is off by so many diagonals, light that falls so many degrees askew.
+// Unseen errors: a place that is off by so many diagonals, light that falls so many degrees askew.
 constexpr double kUnseenPlace = 1e-3, kUnseenDegrees = 0.5;
 
 Eigen::Vector3d vectorOf(const std::array<float, 3>& x) { return {double(x[0]), double(x[1]), double(x[2])}; }
@@ -278,7 +278,7 @@ std::vector<Eigen::Vector3d> drawn(const formats::PackageView& package,
   return visual;
 }
 
-// Largest angle between the artist's normals and those that are made without, degrees.
+// Largest angle between the artist's normals and the ones made without, degrees.
 double normalsDifference(const formats::PackageView& package) {
   const auto made = Asset::fromMemory(packageWith(package, Needs::all().without(Need::normals)));
   if (!made) return std::numeric_limits<double>::infinity();

@@ -40,7 +40,7 @@ struct LeftUnseen {
 };
 
 /// Needs::isAutomatic() carried out: the other needs, or all that is seen and felt where there are no others (so no
-/// cut, identity, groups and masks), without those that go unseen. \param authored its clusters are wanted by name
+/// cut, identity, groups and masks), less the unseen ones. \param authored its clusters are wanted by name
 Needs narrowed(Needs needs, const formats::PackageView& package, bool authored, std::vector<LeftUnseen>& left);
 
 /// Largest distance between where two packages of one body draw a visual vertex: at rest, and bent along each function

@@ -34,7 +34,7 @@ double areaOf(const VisualMesh& mesh, std::uint32_t triangle) {
   return (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm() / 2;
 }
 
-// Of many carriers, those that lie farthest apart.
+// Of many carriers, keeps the farthest apart.
 void thinOut(ClusterSource& host, const std::vector<Vector3d>& positions) {
   if (host.vertices.size() <= kMostCarriers) return;
   const double firm = kFirmCarrier * *std::max_element(host.weights.begin(), host.weights.end());

@@ -36,7 +36,7 @@ VisualMesh withoutParts(const VisualMesh& mesh, const std::vector<RidingPart>& p
 void followHost(const std::vector<RidingPart>& parts, const VisualMesh& host, const PhysicalMesh& physical,
                 std::vector<TetrahedronPlace>& places);
 
-/// What a rigid part rides on: four light vertices of a tetrahedron around it.
+/// Carrier of a rigid part: four light vertices of a tetrahedron around it.
 struct Rider {
   std::uint32_t part = 0;                 ///< of the parts
   std::uint32_t piece = 0;                ///< that carries it

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a bake says of itself, read from its stages.
+// A bake's report on itself, read from its stages.
 #include <string_view>
 
 #include "sinew/formats/version.h"

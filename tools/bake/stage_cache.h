@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a bake keeps of its slow stages, so that the next one does again only what changed
+// A bake's store of its slow stages, so that the next one does again only what changed
 // (docs/decisions/0009-bake-cache.md).
 #pragma once
 

@@ -17,7 +17,7 @@
 
 namespace sinew::tools {
 
-/// What is filled with tetrahedra, about the package's origin and on the floats that the package holds: all that
+/// Solid to fill with tetrahedra, about the package's origin and on the floats that the package holds: all that
 /// follows is computed from what the runtime will see.
 struct Solid {
   ImportedSource source;
@@ -36,7 +36,7 @@ struct Placed {
   std::vector<Rider> riders;
 };
 
-/// What moves it. \warning refers to the stages before.
+/// Its clusters. \warning refers to the stages before.
 struct Clustered {
   WeightTransfer transfer;
   std::vector<ClusterSource> clusters;  ///< by piece, those of its parts behind its own
@@ -61,7 +61,7 @@ HungPlace hungAt(const formats::PackageContent& content, std::size_t v);
 /// The settings as package and report state them.
 nlohmann::ordered_json statedSettings(const Settings& settings, const VisualMesh& mesh);
 
-/// What was done and measured. \param fields what addFields() returned.
+/// Report of the stages. \param fields what addFields() returned.
 nlohmann::ordered_json reportOf(const Settings& settings, const Solid& solid, const Placed& placed,
                                 const Content& content, const nlohmann::ordered_json& fields,
                                 std::size_t package_bytes);

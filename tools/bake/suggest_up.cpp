@@ -16,7 +16,7 @@ constexpr double kDown = 0.98;
 // Of the area that is seen from above: a base, and so much more than the other axis has (a ball has 0.02).
 constexpr double kBase = 0.1;
 constexpr double kMore = 5;
-// What is flat at both ends is a beam or a pipe, which may well lie.
+// A body flat at both ends is a beam or a pipe, which may well lie.
 constexpr double kEnd = 0.5;
 constexpr double kLonger = 1.2;
 
