@@ -16,7 +16,7 @@ constexpr double kNoResistance = 1e-6;
 constexpr double kFirstShift = 1e-10, kShift = 0.01;
 // A shift above so much of the lowest mode is too large.
 constexpr double kLargeShift = 0.2;
-// What the shift may change of an answer, of its size.
+// Most change of an answer by the shift, of its size.
 constexpr double kShiftError = 1e-4;
 constexpr int kPlaces = 12;
 constexpr int kTests = 8;

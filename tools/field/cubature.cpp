@@ -18,11 +18,11 @@ namespace {
 constexpr std::size_t kCandidates = 3;
 // Of the largest eigenvalue of the rest Hessian: below are motions without resistance.
 constexpr double kNoStiffness = 1e-10;
-// What the sampled rest stiffness keeps of the full one, in every direction.
+// Share of the full rest stiffness that samples keep, in every direction.
 constexpr double kLeast = 0.7;
 // Displacements as random forces make them, against all alike.
 constexpr double kForces = 5;
-// Those that known loads and pin sets' motions make, together, against the same.
+// Displacements by known loads and pin sets, together, against the same.
 constexpr double kKnown = 20;
 // Samples by wanted one. Weights take time with the square of their number; a piece that needs more, a skin rough all
 // over, has all of them.
@@ -135,7 +135,7 @@ MatrixXd strainFactor(const Patch& patch, const MatrixXd& gradient) {
   return b;
 }
 
-// What a patch counts when candidates are spread: half by volume, half by its share of the scalar energy of functions
+// A patch's weight when candidates are spread: half by volume, half by its share of the scalar energy of functions
 // of equal energy, so that thin places have their part.
 std::vector<double> importance(const Elastic& elastic, const MatrixXd& gradients) {
   const Index k = gradients.cols();

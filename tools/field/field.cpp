@@ -325,7 +325,7 @@ struct Holds {
     }
   }
 
-  // Of FieldInput::held, among those that hold something.
+  // Of FieldInput::held, among sets with vertices.
   Index placeOf(std::uint32_t set) const { return std::lower_bound(sets.begin(), sets.end(), set) - sets.begin(); }
 };
 
@@ -347,7 +347,7 @@ MatrixXd partition(const Elastic& elastic, const FieldInput& input, const Holds&
   }
   if (!inner.empty()) {
     std::vector<Eigen::Triplet<double>> entries;
-    // What no pin set is joined to takes 0.
+    // Nodes joined to no pin set take 0.
     const double regular = 1e-12 * elastic.scalar.diagonal().mean();
     for (std::size_t j = 0; j < inner.size(); ++j) {
       entries.emplace_back(int(j), int(j), regular);
