@@ -277,7 +277,7 @@ class CellCutter {
       }
     }
   }
-  // What of one set is inside the cell.
+  // One set's part inside the cell.
   struct Sheet {
     std::vector<std::array<Vector3d, 3>> triangles;
     AlignedBox3d box;
@@ -486,7 +486,7 @@ class CellCutter {
   std::array<Vector3d, 4> x_;
   Eigen::Matrix3d to_barycentric_;
   std::vector<Local> local_;
-  // What crossing() needs of each: cells of thousands of triangles are asked hundreds of times.
+  // Data of each for crossing(): cells of thousands of triangles are asked hundreds of times.
   struct Plane {
     Vector3d normal;
     std::array<Vector3d, 3> corners;

@@ -39,7 +39,7 @@ class StopAtVertices {
   std::size_t vertices_;
 };
 
-// Appends the unit normals of the faces around a vertex; with `moved`, of those that are left when both ends of an edge
+// Appends the unit normals of the faces around a vertex; with `moved`, of faces left when both ends of an edge
 // have come there.
 void addNormals(const Mesh& mesh, Mesh::Vertex_index v, const std::array<Mesh::Vertex_index, 2>& ends,
                 const Kernel::Point_3* moved, std::vector<Eigen::Vector3d>& normals) {
@@ -64,7 +64,7 @@ void addNormals(const Mesh& mesh, Mesh::Vertex_index v, const std::array<Mesh::V
 
 constexpr double kFolded = 360;
 
-// What the faces around a vertex say, until one of them changes: a collapse asks again for every edge near it, about
+// Cache of the faces around a vertex, until one changes: a collapse asks again for every edge near it, about
 // forty, but changes the faces of about eight vertices.
 class Surroundings {
  public:

@@ -18,7 +18,7 @@ using geometry::ParallelFor;
 using geometry::TetMesh;
 using geometry::Tetrahedron;
 
-// What a wrap's volume may differ from the solid's: an entered hole leaves a shell, far below.
+// Ratio of a wrap's volume to the solid's: an entered hole leaves a shell, far below.
 constexpr double kLeastWrap = 0.85, kMostWrap = 1.35;
 
 double enclosedVolume(const PlainSurface& s) {

@@ -15,7 +15,7 @@ namespace sinew::tools {
 /// end. None means that winding numbers are whole.
 std::vector<std::array<std::uint32_t, 2>> openEdges(std::span<const geometry::Triangle> triangles);
 
-/// What triangles enclose, taken together.
+/// Enclosure of triangles, taken together.
 struct Enclosure {
   double area = 0;        ///< m^2
   double volume = 0;      ///< m^3, signed; holes closed by fans about the middle of their edges

@@ -47,7 +47,7 @@ FilledPiece searchSpacing(double spacing, double least, std::uint32_t target,
   FilledPiece best;
   double best_error = std::numeric_limits<double>::infinity();
   double last_log_spacing = 0, last_log_count = 0, slope = -2.5;
-  // What the estimate of the spacing is trusted to: thin pieces that a lattice misses must not be chased down to
+  // Trusted range of the spacing's estimate: thin pieces that a lattice misses must not be chased down to
   // theirs.
   const double finest = std::max(0.55 * spacing, least), coarsest = 4 * spacing;
   for (int step = 0; step < 8; ++step) {

@@ -32,7 +32,7 @@ struct PartGroup {
   geometry::WindingNumber winding;  ///< over these triangles, where the caller has made it
 };
 
-/// Decides which of the parts bound a solid together, and turns those that face the wrong way.
+/// Decides which of the parts bound a solid together, and turns parts facing the wrong way.
 PartGroup makePartGroup(const Topology& topology, const WeldedSurface& surface,
                         const std::vector<std::uint32_t>& parts);
 

@@ -24,7 +24,7 @@ constexpr double kNearPieces = 4;
 constexpr double kLargeSheet = 0.25;
 constexpr double kFarSheet = 0.15;
 
-// What a person would call a part.
+// A person's name for a part.
 std::string partName(const VisualMesh& mesh, const Topology& topology, std::uint32_t part) {
   const std::vector<std::uint32_t>& triangles = topology.parts[part].triangles;
   for (const GroupSource& group : mesh.groups) {
@@ -82,7 +82,7 @@ void reportNearPieces(const VisualMesh& mesh, const Topology& topology, const Pi
   std::vector<std::pair<double, std::array<std::uint32_t, 2>>> gaps;
   for (const auto& [pair, d] : squared) gaps.emplace_back(std::sqrt(d), pair);
   std::sort(gaps.begin(), gaps.end());
-  // What joins all of them: the widest gap that is needed.
+  // The widest gap needed to join all of them.
   Sets sets(set.pieces.size());
   double widest = 0;
   std::vector<std::uint32_t> near, parts;

@@ -56,7 +56,7 @@ std::vector<Vector3d> samplePoints(const WeldedSurface& surface, const PartGroup
   return points;
 }
 
-// Joins groups that lie in the solid of others; turns those that are inside out. Whether a group lies in solid or in a
+// Joins groups that lie in the solid of others; turns inverted ones. Whether a group lies in solid or in a
 // cavity is the sum over all groups around it, a cavity's shell counting -1.
 void joinNestedGroups(const WeldedSurface& surface, std::vector<PartGroup>& groups, Sets& sets) {
   std::vector<std::uint32_t> solids;

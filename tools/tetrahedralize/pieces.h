@@ -57,7 +57,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
 /// Of some parts of a surface the one with the largest area.
 std::uint32_t largestPart(const Topology& topology, const std::vector<std::uint32_t>& parts);
 
-/// What the source calls the largest of some parts.
+/// Source's name for the largest of some parts.
 std::string pieceName(const VisualMesh& mesh, const Topology& topology, const std::vector<std::uint32_t>& parts);
 
 /// The names, numbered where several are equal.

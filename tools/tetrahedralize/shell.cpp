@@ -367,7 +367,7 @@ std::vector<std::uint32_t> cutFolds(PlainSurface& surface, std::span<const char>
   return origin;
 }
 
-// What an attempt does where a surface leaves no room for the layer.
+// An attempt's way out where a surface leaves no room for the layer.
 enum class Resort {
   finer,  // refuses: less of it is to be coarsened
   cut,    // cuts folds of the uncoarsened surface apart
@@ -530,7 +530,7 @@ FilledPiece fillWithShell(const SolidPiece& piece, std::uint32_t target, double 
   Prepared prepared;
   if (!prepare(piece, std::uint32_t(kFineness * least), prepared, outcome)) return {};
   const auto all = double(prepared.surface.positions.size());
-  // What is too sharply creased where it is coarse stays fine; where that does not help, less of it is coarsened.
+  // Surface too sharply creased where it is coarse stays fine; where that does not help, less of it is coarsened.
   for (double wanted = least;; wanted *= 2) {
     std::vector<char> keep(prepared.surface.positions.size(), 0);
     double kept = 0;
@@ -538,7 +538,7 @@ FilledPiece fillWithShell(const SolidPiece& piece, std::uint32_t target, double 
     for (int attempt = 0; attempt < kAttempts; ++attempt) {
       outcome = {};
       std::vector<std::uint32_t> folds;
-      // What is not kept is made as coarse as it would be otherwise.
+      // The rest is made as coarse as it would be otherwise.
       const auto aim = std::uint32_t(std::max(4.0, kept < all ? kept + wanted * (all - kept) / all : all));
       const Resort resort = aim >= all ? Resort::thin : stuck || attempt + 1 == kAttempts ? Resort::cut : Resort::finer;
       FilledPiece filled = fillOnce(piece, prepared, aim, keep, thickness, factors, rounding, resort, outcome, folds);

@@ -28,8 +28,8 @@ struct ShellOutcome {
 /// a surface in several (a mask and the horn stuck through it) has a skin of its own, tied by further tetrahedra to
 /// what lies nearest, along where they cross or come closest. Empty where the surface has an edge of more than two
 /// faces, one side only, points where fans meet or that have more than 500 faces, or more than a thousand parts.
-/// \param thickness metres; 0: half of the mean edge of the coarsened surface. \param factors what multiplies that at
-/// each position of the piece, > 0; a vertex of the coarsened surface has the mean of those that became it. Empty: 1
+/// \param thickness metres; 0: half of the mean edge of the coarsened surface. \param factors on that at
+/// each position of the piece, > 0; a vertex of the coarsened surface has its sources' mean. Empty: 1
 /// everywhere. \param rounding metres by which a coordinate may move later: no tetrahedron turns over by that.
 FilledPiece fillWithShell(const SolidPiece& piece, std::uint32_t target_vertices, double thickness,
                           std::span<const double> factors, double rounding, ShellOutcome& outcome);

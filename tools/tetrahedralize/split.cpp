@@ -107,7 +107,7 @@ class Copies {
     }
   }
 
-  // What meets along the surface where the lattice has no cell: copies that share a point of the surface and a corner.
+  // Joins copies that share a point of the surface and a corner: they meet where the lattice has no cell.
   void joinAlongSurface() {
     if (number_ <= 1) return;
     std::vector<std::array<std::uint32_t, 3>> copies_at;  // point, copy, cell

@@ -10,7 +10,7 @@
 
 namespace sinew::tools {
 
-/// Tetrahedra of a lattice after those that several fragments of solid pass through were split.
+/// Tetrahedra of a lattice, split where several fragments of solid pass through one.
 struct SplitMesh {
   geometry::TetMesh mesh;
   /// Per tetrahedron: fraction of it inside its own fragment of solid, where it has copies; else negative.
@@ -32,8 +32,8 @@ struct SplitMesh {
 /// inside it, and copies share a vertex only where the fragments meet across the faces around it: the virtual nodes of
 /// Molino et al. 2004 and Sifakis et al. 2007, cut along the piece's own surface. So two lips in one cell stay two.
 ///
-/// Fragments are found from the triangles clipped to the cell: those that share a point or an edge inside it are one,
-/// and those that see each other (or the same sample of the solid) along a line that crosses no triangle. Parts closer
+/// Fragments are found from the triangles clipped to the cell: any that share a point or an edge inside it are one,
+/// and any that see each other (or the same sample of the solid) along a line that crosses no triangle. Parts closer
 /// than `join_distance` metres are one, as in findPieces; but a much smaller part joins no two fragments of a larger
 /// one (an eyeball between its lids). The result is one fragment again over shared vertices, as the lattice was.
 /// Deterministic for any number of threads.

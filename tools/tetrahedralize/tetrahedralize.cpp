@@ -26,7 +26,7 @@ using Eigen::Vector3d;
 using geometry::TetMesh;
 
 constexpr std::uint32_t kLeastVertices = 12;  // of a piece: the source's smallest cages have as many
-// What `auto` accepts from stuffing.
+// Limits of `auto` on stuffing.
 constexpr std::uint32_t kLeastBudget = 64;  // below this every method overshoots
 constexpr double kLeastRatio = 0.85, kMostRatio = 1.15, kMostUncovered = 0.005;
 // A volume further off than this is reported.
@@ -402,7 +402,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
         remarks.add("tetrahedra-method", Severity::info, "filled by grid",
                     piece.title + " (stuffing holds thin parts only across gaps)", "");
       }
-      // What hung together only across a gap, thinner than a cell elsewhere: a cage loses nothing.
+      // Parts joined only across a gap, thinner than a cell elsewhere: a cage loses nothing.
       if (options.method == TetrahedraMethod::automatic && choice.method == TetrahedraMethod::stuffing &&
           split.joined > 0) {
         method = TetrahedraMethod::grid;

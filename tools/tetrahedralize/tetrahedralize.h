@@ -22,7 +22,7 @@ struct TetrahedraOptions {
   std::uint32_t target_vertices = 1500;  ///< physical vertices over all pieces; the result is within about 30 %
   double join_distance = 1e-3;           ///< parts closer than this share a piece; of the diagonal
   double shell_thickness = 0;            ///< of a shell, metres; 0 = half of the mean edge of its coarse surface
-  /// What multiplies that, per welded point, > 0; empty: 1 everywhere.
+  /// Factors on that, per welded point, > 0; empty: 1 everywhere.
   std::vector<double> shell_factors;
 };
 
