@@ -24,7 +24,7 @@ struct AttachmentOptions {
 /// Farther than this from its place at rest no visual vertex is attached, but for what floats round; of the diagonal.
 inline constexpr double kMostRestError = 1e-6;
 
-/// What floats round of a place that hangs on a tetrahedron's corners by weights (thin ones hold it by large weights):
+/// Floats' rounding of a place that hangs on a tetrahedron's corners by weights (thin ones hold it by large weights):
 /// 2^-24 each of a weight, a difference, a product and a sum.
 /// \param reach sum of |weight| |corner - last corner|, metres.
 constexpr double roundedReach(double reach) { return 4 * 0x1p-24 * reach; }
