@@ -77,7 +77,7 @@ std::uint64_t determinismHash(unsigned threads, unsigned steps);
 /// Microseconds of a step of one of its bodies in the air, one thread.
 double determinismStepMicroseconds(bool quick);
 
-// What the groups share.
+// Data of all groups.
 struct BenchContext {
   const BenchOptions& options;
   const MachineLimits& machine;

@@ -27,7 +27,7 @@ double bytesInUse() {
   return double(info.uordblks) + double(info.hblkhd);
 }
 
-// What of an ELF file `strip` leaves, and the libraries it asks for. Empty `reason` where it could be read.
+// An ELF file as `strip` leaves it, and the libraries it asks for. Empty `reason` where it could be read.
 struct SharedLibrary {
   double stripped_bytes = 0;
   std::vector<std::string> needed;
@@ -108,7 +108,7 @@ void benchMemory(const BenchContext& context) {
     line.note = std::to_string(body.vertices) + " vertices";
     context.emit(line);
   }
-  // What a world holds for each body that is stepped at the same time, however many bodies it has.
+  // A world's bytes for each body that is stepped at the same time, however many bodies it has.
   const LatticeBody& body = blockBody(0);
   World world;
   const double before = bytesInUse();

@@ -134,7 +134,7 @@ void emitPlaces(const BenchContext& context, const std::string& mesh, const std:
       stepLine(name(Place::air) + ", by the report's solver", *asset, measure(report.timed(), context.timing())));
 }
 
-// What a package has and a scene does not use takes no time.
+// Package content that a scene does not use takes no time.
 void emitUnused(const BenchContext& context, const std::string& mesh, const std::shared_ptr<const Asset>& asset) {
   const auto least = Asset::fromMemory(packageWith(asset->package(), Needs::none().with(Need::exact)));
   if (!least)

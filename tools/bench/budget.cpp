@@ -88,7 +88,7 @@ class Costs {
   ordered_json json_ = ordered_json::object();
 };
 
-// What errors are measured against: the recipe's own mesh with many functions, and what that is off itself.
+// Measure of errors: the recipe's own mesh with many functions, and its own error.
 struct Yardstick {
   Answers answers;
   double own_error = 0;
@@ -178,7 +178,7 @@ class Search {
   }
 
   BudgetResult take(std::uint32_t functions) {
-    // What the next steps down and up cost.
+    // Costs of the next steps down and up.
     const auto at = std::lower_bound(kLadder.begin(), kLadder.end(), functions);
     if (at != kLadder.begin()) tried(*(at - 1));
     const auto above = at != kLadder.end() && *at == functions ? at + 1 : at;

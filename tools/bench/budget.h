@@ -17,7 +17,7 @@
 
 namespace sinew::tools {
 
-/// What a bake must fit, at least one of the three.
+/// Limits of a bake, at least one of the three.
 struct Budget {
   std::optional<double> microseconds;  ///< of a frame: FrameCost::all() in the package's usualScene()
   std::optional<std::uint64_t> bytes;  ///< of the package

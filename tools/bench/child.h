@@ -8,7 +8,7 @@
 
 namespace sinew::tools {
 
-/// What this program, started again with one instruction set forced, found.
+/// Result of this program, started again with one instruction set forced.
 struct ChildResult {
   bool ran = false;
   std::string reason;            ///< why not, one clause

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a package costs in bytes and time, and what leaving things out of it would save.
+// Costs of a package in bytes and time, and savings by leaving things out of it.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace sinew::tools {
 
-/// What a body does while its steps are timed.
+/// Scene of a body while its steps are timed.
 enum class FrameScene : std::uint8_t {
   air,     ///< thrown, turning and ringing, with nothing near
   ground,  ///< dropped from a tenth of its diagonal onto level ground: 2 s

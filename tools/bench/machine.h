@@ -16,7 +16,7 @@ struct CopyBandwidth {
   double two_threads = 0;  ///< bytes/s of both, each on a working set of its own
 };
 
-/// What the machine can do at most, measured.
+/// The machine's limits, measured.
 struct MachineLimits {
   std::string processor;        ///< its name, as the system tells it; empty where it does not
   unsigned processors = 0;      ///< threads that run at once
