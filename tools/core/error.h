@@ -9,7 +9,7 @@ namespace sinew::tools {
 /// Exit codes of the program (design: 0 done, 1 findings of severity error, 2 usage, 3 bad input, 4 the system failed).
 enum class ExitCode : int { done = 0, findings = 1, usage = 2, bad_input = 3, system = 4 };
 
-/// What stops a tool. Printed as one line: `sinew: FILE: what is wrong (where). What to do.`
+/// A tool's failure. Printed as one line: `sinew: FILE: what is wrong (where). What to do.`
 class ToolError : public std::runtime_error {
  public:
   /// \param file the user's file, as they named it; may be empty.
