@@ -35,7 +35,7 @@ constexpr float kHeldTop = 0.1F;
 // Contacts have no rolling resistance of their own, so a ball would roll on for long; in `drop` the air slows it.
 constexpr float kDropDamping = 0.6F;
 
-// What rests so long falls asleep, s.
+// Rest before a body's sleep, s.
 constexpr float kSleepSeconds = 0.5F;
 // `stack` puts so many one on another, `pyramid` so many rows of one less each, `pile` drops so many layers of so many
 // by so many into a box.
@@ -79,7 +79,7 @@ struct Bounds {
   }
 };
 
-// What is drawn, as it stands in a scene that moves it without a turn.
+// Drawn bounds in a scene that moves the body without a turn.
 Bounds drawnBounds(const formats::PackageInfo& info, const Vec3& position) {
   Bounds b{info.bounds_min, info.bounds_max};
   for (std::size_t a = 0; a < 3; ++a) {

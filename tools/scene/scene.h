@@ -23,7 +23,7 @@ enum class SceneKind { rest, drop, squash, stretch, hang, stack, pyramid, pile, 
 /// Names in the order of the enum: "rest", "drop", "squash", "stretch", "hang", "stack", "pyramid", "pile", "stairs",
 /// "cut".
 std::span<const std::string_view> sceneNames();
-/// What --scene takes, in words.
+/// Values of --scene, in words.
 std::string sceneList();
 
 /// A built-in scene, or one from a file.
@@ -115,7 +115,7 @@ class Scene {
   /// it again. reset() keeps it.
   void holdChannel(std::uint32_t channel, std::optional<float> value);
   bool isHeld(std::uint32_t channel) const { return held_channels_[channel].has_value(); }
-  /// What each channel of the package has, 0..1.
+  /// Value of each channel of the package, 0..1.
   std::span<const float> channelInputs() const { return inputs_; }
 
  private:
@@ -140,7 +140,7 @@ class Scene {
   /// Moves what the scene drives.
   void drive();
   void driveChannels(double time);
-  /// What a script's hands do in the step that ends at a time.
+  /// Moves a script's hands in the step that ends at a time.
   void driveHands(double time);
   /// The body whose surface lies nearest to a place, and its point there.
   std::pair<BodyId, BodyPoint> nearest(const Vec3& place) const;

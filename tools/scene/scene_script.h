@@ -25,7 +25,7 @@ inline constexpr double kMostPlace = 1e6;  ///< m, of coordinates and lengths
 /// Of a collider: the least length of its shape, m; the most friction.
 inline constexpr double kLeastLength = 1e-9, kMostFriction = 1e4;
 
-/// What a scene file says. Lengths in metres, points in the source's coordinates (as `sinew inspect` shows them).
+/// A scene file's content. Lengths in metres, points in the source's coordinates (as `sinew inspect` shows them).
 struct SceneScript {
   struct ChannelKey {
     double time;   ///< s
@@ -46,7 +46,7 @@ struct SceneScript {
     std::array<double, 3> point = {0, 0, 0};  ///< of the axis
     std::vector<TargetKey> keys;
   };
-  /// What bodies collide with. Points of its shape are about `at`.
+  /// A collider of the bodies. Points of its shape are about `at`.
   struct Solid {
     ColliderShape base;  ///< without what its spans show
     std::vector<Vec3> points;
@@ -137,7 +137,7 @@ struct SceneScript {
   static SceneScript read(const std::string& file);
 };
 
-/// What a scene uses of its packages, and what is drawn of them.
+/// Needs of a scene from its packages, and of drawing them.
 Needs neededBy(const SceneScript& script);
 
 /// Smooth between keys, constant before the first and after the last. \param keys times ascending, at least one.
@@ -151,7 +151,7 @@ RigidTransform motionAt(const SceneScript::Target& target, const std::array<doub
 struct SceneDrive {
   /// Throws ToolError(bad_input) where the package lacks a channel or a target that the script names.
   SceneDrive(const SceneScript& script, const formats::PackageView& package);
-  /// What the channels are to have at a time. \param inputs by channel of the package; others are left as they are.
+  /// Values of the channels at a time. \param inputs by channel of the package; others are left as they are.
   void readInputs(double time, std::span<float> inputs) const;
   /// Moves the pin targets to where they are to be at a time.
   void moveTargets(World& world, BodyId body, double time) const;

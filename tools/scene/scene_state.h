@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What Scene::save() gives.
+// Result of Scene::save().
 #pragma once
 
 #include <cstddef>

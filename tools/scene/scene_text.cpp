@@ -108,7 +108,7 @@ std::string sceneText(const Scene& scene, const SceneTextOptions& options) {
   json["damping"] = sevenDigits(double(world.damping));
   json["deformation_damping_ratio"] = sevenDigits(double(world.deformation_damping_ratio));
   json["stiffness"] = sevenDigits(double(scene.world().bodySettings(scene.body()).stiffness_scale));
-  // What holds it here is the package's pins, or what the scene pins by itself; then those hold it there.
+  // The package's pins hold it here, or the scene's own; in either case the package's hold it there.
   json["package_pins"] = scene.world().bodySettings(scene.body()).package_pins || !scene.pinned().empty();
   const formats::PackageView& package = scene.assets().front()->package();
   Json channels = Json::object();

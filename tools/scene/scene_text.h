@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What plays, as a scene file that another player can take up.
+// The play, as a scene file that another player can take up.
 #pragma once
 
 #include <optional>
@@ -21,7 +21,7 @@ std::string shapeName(const ColliderShape& shape);
 
 struct SceneTextOptions {
   bool picks = true;                         ///< locked picks too, not the channels alone
-  std::vector<SceneScript::Target> targets;  ///< where they are, in one key each; those that are at rest are left out
+  std::vector<SceneScript::Target> targets;  ///< where they are, in one key each; targets at rest are left out
   std::optional<SceneScript::View> camera;   ///< in the source's coordinates
   std::vector<PlacedSolid> solids;           ///< beside those of a scene from a file
 };
