@@ -39,7 +39,7 @@ struct SolidExtent {
 };
 SolidExtent extentOf(const PackageSolid& solid);
 
-/// What is done in a scene. Gravity has a strength of 1 m/s². No regions where the scene does not exist for the body:
+/// Load case of a scene. Gravity has a strength of 1 m/s². No regions where the scene does not exist for the body:
 /// `pins` without pin sets. \param extent what heights and lengths are shares of: the solid's own, or another's of the
 /// same source.
 HeldCase heldCase(const PackageSolid& solid, const formats::PackageView& package, HoldScene scene,

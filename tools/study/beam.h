@@ -75,7 +75,7 @@ struct SwingResult {
 SwingResult measureSwing(const SwingCase& one);
 std::vector<SwingCase> swingCases();
 
-/// What zero crossings and turning points say of a free motion about 0.
+/// A free motion about 0 by its zero crossings and turning points.
 struct Swing {
   double frequency_hz = 0;  ///< 0 where there are less than three crossings
   double damping_ratio = 0;

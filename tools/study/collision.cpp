@@ -85,7 +85,7 @@ struct Connection {
   }
 };
 
-/// What a method sees: how far the second body is to go.
+/// A method's answer: how far the second body is to go.
 using Way = std::optional<Vector3d>;
 
 /// Triangles by cell of a regular grid (Teschner 2003).

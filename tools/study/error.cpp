@@ -55,7 +55,7 @@ struct Play {
   std::function<Motion(const MotionBody&, const MotionScene&)> play;
 };
 
-// What is played, in every scene.
+// Inputs of every played scene.
 struct Plan {
   std::shared_ptr<const Asset> own;
   PackageSolid solid;
@@ -100,7 +100,7 @@ bool hasLimits(const formats::PackageView& package) {
   return std::any_of(package.mechanics().begin(), package.mechanics().end(), limited);
 }
 
-// What can be compared with finite elements.
+// Refuses all but fields on tetrahedra.
 void requireTetrahedra(const Asset& asset, const std::string& name) {
   if (asset.package().tetrahedra().empty() || asset.package().barycentric().empty()) {
     throw ToolError(ExitCode::bad_input, name, "its surface does not hang on tetrahedra",
@@ -221,7 +221,7 @@ class Judge {
     const std::vector<Vector3d> end = meanOfEnd(motion);
     double off = 0;
     for (const std::uint32_t v : vertices_) off += body_.areas[v] * (end[v] - end_[v]).squaredNorm();
-    // What is let go swings about its rest: its end is measured by how far it went.
+    // A body let go swings about its rest: its end is measured by how far it went.
     row.end = std::sqrt(off / area_) / std::max(end_rms_, swing_ ? rms_ : 0);
     if (!triangles_.empty()) {
       for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {

@@ -256,7 +256,7 @@ std::string picture(const ErrorStudy& study, std::uint32_t s) {
          " ms' src='data:image/png;base64," + base64(encodedPng(image)) + "'>";
 }
 
-// What a time buys: the best of this runtime, then the best of all others; the nearer one bold.
+// The best within each time: of this runtime, then of all others; the nearer one bold.
 std::string budgets(std::span<const ErrorStudy> studies) {
   std::string html = "<table class='budgets'><tr><th>within, ms a frame";
   for (const double budget : kBudgets) html += text("<th>%g", budget);

@@ -24,7 +24,7 @@ constexpr std::size_t kLanes = 16;
 using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
 constexpr std::size_t kGrain = 16;
 constexpr int kPowers = 60;
-// What power iteration may have missed, of the highest frequency; what stretched tetrahedra ring higher.
+// Margin for power iteration, of the highest frequency; and for stretched tetrahedra: they ring higher.
 constexpr double kPowerMargin = 1.05;
 // A point that touches within a frame is at most so much faster than the fastest at the frame's begin.
 constexpr double kFaster = 2;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What an elastic solid does, to measure the runtime against: finite elements on tetrahedra, in double precision. It
+// An elastic solid to measure the runtime against: finite elements on tetrahedra, in double precision. It
 // shares nothing with the runtime but the tetrahedra.
 #pragma once
 
@@ -60,7 +60,7 @@ struct ElasticMaterial {
   double poisson = 0.3;  ///< Poisson's ratio, -1 < nu < 0.5
 };
 
-/// What a solid is made of and what pulls at it.
+/// A solid's materials and the forces on it.
 struct ElasticLoad {
   std::vector<ElasticMaterial> materials;  ///< one for all tetrahedra, or one each
   std::vector<Eigen::Vector3d> forces;     ///< N, one a node (gravity: nodalMasses() g); empty: none
@@ -102,7 +102,7 @@ double lowestFrequency(const ElasticSolid& solid, const std::vector<ElasticMater
 /// Volume of a solid's tetrahedra at rest by vertex, a quarter each, m³. \param solid linear.
 std::vector<double> nodalVolumes(const ElasticSolid& solid);
 
-/// What gravity pulls at, by node, kg: the integrals of the density times the nodes' shape functions. The density is
+/// Gravity's masses by node, kg: the integrals of the density times the nodes' shape functions. The density is
 /// linear between vertices, such that the sum stays. Of linear tetrahedra it is the masses of the vertices; of
 /// quadratic ones that of a vertex is none or less, nearly all is between (a uniform tetrahedron: -1/20 and 1/5).
 /// \param vertex_masses kg, one a vertex.

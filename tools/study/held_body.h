@@ -29,10 +29,10 @@ enum class StiffnessSource : std::uint8_t {
 
 std::string_view nameOf(StiffnessSource source);
 
-/// What the reference is made of where a package has no material: only the shape of the answer means something then.
+/// Material of the reference where a package has none: only the shape of the answer means something then.
 inline constexpr ElasticMaterial kPresumed = {1e5, 0.3};
 
-/// What a piece of a package is made of.
+/// Material of a piece of a package.
 struct PieceMaterial {
   ElasticMaterial material = kPresumed;
   StiffnessSource source = StiffnessSource::none;
@@ -49,7 +49,7 @@ struct PackageSolid {
   std::vector<Eigen::Vector3d> rest;                     ///< all physical vertices, metres
   std::vector<double> masses;                            ///< kg
   std::vector<std::uint32_t> piece;                      ///< of each vertex, into BODY
-  std::vector<std::array<std::uint32_t, 4>> tetrahedra;  ///< those that are kept
+  std::vector<std::array<std::uint32_t, 4>> tetrahedra;  ///< the kept ones
   std::vector<std::uint8_t> kept;                        ///< by vertex: 1 where a kept tetrahedron has it
   std::uint32_t pieces = 0;
   std::uint32_t left_out = 0;  ///< tetrahedra that are not kept
@@ -72,7 +72,7 @@ struct HeldRegion {
   Eigen::Vector3d at(const Eigen::Vector3d& rest, double part) const;
 };
 
-/// What is done to a body.
+/// Load case of a body.
 struct HeldCase {
   std::vector<HeldRegion> regions;
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();  ///< m/s²
@@ -87,13 +87,13 @@ std::vector<std::uint8_t> heldPieces(const PackageSolid& solid, const HeldCase& 
 /// m
 RigidTransform poseOf(const HeldRegion& region, double part, const Eigen::Vector3d& offset);
 
-/// What this thread has had of the processor, s: others that run beside it do not count.
+/// Processor time of this thread, s: others that run beside it do not count.
 double threadSeconds();
 
 /// Throws ToolError(system): a World did not take what a study gave it.
 [[noreturn]] void refuseHold(const std::string& reason);
 
-/// What finite elements say.
+/// Finite elements' answer.
 struct ReferenceShape {
   std::vector<Eigen::Vector3d> displacement;  ///< of the package's physical vertices, metres; 0 of those left out
   std::vector<std::uint32_t> compared;        ///< vertices that are free and kept, of pieces that are held; ascending
@@ -122,7 +122,7 @@ struct PlayOptions {
   double rest_speed = 0;  ///< m/s, root mean square over the compared vertices: slower for a tenth of a second is rest
 };
 
-/// What the runtime did.
+/// The runtime's answer.
 struct PlayedShape {
   std::vector<Eigen::Vector3d> displacement;  ///< of all physical vertices, metres
   double rest_seconds = -1;                   ///< simulated time to rest; negative: it did not come to rest

@@ -89,7 +89,7 @@ Kink sharpest(const formats::PackageView& package, const std::vector<FacePair>& 
   return kink;
 }
 
-// What a mask holds: its middle, and where its length runs, which is the axis along which it is longest at rest.
+// A mask's limb: its middle, and where its length runs, which is the axis along which it is longest at rest.
 struct Limb {
   Vector3d middle, axis;
 };

@@ -182,7 +182,7 @@ void refineTethers(const MotionBody& body, const ElasticSolid& coarse, const std
 
 MotionBody refined(const MotionBody& body) {
   const ElasticSolid coarse = solidOf(body);
-  // What a vertex midway is: held where both ends are, by the same region; of the density between theirs.
+  // A vertex midway is held where both ends are, by the same region; of the density between theirs.
   std::vector<double> volumes = nodalVolumes(coarse);
   std::vector<Vector3d> midway;
   for (std::size_t v = 0; v < body.rest.size(); ++v) {

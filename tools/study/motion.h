@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What `study error` asks of every method alike: a body of tetrahedra, what holds and pulls it, and where its visual
+// Task of `study error` for every method alike: a body of tetrahedra, its holds and pulls, and where its visual
 // vertices go, frame by frame.
 #pragma once
 
@@ -78,7 +78,7 @@ struct MotionGround {
   double friction = 0.6;  ///< Coulomb coefficient, 0..
 };
 
-/// What is done to it. Time starts at 0, at rest.
+/// Its load case. Time starts at 0, at rest.
 struct MotionScene {
   HoldScene hold = HoldScene::hang;
   bool release = false;             ///< gravity ends at kReleaseSeconds, and what comes after is compared
@@ -102,7 +102,7 @@ struct MotionScene {
   double comparedFrom() const { return release ? kReleaseSeconds : 0; }
   /// Where region `region` takes what it holds, from rest.
   Eigen::Isometry3d poseOf(std::size_t region, double time) const;
-  /// What holds a package in this scene. \param extent as of heldCase()
+  /// Holds of a package in this scene. \param extent as of heldCase()
   HeldCase holds(const PackageSolid& solid, const formats::PackageView& package, const SolidExtent& extent) const;
   /// By piece: 1 where it is played. Of what is held, the pieces that regions hold; else all.
   std::vector<std::uint8_t> pieces(const PackageSolid& solid, const HeldCase& held) const;

@@ -13,7 +13,7 @@
 
 namespace sinew::tools {
 
-/// What may be asked of a study's package. Its clusters are linear.
+/// Options of a study's package. Its clusters are linear.
 struct StudyPackageOptions {
   double frequency_hz = 1;                                  ///< of all classes of modes
   std::optional<formats::ClusterMechanics> mechanics = {};  ///< of every cluster; none: no CMEC at all

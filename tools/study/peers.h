@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a scene of `study error` looks like by other methods, on one thread: each as its authors give it.
+// Scenes of `study error` by other methods, on one thread: each as its authors give it.
 #pragma once
 
 #include "tools/study/motion.h"

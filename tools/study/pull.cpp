@@ -169,7 +169,7 @@ Load loadOf(const Recipe& recipe, const Baked& baked, const PullOptions& options
   load.pull = options.pull ? Vector3d(options.pull->data())
                            : Vector3d(kDefaultPull * diagonal * point(package.visualNormals()[picked]));
   const Vector3d at = point(package.visualPositions()[picked]);
-  // What a pin set holds in part is neither held nor free to be pulled.
+  // Partly pinned vertices are neither held nor free to be pulled.
   std::vector<std::uint8_t> taken(package.physicalVertices().size(), 0);
   for (const std::uint32_t v : load.held) taken[v] = 1;
   for (const std::uint32_t v : package.pinSetVertices()) taken[v] = 1;

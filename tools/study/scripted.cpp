@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 // 1/s: a vertex whose tether alone would ring faster is held. It gives way to an acceleration a by a / omega².
 constexpr double kHeldOmega = 2 * std::numbers::pi * 2000;
 
-// What moduli are multiplied with that are relative to each other: the samples of the fields have the product.
+// Factor on moduli that are relative to each other: the samples of the fields have the product.
 double youngScale(const formats::PackageView& package, const PieceElasticity& piece) {
   if (piece.lowest_hz == 0) return 1;
   double scaled = 0, relative = 0;

@@ -17,7 +17,7 @@
 
 namespace sinew::tools {
 
-/// What a cell is made of; a level of each gives a cell.
+/// Factors of a cell; a level of each gives a cell.
 enum class StepsFactor : std::uint8_t { body, material, steps, place, scene };
 inline constexpr std::size_t kStepsFactorCount = 5;
 

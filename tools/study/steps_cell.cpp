@@ -303,7 +303,7 @@ class CellRun {
         seconds, [](double) {}, [&](double h) { judge.observe(state(), h); });
     if (lost_ > 0) return;
     findings_ = judge.findings();
-    // What turns is stretched by its turning.
+    // Turning stretches a body.
     if (scene_ != StepsScene::tumble) findings_.push_back(shapeOf(package_, state().positions));
   }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What `study steps` measures: finiteness, momentum, energy, shape and rest of a body, from the positions and
+// Measures of `study steps`: finiteness, momentum, energy, shape and rest of a body, from the positions and
 // velocities that a World reports and the masses of the package, in double. Nothing here knows how the runtime moves a
 // body.
 #pragma once
@@ -18,7 +18,7 @@
 
 namespace sinew::tools {
 
-/// What a World reports of a body: metres and m/s, one each per physical vertex.
+/// A World's report of a body: metres and m/s, one each per physical vertex.
 struct BodyState {
   std::span<const Vec3> positions, velocities;
 };
