@@ -14,7 +14,7 @@ struct Side {
   float yaw = 0, pitch = 0;
 };
 
-/// What of a surface is seen from sides all around, so that each of many weights can be shown from where most of it is.
+/// Visibility of a surface from sides all around, so that each of many weights can be shown from where most of it is.
 class Sides {
  public:
   /// \param positions any unit; \param triangles both faces of each are seen.

@@ -42,7 +42,7 @@ struct Camera {
 /// The camera of a named view; only the direction is set. \param front_yaw rad, from where the front is seen
 Camera viewCamera(ViewName view, float front_yaw = 0);
 
-/// What a motion covers: support points in evenly spread directions over all that was added. Any camera can be fitted
+/// Extent of a motion: support points in evenly spread directions over all that was added. Any camera can be fitted
 /// to it afterwards; the error is below 3 % of its radius (every direction lies within 13 degrees of one of them).
 class MotionHull {
  public:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the renderer needs to know of a mesh that does not change while it deforms.
+// Data of a mesh for the renderer that do not change while it deforms.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What stands over a drawn model: captions that can be read on any colour, axes, a scale.
+// Overlay of a drawn model: captions that can be read on any colour, axes, a scale.
 #pragma once
 
 #include <string>

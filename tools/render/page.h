@@ -5,7 +5,7 @@
 
 namespace sinew::tools {
 
-// What the pages of all pictures share.
+// Style of all pictures' pages.
 inline constexpr Rgb8 kPaper = {250, 250, 251};
 inline constexpr Rgb8 kInk = {34, 38, 46};
 inline constexpr Rgb8 kGreyInk = {98, 104, 116};

@@ -54,7 +54,7 @@ void addToHull(MotionHull& hull, const Shape& shape) {
   const std::size_t stride = shape.positions.size() / kHullVertices + 1;
   std::vector<Eigen::Vector3f> some;
   for (std::size_t i = 0; i < shape.body_vertices; i += stride) some.push_back(shape.positions[i]);
-  // Of colliders those that are not much larger than all bodies together.
+  // Of colliders only ones not much larger than all bodies together.
   constexpr float kMuch = 4;
   Eigen::AlignedBox3f bodies;
   for (const Eigen::Vector3f& p : some) bodies.extend(p);

@@ -62,14 +62,14 @@ struct Shape {
 };
 void captureShape(const Scene& scene, Shape& shape);
 void showShape(Renderer& renderer, const Shape& shape);
-/// What draws the bodies of a shape. \param diagonal m, the unit of what is drawn.
+/// Model of a shape's bodies. \param diagonal m, the unit of what is drawn.
 DrawModel modelOf(const Shape& shape, float diagonal);
 
 /// Looks from where a scene's file says. \return whether the file frames the picture too, which is done then; else what
 /// is to be seen is still to be fitted in.
 bool lookAsScene(Camera& camera, const SceneScript::View& view, const formats::PackageView& package);
 
-/// What a camera sees, as a scene's file says it. \param placed the body's position at the start of its scene, m
+/// A camera's view, as a scene's file says it. \param placed the body's position at the start of its scene, m
 SceneScript::View sceneViewOf(const Camera& camera, const formats::PackageView& package, const Vec3& placed);
 
 /// A row of pictures a scene, labelled, over a title with the counts. Needs a current OpenGL context.
