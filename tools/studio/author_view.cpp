@@ -98,7 +98,7 @@ void AuthorView::frame(const ViewLayout& layout, const Commands& commands, Docum
   const bool was_stroking = paint_.isStroking();
   paint_.frame(hover_, look, left, moved, document, state);
   tintStroke();
-  // What could not be saved does not stay on the surface.
+  // An unsaved stroke does not stay on the surface.
   if (was_stroking && !paint_.isStroking()) tinted_.reset();
   mouse_.frame(layout, paint_.isStroking() || held_.has_value(), over_view, camera_);
 }
@@ -137,7 +137,7 @@ void AuthorView::dragHandle(const Look& look, bool left, Document& document, Stu
     };
     Eigen::Vector3d to = held_->from + dragOffset(camera_, drawn(held_->from), look.ray.cast<float>()).cast<double>() *
                                            double(model_.diagonal);
-    // What lies on the surface stays there.
+    // A centre on the surface stays there.
     const bool on_surface = held_->kind == HandleKind::center && hover_.triangle != kNoIndex;
     if (on_surface) to = hover_.position;
     held_->value = dragged(held_->gizmo, held_->kind, to);

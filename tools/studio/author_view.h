@@ -21,7 +21,7 @@ namespace sinew::tools {
 
 class AuthorView {
  public:
-  /// What mouse and keys do. \param seconds s, the clock of strokes' cost
+  /// Obeys mouse and keys. \param seconds s, the clock of strokes' cost
   void frame(const ViewLayout& layout, const Commands& commands, Document& document, StudioState& state);
   /// Draws into the renderer's own target; present() what is returned. Null while there is no source.
   Renderer* draw(const ViewLayout& layout, const Document& document, const StudioState& state);
@@ -44,7 +44,7 @@ class AuthorView {
   bool takeHandle(const ViewLayout& layout, const Document& document, const StudioState& state);
   void dragHandle(const Look& look, bool left, Document& document, StudioState& state);
   double pointerLength() const;
-  /// What the left button that went down does. \return false: nothing
+  /// Obeys the left button that went down. \return false: nothing
   bool press(const Look& look, Document& document, StudioState& state);
   Look look(const ViewLayout& layout) const;
   /// The colours of what the brush has changed.
@@ -74,7 +74,7 @@ class AuthorView {
   std::optional<Held> held_;
   std::vector<std::array<float, 3>> tints_;
   bool tints_changed_ = false;
-  // What tints_ was made for.
+  // Sources of tints_.
   struct Tinted {
     std::uint32_t evaluations = 0;
     const void* evaluated = nullptr;

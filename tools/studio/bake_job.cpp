@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What findingsJson() writes.
+// Inverse of findingsJson().
 std::vector<Finding> findingsOf(const nlohmann::ordered_json& report) {
   std::vector<Finding> findings;
   if (!report.contains("findings")) return findings;

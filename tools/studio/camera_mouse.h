@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the mouse does to a camera, by the habits of the program that a person knows.
+// A camera under the mouse, by the habits of the program that a person knows.
 #pragma once
 
 #include <cstdint>
@@ -16,11 +16,11 @@ namespace sinew::tools {
 enum class Navigation : std::uint8_t { usual, blender, maya };
 /// Names in the order of the enum: "Sinew", "Blender", "Maya".
 std::span<const std::string_view> navigationNames();
-/// What does what, for the page of help.
+/// Drags by effect, for the page of help.
 std::span<const std::pair<const char*, const char*>> navigationHelp(Navigation navigation);
 
 enum class CameraDrag : std::uint8_t { none, orbit, pan, zoom };
-/// What a button that goes down begins. \param button 0 left, 1 right, 2 middle
+/// Drag begun by a button going down. \param button 0 left, 1 right, 2 middle
 CameraDrag dragOf(Navigation navigation, int button, bool shift, bool control, bool alt);
 
 class CameraMouse {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the studio edits: a recipe, its history, what it says on its source, and the body baked of it. No window in it.
+// The studio's document: a recipe, its history, what it says on its source, and the body baked of it. No window in it.
 #pragma once
 
 #include <filesystem>
@@ -54,7 +54,7 @@ class Document {
   /// Writes the last package. Throws ToolError.
   void savePackage(const std::filesystem::path& file) const;
 
-  /// What went wrong last, or is to be known; empty: nothing.
+  /// The last failure or news; empty: none.
   const std::string& message() const { return message_; }
   bool isTrouble() const { return is_trouble_; }  ///< of the message
   void say(const std::string& text, bool trouble = false) { message_ = text, is_trouble_ = trouble; }

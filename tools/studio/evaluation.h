@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a recipe says on its source, found in a thread of its own.
+// Evaluation of a recipe on its source, in a thread of its own.
 #pragma once
 
 #include <condition_variable>

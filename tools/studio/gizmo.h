@@ -27,7 +27,7 @@ struct Gizmo {
 std::vector<Gizmo> gizmosOf(const Document& document, const StudioState& state);
 /// \param right unit, of the picture: the handle of a radius lies there. \param length m, of what points somewhere
 std::vector<Handle> handlesOf(const Gizmo& gizmo, const Eigen::Vector3d& right, double length);
-/// What a handle that is dragged to a place makes of it; numbers as a recipe has them.
+/// The gizmo after a handle is dragged to a place; numbers as a recipe has them.
 nlohmann::ordered_json dragged(const Gizmo& gizmo, HandleKind kind, const Eigen::Vector3d& to);
 
 /// The middle of a disc, sphere or half space, or the tail of a fibre, m.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What stands above the tabs: the document, its history, its bake.
+// Header above the tabs: the document, its history, its bake.
 #pragma once
 
 #include "tools/studio/document.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the mouse does to the camera and to the body, without a window, so that tests can compute it.
+// The camera and the body under the mouse, without a window, so that tests can compute it.
 #pragma once
 
 #include <Eigen/Core>

@@ -98,7 +98,7 @@ void PaintPanel::edge(Document& document, StudioState& state, Widgets& widgets) 
   move("Shrink", StrokeMode::shrink);
 }
 
-// What can be made of the mask.
+// Buttons to use the mask.
 void PaintPanel::make(Document& document, StudioState& state, Widgets& widgets) {
   const std::string mask = state.painted;
   const Recipe& recipe = document.recipe();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the mouse paints: strokes along the surface and on the screen, and loops.
+// Painting by mouse: strokes along the surface and on the screen, and loops.
 #pragma once
 
 #include <Eigen/Core>

@@ -16,7 +16,7 @@ class PathDialog {
   /// dialog stays. \param more controls below the name; may be empty
   void open(const std::string& title, const std::string& verb, const std::string& path,
             const std::function<void(const std::string&)>& use, const std::function<void(Widgets&)>& more = {});
-  /// What it asked for is about something that is no more.
+  /// Its question is about something that is no more.
   void close() { is_open_ = false; }
   void draw(Widgets& widgets);
 

@@ -58,7 +58,7 @@ class PlacedSolids {
 
 /// Its middle, its sizes, and what turns it. \param right, length as of a gizmo's
 std::vector<Handle> handlesOf(const PlacedSolid& solid, const Eigen::Vector3f& right, float length);
-/// What a handle that is dragged to a place (m, world) makes of it; lengths as a scene's file may have them.
+/// The solid after a handle is dragged to a place (m, world); lengths as a scene's file may have them.
 PlacedSolid dragged(const PlacedSolid& solid, HandleKind kind, const Eigen::Vector3f& to);
 
 }  // namespace sinew::tools

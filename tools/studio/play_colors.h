@@ -24,7 +24,7 @@ class PlayColors {
  public:
   /// Computes them anew; empty where the model's own colours are shown.
   const std::vector<std::array<float, 3>>& update(PlayColor what, const Play& play);
-  /// What the ends of the scale stand for.
+  /// Labels of the scale.
   struct Scale {
     std::string low, middle, high;
   };

@@ -47,7 +47,7 @@ void touchColliders(const Play& play, float radius, std::vector<Looked>& looked)
   }
 }
 
-// What vertices touch of the drawn triangles of a body. Of its own they touch what they face, and what is farther at
+// Touches of vertices with a body's drawn triangles. Of its own they touch what they face, and what is farther at
 // rest than it could be said to touch there: neighbours along the surface stay near whatever the body does.
 void touchBody(const Play& play, std::size_t body, double radius, const geometry::BoxTree& tree,
                std::vector<Looked>& looked) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the window keeps from one session to the next.
+// The window's memory from one session to the next.
 #pragma once
 
 #include <filesystem>

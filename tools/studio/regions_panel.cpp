@@ -181,7 +181,7 @@ void RegionsPanel::order(Document& document, const Region& region, Widgets& widg
     for (const auto& mask : recipe.masks) names.push_back(mask.first);
     list = "masks";
   }
-  // What a cluster mesh of the source defines alone is in no list.
+  // A region of a source's cluster mesh alone is in no list.
   const auto at = std::find(names.begin(), names.end(), region.name);
   const float half = (ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ItemSpacing.x) / 2;
   const auto button = [&](const char* label, int by, bool possible) {

@@ -17,7 +17,7 @@ namespace sinew::tools {
 
 class Replay {
  public:
-  /// What an event waits for or points at.
+  /// The window as events see it.
   struct Window {
     const Widgets& widgets;
     Keys& keys;

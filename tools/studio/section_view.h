@@ -32,14 +32,14 @@ class SectionView {
  private:
   void make(const Section& section, const std::shared_ptr<const Asset>& asset);
 
-  // What faces_ were made of.
+  // Sources of faces_.
   Section made_;
   std::shared_ptr<const Asset> asset_;
   std::optional<Renderer> renderer_;
   std::vector<std::array<std::uint32_t, 3>> faces_;  // physical vertices, outward
 };
 
-/// Faces of the tetrahedra whose middle lies on the shown side, without those that two of them share; outward.
+/// Faces of the tetrahedra whose middle lies on the shown side, without faces that two share; outward.
 std::vector<std::array<std::uint32_t, 3>> sectionFaces(const formats::PackageView& package, const Section& section);
 
 }  // namespace sinew::tools

@@ -65,7 +65,7 @@ struct Shortcut {
 
 /// In the order of the menus. Scenes 1 to 9 are one entry.
 std::span<const Shortcut> shortcuts();
-/// What a press means here; nothing: no shortcut. \param is_source whether the source's tabs are open, else the scene's
+/// Command of a press here; nothing: no shortcut. \param is_source whether the source's tabs are open, else the scene's
 std::optional<Command> commandOf(const Keys::Press& press, bool has_document, bool is_source);
 /// Whether a shortcut can be chosen here.
 bool isPossible(const Shortcut& shortcut, bool has_document, bool is_source);
@@ -77,7 +77,7 @@ std::string nameWithKeys(Command command);
 /// A tooltip of the control that was drawn last: what it does, with its keys.
 void tip(Command command);
 
-/// What was chosen in a frame.
+/// Commands given in a frame.
 using Commands = std::vector<Command>;
 
 }  // namespace sinew::tools

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What panels and tools of the studio share, beside the document: what is chosen, shown and set. None of it is saved.
+// State of panels and tools of the studio, beside the document: what is chosen, shown and set. None of it is saved.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,7 +30,7 @@ struct Region {
   auto operator<=>(const Region&) const = default;
 };
 
-/// What the surface's colours say.
+/// Meaning of surface colours.
 enum class Show : std::uint8_t { model, selected, all, uncovered, several };
 
 /// Where the brush measures: along the surface, or as it is seen; a lasso is a loop around what is seen.
@@ -59,7 +59,7 @@ struct StudioState {
   std::optional<Region> selected;
   std::optional<Region> solo;
   std::set<Region> hidden;
-  std::map<Region, std::array<float, 3>> colors;  ///< linear; those that the artist has changed
+  std::map<Region, std::array<float, 3>> colors;  ///< linear; changed by the artist
   Show show = Show::all;
   BrushSettings brush;
   std::string painted;            ///< name of the mask that is painted

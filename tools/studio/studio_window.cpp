@@ -52,7 +52,7 @@ StudioWindow::StudioWindow(const Opened& opened, const StudioOptions& options)
 }
 
 void StudioWindow::take(const Opened& opened) {
-  // What can fail comes first: what is open stays.
+  // Fallible steps come first: what is open stays.
   std::unique_ptr<Document> document;
   std::optional<Play> play;
   if (opened.asset == nullptr) document = std::make_unique<Document>(opened.file);
@@ -221,7 +221,7 @@ void StudioWindow::takeBake() {
   }
 }
 
-// What keys say; what is typed into a field is text.
+// Commands by keys; typing into a field is text.
 Commands StudioWindow::commands() {
   Commands commands;
   const std::vector<Keys::Press> pressed = keys_.take();
@@ -311,7 +311,7 @@ void StudioWindow::film(bool turntable) {
     return;
   }
   const SceneChoice scene = play_->scene().options().scene;
-  // What a built-in scene drives is in no scene's file.
+  // A built-in scene's drive is in no scene's file.
   films_as_saved_ = scene.script != nullptr || scene == SceneKind::rest || play_->placed().size() > 0;
   film_seconds_ = float(scene.seconds());
   const auto start = [this, scene, turntable](const std::string& file) {

@@ -26,7 +26,7 @@ class Timeline {
 
   explicit Timeline(std::size_t most_bytes = kMostBytes) : most_bytes_(most_bytes) {}
   void clear();
-  /// After the moment where it is: those that came later are gone.
+  /// After the moment where it is: later ones are gone.
   void add(Moment moment);
   void goTo(std::size_t moment) { at_ = moment; }
 

@@ -133,7 +133,7 @@ void ViewInput::mouse(const ViewLayout& layout, Navigation navigation, Play& pla
   mouse_.frame(layout, holds, over_view, camera_);
 }
 
-// What the button that went down does on the body. \return false: nothing, it is beside the body
+// Obeys the button that went down on the body. \return false: nothing, it is beside the body
 bool ViewInput::takeHold(const Eigen::Vector3f& ray, Play& play) {
   if (play.hand == HandTool::cut) {
     knife_ = {ray, ray};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What keys and mouse do in the window of `sinew view`.
+// Keys and mouse in the window of `sinew view`.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace sinew::tools {
 
-/// What of the physics is drawn.
+/// Drawn parts of the physics.
 struct Shown {
   bool physical = false, clusters = false, pinned = true, contacts = false;
   PlayColor color = PlayColor::model;

@@ -17,7 +17,7 @@ class ViewLog {
   ~ViewLog();
   ViewLog(const ViewLog&) = delete;
   ViewLog& operator=(const ViewLog&) = delete;
-  /// What the window says, where it is something else than in the last frame.
+  /// The window's message, where it differs from the last frame's.
   void say(std::uint32_t frame, const std::string& message);
   /// \param bakes how many bodies have come from a document
   void write(std::uint32_t frame, const ViewLayout& layout, const Camera& camera, const Play& play, const Shown& shown,

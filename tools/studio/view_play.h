@@ -21,7 +21,7 @@
 
 namespace sinew::tools {
 
-/// What a person sets; of the built-in scene when it starts.
+/// User settings; of the built-in scene when it starts.
 struct PlaySettings {
   float gravity = 1;  ///< times the scene's
   int iterations = 1;
@@ -33,7 +33,7 @@ struct PlaySettings {
   float ground_height = 0;                     ///< m, above where the body's source, or a built-in scene, has 0
 };
 
-/// What the left button does on the body.
+/// Tool of the left button on the body.
 enum class HandTool : std::uint8_t { pull, push, cut, target };
 
 /// Size of a collider that is added, diagonals.
@@ -71,7 +71,7 @@ class Play {
   /// \param elapsed s of real time
   void advance(double elapsed);
 
-  /// What the hand holds.
+  /// The hand's grip.
   struct Grab {
     std::uint32_t vertex = 0;                                                           ///< visual
     Eigen::Vector3f start = Eigen::Vector3f::Zero(), target = Eigen::Vector3f::Zero();  ///< metres
@@ -95,7 +95,7 @@ class Play {
   /// Where the ball is told to be, metres; nothing: there is none.
   const std::optional<Eigen::Vector3f>& pushed() const { return pushed_; }
 
-  /// What pins follow, by the name of the recipe's target. Scenes from files move their own.
+  /// Goal of pins, by the name of the recipe's target. Scenes from files move their own.
   struct Target {
     std::string name;
     Eigen::Vector3f pivot;                               ///< middle of what it holds, at rest in the world, metres
@@ -120,7 +120,7 @@ class Play {
 
   /// Cuts what a plane meets. \return whether it could; else message() says why
   bool cut(const Eigen::Vector3f& point, const Eigen::Vector3f& normal);
-  /// What could not be done last, or is to be known; empty: nothing.
+  /// The last failure or news; empty: none.
   const std::string& message() const { return message_; }
   void say(const std::string& text) { message_ = text; }
 
