@@ -46,6 +46,16 @@ TEST_F(MaskFile, ReadsDepthsAndChannels) {
   EXPECT_THROW(readMaskImage(folder_ / "none.png", {}), ToolError);
 }
 
+TEST_F(MaskFile, ReadsTheKindsOfTextures) {
+  // Two texels of true colour: red, and a fifth of it.
+  std::ofstream(folder_ / "m.tga", std::ios::binary)
+      << std::string("\0\0\2\0\0\0\0\0\0\0\0\0\2\0\1\0\x18\0\0\0\xff\0\0\x33", 24);
+  const MaskImage mask = readMaskImage(folder_ / "m.tga", {.channel = "r"});
+  ASSERT_EQ(mask.values.size(), 2U);
+  EXPECT_NEAR(mask.values[0], 1, 1e-6);
+  EXPECT_NEAR(mask.values[1], 0.2, 1e-6);
+}
+
 TEST_F(MaskFile, ClosesHolesRemovesSpecksAndFeathers) {
   cv::Mat image(64, 64, CV_8UC1, cv::Scalar(0));
   image(cv::Rect(20, 20, 24, 24)).setTo(255);

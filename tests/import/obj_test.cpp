@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <map>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
 #include "tests/import/import_fixture.h"
 
 namespace sinew::tools {
@@ -216,6 +221,63 @@ TEST_F(Obj, TexturesThatCannotBeDrawnAreSaid) {
   }
   EXPECT_EQ(unread, (std::vector<std::string>{"bad.tga", "game.dds", "cut.png"}));
   EXPECT_EQ(mesh.textures[mesh.materials[0].texture].mime, "image/x-tga");
+}
+
+// Of each kind a picture of noise is whole, and is not without its second half or its last byte.
+TEST_F(Obj, TexturesThatAreCutOffAreSaid) {
+  cv::Mat noise(32, 32, CV_8UC4);  // a row of a TGA is 128 bytes, as much as stb reads ahead
+  cv::RNG(1).fill(noise, cv::RNG::UNIFORM, 0, 256);
+  cv::Mat color, floats;
+  cv::cvtColor(noise, color, cv::COLOR_BGRA2BGR);
+  color.convertTo(floats, CV_32F, 1 / 255.0);
+  std::map<std::string, std::string> pictures;
+  for (const char* ending : {".png", ".jpg", ".tif", ".bmp", ".webp"}) {
+    std::vector<unsigned char> bytes;
+    ASSERT_TRUE(cv::imencode(ending, color, bytes)) << ending;
+    pictures[ending] = {bytes.begin(), bytes.end()};
+  }
+  for (const char* ending : {".exr", ".hdr"}) {
+    std::vector<unsigned char> bytes;
+    ASSERT_TRUE(cv::imencode(ending, floats, bytes)) << ending;
+    pictures[ending] = {bytes.begin(), bytes.end()};
+  }
+  const std::string radiance = "#?RADIANCE";
+  ASSERT_TRUE(pictures[".hdr"].starts_with(radiance + "\n"));
+  pictures[".rgbe"] = "#?RGBE" + pictures[".hdr"].substr(radiance.size());
+  const auto tga = [](int type) {
+    return std::string{0, 0, char(type), 0, 0, 0, 0, 0, 0, 0, 0, 0, 32, 0, 32, 0, 32, 8};
+  };
+  const std::string texels(noise.datastart, noise.dataend);
+  pictures[".tga"] = tga(2) + texels;
+  pictures[".runs.tga"] = tga(10);
+  for (std::size_t at = 0; at < texels.size(); at += 512) pictures[".runs.tga"] += "\x7f" + texels.substr(at, 512);
+
+  std::string huge = pictures[".png"];
+  huge.replace(16, 8, std::string("\0\0\x75\x30\0\0\x75\x30", 8));  // 30,000 x 30,000
+  std::map<std::string, std::string> files = {{"huge.png", huge},
+                                              {"broken.tif", std::string("II*\0", 4) + std::string(200, '\xff')}};
+  std::vector<std::string> expected = {"broken.tif", "huge.png"};
+  for (const auto& [ending, bytes] : pictures) {
+    files["whole" + ending] = bytes;
+    files["half" + ending] = bytes.substr(0, bytes.size() / 2);
+    files["less" + ending] = bytes.substr(0, bytes.size() - 1);
+    expected.push_back("half" + ending);
+    expected.push_back("less" + ending);
+  }
+  std::string library, faces;
+  for (const auto& [name, bytes] : files) {
+    write(name, bytes);
+    library += "newmtl " + name + "\nmap_Kd " + name + "\n";
+    faces += "usemtl " + name + "\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  }
+  write("a.mtl", library);
+  const VisualMesh mesh = importFile(write("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + faces));
+  std::vector<std::string> unread;
+  for (const Finding& f : mesh.findings) {
+    if (f.id == "texture-not-read") unread.push_back(f.place);
+  }
+  std::sort(expected.begin(), expected.end());
+  EXPECT_EQ(unread, expected);
 }
 
 TEST_F(Obj, NamesWithBlanksAndBeyondAscii) {

@@ -63,14 +63,14 @@ class Zone:
 
 # The parts of tools, lowest first. A part includes parts below it, never one beside or above it.
 TOOL_RANKS = {
-    "core": 0, "import": 1, "pictures": 1, "tetrahedralize": 2, "attach": 3, "field": 3, "author": 4, "bake": 5, "scene": 5, "render": 6,
-    "study": 7, "bench": 7, "studio": 7, "cli": 8,
+    "core": 0, "pictures": 1, "import": 2, "tetrahedralize": 3, "attach": 4, "field": 4, "author": 5, "bake": 6, "scene": 6, "render": 7,
+    "study": 8, "bench": 8, "studio": 8, "cli": 9,
 }
 TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
-    "import": ("assimp", "cgal", "stb"),
+    "import": ("assimp", "cgal"),
     "tetrahedralize": ("cgal",),
-    "pictures": ("opencv",),
+    "pictures": ("opencv", "stb"),
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
     "scene": ("xxhash",),
@@ -88,7 +88,7 @@ TOOL_OWN = {
 # Each of these sits behind the named files of its part.
 BEHIND = {
     ("tools/import/", "assimp"): ("tools/import/assimp_scene.cpp",),
-    ("tools/import/", "stb"): ("tools/import/textures.cpp",),
+    ("tools/pictures/", "stb"): ("tools/pictures/decode_picture.cpp",),
     ("tools/render/", "stb"): ("tools/render/text.cpp",),  # fonts
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
     ("tools/author/", "opencv"): ("tools/author/mask_image.cpp",),

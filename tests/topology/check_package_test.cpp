@@ -24,7 +24,8 @@ const Finding* find(const std::vector<Finding>& findings, const std::string& id)
   return at == findings.end() ? nullptr : &*at;
 }
 
-std::vector<Finding> checkAsItIs(const PackageContent& content) {
+template <class Check>
+std::vector<Finding> checkAsItIs(const PackageContent& content, const Check& check) {
   const std::vector<std::byte> bytes = formats::writePackage(content);
   struct Aligned {
     std::align_val_t alignment{formats::kSectionAlignment};
@@ -39,8 +40,10 @@ std::vector<Finding> checkAsItIs(const PackageContent& content) {
     ADD_FAILURE() << error.reason;
     return {};
   }
-  return checkPackage(view);
+  return check(view);
 }
+
+std::vector<Finding> checkAsItIs(const PackageContent& content) { return checkAsItIs(content, checkPackage); }
 
 std::set<std::string> faults(const std::vector<Finding>& findings) {
   std::set<std::string> ids;
@@ -142,6 +145,33 @@ INSTANTIATE_TEST_SUITE_P(
               false},
         Fault{"TooMuchVolume", [](PackageContent& c) { c.info.source_volume = 0.1F; }, {"volume-ratio"}, false}),
     [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST(CheckPackage, PicturesThatCannotBeDrawnAreSaid) {
+  PackageContent content = test::samplePackage();
+  ImportOptions options;
+  options.worker = SINEW_TEST_IMPORT_WORKER;
+  const auto unread = [&] {
+    return checkAsItIs(content, [&](const formats::PackageView& view) { return checkPictures(view, options); });
+  };
+  EXPECT_TRUE(unread().empty());
+  content.texture_bytes.pop_back();
+  content.textures[0].bytes -= 1;
+  const auto findings = unread();
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].id, "texture-not-read");
+  EXPECT_EQ(findings[0].severity, Severity::warning);
+  EXPECT_EQ(findings[0].place, "orange.png");
+}
+
+TEST(CheckPackage, PicturesHaveOneListOfKinds) {
+  PackageContent content = test::samplePackage();
+  for (const std::string_view head : {"#?RADIANCE\n", "#?RGBE\n"}) {
+    content.texture_bytes.clear();
+    for (const char c : head) content.texture_bytes.push_back(std::byte(c));
+    content.textures = {{content.addText("sky.hdr"), content.addText("image/vnd.radiance"), 0, head.size()}};
+    EXPECT_EQ(faults(check(content)), std::set<std::string>{});
+  }
+}
 
 TEST(CheckPackage, PlacesAreSourceVertices) {
   PackageContent content = test::samplePackage();

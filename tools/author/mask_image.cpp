@@ -1,19 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/author/mask_image.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <span>
 
 #include "tools/core/error.h"
 #include "tools/core/read_file.h"
-#include "tools/pictures/picture_files.h"
+#include "tools/pictures/decode_picture.h"
 
 namespace sinew::tools {
 namespace {
@@ -25,48 +23,6 @@ constexpr std::uint64_t kMostMegabytes = 1024;
   throw ToolError(ExitCode::bad_input, file.string(), what, cure);
 }
 
-// Width and height that a PNG or EXR declares; {0, 0} where the file is neither or does not say.
-std::array<std::int64_t, 2> declaredSize(const std::string& bytes) {
-  const auto number = [&](std::size_t at, bool high_first) {
-    std::uint32_t value = 0;
-    for (std::size_t k = 0; k < 4; ++k) {
-      value |= std::uint32_t(static_cast<unsigned char>(bytes[at + k])) << 8 * (high_first ? 3 - k : k);
-    }
-    return value;
-  };
-  if (bytes.starts_with("\x89PNG\r\n\x1a\n") && bytes.size() >= 24) return {number(16, true), number(20, true)};
-  if (!bytes.starts_with("\x76\x2f\x31\x01")) return {0, 0};
-  constexpr std::string_view kWindow("dataWindow\0box2i\0", 17);
-  const std::size_t at = bytes.find(kWindow);
-  if (at == bytes.npos || bytes.size() < at + kWindow.size() + 20) return {0, 0};
-  const auto corner = [&](std::size_t i) {
-    return std::int64_t(std::int32_t(number(at + kWindow.size() + 4 + 4 * i, false)));
-  };
-  return {corner(2) - corner(0) + 1, corner(3) - corner(1) + 1};
-}
-
-// Sends what the picture libraries print about a broken file to nowhere: the program says it in one line of its own.
-class SilentStderr {
- public:
-  SilentStderr() {
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (nowhere < 0) return;
-    before_ = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3);
-    if (before_ >= 0) dup2(nowhere, STDERR_FILENO);
-    close(nowhere);
-  }
-  ~SilentStderr() {
-    if (before_ < 0) return;
-    dup2(before_, STDERR_FILENO);
-    close(before_);
-  }
-  SilentStderr(const SilentStderr&) = delete;
-  SilentStderr& operator=(const SilentStderr&) = delete;
-
- private:
-  int before_ = -1;
-};
-
 cv::Mat load(const std::filesystem::path& file) {
   const std::string bytes = readWholeFile(file, kMostMegabytes);
   const auto requireSize = [&](std::int64_t width, std::int64_t height) {
@@ -75,16 +31,9 @@ cv::Mat load(const std::filesystem::path& file) {
         "Scale it down to " + std::to_string(kLargestSide) + " a side or less; 2048 is plenty.");
   };
   // Before it is unpacked: a small file can declare more texels than there is memory.
-  const auto declared = declaredSize(bytes);
+  const auto declared = declaredSize(std::as_bytes(std::span(bytes)));
   requireSize(declared[0], declared[1]);
-  const PictureFiles& codecs = pictureFiles();
-  cv::Mat image;
-  try {
-    const SilentStderr silent;
-    image = codecs.decode(cv::Mat(1, int(bytes.size()), CV_8U, const_cast<char*>(bytes.data())));
-  } catch (const std::exception&) {  // not only OpenCV's: OpenEXR throws its own
-    image = cv::Mat();
-  }
+  const cv::Mat image = decodePicture(std::as_bytes(std::span(bytes)));
   if (image.empty()) bad(file, "is no picture that can be read", "Save it as PNG or EXR.");
   requireSize(image.cols, image.rows);
   const double full = image.depth() == CV_8U ? 255 : image.depth() == CV_16U ? 65535 : 1;

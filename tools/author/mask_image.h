@@ -31,9 +31,9 @@ struct MaskImage {
   double sample(double u, double v) const;
 };
 
-/// Reads PNG, EXR, TIFF, JPEG (8, 16 bit or float; 1 to 4 channels) and makes weights of it. The picture is taken to
-/// repeat: closing and feathering go on at the opposite side.
-/// Throws ToolError(bad_input) naming the file where it is missing, no picture, too large (16384 a side), or lacks the
+/// Reads what textures are read from (PNG, EXR, TIFF, JPEG, TGA, ...; 8, 16 bit or float; 1 to 4 channels) and makes
+/// weights of it. The picture is taken to repeat: closing and feathering go on at the opposite side. Throws
+/// ToolError(bad_input) naming the file where it is missing, no picture, too large (16384 a side), or lacks the
 /// channel.
 MaskImage readMaskImage(const std::filesystem::path& file, const MaskImageOptions& options);
 

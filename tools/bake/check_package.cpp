@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numeric>
-#include <optional>
+#include <span>
 #include <string_view>
 
 #include "runtime/geometry/pseudo_inverse.h"
@@ -16,6 +16,9 @@
 #include "tools/attach/attach.h"
 #include "tools/bake/check_source.h"
 #include "tools/core/text.h"
+#include "tools/import/import_process.h"
+#include "tools/import/textures.h"
+#include "tools/pictures/decode_picture.h"
 
 namespace sinew::tools {
 namespace {
@@ -47,28 +50,8 @@ Vector9d monomials(const Vector3d& q) {
   return m;
 }
 
-// What the first bytes say a picture is.
-std::optional<std::string_view> pictureMime(std::span<const std::byte> bytes) {
-  const auto starts = [&](std::string_view magic, std::size_t at = 0) {
-    if (bytes.size() < at + magic.size()) return false;
-    for (std::size_t i = 0; i < magic.size(); ++i) {
-      if (std::to_integer<unsigned char>(bytes[at + i]) != static_cast<unsigned char>(magic[i])) return false;
-    }
-    return true;
-  };
-  using namespace std::string_view_literals;
-  if (starts("\x89PNG\r\n\x1a\n"sv)) return "image/png";
-  if (starts("\xff\xd8\xff"sv)) return "image/jpeg";
-  if (starts("GIF87a"sv) || starts("GIF89a"sv)) return "image/gif";
-  if (starts("RIFF"sv) && starts("WEBP"sv, 8)) return "image/webp";
-  if (starts("BM"sv)) return "image/bmp";
-  if (starts("II*\0"sv) || starts("MM\0*"sv)) return "image/tiff";
-  if (starts("DDS "sv)) return "image/vnd-ms.dds";
-  if (starts("\xabKTX "sv)) return "image/ktx2";
-  if (starts("#?RADIANCE"sv) || starts("#?RGBE"sv)) return "image/vnd.radiance";
-  if (starts("v/1\x01"sv)) return "image/x-exr";
-  if (starts("8BPS"sv)) return "image/vnd.adobe.photoshop";
-  return std::nullopt;
+std::span<const std::byte> bytesOf(const formats::PackageView& package, const formats::Texture& texture) {
+  return package.textureBytes().subspan(std::size_t(texture.offset), std::size_t(texture.bytes));
 }
 
 class PackageCheck {
@@ -442,13 +425,13 @@ class PackageCheck {
     std::vector<std::uint32_t> empty, unknown, mislabelled;
     for (std::uint32_t t = 0; t < package_.textures().size(); ++t) {
       const formats::Texture& texture = package_.textures()[t];
-      const auto bytes = package_.textureBytes().subspan(std::size_t(texture.offset), std::size_t(texture.bytes));
-      const auto mime = pictureMime(bytes);
+      const auto bytes = bytesOf(package_, texture);
+      const std::string mime = pictureMime(bytes);
       if (bytes.empty()) {
         empty.push_back(t);
-      } else if (!mime && package_.text(texture.mime) != "image/x-tga") {  // TGA has no magic
+      } else if (mime.empty() && package_.text(texture.mime) != "image/x-tga") {  // TGA has no magic
         unknown.push_back(t);
-      } else if (mime && *mime != package_.text(texture.mime)) {
+      } else if (!mime.empty() && mime != package_.text(texture.mime)) {
         mislabelled.push_back(t);
       }
     }
@@ -483,6 +466,26 @@ class PackageCheck {
 }  // namespace
 
 std::vector<Finding> checkPackage(const formats::PackageView& package) { return PackageCheck(package).run(); }
+
+std::vector<Finding> checkPictures(const formats::PackageView& package, const ImportOptions& options) {
+  std::vector<std::span<const std::byte>> pictures;
+  for (const formats::Texture& texture : package.textures()) pictures.push_back(bytesOf(package, texture));
+  const std::vector<bool> whole = wholePictures(pictures, options);
+  std::vector<std::string> unread;
+  for (std::size_t t = 0; t < whole.size(); ++t) {
+    if (whole[t] || pictures[t].empty()) continue;
+    unread.emplace_back(package.text(package.textures()[t].name));
+  }
+  if (unread.empty()) return {};
+  return {{kTextureNotRead,
+           Severity::warning,
+           counted(unread.size(), "texture", "textures") + " " + kTextureNotReadMessage,
+           unread.size(),
+           "",
+           {},
+           listed(unread),
+           std::string(kTextureNotReadCure) + " Then bake again."}};
+}
 
 std::string packageVerdict(const std::vector<Finding>& findings) {
   const std::string counts = countedSeverities(findings);

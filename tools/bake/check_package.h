@@ -6,6 +6,7 @@
 
 #include "sinew/formats/package.h"
 #include "tools/core/finding.h"
+#include "tools/import/import.h"
 
 namespace sinew::tools {
 
@@ -16,6 +17,10 @@ namespace sinew::tools {
 /// cluster and every visual vertex an attachment, open() has checked.) Places are source vertices where the package has
 /// the identity maps. Cost: about 20 ms for 10,000 tetrahedra and 30,000 visual vertices.
 std::vector<Finding> checkPackage(const formats::PackageView& package);
+
+/// Which pictures of a package cannot be drawn. Unpacks them in children, as import does.
+/// \param options bounds and program of the children
+std::vector<Finding> checkPictures(const formats::PackageView& package, const ImportOptions& options);
 
 /// One line: "sound: it can be simulated".
 std::string packageVerdict(const std::vector<Finding>& findings);

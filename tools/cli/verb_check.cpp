@@ -40,6 +40,8 @@ Diagnosis checkPackageFile(const CheckCommand& command) {
   }
   const auto asset = loadPackage(command.file);
   Diagnosis diagnosis{"package", checkPackage(asset->package()), ""};
+  const std::vector<Finding> unread = checkPictures(asset->package(), {});
+  diagnosis.findings.insert(diagnosis.findings.end(), unread.begin(), unread.end());
   diagnosis.verdict = packageVerdict(diagnosis.findings);
   return diagnosis;
 }

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <future>
 #include <limits>
 #include <map>
 #include <numeric>
@@ -16,6 +17,7 @@
 #include "tools/core/text.h"
 #include "tools/core/units.h"
 #include "tools/import/crease.h"
+#include "tools/import/import_process.h"
 #include "tools/import/orient.h"
 #include "tools/import/outliers.h"
 #include "tools/import/text_cursor.h"
@@ -41,6 +43,7 @@ class Assembler {
   }
 
   VisualMesh run() {
+    textures();
     takeUnitAndAxes();
     placePoints();
     if (!options_.keep_stray) leaveOutStrayFaces();
@@ -582,10 +585,32 @@ class Assembler {
     std::erase_if(mesh_.groups, [](const GroupSource& group) { return group.triangles.empty(); });
   }
 
-  void materials() {
-    const std::filesystem::path folder = path_.parent_path();
+  // Brings the textures and starts to look at them: that takes a while, and nothing else waits for it.
+  void textures() {
     for (const RawTexture& texture : scene_.textures)
-      mesh_.textures.push_back(loadTexture(texture, folder, mesh_.findings));
+      mesh_.textures.push_back(loadTexture(texture, path_.parent_path(), texture_findings_));
+    std::vector<std::span<const std::byte>> pictures;
+    for (const TextureSource& texture : mesh_.textures) {
+      if (!texture.bytes.empty()) pictures.emplace_back(texture.bytes);
+    }
+    if (pictures.empty()) return;
+    whole_pictures_ = std::async(std::launch::async, [this, pictures] { return wholePictures(pictures, options_); });
+  }
+
+  void sayUnreadPictures(const std::vector<bool>& whole) {
+    std::size_t at = 0;
+    for (std::size_t t = 0; t < mesh_.textures.size(); ++t) {
+      const TextureSource& texture = mesh_.textures[t];
+      if (texture.bytes.empty() || whole[at++]) continue;
+      warn(kTextureNotRead, 1, "the texture " + texture.name + " (" + texture.mime + ") " + kTextureNotReadMessage,
+           kTextureNotReadCure);
+      mesh_.findings.back().place = asUtf8(scene_.textures[t].path.empty() ? texture.name : scene_.textures[t].path);
+    }
+  }
+
+  void materials() {
+    mesh_.findings.insert(mesh_.findings.end(), texture_findings_.begin(), texture_findings_.end());
+    if (whole_pictures_.valid()) sayUnreadPictures(whole_pictures_.get());
     for (RawMaterial& raw : scene_.materials) {
       MaterialSource material;
       material.name = std::move(raw.name);
@@ -610,6 +635,8 @@ class Assembler {
   std::vector<Origin> origin_;  ///< per visual vertex
   std::vector<std::uint32_t> triangle_groups_;
   std::vector<bool> left_out_;  ///< per face of the file, up to the last stray one
+  std::vector<Finding> texture_findings_;
+  std::future<std::vector<bool>> whole_pictures_;  ///< of the textures that have bytes
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <spawn.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -39,9 +40,9 @@ class FileDescriptor {
   FileDescriptor(const FileDescriptor&) = delete;
   FileDescriptor& operator=(const FileDescriptor&) = delete;
   int get() const { return fd_; }
-  void reset() {
+  void reset(int fd = -1) {
     if (fd_ >= 0) close(fd_);
-    fd_ = -1;
+    fd_ = fd;
   }
 
  private:
@@ -103,6 +104,7 @@ class PipeSource : public ByteSource {
       }
     }
   }
+  void until(Clock::time_point deadline) { deadline_ = deadline; }
   void claim(std::uint64_t size) override {
     if (size > budget_) throw OutOfMemory();
     budget_ -= size;
@@ -186,6 +188,54 @@ pid_t spawnWorker(const std::filesystem::path& worker, const std::filesystem::pa
   return pid;
 }
 
+std::filesystem::path workerOf(const ImportOptions& options) {
+  if (!options.worker.empty()) return options.worker;
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  return error || !std::filesystem::exists(self, error) ? "/proc/self/exe" : self;  // replaced while it runs
+}
+
+Clock::time_point deadlineOf(const ImportOptions& options) {
+  return Clock::now() +
+         std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kClockSeconds * options.seconds));
+}
+
+/// \param read_end of what the worker answers.
+pid_t startWorker(const std::filesystem::path& worker, const std::filesystem::path& file, const std::string& format,
+                  const ImportOptions& options, FileDescriptor& read_end) {
+  int ends[2] = {-1, -1};
+  if (pipe2(ends, O_CLOEXEC) != 0)
+    throw ToolError(ExitCode::system, file.string(),
+                    std::string("no pipe to the import worker (") + std::strerror(errno) + ")",
+                    "Close other programs and try again.");
+  read_end.reset(ends[0]);
+  const FileDescriptor write_end(ends[1]);
+  return spawnWorker(worker, file, format, options, write_end.get());
+}
+
+/// A file in memory of what kPicturesFormat says.
+void writePictures(int fd, std::span<const std::span<const std::byte>> pictures) {
+  const auto write = [&](const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const char*>(data);
+    while (size > 0) {
+      const ssize_t n = ::write(fd, bytes, size);
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0)
+        throw ToolError(ExitCode::system, "", std::string("no memory for its textures (") + std::strerror(errno) + ")",
+                        "Close other programs and try again.");
+      bytes += n;
+      size -= std::size_t(n);
+    }
+  };
+  const std::uint64_t count = pictures.size();
+  write(&count, sizeof count);
+  for (const auto& picture : pictures) {
+    const std::uint64_t size = picture.size();
+    write(&size, sizeof size);
+  }
+  for (const auto& picture : pictures) write(picture.data(), picture.size());
+}
+
 }  // namespace
 
 RawScene readInChild(const std::filesystem::path& file, const std::string& format, const ImportOptions& options,
@@ -203,22 +253,10 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
       "reading it takes more than " + std::to_string(options.memory_megabytes) + " MB of memory";
   const std::string too_long = "reading it takes longer than " + std::to_string(std::int64_t(options.seconds)) + " s";
 
-  std::filesystem::path worker = options.worker;
-  if (worker.empty()) {
-    std::error_code error;
-    worker = std::filesystem::read_symlink("/proc/self/exe", error);
-    if (error || !std::filesystem::exists(worker, error)) worker = "/proc/self/exe";  // replaced while it runs
-  }
-  int ends[2] = {-1, -1};
-  if (pipe2(ends, O_CLOEXEC) != 0)
-    throw ToolError(ExitCode::system, name, std::string("no pipe to the import worker (") + std::strerror(errno) + ")",
-                    "Close other programs and try again.");
-  FileDescriptor read_end(ends[0]);
-  FileDescriptor write_end(ends[1]);
-  const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                                           std::chrono::duration<double>(kClockSeconds * options.seconds));
-  Child child(spawnWorker(worker, file, format, options, write_end.get()));
-  write_end.reset();
+  const std::filesystem::path worker = workerOf(options);
+  const auto deadline = deadlineOf(options);
+  FileDescriptor read_end;
+  Child child(startWorker(worker, file, format, options, read_end));
 
   RawScene scene;
   double peak = 0;
@@ -290,6 +328,30 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
   }
   cleanTexts(scene);
   return scene;
+}
+
+std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pictures, const ImportOptions& options) {
+  std::vector<bool> whole(pictures.size(), false);
+  for (std::size_t next = 0; next < pictures.size();
+       ++next) {  // a child goes on behind what brought down the one before
+    const FileDescriptor held(memfd_create("sinew_pictures", MFD_CLOEXEC));
+    writePictures(held.get(), pictures.subspan(next));
+    const std::string file = "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(held.get());
+    FileDescriptor read_end;
+    const Child child(startWorker(workerOf(options), file, kPicturesFormat, options, read_end));
+    PipeSource source(read_end.get(), deadlineOf(options), 0);
+    try {
+      for (; next < pictures.size(); ++next) {
+        source.until(deadlineOf(options));
+        char answer = 0;
+        source.read(&answer, 1);
+        whole[next] = answer == 1;
+      }
+    } catch (const OutOfTime&) {
+    } catch (const StreamEnded&) {
+    }
+  }
+  return whole;
 }
 
 }  // namespace sinew::tools

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "tools/import/import.h"
 #include "tools/import/raw_scene.h"
@@ -14,5 +17,11 @@ namespace sinew::tools {
 /// options.seconds, and the scene is validated. Whatever befalls the child becomes a ToolError.
 RawScene readInChild(const std::filesystem::path& file, const std::string& format, const ImportOptions& options,
                      Progress& progress);
+
+/// Which pictures decodePicture() reads, each found out by a child of options.worker within options.seconds of
+/// processor time and options.memory_megabytes beyond what the codecs take. One that brings the child down is not read.
+/// Where the codecs cannot be opened all count as read: what draws says so. Throws ToolError(system) where the machine
+/// fails.
+std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pictures, const ImportOptions& options);
 
 }  // namespace sinew::tools

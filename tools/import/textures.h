@@ -14,21 +14,14 @@
 
 namespace sinew::tools {
 
-/// A picture larger than this is left out, and one of more texels is not unpacked: a texture is bytes from a stranger.
+/// A picture larger than this is left out: a texture is bytes from a stranger.
 inline constexpr std::uint64_t kMaxTextureBytes = 64U << 20;
-inline constexpr std::int64_t kMaxTexels = std::int64_t{1} << 28;
 
-/// Red, green, blue, alpha of each texel, rows from top to bottom; empty where there is no picture.
-struct Texels {
-  int width = 0, height = 0;
-  std::vector<std::uint8_t> rgba;
-};
-
-/// Unpacks what OpenCV does not read: TGA and GIF. Empty where the bytes are no picture or too large a one.
-Texels decodeByStb(std::span<const std::byte> bytes);
-
-/// "image/png", ... by a picture's first bytes; by the name's ending where bytes do not tell (TGA); else empty.
-std::string pictureMime(const std::vector<std::byte>& bytes, const std::string& name);
+/// The finding about a picture that is carried and cannot be drawn.
+inline constexpr const char* kTextureNotRead = "texture-not-read";
+inline constexpr const char* kTextureNotReadMessage =
+    "cannot be read whole here: pictures show the material's colour; the package has the bytes as they are";
+inline constexpr const char* kTextureNotReadCure = "Open it in a paint program and save it anew as PNG, JPEG or TGA.";
 
 /// A file's name as another file wrote it, with `\` as `/`.
 struct CompanionPath {

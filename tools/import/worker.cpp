@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -12,13 +13,19 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
+#include <fstream>
 #include <new>
+#include <string_view>
 
+#include "tools/core/error.h"
 #include "tools/import/import.h"
 #include "tools/import/readers.h"
 #include "tools/import/text_cursor.h"
 #include "tools/import/textures.h"
 #include "tools/import/worker_protocol.h"
+#include "tools/pictures/decode_picture.h"
+#include "tools/pictures/picture_files.h"
 
 namespace sinew::tools {
 namespace {
@@ -33,10 +40,14 @@ void limit(decltype(RLIMIT_CPU) resource, std::uint64_t value, std::uint64_t gra
   setrlimit(resource, &bound);
 }
 
-void limitSelf(std::uint64_t megabytes, double seconds) {
+void limitSelf() {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   prctl(PR_SET_DUMPABLE, 0);
   limit(RLIMIT_CORE, 0);
+}
+
+void limitSelf(std::uint64_t megabytes, double seconds) {
+  limitSelf();
   limit(RLIMIT_CPU, std::uint64_t(std::ceil(seconds)), 1);
   limit(RLIMIT_FSIZE, 0);  // the worker writes no file; a pipe is none
   if (!kSanitized) limit(RLIMIT_AS, megabytes << 20);
@@ -123,6 +134,60 @@ void complain(int fd, const std::string& what, const std::string& cure) {
   sink.flush();
 }
 
+// One that may be raised again.
+void limitSoftly(decltype(RLIMIT_CPU) resource, std::uint64_t value) {
+  rlimit bound{};
+  if (getrlimit(resource, &bound) != 0) return;
+  bound.rlim_cur = std::min<rlim_t>(value, bound.rlim_max);
+  setrlimit(resource, &bound);
+}
+
+std::uint64_t addressSpace() {
+  std::uint64_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * std::uint64_t(sysconf(_SC_PAGESIZE));
+}
+
+// What kPicturesFormat says.
+void answerPictures(const char* file, int output, std::uint64_t megabytes, double seconds) {
+  limitSelf();
+  limit(RLIMIT_FSIZE, kMaxTextureBytes);  // OpenCV reads HDR and EXR from files, which it makes for a moment
+  const int fd = open(file, O_RDONLY | O_CLOEXEC);
+  struct stat facts {};
+  if (fd < 0 || fstat(fd, &facts) != 0 || facts.st_size < off_t(sizeof(std::uint64_t))) return;
+  const auto size = std::size_t(facts.st_size);
+  const void* const mapped = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0);
+  if (mapped == MAP_FAILED) return;
+  const auto* const sizes = static_cast<const std::uint64_t*>(mapped);
+  const auto* picture = reinterpret_cast<const std::byte*>(sizes + 1 + sizes[0]);
+  const auto bound = [&] {
+    if (!kSanitized) limitSoftly(RLIMIT_AS, addressSpace() + (megabytes << 20));
+  };
+  enum class Codecs { closed, open, missing } codecs = Codecs::closed;
+  const auto openCodecs = [&] {
+    limitSoftly(RLIMIT_AS, RLIM_INFINITY);
+    try {
+      pictureFiles();
+      codecs = Codecs::open;
+    } catch (const ToolError&) {
+      codecs = Codecs::missing;
+    }
+    bound();
+  };
+  bound();
+  for (std::uint64_t i = 0; i < sizes[0]; picture += sizes[++i]) {
+    limitSoftly(RLIMIT_CPU, std::uint64_t(std::ceil(double(std::clock()) / double(CLOCKS_PER_SEC) + seconds)));
+    const std::span<const std::byte> bytes(picture, std::size_t(sizes[i + 1]));
+    bool whole = isWholeByStb(bytes);
+    if (!whole && codecs == Codecs::closed) openCodecs();
+    if (!whole) whole = codecs == Codecs::missing || !decodePicture(bytes).empty();
+    const char answer = whole ? 1 : 0;
+    DescriptorSink sink(output);
+    sink.write(&answer, 1);
+    sink.flush();
+  }
+}
+
 }  // namespace
 
 std::optional<std::string> readCompanionFile(const std::filesystem::path& folder, const std::string& name,
@@ -150,6 +215,10 @@ int runImportWorker(int argument_count, char** arguments) {
       !(*seconds > 0 && *seconds < 1e6))
     return kWorkerUsage;
   const int output = int(*fd);
+  if (std::string_view(arguments[3]) == kPicturesFormat) {
+    answerPictures(arguments[2], output, std::uint64_t(*megabytes), *seconds);
+    std::_Exit(0);
+  }
   limitSelf(std::uint64_t(*megabytes), *seconds);
   try {
     const RawScene scene = readScene(arguments[2], arguments[3]);

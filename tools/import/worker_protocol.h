@@ -8,6 +8,10 @@ namespace sinew::tools {
 /// The first byte the worker writes: a scene follows, or two texts (what, cure; each a 32-bit length and bytes).
 enum class WorkerAnswer : std::uint8_t { scene = 1, complaint = 2 };
 
+/// In place of a mesh's format: FILE holds pictures (their number and sizes, each 64 bits, then their bytes), and the
+/// answer is one byte for each, 1 where it can be read.
+inline constexpr const char* kPicturesFormat = "pictures";
+
 inline constexpr int kWorkerUsage = 64;
 inline constexpr int kWorkerOutOfMemory = 70;
 

@@ -3,15 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
-#include <string_view>
 
 #include "tools/core/atomic_file.h"
 #include "tools/core/read_file.h"
 #include "tools/import/textures.h"
+#include "tools/pictures/decode_picture.h"
 #include "tools/pictures/picture_files.h"
 
 namespace sinew::tools {
@@ -20,29 +19,6 @@ namespace {
 
 std::size_t pixelOffset(const Image& image, int x, int y) {
   return (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(x)) * 3;
-}
-
-// PNG without its ancillary chunks (colour profiles and the like, which are not used and which libpng grumbles about on
-// stderr), transparency apart. Other formats come back as they are, a PNG that is cut off comes back empty.
-std::vector<std::uint8_t> strippedPng(std::span<const std::byte> bytes) {
-  std::vector<std::uint8_t> all(bytes.size());
-  std::memcpy(all.data(), bytes.data(), bytes.size());
-  constexpr std::array<std::uint8_t, 8> kSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
-  if (all.size() < kSignature.size() || !std::equal(kSignature.begin(), kSignature.end(), all.begin())) return all;
-  std::vector<std::uint8_t> kept(kSignature.begin(), kSignature.end());
-  for (std::size_t at = kSignature.size(); at < all.size();) {
-    if (all.size() - at < 12) return {};
-    const std::size_t length =
-        std::size_t{all[at]} << 24 | std::size_t{all[at + 1]} << 16 | std::size_t{all[at + 2]} << 8 | all[at + 3];
-    if (length > all.size() - at - 12) return {};
-    const std::string_view name(reinterpret_cast<const char*>(&all[at + 4]), 4);
-    const bool ancillary = (all[at + 4] & 0x20U) != 0;
-    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(at);
-    if (!ancillary || name == "tRNS") kept.insert(kept.end(), begin, begin + static_cast<std::ptrdiff_t>(length + 12));
-    at += length + 12;
-    if (name == "IEND") return kept;
-  }
-  return {};
 }
 
 }  // namespace
@@ -92,15 +68,8 @@ TexturePixels decodeTexture(std::span<const std::byte> bytes, int max_size) {
   TexturePixels result;
   if (bytes.empty() || bytes.size() > kMaxTextureBytes) return result;
   try {
-    const std::vector<std::uint8_t> encoded = strippedPng(bytes);
-    if (encoded.empty()) return result;
-    cv::Mat picture = pictureFiles().decode(cv::Mat(encoded, false).reshape(1, 1));
-    if (picture.empty()) {
-      Texels texels = decodeByStb(std::as_bytes(std::span(encoded)));
-      if (texels.rgba.empty()) return result;
-      cv::cvtColor(cv::Mat(texels.height, texels.width, CV_8UC4, texels.rgba.data()), picture, cv::COLOR_RGBA2BGRA);
-    }
-    if (static_cast<std::int64_t>(picture.total()) > kMaxTexels) return result;
+    cv::Mat picture = decodePicture(bytes);
+    if (picture.empty()) return result;
     if (picture.depth() == CV_16U) {
       picture.convertTo(picture, CV_8U, 1.0 / 257.0);
     } else if (picture.depth() != CV_8U) {
