@@ -285,6 +285,36 @@ TEST_F(Obj, NamesWithBlanksAndBeyondAscii) {
   EXPECT_EQ(importFile(write("UPPER.OBJ", kTetrahedron)).format, "obj");
 }
 
+TEST_F(Obj, StatementsThatNoOneKnowsAreSaid) {
+  const VisualMesh mesh =
+      importFile(write("a.obj", std::string("Created by Foo\ncall x.obj\nCr\xe9\xe9 par Maya\n") + kTetrahedron));
+  EXPECT_EQ(mesh.triangles.size(), 4U);
+  const Finding* const finding = findingOf(mesh, "unknown-statement");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->severity, Severity::warning);
+  EXPECT_EQ(finding->count, 3U);
+  EXPECT_NE(finding->message.find("\"Created by Foo\" (line 1)"), std::string::npos) << finding->message;
+  // What an OBJ can say and nothing here asks for is no news.
+  EXPECT_EQ(findingOf(importFile(write("b.obj", std::string("s off\ns 1\nmg 0\nlod 1\nbevel on\nusemap off\nvp 0 0\n"
+                                                            "cstype bezier\ndeg 3\nstep 1 1\nparm u 0 1\nend\n") +
+                                                    kTetrahedron)),
+                      "unknown-statement"),
+            nullptr);
+}
+
+TEST_F(Obj, WhatIsNoneSaysWhatItLooksLike) {
+  std::string capitals = kTetrahedron;
+  for (char& c : capitals) c = c == 'v' ? 'V' : c;
+  expectRefusal(write("capitals.obj", capitals), "has its statements in capital letters: \"V 0 0 0\" (line 1)");
+  for (char& c : capitals) c = c == 'f' ? 'F' : c;
+  expectRefusal(write("all_capitals.obj", "Made by hand\n" + capitals), "in capital letters: \"V 0 0 0\" (line 2)");
+  expectRefusal(write("stl.obj",
+                      "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+                      "endloop\nendfacet\nendsolid\n"),
+                "is no OBJ: it looks like STL text. Rename it to end in .stl.");
+  expectRefusal(write("off.obj", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"), "looks like OFF");
+}
+
 TEST_F(Obj, NamesOfOldExportersBecomeUtf8) {
   // Latin-1 in a group, a material and a missing texture: reports in JSON could not carry it.
   write("a.mtl", "newmtl H\xe4nde\nmap_Kd h\xe4nde.png\n");

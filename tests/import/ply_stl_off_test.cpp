@@ -158,6 +158,45 @@ TEST_F(Ply, HeaderLinesThatNoPlyHasAreSkippedAndSaid) {
       << finding->message;
 }
 
+TEST_F(Ply, HeaderLinesBeyondAsciiAreSkippedAndSaid) {
+  const struct {
+    const char* line;
+    const char* said;
+  } kLines[] = {{"\xc2\xa9 2004 Foo", "\"\xc2\xa9 2004 Foo\" (line 3 of the header)"},
+                {"\xa9 2004 Foo", "\"\xc2\xa9 2004 Foo\" (line 3 of the header)"},
+                {"Cr\xc3\xa9\xc3\xa9 par Maya", "\"Cr\xc3\xa9\xc3\xa9 par Maya\""},
+                {"Cr\xe9\xe9 par Maya", "\"Cr\xc3\xa9\xc3\xa9 par Maya\""}};
+  const auto file = [](const std::string& line) {
+    return "ply\nformat ascii 1.0\n" + line +
+           "\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list "
+           "uchar "
+           "int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  };
+  for (const auto& [line, said] : kLines) {
+    const VisualMesh mesh = importFile(write("a.ply", file(line)));
+    EXPECT_EQ(mesh.triangles.size(), 1U);
+    const Finding* const finding = findingOf(mesh, "unknown-header");
+    ASSERT_NE(finding, nullptr) << line;
+    EXPECT_NE(finding->message.find(said), std::string::npos) << finding->message;
+  }
+  expectRefusal(write("b.ply", file("\1\2\3 no text")), "unknown header statement");
+}
+
+TEST_F(Ply, BytesBehindABinaryBodyAreSaid) {
+  const std::string head =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty char x\nproperty char y\nproperty char "
+      "z\nelement "
+      "face 1\nproperty list uchar uchar vertex_indices\nend_header\n";
+  const std::string body = {0, 0, 0, 1, 0, 0, 0, 1, 0, 3, 0, 1, 2};
+  EXPECT_EQ(findingOf(importFile(write("whole.ply", head + body)), "trailing-bytes"), nullptr);
+  const VisualMesh mesh = importFile(write("more.ply", head + body + "more"));
+  EXPECT_EQ(mesh.triangles.size(), 1U);
+  const Finding* const finding = findingOf(mesh, "trailing-bytes");
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->severity, Severity::warning);
+  EXPECT_EQ(finding->count, 4U);
+}
+
 TEST_F(Ply, FacesMayComeBeforeVertices) {
   const std::string head =
       "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\nproperty float "

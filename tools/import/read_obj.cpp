@@ -10,6 +10,13 @@
 namespace sinew::tools {
 namespace {
 
+/// Statements of an OBJ that say nothing about faces, and those of curves and free-form surfaces. `call` and `csh` are
+/// none of them: without what they bring in, the model is not whole.
+constexpr std::string_view kUnused[] = {
+    "bevel",    "bmat",       "bsp", "bzp",   "c_interp", "cdc",       "cdp",  "con",    "cstype", "ctech",
+    "d_interp", "deg",        "end", "hole",  "lod",      "maplib",    "mg",   "parm",   "res",    "s",
+    "scrv",     "shadow_obj", "sp",  "stech", "step",     "trace_obj", "trim", "usemap", "vp"};
+
 constexpr std::uint64_t kMaxLibraryBytes = 64U << 20;
 
 std::string lineOf(const TextCursor& cursor) { return "line " + std::to_string(cursor.line()); }
@@ -46,7 +53,7 @@ class ObjReader {
   ObjReader(std::string_view text, const std::filesystem::path& folder, const std::string& stem)
       // Zero bytes may fill up the end.
       : cursor_(text.substr(0, text.find_last_not_of('\0') + 1), true), folder_(folder), stem_(stem) {
-    text = cursor_.rest();
+    text = text_ = cursor_.rest();
     if (text.substr(0, 4096).find('\0') != text.npos)
       throw ReadError("is no OBJ: it holds zero bytes where text belongs");
     mesh_.name = stem;
@@ -91,7 +98,22 @@ class ObjReader {
       ++lines_;
     } else if (key == "curv" || key == "curv2" || key == "surf") {
       ++curves_;
+    } else if (std::find(std::begin(kUnused), std::end(kUnused), key) == std::end(kUnused)) {
+      const bool capital = capitals_.empty() && (key == "V" || key == "F");
+      if (unknown_lines_++ > 0 && !capital) return;
+      const std::string line =
+          "\"" + quotable(key) + " " + quotable(cursor_.lineRest()) + "\" (" + lineOf(cursor_) + ")";
+      if (unknown_lines_ == 1) unknown_ = line;
+      if (capital) capitals_ = line;
     }
+  }
+
+  /// Of what has no points or no faces: says what it looks like, where that can be told.
+  void refuseOther() const {
+    if (unknown_lines_ == 0) return;
+    if (const std::string other = formatOfText(text_); !other.empty() && other != "OBJ") throw looksLike(other, "OBJ");
+    if (!capitals_.empty())
+      throw ReadError("has its statements in capital letters: " + capitals_, "Write them small: v, vt, vn, f.");
   }
 
   /// Reads the numbers up to the line's end into number_.
@@ -328,6 +350,7 @@ class ObjReader {
   }
 
   void finish() {
+    if (mesh_.points.empty() || mesh_.face_size.empty()) refuseOther();
     if (highest_point_ > mesh_.points.size())
       throw ReadError("face " + std::to_string(highest_face_) + " names vertex " + std::to_string(highest_point_) +
                       " of " + std::to_string(mesh_.points.size()) + " (line " + std::to_string(highest_line_) + ")");
@@ -371,6 +394,9 @@ class ObjReader {
     };
     dropped(lines_, "line and point statements");
     dropped(curves_, "curve and free-form surface statements");
+    if (unknown_lines_ > 0)
+      scene_.findings.push_back(
+          skippedLines("unknown-statement", unknown_lines_, "", "is known of an OBJ", unknown_, "#"));
     if (!small_faces_.empty()) {
       Finding finding{
           "degenerate-faces",
@@ -420,6 +446,7 @@ class ObjReader {
   }
 
   TextCursor cursor_;
+  std::string_view text_;
   std::filesystem::path folder_;
   std::string stem_;
   RawScene scene_;
@@ -442,6 +469,8 @@ class ObjReader {
   std::uint32_t highest_face_ = 0;
   std::uint64_t lines_ = 0;
   std::uint64_t curves_ = 0;
+  std::uint64_t unknown_lines_ = 0;
+  std::string unknown_, capitals_;  // the first of them, the first that would be read if it were small
   std::map<std::pair<std::string, std::uint32_t>, std::uint32_t> part_by_key_;
   std::map<std::vector<std::uint32_t>, std::uint32_t> group_set_by_groups_;
   std::unordered_map<std::string, std::uint32_t> group_by_name_;

@@ -164,6 +164,7 @@ class PlyReader {
         skip(body, element);
       }
     }
+    if (!text_ && body.remaining() > 0) scene_.findings.push_back(trailingBytes(body.remaining(), "element", "faces"));
     finish();
     return std::move(scene_);
   }
@@ -208,7 +209,7 @@ class PlyReader {
           type = lines.word();
         }
         const auto known = scalarByName(type);
-        if (!known) throw ReadError("has a property of unknown type \"" + printable(type) + "\"" + place);
+        if (!known) throw ReadError("has a property of unknown type \"" + quotable(type) + "\"" + place);
         property.type = *known;
         property.name = std::string(lines.word());
         elements_.back().properties.push_back(std::move(property));
@@ -220,24 +221,16 @@ class PlyReader {
         if (!format) throw ReadError("has a header without a format");
         if (unknown_lines_ > 0) {
           scene_.findings.push_back(
-              {"unknown-header",
-               Severity::warning,
-               std::to_string(unknown_lines_) +
-                   (unknown_lines_ == 1 ? " line of the header says" : " lines of the header say") +
-                   " nothing that a PLY can say and were skipped: " + unknown_,
-               unknown_lines_,
-               "",
-               {},
-               "",
-               "Begin it with \"comment\" if it is a remark, or mend its first word."});
+              skippedLines("unknown-header", unknown_lines_, " of the header", "a PLY can say", unknown_, "comment"));
         }
         return;
       } else if (!key.empty()) {
         // Old exporters wrote "Created by ..." without `comment`. Bytes that are no text are no remark.
-        if (printable(key) != key.substr(0, 40)) {
-          throw ReadError("has an unknown header statement \"" + printable(key) + "\"" + place);
+        const auto control = [](char c) { return static_cast<unsigned char>(c) < 32 || c == 127; };
+        if (std::any_of(key.begin(), key.end(), control)) {
+          throw ReadError("has an unknown header statement \"" + quotable(key) + "\"" + place);
         }
-        if (unknown_lines_++ == 0) unknown_ = "\"" + printable(key) + " " + printable(lines.lineRest()) + "\"" + place;
+        if (unknown_lines_++ == 0) unknown_ = "\"" + quotable(key) + " " + quotable(lines.lineRest()) + "\"" + place;
       }
     }
     throw ReadError("has a header without an end");
@@ -245,12 +238,6 @@ class PlyReader {
 
   static bool isCorners(const Property& p) {
     return p.list && (p.name == "vertex_indices" || p.name == "vertex_index");
-  }
-
-  static std::string printable(std::string_view text) {
-    std::string out;
-    for (char c : text.substr(0, 40)) out += c >= 32 && c < 127 ? c : '?';
-    return out;
   }
 
   static void skipList(Body& body, const Property& p) {
@@ -371,7 +358,7 @@ class PlyReader {
     std::vector<float> wedge;
     std::string lists;
     for (const Property& p : element.properties)
-      if (p.list) lists += (lists.empty() ? "" : ", ") + printable(p.name);
+      if (p.list) lists += (lists.empty() ? "" : ", ") + quotable(p.name);
     if (element.count > 0 && std::none_of(element.properties.begin(), element.properties.end(), isCorners))
       throw ReadError(
           "has faces without a list vertex_indices" + (lists.empty() ? "" : " (their lists: " + lists + ")"),

@@ -89,18 +89,6 @@ bool readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
   return ended;
 }
 
-// What text that is no STL looks like; empty where it cannot be told.
-std::string otherFormat(std::string_view text) {
-  if (text.starts_with("ply\n") || text.starts_with("ply\r")) return "PLY";
-  TextCursor cursor(text);
-  for (std::size_t points = 0; !cursor.atEnd(); cursor.nextLine()) {
-    const std::string_view key = cursor.word();
-    if (key == "OFF" || key == "COFF" || key == "NOFF") return "OFF";
-    if (key == "v" && parseNumber(cursor.word()) && ++points == 3) return "OBJ";
-  }
-  return "";
-}
-
 }  // namespace
 
 RawScene readStl(std::string_view bytes, const std::string& stem) {
@@ -139,14 +127,7 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
                                 "",
                                 ""});
     if (bytes.size() > promised)
-      scene.findings.push_back({"trailing-bytes",
-                                Severity::warning,
-                                std::to_string(bytes.size() - promised) + " bytes after the last triangle were ignored",
-                                bytes.size() - promised,
-                                "",
-                                {},
-                                "",
-                                "Export the file again if triangles are missing."});
+      scene.findings.push_back(trailingBytes(bytes.size() - promised, "triangle", "triangles"));
   } else if (says_text || (text && start.starts_with("solid"))) {
     if (!readText(bytes, stem, mesh))
       scene.findings.push_back({"unended-solid",
@@ -157,9 +138,8 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
                                 {},
                                 "",
                                 "Export the file again if triangles are missing."});
-  } else if (const std::string other = text ? otherFormat(std::string_view(bytes).substr(0, 65536)) : "";
-             !other.empty()) {
-    throw ReadError("is no STL: it looks like " + other + " text", "Rename it to end in ." + lowerCase(other) + ".");
+  } else if (const std::string other = text ? formatOfText(bytes) : ""; !other.empty() && other != "STL") {
+    throw looksLike(other, "STL");
   } else if (bytes.size() < kHeaderBytes) {
     throw ReadError("is no STL: it is neither text nor long enough for a binary header");
   } else if (text) {

@@ -22,6 +22,24 @@ namespace sinew::tools {
 /// \param place where it stands, in brackets, with a blank before it; may be empty.
 ReadError noNumber(const std::string& of, std::string_view word, const std::string& place);
 
+/// What the text of a mesh file looks like: "PLY", "OFF", "OBJ", "STL"; empty where it cannot be told.
+std::string formatOfText(std::string_view text);
+/// A complaint about a file that is named as `named` and looks like `other`.
+ReadError looksLike(const std::string& other, const std::string& named);
+
+/// The first 40 letters as UTF-8, which a message may quote; what is no text is `?`.
+std::string quotable(std::string_view text);
+/// Lines that nobody can read and that were left out.
+/// \param of where they stand, as " of the header"; may be empty.
+/// \param whose as "a PLY can say".
+/// \param first the first of them, with its place.
+Finding skippedLines(const char* id, std::uint64_t count, const std::string& of, const std::string& whose,
+                     const std::string& first, const std::string& remark);
+
+/// Bytes behind the last thing that a binary file promises.
+/// \param things what would be missing if the file were read wrongly: "triangles".
+Finding trailingBytes(std::uint64_t count, const std::string& last, const std::string& things);
+
 /// Brings colours to 0..1 where any number is 2 or more: then all are of 0..255.
 void colorsFromBytes(std::vector<std::array<float, 4>>& colors);
 
