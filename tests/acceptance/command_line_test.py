@@ -81,6 +81,23 @@ class CommandLine(unittest.TestCase):
                 self.assertIn(name, result.stderr.strip().splitlines()[-1])
                 self.assertEqual([p.name for p in self.path.iterdir()], ["spot.sinew"])
 
+    def test_output_that_is_not_written_whole_exits_4(self):
+        package = self.bake()
+        for words in (["inspect", package, "--json"], ["inspect", package], ["check", package], ["check", SPOT, "--json"],
+                      ["help", "settings", "--markdown"], ["--version"], ["inspect", "--help"],
+                      ["simulate", package, "--seconds", "0.02"], ["bake", SPOT, "-o", package]):
+            with self.subTest(" ".join(map(str, words))), open("/dev/full", "w") as full:
+                result = subprocess.run([SINEW, *map(str, words)], stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
+                self.assertEqual(result.returncode, 4, result.stderr)
+                said = [line for line in result.stderr.strip().splitlines() if line.startswith("sinew: ")]
+                self.assertEqual(len(said), 1, result.stderr)
+                self.assertIn("standard output", said[0])
+        # What is refused says that alone.
+        with open("/dev/full", "w") as full:
+            result = subprocess.run([SINEW, "inspect", self.path / "none.obj"], stdout=full, stderr=subprocess.PIPE, text=True)
+        self.assertEqual(result.returncode, 3)
+        self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
+
     def test_what_a_killed_run_left_is_removed_by_the_next(self):
         left = self.path / ".spot.sinew.tmpAbC123.sinew"
         left.write_text("half")

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <exception>
 #include <iostream>
 #include <new>
@@ -26,12 +27,7 @@ int fail(const std::string& line, ExitCode code) {
   return int(code);
 }
 
-}  // namespace
-
-int runProgram(int argument_count, char** arguments, std::initializer_list<AddVerb*> verbs) {
-  if (argument_count > 1 && std::string_view(arguments[1]) == "--import-worker") {
-    return runImportWorker(argument_count, arguments);
-  }
+int runVerb(int argument_count, char** arguments, std::initializer_list<AddVerb*> verbs) {
   CLI::App app(
       "sinew: turns an artist's mesh into a soft body. A first try: sinew bake mesh.obj -o mesh.sinew && sinew view "
       "mesh.sinew",
@@ -66,6 +62,25 @@ int runProgram(int argument_count, char** arguments, std::initializer_list<AddVe
                 ExitCode::system);
   }
   return exit_code;
+}
+
+// Of both libraries: std::cout is not sure to hear what befalls the bytes that it hands on.
+bool outputIsWritten() {
+  std::cout.flush();
+  return std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+}
+
+}  // namespace
+
+int runProgram(int argument_count, char** arguments, std::initializer_list<AddVerb*> verbs) {
+  if (argument_count > 1 && std::string_view(arguments[1]) == "--import-worker") {
+    return runImportWorker(argument_count, arguments);
+  }
+  const int exit_code = runVerb(argument_count, arguments, verbs);
+  const bool refused = exit_code != int(ExitCode::done) && exit_code != int(ExitCode::findings);
+  if (refused || outputIsWritten()) return exit_code;
+  return fail("standard output: could not be written whole. Make room where it goes, or send it elsewhere.",
+              ExitCode::system);
 }
 
 }  // namespace sinew::tools
