@@ -392,7 +392,10 @@ class Pins(Folder):
                 recipe = self.recipe(pins, clusters)
                 self.bake(recipe)
                 checked = json.loads(run("check", recipe, "--json").stdout)["findings"]
-                for findings in (self.report["findings"], checked):
+                said = [[f for f in findings if f["id"].startswith(("pins-", "cluster-"))]
+                        for findings in (self.report["findings"], checked)]
+                self.assertEqual(*said)
+                for findings in said:
                     found = next(f for f in findings if (f["id"], f["place"]) == (name, place))
                     self.assertEqual(found["severity"], "warning")
                     self.assertGreater(found["count"], 0)
@@ -681,6 +684,32 @@ class Commands(Folder):
                 result = self.author(*command, code=3)
                 self.assertIn("selects nothing", result.stderr)
                 self.assertEqual((self.path / "r.json").read_text(), before)
+
+    def test_what_rides_along_holds_no_cluster_and_no_pins(self):
+        button = "g button\nv 1 0.6 0\nv 1.2 0.6 0\nv 1.1 0.6 0.2\nv 1.1 0.8 0.1\nf -4 -3 -2\nf -4 -1 -3\nf -3 -1 -2\nf -2 -1 -4\n"
+        self.write("bar.obj", Bar().obj(groups=True) + button)
+        self.author("new", self.path / "bar.obj")
+        only, some = '{"group": "button"}', '{"group": ["button", "left"]}'
+        self.author("add-part", "button", "--from", only)
+        before = (self.path / "r.json").read_text()
+        for command in (("add-pins", "p", "--from", only), ("add-cluster", "c", "--from", only)):
+            with self.subTest(command):
+                self.assertIn("rides along", self.author(*command, code=3).stderr)
+                self.assertEqual((self.path / "r.json").read_text(), before)
+        self.author("remove", "button")
+        self.author("add-pins", "p", "--from", only)
+        self.author("add-pins", "some", "--from", some)
+        self.author("add-cluster", "c", "--from", only)
+        self.author("add-cluster", "body", "--from", '{"group": ["left", "middle", "right"]}')
+        self.assertIn("[pins-hold-nothing]", self.author("add-part", "button", "--from", only).stdout)
+        # The bake and the doctor say the same, of what is held alone.
+        self.bake(self.path / "r.json")
+        checked = json.loads(run("check", self.path / "r.json", "--json").stdout)["findings"]
+        for name, place in (("pins-hold-nothing", "p"), ("cluster-idle", "c")):
+            found = [[f for f in findings if f["id"] == name] for findings in (self.report["findings"], checked)]
+            self.assertEqual(found[0], found[1])
+            self.assertEqual([f["place"] for f in found[0]], [place])
+            self.assertIn("rides along", found[0][0]["message"])
 
     def test_set_takes_patterns_and_prints_what_changes(self):
         self.write("bar.obj", Bar().obj(groups=True))

@@ -71,7 +71,7 @@ TEST(Rounding, AShellThickerThanItsModelIsRefusedWithACure) {
     Recipe recipe = parseRecipe(text, folder / "sheet.json");
     recipe.settings.import.worker = SINEW_TEST_IMPORT_WORKER;
     Progress progress(false);
-    const std::vector<Finding> before = refusalOfBake(recipe, importSource(recipe, progress), progress, nullptr);
+    const std::vector<Finding> before = rehearseBake(recipe, importSource(recipe, progress), progress, nullptr);
     try {
       bake(recipe, progress);
     } catch (const ToolError& error) {

@@ -102,9 +102,12 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
     finding.count = nothing ? selected : meant;
     finding.place = sets[s].name;
     finding.message = "pins '" + sets[s].name + "' ";
-    if (selected == 0) {
+    if (sets[s].rides) {
+      finding.message += "hold nothing: all that they select rides along with others (parts)";
+      finding.cure = "It has no tetrahedra of its own and moves with what carries it: pin that, or remove the part.";
+    } else if (selected == 0) {
       finding.message += "hold nothing: no " + vertices + " vertex hangs on what they select";
-      finding.cure = "What rides along (parts) moves with what carries it: pin that; or raise tetrahedra.vertices.";
+      finding.cure = "Select more, or raise tetrahedra.vertices.";
     } else {
       finding.message += nothing ? "move none" : "do not move " + std::to_string(meant);
       finding.message += " of the " + std::to_string(selected) + " " + vertices + " vertices that they select";

@@ -22,6 +22,7 @@ inline constexpr double kNoShare = 0.004;
 struct PinWeights {
   std::string name;
   std::vector<double> weights;
+  bool rides = false;  ///< whether all that it selects rides along with others (parts) and cannot be held
 };
 
 /// A rigid cluster's share of each vertex, 0..1.

@@ -408,10 +408,14 @@ std::vector<SelectionText> newSelections(const Recipe& before, const Recipe& aft
     for (const auto& [name, mask] : recipe.masks) selections.push_back(mask);
     return selections;
   };
+  // "/pins", and what it selects: what may carry an accessory cannot be pinned.
+  const auto inList = [](const SelectionText& selection) {
+    return selection.pointer.substr(0, selection.pointer.find('/', 1)) + selection.json.dump();
+  };
   std::set<std::string> known;
-  for (const SelectionText& selection : all(before)) known.insert(selection.json.dump());
+  for (const SelectionText& selection : all(before)) known.insert(inList(selection));
   std::vector<SelectionText> fresh = all(after);
-  std::erase_if(fresh, [&](const SelectionText& selection) { return known.contains(selection.json.dump()); });
+  std::erase_if(fresh, [&](const SelectionText& selection) { return known.contains(inList(selection)); });
   return fresh;
 }
 

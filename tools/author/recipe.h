@@ -98,7 +98,7 @@ Recipe parseRecipe(std::string_view text, const std::filesystem::path& file);
 /// The recipe of a bare source: its path and the defaults; of a recipe: its content.
 Recipe recipeFor(const std::filesystem::path& source_or_recipe);
 
-/// Selections of `after` that are new or differ from `before`: of masks, clusters, pins, accessories and factors.
+/// Selections of `after` that are not in the same list of `before`: of masks, clusters, pins, accessories and factors.
 std::vector<SelectionText> newSelections(const Recipe& before, const Recipe& after);
 
 /// A recipe's JSON in the present version. Throws ToolError(bad_input) where it is of a version that is not known.

@@ -358,13 +358,15 @@ class TetWalk {
   std::vector<std::array<std::uint32_t, 4>> across_;
 };
 
-// What an artist did not mean.
+// What an artist did not mean. \param held each of the recipe's largest weight of a physical vertex
 void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clusters,
-           std::span<const RecipeCluster> recipe_clusters, std::vector<Finding>& findings) {
+           std::span<const RecipeCluster> recipe_clusters, std::span<const double> held,
+           std::vector<Finding>& findings) {
   std::vector<std::string> small;
   std::vector<std::string> apart;
   std::vector<std::string> identical;
   std::vector<std::string> idle;
+  std::vector<std::string> riding;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const ClusterSource& cluster = clusters[c];
     if (cluster.recipe_cluster == kNoIndex) continue;
@@ -381,7 +383,8 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
   }
   for (std::uint32_t c = 0; c < recipe_clusters.size(); ++c) {
     const auto is = [c](const ClusterSource& cluster) { return cluster.recipe_cluster == c; };
-    if (std::none_of(clusters.begin(), clusters.end(), is)) idle.push_back(recipe_clusters[c].name);
+    if (std::none_of(clusters.begin(), clusters.end(), is))
+      (held[c] > 0 ? idle : riding).push_back(recipe_clusters[c].name);
   }
   const auto have = [](const std::vector<std::string>& several) {
     return std::string(several.size() == 1 ? "of the recipe has " : "of the recipe have ");
@@ -396,6 +399,11 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
   reportClusters(findings, "cluster-idle", idle, have(idle) + "no influence on any physical vertex",
                  "Others cover the same region with far larger weights; make it larger, or remove it.",
                  Severity::warning);
+  reportClusters(
+      findings, "cluster-idle", riding,
+      have(riding) + "no influence on any physical vertex: all that is selected rides along (parts), or has no area",
+      "It has no tetrahedra of its own and moves with what carries it: select that, or remove the part.",
+      Severity::warning);
   std::size_t from = 0;
   for (std::uint32_t b = 0; b < transfer.physical().pieces.size(); ++b) {
     std::size_t to = from;
@@ -608,7 +616,7 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
     const Severity severity = 2 * uncovered > mesh.positions.size() ? Severity::warning : Severity::info;
     findings.push_back({"cluster-uncovered", severity, what, uncovered, "", {}, "", cure});
   }
-  judge(transfer, clusters, recipe_clusters, findings);
+  judge(transfer, clusters, recipe_clusters, largest, findings);
   return clusters;
 }
 

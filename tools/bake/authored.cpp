@@ -6,6 +6,7 @@
 
 #include "tools/author/pins.h"
 #include "tools/author/unused_settings.h"
+#include "tools/bake/parts.h"
 #include "tools/core/error.h"
 
 namespace sinew::tools {
@@ -75,6 +76,14 @@ void addChannels(const AuthoredWeights& authored, const WeightTransfer& transfer
   }
 }
 
+// Takes what rides along out of a selection: no tetrahedra hang there. \return whether nothing is left.
+bool withoutRiders(VisualWeights& weights, std::span<const std::uint8_t> rides) {
+  for (std::size_t v = 0; v < rides.size(); ++v) {
+    if (rides[v] != 0) weights[v] = 0;
+  }
+  return std::none_of(weights.begin(), weights.end(), [](double w) { return w > 0; });
+}
+
 // The pin sets of a recipe: its own, and the origins of its muscles.
 std::vector<PinWeights> pinWeights(const Recipe& recipe, const AuthoredWeights& authored) {
   std::vector<PinWeights> sets;
@@ -82,6 +91,7 @@ std::vector<PinWeights> pinWeights(const Recipe& recipe, const AuthoredWeights& 
   for (std::size_t c = 0; c < authored.clusters.size(); ++c) {
     if (!authored.origins[c].empty()) sets.push_back({authored.clusters[c].name + ".origin", authored.origins[c]});
   }
+  for (PinWeights& set : sets) set.rides = withoutRiders(set.weights, authored.rides);
   return sets;
 }
 
@@ -232,6 +242,7 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
     authored.parts.push_back(evaluate(part.from));
     authored.part_hosts.push_back(hostWeights(recipe, part, authored, selections));
   }
+  authored.rides = ridingVertices(authored.parts, mesh, topology);
   for (const auto& [name, mask] : recipe.masks) authored.masks.push_back(selections.weights({name, mask.pointer}));
   return authored;
 }
@@ -256,11 +267,21 @@ std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& afte
                                         const Topology& topology, const std::vector<ClusterMesh>& cluster_meshes) {
   std::vector<Finding> findings;
   Selections selections(after, mesh, topology, cluster_meshes, findings);
+  std::vector<VisualWeights> parts;
+  for (const RecipePart& part : after.parts) parts.push_back(selections.evaluate(part.from));
+  const std::vector<std::uint8_t> rides = ridingVertices(parts, mesh, topology);
   for (const SelectionText& selection : newSelections(before, after)) {
-    if (usesRest(after, selection.json))
+    if (usesRest(after, selection.json)) {
       selections.clusters();
-    else
-      selections.evaluate(selection);
+      continue;
+    }
+    VisualWeights weights = selections.evaluate(selection);
+    const bool holds = selection.pointer.starts_with("/clusters") || selection.pointer.starts_with("/pins");
+    if (holds && withoutRiders(weights, rides)) {
+      after.text->fail(
+          selection.pointer, "the selection has only what rides along with others (parts)",
+          "It has no tetrahedra of its own and moves with what carries it: select that, or remove the part.");
+    }
   }
   if (!after.pins.empty()) {
     const std::vector<Finding> judged =

@@ -25,6 +25,7 @@ struct AuthoredWeights {
   std::vector<VisualWeights> colors;                ///< per entry of the recipe
   std::vector<VisualWeights> parts, part_hosts;     ///< per part of the recipe; hosts empty where the recipe has none
   std::vector<VisualWeights> masks;                 ///< per mask of the recipe
+  std::vector<std::uint8_t> rides;                  ///< per visual vertex: whether it is of a part; empty without parts
 };
 
 /// Evaluates every selection of a recipe. Throws ToolError(bad_input) for a wrong one, see Selections::evaluate().
@@ -36,7 +37,8 @@ AuthoredWeights evaluateRecipe(const Recipe& recipe, const VisualMesh& mesh, con
 std::vector<Finding> judgePins(const Recipe& recipe, const AuthoredWeights& authored);
 
 /// An edit's additions, evaluated on the source: throws ToolError(bad_input) where a new or changed selection selects
-/// nothing or cannot be. \return findings, and what of its pins will not move.
+/// nothing or cannot be, or where one of a cluster or of pins selects accessories alone. \return findings, and what of
+/// its pins will not move.
 std::vector<Finding> checkNewSelections(const Recipe& before, const Recipe& after, const VisualMesh& mesh,
                                         const Topology& topology, const std::vector<ClusterMesh>& cluster_meshes);
 

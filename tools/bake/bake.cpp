@@ -228,6 +228,7 @@ BakeResult bakeSource(const Recipe& recipe, ImportedSource source, Progress& pro
                                   {"unit", left.change.unit}});
   }
   result.findings = content.findings;
+  result.of_filling = solid.findings.size();
   result.report = reportOf(recipe.settings, solid, placed, content, fields, result.package.size());
   result.report["left_out"] = left_out;
   progress.finish();
@@ -256,14 +257,17 @@ BakeResult bake(const Recipe& recipe, Progress& progress, StageCache* cache, boo
   return bakeSource(recipe, importSource(recipe, progress), progress, cache, true, draft);
 }
 
-std::vector<Finding> refusalOfBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache) {
+std::vector<Finding> rehearseBake(const Recipe& recipe, ImportedSource source, Progress& progress, StageCache* cache) {
   try {
-    bakeSource(recipe, std::move(source), progress, cache, false, false);
+    BakeResult result = bakeSource(recipe, std::move(source), progress, cache, false, false);
+    std::vector<Finding>& findings = result.findings;
+    findings.erase(findings.begin(), findings.begin() + std::ptrdiff_t(result.of_filling));
+    std::erase_if(findings, [](const Finding& finding) { return finding.severity == Severity::info; });
+    return findings;
   } catch (const ToolError& error) {
     if (error.code() == ExitCode::system) throw;
     return {{"bake-refused", Severity::error, error.problem(), 1, "", {}, "", error.cure()}};
   }
-  return {};
 }
 
 }  // namespace sinew::tools

@@ -34,6 +34,22 @@ double areaOf(const VisualMesh& mesh, std::uint32_t triangle) {
   return (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm() / 2;
 }
 
+// Share of each loose part's area that a selection holds, 0..1.
+std::vector<double> heldShares(const VisualWeights& weights, const VisualMesh& mesh, const Topology& topology) {
+  std::vector<double> shares;
+  for (const SurfacePart& part : topology.parts) {
+    double area = 0;
+    double inside = 0;
+    for (const std::uint32_t t : part.triangles) {
+      const double a = areaOf(mesh, t);
+      area += a;
+      for (const std::uint32_t v : mesh.triangles[t]) inside += a / 3 * weights[v];
+    }
+    shares.push_back(area > 0 ? inside / area : 0);
+  }
+  return shares;
+}
+
 // Of many carriers, keeps the farthest apart.
 void thinOut(ClusterSource& host, const std::vector<Vector3d>& positions) {
   if (host.vertices.size() <= kMostCarriers) return;
@@ -129,6 +145,21 @@ std::array<Vector3d, 4> tetrahedronAround(const RidingPart& part, const VisualMe
 
 }  // namespace
 
+std::vector<std::uint8_t> ridingVertices(std::span<const VisualWeights> parts, const VisualMesh& mesh,
+                                         const Topology& topology) {
+  std::vector<std::uint8_t> rides(parts.empty() ? 0 : mesh.positions.size(), 0);
+  for (const VisualWeights& part : parts) {
+    const std::vector<double> shares = heldShares(part, mesh, topology);
+    for (std::size_t p = 0; p < shares.size(); ++p) {
+      if (shares[p] < kMostOfPart) continue;
+      for (const std::uint32_t t : topology.parts[p].triangles) {
+        for (const std::uint32_t v : mesh.triangles[t]) rides[v] = 1;
+      }
+    }
+  }
+  return rides;
+}
+
 std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh,
                                   const Topology& topology, std::vector<Finding>& findings) {
   std::vector<RidingPart> parts;
@@ -139,15 +170,9 @@ std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& a
     RidingPart part{source.name, source.rigid, {}, {}, authored.part_hosts[p]};
     double best = 0;
     std::vector<std::uint32_t> cut;
+    const std::vector<double> shares = heldShares(authored.parts[p], mesh, topology);
     for (std::uint32_t s = 0; s < topology.parts.size(); ++s) {
-      double area = 0;
-      double inside = 0;
-      for (const std::uint32_t t : topology.parts[s].triangles) {
-        const double a = areaOf(mesh, t);
-        area += a;
-        for (const std::uint32_t v : mesh.triangles[t]) inside += a / 3 * authored.parts[p][v];
-      }
-      const double fraction = area > 0 ? inside / area : 0;
+      const double fraction = shares[s];
       best = std::max(best, fraction);
       if (fraction > kStray && fraction < 1 - kStray) cut.push_back(topology.parts[s].triangles.front());
       if (fraction < kMostOfPart) continue;

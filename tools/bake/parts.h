@@ -23,6 +23,11 @@ struct RidingPart {
   VisualWeights host;                    ///< what carries it; empty: what is nearest
 };
 
+/// Per visual vertex, whether it is of a loose part that rides along: one of which some part's selection holds at least
+/// half, by area. Empty without parts.
+std::vector<std::uint8_t> ridingVertices(std::span<const VisualWeights> parts, const VisualMesh& mesh,
+                                         const Topology& topology);
+
 /// The loose parts that each part of the recipe names. Throws ToolError(bad_input) with line and cure where one holds
 /// no loose part, where two hold the same, or where nothing is left to be filled.
 std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh,

@@ -62,7 +62,7 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
     diagnosis.findings.insert(diagnosis.findings.end(), more.begin(), more.end());
   };
   append(source.findings);
-  append(judgePins(recipe, source.authored));
+  const std::vector<Finding> pins = judgePins(recipe, source.authored);
   if (recipe.settings.import.up == "auto") {
     if (const auto lies = suggestUp(source.mesh)) append({*lies});
   }
@@ -72,8 +72,9 @@ Diagnosis checkSourceFile(const CheckCommand& command) {
   }
   if (!hasErrors(diagnosis.findings)) {
     StageCache cache(StageCache::userFolder());
-    append(refusalOfBake(recipe, std::move(source), progress, &cache));
+    append(rehearseBake(recipe, std::move(source), progress, &cache));
   }
+  if (hasErrors(diagnosis.findings)) append(pins);  // no bake says what becomes of them
   diagnosis.verdict = sourceVerdict(diagnosis.findings);
   progress.finish();
   return diagnosis;
