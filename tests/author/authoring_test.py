@@ -435,6 +435,23 @@ class Overlap(Folder):
         own = self.shares(self.baked(3, {"clusters.overlap": 0.5}, {"settings": {"overlap": 0}}))
         self.assertEqual(len(own), widths[0])
 
+    def test_one_that_reaches_no_vertex_is_said(self):
+        for own in (0, 0.01, 0.5):
+            with self.subTest(own):
+                shares = self.shares(self.baked(3, {}, {"settings": {"overlap": own}}))
+                found = self.finding("overlap-short")
+                self.assertEqual(found is not None, own == 0.01)
+                if own == 0:
+                    none = shares
+                if own == 0.01:
+                    self.assertEqual(shares.keys(), none.keys())
+                    self.assertEqual(found["place"], "left, middle, right")
+                    self.assertIn(" cm away", found["message"])
+        # A cluster that is all has no border.
+        self.bake(self.write("all.json", {"sinew_recipe": 3, "source": "bar.obj", "settings": {"clusters.overlap": 0.01},
+                                          "clusters": [{"name": "c", "from": {"all": True}}]}))
+        self.assertIsNone(self.finding("overlap-short"))
+
     def test_older_recipes_mean_what_they_meant(self):
         cases = (({"clusters.overlap_metres": 0.2}, None, {"clusters.overlap": 0.2}, None, "info"),
                  ({"clusters.overlap_metres": 0}, None, {}, None, "info"),

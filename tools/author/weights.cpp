@@ -9,6 +9,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "tools/author/regions.h"
 #include "tools/author/surface.h"
@@ -54,6 +55,12 @@ struct Piece {
   std::vector<double> weight;  // per vertex of the body
 };
 
+// What the overlap of a cluster does.
+struct Overlap {
+  double next = kInfinity;  // m, from the border to the nearest vertex beyond it
+  bool widens = false;      // whether any vertex beyond the border weighs more by it
+};
+
 class PieceClusters {
  public:
   PieceClusters(const WeightTransfer& transfer, std::uint32_t body, std::span<const RecipeCluster> clusters,
@@ -65,9 +72,10 @@ class PieceClusters {
         clusters_(clusters),
         settings_(settings) {}
 
-  // Pieces of this body; adds up how many vertices no cluster covered, and how many memberships strayed.
+  // Pieces of this body; adds up how many vertices no cluster covered, and how many memberships strayed, and how the
+  // overlap of each cluster fared.
   std::vector<Piece> run(const std::vector<std::vector<double>>& weights, const std::vector<std::uint8_t>& takes_part,
-                         std::size_t& uncovered, std::size_t& strays) {
+                         std::size_t& uncovered, std::size_t& strays, std::vector<Overlap>& overlaps) {
     std::vector<Piece> pieces;
     for (std::uint32_t c = 0; c < clusters_.size(); ++c) {
       if (takes_part[c] == 0) continue;
@@ -79,7 +87,7 @@ class PieceClusters {
     uncovered += coverRest(pieces);
     std::vector<Piece> cut;
     for (Piece& piece : pieces) split(std::move(piece), cut);
-    for (Piece& piece : cut) widen(piece);
+    for (Piece& piece : cut) widen(piece, overlaps[piece.cluster]);
     prune(cut);
     soften(cut);
     for (Piece& piece : cut) strays += dropStrays(piece, cut);
@@ -139,7 +147,7 @@ class PieceClusters {
   }
 
   // Neighbours must share vertices, or the body falls apart between them.
-  void widen(Piece& piece) const {
+  void widen(Piece& piece, Overlap& said) const {
     const double overlap = overlapOf(optionsOf(clusters_[piece.cluster], settings_), graph_.mean_edge[number_]);
     if (!(overlap > 0)) return;
     const double largest = *std::max_element(piece.weight.begin(), piece.weight.end());
@@ -157,12 +165,15 @@ class PieceClusters {
         if (other < half) continue;
         start[global(v)] = std::min(start[global(v)], graph_.length[e] * (half - w) / (other - w));
       }
+      said.next = std::min(said.next, start[global(v)]);
     }
     const TetDistances reach = tetDistances(graph_, start, overlap);
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
       const double d = reach.distance[global(v)];
       if (!std::isfinite(d)) continue;
-      piece.weight[v] = std::max(piece.weight[v], largest * smoothstep(1 - d / overlap));
+      const double before =
+          std::exchange(piece.weight[v], std::max(piece.weight[v], largest * smoothstep(1 - d / overlap)));
+      if (before < half && piece.weight[v] - before > kMinimumShare * largest) said.widens = true;
     }
   }
 
@@ -576,6 +587,7 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
   std::vector<ClusterSource> clusters;
   std::size_t uncovered = 0;
   std::size_t strays = 0;
+  std::vector<Overlap> overlaps(recipe_clusters.size());
   for (std::uint32_t b = 0; b < mesh.pieces.size(); ++b) {
     if (authored[b] == 0) {
       for (ClusterSource& cluster : automatic) {
@@ -584,7 +596,7 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
       continue;
     }
     PieceClusters in_body(transfer, b, recipe_clusters, settings);
-    for (const Piece& piece : in_body.run(weights, takes_part[b], uncovered, strays)) {
+    for (const Piece& piece : in_body.run(weights, takes_part[b], uncovered, strays, overlaps)) {
       ClusterSource cluster;
       cluster.name = bodies_of[piece.cluster] > 1 ? piece.name + "@" + mesh.pieces[b].name : piece.name;
       cluster.piece = b;
@@ -616,6 +628,19 @@ std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,
     const Severity severity = 2 * uncovered > mesh.positions.size() ? Severity::warning : Severity::info;
     findings.push_back({"cluster-uncovered", severity, what, uncovered, "", {}, "", cure});
   }
+  std::vector<std::string> narrow;
+  double nearest = kInfinity;
+  for (std::uint32_t c = 0; c < recipe_clusters.size(); ++c) {
+    if (optionsOf(recipe_clusters[c], settings).overlap.value_or(0) <= 0 || overlaps[c].widens) continue;
+    if (!std::isfinite(overlaps[c].next)) continue;
+    narrow.push_back(recipe_clusters[c].name);
+    nearest = std::min(nearest, overlaps[c].next);
+  }
+  reportClusters(findings, "overlap-short", narrow,
+                 std::string("of the recipe ") + (narrow.size() == 1 ? "has" : "have") +
+                     " an overlap that reaches no vertex beyond the border, where the nearest is " +
+                     lengthText(nearest) + " away",
+                 "Make clusters.overlap larger than that, or 0; or raise tetrahedra.vertices.", Severity::warning);
   judge(transfer, clusters, recipe_clusters, largest, findings);
   return clusters;
 }
