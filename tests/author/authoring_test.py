@@ -535,6 +535,8 @@ class WrongRecipes(Folder):
         self.refused(None, "twice", "line 2", text='{"sinew_recipe": 2, "source": "bar.obj",\n "source": "b.obj"}')
         self.refused({**base, "clusters": [{"name": "c"}]}, "no cluster mesh 'c'", "CLUSTER_c")
         self.refused({**base, "clusters": [{"name": "c", "from": {"all": True}, "settings": {"moda": 1}}]}, "mode")
+        self.refused({**base, "clusters": [{"name": "c", "from": {"all": True}, "overlap": 1}]},
+                     'no key \'overlap\' in a cluster (line 10', 'Did you mean "settings": {"overlap": ...}?')
         self.refused({**base, "clusters": [{"name": "c", "from": {"all": True}, "contraction": 0.5}]}, "channel")
         self.refused({"sinew_recipe": 4, "source": "bar.obj"}, "version 4")
         self.refused({"sinew_recipe": 1, "source": "bar.obj", "clusters": []}, "version 1", "Set sinew_recipe to 3")
@@ -758,6 +760,34 @@ class Commands(Folder):
             self.assertAlmostEqual(found, wanted, 3)
         self.author("mirror", "wing.L", "--to", "other", "--plane", "z")
         self.assertEqual(self.recipe()["clusters"][2]["fibre"], [1, 0.5, -0.25])
+
+    def test_pins_and_parts_are_mirrored_with_the_names_that_have_sides(self):
+        self.write("bar.obj", Bar().obj(groups=True))
+        end = {"half_space": [0.1, 0, 0], "normal": [-1, 0, 0]}
+        self.write("r.json", {"sinew_recipe": 3, "source": "bar.obj", "masks": {"lid": {"all": True}},
+                              "clusters": [{"name": "end.L", "from": {"group": "left"}}],
+                              "pins": [{"name": "p.L", "from": end, "target": "hand.L", "method": "hold"},
+                                       {"name": "end.L", "from": end}]})
+        self.author("mirror", "p.L", "--plane", "x")
+        self.assertEqual(self.recipe()["pins"][2], {"name": "p.R", "from": {"mirror": end, "plane": "x"}, "target": "hand.R", "method": "hold"})
+        self.author("mirror", "end.L")
+        self.assertEqual([c["name"] for c in self.recipe()["clusters"]], ["end.L", "end.R"])
+        self.author("mirror", "end.L", "--list", "pins")
+        self.assertEqual(self.recipe()["pins"][3], {"name": "end.R", "from": {"mirror": end}})
+        shown = json.loads(self.author("show", "p.L", "p.R", "--json").stdout)["selections"]
+        self.assertEqual(shown[0]["visual_vertices"], shown[1]["visual_vertices"])
+        # A list without it does not offer it, and it has no side.
+        for list_, offered in (("masks", "Did you mean lid?"), ("parts", "none yet")):
+            said = self.author("mirror", "end.L", "--list", list_, code=2).stderr
+            self.assertIn(offered, said)
+        self.assertIn("no side", self.author("mirror", "lid", code=2).stderr)
+        recipe = self.recipe()
+        for to, image in (("end.L", "end.R"), ("lid", {"mirror": "lid"}), ({"group": "left"}, {"mirror": {"group": "left"}})):
+            with self.subTest(to):
+                self.write("r.json", {**recipe, "parts": [{"name": "eye.L", "from": {"part": 0}, "attach": "follow", "to": to}],
+                                      "pins": []})
+                self.author("mirror", "eye.L")
+                self.assertEqual(self.recipe()["parts"][1], {"name": "eye.R", "from": {"mirror": {"part": 0}}, "attach": "follow", "to": image})
 
     def test_suggested_commands_run_as_they_stand(self):
         folder = self.path / "it's here & there"

@@ -90,29 +90,30 @@ Json selectionOf(const std::string& text) {
   return json;
 }
 
-Json* namedEntry(Json& document, const char* list, const std::string& name) {
+Json* namedEntry(Json& document, const std::string& list, const std::string& name) {
   if (!document.contains(list)) return nullptr;
+  if (list == "masks") return document[list].contains(name) ? &document[list][name] : nullptr;
   for (Json& entry : document[list]) {
     if (entry.contains("name") && entry["name"] == name) return &entry;
   }
   return nullptr;
 }
 
-std::vector<std::string> allNames(const Json& document) {
-  std::vector<std::string> names;
-  if (document.contains("masks")) {
-    for (const auto& [name, mask] : document["masks"].items()) names.push_back(name);
-  }
-  for (const char* list : {"clusters", "pins", "parts"}) {
-    if (!document.contains(list)) continue;
-    for (const Json& entry : document[list]) names.push_back(entry["name"].get<std::string>());
-  }
-  return names;
-}
+// Masks last: entries are found first.
+constexpr std::array<const char*, 4> kNamedLists = {"clusters", "pins", "parts", "masks"};
 
-[[noreturn]] void noSuchName(const Json& document, const std::string& name) {
-  const std::vector<std::string> names = allNames(document);
-  usage("there is no mask, cluster, part or set of pins named '" + name + "'",
+/// \param list its alone; empty: of all.
+[[noreturn]] void noSuchName(const Json& document, const std::string& name, const std::string& list = "") {
+  std::vector<std::string> names;
+  for (const std::string kind : kNamedLists) {
+    if (!document.contains(kind) || (!list.empty() && kind != list)) continue;
+    for (const auto& [key, entry] : document[kind].items())
+      names.push_back(kind == "masks" ? key : entry["name"].get<std::string>());
+  }
+  const std::string what = list.empty()     ? "mask, cluster, part or set of pins"
+                           : list == "pins" ? "set of pins"
+                                            : list.substr(0, list.size() - 1);
+  usage("there is no " + what + " named '" + name + "'",
         names.empty() ? "The recipe has none yet." : "Did you mean " + nearestName(name, names) + "?");
 }
 
@@ -451,8 +452,8 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
     const std::string last = dot == std::string::npos ? "" : key.substr(dot + 1);
     const bool is_key = isSetting(std::string(kClusterPrefix) + last) || isKeyOf("cluster", last) ||
                         isKeyOf("pin", last) || isKeyOf("part", last);
-    if (is_key && name + "." != kClusterPrefix && key.find('*') == std::string::npos) noSuchName(document, name);
-    if (key.find('*') == std::string::npos) settings.set(key, value);  // says what is wrong with it
+    if (is_key && name + "." != kClusterPrefix) noSuchName(document, name);
+    settings.set(key, value);  // says what is wrong with it
     usage("'" + key + "' is neither a setting nor NAME.KEY of a cluster, part or set of pins",
           "All settings: sinew help settings.");
   }
@@ -493,10 +494,8 @@ void RecipeEditor::rename(const std::string& from, const std::string& to) {
 
 void RecipeEditor::move(const std::string& name, int by, const std::string& list) {
   Json document = this->document();
-  std::vector<std::string> lists = {"clusters", "pins", "parts", "masks"};
-  if (!list.empty()) lists = {list};
-  for (const std::string& kind : lists) {
-    if (!document.contains(kind)) continue;
+  for (const std::string kind : kNamedLists) {
+    if (!document.contains(kind) || (!list.empty() && kind != list)) continue;
     // Masks are an object, in the order of its keys.
     std::vector<std::pair<std::string, Json>> entries;
     for (const auto& [key, value] : document[kind].items())
@@ -521,7 +520,7 @@ void RecipeEditor::move(const std::string& name, int by, const std::string& list
     commit("move " + name + (by < 0 ? " up " : " down ") + std::to_string(std::abs(by)), document);
     return;
   }
-  noSuchName(document, name);
+  noSuchName(document, name, list);
 }
 
 void RecipeEditor::remove(const std::string& name) {
@@ -554,25 +553,45 @@ void RecipeEditor::remove(const std::string& name) {
 }
 
 void RecipeEditor::mirror(const std::string& name, const std::string& to, const std::string& plane,
-                          const std::function<Eigen::Vector3d()>& found_normal) {
+                          const std::function<Eigen::Vector3d()>& found_normal, const std::string& list) {
   Json document = this->document();
   const std::string target = to.empty() ? otherSide(name) : to;
-  if (target == name) {
-    usage("'" + name + "' has no side in its name that could be exchanged", "Give the new name with --to.");
-  }
+  const auto isMask = [&](const std::string& wanted) { return namedEntry(document, "masks", wanted) != nullptr; };
   const auto image = [&](const Json& selection) {
     Json mirrored = {{"mirror", selection}};
     if (plane != "auto" && !plane.empty()) mirrored["plane"] = plane;
     return mirrored;
   };
-  if (Json* entry = namedEntry(document, "clusters", name)) {
+  for (const std::string kind : kNamedLists) {
+    if (!list.empty() && kind != list) continue;
+    Json* entry = namedEntry(document, kind, name);
+    if (entry == nullptr) continue;
+    if (target == name)
+      usage("'" + name + "' has no side in its name that could be exchanged", "Give the new name with --to.");
+    if (kind == "masks") {
+      if (isMask(target)) usage("there is a mask named '" + target + "'", "Give another with --to.");
+      document[kind][target] = image(Json(name));
+      commit("mirror " + name + " " + target, document);
+      return;
+    }
     Json copy = *entry;
     copy["name"] = target;
-    copy["from"] = image(entry->contains("from") ? (*entry)["from"] : Json{{"cluster_mesh", name}});
-    for (const char* key : {"origin", "insertion"}) {
+    if (!copy.contains("from")) copy["from"] = {{"cluster_mesh", name}};
+    for (const char* key : {"from", "origin", "insertion"}) {
       if (copy.contains(key)) copy[key] = image(copy[key]);
     }
-    if (copy.contains("channel")) copy["channel"] = otherSide(copy["channel"].get<std::string>());
+    for (const char* key : {"channel", "target"}) {
+      if (copy.contains(key)) copy[key] = otherSide(copy[key].get<std::string>());
+    }
+    if (copy.contains("to")) {
+      // What carries it goes by its name, but for a mask that has no other side.
+      Json& carrier = copy["to"];
+      const std::string host = carrier.is_string() ? carrier.get<std::string>() : "";
+      const std::string other = otherSide(host);
+      const bool selects = !namedEntry(document, "clusters", host) && !namedEntry(document, "pins", host) &&
+                           (host.empty() || isMask(host)) && (other == host || !isMask(other));
+      carrier = selects ? image(carrier) : Json(other);
+    }
     // Found directions mirror by themselves.
     if (copy.contains("fibre") && copy["fibre"].is_array()) {
       Json& fibre = copy["fibre"];
@@ -587,14 +606,11 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
         fibre[std::size_t(k)] = std::abs(image_along[k]) > 1e-9 * along.norm() ? sevenDigits(image_along[k]) : 0.0;
       }
     }
-    document["clusters"].push_back(copy);
-  } else if (document.contains("masks") && document["masks"].contains(name)) {
-    if (document["masks"].contains(target)) usage("there is a mask named '" + target + "'", "Give another with --to.");
-    document["masks"][target] = image(Json(name));
-  } else {
-    noSuchName(document, name);
+    document[kind].push_back(copy);
+    commit("mirror " + name + " " + target, document);
+    return;
   }
-  commit("mirror " + name + " " + target, document);
+  noSuchName(document, name, list);
 }
 
 void RecipeEditor::paint(const std::string& name, const fs::path& file, const std::string& options) {

@@ -72,11 +72,12 @@ class RecipeEditor {
   void move(const std::string& name, int by, const std::string& list = "");
   /// Removes a mask, a cluster or a set of pins. A mask that is in use stays, with an error that says where.
   void remove(const std::string& name);
-  /// Adds the mirror image of a mask or cluster. \param to empty: the name with left and right exchanged (.L/.R, _l/_r,
-  /// left/right). \param plane auto, x, y or z. \param found_normal asked for the normal (unit) of the source's plane
-  /// of symmetry where plane is auto and a fibre has a given direction.
+  /// Adds the mirror image of a mask, a cluster, a part or a set of pins: of its selections and its fibre; names of
+  /// channels, targets and carriers have their sides exchanged. \param to empty: the name with left and right exchanged
+  /// (.L/.R, _l/_r, left/right). \param plane auto, x, y or z. \param found_normal asked for the normal (unit) of the
+  /// source's plane of symmetry where plane is auto and a fibre has a given direction. \param list as of move().
   void mirror(const std::string& name, const std::string& to, const std::string& plane,
-              const std::function<Eigen::Vector3d()>& found_normal);
+              const std::function<Eigen::Vector3d()>& found_normal, const std::string& list = "");
   /// Adds a mask from a picture or a stroke file (.json). \param file relative to the working folder; it must lie in
   /// the project folder. \param options further keys of the selection as a JSON object; may be empty.
   void paint(const std::string& name, const std::filesystem::path& file, const std::string& options);

@@ -75,7 +75,7 @@ class ShapeCheck {
                                     [wanted = std::string_view(name)](const RecipeKey& k) { return k.name == wanted; });
       const std::string place = childPointer(pointer, name);
       if (key == shape.keys.end()) {
-        // A cluster's settings are as good as keys of its own where the program writes them.
+        // A cluster's settings are keys of its "settings".
         std::vector<std::string> known = names;
         if (shape.name == "cluster") {
           Settings settings;
@@ -83,8 +83,11 @@ class ShapeCheck {
             if (d.of_cluster) known.emplace_back(d.key.substr(std::string_view(kClusterPrefix).size()));
           }
         }
+        std::string near = nearestName(name, known);
+        if (std::find(names.begin(), names.end(), near) == names.end())
+          near = R"("settings": {")" + near + R"(": ...})";
         text_.fail(place, "there is no key '" + name + "' in a " + std::string(shape.name),
-                   "Did you mean " + nearestName(name, known) + "? Known: " + listed(names, names.size()) + ".");
+                   "Did you mean " + near + "? Known: " + listed(names, names.size()) + ".");
       }
       if (!legal(*key, value)) {
         text_.fail(place, std::string(key->name) + " cannot be " + shortened(value), "Legal: " + legalText(*key) + ".");

@@ -368,6 +368,10 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
     return sub;
   };
   const char* selection = "JSON of a selection, or the name of a mask";
+  const auto addList = [&](CLI::App* sub) {
+    sub->add_option("--list", command->list, "Its list, where several have the name: clusters, pins, parts or masks")
+        ->check(CLI::IsMember({"clusters", "pins", "parts", "masks"}));
+  };
 
   CLI::App* make = add("new", "Begin a recipe for a source", [command] {
     const RecipeEditor editor = RecipeEditor::create(command->recipe, command->from);
@@ -464,24 +468,27 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   move->add_option("name", command->name)->required();
   move->add_option("way", command->other, "up or down")->required()->check(CLI::IsMember({"up", "down"}));
   move->add_option("places", command->places, "How far (default 1)")->check(CLI::Range(1, 1000000));
-  move->add_option("--list", command->list, "Its list, where several have the name: clusters, pins, parts or masks")
-      ->check(CLI::IsMember({"clusters", "pins", "parts", "masks"}));
+  addList(move);
 
   CLI::App* remove = add("remove", "Remove a mask, a cluster, a part or a set of pins",
                          [command] { edit(*command, [&](RecipeEditor& e) { e.remove(command->name); }); });
   remove->add_option("name", command->name)->required();
 
-  CLI::App* mirror = add("mirror", "Add the mirror image of a mask or cluster", [command] {
+  CLI::App* mirror = add("mirror", "Add the mirror image of a mask, a cluster, a part or a set of pins", [command] {
     edit(*command, [&](RecipeEditor& e) {
-      e.mirror(command->name, command->other, command->plane, [&e] {
-        const VisualMesh mesh = importFor(e);
-        return symmetryPlane(Surface(mesh)).normal;
-      });
+      e.mirror(
+          command->name, command->other, command->plane,
+          [&e] {
+            const VisualMesh mesh = importFor(e);
+            return symmetryPlane(Surface(mesh)).normal;
+          },
+          command->list);
     });
   });
   mirror->add_option("name", command->name)->required();
   mirror->add_option("--to", command->other, "Its name; without it left and right are exchanged (.L/.R, _l/_r)");
   mirror->add_option("--plane", command->plane, "auto, x, y or z")->check(CLI::IsMember({"auto", "x", "y", "z"}));
+  addList(mirror);
 
   CLI::App* paint = add("paint", "Add a mask from a picture, or from a stroke file (.json)", [command] {
     edit(*command, [&](RecipeEditor& e) { e.paint(command->name, command->other, command->options); });
