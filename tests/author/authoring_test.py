@@ -746,8 +746,24 @@ class Commands(Folder):
         self.assertIn("clusters.limit_max: 2 -> default", said)
         self.assertNotIn("clusters.limit_min", said)
         self.assertIn("nothing changed", self.author("set", "*.stretch_hz=5").stdout)
-        self.author("set", "x*.stretch_hz=5", code=2)
-        self.author("set", "*.strech_hz=5", code=2)
+        # In every place of a key; what matches nothing says so.
+        self.author("set", "tetra*.vert*=900", "middle.*_hz=8", "l*.limit_m*=1")
+        self.assertEqual(self.recipe()["settings"], {"tetrahedra.vertices": 900})
+        self.assertEqual(self.recipe()["clusters"][1]["settings"], {"stretch_hz": 8, "bend_hz": 8, "twist_hz": 8})
+        left = self.recipe()["clusters"][0]["settings"]
+        self.assertEqual(left, {"stretch_hz": 5, "mode": "linear", "limit_min": 1, "limit_max": 1})
+        self.assertIn("left.mode: \"linear\" -> default", self.author("set", "*.*=default").stdout)
+        self.assertTrue(all("settings" not in c for c in self.recipe()["clusters"]))
+        self.assertIn("tetrahedra.vertices: 900 -> default", self.author("set", "*=default").stdout)
+        self.assertNotIn("settings", self.recipe())
+        for key in ("x*.stretch_hz", "*.strech_hz", "*.stretch?hz", "clusters.m?de", "x*"):
+            self.assertIn(f"'{key}' matches nothing. *", self.author("set", key + "=5", code=2).stderr)
+        self.assertIn("without patterns", self.author("set", "/clusters/*/from=default", code=2).stderr)
+        # Of things of one name each line says which.
+        self.author("add-pins", "left", "--from", '{"group": "left"}')
+        said = self.author("set", '*.from={"group": "right"}').stdout
+        for line in ("  clusters.left.from:", "  pins.left.from:", "  middle.from:"):
+            self.assertIn(line, said)
 
     def test_a_fibre_is_mirrored_about_the_plane_that_is_found(self):
         self.write("bar.obj", Bar().obj(groups=True))

@@ -391,9 +391,12 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
     put(settings, name, typedSetting(setting, valueOf(value)), place);
     if (settings.empty()) owner.erase("settings");
   };
+  const auto isPattern = [](const std::string& text) { return text.find('*') != std::string::npos; };
   if (!key.empty() && key.front() == '/') {
+    const char* const no_place = "Write it as in /clusters/0/from, without patterns (*).";
     try {
       const Json::json_pointer pointer(key);
+      if (isPattern(key) && !document.contains(pointer)) usage("'" + key + "' is no place of the recipe", no_place);
       const std::string before = document.contains(pointer) ? document[pointer].dump() : "default";
       if (removes) {
         if (document.contains(pointer)) {
@@ -409,42 +412,67 @@ std::vector<RecipeEditor::Change> RecipeEditor::set(const std::string& key, cons
       const std::string after = removes ? "default" : document[pointer].dump();
       if (before != after) changes.push_back({key, before, after});
     } catch (const nlohmann::json::exception&) {
-      usage("'" + key + "' is no place of the recipe", "Write it as in /clusters/0/from.");
+      usage("'" + key + "' is no place of the recipe", no_place);
     }
     commit("set " + key + "=" + value, document);
     return changes;
   }
   bool found = false;
   Settings settings;
-  for (const auto& d : Settings::declarations(settings)) {
-    // "*.mode" is the mode of whatever has a name.
-    if (key.find('*') < key.find('.') || !matchesPattern(d.key, key)) continue;
-    found = true;
-    const std::string setting(d.key);
-    putSetting(document, setting, setting, setting);
-  }
+  const auto all = Settings::declarations(settings);
+  const auto putMatching = [&] {
+    for (const auto& d : all) {
+      if (!matchesPattern(d.key, key)) continue;
+      found = true;
+      const std::string setting(d.key);
+      putSetting(document, setting, setting, setting);
+    }
+  };
   const std::size_t dot = key.rfind('.');
+  // "*.mode" is the mode of whatever has a name; "tetra*.vertices" is a setting where nothing has such a name.
+  const bool of_names = dot != std::string::npos && isPattern(key.substr(0, key.find('.')));
+  if (!of_names) putMatching();
   if (!found && dot != std::string::npos) {
     const std::string names = key.substr(0, dot);
     const std::string name = key.substr(dot + 1);
-    const bool pattern = names.find('*') != std::string::npos;
+    const bool pattern = isPattern(names) || isPattern(name);
+    std::vector<std::string> own_settings = {name};
+    if (isPattern(name)) {
+      own_settings.clear();
+      for (const auto& d : all) {
+        const std::string setting(d.of_cluster ? d.key.substr(kClusterPrefix.size()) : "");
+        if (d.of_cluster && matchesPattern(setting, name)) own_settings.push_back(setting);
+      }
+    }
     for (const auto& [list, object] : {std::pair{"clusters", "cluster"}, {"pins", "pin"}, {"parts", "part"}}) {
       if (!document.contains(list)) continue;
-      const bool is_setting = std::string_view(list) == "clusters" && isSetting(std::string(kClusterPrefix) + name);
+      const bool is_setting = std::string_view(list) == "clusters" && !own_settings.empty() &&
+                              isSetting(std::string(kClusterPrefix) + own_settings[0]);
       // A plain name is one entry, whose key is checked with the recipe; a pattern matches the entries that have the
       // key.
       if (pattern ? !is_setting && !isKeyOf(object, name) : found) continue;
       for (Json& entry : document[list]) {
         const auto own = entry["name"].get<std::string>();
-        const std::string place = std::string(own).append(".").append(name);
-        if (!matchesPattern(own, names) && !matchesPattern(std::string(list).append(".").append(own), names)) continue;
+        const std::string in_list = std::string(list).append(".").append(own);
+        if (!matchesPattern(own, names) && !matchesPattern(in_list, names)) continue;
+        const auto homonyms = std::count_if(kNamedLists.begin(), kNamedLists.end() - 1, [&](const char* other) {
+          return namedEntry(document, other, own) != nullptr;
+        });
+        const std::string owner = (homonyms > 1 ? in_list : own) + ".";
         found = true;
-        if (is_setting)
-          putSetting(entry, name, std::string(kClusterPrefix) + name, place);
-        else
-          put(entry, name, valueOf(value), place);
+        if (!is_setting) put(entry, name, valueOf(value), owner + name);
+        for (const std::string& setting : own_settings) {
+          if (is_setting) putSetting(entry, setting, std::string(kClusterPrefix) + setting, owner + setting);
+        }
       }
     }
+  }
+  if (!found && of_names && key.front() != '*') putMatching();
+  if (!found && key.find_first_of("*?") != std::string::npos) {
+    usage(
+        "'" + key + "' matches nothing",
+        "* stands for any letters, ? only for itself: in a setting's key (tetra*.vert*), in NAME, and in NAME.KEY for "
+        "settings of clusters (l*.*_hz). All settings: sinew help settings.");
   }
   if (!found) {
     // NAME.KEY of a setting of clusters, or of a key that entries have: the name is what is wrong.

@@ -52,13 +52,15 @@ class RecipeEditor {
   void addPart(const std::string& name, const std::string& selection, const std::string& attach, const std::string& to);
   /// A value that set() has changed.
   struct Change {
-    std::string place;   ///< "clusters.mode", "skin.stretch_hz", "/clusters/0/from"
+    std::string place;   ///< "clusters.mode", "skin.stretch_hz" ("pins.skin.from" where several have the name),
+                         ///< "/clusters/0/from"
     std::string before;  ///< JSON; "default" where the recipe says nothing
     std::string after;
   };
   /// Sets values. \param key a setting ("clusters.mode"), a key or setting of a cluster, a set of pins or a part
-  /// ("NAME.split", "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"); * in a setting's key or in NAME stands
-  /// for any letters, "clusters.*.mode" means clusters only. "clusters.material" and "NAME.material" set all values of
+  /// ("NAME.split", "NAME.stretch_hz"), or a JSON pointer ("/clusters/0/from"); * in a setting's key, in NAME or in
+  /// the key of a cluster's setting stands for any letters, "clusters.*.mode" means clusters only; "c*.mode" is of
+  /// what has such a name, else a setting. "clusters.material" and "NAME.material" set all values of
   /// a preset (material_presets.h). \param value JSON, or plain text; "default" removes it. \return every value that
   /// differs now.
   std::vector<Change> set(const std::string& key, const std::string& value);

@@ -429,8 +429,8 @@ void addAuthorVerb(CLI::App& app, int& exit_code) {
   }
 
   CLI::App* set = add("set",
-                      "Set values: KEY=VALUE, NAME.KEY=VALUE or /json/pointer=VALUE; * stands for any letters, default "
-                      "removes a value",
+                      "Set values: KEY=VALUE, NAME.KEY=VALUE or /json/pointer=VALUE; * in KEY and NAME stands for any "
+                      "letters (KEY: of settings), default removes a value",
                       [command] {
                         std::vector<RecipeEditor::Change> changes;
                         edit(*command, [&](RecipeEditor& e) {
