@@ -8,9 +8,10 @@
 
 namespace sinew::tools {
 
-/// Says so (`lies-on-its-side`, an info) where a model was read with y up and stands far better with z up: it is longer
-/// along the source's z than along its y, and has a flat base below in z and none below in y. Nothing else tells a
-/// figure that lies from a fish that swims.
+/// Says so (`lies-on-its-side`, an info) where a model was read with y up and stands only with z up: its centre (of
+/// the surface's area) is over the hull of its lowest points with z up, firmly, and not with y up, nor so with -z up;
+/// and it is not thin along z. Nothing for what stands both ways: a door or a curtain, a terrain on its edge, a person
+/// on its back; nor for what stands neither way. An arm that is cut off and reaches forward is taken for one that lies.
 std::optional<Finding> suggestUp(const VisualMesh& mesh);
 
 }  // namespace sinew::tools
