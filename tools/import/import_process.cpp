@@ -4,13 +4,15 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <spawn.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstring>
 #include <new>
@@ -32,6 +34,7 @@ constexpr double kClockSeconds = 4;
 struct OutOfTime {};
 struct OutOfMemory {};
 struct StreamEnded {};
+enum class Link { pipe, socket };
 
 class FileDescriptor {
  public:
@@ -200,40 +203,32 @@ Clock::time_point deadlineOf(const ImportOptions& options) {
          std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kClockSeconds * options.seconds));
 }
 
-/// \param read_end of what the worker answers.
-pid_t startWorker(const std::filesystem::path& worker, const std::filesystem::path& file, const std::string& format,
-                  const ImportOptions& options, FileDescriptor& read_end) {
+/// \param kind a pipe, or a socket where the worker is told more than its arguments say.
+/// \param here this side's end of what is the worker's `FD`.
+pid_t startWorker(const std::filesystem::path& file, const std::string& format, const ImportOptions& options, Link kind,
+                  FileDescriptor& here) {
   int ends[2] = {-1, -1};
-  if (pipe2(ends, O_CLOEXEC) != 0)
+  const int failed =
+      kind == Link::pipe ? pipe2(ends, O_CLOEXEC) : socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends);
+  if (failed != 0)
     throw ToolError(ExitCode::system, file.string(),
                     std::string("no pipe to the import worker (") + std::strerror(errno) + ")",
                     "Close other programs and try again.");
-  read_end.reset(ends[0]);
-  const FileDescriptor write_end(ends[1]);
-  return spawnWorker(worker, file, format, options, write_end.get());
+  here.reset(ends[0]);
+  const FileDescriptor there(ends[1]);
+  return spawnWorker(workerOf(options), file, format, options, there.get());
 }
 
-/// A file in memory of what kPicturesFormat says.
-void writePictures(int fd, std::span<const std::span<const std::byte>> pictures) {
-  const auto write = [&](const void* data, std::size_t size) {
-    const auto* bytes = static_cast<const char*>(data);
-    while (size > 0) {
-      const ssize_t n = ::write(fd, bytes, size);
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0)
-        throw ToolError(ExitCode::system, "", std::string("no memory for its textures (") + std::strerror(errno) + ")",
-                        "Close other programs and try again.");
-      bytes += n;
-      size -= std::size_t(n);
-    }
-  };
-  const std::uint64_t count = pictures.size();
-  write(&count, sizeof count);
-  for (const auto& picture : pictures) {
-    const std::uint64_t size = picture.size();
-    write(&size, sizeof size);
+/// Throws StreamEnded where the worker does not take it, for `seconds` or ever.
+void send(int socket, std::span<const std::byte> bytes, double seconds) {
+  const timeval patience{time_t(std::ceil(seconds)), 0};
+  setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+  while (!bytes.empty()) {
+    const ssize_t n = ::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) throw StreamEnded();
+    bytes = bytes.subspan(std::size_t(n));
   }
-  for (const auto& picture : pictures) write(picture.data(), picture.size());
 }
 
 }  // namespace
@@ -256,7 +251,7 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
   const std::filesystem::path worker = workerOf(options);
   const auto deadline = deadlineOf(options);
   FileDescriptor read_end;
-  Child child(startWorker(worker, file, format, options, read_end));
+  Child child(startWorker(file, format, options, Link::pipe, read_end));
 
   RawScene scene;
   double peak = 0;
@@ -334,14 +329,14 @@ std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pict
   std::vector<bool> whole(pictures.size(), false);
   for (std::size_t next = 0; next < pictures.size();
        ++next) {  // a child goes on behind what brought down the one before
-    const FileDescriptor held(memfd_create("sinew_pictures", MFD_CLOEXEC));
-    writePictures(held.get(), pictures.subspan(next));
-    const std::string file = "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(held.get());
-    FileDescriptor read_end;
-    const Child child(startWorker(workerOf(options), file, kPicturesFormat, options, read_end));
-    PipeSource source(read_end.get(), deadlineOf(options), 0);
+    FileDescriptor socket;
+    const Child child(startWorker("", kPicturesFormat, options, Link::socket, socket));
+    PipeSource source(socket.get(), deadlineOf(options), 0);
     try {
       for (; next < pictures.size(); ++next) {
+        const std::uint64_t size = pictures[next].size();
+        send(socket.get(), std::as_bytes(std::span(&size, 1)), kClockSeconds * options.seconds);
+        send(socket.get(), pictures[next], kClockSeconds * options.seconds);
         source.until(deadlineOf(options));
         char answer = 0;
         source.read(&answer, 1);

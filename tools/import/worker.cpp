@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <fcntl.h>
-#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -148,18 +147,22 @@ std::uint64_t addressSpace() {
   return pages * std::uint64_t(sysconf(_SC_PAGESIZE));
 }
 
+// \return false where the stream ends.
+bool receive(int fd, void* data, std::size_t size) {
+  auto* out = static_cast<std::byte*>(data);
+  while (size > 0) {
+    const ssize_t n = ::read(fd, out, size);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    out += n, size -= std::size_t(n);
+  }
+  return true;
+}
+
 // What kPicturesFormat says.
-void answerPictures(const char* file, int output, std::uint64_t megabytes, double seconds) {
+void answerPictures(int socket, std::uint64_t megabytes, double seconds) {
   limitSelf();
   limit(RLIMIT_FSIZE, kMaxTextureBytes);  // OpenCV reads HDR and EXR from files, which it makes for a moment
-  const int fd = open(file, O_RDONLY | O_CLOEXEC);
-  struct stat facts {};
-  if (fd < 0 || fstat(fd, &facts) != 0 || facts.st_size < off_t(sizeof(std::uint64_t))) return;
-  const auto size = std::size_t(facts.st_size);
-  const void* const mapped = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0);
-  if (mapped == MAP_FAILED) return;
-  const auto* const sizes = static_cast<const std::uint64_t*>(mapped);
-  const auto* picture = reinterpret_cast<const std::byte*>(sizes + 1 + sizes[0]);
   const auto bound = [&] {
     if (!kSanitized) limitSoftly(RLIMIT_AS, addressSpace() + (megabytes << 20));
   };
@@ -174,15 +177,18 @@ void answerPictures(const char* file, int output, std::uint64_t megabytes, doubl
     }
     bound();
   };
-  bound();
-  for (std::uint64_t i = 0; i < sizes[0]; picture += sizes[++i]) {
+  std::vector<std::byte> bytes;
+  for (std::uint64_t size = 0; receive(socket, &size, sizeof size);) {
+    limitSoftly(RLIMIT_AS, RLIM_INFINITY);
+    bytes.resize(size);
+    if (!receive(socket, bytes.data(), bytes.size())) return;
+    bound();
     limitSoftly(RLIMIT_CPU, std::uint64_t(std::ceil(double(std::clock()) / double(CLOCKS_PER_SEC) + seconds)));
-    const std::span<const std::byte> bytes(picture, std::size_t(sizes[i + 1]));
     bool whole = isWholeByStb(bytes);
     if (!whole && codecs == Codecs::closed) openCodecs();
     if (!whole) whole = codecs == Codecs::missing || !decodePicture(bytes).empty();
+    DescriptorSink sink(socket);
     const char answer = whole ? 1 : 0;
-    DescriptorSink sink(output);
     sink.write(&answer, 1);
     sink.flush();
   }
@@ -216,7 +222,7 @@ int runImportWorker(int argument_count, char** arguments) {
     return kWorkerUsage;
   const int output = int(*fd);
   if (std::string_view(arguments[3]) == kPicturesFormat) {
-    answerPictures(arguments[2], output, std::uint64_t(*megabytes), *seconds);
+    answerPictures(output, std::uint64_t(*megabytes), *seconds);
     std::_Exit(0);
   }
   limitSelf(std::uint64_t(*megabytes), *seconds);

@@ -8,8 +8,8 @@ namespace sinew::tools {
 /// The first byte the worker writes: a scene follows, or two texts (what, cure; each a 32-bit length and bytes).
 enum class WorkerAnswer : std::uint8_t { scene = 1, complaint = 2 };
 
-/// In place of a mesh's format: FILE holds pictures (their number and sizes, each 64 bits, then their bytes), and the
-/// answer is one byte for each, 1 where it can be read.
+/// In place of a mesh's format: FD is a socket, from which come pictures (a 64-bit length and bytes). Each is answered
+/// by one byte, 1 where it can be read, before the next.
 inline constexpr const char* kPicturesFormat = "pictures";
 
 inline constexpr int kWorkerUsage = 64;

@@ -110,9 +110,10 @@ class StbSource {
   bool wanted_more_ = false;
 };
 
-// Of what OpenCV does not read: TGA, GIF, PSD.
+// For what OpenCV does not read: TGA, GIF, PSD. Not HDR: where one is cut off, stb waits for its runs for ever.
 cv::Mat decodeByStb(std::string_view bytes) {
-  if (pictureMime(std::as_bytes(std::span(bytes))).empty() && !hasTgaRows(bytes)) return {};
+  const std::string mime = pictureMime(std::as_bytes(std::span(bytes)));
+  if (mime == "image/vnd.radiance" || (mime.empty() && !hasTgaRows(bytes))) return {};
   StbSource source(bytes);
   const stbi_io_callbacks callbacks = StbSource::callbacks();
   int width = 0, height = 0, channels = 0;

@@ -30,7 +30,7 @@ std::array<std::int64_t, 2> declaredSize(std::span<const std::byte> bytes);
 cv::Mat decodePicture(std::span<const std::byte> bytes);
 
 /// Whether decodePicture() reads it, tried without opening the codecs (which takes longer than most pictures): false
-/// may mean that they are needed, as for TIFF, WebP and EXR.
+/// may mean that they are needed, as for TIFF, WebP, EXR and HDR.
 bool isWholeByStb(std::span<const std::byte> bytes);
 
 }  // namespace sinew::tools
