@@ -77,7 +77,13 @@ sinew::VisualOutput toCpp(const sinew_visual_output& o) {
   return result;
 }
 
-bool holds(const sinew_world* world, std::uint32_t body) { return world != nullptr && worldOf(world).contains({body}); }
+/// For calls that answer and do not fail: what the world tells meanwhile is no later call's failure.
+template <class Ask>
+std::uint32_t answerOf(const sinew_world* world, const Ask& ask) {
+  const bool answer = world != nullptr && ask(worldOf(world));
+  takeToldStatus();
+  return answer ? 1 : 0;
+}
 
 template <class Get>
 sinew_status vectorsOf(const char* call, const sinew_world* world, std::uint32_t body, const float** xyz,
@@ -131,14 +137,16 @@ sinew_status sinew_body_reset(sinew_world* world, uint32_t body) {
 }
 
 uint32_t sinew_body_is_asleep(const sinew_world* world, uint32_t body) {
-  return holds(world, body) && worldOf(world).isAsleep({body}) ? 1 : 0;
+  return answerOf(world, [&](const sinew::World& w) { return w.contains({body}) && w.isAsleep({body}); });
 }
 
 sinew_status sinew_body_wake(sinew_world* world, uint32_t body) {
   return onBody("sinew_body_wake", world, body, true, [](sinew::World& w, sinew::BodyId id) { w.wake(id); });
 }
 
-uint32_t sinew_body_exists(const sinew_world* world, uint32_t body) { return holds(world, body) ? 1 : 0; }
+uint32_t sinew_body_exists(const sinew_world* world, uint32_t body) {
+  return answerOf(world, [&](const sinew::World& w) { return w.contains({body}); });
+}
 
 sinew_status sinew_body_teleport(sinew_world* world, uint32_t body, const float rotation[9],
                                  const float translation[3]) {

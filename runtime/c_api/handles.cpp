@@ -67,6 +67,7 @@ sinew_status runOnBody(const char* call, const sinew_world* world, BodyId body, 
                        const WorldWork& work) noexcept {
   if (world == nullptr || !all_given) return failNull(call);
   if (!worldOf(world).contains(body)) {
+    if (const sinew_status told = takeToldStatus(); told != SINEW_OK) return told;
     char line[128];
     std::snprintf(line, sizeof line, "%s: there is no body %u in this world", call, body.value);
     return tellFailure(SINEW_ERROR_ARGUMENT, line);

@@ -31,7 +31,7 @@ SINEW_API sinew_status tellFailure(sinew_status status, std::string_view reason)
 /// What a world tells its log as an error is what the present call failed of.
 void noteError(std::string_view line);
 /// Status of what worlds have told their logs in this thread since this was asked last; sinew_last_error() says what.
-sinew_status takeToldStatus();
+SINEW_API sinew_status takeToldStatus();
 /// The failure of a call that lacks an argument.
 SINEW_API sinew_status failNull(const char* call);
 

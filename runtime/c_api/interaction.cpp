@@ -16,6 +16,7 @@ namespace {
 
 using sinew::handles::onBody;
 using sinew::handles::onWorld;
+using sinew::handles::takeToldStatus;
 using sinew::handles::tellFailure;
 using sinew::handles::transform;
 using sinew::handles::vec3;
@@ -273,6 +274,7 @@ sinew_status sinew_world_snapshot_size(const sinew_world* world, size_t* size) {
 sinew_status sinew_world_save(const sinew_world* world, void* bytes, size_t size, size_t* written) {
   return onWorld("sinew_world_save", world, bytes != nullptr && written != nullptr, [&](const sinew::World& w) {
     *written = w.saveSnapshot({static_cast<std::byte*>(bytes), size});
+    if (const sinew_status told = takeToldStatus(); told != SINEW_OK) return told;
     return *written > 0 ? SINEW_OK : tellFailure(SINEW_ERROR_CAPACITY, "sinew_world_save: the buffer is too small");
   });
 }

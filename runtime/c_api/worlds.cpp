@@ -12,6 +12,7 @@
 
 #include "runtime/c_api/handles.h"
 #include "runtime/c_api/structs.h"
+#include "runtime/world/world_impl.h"
 #include "sinew/runtime/thread_pool.h"
 #include "sinew/runtime/world.h"
 
@@ -26,6 +27,7 @@ using sinew::handles::readStruct;
 using sinew::handles::tellFailure;
 using sinew::handles::vec3;
 using sinew::handles::writeStruct;
+using sinew::internal::WorldAccess;
 
 class CallerMemory final : public std::pmr::memory_resource {
  public:
@@ -209,13 +211,17 @@ void sinew_world_destroy(sinew_world* world) {
 }
 
 sinew_status sinew_world_set_settings(sinew_world* world, const sinew_world_settings* settings) {
-  return onWorld("sinew_world_set_settings", world, isFilled(settings),
-                 [&](sinew::World& w) { toCpp(readStruct(settings, fromCpp(w.settings())), w.settings()); });
+  return onWorld("sinew_world_set_settings", world, isFilled(settings), [&](sinew::World& w) {
+    const WorldAccess::Presence presence(WorldAccess::of(w), "sinew_world_set_settings", WorldAccess::As::changes);
+    if (presence) toCpp(readStruct(settings, fromCpp(w.settings())), w.settings());
+  });
 }
 
 sinew_status sinew_world_get_settings(const sinew_world* world, sinew_world_settings* settings) {
-  return onWorld("sinew_world_get_settings", world, isFilled(settings),
-                 [&](const sinew::World& w) { writeStruct(fromCpp(w.settings()), settings, settings->struct_size); });
+  return onWorld("sinew_world_get_settings", world, isFilled(settings), [&](const sinew::World& w) {
+    const WorldAccess::Presence presence(WorldAccess::of(w), "sinew_world_get_settings", WorldAccess::As::looks);
+    if (presence) writeStruct(fromCpp(w.settings()), settings, settings->struct_size);
+  });
 }
 
 sinew_status sinew_world_step(sinew_world* world, float seconds) {

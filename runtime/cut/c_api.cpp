@@ -78,8 +78,9 @@ sinew_status cutAlong(sinew_world* world, std::uint32_t body, const sinew::CutPl
   return guarded("sinew_body_cut", [&] {
     auto result = std::make_unique<sinew_cut>();
     auto made = sinew::cutBody(sinew::handles::worldOf(world), {body}, plane, toCpp(settings));
+    const sinew_status told = sinew::handles::takeToldStatus();
     if (!made) {
-      const bool no_memory = made.reason() == "out of memory";
+      const bool no_memory = told == SINEW_ERROR_MEMORY || made.reason() == "out of memory";
       return tellFailure(no_memory ? SINEW_ERROR_MEMORY : SINEW_ERROR_ARGUMENT, made.reason());
     }
     result->made = std::move(*made);

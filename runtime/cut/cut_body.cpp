@@ -10,20 +10,15 @@
 
 namespace sinew {
 
-namespace internal {
-struct WorldAccess {
-  static World::Impl& of(World& world) { return *world.impl_; }
-};
-}  // namespace internal
-
 namespace {
 
 using internal::Body;
 using internal::Piece;
 using internal::PinSet;
+using internal::WorldAccess;
 
 Body* find(World& world, BodyId id) {
-  for (const internal::BodyPointer& body : internal::WorldAccess::of(world).bodies) {
+  for (const internal::BodyPointer& body : WorldAccess::of(world).bodies) {
     if (body->id == id.value) return body.get();
   }
   return nullptr;
@@ -232,13 +227,17 @@ std::vector<Vec3> placesOf(const Body& body, std::span<const Vec3> shown) {
 }
 
 Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const CutSettings& settings) {
-  const std::span<const Vec3> positions = world.positions(id), velocities = world.velocities(id);
-  const Body* const body = find(world, id);
+  WorldAccess::Presence presence(WorldAccess::of(world), "cutBody", WorldAccess::As::changes);
+  if (!presence) return presence.refusal();
+  const Body* const body = presence.seen(id);
+  if (body == nullptr) return Error{"cutBody: no such body"};
+  const std::span<const Vec3> positions = body->positions(), velocities(body->v.data(), body->vertexCount());
   const std::shared_ptr<const Asset> asset = body->asset;
   CutSettings with_jobs = settings;
-  if (with_jobs.jobs == nullptr) with_jobs.jobs = internal::WorldAccess::of(world).jobs;
+  if (with_jobs.jobs == nullptr) with_jobs.jobs = WorldAccess::of(world).jobs;
   Result<CutResult> cut = cutAsset(*asset, positions, plane, with_jobs);
   if (!cut) return Error{cut.reason()};
+  presence.lend();  // not before: jobs of others may run in this thread meanwhile, or this call go on in another
   const auto start = std::chrono::steady_clock::now();
   CutBodies result;
   result.cut = std::move(*cut);
@@ -273,8 +272,6 @@ Result<CutBodies> cutSound(World& world, BodyId id, const CutPlane& plane, const
 }  // namespace
 
 Result<CutBodies> cutBody(World& world, BodyId body, const CutPlane& plane, const CutSettings& settings) {
-  if (!world.contains(body)) return Error{"cutBody: no such body"};
-  if (internal::WorldAccess::of(world).present.load() != 0) return Error{"cutBody: another thread uses this world"};
   try {
     return cutSound(world, body, plane, settings);
   } catch (const std::bad_alloc&) {

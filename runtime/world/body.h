@@ -2,10 +2,12 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <memory>
 #include <memory_resource>
+#include <mutex>
 #include <span>
 
 #include "runtime/attach/history.h"
@@ -143,7 +145,8 @@ struct Body {
 
   History history;  ///< for motion vectors
 
-  bool listed = false;  ///< among the bodies that a call draws
+  std::atomic<bool> listed{false};  ///< among the bodies that a call draws
+  std::mutex showing;               ///< held while x and v are made
 
   SolverPointer solver;  ///< what moves it
 };

@@ -15,13 +15,6 @@ std::pair<internal::Collider*, std::size_t> World::Impl::locate(ColliderId id) {
   return {there ? place : nullptr, std::size_t(place - colliders.begin())};
 }
 
-internal::Collider* World::Impl::find(ColliderId id, const char* call) {
-  if (isStepping(call)) return nullptr;
-  internal::Collider* const collider = locate(id).first;
-  if (collider == nullptr) tell(LogSeverity::error, "%s: there is no collider %u in this world", call, id.value);
-  return collider;
-}
-
 const internal::Collider* World::Impl::colliderOf(std::uint32_t id) const {
   if (id == kGroundCollider.value) return &ground;
   return const_cast<Impl*>(this)->locate(ColliderId{id}).first;
@@ -85,7 +78,8 @@ void World::Impl::tellTouching() {
 }
 
 Result<ColliderId> World::addCollider(const ColliderShape& shape, const ColliderSettings& settings) {
-  if (impl_->isStepping("addCollider")) return Error{"addCollider: another thread steps this world"};
+  const Impl::Presence presence(*impl_, "addCollider", Impl::As::changes);
+  if (!presence) return presence.refusal();
   return impl_->guarded(
       "addCollider", Result<ColliderId>(Error{"addCollider: out of memory"}), [&]() -> Result<ColliderId> {
         if (const char* fault = internal::Shape::faultOf(shape)) return impl_->refuse("addCollider: %s", fault);
@@ -112,7 +106,8 @@ Result<ColliderId> World::addCollider(const ColliderShape& shape, const Collider
 }
 
 void World::moveCollider(ColliderId id, const RigidTransform& to) {
-  internal::Collider* const collider = impl_->find(id, "moveCollider");
+  const Impl::Presence presence(*impl_, "moveCollider", Impl::As::changes);
+  internal::Collider* const collider = presence.find(id);
   if (collider == nullptr) return;
   if (!internal::isProper(to)) {
     impl_->tell(LogSeverity::error, "moveCollider: the transform is not finite and proper");
@@ -123,7 +118,8 @@ void World::moveCollider(ColliderId id, const RigidTransform& to) {
 
 RigidTransform World::colliderPose(ColliderId id) const {
   RigidTransform at;
-  const internal::Collider* const collider = impl_->find(id, "colliderPose");
+  const Impl::Presence presence(*impl_, "colliderPose", Impl::As::looks);
+  const internal::Collider* const collider = presence.find(id);
   if (collider == nullptr) return at;
   for (int r = 0; r < 3; ++r) {
     at.position[std::size_t(r)] = float(collider->pose.position[r]);
@@ -133,16 +129,18 @@ RigidTransform World::colliderPose(ColliderId id) const {
 }
 
 void World::removeCollider(ColliderId id) {
-  const internal::Collider* const collider = impl_->find(id, "removeCollider");
+  const Impl::Presence presence(*impl_, "removeCollider", Impl::As::changes);
+  const internal::Collider* const collider = presence.find(id);
   if (collider == nullptr) return;
   internal::wakeIn(impl_->bodies, collider->bounds());
   impl_->colliders.erase(impl_->locate(id).second);
 }
 
 ColliderReaction World::colliderReaction(ColliderId id) const {
-  const internal::Collider* const collider =
-      id == kGroundCollider ? &impl_->ground : impl_->find(id, "colliderReaction");
   ColliderReaction reaction;
+  const Impl::Presence presence(*impl_, "colliderReaction", Impl::As::looks);
+  if (!presence) return reaction;
+  const internal::Collider* const collider = id == kGroundCollider ? &impl_->ground : presence.find(id);
   if (collider == nullptr) return reaction;
   for (int k = 0; k < 3; ++k) {
     reaction.impulse[std::size_t(k)] = float(collider->impulse[k]);
@@ -151,6 +149,10 @@ ColliderReaction World::colliderReaction(ColliderId id) const {
   return reaction;
 }
 
-std::span<const ContactEvent> World::contactEvents() const { return {impl_->events.data(), impl_->events.size()}; }
+std::span<const ContactEvent> World::contactEvents() const {
+  const Impl::Presence presence(*impl_, "contactEvents", Impl::As::looks);
+  if (!presence) return {};
+  return {impl_->events.data(), impl_->events.size()};
+}
 
 }  // namespace sinew

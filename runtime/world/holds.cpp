@@ -20,15 +20,9 @@ std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id) const {
   return {nullptr, 0};
 }
 
-std::pair<Body*, std::size_t> World::Impl::findPinSet(PinSetId id, const char* call) const {
-  if (isStepping(call)) return {nullptr, 0};
-  const auto found = findPinSet(id);
-  if (found.first == nullptr) tell(LogSeverity::error, "%s: there is no such pin set", call);
-  return found;
-}
-
 void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
-  Body* body = impl_->find(id, "pin");
+  const Impl::Presence presence(*impl_, "pin", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr) return;
   if (vertex >= body->vertexCount() || !internal::stateIsUsable(target, {})) {
     impl_->tell(LogSeverity::error, "pin: body %u has no vertex %u, or the target is not finite or beyond 1e15 m",
@@ -48,7 +42,7 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
     return;
   }
   impl_->guarded("pin", false, [&] {
-    body->solver->refresh(1, internal::Asked::all);
+    impl_->showLast(*body);
     body->pins.insert(std::size_t(place - body->pins.begin()), {vertex, target, target, target});
     body->pinned[vertex] = 1;
     impl_->holdsChanged(*body);
@@ -57,19 +51,21 @@ void World::pin(BodyId id, std::uint32_t vertex, Vec3 target) {
 }
 
 void World::unpin(BodyId id, std::uint32_t vertex) {
-  Body* body = impl_->find(id, "unpin");
+  const Impl::Presence presence(*impl_, "unpin", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr || vertex >= body->vertexCount() || body->pinned[vertex] == 0) return;
   const auto held = std::find_if(body->pins.begin(), body->pins.end(),
                                  [vertex](const internal::Pin& pin) { return pin.vertex == vertex; });
   if (held == body->pins.end()) return;
-  body->solver->refresh(1, internal::Asked::all);
+  impl_->showLast(*body);
   body->pins.erase(std::size_t(held - body->pins.begin()));
   body->pinned[vertex] = 0;
   impl_->holdsChanged(*body);
 }
 
 void World::unpinAll(BodyId id) {
-  Body* body = impl_->seen(id, "unpinAll");
+  const Impl::Presence presence(*impl_, "unpinAll", Impl::As::changes);
+  Body* body = presence.seen(id);
   if (body == nullptr) return;
   for (const internal::Pin& pin : body->pins) body->pinned[pin.vertex] = 0;
   body->pins.clear();
@@ -79,7 +75,9 @@ void World::unpinAll(BodyId id) {
 
 Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vertices, const RigidTransform& at,
                                   PinMethod method) {
-  Body* body = impl_->seen(id, "addPinSet");
+  const Impl::Presence presence(*impl_, "addPinSet", Impl::As::changes);
+  if (!presence) return presence.refusal();
+  Body* body = presence.seen(id);
   if (body == nullptr) return Error{"addPinSet: no such body"};
   return impl_->guarded("addPinSet", Result<PinSetId>(Error{"addPinSet: out of memory"}), [&]() -> Result<PinSetId> {
     if (!internal::isProper(at))
@@ -113,7 +111,8 @@ Result<PinSetId> World::addPinSet(BodyId id, std::span<const std::uint32_t> vert
 }
 
 void World::movePinSet(PinSetId id, const RigidTransform& to) {
-  const auto [body, index] = impl_->findPinSet(id, "movePinSet");
+  const Impl::Presence presence(*impl_, "movePinSet", Impl::As::changes);
+  const auto [body, index] = presence.find(id);
   if (body == nullptr) return;
   if (!internal::isProper(to)) {
     impl_->tell(LogSeverity::error, "movePinSet: the transform is not finite and proper");
@@ -124,15 +123,17 @@ void World::movePinSet(PinSetId id, const RigidTransform& to) {
 }
 
 void World::removePinSet(PinSetId id) {
-  const auto [body, index] = impl_->findPinSet(id, "removePinSet");
+  const Impl::Presence presence(*impl_, "removePinSet", Impl::As::changes);
+  const auto [body, index] = presence.find(id);
   if (body == nullptr) return;
-  body->solver->refresh(1, internal::Asked::all);
+  impl_->showLast(*body);
   internal::removePinSet(*body, index);
   impl_->holdsChanged(*body);
 }
 
 PinSetId World::pinSet(BodyId id, std::string_view name) const {
-  const Body* body = impl_->find(id, "pinSet");
+  const Impl::Presence presence(*impl_, "pinSet", Impl::As::looks);
+  const Body* body = presence.find(id);
   if (body == nullptr) return {};
   for (const internal::PinSet& set : body->pin_sets) {
     if (set.source == formats::kNone) continue;
@@ -142,7 +143,8 @@ PinSetId World::pinSet(BodyId id, std::string_view name) const {
 }
 
 std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const RigidTransform& to) {
-  Body* body = impl_->find(id, "movePinTarget");
+  const Impl::Presence presence(*impl_, "movePinTarget", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr) return 0;
   if (!internal::isProper(to)) {
     impl_->tell(LogSeverity::error, "movePinTarget: the transform is not finite and proper");
@@ -160,7 +162,8 @@ std::uint32_t World::movePinTarget(BodyId id, std::string_view target, const Rig
 }
 
 PinReaction World::pinReaction(PinSetId id) const {
-  const auto [body, index] = impl_->findPinSet(id, "pinReaction");
+  const Impl::Presence presence(*impl_, "pinReaction", Impl::As::looks);
+  const auto [body, index] = presence.find(id);
   PinReaction reaction;
   if (body == nullptr) return reaction;
   const internal::PinSet& set = body->pin_sets[index];
@@ -172,9 +175,9 @@ PinReaction World::pinReaction(PinSetId id) const {
 }
 
 bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
-  Body* body = impl_->find(id);
+  const Impl::Presence presence(*impl_, "setActivation", Impl::As::changes);
+  Body* body = presence ? impl_->find(id) : nullptr;
   if (body == nullptr || channel >= body->activation.size() || std::isnan(value)) return false;
-  if (impl_->isStepping("setActivation")) return false;
   const float wanted = value > 0 ? std::min(value, 1.0F) : 0.0F;
   if (body->activation[channel] == wanted) return true;
   return impl_->guarded("setActivation", false, [&] {
@@ -186,8 +189,10 @@ bool World::setActivation(BodyId id, std::uint32_t channel, float value) {
 }
 
 bool World::setActivation(BodyId id, std::string_view channel, float value) {
-  const Body* body = impl_->find(id);
+  Impl::Presence presence(*impl_, "setActivation", Impl::As::changes);
+  const Body* body = presence ? impl_->find(id) : nullptr;
   if (body == nullptr) return false;
+  presence.lend();
   const auto channels = body->package().channels();
   for (std::uint32_t c = 0; c < channels.size(); ++c) {
     if (body->package().text(channels[c].name) == channel) return setActivation(id, c, value);

@@ -23,13 +23,6 @@ std::pair<Body*, std::size_t> World::Impl::findPick(PickId id) const {
   return {nullptr, 0};
 }
 
-std::pair<Body*, std::size_t> World::Impl::findPick(PickId id, const char* call) const {
-  if (isStepping(call)) return {nullptr, 0};
-  const auto found = findPick(id);
-  if (found.first == nullptr) tell(LogSeverity::error, "%s: there is no such pick", call);
-  return found;
-}
-
 bool World::Impl::isOf(const Body& body, const BodyPoint& at, const char* call) const {
   const std::size_t count = at.physical != 0 ? body.vertexCount() : body.package().visualPositions().size();
   bool sound = std::abs(at.weight[0] + at.weight[1] + at.weight[2] - 1) < 1e-3F;
@@ -69,25 +62,32 @@ std::size_t list(const List& from, std::span<Id> ids, const Number& number) {
 }  // namespace
 
 std::size_t World::bodies(std::span<BodyId> ids) const {
+  const Impl::Presence presence(*impl_, "bodies", Impl::As::looks);
+  if (!presence) return 0;
   return list(impl_->bodies, ids, [](const internal::BodyPointer& body) { return body->id; });
 }
 
 std::size_t World::colliders(std::span<ColliderId> ids) const {
+  const Impl::Presence presence(*impl_, "colliders", Impl::As::looks);
+  if (!presence) return 0;
   return list(impl_->colliders, ids, [](const internal::Collider& collider) { return collider.id; });
 }
 
 std::size_t World::pinSets(BodyId id, std::span<PinSetId> ids) const {
-  const Body* body = impl_->find(id, "pinSets");
+  const Impl::Presence presence(*impl_, "pinSets", Impl::As::looks);
+  const Body* body = presence.find(id);
   return body == nullptr ? 0 : list(body->pin_sets, ids, [](const internal::PinSet& set) { return set.id; });
 }
 
 std::size_t World::picks(BodyId id, std::span<PickId> ids) const {
-  const Body* body = impl_->find(id, "picks");
+  const Impl::Presence presence(*impl_, "picks", Impl::As::looks);
+  const Body* body = presence.find(id);
   return body == nullptr ? 0 : list(body->picks, ids, [](const internal::Pick& pick) { return pick.id; });
 }
 
 void World::setActivity(BodyId id, Activity activity) {
-  Body* body = impl_->find(id, "setActivity");
+  const Impl::Presence presence(*impl_, "setActivity", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr || body->activity == activity) return;
   if (activity > Activity::disabled) {
     impl_->tell(LogSeverity::error, "setActivity: no such activity");
@@ -111,12 +111,14 @@ void World::setActivity(BodyId id, Activity activity) {
 }
 
 Activity World::activity(BodyId id) const {
-  const Body* body = impl_->find(id, "activity");
+  const Impl::Presence presence(*impl_, "activity", Impl::As::looks);
+  const Body* body = presence.find(id);
   return body != nullptr ? body->activity : Activity::disabled;
 }
 
 void World::Impl::addImpulse(BodyId id, const BodyPoint* at, const Vec3& impulse) {
-  Body* body = seen(id, "addImpulse");
+  const Presence presence(*this, "addImpulse", As::changes);
+  Body* body = presence.seen(id);
   if (body == nullptr || !isPush(impulse, "addImpulse") || (at != nullptr && !isOf(*body, *at, "addImpulse"))) return;
   changed(*body);
   body->solver->push(at != nullptr ? pickedPoint(*body, *at) : internal::PickedPoint{}, wide(impulse));
@@ -126,7 +128,8 @@ void World::addImpulse(BodyId id, const BodyPoint& at, Vec3 impulse) { impl_->ad
 void World::addImpulse(BodyId id, Vec3 impulse) { impl_->addImpulse(id, nullptr, impulse); }
 
 void World::Impl::addForce(BodyId id, const BodyPoint* at, const Vec3& force) {
-  Body* body = find(id, "addForce");
+  const Presence presence(*this, "addForce", As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr || !isPush(force, "addForce") || (at != nullptr && !isOf(*body, *at, "addForce"))) return;
   guarded("addForce", false, [&] {
     body->forces.push_back({at != nullptr ? pickedPoint(*body, *at) : internal::PickedPoint{}, force});
@@ -143,14 +146,16 @@ void World::Impl::forgetForces() {
 }
 
 BodyMotion World::motion(BodyId id) const {
-  const Body* body = impl_->seen(id, "motion");
+  const Impl::Presence presence(*impl_, "motion", Impl::As::reads);
+  const Body* body = presence.seen(id);
   if (body == nullptr) return {};
   const internal::WholeMotion motion = body->solver->motion();
   return {asFloats(motion.center), asFloats(motion.velocity), asFloats(motion.angular_velocity), float(motion.mass)};
 }
 
 void World::setVelocity(BodyId id, Vec3 velocity, Vec3 angular_velocity) {
-  Body* body = impl_->seen(id, "setVelocity");
+  const Impl::Presence presence(*impl_, "setVelocity", Impl::As::changes);
+  Body* body = presence.seen(id);
   if (body == nullptr || !impl_->isPush(velocity, "setVelocity") || !impl_->isPush(angular_velocity, "setVelocity")) {
     return;
   }
@@ -160,13 +165,15 @@ void World::setVelocity(BodyId id, Vec3 velocity, Vec3 angular_velocity) {
 }
 
 Vec3 World::placeOf(BodyId id, const BodyPoint& at) const {
-  const Body* body = impl_->seen(id, "placeOf");
+  const Impl::Presence presence(*impl_, "placeOf", Impl::As::reads);
+  const Body* body = presence.seen(id);
   if (body == nullptr || !impl_->isOf(*body, at, "placeOf")) return {};
   return asFloats(whereIs(*body, pickedPoint(*body, at)));
 }
 
 PickId World::pick(BodyId id, const BodyPoint& at, Vec3 target, const PickSettings& settings) {
-  Body* body = impl_->seen(id, "pick");
+  const Impl::Presence presence(*impl_, "pick", Impl::As::changes);
+  Body* body = presence.seen(id);
   if (body == nullptr || !impl_->isOf(*body, at, "pick")) return {};
   if (!internal::stateIsUsable(target, {}) || !(settings.frequency_hz > 0)) {
     impl_->tell(LogSeverity::error,
@@ -200,11 +207,12 @@ PickId World::pickRay(Vec3 origin, Vec3 direction, float distance, const PickSet
 
 PickId World::pickAlong(Vec3 origin, Vec3 direction, float distance, float radius) const {
   PickId nearest;
-  if (impl_->isStepping("pickAlong") || !impl_->isRay("pickAlong", origin, direction, distance)) return nearest;
+  const Impl::Presence presence(*impl_, "pickAlong", Impl::As::reads);
+  if (!presence || !impl_->isRay("pickAlong", origin, direction, distance)) return nearest;
   double least = double(radius);
   for (const internal::BodyPointer& body : impl_->bodies) {
     if (body->picks.empty()) continue;
-    body->solver->refresh(1, internal::Asked::all);
+    impl_->showLast(*body);
     for (const internal::Pick& pick : body->picks) {
       for (const Vector3d& place : {wide(pick.target), whereIs(*body, pick.point)}) {
         const Vector3d arm = place - wide(origin);
@@ -220,7 +228,8 @@ PickId World::pickAlong(Vec3 origin, Vec3 direction, float distance, float radiu
 }
 
 void World::movePick(PickId id, Vec3 target) {
-  const auto [body, index] = impl_->findPick(id, "movePick");
+  const Impl::Presence presence(*impl_, "movePick", Impl::As::changes);
+  const auto [body, index] = presence.find(id);
   if (body == nullptr) return;
   if (!internal::stateIsUsable(target, {})) {
     impl_->tell(LogSeverity::error, "movePick: target is not finite, or beyond 1e15 m");
@@ -231,39 +240,49 @@ void World::movePick(PickId id, Vec3 target) {
 }
 
 void World::lockPick(PickId id, bool locked) {
-  const auto [body, index] = impl_->findPick(id, "lockPick");
+  const Impl::Presence presence(*impl_, "lockPick", Impl::As::changes);
+  const auto [body, index] = presence.find(id);
   if (body != nullptr) body->picks[index].locked = locked ? 1 : 0;
 }
 
 void World::letGoPick(PickId id) {
-  const auto [body, index] = impl_->findPick(id, "letGoPick");
-  if (body != nullptr && body->picks[index].locked == 0) releasePick(id);
+  Impl::Presence presence(*impl_, "letGoPick", Impl::As::changes);
+  const auto [body, index] = presence.find(id);
+  if (body == nullptr || body->picks[index].locked != 0) return;
+  presence.lend();
+  releasePick(id);
 }
 
 void World::releasePick(PickId id) {
-  const auto [body, index] = impl_->findPick(id, "releasePick");
+  const Impl::Presence presence(*impl_, "releasePick", Impl::As::changes);
+  const auto [body, index] = presence.find(id);
   if (body == nullptr) return;
-  body->solver->refresh(1, internal::Asked::all);
+  impl_->showLast(*body);
   body->picks.erase(index);
   impl_->holdsChanged(*body);
 }
 
 void World::releasePicks(BodyId id) {
-  Body* body = impl_->find(id, "releasePicks");
+  const Impl::Presence presence(*impl_, "releasePicks", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr || body->picks.empty()) return;
-  body->solver->refresh(1, internal::Asked::all);
+  impl_->showLast(*body);
   body->picks.clear();
   impl_->holdsChanged(*body);
 }
 
 void World::releasePicks() {
+  Impl::Presence presence(*impl_, "releasePicks", Impl::As::changes);
+  if (!presence) return;
+  presence.lend();
   for (const internal::BodyPointer& body : impl_->bodies) releasePicks({body->id});
 }
 
 PickState World::pickState(PickId id) const {
-  const auto [body, index] = impl_->findPick(id, "pickState");
+  const Impl::Presence presence(*impl_, "pickState", Impl::As::reads);
+  const auto [body, index] = presence.find(id);
   if (body == nullptr) return {};
-  body->solver->refresh(1, internal::Asked::all);
+  impl_->showLast(*body);
   const internal::Pick& pick = body->picks[index];
   return {{body->id}, pick.at, asFloats(whereIs(*body, pick.point)), pick.target, pick.locked != 0};
 }

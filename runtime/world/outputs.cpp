@@ -38,12 +38,12 @@ class Listed {
     const VisualOutput* output;
   };
   const internal::Array<Item>& items() const { return items_; }
-  /// False where the body is there. May throw.
+  /// False where the body is there, or in the list of another thread. May throw.
   bool add(Body& body, const VisualOutput& output) {
-    if (body.listed) return false;
     items_.push_back({&body, &output});
-    body.listed = true;
-    return true;
+    const bool there = body.listed.exchange(true);
+    if (there) items_.truncate(items_.size() - 1);
+    return !there;
   }
 
  private:
@@ -96,8 +96,8 @@ double pressedInto(const Body& body, std::uint32_t collider) {
 }  // namespace
 
 void World::visualVertices(BodyId id, const VisualOutput& output) const {
-  const Impl::Presence presence(*impl_, "visualVertices", Impl::Presence::As::output);
-  const Body* body = presence ? impl_->seen(id, "visualVertices", impl_->shown, internal::Asked::drawn) : nullptr;
+  const Impl::Presence presence(*impl_, "visualVertices", Impl::As::draws);
+  const Body* body = presence.seen(id);
   if (body == nullptr) return;
   const VertexRun all = allOf(*body);
   impl_->writeVisual("visualVertices", *body, {&all, 1}, output);
@@ -105,15 +105,17 @@ void World::visualVertices(BodyId id, const VisualOutput& output) const {
 
 void World::visualVertices(std::span<const BodyOutput> outputs) const {
   constexpr const char* kCall = "visualVertices";
-  const Impl::Presence presence(*impl_, kCall, Impl::Presence::As::output);
+  const Impl::Presence presence(*impl_, kCall, Impl::As::draws);
   if (!presence) return;
   impl_->guarded(kCall, false, [&] {
     Listed listed(impl_->memory);
     for (const BodyOutput& each : outputs) {
-      Body* body = impl_->find(each.body, kCall);
+      Body* body = presence.find(each.body);
       if (body == nullptr || !impl_->isSound(kCall, each.output)) continue;
       if (!listed.add(*body, each.output)) {
-        impl_->tell(LogSeverity::error, "%s: body %u is given twice; its first output is written", kCall, body->id);
+        impl_->tell(LogSeverity::error,
+                    "%s: body %u is given twice, or in the list of another thread; its first output is written", kCall,
+                    body->id);
       }
     }
     const std::uint32_t count = std::uint32_t(listed.items().size());
@@ -123,7 +125,7 @@ void World::visualVertices(std::span<const BodyOutput> outputs) const {
       for (std::uint32_t i = begin; i < end; ++i) {
         const Listed::Item& item = listed.items()[i];
         try {
-          item.body->solver->refresh(impl_->shown, internal::Asked::drawn);
+          impl_->showDrawn(*item.body);
           const VertexRun all = allOf(*item.body);
           impl_->draw(*item.body, {&all, 1}, *item.output, outer == nullptr ? impl_->jobs : nullptr);
         } catch (...) {
@@ -142,8 +144,8 @@ void World::visualVertices(std::span<const BodyOutput> outputs) const {
 }
 
 void World::visualSubMesh(BodyId id, std::uint32_t sub_mesh, const VisualOutput& output) const {
-  const Impl::Presence presence(*impl_, "visualSubMesh", Impl::Presence::As::output);
-  const Body* body = presence ? impl_->seen(id, "visualSubMesh", impl_->shown, internal::Asked::drawn) : nullptr;
+  const Impl::Presence presence(*impl_, "visualSubMesh", Impl::As::draws);
+  const Body* body = presence.seen(id);
   if (body == nullptr) return;
   if (sub_mesh >= body->package().subMeshes().size()) {
     impl_->tell(LogSeverity::error, "visualSubMesh: body %u has no sub-mesh %u", id.value, sub_mesh);
@@ -217,24 +219,29 @@ void World::Impl::writeVisual(const char* call, const Body& body, std::span<cons
 
 Bounds World::physicalBounds(BodyId id) const {
   Bounds bounds;
-  const Body* body = impl_->seen(id, "physicalBounds");
+  const Impl::Presence presence(*impl_, "physicalBounds", Impl::As::reads);
+  const Body* body = presence.seen(id);
   if (body != nullptr) internal::boundsOf({body->x.data(), body->vertices().size()}, bounds);
   return bounds;
 }
 
 Bounds World::visualBounds(BodyId id) const {
-  const Impl::Presence presence(*impl_, "visualBounds", Impl::Presence::As::output);
-  const Body* body = presence ? impl_->seen(id, "visualBounds", impl_->shown, internal::Asked::drawn) : nullptr;
   Bounds bounds;
-  if (body == nullptr) return bounds;
-  if (body->package().visualPositions().empty()) return physicalBounds(id);
-  impl_->guarded("visualBounds", false, [&] {
-    internal::VisualPool::Lease scratch(impl_->visual, *body);
-    const bool finite = scratch->bounds(*body, impl_->jobs, bounds);
-    scratch.keep();
-    return finite;
-  });
-  return bounds;
+  {
+    const Impl::Presence presence(*impl_, "visualBounds", Impl::As::draws);
+    const Body* body = presence.seen(id);
+    if (body == nullptr) return bounds;
+    if (!body->package().visualPositions().empty()) {
+      impl_->guarded("visualBounds", false, [&] {
+        internal::VisualPool::Lease scratch(impl_->visual, *body);
+        const bool finite = scratch->bounds(*body, impl_->jobs, bounds);
+        scratch.keep();
+        return finite;
+      });
+      return bounds;
+    }
+  }
+  return physicalBounds(id);
 }
 
 }  // namespace sinew

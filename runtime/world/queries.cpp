@@ -146,7 +146,7 @@ struct Probe {
 }  // namespace
 
 void World::Impl::drawInto(const Body& body, internal::Array<Vec3>& drawn) const {
-  body.solver->refresh(shown, internal::Asked::drawn);
+  showDrawn(const_cast<Body&>(body));
   drawn.resize(body.package().visualPositions().size());
   if (drawn.empty()) return;
   const VertexRun all = {0, std::uint32_t(drawn.size())};
@@ -178,7 +178,7 @@ bool World::Impl::isRay(const char* call, const Vec3& origin, const Vec3& direct
 std::optional<CastHit> World::Impl::cast(const char* call, Vec3 origin, double radius, Vec3 direction, float distance,
                                          const QueryFilter& filter) const {
   std::optional<CastHit> best;
-  const Presence presence(*this, call, Presence::As::output);
+  const Presence presence(*this, call, As::draws);
   if (!presence) return best;
   if (!isRay(call, origin, direction, distance)) return best;
   if (!(radius >= 0)) {
@@ -279,9 +279,9 @@ std::optional<CastHit> World::sphereCast(Vec3 origin, float radius, Vec3 directi
 BodyPoint World::nearestPoint(BodyId id, Vec3 place) const {
   BodyPoint nearest;
   nearest.weight = {0, 0, 0};
-  const Body* const body = impl_->find(id, "nearestPoint");
-  const Impl::Presence presence(*impl_, "nearestPoint", Impl::Presence::As::output);
-  if (body == nullptr || !presence) return nearest;
+  const Impl::Presence presence(*impl_, "nearestPoint", Impl::As::draws);
+  const Body* const body = presence.find(id);
+  if (body == nullptr) return nearest;
   if (!internal::stateIsUsable(place, {})) {
     impl_->tell(LogSeverity::error, "nearestPoint: the place is not finite, or beyond 1e15 m");
     return nearest;
@@ -340,7 +340,7 @@ std::size_t World::overlaps(const BoxShape& box, const RigidTransform& at, std::
 
 std::size_t World::Impl::overlaps(const RigidTransform& at, const Vec3& half, float radius, std::span<QueryObject> out,
                                   const QueryFilter& filter) const {
-  const Presence presence(*this, "overlaps", Presence::As::output);
+  const Presence presence(*this, "overlaps", As::draws);
   if (!presence) return 0;
   const Probe probe = {Pose(at), wide(half), double(radius)};
   return guarded("overlaps", std::size_t(0), [&] {

@@ -282,17 +282,24 @@ std::size_t World::Impl::writeSnapshot(const World& world, std::byte* to) const 
 }
 
 std::size_t World::snapshotBytes() const {
-  return impl_->isStepping("snapshotBytes") ? 0 : impl_->writeSnapshot(*this, nullptr);
+  Impl::Presence presence(*impl_, "snapshotBytes", Impl::As::reads);
+  if (!presence) return 0;
+  presence.lend();
+  return impl_->writeSnapshot(*this, nullptr);
 }
 
 std::size_t World::saveSnapshot(std::span<std::byte> bytes) const {
-  if (impl_->isStepping("saveSnapshot") || bytes.size() < snapshotBytes()) return 0;
-  return impl_->writeSnapshot(*this, bytes.data());
+  Impl::Presence presence(*impl_, "saveSnapshot", Impl::As::reads);
+  if (!presence) return 0;
+  presence.lend();
+  return bytes.size() < snapshotBytes() ? 0 : impl_->writeSnapshot(*this, bytes.data());
 }
 
 Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
                                            std::span<const std::shared_ptr<const Asset>> assets) {
-  if (impl_->isStepping("restoreSnapshot")) return Error{"restoreSnapshot: another thread steps this world"};
+  Impl::Presence presence(*impl_, "restoreSnapshot", Impl::As::changes);
+  if (!presence) return presence.refusal();
+  presence.lend();
   Header header = {};
   if (bytes.size() < sizeof header) return impl_->refuse("restoreSnapshot: too few bytes for a snapshot");
   std::memcpy(&header, bytes.data(), sizeof header);

@@ -209,12 +209,14 @@ const char* internal::faultOfState(std::span<const std::byte> bytes, const Body&
 }
 
 std::size_t World::stateBytes(BodyId id) const {
-  const Body* body = impl_->seen(id, "stateBytes");
+  const Impl::Presence presence(*impl_, "stateBytes", Impl::As::reads);
+  const Body* body = presence.seen(id);
   return body != nullptr ? totalBytes(headerOf(*body)) : 0;
 }
 
 std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
-  const Body* body = impl_->seen(id, "saveState");
+  const Impl::Presence presence(*impl_, "saveState", Impl::As::reads);
+  const Body* body = presence.seen(id);
   if (body == nullptr) return 0;
   StateHeader header = headerOf(*body);
   header.bytes = totalBytes(header);
@@ -250,7 +252,9 @@ std::size_t World::saveState(BodyId id, std::span<std::byte> bytes) const {
 }
 
 Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> bytes) {
-  Body* body = impl_->find(id, "restoreState");
+  const Impl::Presence presence(*impl_, "restoreState", Impl::As::changes);
+  if (!presence) return presence.refusal();
+  Body* body = presence.find(id);
   if (body == nullptr) return Error{"restoreState: no such body"};
   if (const char* fault = internal::faultOfState(bytes, *body); *fault != '\0')
     return impl_->refuse("restoreState: %s", fault);
@@ -330,7 +334,8 @@ Result<std::size_t> World::restoreState(BodyId id, std::span<const std::byte> by
 }
 
 void World::teleport(BodyId id, const Mat3& rotation, Vec3 translation) {
-  Body* body = impl_->find(id, "teleport");
+  const Impl::Presence presence(*impl_, "teleport", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr) return;
   if (!internal::isProper(rotation) || !internal::stateIsUsable(translation, {})) {
     impl_->tell(LogSeverity::error, "teleport: not a proper rotation and a translation within 1e15 m");

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <string>
 #include <vector>
 
 #include "runtime/attach/cluster_frames.h"
@@ -43,44 +44,98 @@ std::pair<Body*, std::size_t> World::Impl::locate(BodyId id) const {
   return {there ? place->get() : nullptr, std::size_t(place - bodies.begin())};
 }
 
-Body* World::Impl::find(BodyId id, const char* call) const {
-  if (isStepping(call)) return nullptr;
-  Body* body = find(id);
-  if (body == nullptr) tell(LogSeverity::error, "%s: there is no body %u in this world", call, id.value);
-  return body;
-}
+namespace {
 
-bool World::Impl::isStepping(const char* call) const {
-  if (present.load(std::memory_order_acquire) >= 0) return false;
-  tell(LogSeverity::error, "%s: another thread steps this world; nothing was done. Calls on a world must not overlap",
-       call);
-  return true;
+// Calls of a kind are counted in bits of their own of World::Impl::present.
+constexpr int kCountBits = 12;
+constexpr std::uint64_t kCount = (std::uint64_t(1) << kCountBits) - 1;
+struct Kind {
+  const char* does;
+  std::uint64_t one, all;
+};
+constexpr Kind kind(const char* does, int number) {
+  return {does, std::uint64_t(1) << (kCountBits * number), kCount << (kCountBits * number)};
 }
+// By World::Impl::As.
+constexpr Kind kKinds[] = {kind("reads", 0), kind("draws", 1), kind("reads", 2), kind("changes", 3), kind("steps", 4)};
+constexpr std::uint64_t kAlone = kKinds[3].all | kKinds[4].all, kAny = ~std::uint64_t(0);
+// Of those who are there: whom a call must not meet, by As.
+constexpr std::uint64_t kMustNotMeet[] = {kAlone, kAlone | kKinds[2].all, kAlone | kKinds[1].all, kAny, kAny};
 
-World::Impl::Presence::Presence(const Impl& impl, const char* call, As as) : impl_(impl), as_(as) {
-  std::int32_t others = impl.present.load(std::memory_order_relaxed);
+// The world whose call this thread is in, which lends its presence.
+thread_local const void* lent = nullptr;
+
+}  // namespace
+
+World::Impl::Presence::Presence(const Impl& impl, const char* call, As as) : impl_(impl), call_(call), as_(as) {
+  if (lent == &impl) {
+    entered_ = true;
+    return;
+  }
+  std::uint64_t there = impl.present.load(std::memory_order_relaxed);
   do {
-    if (as == As::step && others > 0) {
+    for (const Kind& one : kKinds) {
+      if ((there & kMustNotMeet[std::size_t(as)] & one.all) != 0) met_ = one.does;
+    }
+    if (met_ != nullptr) {
       impl.tell(LogSeverity::error,
-                "%s: another thread draws this world; nothing was done. Calls on a world must not overlap", call);
+                "%s: another thread %s this world; nothing was done. Calls on a world must not overlap", call, met_);
       return;
     }
-    if (others < 0) {
-      impl.isStepping(call);
-      return;
-    }
-  } while (!impl.present.compare_exchange_weak(others, as == As::step ? -1 : others + 1, std::memory_order_acq_rel));
-  entered_ = true;
+  } while (!impl.present.compare_exchange_weak(there, there + kKinds[std::size_t(as)].one, std::memory_order_acq_rel,
+                                               std::memory_order_relaxed));
+  entered_ = owns_ = true;
 }
 
 World::Impl::Presence::~Presence() {
-  if (entered_) impl_.present.fetch_add(as_ == As::step ? 1 : -1, std::memory_order_acq_rel);
+  if (lends_) lent = lent_before_;
+  if (owns_) impl_.present.fetch_sub(kKinds[std::size_t(as_)].one, std::memory_order_release);
 }
 
-Body* World::Impl::seen(BodyId id, const char* call, double part, internal::Asked what) const {
-  Body* body = find(id, call);
-  if (body != nullptr) body->solver->refresh(part, what);
+Error World::Impl::Presence::refusal() const {
+  return Error{std::string(call_) + ": another thread " + met_ + " this world"};
+}
+
+void World::Impl::Presence::lend() {
+  lent_before_ = lent;
+  lent = &impl_;
+  lends_ = true;
+}
+
+Body* World::Impl::Presence::find(BodyId id) const {
+  if (!entered_) return nullptr;
+  Body* body = impl_.find(id);
+  if (body == nullptr) impl_.tell(LogSeverity::error, "%s: there is no body %u in this world", call_, id.value);
   return body;
+}
+
+Body* World::Impl::Presence::seen(BodyId id) const {
+  Body* body = find(id);
+  if (body != nullptr) as_ == As::draws ? impl_.showDrawn(*body) : impl_.showLast(*body);
+  return body;
+}
+
+std::pair<Body*, std::size_t> World::Impl::Presence::find(PickId id) const {
+  if (!entered_) return {nullptr, 0};
+  const auto found = impl_.findPick(id);
+  if (found.first == nullptr) impl_.tell(LogSeverity::error, "%s: there is no such pick", call_);
+  return found;
+}
+
+std::pair<Body*, std::size_t> World::Impl::Presence::find(PinSetId id) const {
+  if (!entered_) return {nullptr, 0};
+  const auto found = impl_.findPinSet(id);
+  if (found.first == nullptr) impl_.tell(LogSeverity::error, "%s: there is no such pin set", call_);
+  return found;
+}
+
+internal::Collider* World::Impl::Presence::find(ColliderId id) const {
+  if (!entered_) return nullptr;
+  internal::Collider* const collider = const_cast<Impl&>(impl_).locate(id).first;
+  if (collider == nullptr) {
+    impl_.tell(LogSeverity::error, "%s: there is no collider %u in this world", call_, id.value);
+  }
+  return collider;
 }
 
 void World::Impl::holdsChanged(Body& body) {
@@ -252,7 +307,8 @@ const SolverFactory& solverOf(const BodySettings& settings) {
 }  // namespace
 
 Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySettings& settings) {
-  if (impl_->isStepping("addBody")) return Error{"addBody: another thread steps this world"};
+  const Impl::Presence presence(*impl_, "addBody", Impl::As::changes);
+  if (!presence) return presence.refusal();
   if (const char* fault = faultOf(asset.get(), settings)) return Error{fault};
   if (const char* fault = internal::faultOf(settings)) return impl_->refuse("addBody: %s", fault);
   if (const char* fault = solverOf(settings).faultOf(*asset)) return Error{fault};
@@ -270,17 +326,23 @@ Result<BodyId> World::addBody(std::shared_ptr<const Asset> asset, const BodySett
 }
 
 void World::removeBody(BodyId id) {
-  if (impl_->find(id, "removeBody") == nullptr) return;
+  const Impl::Presence presence(*impl_, "removeBody", Impl::As::changes);
+  if (presence.find(id) == nullptr) return;
   const auto [body, place] = impl_->locate(id);
   impl_->changed(*body);
   impl_->bodies.erase(place);
 }
 
-bool World::contains(BodyId id) const { return impl_->find(id) != nullptr; }
+bool World::contains(BodyId id) const {
+  const Impl::Presence presence(*impl_, "contains", Impl::As::looks);
+  return presence && impl_->find(id) != nullptr;
+}
 
 void World::resetBody(BodyId id) {
-  Body* body = impl_->find(id, "resetBody");
+  Impl::Presence presence(*impl_, "resetBody", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr) return;
+  presence.lend();
   setActivity(id, Activity::active);
   // All that can fail comes first.
   impl_->guarded("resetBody", false, [&] {
@@ -292,10 +354,16 @@ void World::resetBody(BodyId id) {
   });
 }
 
-const BodySettings& World::bodySettings(BodyId id) const { return impl_->find(id)->settings; }
+const BodySettings& World::bodySettings(BodyId id) const {
+  static const BodySettings none;
+  const Impl::Presence presence(*impl_, "bodySettings", Impl::As::looks);
+  const Body* body = presence.find(id);
+  return body != nullptr ? body->settings : none;
+}
 
 bool World::setBodySettings(BodyId id, const BodySettings& settings) {
-  Body* body = impl_->find(id, "setBodySettings");
+  const Impl::Presence presence(*impl_, "setBodySettings", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr) return false;
   if (const char* fault = internal::faultOf(settings)) {
     impl_->tell(LogSeverity::error, "setBodySettings: %s", fault);
@@ -321,12 +389,14 @@ bool World::setBodySettings(BodyId id, const BodySettings& settings) {
 }
 
 bool World::isAsleep(BodyId id) const {
-  const Body* body = impl_->find(id, "isAsleep");
+  const Impl::Presence presence(*impl_, "isAsleep", Impl::As::looks);
+  const Body* body = presence.find(id);
   return body != nullptr && body->asleep() && body->activity == Activity::active;
 }
 
 void World::wake(BodyId id) {
-  if (Body* body = impl_->find(id, "wake")) internal::wake(impl_->bodies, *body);
+  const Impl::Presence presence(*impl_, "wake", Impl::As::changes);
+  if (Body* body = presence.find(id)) internal::wake(impl_->bodies, *body);
 }
 
 const Asset& World::asset(BodyId id) const { return *impl_->find(id)->asset; }
@@ -387,7 +457,7 @@ void World::step(float seconds) {
     impl_->tell(LogSeverity::error, "step: %g is not a length of time; nothing was done", double(seconds));
     return;
   }
-  const Impl::Presence presence(*impl_, "step", Impl::Presence::As::step);
+  const Impl::Presence presence(*impl_, "step", Impl::As::steps);
   if (!presence) return;
   const WorldSettings settings = impl_->soundSettings("step");
   impl_->guarded("step", false, [&] {
@@ -405,7 +475,7 @@ std::uint32_t World::advance(float seconds) {
     impl_->tell(LogSeverity::error, "advance: %g is not a length of time; nothing was done", double(seconds));
     return 0;
   }
-  const Impl::Presence presence(*impl_, "advance", Impl::Presence::As::step);
+  const Impl::Presence presence(*impl_, "advance", Impl::As::steps);
   if (!presence) return 0;
   const WorldSettings settings = impl_->soundSettings("advance");
   const double h = double(settings.substep_seconds), time = impl_->left_over + double(seconds);
@@ -424,22 +494,26 @@ std::uint32_t World::advance(float seconds) {
 }
 
 std::span<const Vec3> World::positions(BodyId id) const {
-  const Body* body = impl_->seen(id, "positions");
+  const Impl::Presence presence(*impl_, "positions", Impl::As::reads);
+  const Body* body = presence.seen(id);
   return body != nullptr ? std::span<const Vec3>(body->x.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::span<const Vec3> World::velocities(BodyId id) const {
-  const Body* body = impl_->seen(id, "velocities");
+  const Impl::Presence presence(*impl_, "velocities", Impl::As::reads);
+  const Body* body = presence.seen(id);
   return body != nullptr ? std::span<const Vec3>(body->v.data(), body->vertexCount()) : std::span<const Vec3>();
 }
 
 std::uint32_t World::repairedVertices(BodyId id) const {
-  const Body* body = impl_->find(id, "repairedVertices");
+  const Impl::Presence presence(*impl_, "repairedVertices", Impl::As::looks);
+  const Body* body = presence.find(id);
   return body != nullptr ? body->repaired : 0;
 }
 
 void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const Vec3> velocities) {
-  Body* body = impl_->find(id, "setState");
+  const Impl::Presence presence(*impl_, "setState", Impl::As::changes);
+  Body* body = presence.find(id);
   if (body == nullptr) return;
   const std::size_t count = body->vertices().size();
   if (positions.size() != count || (!velocities.empty() && velocities.size() != count)) {
@@ -463,7 +537,8 @@ void World::setState(BodyId id, std::span<const Vec3> positions, std::span<const
 }
 
 BodyEnergy World::energy(BodyId id) const {
-  Body* body = impl_->seen(id, "energy");
+  const Impl::Presence presence(*impl_, "energy", Impl::As::changes);
+  Body* body = presence.seen(id);
   if (body == nullptr) return {};
   return impl_->guarded("energy", BodyEnergy{}, [&] {
     internal::SolverScratch scratch(impl_->memory);
@@ -477,6 +552,9 @@ void World::shiftOrigin(Vec3 by) {
     impl_->tell(LogSeverity::error, "shiftOrigin: not finite, or beyond 1e15 m");
     return;
   }
+  Impl::Presence presence(*impl_, "shiftOrigin", Impl::As::changes);
+  if (!presence) return;
+  presence.lend();
   for (const internal::BodyPointer& body : impl_->bodies) {
     teleport({body->id}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {-by[0], -by[1], -by[2]});
   }
@@ -488,7 +566,8 @@ void World::shiftOrigin(Vec3 by) {
 void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
   rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   translation = {};
-  const Body* body = impl_->seen(id, "rigidMotion");
+  const Impl::Presence presence(*impl_, "rigidMotion", Impl::As::reads);
+  const Body* body = presence.seen(id);
   if (body == nullptr) return;
   const RigidTransform motion = internal::rigidMotionOf(*body);
   rotation = motion.rotation;
@@ -496,7 +575,8 @@ void World::rigidMotion(BodyId id, Mat3& rotation, Vec3& translation) const {
 }
 
 void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& linear) const {
-  const Body* body = impl_->seen(id, "clusterFrame");
+  const Impl::Presence presence(*impl_, "clusterFrame", Impl::As::reads);
+  const Body* body = presence.seen(id);
   if (body == nullptr) return;
   if (cluster >= body->clusterCount()) {
     impl_->tell(LogSeverity::error, "clusterFrame: body %u has no cluster %u", id.value, cluster);
@@ -509,7 +589,8 @@ void World::clusterFrame(BodyId id, std::uint32_t cluster, Vec3& center, Mat3& l
 
 Mat3 World::clusterRestShape(BodyId id, std::uint32_t cluster) const {
   Mat3 result = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  const Body* body = impl_->find(id, "clusterRestShape");
+  const Impl::Presence presence(*impl_, "clusterRestShape", Impl::As::looks);
+  const Body* body = presence.find(id);
   if (body == nullptr) return result;
   if (cluster >= body->clusterCount()) {
     impl_->tell(LogSeverity::error, "clusterRestShape: body %u has no cluster %u", id.value, cluster);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <memory_resource>
+#include <mutex>
 #include <new>
 #include <span>
 #include <utility>
@@ -38,24 +39,23 @@ struct SINEW_HIDDEN World::Impl {
   /// A body and its place in `bodies`; (nullptr, its place if it were there) of one that is not in this world.
   std::pair<internal::Body*, std::size_t> locate(BodyId id) const;
   internal::Body* find(BodyId id) const { return locate(id).first; }
-  /// The same, and tells the log where there is none.
-  internal::Body* find(BodyId id, const char* call) const;
 
-  /// The same, with what is asked for of its positions and velocities up to date, or as it was at a part of the last
-  /// step.
-  internal::Body* seen(BodyId id, const char* call, double part = 1, internal::Asked what = internal::Asked::all) const;
+  /// x and v of a body as it is drawn; waits for another call that makes them.
+  void showDrawn(internal::Body& body) const { show(body, shown, internal::Asked::drawn); }
+  /// x and v after the last step; waits in the same way.
+  void showLast(internal::Body& body) const { show(body, 1, internal::Asked::all); }
+  static void show(internal::Body& body, double part, internal::Asked what) {
+    const std::lock_guard lock(body.showing);
+    body.solver->refresh(part, what);
+  }
   /// What holds or pulls a body has changed. \pre its x and v, which follow from what held it in the last step, were
-  /// made before: seen(), or refresh(1, Asked::all)
+  /// made before: showLast()
   void holdsChanged(internal::Body& body);
 
   /// The body and place of a pick; (nullptr, 0) where it was let go.
   std::pair<internal::Body*, std::size_t> findPick(PickId id) const;
-  /// The same for a call, and tells the log where there is none or a step runs.
-  std::pair<internal::Body*, std::size_t> findPick(PickId id, const char* call) const;
-
   /// The same of a pin set.
   std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id) const;
-  std::pair<internal::Body*, std::size_t> findPinSet(PinSetId id, const char* call) const;
 
   /// One line to the log sink, printf-style; no allocation.
   [[gnu::format(printf, 3, 4)]] void tell(LogSeverity severity, const char* format, ...) const;
@@ -87,24 +87,45 @@ struct SINEW_HIDDEN World::Impl {
                    const VisualOutput& output) const;
   bool isSound(const char* call, const VisualOutput& output) const;
 
-  /// Whether a step runs, in another thread: a call that would meet it is refused, and the log told.
-  bool isStepping(const char* call) const;
-  /// The presence of a call: of a step, alone, or of one that draws, among others that do. False where it is refused,
-  /// and the log told.
-  class Presence {
+  /// The presence of a public call from its first look at the world to its end. False where it is refused, for one that
+  /// it must not meet is there, and the log told.
+  class SINEW_API Presence {  // sinew::cut's too
    public:
-    enum class As { step, output };
+    /// x and v of bodies are made when asked for, as they are drawn or as the last step left them: those who draw and
+    /// those who read do not meet. Whoever changes meets nobody, nor does a step.
+    enum class As : std::uint8_t {
+      looks,  ///< at all but x and v
+      draws,
+      reads,
+      changes,
+      steps,
+    };
     Presence(const Impl& impl, const char* call, As as);
     ~Presence();
     Presence(const Presence&) = delete;
     Presence& operator=(const Presence&) = delete;
     explicit operator bool() const { return entered_; }
+    Error refusal() const;
+    /// Calls that this thread makes on the world until the end of this one are parts of it.
+    void lend();
+
+    /// What a call is about: null where it is refused, or, as the log is told, where there is none.
+    internal::Body* find(BodyId id) const;
+    std::pair<internal::Body*, std::size_t> find(PickId id) const;
+    std::pair<internal::Body*, std::size_t> find(PinSetId id) const;
+    internal::Collider* find(ColliderId id) const;
+    /// The same with its x and v: as it is drawn for who draws, else after the last step.
+    internal::Body* seen(BodyId id) const;
 
    private:
     const Impl& impl_;
+    const char* call_;
     As as_;
-    bool entered_ = false;
+    bool entered_ = false, owns_ = false, lends_ = false;
+    const char* met_ = nullptr;          ///< what who is there does
+    const void* lent_before_ = nullptr;  ///< by an outer call
   };
+  using As = Presence::As;
 
   /// The settings with every value legal; the log names each value that was replaced.
   WorldSettings soundSettings(const char* call);
@@ -112,7 +133,6 @@ struct SINEW_HIDDEN World::Impl {
   void keepDrawn();
   /// A collider and its place in `colliders`; (nullptr, its place if it were there) of one that is not in this world.
   std::pair<internal::Collider*, std::size_t> locate(ColliderId id);
-  internal::Collider* find(ColliderId id, const char* call);
   /// The collider of a number, the ground's too; null where there is none.
   const internal::Collider* colliderOf(std::uint32_t id) const;
   /// A step, or a call of advance(), begins: nothing has touched in it.
@@ -185,7 +205,14 @@ struct SINEW_HIDDEN World::Impl {
   double shown = 1;                 ///< part of the last step that is drawn
   std::uint32_t settings_told = 0;  ///< bits of the settings that were told to be out of range
   mutable internal::VisualPool visual;
-  mutable std::atomic<std::int32_t> present{0};  ///< calls that draw; -1: a step
+  mutable std::atomic<std::uint64_t> present{0};  ///< calls, counted by what they do (Presence)
+};
+
+/// For what is beside World: the C interface, the library sinew::cut.
+struct internal::WorldAccess {
+  using Presence = World::Impl::Presence;
+  using As = Presence::As;
+  static World::Impl& of(const World& world) { return *world.impl_; }
 };
 
 }  // namespace sinew

@@ -91,5 +91,54 @@ TEST(CApi, WorldsAssetsAndErrorsOfSeveralThreads) {
   for (const auto& states : found) EXPECT_TRUE(states == expected);
 }
 
+// Calls in the midst of a step, from its loop.
+TEST(CApi, WhatOverlapsAStepFailsAndNothingElseDoes) {
+  struct Midst {
+    sinew_world* world = nullptr;
+    std::uint32_t loops = 0, exists = 1, asleep = 1;
+    sinew_status set = SINEW_OK, wake = SINEW_OK;
+    std::string reason;
+  } midst;
+  sinew_world_options options;
+  sinew_world_options_init(&options, sizeof options);
+  options.jobs_user = &midst;
+  options.parallel_for = [](void* user, std::uint32_t count, std::uint32_t, sinew_range_function range, void* context) {
+    Midst& m = *static_cast<Midst*>(user);
+    if (m.loops++ == 0) {
+      sinew_world_settings settings;
+      sinew_world_settings_init(&settings, sizeof settings);
+      m.set = sinew_world_set_settings(m.world, &settings);
+      m.wake = sinew_body_wake(m.world, 0);
+      m.reason = sinew_last_error();
+      m.exists = sinew_body_exists(m.world, 0);
+      m.asleep = sinew_body_is_asleep(m.world, 0);
+    }
+    range(context, 0, count);
+  };
+  const std::vector<std::byte> package = [] {
+    formats::PackageContent content = boxContent();
+    addFields(content);
+    return formats::writePackage(content);
+  }();
+  sinew_asset* asset = nullptr;
+  ASSERT_EQ(sinew_asset_from_memory(package.data(), package.size(), &asset), SINEW_OK);
+  ASSERT_EQ(sinew_world_create(nullptr, &options, &midst.world), SINEW_OK);
+  for (int i = 0; i < 2; ++i) {
+    std::uint32_t body = 0;
+    ASSERT_EQ(sinew_body_add(midst.world, asset, nullptr, &body), SINEW_OK);
+  }
+  EXPECT_EQ(sinew_world_step(midst.world, 1.0F / 60), SINEW_OK);
+  EXPECT_GT(midst.loops, 0U);
+  EXPECT_EQ(midst.set, SINEW_ERROR_ARGUMENT);
+  EXPECT_EQ(midst.wake, SINEW_ERROR_ARGUMENT);
+  EXPECT_NE(midst.reason.find("another thread steps this world"), std::string::npos) << midst.reason;
+  EXPECT_EQ(midst.exists, 0U);
+  EXPECT_EQ(midst.asleep, 0U);
+  EXPECT_EQ(sinew_body_exists(midst.world, 0), 1U);
+  EXPECT_EQ(sinew_world_step(midst.world, 1.0F / 60), SINEW_OK);
+  sinew_world_destroy(midst.world);
+  sinew_asset_release(asset);
+}
+
 }  // namespace
 }  // namespace sinew::test

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <barrier>
 #include <functional>
 #include <mutex>
 #include <string>
@@ -18,16 +19,23 @@
 namespace sinew::test {
 namespace {
 
+/// Keeps what is told, and at the next line does first what another thread is to do meanwhile.
 class Lines final : public LogSink {
  public:
   void write(LogSeverity, std::string_view line) override {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
+    if (const auto work = std::exchange(other, nullptr)) {
+      lock.unlock();
+      std::thread(work).join();
+      lock.lock();
+    }
     all_.append(line).append("\n");
   }
   std::string take() {
     const std::lock_guard lock(mutex_);
     return std::exchange(all_, {});
   }
+  std::function<void()> other;
 
  private:
   std::mutex mutex_;
@@ -151,6 +159,267 @@ TEST(WorldThreads, AStepWhileAnotherThreadDrawsIsRefusedAndTold) {
   Drawn again(*asset);
   world.visualVertices(body, again.output());
   EXPECT_EQ(drawn, again);
+}
+
+enum class Does { looks, draws, reads, changes, steps };
+
+/// Whether of two calls that overlap one is refused: who changes meets nobody, who reads where bodies are as the last
+/// step left them nobody who draws them as they are shown.
+bool refused(Does a, Does b) {
+  if (a > b) std::swap(a, b);
+  return b >= Does::changes || (a == Does::draws && b == Does::reads);
+}
+
+struct Call {
+  const char* name;
+  Does does;
+  std::function<void(World&)> make;
+};
+
+/// All of World that may overlap: what is left out returns references (settings(), asset()). What a call adds it takes
+/// away again.
+std::vector<Call> callsOf(const std::shared_ptr<const Asset>& asset) {
+  const BodyId body{0};
+  const PickId pick{0};
+  const ColliderId collider{1};
+  const PinSetId set{0};
+  const BodyPoint point = BodyPoint::visualVertex(0);
+  const Vec3 up = {0, 1, 0};
+  const auto drawn = [asset](const World& world, const auto& draw) {
+    Drawn to(*asset);
+    draw(world, to.output());
+  };
+  return {
+      {"step", Does::steps, [](World& w) { w.step(1.0F / 60); }},
+      {"advance", Does::steps, [](World& w) { w.advance(0.02F); }},
+      {"addBody", Does::changes,
+       [asset](World& w) {
+         if (const auto made = w.addBody(asset)) w.removeBody(*made);
+       }},
+      {"removeBody", Does::changes, [](World& w) { w.removeBody(BodyId{77}); }},
+      {"resetBody", Does::changes, [](World& w) { w.resetBody(BodyId{1}); }},
+      {"wake", Does::changes, [=](World& w) { w.wake(body); }},
+      {"teleport", Does::changes,
+       [=](World& w) {
+         w.teleport(body, {1, 0, 0, 0, 1, 0, 0, 0, 1}, {0.01F, 0, 0});
+       }},
+      {"restoreState", Does::changes, [=](World& w) { static_cast<void>(w.restoreState(body, {})); }},
+      {"restoreSnapshot", Does::changes,
+       [](World& w) {
+         std::vector<std::byte> bytes(w.snapshotBytes());
+         bytes.resize(w.saveSnapshot(bytes));
+         static_cast<void>(w.restoreSnapshot(bytes));
+       }},
+      {"setBodySettings", Does::changes, [=](World& w) { w.setBodySettings(body, {}); }},
+      {"setActivity", Does::changes,
+       [=](World& w) {
+         w.setActivity(body, Activity::paused);
+         w.setActivity(body, Activity::active);
+       }},
+      {"setState", Does::changes,
+       [=](World& w) {
+         const std::vector<Vec3> x(asset->package().physicalVertices().size(), up);
+         w.setState(BodyId{1}, x, {});
+       }},
+      {"addImpulse", Does::changes, [=](World& w) { w.addImpulse(body, point, up); }},
+      {"addForce", Does::changes, [=](World& w) { w.addForce(body, up); }},
+      {"setVelocity", Does::changes, [=](World& w) { w.setVelocity(body, up); }},
+      {"pin", Does::changes, [=](World& w) { w.pin(body, 20, up); }},
+      {"unpin", Does::changes, [=](World& w) { w.unpin(body, 20); }},
+      {"unpinAll", Does::changes, [](World& w) { w.unpinAll(BodyId{1}); }},
+      {"addPinSet", Does::changes,
+       [](World& w) {
+         const std::uint32_t vertices[] = {1, 2, 3};
+         if (const auto made = w.addPinSet(BodyId{1}, vertices)) w.removePinSet(*made);
+       }},
+      {"movePinSet", Does::changes,
+       [=](World& w) {
+         w.movePinSet(set, {{0, 0.01F, 0}});
+       }},
+      {"removePinSet", Does::changes, [](World& w) { w.removePinSet(PinSetId{77}); }},
+      {"movePinTarget", Does::changes, [=](World& w) { w.movePinTarget(body, "world", {}); }},
+      {"setActivation", Does::changes, [=](World& w) { w.setActivation(body, 0U, 1); }},
+      {"setActivation", Does::changes, [=](World& w) { w.setActivation(body, "smile", 1); }},
+      {"addCollider", Does::changes,
+       [](World& w) {
+         if (const auto made = w.addCollider(SphereShape{0.2F})) w.removeCollider(*made);
+       }},
+      {"moveCollider", Does::changes,
+       [=](World& w) {
+         w.moveCollider(collider, {{0, -2, 0}});
+       }},
+      {"removeCollider", Does::changes, [](World& w) { w.removeCollider(ColliderId{77}); }},
+      {"pick", Does::changes,
+       [=](World& w) {
+         const PickId made = w.pick(BodyId{1}, point, up);
+         if (made != PickId{}) w.releasePick(made);
+       }},
+      {"pickRay", Does::changes,
+       [](World& w) {
+         w.releasePick(w.pickRay({0.1F, 9, 0.2F}, {0, -1, 0}, 20));
+       }},
+      {"movePick", Does::changes, [=](World& w) { w.movePick(pick, up); }},
+      {"lockPick", Does::changes, [=](World& w) { w.lockPick(pick); }},
+      {"letGoPick", Does::changes, [](World& w) { w.letGoPick(PickId{77}); }},
+      {"releasePick", Does::changes, [](World& w) { w.releasePick(PickId{77}); }},
+      {"releasePicks", Does::changes, [](World& w) { w.releasePicks(BodyId{1}); }},
+      {"shiftOrigin", Does::changes,
+       [](World& w) {
+         w.shiftOrigin({0, 0, 0.01F});
+       }},
+      {"energy", Does::changes, [=](World& w) { static_cast<void>(w.energy(body)); }},
+      {"stateBytes", Does::reads, [=](World& w) { static_cast<void>(w.stateBytes(body)); }},
+      {"saveState", Does::reads,
+       [=](World& w) {
+         std::vector<std::byte> bytes(std::size_t(1) << 16);
+         static_cast<void>(w.saveState(body, bytes));
+       }},
+      {"snapshotBytes", Does::reads, [](World& w) { static_cast<void>(w.snapshotBytes()); }},
+      {"saveSnapshot", Does::reads, [](World& w) { static_cast<void>(w.saveSnapshot({})); }},
+      {"positions", Does::reads, [=](World& w) { static_cast<void>(w.positions(body)); }},
+      {"velocities", Does::reads, [=](World& w) { static_cast<void>(w.velocities(body)); }},
+      {"motion", Does::reads, [=](World& w) { static_cast<void>(w.motion(body)); }},
+      {"placeOf", Does::reads, [=](World& w) { static_cast<void>(w.placeOf(body, point)); }},
+      {"pickAlong", Does::reads,
+       [](World& w) {
+         static_cast<void>(w.pickAlong({0, 9, 0}, {0, -1, 0}, 20, 0.1F));
+       }},
+      {"pickState", Does::reads, [=](World& w) { static_cast<void>(w.pickState(pick)); }},
+      {"physicalBounds", Does::reads, [=](World& w) { static_cast<void>(w.physicalBounds(body)); }},
+      {"rigidMotion", Does::reads,
+       [=](World& w) {
+         Mat3 turn;
+         Vec3 go;
+         w.rigidMotion(body, turn, go);
+       }},
+      {"clusterFrame", Does::reads,
+       [=](World& w) {
+         Vec3 center;
+         Mat3 linear;
+         w.clusterFrame(body, 0, center, linear);
+       }},
+      {"visualVertices", Does::draws,
+       [=](World& w) { drawn(w, [=](const World& on, const VisualOutput& to) { on.visualVertices(body, to); }); }},
+      {"visualVertices", Does::draws,
+       [=](World& w) {
+         drawn(w, [=](const World& on, const VisualOutput& to) {
+           const BodyOutput list[] = {{body, to}};
+           on.visualVertices(list);
+         });
+       }},
+      {"visualSubMesh", Does::draws,
+       [=](World& w) { drawn(w, [=](const World& on, const VisualOutput& to) { on.visualSubMesh(body, 0, to); }); }},
+      {"visualBounds", Does::draws, [=](World& w) { static_cast<void>(w.visualBounds(body)); }},
+      {"nearestPoint", Does::draws, [=](World& w) { static_cast<void>(w.nearestPoint(body, up)); }},
+      {"rayCast", Does::draws,
+       [](World& w) {
+         static_cast<void>(w.rayCast({0.1F, 9, 0.2F}, {0, -1, 0}, 20));
+       }},
+      {"sphereCast", Does::draws,
+       [](World& w) {
+         static_cast<void>(w.sphereCast({0, 9, 0}, 0.1F, {0, -1, 0}, 20));
+       }},
+      {"overlaps", Does::draws, [=](World& w) { static_cast<void>(w.overlaps(up, 1, {})); }},
+      {"overlaps", Does::draws, [](World& w) { static_cast<void>(w.overlaps(BoxShape{}, {}, {})); }},
+      {"contains", Does::looks, [=](World& w) { static_cast<void>(w.contains(body)); }},
+      {"isAsleep", Does::looks, [=](World& w) { static_cast<void>(w.isAsleep(body)); }},
+      {"bodies", Does::looks, [](World& w) { static_cast<void>(w.bodies({})); }},
+      {"colliders", Does::looks, [](World& w) { static_cast<void>(w.colliders({})); }},
+      {"pinSets", Does::looks, [=](World& w) { static_cast<void>(w.pinSets(body, {})); }},
+      {"picks", Does::looks, [=](World& w) { static_cast<void>(w.picks(body, {})); }},
+      {"bodySettings", Does::looks, [=](World& w) { static_cast<void>(w.bodySettings(body)); }},
+      {"activity", Does::looks, [=](World& w) { static_cast<void>(w.activity(body)); }},
+      {"repairedVertices", Does::looks, [=](World& w) { static_cast<void>(w.repairedVertices(body)); }},
+      {"pinSet", Does::looks, [=](World& w) { static_cast<void>(w.pinSet(body, "held")); }},
+      {"pinReaction", Does::looks, [=](World& w) { static_cast<void>(w.pinReaction(set)); }},
+      {"colliderPose", Does::looks, [=](World& w) { static_cast<void>(w.colliderPose(collider)); }},
+      {"colliderReaction", Does::looks, [](World& w) { static_cast<void>(w.colliderReaction(kGroundCollider)); }},
+      {"contactEvents", Does::looks, [](World& w) { static_cast<void>(w.contactEvents()); }},
+      {"clusterRestShape", Does::looks, [=](World& w) { static_cast<void>(w.clusterRestShape(body, 0)); }},
+  };
+}
+
+/// A world for callsOf(): two bodies, one of them pulled and held, and a collider.
+World worldOfCalls(const std::shared_ptr<const Asset>& asset, LogSink& log, JobSystem* jobs = nullptr) {
+  World world(onGround(), {nullptr, jobs, &log});
+  for (const float x : {0.0F, 3.0F}) {
+    BodySettings how;
+    how.position = {x, 0.6F, 0};
+    static_cast<void>(world.addBody(asset, how));
+  }
+  static_cast<void>(world.pick(BodyId{0}, 0, {0, 1, 0}));
+  static_cast<void>(world.addPinSet(BodyId{0}, std::vector<std::uint32_t>{0, 1, 2}));
+  static_cast<void>(world.addCollider(SphereShape{0.2F}, {{{0, -2, 0}}}));
+  world.step(1.0F / 60);
+  return world;
+}
+
+// A call is met in its midst, where it tells the log of something else.
+TEST(WorldThreads, OfCallsThatOverlapOneIsRefusedWhereOneChanges) {
+  Lines log;
+  const auto asset = clusteredBox(true);
+  World world = worldOfCalls(asset, log);
+  const std::vector<Call> holders = {
+      {"reads", Does::looks, [](World& w) { static_cast<void>(w.clusterRestShape(BodyId{0}, 9999)); }},
+      {"draws", Does::draws, [](World& w) { w.visualSubMesh(BodyId{0}, 9999, {}); }},
+      {"reads", Does::reads, [](World& w) { static_cast<void>(w.placeOf(BodyId{0}, BodyPoint::visualVertex(9999))); }},
+      {"changes", Does::changes, [](World& w) { w.pin(BodyId{0}, 9999, {}); }},
+      {"steps", Does::steps,
+       [](World& w) {
+         w.settings().iterations = 0;
+         w.step(1.0F / 60);
+         w.settings().iterations = 4;
+         w.step(1.0F / 60);
+       }},
+  };
+  const auto calls = callsOf(asset);
+  const auto bytes = [&] {
+    std::vector<std::byte> all(world.snapshotBytes());
+    all.resize(world.saveSnapshot(all));
+    return all;
+  };
+  for (const Call& holder : holders) {
+    for (const Call& call : calls) {
+      const auto before = bytes();
+      static_cast<void>(log.take());
+      log.other = [&] { call.make(world); };
+      holder.make(world);
+      ASSERT_FALSE(log.other) << holder.name << " has told nothing";
+      const std::string told = log.take(), line = std::string(": another thread ") + holder.name + " this world";
+      EXPECT_EQ(told.find(line) != std::string::npos, refused(holder.does, call.does))
+          << call.name << " beside one that " << holder.name << ": " << told;
+      if (holder.does != Does::steps && refused(holder.does, call.does)) {
+        EXPECT_EQ(bytes(), before) << call.name;
+      }
+    }
+  }
+}
+
+TEST(WorldThreads, EachPairOfCallsSurvives) {
+  constexpr int kRounds = 12;
+  Lines log;
+  ThreadPool pool(2);
+  const auto asset = clusteredBox(true);
+  World world = worldOfCalls(asset, log, &pool);
+  const auto calls = callsOf(asset);
+  std::barrier together(2);
+  const auto play = [&](bool second) {
+    for (std::size_t i = 0; i < calls.size(); ++i) {
+      for (std::size_t j = i; j < calls.size(); ++j) {
+        together.arrive_and_wait();
+        for (int round = 0; round < kRounds; ++round) calls[second ? j : i].make(world);
+      }
+    }
+  };
+  std::thread other(play, true);
+  play(false);
+  other.join();
+  static_cast<void>(log.take());
+  // Nobody is there any more, and nothing was lost.
+  for (const Call& call : calls) call.make(world);
+  EXPECT_EQ(log.take().find("another thread"), std::string::npos);
+  EXPECT_EQ(world.bodies({}), 2U);
+  EXPECT_EQ(world.colliders({}), 1U);
 }
 
 TEST(WorldThreads, BodiesAreDrawnSideBySide) {

@@ -10,10 +10,14 @@
  * call that fails has done nothing.
  *   - Structs begin with struct_size. Fill one with its _init function (which sets all defaults), then change what is
  * to differ: a program built against an older header keeps working with a newer library.
- *   - Calls on one world must not overlap, but for sinew_body_visual_vertices, _sub_mesh and _bounds, which may run
- *     side by side, each on another body; what overlaps a step is refused. Different worlds are independent. An asset
- *     may be used by many threads.
- *   - Nothing throws. Callbacks must not throw either.
+ *   - A call that changes a world must not overlap another on it. Those that take a const sinew_world may run side by
+ *     side, but for sinew_body_energy, and but that what shows bodies as they are drawn (sinew_body_visual_vertices,
+ *     _sub_mesh and _bounds, nearest points, casts, overlaps) must not overlap what tells of them after the last step
+ *     (positions, velocities, motion, places, saved states, snapshots, all else about where they are). Of calls that
+ *     overlap so, the later one fails: SINEW_ERROR_ARGUMENT, or SINEW_ERROR_STATE where it restores; what returns no
+ *     status returns 0. What a pointer that a call has given leads to holds until the next call that changes the world.
+ *     Different worlds are independent. An asset may be used by many threads.
+ *   - Nothing throws. Callbacks must not throw either, nor call their world.
  */
 #ifndef SINEW_C_API_H
 #define SINEW_C_API_H

@@ -16,8 +16,8 @@ enum class LogSeverity : std::uint32_t {
 class LogSink {
  public:
   virtual ~LogSink() = default;
-  /// Called in the thread that called the world, during that call. \param line without line end; copy it to keep it.
-  /// Exceptions thrown here are swallowed.
+  /// Called in the thread that called the world, during that call: it must not call the world. \param line without line
+  /// end; copy it to keep it. Exceptions thrown here are swallowed.
   virtual void write(LogSeverity severity, std::string_view line) = 0;
 };
 

@@ -87,7 +87,7 @@ struct PinSetId {
 /// What a world is given at its creation and uses to its end. All outlive the world.
 struct WorldResources {
   /// Where all state of the world and its bodies lives; null: std::pmr::get_default_resource(). Must be safe to call
-  /// from several threads if worlds that share it are, or outputs of one world. Assets have their own.
+  /// from several threads if worlds that share it are, or calls on one world. Assets have their own.
   std::pmr::memory_resource* memory = nullptr;
   JobSystem* jobs = nullptr;  ///< null: everything runs in the calling thread
   LogSink* log = nullptr;     ///< null: silent
@@ -101,9 +101,15 @@ struct BodyOutput {
 
 /// Bodies that step together.
 ///
-/// Threads: calls on one world must not overlap, also const ones, but for visualVertices(), visualSubMesh() and
-/// visualBounds(): these may run side by side in several threads, each on another body (WorldResources::memory and
-/// LogSink must then be safe to call from these). What overlaps a step is refused, tells the log and does nothing.
+/// Threads: a call that changes a world must not overlap any other on it, from whatever thread; energy() counts as one.
+/// Const calls may run side by side in several threads (WorldResources::memory and LogSink must then be safe to call
+/// from these), but for one pair: what shows bodies as they are drawn (visualVertices(), visualSubMesh(),
+/// visualBounds(), nearestPoint(), casts, overlaps()) must not overlap what tells of them after the last step
+/// (positions(), velocities(), motion(), placeOf(), pickAlong(), pickState(), physicalBounds(), rigidMotion(),
+/// clusterFrame(), saved states and snapshots). Of calls that overlap so, the later one is refused: it tells the log,
+/// does nothing and returns what it returns for an unknown body. None waits for another but for one that shows the same
+/// body. Unguarded are settings() and asset(), and what is read through a reference or span that a call has returned:
+/// these hold until the next call that changes the world. Callbacks (memory, jobs, log) must not call the world.
 /// Different worlds are independent, and may share assets. Same input, same state, bit for bit, for any job system.
 /// Failures: no call throws, once there is a world. A call with an unknown body (or vertex, pick, sub-mesh) does
 /// nothing and tells the log sink; a call that runs out of memory as well, and leaves the world as it was (step: in a
@@ -120,6 +126,7 @@ class SINEW_API World {
   World(World&&) noexcept;
   World& operator=(World&&) noexcept;
 
+  /// To be changed between other calls: nothing guards them.
   WorldSettings& settings();
   const WorldSettings& settings() const;
 
@@ -154,7 +161,7 @@ class SINEW_API World {
   /// \return bytes used, or why the body was left as it was.
   Result<std::size_t> restoreState(BodyId body, std::span<const std::byte> bytes);
 
-  /// \pre contains(body)
+  /// \pre contains(body), and no call that changes the world overlaps.
   const Asset& asset(BodyId body) const;
 
   /// The bodies, colliders (without the ground) and pin sets there are into `ids`, as many as fit, oldest first.
@@ -174,7 +181,7 @@ class SINEW_API World {
   Result<std::size_t> restoreSnapshot(std::span<const std::byte> bytes,
                                       std::span<const std::shared_ptr<const Asset>> assets = {});
 
-  /// The settings it has. \pre contains(body)
+  /// The settings it has; the default ones for an unknown body.
   const BodySettings& bodySettings(BodyId body) const;
   /// Changes friction, layers, touches, self_contact, gravity_scale, drag and level; the others stay as they were given
   /// to addBody(). \return false, and nothing is done, where one is out of range.
@@ -339,7 +346,7 @@ class SINEW_API World {
   Mat3 clusterRestShape(BodyId body, std::uint32_t cluster) const;
 
  private:
-  friend struct internal::WorldAccess;  // the library sinew::cut
+  friend struct internal::WorldAccess;  // the C interface, the library sinew::cut
   struct Impl;
   struct Release {
     void operator()(Impl* impl) const;
