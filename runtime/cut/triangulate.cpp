@@ -8,11 +8,12 @@
 #include <limits>
 #include <numeric>
 
+#include "sinew/formats/sections.h"
+
 namespace sinew::cutting {
 namespace {
 
 __extension__ using Wide = __int128;
-constexpr std::uint32_t kNobody = 0xffffffffU;
 /// Loops of more points are cut by the shape of ears alone, or the time would grow with the cube.
 constexpr std::size_t kMostTested = 200;
 
@@ -45,9 +46,9 @@ class Triangulation {
     points_.push_back({-3 * kGrid, -3 * kGrid});
     points_.push_back({6 * kGrid, -3 * kGrid});
     points_.push_back({kGrid / 2, 6 * kGrid});
-    around_.assign(points_.size(), kNobody);
+    around_.assign(points_.size(), formats::kNone);
     triangles_.reserve(2 * points_.size() + 4);
-    add({first_extra_, first_extra_ + 1, first_extra_ + 2}, {kNobody, kNobody, kNobody});
+    add({first_extra_, first_extra_ + 1, first_extra_ + 2}, {formats::kNone, formats::kNone, formats::kNone});
   }
 
   /// In an order in which each point is near the last.
@@ -77,7 +78,7 @@ class Triangulation {
       const auto [u, v] = crossing.front();
       crossing.pop_front();
       const auto [t, i] = sideOf(u, v);
-      if (t == kNobody) return false;
+      if (t == formats::kNone) return false;
       const std::uint32_t other = triangles_[t].next[i], p = triangles_[t].at[i];
       const std::uint32_t j = sideTo(other, t), q = triangles_[other].at[j];
       const std::int64_t one = turnOf(points_[p], points_[q], points_[u]);
@@ -104,7 +105,7 @@ class Triangulation {
     std::vector<std::uint32_t> stack;
     for (const auto& [u, v] : edges) {
       const auto [t, i] = sideOf(u, v);
-      if (t == kNobody) return false;
+      if (t == formats::kNone) return false;
       if (inside[t] == 0) inside[t] = 1, stack.push_back(t);
     }
     while (!stack.empty()) {
@@ -113,7 +114,7 @@ class Triangulation {
       for (std::uint32_t i = 0; i < 3; ++i) {
         if (triangles_[t].at[i] >= first_extra_) return false;
         const std::uint32_t other = triangles_[t].next[i];
-        if (triangles_[t].fixed[i] || other == kNobody || inside[other] != 0) continue;
+        if (triangles_[t].fixed[i] || other == formats::kNone || inside[other] != 0) continue;
         inside[other] = 1;
         stack.push_back(other);
       }
@@ -121,7 +122,7 @@ class Triangulation {
     // Triangles right of an edge must stay unreached.
     for (const auto& [u, v] : edges) {
       const auto [t, i] = sideOf(v, u);
-      if (t == kNobody || inside[t] != 0) return false;
+      if (t == formats::kNone || inside[t] != 0) return false;
     }
     for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
       if (inside[t] != 0) out.push_back(triangles_[t].at);
@@ -157,7 +158,7 @@ class Triangulation {
   }
 
   void relink(std::uint32_t t, std::uint32_t from, std::uint32_t to) {
-    if (t != kNobody) triangles_[t].next[sideTo(t, from)] = to;
+    if (t != formats::kNone) triangles_[t].next[sideTo(t, from)] = to;
   }
 
   std::int64_t turn(std::uint32_t a, std::uint32_t b, const GridPoint& p) const {
@@ -175,7 +176,7 @@ class Triangulation {
       }
       if (go == 3) break;
       t = triangles_[t].next[go];
-      if (t == kNobody) return false;
+      if (t == formats::kNone) return false;
     }
     std::uint32_t on = 3;
     for (std::uint32_t i = 0; i < 3; ++i) {
@@ -239,7 +240,7 @@ class Triangulation {
       while (i < 3 && triangles_[t].at[i] != p) ++i;
       if (i == 3) continue;
       const std::uint32_t other = triangles_[t].next[i];
-      if (other == kNobody || triangles_[t].fixed[i]) continue;
+      if (other == formats::kNone || triangles_[t].fixed[i]) continue;
       const Triangle& here = triangles_[t];
       const std::uint32_t q = triangles_[other].at[sideTo(other, t)];
       if (!isInCircle(points_[here.at[0]], points_[here.at[1]], points_[here.at[2]], points_[q])) continue;
@@ -277,20 +278,20 @@ class Triangulation {
         if (i == 3) break;
         if (here.at[(i + 1) % 3] == v) return {t, (i + 2) % 3};
         const std::uint32_t next = here.next[back ? (i + 2) % 3 : (i + 1) % 3];
-        if (next == kNobody) break;
+        if (next == formats::kNone) break;
         t = next;
-        if (t == start) return {kNobody, 0};
+        if (t == start) return {formats::kNone, 0};
       }
     }
-    return {kNobody, 0};
+    return {formats::kNone, 0};
   }
 
   bool markEdge(std::uint32_t a, std::uint32_t b) {
     const auto [t, i] = sideOf(a, b);
-    if (t == kNobody) return false;
+    if (t == formats::kNone) return false;
     triangles_[t].fixed[i] = true;
     const std::uint32_t other = triangles_[t].next[i];
-    if (other != kNobody) triangles_[other].fixed[sideTo(other, t)] = true;
+    if (other != formats::kNone) triangles_[other].fixed[sideTo(other, t)] = true;
     return true;
   }
 
@@ -303,12 +304,12 @@ class Triangulation {
   /// The sides that the way from a to b crosses.
   bool findCrossing(std::uint32_t a, std::uint32_t b, std::deque<std::array<std::uint32_t, 2>>& crossing) const {
     const GridPoint& to = points_[b];
-    std::uint32_t t = kNobody, i = 0;
+    std::uint32_t t = formats::kNone, i = 0;
     // The triangle at a into which the way goes.
     const std::uint32_t start = around_[a];
     for (const bool back : {false, true}) {
       std::uint32_t now = start;
-      for (std::size_t left = triangles_.size(); left > 0 && t == kNobody; --left) {
+      for (std::size_t left = triangles_.size(); left > 0 && t == formats::kNone; --left) {
         const Triangle& here = triangles_[now];
         std::uint32_t k = 0;
         while (k < 3 && here.at[k] != a) ++k;
@@ -321,17 +322,17 @@ class Triangulation {
           break;
         }
         const std::uint32_t next = here.next[back ? (k + 2) % 3 : (k + 1) % 3];
-        if (next == kNobody || next == start) break;
+        if (next == formats::kNone || next == start) break;
         now = next;
       }
     }
-    if (t == kNobody) return false;  // it leaves through a corner
+    if (t == formats::kNone) return false;  // it leaves through a corner
     for (std::size_t left = triangles_.size(); left > 0; --left) {
       const std::uint32_t u = triangles_[t].at[(i + 1) % 3], v = triangles_[t].at[(i + 2) % 3];
       if (triangles_[t].fixed[i]) return false;
       crossing.push_back({u, v});
       const std::uint32_t other = triangles_[t].next[i];
-      if (other == kNobody) return false;
+      if (other == formats::kNone) return false;
       const std::uint32_t q = triangles_[other].at[sideTo(other, t)];
       if (q == b) return true;
       const std::int64_t side = turn(a, b, points_[q]);
@@ -353,9 +354,9 @@ class Triangulation {
         const auto [u, v] = edge;
         if ((u == a && v == b) || (u == b && v == a)) continue;
         const auto [t, i] = sideOf(u, v);
-        if (t == kNobody || triangles_[t].fixed[i]) continue;
+        if (t == formats::kNone || triangles_[t].fixed[i]) continue;
         const std::uint32_t other = triangles_[t].next[i];
-        if (other == kNobody) continue;
+        if (other == formats::kNone) continue;
         const Triangle& here = triangles_[t];
         const std::uint32_t p = here.at[i], q = triangles_[other].at[sideTo(other, t)];
         if (!isInCircle(points_[here.at[0]], points_[here.at[1]], points_[here.at[2]], points_[q])) continue;
