@@ -25,21 +25,12 @@ function(sinew_compile_together target)
     list(GET files 0 group)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
     set_source_files_properties(${files} PROPERTIES UNITY_GROUP ${target}_${group})
-    # Of what is inlined across files g++ 12 warns falsely as well, and of a type that is private to its file.
-    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-error;-Wno-maybe-uninitialized;-Wno-subobject-linkage>)
   endif()
 endfunction()
 
 # A translation unit with CGAL's meshing takes 3 GB to compile: never two of them at once (Ninja only; with another generator
 # use -j1 where memory is short).
 set_property(GLOBAL APPEND PROPERTY JOB_POOLS sinew_cgal=1)
-
-# g++ 12 forgets which precompiled headers are the system's, and warns falsely about std::string's insides: no error stops a
-# first build for that. Where ccache is every warning counts.
-function(sinew_precompiled_warnings name)
-  target_compile_options(${name} PRIVATE
-    $<$<CXX_COMPILER_ID:GNU>:-Wno-error;-Wno-array-bounds;-Wno-stringop-overflow;-Wno-stringop-overread>)
-endfunction()
 
 function(sinew_target name)
   set(with_cgal OFF)
@@ -48,14 +39,17 @@ function(sinew_target name)
     set_target_properties(${name} PROPERTIES JOB_POOL_COMPILE sinew_cgal)
   endif()
   target_compile_features(${name} PUBLIC cxx_std_20)
-  target_compile_options(${name} PRIVATE
-    -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Woverloaded-virtual
-    # g++ 12 warns falsely where std::string is put together (GCC bug 105651).
-    $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
-    # Results are hashed and compared bit for bit, so the compiler may not fuse multiplications and additions on its own.
-    -ffp-contract=off
-    $<$<BOOL:${SINEW_WARNINGS_AS_ERRORS}>:-Werror>)
-  if(SINEW_QUICK_BUILD)
+  # Results are hashed and compared bit for bit, so the compiler may not fuse multiplications and additions on its own.
+  target_compile_options(${name} PRIVATE -ffp-contract=off)
+  if(NOT SINEW_QUICK_BUILD)
+    target_compile_options(${name} PRIVATE
+      -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Woverloaded-virtual
+      # g++ 12 warns falsely where std::string is put together (GCC bug 105651).
+      $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
+      $<$<BOOL:${SINEW_WARNINGS_AS_ERRORS}>:-Werror>)
+  else()
+    # Across files and precompiled headers g++ 12 warns falsely; where ccache is every warning counts.
+    target_compile_options(${name} PRIVATE -w)
     # Memory of units as large as these is taken and kept: g++ else takes a fifth of its time to look what it can give back.
     target_compile_options(${name} PRIVATE $<$<COMPILE_LANG_AND_ID:CXX,GNU>:--param=ggc-min-heapsize=1000000>)
     # Optimizing takes a third of the compilation. The tools spend their time in Eigen's products (field) and in files; CGAL
@@ -78,6 +72,5 @@ function(sinew_target name)
   if(TARGET sinew_tools_headers AND CMAKE_CURRENT_SOURCE_DIR MATCHES "^${PROJECT_SOURCE_DIR}/tools/"
      AND NOT with_cgal AND NOT name MATCHES "^sinew(_program|-measure)?$")
     target_precompile_headers(${name} REUSE_FROM sinew_tools_headers)
-    sinew_precompiled_warnings(${name})
   endif()
 endfunction()
