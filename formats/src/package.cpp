@@ -167,7 +167,7 @@ class PackageReader {
                                         : "missing, but its feature bit in the header is set");
       }
     }
-    // What the first is about is in the second.
+    // The first describes items of the second.
     constexpr std::array<std::array<std::uint32_t, 2>, 29> kNeeds = {{
         {section::visual_normals, section::visual_positions},
         {section::visual_uv, section::visual_positions},

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// What all functions of the C interface go through: handles, and failures as status codes. What is exported is for
-// libraries beside the runtime that add functions.
+// Base of all functions of the C interface: handles, and failures as status codes. Exports are for libraries beside
+// the runtime that add functions.
 #pragma once
 
 #include <cstdint>
@@ -20,15 +20,15 @@ namespace sinew::handles {
 /// \param world not null.
 SINEW_API World& worldOf(sinew_world* world);
 const World& worldOf(const sinew_world* world);
-/// What a world and its handle lie in. \param world not null.
+/// Memory of a world and its handle. \param world not null.
 std::pmr::memory_resource* memoryOf(const sinew_world* world);
 /// The caller's to release. Throws std::bad_alloc.
 SINEW_API sinew_asset* handleOf(std::shared_ptr<const Asset> asset);
 /// \param asset not null.
 std::shared_ptr<const Asset> assetOf(const sinew_asset* asset);
-/// What sinew_last_error() says from now on. \return the status.
+/// Sets the text of sinew_last_error(). \return the status.
 SINEW_API sinew_status tellFailure(sinew_status status, std::string_view reason);
-/// What a world tells its log as an error is what the present call failed of.
+/// An error that a world tells its log is the failure of the present call.
 void noteError(std::string_view line);
 /// Status of what worlds have told their logs in this thread since this was asked last; sinew_last_error() says what.
 SINEW_API sinew_status takeToldStatus();
@@ -50,7 +50,7 @@ struct Callable {
 /// Runs work(); an exception becomes a status.
 SINEW_API sinew_status guarded(const char* call, const Callable& work) noexcept;
 
-/// What a function does with a world, and perhaps a body of it, whatever it is.
+/// Work of a function on a world, and perhaps a body of it, whatever it is.
 struct WorldWork {
   const void* work;
   sinew_status (*run)(const void* work, const World& world, BodyId body);

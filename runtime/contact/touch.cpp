@@ -199,7 +199,7 @@ class TouchSearch {
     }
   }
 
-  /// Adds the touch of a point, if it is one. What touched is one where it was as well: a prediction that goes on as a
+  /// Adds the touch of a point, if it is one. An old touch counts at its old place too: a prediction that goes on as a
   /// thin part sprang leads away from what that part lies on. \pre points come in ascending order
   void look(std::uint32_t p) {
     const TouchMemory key = {a_.body, a_.piece, b_.body, b_.piece, p, 0, 0, 0, {}, {}};

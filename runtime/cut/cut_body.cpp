@@ -24,7 +24,7 @@ Body* find(World& world, BodyId id) {
   return nullptr;
 }
 
-/// What holds and pulls a body, copied: it is gone when its parts are given theirs.
+/// Holds of a body, copied: the body is gone when its parts are given theirs.
 struct Holds {
   struct Set {
     PinSetId id;
@@ -62,7 +62,7 @@ class Heirs {
   Heirs(World& world, const Asset& parent, const Holds& holds, CutBodies& result)
       : world_(world), parent_(parent), holds_(holds), result_(result) {}
 
-  /// What the state of a part depends on: before setState().
+  /// Gives a part pin sets and activation for setState().
   void prepare(std::size_t p) {
     const CutPart& part = result_.cut.parts[p];
     const BodyId id = result_.bodies[p];
@@ -76,7 +76,7 @@ class Heirs {
     }
   }
 
-  /// What the parent's matter remembers: after setState().
+  /// The memory of the parent's matter: after setState().
   void remember(std::size_t p, const Body& parent) {
     const CutPart& part = result_.cut.parts[p];
     Body& body = *find(world_, result_.bodies[p]);
@@ -91,7 +91,7 @@ class Heirs {
     }
   }
 
-  /// What acts on the state: after setState().
+  /// Holds act on the state: after setState().
   void hold(std::size_t p, Activity activity) {
     const CutPart& part = result_.cut.parts[p];
     const BodyId id = result_.bodies[p];
@@ -147,7 +147,7 @@ class Heirs {
     internal::invertPlasticity(to.state.plastic, to.rest_change);
   }
 
-  /// What touched colliders goes on touching them: a part's points are some of its parent's in their order, then the
+  /// Touching points keep touching colliders: a part's points are some of its parent's in their order, then the
   /// section's.
   static void takeTouching(const Piece& from, Piece& to) {
     const auto before = from.field().points, now = to.field().points;

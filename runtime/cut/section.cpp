@@ -74,7 +74,7 @@ class Closing {
   }
 
   /// Loops from edge to edge. Where several leave a node the sharpest left one goes on: loops touch there and do not
-  /// cross. What comes back to a node of the way so far is a loop of its own.
+  /// cross. A way back to a node of the way so far is a loop of its own.
   void walk() {
     std::vector<std::vector<std::uint32_t>> leaving(surface_.nodes.size());
     for (const auto& [u, v] : surface_.rim) leaving[u].push_back(v);

@@ -59,7 +59,7 @@ struct Sides {
   std::vector<std::uint32_t> rider;  ///< of physical vertices: the rigid accessory (PART) that they carry; else none
   std::vector<std::uint32_t> visual_rider;
 
-  /// Over the plane, m. What went to the other side with a part that was too small counts as just there.
+  /// Over the plane, m. A vertex gone to the other side with too small a part counts as just there.
   double heightOf(std::uint32_t vertex) const {
     return height[vertex] * side[vertex] < 0 ? side[vertex] * near : height[vertex];
   }

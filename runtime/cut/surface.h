@@ -58,7 +58,7 @@ struct Surface {
   /// Pairs of nodes: where the surface below ends at the plane, turned so that what closes it lies to the left, seen
   /// from above. The surface above ends there the other way round.
   std::vector<std::array<std::uint32_t, 2>> rim;
-  /// Other edges of the surface that lie in the plane: pairs of nodes, the lower first, ascending. What closes the rim
+  /// Other edges of the surface that lie in the plane: pairs of nodes, the lower first, ascending. The section
   /// must not have them again, or four triangles would share an edge.
   std::vector<std::array<std::uint32_t, 2>> touching;
   std::vector<std::array<Vector2d, 2>> whole_rim;  ///< of a plane that ends: all that it meets, also beyond its end

@@ -39,7 +39,7 @@ struct Sums {
   }
 };
 
-// Some points at once, a lane each. What follows is written for one point (double, bool) and for a packet alike, so
+// Some points at once, a lane each. The code below serves one point (double, bool) and a packet alike, so
 // that both have the same bits.
 constexpr std::size_t kLanes = 4;
 using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));

@@ -102,7 +102,7 @@ struct RigidPlace {
 };
 
 /// From pinned vertices at rest to where they are to be; where these leave its rotation open, as one vertex does, or
-/// nothing is pinned, as the piece. What gives way is near what holds, and turns with it.
+/// nothing is pinned, as the piece. Yielding matter is near holds, and turns with them.
 RigidPlace placeOfHolds(const Body& body, const Piece& piece, double part, const RigidPlace& of_piece);
 
 /// Finds b = Phi w + l: w, the coefficients less those of the rest shape at a place, and l, by how much the held points

@@ -53,7 +53,7 @@ struct Contact : Push {
   const float* phi;        ///< its row, k
 };
 
-/// Two points that push each other apart, out of b. What pulls one pulls the other back. Of one piece (a = b) phi_a is
+/// Two points that push each other apart, out of b. A pull on one pulls the other back. Of one piece (a = b) phi_a is
 /// the difference of their rows, phi_b 0.
 struct Touch : Push {
   std::uint32_t a, b;          ///< pieces of a Minimand

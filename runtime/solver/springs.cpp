@@ -44,7 +44,7 @@ void forEachSpring(const Body& body, const Piece& piece, const SpringStep& step,
     }
     const PickSpring spring = springOf(piece, pick, step.stiffness);
     if (!(spring.kappa > 0)) continue;
-    // Critically damped: kappa (t - x) - c v, v = (x - x_old) / h. What the field knows of holds has the spring.
+    // Critically damped: kappa (t - x) - c v, v = (x - x_old) / h. Given residual modes, holds have the spring.
     const double kappa = field.residual_modes > 0 ? 0 : spring.kappa, damper = spring.damper / step.h;
     const Vector3d target = (kappa * reachOf(body, pick, old, kappa) + damper * old) / (kappa + damper);
     visit([&](std::uint32_t j) { return valueAt(field, point, j); }, kappa + damper, target, formats::kNone);

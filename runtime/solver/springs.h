@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Pins and picks of a piece as springs between points of its field and targets. What stays held for good is held by the
-// field itself (its driven functions).
+// Pins and picks of a piece as springs between points of its field and targets. Permanent holds are the field's own
+// (its driven functions).
 #pragma once
 
 #include "runtime/solver/holds.h"

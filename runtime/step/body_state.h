@@ -33,7 +33,7 @@ bool chooseFields(Body& body);
 std::uint32_t levelOf(const Body& body);
 /// A piece takes the fields of a level; its state does not follow.
 void useLevel(const Body& body, Piece& piece, std::uint32_t level);
-/// The pieces take the fields of levelOf(), and their state follows. What that takes of the shape is drawn on for a
+/// The pieces take the fields of levelOf(), and their state follows. The shape that this loses is drawn on for a
 /// while. May throw.
 void changeLevel(Body& body);
 /// A step passes of that while.

@@ -98,8 +98,8 @@ std::uint32_t rootOf(Array<std::uint32_t>& parent, std::uint32_t i);
 /// Place of a BodyId in the list. \pre it is there
 std::uint32_t placeOf(const BodyList& bodies, std::uint32_t id);
 
-/// Finds the bodies whose boxes meet those of others in a step: TogetherScratch::busy, boxes and pairs. What moves
-/// wakes what it meets.
+/// Finds the bodies whose boxes meet those of others in a step: TogetherScratch::busy, boxes and pairs. Moving
+/// bodies wake neighbours.
 void findPairs(BodyList& bodies, const WorldSettings& settings, double seconds, TogetherScratch& scratch,
                JobSystem* jobs);
 

@@ -128,7 +128,7 @@ struct Body {
   Array<Vector3d> shape;
   HoldWays ways;
 
-  // What the last change of level has lost, which is drawn on for a while.
+  // Shape that the last change of level has lost: drawn on for a while.
   double fade_left = 0, fade_before = 0;  ///< how long, s: now, and as the last step began
   Array<Vec3> faded;                      ///< by physical vertex, in the frame of its piece, m
 
@@ -138,7 +138,7 @@ struct Body {
   double still = 0;                            ///< how long it has rested, s
   std::uint32_t sleeps_with = formats::kNone;  ///< the first body of those it fell asleep with; kNone: it is awake
   bool asleep() const { return sleeps_with != formats::kNone; }
-  /// What does not act is asleep, and nothing wakes it.
+  /// An inactive body is asleep, and nothing wakes it.
   Activity activity = Activity::active;
 
   std::uint32_t repaired = 0;  ///< vertices whose state was lost in the last step

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What a game does to bodies: pushes, picks, stops.
+// A game's calls on bodies: pushes, picks, stops.
 #include <algorithm>
 #include <cmath>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 //
-// What a world hands back to be drawn.
+// Outputs of a world, to be drawn.
 #include <algorithm>
 #include <array>
 #include <atomic>

@@ -87,7 +87,7 @@ bool meetsBox(std::span<const Vector3d> points, std::span<const Vector3d> edges,
   return !apart;
 }
 
-/// What is asked whether it overlaps: a ball about the origin of its own coordinates, or a box.
+/// Shape that overlaps() asks about: a ball about the origin of its own coordinates, or a box.
 struct Probe {
   Pose pose;
   Vector3d half = Vector3d::Zero();  ///< of the box

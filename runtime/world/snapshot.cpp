@@ -320,7 +320,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
         Reader in(bytes.subspan(sizeof header));
         const auto settings = in.get<SavedSettings>(), acting = in.get<SavedSettings>();
         bool sound = std::isfinite(header.left_over) && header.left_over >= 0 && header.shown >= 0 && header.shown <= 1;
-        // Bodies: those that are here, or new ones. Nothing changes before all is known to be sound.
+        // Bodies: present ones, or new ones. Nothing changes before all is known to be sound.
         struct Part {
           SavedBody body;
           std::span<const std::byte> state, touched, touches, factors;
@@ -446,7 +446,7 @@ Result<std::size_t> World::restoreSnapshot(std::span<const std::byte> bytes,
         impl_->findTouching();
         impl_->events.clear();
         impl_->visual.invalidate();
-        // Ids are free for those that have them.
+        // Ids are free for their saved owners.
         for (const internal::BodyPointer& body : impl_->bodies) {
           body->picks.clear();
           internal::removePinSets(*body);

@@ -39,19 +39,19 @@ bool spinUntil(int spins, const Ready& ready) {
 }  // namespace
 
 struct ThreadPool::Impl {
-  // What is left of one thread's share of the loop: its first index in the high half, its end in the low half. The
-  // owner takes from the front, who has finished helps from the back. Shares are the same in every loop of one length,
+  // The rest of one thread's share of the loop: its first index in the high half, its end in the low half. The
+  // owner takes from the front, finished threads help from the back. Shares are the same in every loop of one length,
   // so a thread finds in its cache what it wrote in the loop before.
   struct alignas(64) Share {
     std::atomic<std::uint64_t> left{0};
   };
 
   std::atomic<bool> taken{false};  // by the caller of a loop
-  // What the caller writes and helpers read. The number of the loop that is running is odd while it is open.
+  // The caller's fields, read by helpers. The number of the loop that is running is odd while it is open.
   alignas(64) std::atomic<std::uint32_t> loop{0};
   std::uint32_t grain = 1;
   const std::function<void(std::uint32_t, std::uint32_t)>* body = nullptr;
-  // What helpers write: each two times a loop, since a line that two cores write costs a tenth of a microsecond a time.
+  // Helpers' fields: two writes each a loop, since a line that two cores write costs a tenth of a microsecond a time.
   alignas(64) std::atomic<std::uint32_t> inside{0};    // helpers that look at the fields above
   std::atomic<std::uint32_t> done{0};                  // indices of the loop that are finished
   alignas(64) std::atomic<std::uint32_t> sleepers{0};  // helpers that wait on `work`

@@ -48,8 +48,8 @@ struct SINEW_HIDDEN World::Impl {
     const std::lock_guard lock(body.showing);
     body.solver->refresh(part, what);
   }
-  /// What holds or pulls a body has changed. \pre its x and v, which follow from what held it in the last step, were
-  /// made before: showLast()
+  /// Wakes a body whose holds (pins, picks) changed. \pre its x and v, which follow from the last step's holds,
+  /// were made before: showLast()
   void holdsChanged(internal::Body& body);
 
   /// The body and place of a pick; (nullptr, 0) where it was let go.
@@ -77,7 +77,7 @@ struct SINEW_HIDDEN World::Impl {
     return otherwise;
   }
 
-  /// What touches a collider is drawn on it: contacts give way by the compliance that a field of few functions lacks.
+  /// Lifts drawn vertices out of colliders: contacts give way by the compliance that a field of few functions lacks.
   void liftFromColliders(const internal::Body& body, std::span<const VertexRun> runs, const StridedFloat3& out) const;
   /// \param with that share the work; null: none. May throw std::bad_alloc.
   void draw(const internal::Body& body, std::span<const VertexRun> runs, const VisualOutput& output,
@@ -109,7 +109,7 @@ struct SINEW_HIDDEN World::Impl {
     /// Calls that this thread makes on the world until the end of this one are parts of it.
     void lend();
 
-    /// What a call is about: null where it is refused, or, as the log is told, where there is none.
+    /// The object of a call: null where it is refused, or, as the log is told, where there is none.
     internal::Body* find(BodyId id) const;
     std::pair<internal::Body*, std::size_t> find(PickId id) const;
     std::pair<internal::Body*, std::size_t> find(PinSetId id) const;

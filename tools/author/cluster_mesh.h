@@ -30,7 +30,7 @@ std::vector<ClusterMesh> takeClusterMeshes(VisualMesh& mesh);
 struct ClusterMatch {
   std::vector<double> weights;    ///< per visual vertex: 1 where it belongs to the cluster mesh, else 0
   std::size_t unmatched = 0;      ///< vertices of the cluster mesh that lie too far from the surface
-  double furthest = 0;            ///< metres: the largest distance of those that were matched
+  double furthest = 0;            ///< metres: the largest distance of the matched ones
   double furthest_unmatched = 0;  ///< metres
 };
 

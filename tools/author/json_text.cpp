@@ -181,7 +181,7 @@ JsonText::JsonText(std::string_view text, std::string file) : file_(std::move(fi
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   JsonTextReader reader(*this, text);
   reader.run();
-  // What strict JSON refuses and this accepted are comments.
+  // Strict JSON refuses comments, which this accepts.
   has_comments_ = !nlohmann::json::accept(text.begin(), text.end());
 }
 

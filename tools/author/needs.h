@@ -9,7 +9,7 @@
 
 namespace sinew::tools {
 
-/// What a game may want of a package. What it does not want is left out (tools/bake/leave_out.h).
+/// A use that a game may have for a package. Unused data is left out (tools/bake/leave_out.h).
 enum class Need {
   contact,
   cut,
@@ -55,12 +55,12 @@ class Needs {
  public:
   static Needs all() { return Needs((1U << kNeedDeclarations.size()) - 1); }
   static Needs none() { return Needs(0); }
-  /// What is seen and felt, each unless leaving it out goes unseen.
+  /// Needs seen and felt, each unless leaving it out goes unseen.
   static Needs automatic() { return Needs(kAutomatic); }
   /// "all", "none", or names separated by commas, "auto" among them. \return nothing where one is unknown.
   static std::optional<Needs> parse(std::string_view text);
 
-  /// Whether those that go unseen are left out (tools/bake/leave_out.h, narrowed()).
+  /// Whether needs that go unseen are left out (tools/bake/leave_out.h, narrowed()).
   bool isAutomatic() const { return (bits_ & kAutomatic) != 0; }
   bool has(Need need) const { return (bits_ >> unsigned(need) & 1U) != 0; }
   Needs with(Need need) const { return Needs(bits_ | 1U << unsigned(need)); }

@@ -77,7 +77,7 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
   for (std::uint32_t s = 0; s < sets.size(); ++s) {
     std::size_t selected = 0;
     std::size_t moved = 0;
-    std::map<std::string, std::array<std::size_t, 2>> why;  // of all, and of those that are meant
+    std::map<std::string, std::array<std::size_t, 2>> why;  // counts of all, and of meant ones
     std::size_t meant = 0;
     for (std::size_t v = 0; v < holders.size(); ++v) {
       const double weight = sets[s].weights[v];

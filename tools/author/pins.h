@@ -40,7 +40,7 @@ std::vector<std::uint32_t> pinHolders(std::span<const PinWeights> sets);
 std::vector<std::uint32_t> rigidHolders(std::span<const double> shares, std::span<const std::uint32_t> holders,
                                         std::span<const double> weights);
 
-/// What sets of pins select and do not move, and rigid clusters that several sets pull at.
+/// Vertices that pins select and do not move, rigid clusters that several sets pull at.
 /// \param vertices what is counted: "physical" or "visual".
 std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const RigidShares> clusters,
                                const std::string& vertices);

@@ -213,7 +213,7 @@ class MaskCheck {
   std::set<std::string> done_;
 };
 
-// What the entries of a recipe's lists select; not what carries parts, which may be the name of more than a mask.
+// Selections of a recipe's list entries; not the carriers of parts, which may be the name of more than a mask.
 std::vector<SelectionText> entrySelections(const Recipe& recipe) {
   std::vector<SelectionText> all;
   for (const RecipeCluster& cluster : recipe.clusters) {

@@ -62,7 +62,7 @@ struct RecipePart {
   SelectionText to;   ///< its carrier; null: the nearest physical vertices, or surface
 };
 
-/// What was authored: the source, every setting that differs from its default, and the artist's masks, clusters, pins.
+/// Authored data: the source, every setting that differs from its default, and the artist's masks, clusters, pins.
 /// The format: docs/recipe-format.md.
 struct Recipe {
   static constexpr int kVersion = 3;

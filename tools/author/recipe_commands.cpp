@@ -161,7 +161,7 @@ bool isSetting(std::string_view key) {
   return std::any_of(all.begin(), all.end(), [&](const auto& d) { return d.key == key; });
 }
 
-// What became of old keys is told where the recipe is read for use.
+// Findings of old keys are told where the recipe is read for use.
 Json migrated(const JsonText& text, const fs::path& file) {
   std::vector<Finding> findings;
   return migratedRecipe(text, file, findings);
@@ -612,7 +612,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
       if (copy.contains(key)) copy[key] = otherSide(copy[key].get<std::string>());
     }
     if (copy.contains("to")) {
-      // What carries it goes by its name, but for a mask that has no other side.
+      // The carrier goes by its name, but for a mask that has no other side.
       Json& carrier = copy["to"];
       const std::string host = carrier.is_string() ? carrier.get<std::string>() : "";
       const std::string other = otherSide(host);

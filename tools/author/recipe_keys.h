@@ -15,7 +15,7 @@ namespace sinew::tools {
 /// Metres; beyond any scene. No coordinate of a recipe is larger.
 inline constexpr double kRecipeFar = 1e9;
 
-/// What a key may hold; the sum where it may hold several.
+/// A key's type of value; the sum where it has several.
 enum RecipeType : std::uint32_t {
   kRecipeNumber = 1U << 0,           ///< within minimum..maximum
   kRecipeInteger = 1U << 1,          ///< within minimum..maximum
@@ -61,9 +61,9 @@ const std::vector<RecipeObject>& recipeObjects();
 const RecipeObject& recipeObject(std::string_view name);
 /// One of its keys.
 const RecipeKey& recipeKey(std::string_view object, std::string_view key);
-/// What a key may hold, in words.
+/// A key's legal values in words.
 std::string legalText(const RecipeKey& key);
-/// What a selection can be, besides the name of a mask.
+/// Kinds of selections, besides the name of a mask.
 const std::vector<RecipeObject>& selectionKinds();
 /// The kind that a selection's object is of, by the key that it has; null where it has none or several.
 const RecipeObject* selectionKind(const nlohmann::ordered_json& selection);

@@ -15,7 +15,7 @@ constexpr std::size_t kMostRegions = 256;
 constexpr int kLloydRounds = 6;
 // Fewer vertices cannot turn, let alone bend.
 constexpr std::size_t kFewMembers = 8;
-// What an automatic region holds (as the automatic grid's boxes), and the most of them in a piece.
+// Vertices of an automatic region (as of the automatic grid's boxes), and most regions of a piece.
 constexpr std::uint32_t kVerticesPerRegion = 100;
 constexpr std::size_t kMostAutomatic = 48;
 

@@ -34,7 +34,7 @@ class Selections {
   VisualWeights evaluate(const SelectionText& selection);
   /// The same, but may select nothing.
   VisualWeights weights(const SelectionText& selection);
-  /// Weights of all clusters of the recipe, in order. Those that use `rest` are evaluated last.
+  /// Weights of all clusters of the recipe, in order. Users of `rest` are evaluated last.
   std::vector<VisualWeights> clusters();
   /// Makes `name` a mask of these weights, before the recipe's of that name.
   void define(const std::string& name, VisualWeights weights);

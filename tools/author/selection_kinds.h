@@ -31,7 +31,7 @@ struct SelectionPlace {
   std::string text(std::string_view key) const { return get(key).get<std::string>(); }
 };
 
-/// What selections are evaluated on.
+/// Inputs of selections' evaluation.
 struct SelectionSource {
   const Recipe& recipe;
   const VisualMesh& mesh;

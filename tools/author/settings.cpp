@@ -21,7 +21,7 @@ namespace {
 constexpr std::array<std::string_view, 4> kLayoutKeys = {"clusters.method", "clusters.grid", "clusters.size",
                                                          "clusters.soften_metres"};
 
-// What says nothing unless another setting has a value.
+// A setting used only if another has a given value.
 struct Dependence {
   std::string_view key, needs_key, needs_value;
 };

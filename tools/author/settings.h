@@ -18,7 +18,7 @@
 
 namespace sinew::tools {
 
-/// What the keys of clusters' settings begin with.
+/// Prefix of the keys of clusters' settings.
 inline constexpr std::string_view kClusterPrefix = "clusters.";
 
 struct MaterialOptions {
@@ -114,7 +114,7 @@ nlohmann::ordered_json typedSetting(std::string_view key, nlohmann::ordered_json
 
 /// The legal values of a setting in words ("0 .. 1", "auto | grid | stuffing | delaunay").
 std::string legalText(const Settings::Declaration& declaration);
-/// What a setting's choice may be, in the order of its enumeration ("clusters.mode": rigid, linear, quadratic).
+/// A setting's choices, in the order of its enumeration ("clusters.mode": rigid, linear, quadratic).
 std::vector<std::string> choicesOf(std::string_view key);
 /// The current value as text.
 std::string valueText(const Settings& settings, const Settings::Declaration& declaration);

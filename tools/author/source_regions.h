@@ -18,7 +18,7 @@ struct SourceRegion {
   std::size_t visual_vertices = 0;   ///< that the selection takes
 };
 
-/// What sourceRegions() knows, as one writes it: bone, group, material, object, part, morph.
+/// Kinds of sourceRegions(), as one writes them: bone, group, material, object, part, morph.
 const std::vector<std::string>& sourceRegionKinds();
 
 /// The regions of one kind, in the file's order, each name once; loose parts are named part.0, part.1, ...

@@ -18,7 +18,7 @@
 
 namespace sinew::tools {
 
-/// What a stroke does to weights; w is the brush's own, 1 inside its radius times its strength.
+/// A stroke's effect on weights; w is the brush's own, 1 inside its radius times its strength.
 enum class StrokeMode : std::uint8_t {
   paint,     ///< at least w
   add,       ///< more by w, 1 at most
@@ -44,14 +44,14 @@ struct Stroke {
   StrokeMode mode = StrokeMode::paint;
   std::optional<Eigen::Vector3d> facing;  ///< unit; only what faces this direction is painted
   std::optional<MirrorPlane> mirror;      ///< the stroke has an image across it
-  /// m; radius and falloff are then those that are seen from here, in metres at the points' depth. Points are where
+  /// m; radius and falloff are then as seen from here, in metres at the points' depth. Points are where
   /// they are.
   std::optional<Eigen::Vector3d> eye;
   bool through = false;  ///< of an eye: what is hidden, or faces away, is painted too
   bool lasso = false;    ///< of an eye: points are the corners of a loop, and all inside is painted
 };
 
-/// What a stroke lacks, as part of a message; empty: nothing.
+/// A stroke's fault, as part of a message; empty: none.
 std::string whatIsWrong(const Stroke& stroke);
 
 /// Reads a stroke file (docs/recipe-format.md). Throws ToolError(bad_input) naming file, line and cure.

@@ -32,7 +32,7 @@ struct MirrorPlane {
   double error = 0;
 };
 
-/// What distances spread from: places, whose fronts are round, or lines, whose fronts are straight.
+/// Sources of distances: places, whose fronts are round, or lines, whose fronts are straight.
 enum class Front { point, line };
 
 /// The welded surface of a mesh, which must outlive it.

@@ -316,7 +316,7 @@ class Carrier {
         const std::string name = entry.contains("name") ? entry["name"].get<std::string>() : std::to_string(i);
         const std::string pointer = childPointer(childPointer("", key), i);
         selection(kind, name, childPointer(pointer, "from"), entry["from"]);
-        // What carries a part may be the name of a cluster or of pins as well, which are carried over themselves.
+        // A part's carrier may be the name of a cluster or of pins as well, which are carried over themselves.
         if (entry.contains("to") && entry["to"].is_object()) {
           selection("carrier", name, childPointer(pointer, "to"), entry["to"]);
         }

@@ -21,7 +21,7 @@ struct TransferOptions {
   std::filesystem::path output;      ///< a new recipe; empty: `recipe` itself changes
 };
 
-/// What became of one selection.
+/// Outcome of one selection.
 struct TransferredSelection {
   std::string kind;     ///< "mask", "cluster", "origin", "insertion", "pins", "stiffness", "thickness", "part",
                         ///< "carrier"

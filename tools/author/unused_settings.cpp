@@ -48,7 +48,7 @@ std::string whyUnused(Settings& settings, const Settings::Declaration& d) {
 std::optional<Finding> unusedSettings(const Settings& given, std::span<const RecipeCluster> clusters, bool automatic) {
   Settings settings = given;
   Settings defaults;
-  // What clusters go by: the settings of all, where some are automatic, and each authored one's.
+  // Settings of clusters: those of all, where some are automatic, and each authored one's.
   struct User {
     Settings settings;
     const RecipeCluster* cluster;

@@ -55,7 +55,7 @@ struct Piece {
   std::vector<double> weight;  // per vertex of the body
 };
 
-// What the overlap of a cluster does.
+// Effect of a cluster's overlap.
 struct Overlap {
   double next = kInfinity;  // m, from the border to the nearest vertex beyond it
   bool widens = false;      // whether any vertex beyond the border weighs more by it
@@ -111,7 +111,7 @@ class PieceClusters {
     if (bare.empty() || covered.empty()) return 0;
     const TetDistances nearest = tetDistances(graph_, covered, kInfinity);
     for (const std::uint32_t v : bare) {
-      // What hangs together with no covered vertex (tetrahedra that touch in a point count) goes to the first cluster.
+      // A vertex connected to no covered one (tetrahedra that touch in a point count) goes to the first cluster.
       const std::uint32_t from = nearest.nearest[global(v)];
       Piece* strongest = pieces.data();
       for (Piece& piece : pieces) {
@@ -369,7 +369,7 @@ class TetWalk {
   std::vector<std::array<std::uint32_t, 4>> across_;
 };
 
-// What an artist did not mean. \param held each of the recipe's largest weight of a physical vertex
+// An artist's likely mistakes. \param held each of the recipe's largest weight of a physical vertex
 void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clusters,
            std::span<const RecipeCluster> recipe_clusters, std::span<const double> held,
            std::vector<Finding>& findings) {

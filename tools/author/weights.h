@@ -43,7 +43,7 @@ ClusterOptions optionsOf(const RecipeCluster& cluster, const Settings& settings)
 
 /// Makes clusters of physical vertices of the recipe's: carries weights over, gives what no cluster covers to the
 /// nearest one along the tetrahedra, widens each by its overlap (so that neighbours share vertices and hold together),
-/// cuts those that ask for it, and splits those that span pieces. Pieces that no cluster touches get automatic ones.
+/// cuts any that ask for it, and splits any that span pieces. Pieces that no cluster touches get automatic ones.
 /// Every physical vertex is in a cluster; clusters are ordered by piece, then as in the recipe.
 /// \param recipe_clusters with cluster meshes; \param weights one for each.
 std::vector<ClusterSource> authoredClusters(const WeightTransfer& transfer,

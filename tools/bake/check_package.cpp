@@ -366,7 +366,7 @@ class PackageCheck {
         "Bake it again without field.functions=0, or use --solver report.");
   }
 
-  /// What carries a rigid part weighs next to nothing, and is moved by its host.
+  /// Vertices carrying a rigid part weigh next to nothing; its host moves them.
   std::vector<char> carriers() const {
     std::vector<char> carries(package_.physicalVertices().size(), 0);
     for (const formats::AttachedPart& part : package_.parts()) {

@@ -116,7 +116,7 @@ class SourceCheck {
   }
 
   void degenerateFaces() {
-    // Import has named those that repeat a vertex.
+    // Import has named faces that repeat a vertex.
     std::vector<std::uint32_t> flat, collapsed;
     for (const std::uint32_t t : topology_.degenerate_triangles) {
       const Triangle& v = mesh_.triangles[t];

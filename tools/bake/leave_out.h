@@ -13,7 +13,7 @@
 
 namespace sinew::tools {
 
-/// Takes out of a package whatever serves none of the needs (Need::exact apart: that is writePackage()'s). What stays
+/// Takes out of a package whatever serves none of the needs (Need::exact apart: that is writePackage()'s). The rest
 /// moves and looks as before, but that a body without `contact` passes through everything, and so on; normals that are
 /// made at run time are those of the surface. Idempotent.
 void leaveOut(formats::PackageContent& content, Needs needs);

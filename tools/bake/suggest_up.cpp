@@ -13,13 +13,13 @@ namespace {
 
 using Eigen::Vector2d, Eigen::Vector3d;
 
-// What it stands on is what lies this near to the lowest point, of the height.
+// The foot: vertices this near to the lowest point, as a part of the height.
 constexpr double kFoot = 0.01;
-// Radians: it stands on no more than one could balance it on; it stands as a thing does that is made to.
+// Tilt before a fall, radians: a mere balance bears at most the first, a real stand at least the second.
 constexpr double kBalances = 0.01, kStands = 0.14;
-// Of that: what stands so well on the other end too is a pipe or a box, which may well lie.
+// Of that, on the other end: a pipe or a box bears more, and may well lie.
 constexpr double kOtherEnd = 1.0 / 3;
-// Of its height in y: what is thinner in z may hang on a wall.
+// Of its height in y: a model thinner in z may hang on a wall.
 constexpr double kThin = 0.5;
 
 double cross(const Vector2d& a, const Vector2d& b, const Vector2d& c) {

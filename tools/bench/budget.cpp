@@ -67,8 +67,8 @@ class Costs {
     }
   }
 
-  /// \param most microseconds: what takes longer is measured twice more, since other programs only slow it. What the
-  /// file has stays.
+  /// \param most microseconds: what takes longer is measured twice more, since other programs only slow it. Times of
+  /// the file stay.
   FrameCost of(const std::shared_ptr<const Asset>& asset, FrameScene scene, double most) {
     char key[20];
     std::snprintf(key, sizeof key, "%016" PRIx64, asset->checksum());

@@ -51,7 +51,7 @@ struct BudgetResult {
 
 /// Chooses field.functions, and tetrahedra.vertices where fewer than the recipe's are nearer within the budget. Throws
 /// ToolError(bad_input) with what was reached where nothing fits, or as bake() does. \param costs a file of times by
-/// package, read where it is there: then the choice is the same on every machine. What it lacks is measured and added.
+/// package, read where it is there: then the choice is the same on every machine. Missing ones are measured and added.
 /// Empty: everything is measured.
 BudgetResult bakeWithin(const Recipe& recipe, const Budget& budget, const std::filesystem::path& costs,
                         Progress& progress, StageCache* cache);

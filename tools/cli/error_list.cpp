@@ -98,7 +98,7 @@ class Reader {
     });
   }
 
-  // What complains without a place gets one.
+  // Complaints without a place get one.
   template <class Set>
   void checked(const std::string& pointer, Set set) const {
     try {

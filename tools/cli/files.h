@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the verbs read and write: under which names, and over which files.
+// The verbs' inputs and outputs: under which names, and over which files.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What the windows of `view` and `studio` open.
+// Files for the windows of `view` and `studio`.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What several verbs share.
+// Shared parts of verbs.
 #pragma once
 
 #include <tbb/global_control.h>
@@ -69,7 +69,7 @@ inline void addSolverOption(CLI::App& verb, std::string& name) {
       ->capture_default_str();
 }
 
-/// One JSON document, as every verb prints it. What is not UTF-8 (a file's name, a text of a damaged package) gets
+/// One JSON document, as every verb prints it. Text not in UTF-8 (a file's name, a text of a damaged package) gets
 /// replacement characters.
 inline std::string jsonText(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";

@@ -50,7 +50,7 @@ Needs needsOf(const std::vector<std::string>& texts) {
   return needs;
 }
 
-// What is asked for by --budget, --budget-bytes and --max-error; nothing without them. Throws ToolError.
+// The budget of --budget, --budget-bytes and --max-error; nothing without them. Throws ToolError.
 std::optional<Budget> budgetOf(const BakeCommand& command) {
   Budget budget;
   const auto refuse = [](const char* option, const std::string& text, const char* cure) {

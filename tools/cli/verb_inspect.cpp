@@ -28,7 +28,7 @@ std::string shortened(const nlohmann::ordered_json& value) {
   return text;
 }
 
-// What --cost says, as a table.
+// The table of --cost.
 void printCost(const nlohmann::ordered_json& cost) {
   std::printf("%llu bytes; with nothing that can be left out %llu\n\n",
               static_cast<unsigned long long>(cost["bytes"].get<std::uint64_t>()),

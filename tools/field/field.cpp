@@ -583,8 +583,8 @@ FieldElement elementOf(const FieldInput& input, const FieldOptions& options) {
   return edges ? FieldElement::edges : FieldElement::tetrahedra;
 }
 
-// The samples, tethers and what follows from them, of new materials. What is known of all elements changes in the ratio
-// in which the samples' changes. \param loads 3n x c
+// The samples, tethers and what follows from them, of new materials. Values of all elements change in the ratio of the
+// samples'. \param loads 3n x c
 void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& loads, FieldSpace& space) {
   space.residual_modes.resize(0, 0);
   space.residual_locals.resize(0);

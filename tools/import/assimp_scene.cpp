@@ -39,7 +39,7 @@ Eigen::Matrix4d matrixOf(const aiMatrix4x4& m) {
   return out;
 }
 
-/// What exporters and assimp put on every node, and no artist wrote.
+/// A key that exporters or assimp put on every node, no artist's.
 bool isBuiltIn(const std::string& key) {
   static const std::set<std::string, std::less<>> kKeys = {"IsNull",
                                                            "DefaultAttributeIndex",
@@ -155,7 +155,7 @@ void checkColladaArrays(const std::string& text) {
   }
 }
 
-/// What assimp reads as nothing at all, without a reason.
+/// Refuses Collada that assimp reads as empty, silently.
 void checkColladaFrame(const std::string& text) {
   if (text.find("<COLLADA") == text.npos)
     throw ReadError(text.find(":COLLADA") == text.npos ? "is no Collada: it has no element COLLADA"

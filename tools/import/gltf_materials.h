@@ -21,7 +21,7 @@ struct GltfTextureUse {
   double rotation = 0;
 };
 
-/// Materials and their textures: those that are asked for, in the order of the first asking.
+/// Materials asked for, and their textures, in the order of the first asking.
 class GltfMaterials {
  public:
   /// \param scene receives them. All that is given stays.

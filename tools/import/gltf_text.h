@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What a glTF's text is read by: its JSON with the place of every complaint, its URIs.
+// Readers of a glTF's text: its JSON with the place of every complaint, its URIs.
 #pragma once
 
 #include <array>

@@ -8,7 +8,7 @@
 
 namespace sinew::tools {
 
-/// What orientFaces turned: a flag per triangle.
+/// Triangles that orientFaces turned, as flags.
 struct Turned {
   std::vector<std::uint8_t> triangle;
   bool any = false;

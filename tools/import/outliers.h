@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 //
-// What lies so far from all else in a file that it was left there by mistake.
+// Faces and vertices so far from all else in a file that they are mistakes.
 #pragma once
 
 #include <Eigen/Core>

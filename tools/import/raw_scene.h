@@ -13,7 +13,7 @@
 
 namespace sinew::tools {
 
-/// What stops a reader in the child; crosses to the parent as text and becomes a ToolError(bad_input) there.
+/// A reader's failure in the child; crosses to the parent as text and becomes a ToolError(bad_input) there.
 class ReadError : public std::runtime_error {
  public:
   /// \param what no final full stop; the place in brackets.

@@ -120,7 +120,7 @@ class GltfReader {
     }
   }
 
-  /// What the readers below would only meet by chance: every accessor, view and buffer is checked, used or not.
+  /// Checks every accessor, view and buffer, used or not: the readers below would meet faults only by chance.
   void checkReferences() {
     const GltfValue views = top_.get("bufferViews");
     for (std::size_t i = 0; i < views.size(); ++i) {

@@ -24,7 +24,7 @@ std::optional<Scalar> scalarByName(std::string_view name) {
   return at == kNames.end() ? std::nullopt : std::optional(at->second);
 }
 
-/// What a stored integer counts as 1 in a colour; 1 for real numbers.
+/// The stored integer that is 1 in a colour; 1 for real numbers.
 double colorScale(Scalar type) {
   switch (type) {
     case Scalar::u8:

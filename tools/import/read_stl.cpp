@@ -103,7 +103,7 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
   const bool says_text = text && start.find("facet") != start.npos && start.find("vertex") != start.npos;
   const std::size_t body = bytes.size() - std::min(bytes.size(), kHeaderBytes);
   if (count == 0 && !says_text && body > 0 && body % kTriangleBytes == 0) {
-    // What writes a stream may never come back to the header.
+    // A writer of streams may never come back to the header.
     count = std::uint32_t(body / kTriangleBytes);
     scene.findings.push_back({"uncounted-triangles",
                               Severity::warning,

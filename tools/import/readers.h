@@ -22,7 +22,7 @@ namespace sinew::tools {
 /// \param place where it stands, in brackets, with a blank before it; may be empty.
 ReadError noNumber(const std::string& of, std::string_view word, const std::string& place);
 
-/// What the text of a mesh file looks like: "PLY", "OFF", "OBJ", "STL"; empty where it cannot be told.
+/// Likely format of a mesh file's text: "PLY", "OFF", "OBJ", "STL"; empty where it cannot be told.
 std::string formatOfText(std::string_view text);
 /// A complaint about a file that is named as `named` and looks like `other`.
 ReadError looksLike(const std::string& other, const std::string& named);

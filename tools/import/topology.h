@@ -20,7 +20,7 @@ struct SurfacePart {
   double signed_volume = 0;  ///< m^3, divergence theorem about the part's centre; a volume only where closed
 };
 
-/// Facts about the welded triangles. What takes part in edges, parts, fans and loops:
+/// Facts about the welded triangles. Triangles in edges, parts, fans and loops:
 /// - not a triangle with a repeated welded point;
 /// - not a triangle of zero area, unless leaving it out would open a hole (the cap of a T-junction);
 /// - not a later copy of a face, unless leaving it out would open a hole (the surface runs out and back there).

@@ -159,7 +159,7 @@ bool receive(int fd, void* data, std::size_t size) {
   return true;
 }
 
-// What kPicturesFormat says.
+// Serves kPicturesFormat.
 void answerPictures(int socket, std::uint64_t megabytes, double seconds) {
   limitSelf();
   limit(RLIMIT_FSIZE, kMaxTextureBytes);  // OpenCV reads HDR and EXR from files, which it makes for a moment

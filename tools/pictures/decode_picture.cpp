@@ -160,7 +160,7 @@ class SilentStderr {
   int before_ = -1;
 };
 
-// What decoders get of a picture; empty where it is cut off as far as its structure tells, or too large. A small file
+// A picture's bytes for decoders; empty where it is cut off as far as its structure tells, or too large. A small file
 // can declare more texels than there is memory.
 std::string worthDecoding(std::span<const std::byte> bytes) {
   if (bytes.empty() || bytes.size() > std::size_t(std::numeric_limits<int>::max())) return {};

@@ -20,7 +20,7 @@ class BakeJob {
   enum class State : std::uint8_t { idle, running, done, failed };
 
   /// Bakes a recipe as it is on the disk: `sinew bake --draft`, with the user's stage cache, then the whole where that
-  /// was one. What runs is stopped.
+  /// was one. Stops a running bake.
   void start(const std::filesystem::path& recipe);
   void cancel();
   /// Looks how far it is. To be called once a frame; costs a system call or two.

@@ -27,7 +27,7 @@ class Document {
   /// Opens a recipe. Throws ToolError.
   explicit Document(const std::filesystem::path& recipe);
 
-  /// Runs commands as one edit and saves. What they throw becomes message(), and nothing is changed; so does a
+  /// Runs commands as one edit and saves. Their error becomes message(), and nothing is changed; so does a
   /// selection that selects nothing. \return whether it was done
   bool edit(const std::function<void(RecipeEditor&)>& commands);
   bool undo();

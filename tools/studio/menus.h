@@ -11,7 +11,7 @@ namespace sinew::tools {
 
 class Menus {
  public:
-  /// In a window that has a menu bar. What is chosen is added to `commands`.
+  /// In a window that has a menu bar. Choices are added to `commands`.
   void draw(bool has_document, bool is_source, Widgets& widgets, Navigation& navigation, Commands& commands);
   /// The page of help, where it is open.
   void drawHelpPage(Navigation navigation, Widgets& widgets);

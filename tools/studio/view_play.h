@@ -64,7 +64,7 @@ class Play {
   void applySettings();
   /// Steps once in the next advance, and plays no longer.
   void stepPaused();
-  /// Goes back, or forward again, to a moment that was; plays no longer. What the hand held then is let go.
+  /// Goes back, or forward again, to a moment that was; plays no longer. A grip of that moment is let go.
   void goTo(std::size_t moment);
   void stepBack();
   const Timeline& timeline() const { return timeline_; }

@@ -56,7 +56,7 @@ struct Element {
   }
 };
 
-// Sixteen tetrahedra. Those that fill up the last block have no volume.
+// Sixteen tetrahedra. Padding of the last block has no volume.
 template <std::size_t kNodes>
 struct alignas(64) Block {
   Lanes inverse[9];                         // of the edges at rest, rows by edge

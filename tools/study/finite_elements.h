@@ -77,7 +77,7 @@ struct ElasticTarget {
 /// iteration with the whole derivative, that of the rotations too (its eigenvalues: Smith, de Goes, Kim 2019, "Analytic
 /// eigensystems for isotropic distortion energies"); where that is not positive, with the negative eigenvalues of each
 /// point at 0. A line search makes every step go down, so that it converges for large deflections. \param start
-/// positions to begin with; empty: at rest. Of several rests the one downhill of it is found. What is prescribed moves
+/// positions to begin with; empty: at rest. Of several rests the one downhill of it is found. Prescribed nodes move
 /// in one go: large motions want steps, each started from the one before. \param tolerance of the residual. Some nodes
 /// must be prescribed such that nothing can move without strain. \param target forces become as strong as move the
 /// solid so far: by Equilibrium::strength. May be null.

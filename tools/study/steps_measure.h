@@ -160,7 +160,7 @@ StepsFinding shapeOf(const formats::PackageView& package, std::span<const Vec3> 
 /// Where the visual vertices hang on the physical ones, whatever is drawn of it; empty where they hang on clusters.
 std::vector<Vec3> hungPlaces(const formats::PackageView& package, std::span<const Vec3> positions);
 
-/// How far the lowest point is below the plane; limit 0.01 diagonals + √3 ε. What meets the ground is what is drawn: a
+/// How far the lowest point is below the plane; limit 0.01 diagonals + √3 ε. The drawn surface meets the ground: a
 /// cage or the under side of a shell may reach below. \param drawn where visual vertices hang; empty: positions count.
 StepsFinding groundOf(const formats::PackageView& package, std::span<const Vec3> positions, std::span<const Vec3> drawn,
                       const GroundPlane& ground);

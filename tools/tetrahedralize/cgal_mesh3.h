@@ -9,7 +9,7 @@
 namespace sinew::tools {
 
 /// Whether the triangles are one or several closed manifold surfaces: each edge has two faces that run along it in
-/// opposite directions, each point one fan. What delaunayTetrahedra needs (together with no self-intersection).
+/// opposite directions, each point one fan. delaunayTetrahedra needs it (and no self-intersection).
 bool isClosedManifold(const PlainSurface& surface);
 
 /// Delaunay refinement of the solid within closed surfaces (an inner surface bounds a cavity), then perturbation and

@@ -19,8 +19,7 @@ struct LayerNormal {
 /// smallest cap, by at most 200 small steps towards the worst one. No normals: folds.
 LayerNormal layerNormal(std::span<const Eigen::Vector3d> normals);
 
-/// Whether no unit vector has this cosine, > 0, with all of some unit normals. What 20 such steps leave in doubt has
-/// none.
+/// Whether no unit vector has this cosine, > 0, with all of some unit normals. Doubt after 20 such steps means none.
 bool leansOver(std::span<const Eigen::Vector3d> normals, double cosine);
 
 }  // namespace sinew::tools

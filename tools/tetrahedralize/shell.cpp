@@ -509,7 +509,7 @@ FilledPiece fillOnce(const SolidPiece& piece, const Prepared& prepared, std::uin
     return {};
   }
 
-  // 6. What the report and the attachment need.
+  // 6. Data for the report and the attachment.
   for (std::uint32_t v = 0; v < count; ++v) {
     outcome.thickness += 2 * part[v] * half[v] / count;
     if (part[v] < 1) ++outcome.thinned;

@@ -10,12 +10,12 @@
  * call that fails has done nothing.
  *   - Structs begin with struct_size. Fill one with its _init function (which sets all defaults), then change what is
  * to differ: a program built against an older header keeps working with a newer library.
- *   - A call that changes a world must not overlap another on it. Those that take a const sinew_world may run side by
- *     side, but for sinew_body_energy, and but that what shows bodies as they are drawn (sinew_body_visual_vertices,
- *     _sub_mesh and _bounds, nearest points, casts, overlaps) must not overlap what tells of them after the last step
- *     (positions, velocities, motion, places, saved states, snapshots, all else about where they are). Of calls that
- *     overlap so, the later one fails: SINEW_ERROR_ARGUMENT, or SINEW_ERROR_STATE where it restores; what returns no
- *     status returns 0. What a pointer that a call has given leads to holds until the next call that changes the world.
+ *   - A call that changes a world, or sinew_body_energy, must not overlap another on it. Other calls that take a const
+ *     sinew_world may run side by side, but drawing calls must not overlap state calls. Drawing calls show bodies as
+ *     drawn: sinew_body_visual_vertices, _sub_mesh and _bounds, nearest points, casts, overlaps. State calls tell of
+ *     them after the last step: positions, velocities, motion, places, saved states, snapshots, all else about where
+ *     they are. Of two calls that break this, the later fails: SINEW_ERROR_ARGUMENT, SINEW_ERROR_STATE where it
+ *     restores; 0 where it returns no status. Pointers to world data are valid until the next call that changes it.
  *     Different worlds are independent. An asset may be used by many threads.
  *   - Nothing throws. Callbacks must not throw either, nor call their world.
  */
@@ -82,7 +82,7 @@ typedef struct sinew_asset_info {
   float bounds_max[3];
   float total_mass; /* kg */
   double origin[3]; /* m, world position of the source that positions are relative to */
-  uint32_t levels;  /* of detail that bodies can have: 1, the whole, and those that the bake has added */
+  uint32_t levels;  /* of detail that bodies can have: 1, the whole, and any that the bake has added */
 } sinew_asset_info;
 
 /* Fills as much of info as info->struct_size (set by the caller) has room for. */
@@ -116,7 +116,7 @@ typedef void (*sinew_range_function)(void* context, uint32_t begin, uint32_t end
 #define SINEW_LOG_WARNING 1u /* something was put right: a lost vertex, a setting out of range */
 #define SINEW_LOG_ERROR 2u   /* a call was refused, or memory ran out */
 
-/* What a world is given at its creation and uses to its end. Each callback gets its user pointer first. */
+/* Resources of a world from its creation to its end. Each callback gets its user pointer first. */
 typedef struct sinew_world_options {
   uint32_t struct_size;
   uint32_t reserved; /* 0 */
@@ -177,7 +177,7 @@ SINEW_API sinew_status sinew_world_advance(sinew_world* world, float seconds, ui
 
 /* ---- Bodies ---- */
 
-/* What moves a body. */
+/* A body's solver. */
 typedef struct sinew_solver sinew_solver;
 /* Henriques' scheme: clusters matched one by one and averaged. Of the library sinew_report, which a program links only
    where it wants this. See sinew/runtime/report.h. */
@@ -398,7 +398,7 @@ SINEW_API sinew_status sinew_collider_move(sinew_world* world, uint32_t collider
 SINEW_API sinew_status sinew_collider_pose(const sinew_world* world, uint32_t collider, float position[3],
                                            float rotation[9]);
 SINEW_API sinew_status sinew_collider_remove(sinew_world* world, uint32_t collider);
-/* What bodies did to it in the last step: impulse, N s, and its moment about the collider's position, N m s. */
+/* Bodies' impulse on it in the last step, N s, and its moment about the collider's position, N m s. */
 SINEW_API sinew_status sinew_collider_reaction(const sinew_world* world, uint32_t collider, float impulse[3],
                                                float torque_impulse[3]);
 
@@ -434,12 +434,12 @@ typedef struct sinew_cast_hit {
   uint32_t triangle; /* visual triangle of a body, or SINEW_NONE */
 } sinew_cast_hit;
 
-/* What a ball of this radius (m; 0: a ray) meets first along a direction (unit) within a distance (m). filter may be
+/* First hit of a ball of this radius (m; 0: a ray) along a direction (unit) within a distance (m). filter may be
    null. found: 1, and hit is filled; or 0. */
 SINEW_API sinew_status sinew_world_cast(const sinew_world* world, const float origin[3], float radius,
                                         const float direction[3], float distance, const sinew_query_filter* filter,
                                         sinew_cast_hit* hit, uint32_t* found);
-/* What touches a ball, or a box, or has it inside: bodies by their ids, then colliders, as many as fit into
+/* Objects that touch or contain a ball, or a box: bodies by their ids, then colliders, as many as fit into
    `capacity`. count: how many there are. */
 SINEW_API sinew_status sinew_world_overlaps_sphere(const sinew_world* world, const float center[3], float radius,
                                                    const sinew_query_filter* filter, sinew_query_object* objects,
@@ -506,7 +506,7 @@ SINEW_API sinew_status sinew_world_shift_origin(sinew_world* world, const float 
 /* The transform that best fits a cluster: its centre (m, world) and linear part. */
 SINEW_API sinew_status sinew_body_cluster_frame(const sinew_world* world, uint32_t body, uint32_t cluster,
                                                 float center[3], float linear[9]);
-/* What plasticity and activation have made of a cluster's rest shape: the identity where it has neither. */
+/* Change of a cluster's rest shape by plasticity and activation: the identity where it has neither. */
 SINEW_API sinew_status sinew_body_cluster_rest_shape(const sinew_world* world, uint32_t body, uint32_t cluster,
                                                      float shape[9]);
 
@@ -564,7 +564,7 @@ SINEW_API sinew_status sinew_cut_get_part(const sinew_cut* cut, uint32_t number,
 /* The package of a part, with its triangles; the caller releases it. */
 SINEW_API sinew_status sinew_cut_part_asset(const sinew_cut* cut, uint32_t number, sinew_asset** asset);
 
-/* What has taken the place of a pin set or a pick. */
+/* Successor of a pin set or a pick. */
 typedef struct sinew_cut_heir {
   uint32_t before, now;
   uint32_t body;

@@ -110,7 +110,7 @@ class PackageView {
   std::span<const std::uint32_t> groupVertices() const { return list<std::uint32_t, section::group_vertices>(); }
   std::span<const Mask> masks() const { return list<Mask, section::masks>(); }
   std::span<const MaskWeight> maskWeights() const { return list<MaskWeight, section::mask_weights>(); }
-  /// Of all levels of detail, those of level 0 first. What names a field counts among these.
+  /// Of all levels of detail, those of level 0 first. Indices of fields count among these.
   std::span<const Field> allFields() const { return list<Field, section::fields>(); }
   /// Those of level 0.
   std::span<const Field> fields() const {

@@ -41,7 +41,7 @@ class SINEW_API Asset {
   /// The checksum in the file's header, which covers all of its bytes: it tells packages apart.
   std::uint64_t checksum() const { return checksum_; }
 
-  /// Levels of detail that bodies can have (BodySettings::level): 1, the whole, and those that the bake has added.
+  /// Levels of detail that bodies can have (BodySettings::level): 1, the whole, and any that the bake has added.
   std::uint32_t levels() const;
 
   /// The visual vertices that a sub-mesh's triangles use: runs, ascending. Empty for an unknown sub-mesh.

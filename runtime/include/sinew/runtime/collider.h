@@ -48,7 +48,7 @@ struct HullShape {
 };
 
 /// Triangles, counter-clockwise from outside. A closed mesh is solid. A mesh with a border is a sheet: it stops bodies
-/// that come from the front and lets through those that come from behind.
+/// that come from the front and lets through bodies from behind.
 struct MeshShape {
   std::span<const Vec3> positions;
   std::span<const formats::Triangle> triangles;  ///< 1 .. 2^24

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
 // Cuts a body along a plane (library sinew::cut): its parts are packages made in memory, and bodies of them that go on
-// as it moved. What never cuts does not link it. docs/runtime.md shows its use, docs/method.md §6 how it works.
+// as it moved. Only programs that cut link it. docs/runtime.md shows its use, docs/method.md §6 how it works.
 #pragma once
 
 #include <array>
@@ -98,7 +98,7 @@ struct CutResult {
 /// Cuts an asset as a body of it lies.
 ///
 /// A bounded plane leaves a slit: its faces are sections that meet where the plane ends within the body, and may open
-/// from there on. What it severs is a part of its own.
+/// from there on. Severed matter is a part of its own.
 /// An edge is cut where it crosses the plane now. Closed surfaces stay closed, and manifold where they were; volumes at
 /// rest of the parts sum to that of the whole. Deterministic; allocates by operator new.
 /// Reasons for refusal: the plane meets nothing, or only grazes it (CutSettings::least_part); a bounded one passes
@@ -107,7 +107,7 @@ struct CutResult {
 SINEW_API Result<CutResult> cutAsset(const Asset& asset, std::span<const Vec3> positions, const CutPlane& plane,
                                      const CutSettings& settings = {});
 
-/// What has taken the place of a pin set or pick of a body that was cut.
+/// Successor of a pin set or pick of a body that was cut.
 template <class Id>
 struct CutHeir {
   Id before, now;

@@ -65,7 +65,7 @@ struct BodyMotion {
   float mass = 0;                     ///< kg
 };
 
-/// What a world does with a body.
+/// A body's role in its world.
 enum class Activity : std::uint32_t {
   active = 0,
   paused = 1,    ///< it stands where it is as if it were rock: others touch it, queries find it
@@ -84,7 +84,7 @@ struct PinSetId {
   bool operator==(const PinSetId&) const = default;
 };
 
-/// What a world is given at its creation and uses to its end. All outlive the world.
+/// Resources of a world from its creation to its end. All outlive the world.
 struct WorldResources {
   /// Where all state of the world and its bodies lives; null: std::pmr::get_default_resource(). Must be safe to call
   /// from several threads if worlds that share it are, or calls on one world. Assets have their own.
@@ -93,7 +93,7 @@ struct WorldResources {
   LogSink* log = nullptr;     ///< null: silent
 };
 
-/// What to write of a body's visual mesh, for World::visualVertices() of several.
+/// Outputs of a body's visual mesh, for World::visualVertices() of several.
 struct BodyOutput {
   BodyId body;
   VisualOutput output;
@@ -101,15 +101,15 @@ struct BodyOutput {
 
 /// Bodies that step together.
 ///
-/// Threads: a call that changes a world must not overlap any other on it, from whatever thread; energy() counts as one.
-/// Const calls may run side by side in several threads (WorldResources::memory and LogSink must then be safe to call
-/// from these), but for one pair: what shows bodies as they are drawn (visualVertices(), visualSubMesh(),
-/// visualBounds(), nearestPoint(), casts, overlaps()) must not overlap what tells of them after the last step
-/// (positions(), velocities(), motion(), placeOf(), pickAlong(), pickState(), physicalBounds(), rigidMotion(),
-/// clusterFrame(), saved states and snapshots). Of calls that overlap so, the later one is refused: it tells the log,
-/// does nothing and returns what it returns for an unknown body. None waits for another but for one that shows the same
-/// body. Unguarded are settings() and asset(), and what is read through a reference or span that a call has returned:
-/// these hold until the next call that changes the world. Callbacks (memory, jobs, log) must not call the world.
+/// Threads: a call that changes a world, or energy(), must not overlap any other on it, from whatever thread. Other
+/// const calls may run side by side in several threads (WorldResources::memory and LogSink must then be safe to call
+/// from these), but drawing calls must not overlap state calls. Drawing calls show bodies as they are drawn:
+/// visualVertices(), visualSubMesh(), visualBounds(), nearestPoint(), casts, overlaps(). State calls tell of them after
+/// the last step: positions(), velocities(), motion(), placeOf(), pickAlong(), pickState(), physicalBounds(),
+/// rigidMotion(), clusterFrame(), saved states and snapshots. Of two calls that break this, the later one is refused:
+/// it tells the log, does nothing and returns what it returns for an unknown body. A call waits only for one that shows
+/// the same body. Not guarded are settings(), asset() and reading through a returned reference or span, which is valid
+/// until the next call that changes the world. Callbacks (memory, jobs, log) must not call the world.
 /// Different worlds are independent, and may share assets. Same input, same state, bit for bit, for any job system.
 /// Failures: no call throws, once there is a world. A call with an unknown body (or vertex, pick, sub-mesh) does
 /// nothing and tells the log sink; a call that runs out of memory as well, and leaves the world as it was (step: in a
@@ -171,11 +171,11 @@ class SINEW_API World {
   std::size_t pinSets(BodyId body, std::span<PinSetId> ids) const;
 
   /// The state of all of it as bytes: settings, bodies, colliders with their shapes, touches, what frames have left
-  /// over, ids. What follows is the same bit for bit where it is restored. For one version of the library.
+  /// over, ids. Later steps are the same bit for bit where it is restored. For one version of the library.
   std::size_t snapshotBytes() const;
   /// \param bytes at least snapshotBytes(). \return bytes written, 0 where `bytes` is too small.
   std::size_t saveSnapshot(std::span<std::byte> bytes) const;
-  /// Makes this world, or a new one, the one that was saved: bodies and colliders that came since go, those that went
+  /// Makes this world, or a new one, the one that was saved: bodies and colliders that came since go, removed ones
   /// come back with their ids, and ids given since are given again. \param assets of bodies that this world has not,
   /// in any order; such bodies move in fields. \return bytes used, or why the world was left as it was.
   Result<std::size_t> restoreSnapshot(std::span<const std::byte> bytes,
@@ -207,12 +207,12 @@ class SINEW_API World {
   /// hours without a ground). These pieces came back at rest to where the body was added.
   std::uint32_t repairedVertices(BodyId body) const;
   /// Sets the whole state; sizes must equal the vertex count. Velocities may be empty (zero). The body takes the
-  /// nearest shape and motion that its fields can have (docs/method.md): positions() tell which. What is not finite, or
-  /// beyond 1e15 m, is put where the others of its piece have it.
+  /// nearest shape and motion that its fields can have (docs/method.md): positions() tell which. A vertex not finite or
+  /// beyond 1e15 m is put where the others of its piece have it.
   void setState(BodyId body, std::span<const Vec3> positions, std::span<const Vec3> velocities);
 
   /// Gives a body momentum at a point, or all of its mass alike: its momentum changes by the impulse to rounding, and
-  /// its angular momentum by that about the point. What pin sets of the package hold takes none. \param impulse N s.
+  /// its angular momentum by that about the point. Vertices held by package pin sets take none. \param impulse N s.
   void addImpulse(BodyId body, const BodyPoint& at, Vec3 impulse);
   void addImpulse(BodyId body, Vec3 impulse);
   /// A force in the next step, or call of advance() that takes one, at a point that it follows, or on all of the mass
@@ -264,25 +264,25 @@ class SINEW_API World {
   /// Adds what bodies collide with (docs/runtime.md). \return an error that says which argument is wrong.
   Result<ColliderId> addCollider(const ColliderShape& shape, const ColliderSettings& settings = {});
   /// Moves it: reached at the end of the next step, or call of advance() that takes one, so that its speed is known and
-  /// takes bodies along. What jumps is removed and added. Ignored where `to` is not finite or not a proper rotation.
+  /// takes bodies along. For a jump, remove and add it. Ignored where `to` is not finite or not a proper rotation.
   void moveCollider(ColliderId collider, const RigidTransform& to);
   /// Where it is after the last step: not where it was told to go where it follows slowly or gives way.
   RigidTransform colliderPose(ColliderId collider) const;
   /// Bodies that touched it have an event of the end in the next step.
   void removeCollider(ColliderId collider);
-  /// What bodies did to it in the last step, or call of advance(). \param collider kGroundCollider too.
+  /// Bodies' impulse on it in the last step, or call of advance(). \param collider kGroundCollider too.
   ColliderReaction colliderReaction(ColliderId collider) const;
   /// Which pairs of a body and a collider, or of bodies, began or ceased to touch in the last step, or call of
   /// advance(), in order; those of bodies that were removed are left out. Valid until the next call that is not const.
   std::span<const ContactEvent> contactEvents() const;
 
-  /// What a ray meets first, from outside: what it begins in is passed over. Costs a body what drawing it does, so ask
+  /// A ray's first hit from outside: objects it begins in are passed over. Costs a body what drawing it does, so ask
   /// for bodies where they are near. \param direction unit. \param distance m, how far the ray goes.
   std::optional<CastHit> rayCast(Vec3 origin, Vec3 direction, float distance, const QueryFilter& filter = {}) const;
-  /// The same of a ball, within 1e-4 of its radius. What it touches at the start is met at once. \param radius m, > 0.
+  /// The same of a ball, within 1e-4 of its radius. A touch at the start is a hit at once. \param radius m, > 0.
   std::optional<CastHit> sphereCast(Vec3 origin, float radius, Vec3 direction, float distance,
                                     const QueryFilter& filter = {}) const;
-  /// What touches a ball or a box, or has it inside, into `found`, as many as fit: bodies by their ids, then colliders.
+  /// Objects that touch or contain a ball or a box, into `found`, as many as fit: bodies by their ids, then colliders.
   /// \param at of the box. \return how many there are.
   std::size_t overlaps(Vec3 center, float radius, std::span<QueryObject> found, const QueryFilter& filter = {}) const;
   std::size_t overlaps(const BoxShape& box, const RigidTransform& at, std::span<QueryObject> found,
@@ -301,7 +301,7 @@ class SINEW_API World {
   void movePick(PickId pick, Vec3 target);
   /// A locked pick stays where letGoPick() leaves it.
   void lockPick(PickId pick, bool locked = true);
-  /// What a cursor does that lets go: releases the pick unless it is locked.
+  /// A cursor lets go: releases the pick unless it is locked.
   void letGoPick(PickId pick);
   void releasePick(PickId pick);
   /// All picks of a body, or of the world.
@@ -328,7 +328,7 @@ class SINEW_API World {
   Bounds physicalBounds(BodyId body) const;
   Bounds visualBounds(BodyId body) const;
 
-  /// What a body has of kinetic energy, and what its shape stores: the energy that its steps minimize.
+  /// Kinetic energy of a body, and that stored in its shape: the energy that its steps minimize.
   BodyEnergy energy(BodyId body) const;
 
   /// Moves the origin: all bodies, targets and the ground are `by` nearer to it. Fields keep every digit.
@@ -341,7 +341,7 @@ class SINEW_API World {
   /// The transform of a cluster that best fits the current positions, for overlays: its centre (metres, world) and
   /// linear part.
   void clusterFrame(BodyId body, std::uint32_t cluster, Vec3& center, Mat3& linear) const;
-  /// What plasticity and activation have made of a cluster's rest shape (docs/method.md): S, of X relative to the
+  /// Change of a cluster's rest shape by plasticity and activation (docs/method.md): S, of X relative to the
   /// cluster's rest centre. The identity where it has neither, and for an unknown cluster.
   Mat3 clusterRestShape(BodyId body, std::uint32_t cluster) const;
 
