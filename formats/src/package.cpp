@@ -282,7 +282,7 @@ class PackageReader {
     if (negativeOrBeyond(info.density, kMostNumber) != 0) return bad("density is outside 0 to 1e18");
     if (negativeOrBeyond(info.physical_volume, kMostNumber) != 0) return bad("physical_volume is outside 0 to 1e18");
     if (!(std::fabs(info.source_volume) <= kMostNumber)) return bad("source_volume is not finite or beyond 1e18");
-    if (outsideUnit(info.max_rest_error) != 0) return bad("max_rest_error is outside 0 to 1");
+    if (negativeOrBeyond(info.max_rest_error, kMostNumber) != 0) return bad("max_rest_error is outside 0 to 1e18");
     if (!(info.min_dihedral_deg >= 0.0F && info.min_dihedral_deg <= info.max_dihedral_deg &&
           info.max_dihedral_deg <= 180.0F)) {
       return bad("dihedral angles are not in order within 0 to 180");

@@ -111,38 +111,6 @@ class VisualRules {
     return end == view_.textureBytes().size() || refuse_(section::texture_bytes, "has bytes of no texture");
   }
 
-  /// A vertex hangs at rest where the mesh has it, but for the error that INFO states and what floats round: 2^-24 each
-  /// of a weight, a difference, a product and a sum, and of both places.
-  bool checkRestPlaces() {
-    constexpr double kRounding = 0x1p-24;
-    const double allowed = double(view_.info().max_rest_error) * double(view_.info().diagonal);
-    for (std::size_t v = 0; v < view_.barycentric().size(); ++v) {
-      const BarycentricAttachment& a = view_.barycentric()[v];
-      const auto& corners = view_.tetrahedra()[a.tetrahedron].vertex;
-      const auto at = [&](std::size_t k) -> const Float3& {
-        return view_.physicalVertices()[corners[k]].rest_position;
-      };
-      const Float3 &place = view_.visualPositions()[v], &last = at(3);
-      double squared = 0, rounded = 0;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double from = double(last[axis]), to = double(place[axis]);
-        double off = from - to;
-        rounded += kRounding * (std::abs(from) + std::abs(to));
-        for (std::size_t k = 0; k < 3; ++k) {
-          const double part = double(a.weight[k]) * (double(at(k)[axis]) - from);
-          off += part;
-          rounded += 4 * kRounding * std::abs(part);
-        }
-        squared += off * off;
-      }
-      if (!(std::sqrt(squared) <= allowed + rounded)) {
-        return refuse_(section::barycentric, v,
-                       "hangs farther from its place in VPOS than max_rest_error of INFO says");
-      }
-    }
-    return true;
-  }
-
   bool checkAttachments() {
     const std::size_t tetrahedra = view_.tetrahedra().size(), clusters = view_.clusters().size();
     if (!check(refuse_, section::barycentric, view_.barycentric(),
@@ -150,7 +118,6 @@ class VisualRules {
                [tetrahedra](const BarycentricAttachment& a) {
                  return unsigned(a.tetrahedron >= tetrahedra) | beyond(a.weight, kMostWeight);
                }) ||
-        !checkRestPlaces() ||
         !check(refuse_, section::cluster_attachments, view_.clusterAttachments(),
                "no such cluster, or weight outside 0 to 1", [clusters](const ClusterAttachment& a) {
                  return unsigned(a.cluster >= clusters) | outsideUnit(a.weight);

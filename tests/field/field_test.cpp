@@ -465,24 +465,6 @@ TEST(Field, TheFactorOfACrumpledSheetIsAboutThatOfAFlatOne) {
   EXPECT_LT(entries(true), 1.5 * entries(false));
 }
 
-// A thread is so soft that the shift which keeps its factor regular is not small against its lowest mode.
-TEST(Field, TheShiftOfTheFactorIsNotInTheAnswers) {
-  for (const int cells : {10, 100, 400}) {
-    Body body;
-    const PhysicalMesh mesh = latticeMesh({cells, 1, 1}, 0.01);
-    body.positions = mesh.positions;
-    body.tetrahedra = mesh.tetrahedra;
-    body.fill(1e6, 0.3);
-    const field::Elastic elastic = field::assemble(body.input(), FieldElement::edges);
-    const field::Answers answers(elastic, std::vector<bool>(std::size_t(elastic.nodes()), false), 8);
-    const auto& [modes, lambda] = answers.modes();
-    for (Index j = 0; j < 4; ++j) {
-      const VectorXd force = field::byAxis(elastic.node_mass).cwiseProduct(modes.col(j)) * lambda[j];
-      EXPECT_LT((answers.to(force) - modes.col(j)).norm(), 3e-4 * modes.col(j).norm()) << cells << " cells, mode " << j;
-    }
-  }
-}
-
 TEST(Field, APieceHeldAtOneVertexTurnsAboutIt) {
   Body body = beam(5);
   body.held = {{0}};

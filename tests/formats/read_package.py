@@ -384,7 +384,7 @@ class Package:
         need(all(abs(x) <= FAR for x in origin), "section INFO: origin")
         need(all(-FAR <= a <= b <= FAR for a, b in zip(low, high)), "section INFO: bounds")
         need(all(0 < x <= MOST for x in (unit, mass)), "section INFO: metres_per_unit or total_mass")
-        need(all(0 <= x <= MOST for x in (density, volume)) and 0 <= error <= 1, "section INFO: density, physical_volume or max_rest_error")
+        need(all(0 <= x <= MOST for x in (density, volume, error)), "section INFO: density, physical_volume or max_rest_error")
         need(abs(source_volume) <= MOST, "section INFO: source_volume")
         side = math.dist(low, high)
         need(diagonal > 0 and abs(diagonal - side) <= 1e-3 * side, "section INFO: diagonal")
@@ -532,14 +532,6 @@ class Package:
         r = self.records
         for i, a in enumerate(r["ATBC"]):
             need(a[0] < len(r["TETS"]) and all(abs(w) <= 1e6 for w in a[1:]), f"section ATBC, element {i}: tetrahedron or weight")
-            corners, place = [r["PVTX"][v] for v in r["TETS"][a[0]]], r["VPOS"][i]
-            off, rounded = [], 0
-            for axis in range(3):
-                last = corners[3][axis]
-                parts = [w * (corner[axis] - last) for w, corner in zip(a[1:], corners)]
-                off.append(last + sum(parts) - place[axis])
-                rounded += 2 ** -24 * (abs(last) + abs(place[axis]) + 4 * sum(map(abs, parts)))
-            need(math.hypot(*off) <= r["INFO"][0][15] * r["INFO"][0][10] + rounded, f"section ATBC, element {i}: not where VPOS has it")
         for i, a in enumerate(r["ATCW"]):
             need(a[0] < len(r["CLUS"]) and 0 <= a[1] <= 1, f"section ATCW, element {i}: cluster or weight")
         tile("ATCR", r["ATCR"], len(r["ATCW"]))

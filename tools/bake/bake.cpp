@@ -167,16 +167,11 @@ std::vector<std::byte> openingPackage(formats::PackageContent& content, const st
 // Bytes of 16-bit numbers instead of a package's, where a reader takes them. \return what the report says.
 ordered_json packNumbers(formats::PackageContent& content, std::vector<std::byte>& package,
                          std::vector<Finding>& findings) {
-  std::vector<std::byte> packed = formats::writePackage(content, true);
-  const Opened plain(package), opened(packed);
-  if (opened.refusal.empty()) {
-    content.info.max_rest_error = float(restErrorOf(formats::contentOf(opened.view)));
-    packed = formats::writePackage(content, true);
-  }
-  if (!opened.refusal.empty()) {
+  PackedPackage packed = packedPackage(content);
+  if (!packed.refusal.empty()) {
     findings.push_back({"not-packed",
                         Severity::warning,
-                        "numbers of 16 bits are too coarse for this body (" + opened.refusal + "): they have 32",
+                        "numbers of 16 bits are too coarse for this body (" + packed.refusal + "): they have 32",
                         1,
                         "",
                         {},
@@ -186,8 +181,8 @@ ordered_json packNumbers(formats::PackageContent& content, std::vector<std::byte
   }
   ordered_json said = {{"packed", true},
                        {"bytes_exact", package.size()},
-                       {"drawn_difference", drawnDifference(plain.view, opened.view)}};
-  package = std::move(packed);
+                       {"drawn_difference", drawnDifference(Opened(package).view, Opened(packed.bytes).view)}};
+  package = std::move(packed.bytes);
   return said;
 }
 

@@ -291,7 +291,8 @@ double normalsDifference(const formats::PackageView& package) {
 }
 
 double packedDifference(const formats::PackageView& package) {
-  const auto packed = Asset::fromMemory(formats::writePackage(formats::contentOf(package), true));
+  PackageContent content = formats::contentOf(package);
+  const auto packed = Asset::fromMemory(packedPackage(content).bytes);
   return packed ? drawnDifference(package, (*packed)->package()) : std::numeric_limits<double>::infinity();
 }
 
@@ -393,9 +394,10 @@ void leaveOut(PackageContent& content, Needs needs) {
 std::vector<std::byte> packageWith(const formats::PackageView& package, Needs needs) {
   PackageContent content = formats::contentOf(package);
   leaveOut(content, needs);
-  std::vector<std::byte> bytes = formats::writePackage(content, !needs.has(Need::exact));
-  if (!needs.has(Need::exact) && !Asset::fromMemory(bytes)) bytes = formats::writePackage(content);
-  return bytes;
+  if (!needs.has(Need::exact)) {
+    if (PackedPackage packed = packedPackage(content); packed.refusal.empty()) return std::move(packed.bytes);
+  }
+  return formats::writePackage(content);
 }
 
 double restErrorOf(const PackageContent& content) {
@@ -405,6 +407,14 @@ double restErrorOf(const PackageContent& content) {
     largest = std::max(largest, (vectorOf(hung.place) - vectorOf(content.visual_positions[v])).norm());
   }
   return largest / double(content.info.diagonal);
+}
+
+PackedPackage packedPackage(PackageContent& content) {
+  const float exact = std::exchange(content.info.max_rest_error, 1.0F);
+  const auto asset = Asset::fromMemory(formats::writePackage(content, true));
+  content.info.max_rest_error = asset ? float(restErrorOf(formats::contentOf((*asset)->package()))) : exact;
+  if (!asset) return {{}, asset.reason()};
+  return {formats::writePackage(content, true), ""};
 }
 
 double drawnDifference(const formats::PackageView& one, const formats::PackageView& other) {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -49,5 +50,13 @@ double drawnDifference(const formats::PackageView& one, const formats::PackageVi
 
 /// Largest distance of a visual vertex from where it is attached at rest, diagonals: PackageInfo::max_rest_error.
 double restErrorOf(const formats::PackageContent& content);
+
+/// A package of 16-bit numbers.
+struct PackedPackage {
+  std::vector<std::byte> bytes;
+  std::string refusal;  ///< why no reader takes it, instead of bytes
+};
+/// The error that INFO states is that of the numbers as they are unpacked; `content` states it then too.
+PackedPackage packedPackage(formats::PackageContent& content);
 
 }  // namespace sinew::tools

@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/field/cubature.h"
+#include "runtime/geometry/symmetric_eigen.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <utility>
-
-#include "runtime/geometry/symmetric_eigen.h"
-#include "tools/field/dense.h"
 
 namespace sinew::tools::field {
 namespace {
@@ -18,11 +15,11 @@ namespace {
 constexpr std::size_t kCandidates = 3;
 // Of the largest eigenvalue of the rest Hessian: below are motions without resistance.
 constexpr double kNoStiffness = 1e-10;
-// Share of the full rest stiffness that samples keep, in every direction.
+// What the sampled rest stiffness keeps of the full one, in every direction.
 constexpr double kLeast = 0.7;
 // Displacements as random forces make them, against all alike.
 constexpr double kForces = 5;
-// Displacements by known loads and pin sets, together, against the same.
+// Those that known loads and pin sets' motions make, together, against the same.
 constexpr double kKnown = 20;
 // Samples by wanted one. Weights take time with the square of their number; a piece that needs more, a skin rough all
 // over, has all of them.
@@ -69,7 +66,7 @@ MatrixXd knownMotions(const MatrixXd& held_by, const Acting& acting, Index drive
   forces << acting.loads, -held_by.bottomLeftCorner(inside, moved);
   MatrixXd matrix = held_by.bottomRightCorner(inside, inside);
   matrix.diagonal().array() += 1e-9 * matrix.diagonal().mean();
-  result.bottomRows(inside) = Cholesky(std::move(matrix)).solve(forces);
+  result.bottomRows(inside) = Eigen::LLT<MatrixXd>(matrix).solve(forces);
   result.topRightCorner(moved, moved).setIdentity();
   return result;
 }
@@ -79,12 +76,12 @@ MatrixXd knownMotions(const MatrixXd& held_by, const Acting& acting, Index drive
 Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Eigen::MatrixX3d& rest, Index driven,
                 const Acting& acting) {
   const MatrixXd axes = byAxes(orthonormal);
-  const geometry::SymmetricEigen modes = geometry::symmetricEigen(innerProducts(axes, product(stiffness, axes)));
+  const geometry::SymmetricEigen modes = geometry::symmetricEigen(axes.transpose() * stiffness * axes);
   const VectorXd& lambda = modes.values;
   const Index d = resisting(lambda);
   if (d == 0) return {};
   Whitened result;
-  result.from = product(axes, modes.vectors.rightCols(d)) * lambda.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
+  result.from = axes * modes.vectors.rightCols(d) * lambda.tail(d).cwiseSqrt().cwiseInverse().asDiagonal();
   result.metric = MatrixXd::Identity(d, d) / double(d);
   MatrixXd held_by = stiffness;
   if (acting.tethers.size() > 0) held_by += byAxes(acting.tethers);
@@ -95,8 +92,7 @@ Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Ei
   const auto add = [&](const MatrixXd& y) { result.metric.selfadjointView<Eigen::Lower>().rankUpdate(y); };
   if (moving > 0) {
     const VectorXd compliance = inner.values.tail(moving).cwiseInverse();
-    const MatrixXd y =
-        innerProducts(result.from, product(stiffness.rightCols(inside), inner.vectors.rightCols(moving)));
+    const MatrixXd y = result.from.transpose() * stiffness.rightCols(inside) * inner.vectors.rightCols(moving);
     add(y * (compliance.cwiseProduct(compliance) * (kForces / compliance.sum())).cwiseSqrt().asDiagonal());
   }
   MatrixXd strained(stiffness.rows(), 6);
@@ -108,13 +104,13 @@ Whitened whiten(const MatrixXd& stiffness, const MatrixXd& orthonormal, const Ei
     strained.col(s) = Eigen::Map<const VectorXd>(moved.data(), moved.size());
   }
   const auto asEnergy = [&](const MatrixXd& motions) {
-    return innerProducts(result.from, product(stiffness, motions)).colwise().normalized().eval();
+    return MatrixXd(result.from.transpose() * (stiffness * motions)).colwise().normalized().eval();
   };
   add(std::sqrt(kUniformStrain) * asEnergy(strained));
   const MatrixXd known = knownMotions(held_by, acting, driven);
   if (known.cols() > 0) add(std::sqrt(kKnown / double(known.cols())) * asEnergy(known));
   result.metric = MatrixXd(result.metric.selfadjointView<Eigen::Lower>());
-  result.root = Cholesky(result.metric).lower().transpose();
+  result.root = Eigen::LLT<MatrixXd>(result.metric).matrixU();
   return result;
 }
 
@@ -135,7 +131,7 @@ MatrixXd strainFactor(const Patch& patch, const MatrixXd& gradient) {
   return b;
 }
 
-// A patch's weight when candidates are spread: half by volume, half by its share of the scalar energy of functions
+// What a patch counts when candidates are spread: half by volume, half by its share of the scalar energy of functions
 // of equal energy, so that thin places have their part.
 std::vector<double> importance(const Elastic& elastic, const MatrixXd& gradients) {
   const Index k = gradients.cols();
@@ -148,10 +144,9 @@ std::vector<double> importance(const Elastic& elastic, const MatrixXd& gradients
     density.segment<3>(3 * Index(s)).setConstant(p.volume * (2 * p.mu + p.lambda));
     volume += p.volume;
   }
-  energy = innerProducts(gradients, density, gradients);
+  energy = gradients.transpose() * density.asDiagonal() * gradients;
   energy.diagonal().array() += 1e-6 * energy.diagonal().mean();
-  MatrixXd white = gradients.transpose();
-  Cholesky(std::move(energy)).solveLower(white);
+  const MatrixXd white = Eigen::LLT<MatrixXd>(energy).matrixL().solve(gradients.transpose());
   std::vector<double> result(count);
   for (std::size_t s = 0; s < count; ++s) {
     const double share = density[3 * Index(s)] * white.middleCols(3 * Index(s), 3).squaredNorm();
@@ -254,7 +249,7 @@ class Fit {
       add(strongest(soft));
       VectorXd energy(weight_.size());
       for (Index s = 0; s < energy.size(); ++s)
-        energy[s] = innerProducts(factor_.middleCols(6 * s, 6), soft).squaredNorm();
+        energy[s] = (factor_.middleCols(6 * s, 6).transpose() * soft).squaredNorm();
       normal_ += weight * energy * energy.transpose();
       target_ += weight * energy;
     }
@@ -267,7 +262,7 @@ class Fit {
  private:
   MatrixXd factorOf(std::size_t patch, double volume) const {
     const MatrixXd strains = strainFactor(elastic_.patches[patch], gradients_.middleRows(3 * Index(patch), 3));
-    return std::sqrt(volume) * innerProducts(space_.from, strains);
+    return std::sqrt(volume) * (space_.from.transpose() * strains);
   }
 
   void keep(const std::vector<Index>& order) {
@@ -290,7 +285,7 @@ class Fit {
   // <A_s, A_t> = tr(A_s W A_t W) = |C_s^T W C_t|^2; floats are enough for weights.
   void setNormal() {
     const Index n = weight_.size();
-    const Eigen::MatrixXf c = product(space_.root, factor_).cast<float>();
+    const Eigen::MatrixXf c = (space_.root * factor_).cast<float>();
     normal_.resize(n, n);
     constexpr Index kRows = 32;
     for (Index first = 0; first < n; first += kRows) {
@@ -304,7 +299,7 @@ class Fit {
       }
     }
     target_.resize(n);
-    for (Index s = 0; s < n; ++s) target_[s] = product(space_.metric, factor_.middleCols(6 * s, 6)).squaredNorm();
+    for (Index s = 0; s < n; ++s) target_[s] = (space_.metric * factor_.middleCols(6 * s, 6)).squaredNorm();
     regular_ = kRegular * normal_.diagonal().mean();
     normal_.diagonal().array() += regular_;
     target_.array() += regular_;
@@ -315,8 +310,8 @@ class Fit {
     const double volume = elastic_.patches[patch].volume * double(elastic_.patches.size()) / double(n);
     factor_.conservativeResize(Eigen::NoChange, 6 * n + 6);
     factor_.rightCols(6) = factorOf(patch, volume);
-    const MatrixXd weighted = product(space_.metric, factor_.rightCols(6));
-    const MatrixXd products = innerProducts(weighted, factor_);
+    const MatrixXd weighted = space_.metric * factor_.rightCols(6);
+    const MatrixXd products = weighted.transpose() * factor_;
     normal_.conservativeResize(n + 1, n + 1);
     for (Index s = 0; s <= n; ++s) normal_(s, n) = normal_(n, s) = products.middleCols(6 * s, 6).squaredNorm();
     normal_(n, n) += regular_;
@@ -384,15 +379,15 @@ MatrixXd reducedStiffness(const Elastic& elastic, const MatrixXd& functions) {
   for (int b = 0; b < 3; ++b) {
     moved.setZero();
     for (Index i = 0; i < f; ++i) moved.row(3 * i + b) = functions.row(i);
-    const MatrixXd forces = product(elastic.stiffness, moved);
+    const MatrixXd forces = elastic.stiffness * moved;
     for (int a = 0; a < 3; ++a) {
-      const MatrixXd block = innerProducts(functions, axisOf(forces, a));
+      const MatrixXd block = functions.transpose() * axisOf(forces, a);
       for (Index j = 0; j < k; ++j) {
         for (Index i = 0; i < k; ++i) result(3 * i + a, 3 * j + b) = block(i, j);
       }
     }
   }
-  return symmetric(result);
+  return 0.5 * (result + result.transpose());
 }
 
 Cubature chooseSamples(const Elastic& elastic, const MatrixXd& functions, const MatrixXd& orthonormal,

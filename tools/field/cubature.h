@@ -9,7 +9,7 @@ namespace sinew::tools::field {
 /// @param functions f x k, on nodes
 MatrixXd reducedStiffness(const Elastic& elastic, const MatrixXd& functions);
 
-/// Actions on a space besides its elasticity.
+/// What acts on a space besides its elasticity.
 struct Acting {
   MatrixXd tethers;  ///< k x k, N/m; empty without
   MatrixXd loads;    ///< 3(k - driven) x c, forces that surely act: their displacements are to be right

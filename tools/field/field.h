@@ -10,7 +10,7 @@
 
 namespace sinew::tools {
 
-/// Elements of a strain (docs/method.md).
+/// What is averaged to a strain (docs/method.md).
 enum class FieldElement {
   tetrahedra,  ///< linear tetrahedra: too stiff in bending and near a Poisson's ratio of 0.5
   edges,       ///< the deformation gradient is averaged over the tetrahedra around each edge
@@ -91,8 +91,8 @@ struct Fields {
 Fields makeFields(const FieldInput& input, const FieldOptions& options);
 
 /// Fields of other materials, loads and tethers on the functions and samples of `before`: what moves is the same, how
-/// it resists is new. In a fraction of the time, and less exact: functions are not the new materials' own,
-/// there are no residual modes, errors are the ones measured before.
+/// it resists is new. In a fraction of the time, and less exact: functions are not those that the new materials would
+/// have, there are no residual modes, errors are those measured before.
 /// @param input with the positions, tetrahedra, masses and held vertices that `before` was made from
 Fields reweighed(const Fields& before, const FieldInput& input, const FieldOptions& options);
 

@@ -183,10 +183,10 @@ void Solver::factorize(const Elastic& elastic, double shift) {
     }
     complements[f] = dense.bottomRightCorner(later, later);
     if (own == 0) continue;  // two halves that do not touch
-    front.diagonal = Cholesky(dense.topLeftCorner(own, own));
+    front.diagonal = Eigen::LLT<MatrixXd>(dense.topLeftCorner(own, own)).matrixL();
     if (later == 0) continue;
     front.below = dense.bottomLeftCorner(later, own);
-    front.diagonal.divide(front.below);
+    front.diagonal.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(front.below);
     complements[f].selfadjointView<Eigen::Lower>().rankUpdate(front.below, -1);
     // The diagonal blocks are added whole.
     for (Index i = 0; i < later; i += 3) {
@@ -199,7 +199,7 @@ void Solver::factorize(const Elastic& elastic, double shift) {
 
 double Solver::entries() const {
   double count = 0;
-  for (const Front& front : fronts_) count += double(front.diagonal.lower().size()) / 2 + double(front.below.size());
+  for (const Front& front : fronts_) count += double(front.diagonal.size()) / 2 + double(front.below.size());
   return count;
 }
 
@@ -212,15 +212,15 @@ MatrixXd Solver::solve(const MatrixXd& forces) const {
   for (const Front& front : fronts_) {
     if (front.own.empty()) continue;
     MatrixXd own = gather(x, front.own);
-    front.diagonal.solveLower(own);
+    front.diagonal.triangularView<Eigen::Lower>().solveInPlace(own);
     scatter(own, front.own, x);
-    if (!front.later.empty()) scatter(gather(x, front.later) - product(front.below, own), front.later, x);
+    if (!front.later.empty()) scatter(gather(x, front.later) - front.below * own, front.later, x);
   }
   for (auto front = fronts_.rbegin(); front != fronts_.rend(); ++front) {
     if (front->own.empty()) continue;
     MatrixXd own = gather(x, front->own);
-    if (!front->later.empty()) own -= innerProducts(front->below, gather(x, front->later));
-    front->diagonal.solveUpper(own);
+    if (!front->later.empty()) own -= front->below.transpose() * gather(x, front->later);
+    front->diagonal.triangularView<Eigen::Lower>().transpose().solveInPlace(own);
     scatter(own, front->own, x);
   }
   return x;

@@ -5,12 +5,11 @@
 
 #include <vector>
 
-#include "tools/field/dense.h"
 #include "tools/field/elastic.h"
 
 namespace sinew::tools::field {
 
-/// `part` of a matrix, some columns at a time, on all cores. The runs of columns are those of the matrix
+/// What `part` makes of a matrix, some columns at a time, on all cores. The runs of columns are those of the matrix
 /// alone, so that results do not depend on the number of cores.
 /// @param part const MatrixXd& (n x c) -> MatrixXd (m x c)
 template <class Part>
@@ -52,8 +51,7 @@ class Solver {
   struct Front {
     std::vector<std::uint32_t> own, later;
     std::vector<std::size_t> children;  // into fronts_, all before this one
-    Cholesky diagonal;                  // of own x own
-    MatrixXd below;                     // of L, later x own
+    MatrixXd diagonal, below;           // L of own x own, later x own
   };
 
   // among: f, all 0 before and after.

@@ -99,7 +99,7 @@ struct PackageInfo {
   float density;          ///< of the masses, kg/m^3
   float physical_volume;  ///< space that the tetrahedra take, m^3: copies in one place (split cells) count once
   float source_volume;    ///< enclosed by the source's surface, m^3; negative where it is not defined
-  float max_rest_error;   ///< largest distance of an attached visual vertex from its rest position / diagonal, 0..1
+  float max_rest_error;   ///< largest distance of an attached visual vertex from its rest position / diagonal
   float min_dihedral_deg;
   float max_dihedral_deg;
   std::uint32_t inverted_tetrahedra;  ///< 0 in a package that `sinew bake` wrote
