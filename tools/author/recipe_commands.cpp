@@ -584,6 +584,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
                           const std::function<Eigen::Vector3d()>& found_normal, const std::string& list) {
   Json document = this->document();
   const std::string target = to.empty() ? otherSide(name) : to;
+  const std::string command = "mirror " + name + " " + target;
   const auto isMask = [&](const std::string& wanted) { return namedEntry(document, "masks", wanted) != nullptr; };
   const auto image = [&](const Json& selection) {
     Json mirrored = {{"mirror", selection}};
@@ -599,7 +600,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
     if (kind == "masks") {
       if (isMask(target)) usage("there is a mask named '" + target + "'", "Give another with --to.");
       document[kind][target] = image(Json(name));
-      commit("mirror " + name + " " + target, document);
+      commit(command, document);
       return;
     }
     Json copy = *entry;
@@ -635,7 +636,7 @@ void RecipeEditor::mirror(const std::string& name, const std::string& to, const 
       }
     }
     document[kind].push_back(copy);
-    commit("mirror " + name + " " + target, document);
+    commit(command, document);
     return;
   }
   noSuchName(document, name, list);

@@ -85,7 +85,7 @@ class ShapeCheck {
         }
         std::string near = nearestName(name, known);
         if (std::find(names.begin(), names.end(), near) == names.end())
-          near = R"("settings": {")" + near + R"(": ...})";
+          near.insert(0, R"("settings": {")").append(R"(": ...})");
         text_.fail(place, "there is no key '" + name + "' in a " + std::string(shape.name),
                    "Did you mean " + near + "? Known: " + listed(names, names.size()) + ".");
       }
