@@ -15,7 +15,7 @@ using Eigen::Vector2d, Eigen::Vector3d;
 
 // The foot: vertices this near to the lowest point, as a part of the height.
 constexpr double kFoot = 0.01;
-// Tilt before a fall, radians: a mere balance bears at most the first, a real stand at least the second.
+// Tilts before a fall, radians: rounding, and a stand (decision 29).
 constexpr double kBalances = 0.01, kStands = 0.14;
 // Of that, on the other end: a pipe or a box bears more, and may well lie.
 constexpr double kOtherEnd = 1.0 / 3;

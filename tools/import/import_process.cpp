@@ -327,8 +327,8 @@ RawScene readInChild(const std::filesystem::path& file, const std::string& forma
 
 std::vector<bool> wholePictures(std::span<const std::span<const std::byte>> pictures, const ImportOptions& options) {
   std::vector<bool> whole(pictures.size(), false);
-  for (std::size_t next = 0; next < pictures.size();
-       ++next) {  // a child goes on behind what brought down the one before
+  // A child goes on behind the picture that brought down the one before.
+  for (std::size_t next = 0; next < pictures.size(); ++next) {
     FileDescriptor socket;
     const Child child(startWorker("", kPicturesFormat, options, Link::socket, socket));
     PipeSource source(socket.get(), deadlineOf(options), 0);
