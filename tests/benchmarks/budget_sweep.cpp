@@ -54,7 +54,7 @@ int sweep(const std::string& input, std::uint32_t most, unsigned halvings, const
   std::vector<Point> points;
   const auto own_vertices = std::uint32_t(own->package().physicalVertices().size());
   for (std::uint32_t part = 1; part <= 1U << halvings; part *= 2) {
-    for (const std::uint32_t samples : {2U, 4U}) {
+    for (const std::uint32_t samples : {1U, 2U}) {
       for (const std::uint32_t functions :
            {8U, 10U, 12U, 14U, 16U, 20U, 24U, 28U, 32U, 40U, 48U, 56U, 64U, 80U, 96U, 112U, 128U, 160U, 192U}) {
         if (functions > most) break;

@@ -27,7 +27,7 @@ struct MaterialOptions {
 
 struct FieldSettings {
   std::uint32_t functions = 32;       ///< of a piece; 0 makes no fields
-  double samples = 4;                 ///< of the energy, a function
+  double samples = 2;                 ///< of the energy, a function
   std::uint32_t points = 256;         ///< that may touch, a piece
   std::uint32_t levels = 0;           ///< of detail beside the whole, each of half the functions
   std::uint32_t residual_modes = 96;  ///< by which what is held at run time gives way; 0: springs of one firmness

@@ -14,6 +14,8 @@ constexpr double kNoResistance = 1e-6;
 constexpr double kFirstShift = 1e-10, kShift = 0.01;
 // A shift above so much of the lowest mode is too large.
 constexpr double kLargeShift = 0.2;
+// What the shift may change of an answer, of its size.
+constexpr double kShiftError = 1e-4;
 constexpr int kPlaces = 12;
 constexpr int kTests = 8;
 // Radius of a load, of the piece's diagonal. Half of it loses ends' own bending, twice of it the ends.
@@ -63,7 +65,10 @@ Answers::Answers(const Elastic& elastic, const std::vector<bool>& fixed, Index c
     solver_ = std::make_unique<Solver>(elastic, fixed, shift);
     modes_ = lowestModes(elastic, *solver_, fixed, rigid_, count);
     const double lowest = lowestLambda();
-    if (lowest == 0 || shift < kLargeShift * lowest) break;
+    if (lowest == 0) break;
+    // (H + s M)^-1 leaves s / (s + lambda) of a mode's answer, and each refinement that part of what the last one left.
+    refinements_ = int(std::log(kShiftError) / std::log(shift / (shift + lowest)));
+    if (shift < kLargeShift * lowest) break;
     shift = kShift * lowest;
   }
 }
@@ -81,14 +86,13 @@ MatrixXd Answers::to(const MatrixXd& forces) const {
   return byColumns(forces, [this](const MatrixXd& some) { return toSome(some); });
 }
 
-// Two refinements take the shift out.
 MatrixXd Answers::toSome(const MatrixXd& forces) const {
   MatrixXd f = movable_.asDiagonal() * forces;
   if (f.cols() == 0) return f;
   const bool free = rigid_.cols() > 0;
   if (free) f -= (mass_.asDiagonal() * (rigid_ * (rigid_.transpose() * f))).eval();
   MatrixXd u = solver_->solve(f);
-  for (int i = 0; i < 2; ++i) u += solver_->solve(f - elastic_.stiffness * u);
+  for (int i = 0; i < refinements_; ++i) u += solver_->solve(f - elastic_.stiffness * u);
   if (free) u -= (rigid_ * (rigid_.transpose() * (mass_.asDiagonal() * u))).eval();
   return u;
 }

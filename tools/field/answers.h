@@ -40,6 +40,7 @@ class Answers {
   VectorXd movable_;  // 3f: 0 or 1
   MatrixXd rigid_;
   std::unique_ptr<Solver> solver_;
+  int refinements_ = 0;  // of an answer, which take the shift out of it
   Modes modes_;
 };
 

@@ -9,25 +9,32 @@ namespace sinew::tools::field {
 /// @param functions f x k, on nodes
 MatrixXd reducedStiffness(const Elastic& elastic, const MatrixXd& functions);
 
-/// What acts on a space besides its elasticity.
-struct Acting {
-  MatrixXd tethers;  ///< k x k, N/m; empty without
-  MatrixXd loads;    ///< 3(k - driven) x c, forces that surely act: their displacements are to be right
+/// A k x l matrix for x, y, z alike: 3k x 3l.
+MatrixXd byAxes(const MatrixXd& m);
+
+/// Functions of a piece, and what acts on it besides its elasticity.
+struct Space {
+  MatrixXd functions;     ///< f x k on nodes
+  MatrixXd orthonormal;   ///< k x r: combinations that are orthonormal under the masses
+  MatrixXd dual;          ///< k x r: products of all functions with those, under the masses
+  VectorXd one;           ///< k: the coefficients of 1
+  Eigen::MatrixX3d rest;  ///< k x 3: those of the rest shape
+  Index driven = 0;       ///< the first so many functions are prescribed
+  MatrixXd tethers;       ///< k x k, N/m; empty without
+  MatrixXd loads;         ///< 3(k - driven) x c, N: the fibres', to stretch
 };
 
-struct Cubature {
-  std::vector<std::size_t> patch;  ///< ascending
-  std::vector<double> volume;      ///< m^3, > 0
-  double least_eigenvalue = 1;     ///< of its rest Hessian against that of all patches, rigid motions left out
+/// Patches with weights and slopes of their own.
+struct Samples {
+  std::vector<std::size_t> patch;
+  std::vector<double> volume;   ///< m^3, > 0
+  MatrixXd gradients;           ///< 3 by sample x k, 1/m
+  double least_eigenvalue = 1;  ///< of their rest Hessian against that of all patches, rigid motions left out
 };
 
-/// Chooses patches and weights that give the energy of the whole piece to displacements in a space.
-/// @param functions f x k on nodes
-/// @param orthonormal k x r: combinations of the functions that are orthonormal under the masses
-/// @param rest k x 3: the functions' coefficients of the rest shape
-/// @param driven the first so many functions are prescribed
-/// @param wanted so many, more where the least eigenvalue asks for it
-Cubature chooseSamples(const Elastic& elastic, const MatrixXd& functions, const MatrixXd& orthonormal,
-                       const Eigen::MatrixX3d& rest, Index driven, const Acting& acting, std::size_t wanted);
+/// Chooses patches and weights that give the energy of the whole piece to displacements in a space (An, Kim, James
+/// 2008, "Optimizing cubature for efficient integration of subspace deformations"), and corrects their gradients.
+/// @param wanted so many; all patches where there are not more
+Samples chooseSamples(const Elastic& elastic, const Space& space, std::size_t wanted);
 
 }  // namespace sinew::tools::field

@@ -234,4 +234,20 @@ MatrixXd gradientsOf(const Elastic& elastic, const MatrixXd& on_nodes, std::size
   return result;
 }
 
+MatrixXd strainFactor(const Patch& patch, const MatrixXd& gradient) {
+  const Index k = gradient.cols();
+  const double shear = std::sqrt(2 * patch.mu);
+  const double shared = (std::sqrt(2 * patch.mu + 3 * patch.lambda) - shear) / 3;
+  MatrixXd b = MatrixXd::Zero(3 * k, 6);
+  for (Index j = 0; j < k; ++j) {
+    for (int i = 0; i < 3; ++i) {
+      for (int s = 0; s < 3; ++s) b(3 * j + i, s) = gradient(i, j) * (shared + (s == i ? shear : 0));
+      const int next = (i + 1) % 3;
+      b(3 * j + i, 3 + i) += shear * std::sqrt(0.5) * gradient(next, j);
+      b(3 * j + next, 3 + i) += shear * std::sqrt(0.5) * gradient(i, j);
+    }
+  }
+  return b;
+}
+
 }  // namespace sinew::tools::field

@@ -53,6 +53,11 @@ void addStiffness(Elastic& elastic);
 /// @param on_nodes f x k
 MatrixXd gradientsOf(const Elastic& elastic, const MatrixXd& on_nodes, std::size_t first, std::size_t count);
 
+/// B with B B^T = the rest Hessian of unit volume, function by function, axis by axis: 3k x 6, strains by the root of
+/// the stiffness.
+/// @param gradient 3 x k
+MatrixXd strainFactor(const Patch& patch, const MatrixXd& gradient);
+
 /// The rows of one axis: a, a + 3, ...
 inline MatrixXd axisOf(const Eigen::Ref<const MatrixXd>& m, Index a) {
   return m(Eigen::seqN(a, m.rows() / 3, 3), Eigen::all);

@@ -131,18 +131,21 @@ MatrixXd diagonalized(const Elastic& elastic, const MatrixXd& values, VectorXd& 
 }
 
 // Adds the samples, the energy of which stands for that of all patches.
-// @param known 3f x c on nodes
-void addSamples(const Elastic& elastic, const FieldOptions& options, const MatrixXd& orthonormal, const MatrixXd& known,
+// @param loads of fibres, 3f x c on nodes
+void addSamples(const Elastic& elastic, const FieldOptions& options, const MatrixXd& orthonormal, const MatrixXd& loads,
                 FieldSpace& space) {
   const MatrixXd nodes = nodeRows(elastic, space.values);
-  const Acting acting = {space.tethers, coordinates(nodes.rightCols(nodes.cols() - space.driven_count), known)};
+  const Index driven = space.driven_count;
+  const MatrixXd met = coordinates(nodes.rightCols(nodes.cols() - driven), loads);
+  const MatrixXd dual = space.values.transpose() * (elastic.mass.asDiagonal() * (space.values * orthonormal));
   const auto wanted = std::size_t(std::ceil(options.samples_per_function * double(space.values.cols())));
-  const Cubature cubature = chooseSamples(elastic, nodes, orthonormal, space.rest, space.driven_count, acting, wanted);
-  space.least_eigenvalue = cubature.least_eigenvalue;
-  for (std::size_t s = 0; s < cubature.patch.size(); ++s) {
-    const Patch& patch = elastic.patches[cubature.patch[s]];
-    space.samples.push_back({patch.at, cubature.volume[s], patch.mu, patch.lambda,
-                             gradientsOf(elastic, nodes, cubature.patch[s], 1).transpose(), patch.number});
+  const Samples samples =
+      chooseSamples(elastic, {nodes, orthonormal, dual, space.one, space.rest, driven, space.tethers, met}, wanted);
+  space.least_eigenvalue = samples.least_eigenvalue;
+  for (std::size_t s = 0; s < samples.patch.size(); ++s) {
+    const Patch& patch = elastic.patches[samples.patch[s]];
+    space.samples.push_back({patch.at, samples.volume[s], patch.mu, patch.lambda,
+                             samples.gradients.middleRows<3>(3 * Index(s)).transpose(), patch.number});
   }
 }
 
@@ -444,7 +447,8 @@ MatrixXd byEnergy(const Elastic& elastic, const MatrixXd& columns, Index count) 
 // Combinations of functions that are M-orthonormal; functions that others make up give none.
 MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
   VectorXd scale = (values.cwiseAbs2().transpose() * mass).cwiseSqrt();
-  scale = (scale.array() > 0).select(scale.cwiseInverse(), 0.0).eval();
+  // X of a pin set at X = 0 is rounding alone.
+  scale = (scale.array() > 1e-12 * scale.maxCoeff()).select(scale.cwiseInverse(), 0.0).eval();
   const MatrixXd gram = scale.asDiagonal() * (values.transpose() * mass.asDiagonal() * values) * scale.asDiagonal();
   const geometry::SymmetricEigen eigen = geometry::symmetricEigen(gram);
   Index kept = 0;
@@ -554,7 +558,7 @@ FieldSpace heldSpace(const Elastic& whole, const FieldInput& input, const FieldO
   }
   join(elastic, driven, interior, stiffness, space);
   if (!input.tethers.empty()) space.tethers = tetherEnergy(elastic, input, holds, space.values, scale);
-  const MatrixXd loads = known.forces.leftCols(std::min(known.forces.cols(), Index(input.loads.size()) + 3));
+  const MatrixXd loads = known.forces.leftCols(std::min(known.forces.cols(), Index(input.loads.size())));
   addSamples(untethered, options, orthonormalCombinations(space.values, elastic.mass), loads, space);
   addDamping(restModes(space), space);
   if (answers && interior.cols() > 0) addErrors(elastic, *answers, space);

@@ -37,7 +37,7 @@ struct FieldInput {
 
 struct FieldOptions {
   std::uint32_t functions = 40;                ///< k of the free space, interior functions of the held one, 4..1000
-  double samples_per_function = 4;             ///< energy samples asked for, by function, 1..; fewer lose stiffness
+  double samples_per_function = 2;             ///< energy samples by function, 1..; fewer see less of large bends
   std::uint32_t residual_modes = 0;            ///< of the free space, at most
   double lowest_hz = 0;                        ///< > 0: young is scaled until the free piece's lowest mode rings so, Hz
   FieldElement element = FieldElement::edges;  ///< above 10,000 vertices tetrahedra are taken
