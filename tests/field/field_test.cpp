@@ -32,6 +32,7 @@ struct Body {
   std::vector<double> masses, young, poisson;
   std::vector<std::vector<std::uint32_t>> held;
   std::vector<VectorXd> loads;
+  std::vector<double> reaches;
   std::vector<FieldTether> tethers;
 
   // Lumped masses, one material.
@@ -54,7 +55,7 @@ struct Body {
     }
   }
 
-  FieldInput input() const { return {positions, tetrahedra, masses, young, poisson, held, tethers, loads}; }
+  FieldInput input() const { return {positions, tetrahedra, masses, young, poisson, held, tethers, loads, reaches}; }
   VectorXd mass() const { return Eigen::Map<const VectorXd>(masses.data(), Index(masses.size())); }
   MatrixXd rest() const {
     MatrixXd result(Index(positions.size()), 3);

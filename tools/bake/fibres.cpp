@@ -109,6 +109,7 @@ Fibres findFibres(const formats::PackageContent& content, const FieldHost& host,
       result.fibres.push_back(std::move(fibre));
     }
     result.loads.push_back(std::move(load));
+    result.reaches.push_back(double(mechanics.contraction));
   }
   return result;
 }

@@ -30,6 +30,7 @@ struct Fibre {
 struct Fibres {
   std::vector<Fibre> fibres;
   std::vector<Eigen::VectorXd> loads;  ///< 3 by vertex of the host, N
+  std::vector<double> reaches;         ///< of each load: the contraction
 };
 
 /// \param young, poisson of the host's tetrahedra.

@@ -136,7 +136,7 @@ FieldKeys keysOf(const FieldInput& input, const FieldOptions& options) {
   keys.shape = stageKey(shape);
   writer = {};
   add(keys.shape), add(options.lowest_hz), add(options.residual_modes);
-  addAll(input.young), addAll(input.poisson), addAll(input.loads);
+  addAll(input.young), addAll(input.poisson), addAll(input.loads), addAll(input.reaches);
   add(input.tethers.size());
   for (const FieldTether& tether : input.tethers) {
     add(tether.vertex), add(tether.held), add(tether.strength), add(tether.absolute);
@@ -187,8 +187,8 @@ class PieceFields {
     FieldOptions options = options_;
     options.functions = functionsOf(options_.functions, level);
     if (level > 0) options.residual_modes = 0;
-    const FieldInput input = {host_.positions, host_.tetrahedra, host_.masses, young_, poisson_,
-                              held_,           tethers_,         fibres_.loads};
+    const FieldInput input = {host_.positions, host_.tetrahedra, host_.masses,  young_,         poisson_,
+                              held_,           tethers_,         fibres_.loads, fibres_.reaches};
     const FieldKeys keys = keysOf(input, options);
     std::optional<Fields> before;
     if (draft && !cache.has("fields", keys.all)) before = cache.find<Fields>("functions", keys.shape);

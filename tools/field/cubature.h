@@ -21,7 +21,8 @@ struct Space {
   Eigen::MatrixX3d rest;  ///< k x 3: those of the rest shape
   Index driven = 0;       ///< the first so many functions are prescribed
   MatrixXd tethers;       ///< k x k, N/m; empty without
-  MatrixXd loads;         ///< 3(k - driven) x c, N: the fibres', to stretch
+  MatrixXd loads;         ///< 3(k - driven) x c, N
+  VectorXd reaches;       ///< c, against the loads: see FieldInput; empty without
 };
 
 /// Patches with weights and slopes of their own.

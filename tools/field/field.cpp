@@ -131,16 +131,17 @@ MatrixXd diagonalized(const Elastic& elastic, const MatrixXd& values, VectorXd& 
 }
 
 // Adds the samples, the energy of which stands for that of all patches.
-// @param loads of fibres, 3f x c on nodes
-void addSamples(const Elastic& elastic, const FieldOptions& options, const MatrixXd& orthonormal, const MatrixXd& loads,
-                FieldSpace& space) {
+// @param loads those of the input or none, 3f x c on nodes
+void addSamples(const Elastic& elastic, const FieldInput& input, const FieldOptions& options,
+                const MatrixXd& orthonormal, const MatrixXd& loads, FieldSpace& space) {
   const MatrixXd nodes = nodeRows(elastic, space.values);
   const Index driven = space.driven_count;
   const MatrixXd met = coordinates(nodes.rightCols(nodes.cols() - driven), loads);
   const MatrixXd dual = space.values.transpose() * (elastic.mass.asDiagonal() * (space.values * orthonormal));
   const auto wanted = std::size_t(std::ceil(options.samples_per_function * double(space.values.cols())));
-  const Samples samples =
-      chooseSamples(elastic, {nodes, orthonormal, dual, space.one, space.rest, driven, space.tethers, met}, wanted);
+  const VectorXd reaches = Eigen::Map<const VectorXd>(input.reaches.data(), Index(input.reaches.size()));
+  const Samples samples = chooseSamples(
+      elastic, {nodes, orthonormal, dual, space.one, space.rest, driven, space.tethers, met, reaches}, wanted);
   space.least_eigenvalue = samples.least_eigenvalue;
   for (std::size_t s = 0; s < samples.patch.size(); ++s) {
     const Patch& patch = elastic.patches[samples.patch[s]];
@@ -294,12 +295,12 @@ FreeFunctions freeFunctions(const Elastic& elastic, const FieldInput& input, con
   return result;
 }
 
-void complete(const Elastic& elastic, const FieldOptions& options, FreeFunctions& free) {
+void complete(const Elastic& elastic, const FieldInput& input, const FieldOptions& options, FreeFunctions& free) {
   FieldSpace& space = free.space;
   const Index k = space.values.cols();
   tbb::parallel_invoke(
       [&] {
-        addSamples(elastic, options, MatrixXd::Identity(k, k), free.known.forces, space);
+        addSamples(elastic, input, options, MatrixXd::Identity(k, k), free.known.forces, space);
         addDamping(restModes(space), space);
         if (free.answers) addErrors(elastic, *free.answers, space);
       },
@@ -559,7 +560,7 @@ FieldSpace heldSpace(const Elastic& whole, const FieldInput& input, const FieldO
   join(elastic, driven, interior, stiffness, space);
   if (!input.tethers.empty()) space.tethers = tetherEnergy(elastic, input, holds, space.values, scale);
   const MatrixXd loads = known.forces.leftCols(std::min(known.forces.cols(), Index(input.loads.size())));
-  addSamples(untethered, options, orthonormalCombinations(space.values, elastic.mass), loads, space);
+  addSamples(untethered, input, options, orthonormalCombinations(space.values, elastic.mass), loads, space);
   addDamping(restModes(space), space);
   if (answers && interior.cols() > 0) addErrors(elastic, *answers, space);
   return space;
@@ -640,7 +641,7 @@ Fields makeFields(const FieldInput& input, const FieldOptions& options) {
   const bool held = std::any_of(input.held.begin(), input.held.end(), [](const auto& set) { return !set.empty(); });
   const bool scaled = options.lowest_hz > 0 && free.space.lowest_hz > 0;
   const double scale = scaled ? std::pow(options.lowest_hz / free.space.lowest_hz, 2) : 1;
-  tbb::parallel_invoke([&] { field::complete(elastic, options, free); },
+  tbb::parallel_invoke([&] { field::complete(elastic, input, options, free); },
                        [&] {
                          if (held) fields.held = field::heldSpace(elastic, input, options, scale);
                        });

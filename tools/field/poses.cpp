@@ -14,8 +14,6 @@ using Eigen::Matrix3d;
 // Function by function, axis by axis.
 using Coefficients = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-// Mean shortening of a fibre that its load is scaled to, to first order.
-constexpr double kShortening = 0.15;
 // Newton's iterations with the stiffness at rest, so many at most; a step is halved until the energy descends.
 constexpr int kIterations = 60;
 // Of the first force: what is left where a pose has settled.
@@ -51,7 +49,7 @@ double energy(const Elastic& elastic, const Space& space, const Samples& samples
 
 std::vector<MatrixXd> findPoses(const Elastic& elastic, const Space& space, const Samples& samples) {
   const Index k = space.functions.cols(), inside = 3 * (k - space.driven), loads = space.loads.cols();
-  if (inside == 0 || loads == 0) return {};
+  if (inside == 0 || loads == 0 || space.reaches.size() == 0) return {};
   MatrixXd stiffness = MatrixXd::Zero(3 * k, 3 * k);
   for (std::size_t s = 0; s < samples.patch.size(); ++s) {
     const MatrixXd b = strainFactor(elastic.patches[samples.patch[s]], samples.gradients.middleRows<3>(3 * Index(s)));
@@ -62,12 +60,13 @@ std::vector<MatrixXd> findPoses(const Elastic& elastic, const Space& space, cons
   if (space.tethers.size() > 0) held += byAxes(space.tethers).bottomRightCorner(inside, inside);
   held.diagonal().array() += 1e-9 * held.diagonal().mean();
   const Eigen::LLT<MatrixXd> factor(held);
-  std::vector<MatrixXd> found(static_cast<std::size_t>(loads));
-  tbb::parallel_for(Index{0}, loads, [&](Index l) {
+  std::vector<MatrixXd> found(static_cast<std::size_t>(2 * loads));
+  tbb::parallel_for(Index{0}, 2 * loads, [&](Index pose) {
+    const Index l = pose / 2;
     const VectorXd load = space.loads.col(l);
     const double work = load.dot(factor.solve(load));
     if (!(work > 0)) return;
-    const VectorXd pull = -kShortening / work * load;
+    const VectorXd pull = (pose % 2 == 0 ? -1 : -0.5) * space.reaches[l] / work * load;
     const auto inner = [&](const Coefficients& all) {
       return VectorXd(Eigen::Map<const VectorXd>(all.data(), all.size()).tail(inside));
     };
@@ -88,7 +87,7 @@ std::vector<MatrixXd> findPoses(const Elastic& elastic, const Space& space, cons
         break;
       }
     }
-    found[std::size_t(l)] = moved;
+    found[std::size_t(pose)] = moved;
   });
   std::erase_if(found, [](const MatrixXd& pose) { return pose.size() == 0; });
   return found;

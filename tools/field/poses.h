@@ -7,8 +7,8 @@
 
 namespace sinew::tools::field {
 
-/// Where the piece goes when its fibres contract, one after another: displacements, k x 3 each. Those that do not
-/// settle are left out.
+/// Where the piece goes when each load alone pulls the other way as far as it reaches, and half as far: displacements,
+/// k x 3 each.
 /// @param samples some that stand for the piece
 std::vector<MatrixXd> findPoses(const Elastic& elastic, const Space& space, const Samples& samples);
 
