@@ -13,14 +13,12 @@ namespace sinew::tools {
 namespace {
 
 // A hill with noise of more than a triangle's size: its motions have their energy in few tetrahedra each, so that
-// samples of some motions are hardly any of others, and each sample more is work of every step.
-TEST(Rough, ASheetTakesFewSamples) {
+// samples of some motions are hardly any of others.
+TEST(Rough, SamplesAreAsFirmAsTheSheet) {
   const std::filesystem::path folder =
       std::filesystem::temp_directory_path() / ("sinew_rough" + std::to_string(getpid()));
   std::filesystem::create_directories(folder);
   constexpr int kSide = 20;
-  // Of one sheet the number is chance, 140 to 330 over twelve of them, so it is judged over several.
-  double taken = 0, wanted = 0;
   for (const unsigned seed : {1U, 7U, 8U, 9U}) {
     std::mt19937 random(seed);
     const auto noise = [&] {
@@ -49,12 +47,11 @@ TEST(Rough, ASheetTakesFewSamples) {
     const BakeResult result = bake(recipe, progress);
     for (const auto& piece : result.report.at("fields")) {
       const auto& space = piece.at("free");
-      taken += space.at("samples").get<double>();
-      wanted += double(recipe.settings.field.samples) * space.at("functions").get<double>();
-      EXPECT_GE(space.at("least_eigenvalue").get<double>(), 0.7);
+      EXPECT_LE(space.at("samples").get<double>(),
+                1 + recipe.settings.field.samples * space.at("functions").get<double>());
+      EXPECT_GE(space.at("least_eigenvalue").get<double>(), 0.9);
     }
   }
-  EXPECT_LE(taken, wanted + 1);
   std::filesystem::remove_all(folder);
 }
 

@@ -33,7 +33,8 @@ struct FieldInput {
   std::span<const std::vector<std::uint32_t>> held;          ///< vertices of each pin set, disjoint; may be empty
   std::span<const FieldTether> tethers;                      ///< on vertices in no pin set; may be empty
   std::span<const Eigen::VectorXd> loads;  ///< forces, 3n (x y z by vertex), N; functions are added for their answers
-  /// How far each load moves the point that it acts on, to and fro: samples are chosen by such poses too. May be empty.
+  /// Of each load: how far it is pulled the other way in the poses that samples are chosen by, as work over force (a
+  /// fibre's: its shortening). May be empty.
   std::span<const double> reaches;
 };
 
