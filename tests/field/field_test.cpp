@@ -14,6 +14,7 @@
 #include "tools/field/answers.h"
 #include "tools/field/elastic.h"
 #include "tools/field/follow.h"
+#include "tools/field/poses.h"
 #include "tools/field/solver.h"
 
 namespace sinew::tools {
@@ -259,7 +260,7 @@ TEST(Field, TheLowestModeDecaysAtItsOwnFrequency) {
     const FieldSpace space = makeFields(body.input(), options).free;
     const Eigen::SelfAdjointEigenSolver<MatrixXd> modes(restHessian(space));
     std::vector<double> result;
-    for (Index i = 6; i < 18; ++i) {
+    for (Index i = 6; i < 30; ++i) {
       double rate = 0;
       for (Index j = 0; j < space.values.cols(); ++j)
         rate += modes.eigenvectors().col(i).segment<3>(3 * j).squaredNorm() * space.damping_hz[j];
@@ -270,9 +271,41 @@ TEST(Field, TheLowestModeDecaysAtItsOwnFrequency) {
   const auto sampled = ratios(FieldOptions{}.samples_per_function), all = ratios(1e6);
   EXPECT_NEAR(sampled[0], 1, 1e-6);
   for (std::size_t i = 0; i < sampled.size(); ++i) {
-    EXPECT_NEAR(sampled[i], 1, 0.35) << i;
+    EXPECT_NEAR(sampled[i], 1, i < 12 ? 0.35 : 0.9) << i;
     EXPECT_NEAR(sampled[i], all[i], 0.05) << i;
   }
+}
+
+// Beyond linear: all of a rotation's small-displacement stress, and the square of a small strain.
+TEST(Field, StressBeyondLinearIsOfSecondOrder) {
+  field::Patch patch;
+  patch.mu = 3, patch.lambda = 5;
+  Eigen::Matrix3d slope;
+  slope << 0.3, -0.8, 0.2, 0.5, -0.4, 0.7, -0.6, 0.1, 0.2;
+  const auto beyond = [&](double size) {
+    return field::stressBeyondLinear(patch, Eigen::Matrix3d::Identity() + size * slope).norm();
+  };
+  EXPECT_NEAR(beyond(0.02) / beyond(0.01), 4, 0.2);
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Vector3d(1, 2, 2) / 3).toRotationMatrix();
+  const Eigen::Matrix3d strain = 0.5 * (turn + turn.transpose()) - Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d linear = 2 * patch.mu * strain + patch.lambda * strain.trace() * Eigen::Matrix3d::Identity();
+  EXPECT_LT((field::stressBeyondLinear(patch, turn) + linear).norm(), 1e-5);
+}
+
+// Poses choose other samples, as sound ones.
+TEST(Field, SamplesFollowPoses) {
+  Body body = beam(10);
+  body.hold([](const Vector3d& x) { return x[0] < 1e-9; });
+  body.loads.push_back(VectorXd::Zero(3 * Index(body.positions.size())));
+  for (std::size_t v = 0; v < body.positions.size(); ++v) body.loads[0][3 * Index(v) + 1] = body.positions[v][0];
+  const FieldSpace without = *makeFields(body.input(), {}).held;
+  body.reaches = {0.5};
+  const FieldSpace with = *makeFields(body.input(), {}).held;
+  expectSound(with, body);
+  ASSERT_EQ(with.samples.size(), without.samples.size());
+  bool other = false;
+  for (std::size_t s = 0; s < with.samples.size(); ++s) other |= with.samples[s].volume != without.samples[s].volume;
+  EXPECT_TRUE(other);
 }
 
 TEST(Field, AKnownLoadIsAnsweredExactly) {

@@ -14,8 +14,10 @@ constexpr double kNoResistance = 1e-6;
 constexpr double kFirstShift = 1e-10, kShift = 0.01;
 // A shift above so much of the lowest mode is too large.
 constexpr double kLargeShift = 0.2;
-// What the shift may change of an answer, of its size.
+// Most change of an answer by the shift, of its size.
 constexpr double kShiftError = 1e-4;
+// Five rounds suffice below kLargeShift; of a shift that stays above, so many are work enough.
+constexpr double kMostRefinements = 20;
 constexpr int kPlaces = 12;
 constexpr int kTests = 8;
 // Radius of a load, of the piece's diagonal. Half of it loses ends' own bending, twice of it the ends.
@@ -67,7 +69,8 @@ Answers::Answers(const Elastic& elastic, const std::vector<bool>& fixed, Index c
     const double lowest = lowestLambda();
     if (lowest == 0) break;
     // (H + s M)^-1 leaves s / (s + lambda) of a mode's answer, and each refinement that part of what the last one left.
-    refinements_ = int(std::log(kShiftError) / std::log(shift / (shift + lowest)));
+    const double rounds = std::log(kShiftError) / std::log(shift / (shift + lowest));
+    refinements_ = int(std::min(rounds, kMostRefinements));
     if (shift < kLargeShift * lowest) break;
     shift = kShift * lowest;
   }

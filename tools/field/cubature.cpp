@@ -25,7 +25,8 @@ constexpr double kUniformStrain = 0.3;
 constexpr double kRegular = 1e-5;
 // Least weight of a sample, of the volume that it stands for.
 constexpr double kLeastWeight = 0.02;
-// Poses among them: what forces are beyond linear ones, all poses together.
+// Weight of all poses together: kPoses / P sum_p |W^(1/2) (sum_s x_s f_s - f)|^2 / |W^(1/2) f|^2, f a pose's forces
+// beyond linear ones. From 0.3 to 3 a face's expressions are alike (decision 30).
 constexpr double kPoses = 3;
 
 // The space in coordinates where the rest Hessian is 1.
@@ -64,7 +65,7 @@ Whitened whiten(const MatrixXd& stiffness, const Space& space) {
   return result;
 }
 
-// What a patch counts when candidates are spread: half by volume, half by its share of the scalar energy of functions
+// A patch's weight when candidates are spread: half by volume, half by its share of the scalar energy of functions
 // of equal energy, so that thin places have their part.
 std::vector<double> importance(const Elastic& elastic, const MatrixXd& gradients) {
   const Index k = gradients.cols();
@@ -126,7 +127,7 @@ void split(const Elastic& elastic, const std::vector<double>& weight, std::vecto
 }
 
 // Fits sum_s x_s A_s to 1, x >= 0: A_s = C_s C_s^T is the whitened Hessian of a patch with the volume it stands for.
-// Least is |W^(1/2) (sum_s x_s A_s - 1) W^(1/2)|, and what poses add.
+// Least is |W^(1/2) (sum_s x_s A_s - 1) W^(1/2)|^2 and the poses' sum (kPoses).
 class Fit {
  public:
   Fit(const Elastic& elastic, const MatrixXd& gradients, const Samples& candidates, const Whitened& space)

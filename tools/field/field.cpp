@@ -328,7 +328,7 @@ struct Holds {
     }
   }
 
-  // Of FieldInput::held, among those that hold something.
+  // Of FieldInput::held, among sets with vertices.
   Index placeOf(std::uint32_t set) const { return std::lower_bound(sets.begin(), sets.end(), set) - sets.begin(); }
 };
 
@@ -350,7 +350,7 @@ MatrixXd partition(const Elastic& elastic, const FieldInput& input, const Holds&
   }
   if (!inner.empty()) {
     std::vector<Eigen::Triplet<double>> entries;
-    // What no pin set is joined to takes 0.
+    // Nodes joined to no pin set take 0.
     const double regular = 1e-12 * elastic.scalar.diagonal().mean();
     for (std::size_t j = 0; j < inner.size(); ++j) {
       entries.emplace_back(int(j), int(j), regular);
@@ -448,7 +448,7 @@ MatrixXd byEnergy(const Elastic& elastic, const MatrixXd& columns, Index count) 
 // Combinations of functions that are M-orthonormal; functions that others make up give none.
 MatrixXd orthonormalCombinations(const MatrixXd& values, const VectorXd& mass) {
   VectorXd scale = (values.cwiseAbs2().transpose() * mass).cwiseSqrt();
-  // X of a pin set at X = 0 is rounding alone.
+  // X of a pin set at X = 0 is rounding alone: a combination of it would be noise times 1e16.
   scale = (scale.array() > 1e-12 * scale.maxCoeff()).select(scale.cwiseInverse(), 0.0).eval();
   const MatrixXd gram = scale.asDiagonal() * (values.transpose() * mass.asDiagonal() * values) * scale.asDiagonal();
   const geometry::SymmetricEigen eigen = geometry::symmetricEigen(gram);
@@ -586,8 +586,8 @@ FieldElement elementOf(const FieldInput& input, const FieldOptions& options) {
   return edges ? FieldElement::edges : FieldElement::tetrahedra;
 }
 
-// The samples, tethers and what follows from them, of new materials. What is known of all elements changes in the ratio
-// in which the samples' changes. \param loads 3n x c
+// The samples, tethers and what follows from them, of new materials. Values of all elements change in the ratio of the
+// samples'. \param loads 3n x c
 void reweigh(const Elastic& elastic, const FieldInput& input, const MatrixXd& loads, FieldSpace& space) {
   space.residual_modes.resize(0, 0);
   space.residual_locals.resize(0);

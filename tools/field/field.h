@@ -51,7 +51,7 @@ struct FieldSample {
   Eigen::Vector3d at;          ///< rest position, metres
   double volume = 0;           ///< weight, m^3, > 0
   double mu = 0, lambda = 0;   ///< Lame's parameters, Pa
-  Eigen::MatrixX3d gradients;  ///< k x 3: d phi_j / dX, 1/m
+  Eigen::MatrixX3d gradients;  ///< k x 3: d phi_j / dX there, corrected (decision 30), 1/m
   std::uint32_t patch = 0;     ///< which strain it is: a number that the tetrahedra decide
 };
 

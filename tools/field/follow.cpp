@@ -208,7 +208,7 @@ class Joiner {
     return result;
   }
 
-  // In the four of these vertices that pivoting finds, those that move by themselves.
+  // In the four that pivoting finds among these vertices that move by themselves.
   Follower inWidest(std::uint32_t v, const std::vector<std::uint32_t>& around) const {
     std::vector<std::uint32_t> free;
     double size = 0;

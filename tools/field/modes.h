@@ -24,7 +24,7 @@ Modes lowestModes(const Elastic& elastic, const Solver& solver, const std::vecto
 /// Rigid motions on nodes, M-orthonormal: 6 columns, less for points on a line.
 MatrixXd rigidMotions(const Elastic& elastic);
 
-/// Columns that span the same, M-orthonormal and orthogonal to `have` (which is M-orthonormal), those that carry most
+/// Columns that span the same, M-orthonormal and orthogonal to `have` (which is M-orthonormal), of largest share
 /// first, at most count. Columns whose share is less than 1e-6 of the largest are left out.
 MatrixXd leading(const MatrixXd& columns, const VectorXd& mass, const MatrixXd& have, Index count);
 

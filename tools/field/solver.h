@@ -9,7 +9,7 @@
 
 namespace sinew::tools::field {
 
-/// What `part` makes of a matrix, some columns at a time, on all cores. The runs of columns are those of the matrix
+/// `part` of a matrix, some columns at a time, on all cores. The runs of columns are those of the matrix
 /// alone, so that results do not depend on the number of cores.
 /// @param part const MatrixXd& (n x c) -> MatrixXd (m x c)
 template <class Part>
