@@ -124,6 +124,12 @@ class VisualRules {
                })) {
       return false;
     }
+    for (std::size_t i = 0; i < view_.barycentric().size(); ++i) {
+      if (hangsBeyond(view_.barycentric()[i])) {
+        return refuse_(section::barycentric, i,
+                       "hangs more than a diagonal outside the bounds of section INFO at rest");
+      }
+    }
     std::uint64_t end = 0;
     for (std::size_t i = 0; i < view_.clusterAttachmentRanges().size(); ++i) {
       const ClusterAttachmentRange& range = view_.clusterAttachmentRanges()[i];
@@ -142,6 +148,20 @@ class VisualRules {
     }
     return end == view_.clusterAttachments().size() ||
            refuse_(section::cluster_attachments, "has weights of no visual vertex");
+  }
+
+  /// \pre its tetrahedron, and that one's vertices, are there
+  bool hangsBeyond(const BarycentricAttachment& attachment) const {
+    const auto& corners = view_.tetrahedra()[attachment.tetrahedron].vertex;
+    const auto at = [&](std::size_t k) -> const Float3& { return view_.physicalVertices()[corners[k]].rest_position; };
+    unsigned beyond = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      double x = double(at(3)[axis]);
+      for (std::size_t k = 0; k < 3; ++k)
+        x += double(attachment.weight[k]) * (double(at(k)[axis]) - double(at(3)[axis]));
+      beyond |= reach_.beyond(float(x), axis);
+    }
+    return beyond != 0;
   }
 
   bool checkIdentity() {

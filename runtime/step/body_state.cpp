@@ -7,6 +7,7 @@
 
 #include "runtime/contact/contacts.h"
 #include "runtime/geometry/rotation.h"
+#include "runtime/geometry/smoothstep.h"
 #include "runtime/interact/pin_sets.h"
 #include "runtime/solver/holds.h"
 #include "runtime/solver/plasticity.h"
@@ -46,9 +47,8 @@ constexpr double kFadeSeconds = 0.3;
 /// Adds what the last change of level has lost. \param part as of refresh(). \pre body.shape are the coefficients drawn
 void drawFaded(Body& body, const Piece& piece, double part, const Vector3d& center, std::uint32_t count) {
   const Field& field = piece.field();
-  const double left =
-      std::clamp((body.fade_left + (1 - part) * (body.fade_before - body.fade_left)) / kFadeSeconds, 0.0, 1.0);
-  const float weight = float(left * left * (3 - 2 * left));
+  const double left = (body.fade_left + (1 - part) * (body.fade_before - body.fade_left)) / kFadeSeconds;
+  const float weight = float(geometry::smoothstep(left));
   const ConstCoefficientMap z(body.shape.data()->data(), Eigen::Index(field.k), 3);
   const Matrix3 turned = weight * rotationOf(field, z, center).cast<float>();
   for (std::uint32_t v = field.first_vertex; v < field.first_vertex + count; ++v) {

@@ -169,11 +169,11 @@ TEST_F(Strokes, ARayMeetsWhatALinearSearchFinds) {
     const SurfacePoint hit = ball.along(origin, {0, 0, -1});
     const double squared = origin[0] * origin[0] + origin[1] * origin[1];
     if (squared > 1) {
-      EXPECT_EQ(hit.triangle, kNoIndex);
+      EXPECT_EQ(hit.triangle, formats::kNone);
     }
     if (squared > 0.95) continue;
     ++hits;
-    ASSERT_NE(hit.triangle, kNoIndex);
+    ASSERT_NE(hit.triangle, formats::kNone);
     EXPECT_NEAR(hit.position[2], std::sqrt(1 - squared), 0.02);
     EXPECT_NEAR(hit.distance, 3 - hit.position[2], 1e-9);
   }
@@ -190,7 +190,7 @@ TEST_F(Strokes, ARayThroughAnEdgeOrACornerMeetsTheSurface) {
     if (std::abs(x.x()) > 0.99 || std::abs(x.y()) > 0.99) continue;
     for (const Vector3d& from : {eye, Vector3d(x.x(), x.y(), 2.0)}) {
       const SurfacePoint hit = roof.along(from, (x - from).normalized());
-      ASSERT_NE(hit.triangle, kNoIndex) << x.transpose();
+      ASSERT_NE(hit.triangle, formats::kNone) << x.transpose();
       EXPECT_LT((hit.position - x).norm(), 1e-6);
     }
   }

@@ -36,7 +36,7 @@ PhysicalMesh someMesh() {
   mesh.pieces[0].source_volume = 2.5;
   mesh.quality = {10, 120, 0};
   mesh.part_piece = {0, 0, 0, 0};
-  mesh.home = {5, kNoIndex};
+  mesh.home = {5, formats::kNone};
   Finding finding;
   finding.id = "thin";
   finding.severity = Severity::info;

@@ -203,6 +203,7 @@ const std::vector<ContentFault> kContentFaults = {
     {"ATBC, element 1", [](auto& c) { c.barycentric[1].tetrahedron = 2; }},
     {"ATBC, element 1", [](auto& c) { c.barycentric[1].weight[2] = kNan; }},
     {"ATBC, element 1", [](auto& c) { c.barycentric[1].weight[2] = -1.1e6F; }},
+    {"ATBC, element 1: hangs more than a diagonal outside", [](auto& c) { c.barycentric[1].weight[2] = 1e4F; }},
     {"ATCR: 5 elements",
      [](auto& c) {
        c.cluster_attachment_ranges.pop_back();
@@ -980,7 +981,7 @@ TEST(PackageFaults, WhatTheFormatAllowsOpens) {
       [](auto& c) { c.clusters[0].alpha = 0; },
       [](auto& c) { c.info.source_volume = -1; },
       [](auto& c) {
-        c.barycentric[0].weight = {-3, 7, 0.5F};
+        c.barycentric[0].weight = {-0.5F, 1.5F, 0.25F};
       },
       [](auto& c) { c.sub_meshes[0].material = kNone; },
       [](auto& c) { c.sub_meshes.clear(); },

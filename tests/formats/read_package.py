@@ -532,6 +532,9 @@ class Package:
         r = self.records
         for i, a in enumerate(r["ATBC"]):
             need(a[0] < len(r["TETS"]) and all(abs(w) <= 1e6 for w in a[1:]), f"section ATBC, element {i}: tetrahedron or weight")
+            corner = [r["PVTX"][v][:3] for v in r["TETS"][a[0]]]
+            place = [corner[3][x] + sum(w * (corner[k][x] - corner[3][x]) for k, w in enumerate(a[1:])) for x in range(3)]
+            need(self.near(place), f"section ATBC, element {i}: hangs more than a diagonal outside the bounds")
         for i, a in enumerate(r["ATCW"]):
             need(a[0] < len(r["CLUS"]) and 0 <= a[1] <= 1, f"section ATCW, element {i}: cluster or weight")
         tile("ATCR", r["ATCR"], len(r["ATCW"]))

@@ -46,7 +46,7 @@ RawScene goodScene() {
   mesh.vertex_point = {0, 1, 2, 3};
   mesh.corners = {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3};
   mesh.face_size = {3, 3, 3, 3};
-  mesh.parts = {{"tet", kNoIndex}};
+  mesh.parts = {{"tet", formats::kNone}};
   scene.meshes.push_back(mesh);
   return scene;
 }
@@ -96,7 +96,7 @@ int misbehave(const std::string& how) {
        }},
       {"colour",
        [nan](RawScene& s, RawMesh&) {
-         s.materials.push_back({"m", {1, nan, 1, 1}, kNoIndex, false});
+         s.materials.push_back({"m", {1, nan, 1, 1}, formats::kNone, false});
        }},
       {"node", [](RawScene&, RawMesh& m) { m.node = 0; }},
       {"node order",

@@ -132,7 +132,7 @@ inline void checkInvariants(const VisualMesh& mesh) {
   for (const SubMeshSource& sub : mesh.sub_meshes) {
     EXPECT_EQ(sub.first_triangle, next);
     next += sub.triangle_count;
-    EXPECT_TRUE(sub.material == kNoIndex || sub.material < mesh.materials.size());
+    EXPECT_TRUE(sub.material == formats::kNone || sub.material < mesh.materials.size());
   }
   EXPECT_EQ(next, mesh.triangles.size());
   for (std::uint32_t f : mesh.triangle_face) ASSERT_LT(f, mesh.source_face_count);
@@ -154,7 +154,8 @@ inline void checkInvariants(const VisualMesh& mesh) {
     ASSERT_LT(group.vertices.back(), n);
   }
   for (const AttributeSource& attribute : mesh.attributes) ASSERT_EQ(attribute.values.size(), n * attribute.components);
-  for (const MaterialSource& m : mesh.materials) ASSERT_TRUE(m.texture == kNoIndex || m.texture < mesh.textures.size());
+  for (const MaterialSource& m : mesh.materials)
+    ASSERT_TRUE(m.texture == formats::kNone || m.texture < mesh.textures.size());
   for (const Finding& f : mesh.findings) {
     EXPECT_LE(f.places.size(), Finding::kMaxPlaces);
     EXPECT_GT(f.count, 0U) << f.id;

@@ -38,6 +38,7 @@ THIRD_PARTIES = {
     "tbb": ("tbb/", "oneapi/"),
     "assimp": ("assimp/",),
     "cgal": ("CGAL/", "boost/", "gmp", "mpfr"),
+    "cholmod": ("cholmod.h",),
     "opencv": ("opencv2/",),
     "epoxy": ("epoxy/",),
     "glfw": ("GLFW/",),
@@ -70,6 +71,7 @@ TOOL_COMMON = ("posix", "eigen", "json", "tbb")
 TOOL_THIRD = {
     "import": ("assimp", "cgal"),
     "tetrahedralize": ("cgal",),
+    "field": ("cholmod",),
     "pictures": ("opencv", "stb"),
     "author": ("opencv",),
     "render": ("opencv", "epoxy", "stb", "glfw"),
@@ -93,6 +95,7 @@ BEHIND = {
     ("tools/import/", "cgal"): ("tools/import/self_intersections.cpp",),
     ("tools/author/", "opencv"): ("tools/author/mask_image.cpp",),
     ("tools/tetrahedralize/", "cgal"): ("tools/tetrahedralize/cgal_*",),
+    ("tools/field/", "cholmod"): ("tools/field/cholesky.cpp",),
     ("tests/", "bullet"): ("tests/benchmarks/bullet_*",),
     ("tests/", "cgal"): ("tests/topology/exact_pairs.cpp",),  # a second opinion with exact constructions
 }

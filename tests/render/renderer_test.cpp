@@ -65,7 +65,7 @@ DrawModel cube(const Eigen::Vector3f& color) {
       model.triangles.push_back({base, base + 2, base + 3});
     }
   }
-  model.parts.push_back({0, static_cast<std::uint32_t>(model.triangles.size()), color, kNoIndex, false});
+  model.parts.push_back({0, static_cast<std::uint32_t>(model.triangles.size()), color, formats::kNone, false});
   return model;
 }
 

@@ -26,14 +26,14 @@ inline tools::VisualMesh makeMesh(const std::vector<Eigen::Vector3d>& positions,
   mesh.source_vertex_count = std::uint32_t(positions.size());
   mesh.source_face_count = std::uint32_t(faces.size());
   mesh.source_meshes.push_back({"mesh", 0, mesh.source_vertex_count});
-  std::vector<std::uint32_t> visual(positions.size(), tools::kNoIndex);
+  std::vector<std::uint32_t> visual(positions.size(), formats::kNone);
   for (const auto& face : faces) {
     for (const std::uint32_t v : face) visual.at(v) = 0;
   }
   std::map<std::array<double, 3>, std::uint32_t> points;
   Eigen::AlignedBox3d bounds;
   for (std::uint32_t v = 0; v < positions.size(); ++v) {
-    if (visual[v] == tools::kNoIndex) {
+    if (visual[v] == formats::kNone) {
       mesh.unreferenced.push_back(v);
       continue;
     }
@@ -53,7 +53,7 @@ inline tools::VisualMesh makeMesh(const std::vector<Eigen::Vector3d>& positions,
     }
   }
   mesh.normals.assign(mesh.positions.size(), Eigen::Vector3f::UnitY());
-  mesh.sub_meshes.push_back({"node", "mesh", tools::kNoIndex, 0, std::uint32_t(mesh.triangles.size())});
+  mesh.sub_meshes.push_back({"node", "mesh", formats::kNone, 0, std::uint32_t(mesh.triangles.size())});
   if (!bounds.isEmpty()) {
     mesh.bounds_min = bounds.min();
     mesh.bounds_max = bounds.max();

@@ -284,7 +284,7 @@ TEST(Shell, MaskOfAFaceAndFins) {
   faces.clear();
   for (std::size_t t = 0; t < fish.triangles.size(); ++t) {
     const std::uint32_t part = parts.part_of_triangle[t];
-    if (part == kNoIndex || parts.parts[part].closed) continue;
+    if (part == formats::kNone || parts.parts[part].closed) continue;
     faces.push_back({fish.triangles[t][0], fish.triangles[t][1], fish.triangles[t][2]});
   }
   if (faces.empty()) return;

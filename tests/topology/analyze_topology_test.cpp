@@ -187,7 +187,7 @@ TEST(AnalyzeTopology, AFlatTriangleThatHoldsNothingTakesNoPart) {
       analyzeTopology(makeMesh(positions, {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}, {0, 4, 1}}));
   EXPECT_TRUE(topology.closed);
   EXPECT_TRUE(topology.non_manifold_edges.empty());
-  EXPECT_EQ(topology.part_of_triangle[4], kNoIndex);
+  EXPECT_EQ(topology.part_of_triangle[4], formats::kNone);
 }
 
 TEST(AnalyzeTopology, ADoubledQuadCutTheOtherWayIsADuplicate) {

@@ -83,7 +83,7 @@ class TetrahedronTree {
   }
 
   std::uint32_t nearest(const Vector3d& p, double& squared_distance) const {
-    std::uint32_t best = kNoIndex;
+    std::uint32_t best = formats::kNone;
     squared_distance = std::numeric_limits<double>::infinity();
     tree_.descendNear(p, squared_distance, [&](std::uint32_t place) {
       const std::uint32_t t = first_ + tree_.order()[place];
@@ -224,7 +224,7 @@ class Neighbourhood {
   // From one tetrahedron to ever nearer ones beside it.
   std::uint32_t walk(std::uint32_t from, const Vector3d& p, double& squared_distance) const {
     squared_distance = distance(from, p);
-    for (std::uint32_t last = kNoIndex; last != from && squared_distance > 0;) {
+    for (std::uint32_t last = formats::kNone; last != from && squared_distance > 0;) {
       last = from;
       for (const std::uint32_t v : mesh_.tetrahedra[last]) {
         for (std::uint32_t i = first_[v]; i < first_[v + 1]; ++i) {
@@ -246,9 +246,9 @@ class Neighbourhood {
 };
 
 // A tetrahedron for each welded point to start from: its home, else that of the first point along the surface that has
-// one. kNoIndex where none can be reached.
+// one. formats::kNone where none can be reached.
 std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const PhysicalMesh& physical) {
-  std::vector<std::uint32_t> start(mesh.welded_positions.size(), kNoIndex);
+  std::vector<std::uint32_t> start(mesh.welded_positions.size(), formats::kNone);
   if (physical.home.empty()) return start;
   start = physical.home;
   // Edges that lead to points without a home.
@@ -256,7 +256,7 @@ std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const Physical
     for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
       const Triangle points = mesh.weldedTriangle(t);
       for (const std::uint32_t b : points) {
-        if (physical.home[b] != kNoIndex) continue;
+        if (physical.home[b] != formats::kNone) continue;
         for (const std::uint32_t a : points) {
           if (a != b) visit(a, b);
         }
@@ -270,12 +270,12 @@ std::vector<std::uint32_t> startingPlaces(const VisualMesh& mesh, const Physical
   forEdges([&](std::uint32_t a, std::uint32_t b) { next[filled[a]++] = b; });
   std::vector<std::uint32_t> queue;
   for (std::uint32_t p = 0; p < start.size(); ++p) {
-    if (start[p] != kNoIndex) queue.push_back(p);
+    if (start[p] != formats::kNone) queue.push_back(p);
   }
   for (std::size_t at = 0; at < queue.size(); ++at) {
     const std::uint32_t p = queue[at];
     for (std::uint32_t i = first[p]; i < first[p + 1]; ++i) {
-      if (start[next[i]] != kNoIndex) continue;
+      if (start[next[i]] != formats::kNone) continue;
       start[next[i]] = start[p];
       queue.push_back(next[i]);
     }
@@ -312,12 +312,12 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
                                                   const PhysicalMesh& physical) {
   // A point's piece is that of the first part that uses it; a point of no part (unused, or only of degenerate faces)
   // takes whatever is nearest.
-  std::vector<std::uint32_t> piece_of(mesh.welded_positions.size(), kNoIndex);
+  std::vector<std::uint32_t> piece_of(mesh.welded_positions.size(), formats::kNone);
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const std::uint32_t part = topology.part_of_triangle[t];
-    if (part == kNoIndex) continue;
+    if (part == formats::kNone) continue;
     for (std::uint32_t p : mesh.weldedTriangle(t)) {
-      if (piece_of[p] == kNoIndex) piece_of[p] = physical.part_piece[part];
+      if (piece_of[p] == formats::kNone) piece_of[p] = physical.part_piece[part];
     }
   }
   std::vector<TetrahedronTree> trees;
@@ -331,14 +331,14 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), 256), [&](const auto& range) {
     for (std::size_t p = range.begin(); p != range.end(); ++p) {
       const Vector3d& x = mesh.welded_positions[p];
-      if (start[p] != kNoIndex && neighbourhood.holds(start[p], x)) {
+      if (start[p] != formats::kNone && neighbourhood.holds(start[p], x)) {
         places[p] = {neighbourhood.broadest(start[p], x), {}, 0};
         continue;
       }
       double best = std::numeric_limits<double>::infinity();
-      std::uint32_t best_tetrahedron = kNoIndex;
+      std::uint32_t best_tetrahedron = formats::kNone;
       for (std::uint32_t b = 0; b < trees.size(); ++b) {
-        if (piece_of[p] != kNoIndex && piece_of[p] != b) continue;
+        if (piece_of[p] != formats::kNone && piece_of[p] != b) continue;
         double d = 0;
         const std::uint32_t t = trees[b].nearest(x, d);
         if (d < best) {
@@ -347,7 +347,7 @@ std::vector<TetrahedronPlace> placeVisualVertices(const VisualMesh& mesh, const 
         }
       }
       // The nearest one may lie across a gap.
-      if (start[p] != kNoIndex &&
+      if (start[p] != formats::kNone &&
           (neighbourhood.doubled(best_tetrahedron) || !neighbourhood.close(start[p], best_tetrahedron))) {
         best_tetrahedron = neighbourhood.walk(start[p], x, best);
       }

@@ -58,7 +58,7 @@ HungPlace hungAtRest(std::span<const formats::ClusterAttachment> uses, std::span
 
 /// Where a visual vertex hangs on the tetrahedra. Vertices welded into one point share one place, so seams cannot open.
 struct TetrahedronPlace {
-  std::uint32_t tetrahedron = kNoIndex;
+  std::uint32_t tetrahedron = formats::kNone;
   std::array<double, 4> weights = {0, 0, 0, 0};  ///< barycentric, sum 1; outside 0..1 where extrapolated
   double distance = 0;                           ///< metres outside the tetrahedron, 0 inside
 };

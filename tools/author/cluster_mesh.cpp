@@ -127,7 +127,7 @@ void keepOnly(List& list, const std::vector<std::uint32_t>& kept) {
 
 void renumber(std::vector<std::uint32_t>& list, const std::vector<std::uint32_t>& to) {
   for (std::uint32_t& v : list) v = to[v];
-  std::erase(list, kNoIndex);
+  std::erase(list, formats::kNone);
 }
 
 void removeTriangles(VisualMesh& mesh, const std::vector<std::uint8_t>& gone) {
@@ -137,13 +137,13 @@ void removeTriangles(VisualMesh& mesh, const std::vector<std::uint8_t>& gone) {
     for (const std::uint32_t v : mesh.triangles[t]) leaves[v] = std::uint8_t(leaves[v] | (gone[t] != 0 ? 1 : 2));
   }
   std::vector<std::uint32_t> kept;
-  std::vector<std::uint32_t> to(mesh.positions.size(), kNoIndex);
+  std::vector<std::uint32_t> to(mesh.positions.size(), formats::kNone);
   for (std::uint32_t v = 0; v < leaves.size(); ++v) {
     if (leaves[v] == 1) continue;
     to[v] = std::uint32_t(kept.size());
     kept.push_back(v);
   }
-  std::vector<std::uint32_t> triangle_to(mesh.triangles.size(), kNoIndex);
+  std::vector<std::uint32_t> triangle_to(mesh.triangles.size(), formats::kNone);
   std::vector<Triangle> triangles;
   std::vector<std::uint32_t> faces;
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -183,7 +183,7 @@ void removeTriangles(VisualMesh& mesh, const std::vector<std::uint8_t>& gone) {
   for (MorphTargetSource& morph : mesh.morphs) {
     std::size_t count = 0;
     for (std::size_t i = 0; i < morph.vertices.size(); ++i) {
-      if (to[morph.vertices[i]] == kNoIndex) continue;
+      if (to[morph.vertices[i]] == formats::kNone) continue;
       morph.displacements[count] = morph.displacements[i];
       morph.vertices[count++] = to[morph.vertices[i]];
     }
@@ -197,10 +197,10 @@ void removeTriangles(VisualMesh& mesh, const std::vector<std::uint8_t>& gone) {
   keepOnly(mesh.skin, kept);
   keepOnly(mesh.source_vertex, kept);
   keepOnly(mesh.welded, kept);
-  std::vector<std::uint32_t> welded_to(mesh.welded_positions.size(), kNoIndex);
+  std::vector<std::uint32_t> welded_to(mesh.welded_positions.size(), formats::kNone);
   std::vector<Vector3d> welded_positions;
   for (std::uint32_t& w : mesh.welded) {
-    if (welded_to[w] == kNoIndex) {
+    if (welded_to[w] == formats::kNone) {
       welded_to[w] = std::uint32_t(welded_positions.size());
       welded_positions.push_back(mesh.welded_positions[w]);
     }
@@ -306,7 +306,7 @@ ClusterMatch matchClusterMesh(const VisualMesh& mesh, const Surface& surface, co
     if (taken[p] != 0) continue;
     const double limit = edited ? std::max(same, reach[p]) : same;
     const auto hit = tree.closest(x[p], limit);
-    if (hit.triangle == kNoIndex) continue;
+    if (hit.triangle == formats::kNone) continue;
     const Triangle& t = cluster.triangles[hit.triangle];
     const auto& q = cluster.positions;
     bool on_rim = false;

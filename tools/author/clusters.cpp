@@ -7,8 +7,8 @@
 #include <numeric>
 #include <span>
 
+#include "runtime/geometry/smoothstep.h"
 #include "tools/author/tet_graph.h"
-#include "tools/core/ramp.h"
 #include "tools/core/text.h"
 
 namespace sinew::tools {
@@ -83,7 +83,7 @@ double axisWeight(double x, double low, double size, std::uint32_t index, std::u
   if ((index == 0 && x <= centre) || (index + 1 == count && x >= centre)) return 1;
   const double half = size * (0.5 + overlap);
   const double ramp = size * std::max(1e-6, std::min(2 * overlap, 0.5 + overlap));
-  return smoothstep((half - distance) / ramp);
+  return geometry::smoothstep((half - distance) / ramp);
 }
 
 }  // namespace
@@ -139,14 +139,14 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
     std::vector<Piece> pieces;
     std::vector<std::uint32_t> piece_of(body.vertex_count);
     for (const auto& [index, members] : boxes) {
-      std::fill(piece_of.begin(), piece_of.end(), kNoIndex);
+      std::fill(piece_of.begin(), piece_of.end(), formats::kNone);
       std::vector<double> weight(body.vertex_count, 0);
       for (const auto& [v, w] : members) weight[v] = w;
       std::uint32_t piece_count = 0;
       const std::string name =
           "x" + std::to_string(index[0]) + "y" + std::to_string(index[1]) + "z" + std::to_string(index[2]);
       for (const auto& member : members) {
-        if (piece_of[member.first] != kNoIndex) continue;
+        if (piece_of[member.first] != formats::kNone) continue;
         Piece piece;
         piece.name = piece_count == 0 ? name : name + "." + std::to_string(piece_count + 1);
         std::vector<std::uint32_t> queue = {member.first};
@@ -156,7 +156,7 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
           piece.members.emplace_back(v, weight[v]);
           for (std::uint32_t e = graph.first[base + v]; e < graph.first[base + v + 1]; ++e) {
             const std::uint32_t n = graph.neighbour[e] - base;
-            if (weight[n] > 0 && piece_of[n] == kNoIndex) {
+            if (weight[n] > 0 && piece_of[n] == formats::kNone) {
               piece_of[n] = piece_count;
               queue.push_back(n);
             }
@@ -184,7 +184,7 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
           near[graph.neighbour[e] - base] = 1;
       }
       std::size_t best_shared = 0;
-      std::uint32_t best = kNoIndex;
+      std::uint32_t best = formats::kNone;
       for (std::uint32_t q = 0; q < pieces.size(); ++q) {
         if (q == p) continue;
         std::size_t shared = 0;
@@ -194,7 +194,7 @@ std::vector<ClusterSource> gridClusters(const PhysicalMesh& mesh, const ClusterO
           best = q;
         }
       }
-      if (best == kNoIndex) continue;  // a whole piece of so few vertices
+      if (best == formats::kNone) continue;  // a whole piece of so few vertices
       auto& target = pieces[best].members;
       for (const auto& member : piece.members) {
         const auto at = std::lower_bound(target.begin(), target.end(), std::pair(member.first, 0.0));

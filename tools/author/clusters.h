@@ -63,12 +63,13 @@ struct ClusterSource {
   std::string name;
   std::uint32_t piece = 0;
   formats::ClusterMode mode = formats::ClusterMode::linear;
-  std::vector<std::uint32_t> vertices;      ///< physical, ascending
-  std::vector<double> weights;              ///< w_ic, > 0
-  std::optional<ClusterOptions> options;    ///< its own; none = those of all
-  std::uint32_t recipe_cluster = kNoIndex;  ///< its number in the recipe; none of automatic ones and of accessories
+  std::vector<std::uint32_t> vertices;    ///< physical, ascending
+  std::vector<double> weights;            ///< w_ic, > 0
+  std::optional<ClusterOptions> options;  ///< its own; none = those of all
+  std::uint32_t recipe_cluster =
+      formats::kNone;  ///< its number in the recipe; none of automatic ones and of accessories
   /// Of an accessory: the first of the four physical vertices that it moves, while it is matched to `vertices`.
-  std::uint32_t rider = kNoIndex;
+  std::uint32_t rider = formats::kNone;
 };
 
 /// A finding on the clusters of these names, "3 clusters " + what; none where there are no names.

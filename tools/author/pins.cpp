@@ -24,12 +24,12 @@ std::string listed(std::span<const PinWeights> sets, std::span<const std::uint32
 }  // namespace
 
 std::vector<std::uint32_t> pinHolders(std::span<const PinWeights> sets) {
-  std::vector<std::uint32_t> holders(sets.empty() ? 0 : sets[0].weights.size(), kNoIndex);
+  std::vector<std::uint32_t> holders(sets.empty() ? 0 : sets[0].weights.size(), formats::kNone);
   for (std::uint32_t s = 0; s < sets.size(); ++s) {
     for (std::size_t v = 0; v < holders.size(); ++v) {
       const double weight = sets[s].weights[v];
       if (weight < kMinimumPin) continue;
-      if (holders[v] == kNoIndex || weight > sets[holders[v]].weights[v]) holders[v] = s;
+      if (holders[v] == formats::kNone || weight > sets[holders[v]].weights[v]) holders[v] = s;
     }
   }
   return holders;
@@ -40,7 +40,7 @@ std::vector<std::uint32_t> rigidHolders(std::span<const double> shares, std::spa
   std::vector<std::uint32_t> sets;
   for (const double least : {kMeant, 0.0}) {
     for (std::size_t v = 0; v < holders.size(); ++v) {
-      if (holders[v] != kNoIndex && weights[v] >= least && shares[v] > 1 - kNoShare) sets.push_back(holders[v]);
+      if (holders[v] != formats::kNone && weights[v] >= least && shares[v] > 1 - kNoShare) sets.push_back(holders[v]);
     }
     if (!sets.empty()) break;
   }
@@ -55,10 +55,10 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
   const std::vector<std::uint32_t> holders = pinHolders(sets);
   std::vector<double> weights(holders.size(), 0);
   for (std::size_t v = 0; v < holders.size(); ++v) {
-    if (holders[v] != kNoIndex) weights[v] = sets[holders[v]].weights[v];
+    if (holders[v] != formats::kNone) weights[v] = sets[holders[v]].weights[v];
   }
   std::vector<std::uint32_t> mover = holders;  // the set that each vertex moves with
-  std::vector<std::uint32_t> rigid_in(holders.size(), kNoIndex);
+  std::vector<std::uint32_t> rigid_in(holders.size(), formats::kNone);
   for (std::uint32_t c = 0; c < clusters.size(); ++c) {
     const std::vector<std::uint32_t> by = rigidHolders(clusters[c].shares, holders, weights);
     if (by.size() == 1) {
@@ -87,7 +87,7 @@ std::vector<Finding> judgePins(std::span<const PinWeights> sets, std::span<const
       if (mover[v] == s) continue;
       const std::string other = "pins '" + sets[mover[v]].name + "'";
       std::array<std::size_t, 2>& counts =
-          why[rigid_in[v] == kNoIndex
+          why[rigid_in[v] == formats::kNone
                   ? "are held as firmly or firmer by " + other
                   : "belong to the rigid cluster '" + clusters[rigid_in[v]].name + "', which " + other + " hold"];
       ++counts[0];

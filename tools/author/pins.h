@@ -31,12 +31,12 @@ struct RigidShares {
   std::vector<double> shares;
 };
 
-/// The set that holds each vertex: the one that holds it firmest, of equals the first; kNoIndex where none does.
+/// The set that holds each vertex: the one that holds it firmest, of equals the first; formats::kNone where none does.
 std::vector<std::uint32_t> pinHolders(std::span<const PinWeights> sets);
 
 /// The sets that hold vertices which belong to a rigid cluster alone, ascending; falloffs (weights below one half)
-/// count only where no set holds firmer. One: the cluster moves with it. \param holders per vertex, kNoIndex for none.
-/// \param weights per vertex, of its holder.
+/// count only where no set holds firmer. One: the cluster moves with it. \param holders per vertex, formats::kNone for
+/// none. \param weights per vertex, of its holder.
 std::vector<std::uint32_t> rigidHolders(std::span<const double> shares, std::span<const std::uint32_t> holders,
                                         std::span<const double> weights);
 

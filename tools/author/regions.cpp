@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "runtime/geometry/smoothstep.h"
 #include "tools/author/surface.h"
-#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -97,10 +97,10 @@ class Regions {
  private:
   template <class Eligible>
   std::uint32_t nearestTo(const Eigen::Vector3d& x, const Eligible& eligible) const {
-    std::uint32_t best = kNoIndex;
+    std::uint32_t best = formats::kNone;
     for (const std::uint32_t v : members_) {
       if (!eligible(v)) continue;
-      if (best == kNoIndex || (mesh_.positions[v] - x).squaredNorm() < (mesh_.positions[best] - x).squaredNorm())
+      if (best == formats::kNone || (mesh_.positions[v] - x).squaredNorm() < (mesh_.positions[best] - x).squaredNorm())
         best = v;
     }
     return best;
@@ -182,7 +182,7 @@ std::vector<ClusterSource> kmeansClusters(const PhysicalMesh& mesh, const TetGra
     cluster.piece = b;
     cluster.mode = options.mode;
     for (const std::uint32_t v : members) {
-      const double weight = reach.distance[v] > 0 ? smoothstep(1 - reach.distance[v] / overlap) : 1;
+      const double weight = reach.distance[v] > 0 ? geometry::smoothstep(1 - reach.distance[v] / overlap) : 1;
       if (weight < kMinimumWeight) continue;
       cluster.vertices.push_back(v);
       cluster.weights.push_back(weight);
@@ -227,7 +227,7 @@ std::vector<std::uint32_t> regionsOfSize(const PhysicalMesh& mesh, const TetGrap
   if (whole.size() < members.size()) {
     const TetDistances nearest = tetDistances(graph, whole, kInfinity);
     for (const std::uint32_t v : members) {
-      if (crumb[v] != 0 && nearest.nearest[v] != kNoIndex) of_vertex[v] = of_vertex[nearest.nearest[v]];
+      if (crumb[v] != 0 && nearest.nearest[v] != formats::kNone) of_vertex[v] = of_vertex[nearest.nearest[v]];
     }
   }
   std::vector<std::uint32_t> region;

@@ -152,7 +152,7 @@ bool SeenFront::isVisible(std::uint32_t point) {
   const Vector3d way = surface_.mesh().welded_positions[point] - eye_;
   const double length = way.norm();
   const SurfacePoint hit = surface_.along(eye_, way / length);
-  return hit.triangle == kNoIndex || hit.distance >= length - kHides * surface_.mesh().diagonal;
+  return hit.triangle == formats::kNone || hit.distance >= length - kHides * surface_.mesh().diagonal;
 }
 
 bool SeenFront::spread(std::size_t most) {

@@ -7,11 +7,11 @@
 #include <limits>
 #include <set>
 
+#include "runtime/geometry/smoothstep.h"
 #include "tools/author/recipe_keys.h"
 #include "tools/author/selection_kinds.h"
 #include "tools/core/command_line.h"
 #include "tools/core/error.h"
-#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -219,7 +219,7 @@ class Selections::Evaluator {
     const double by = place.number("by");
     if (!(by > 0)) return weights;
     std::vector<double> points = source_.surface.signedDistances(source_.onPoints(weights));
-    for (double& d : points) d = smoothstep(0.5 - d / by);
+    for (double& d : points) d = geometry::smoothstep(0.5 - d / by);
     return source_.onVertices(points);
   }
 
@@ -243,7 +243,7 @@ class Selections::Evaluator {
     for (std::size_t p = 0; p < weights.size(); ++p) {
       const SurfacePoint at =
           source_.surface.nearest(mirrored(source_.mesh.welded_positions[p], plane.point, plane.normal));
-      if (at.triangle != kNoIndex && at.distance <= tolerance * source_.mesh.diagonal)
+      if (at.triangle != formats::kNone && at.distance <= tolerance * source_.mesh.diagonal)
         image[p] = source_.surface.interpolate(at, weights);
     }
     return source_.onVertices(image);

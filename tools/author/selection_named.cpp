@@ -62,7 +62,7 @@ VisualWeights part(const SelectionSource& source, const Place& place) {
   if (place.value.is_array()) {
     double nearest = kInfinity;
     for (std::uint32_t t = 0; t < source.mesh.triangles.size(); ++t) {
-      if (source.topology.part_of_triangle[t] == kNoIndex) continue;
+      if (source.topology.part_of_triangle[t] == formats::kNone) continue;
       const Triangle c = source.mesh.weldedTriangle(t);
       const auto& x = source.mesh.welded_positions;
       const Vector3d p = pointOf(place.value);

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "runtime/geometry/smoothstep.h"
 #include "tools/author/mask_image.h"
 #include "tools/author/selection_kinds.h"
 #include "tools/author/strokes.h"
-#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -21,13 +21,13 @@ constexpr int kOverlapCells = 256;
 // 1 up to the edge, falling to 0 over `falloff` outside.
 double ramp(double outside, double falloff) {
   if (outside <= 0) return 1;
-  return falloff > 0 ? smoothstep(1 - outside / falloff) : 0;
+  return falloff > 0 ? geometry::smoothstep(1 - outside / falloff) : 0;
 }
 
 // Where distant triangles lie on the same painted place, a mask selects them all: mirrored halves, repeated parts.
 void reportSharedUv(const SelectionSource& source, const Place& place, const MaskImage& mask,
                     const std::vector<std::uint8_t>& meant, bool up) {
-  std::vector<std::uint32_t> owner(std::size_t(kOverlapCells) * kOverlapCells, kNoIndex);
+  std::vector<std::uint32_t> owner(std::size_t(kOverlapCells) * kOverlapCells, formats::kNone);
   std::vector<std::uint8_t> shared(owner.size(), 0);
   std::size_t covered = 0;
   std::size_t overlapping = 0;
@@ -60,7 +60,7 @@ void reportSharedUv(const SelectionSource& source, const Place& place, const Mas
           return std::size_t((int(std::floor(i)) % kOverlapCells + kOverlapCells) % kOverlapCells);
         };
         const std::size_t cell = wrap(y) * kOverlapCells + wrap(x);
-        if (owner[cell] == kNoIndex) {
+        if (owner[cell] == formats::kNone) {
           owner[cell] = t;
           ++covered;
         } else if (shared[cell] == 0 && (center(owner[cell]) - center(t)).norm() > 0.05 * source.mesh.diagonal) {

@@ -61,7 +61,7 @@ std::array<double, 3> barycentric(const Vector3d& p, const Vector3d& a, const Ve
 }
 
 struct Place {
-  std::uint32_t triangle = kNoIndex;
+  std::uint32_t triangle = formats::kNone;
   std::array<double, 3> corner = {0, 0, 0};
   double distance = kInfinity;  // m
   double uv_distance = 0;       // in UV
@@ -171,7 +171,7 @@ class Matcher {
       const double third = (x[t[1]] - x[t[0]]).cross(x[t[2]] - x[t[0]]).norm() / 3;
       for (const std::uint32_t v : t) {
         area += third;
-        if (match_.vertices[v].triangle != kNoIndex) matched += third;
+        if (match_.vertices[v].triangle != formats::kNone) matched += third;
       }
     }
     match_.matched = area > 0 ? matched / area : 0;
@@ -194,9 +194,9 @@ class Matcher {
     for (std::uint32_t v = 0; v < new_mesh_.positions.size(); v += std::uint32_t(step)) {
       ++asked;
       const Place by_uv = old_.withUv(place(v), uv(v));
-      if (by_uv.triangle == kNoIndex) continue;
+      if (by_uv.triangle == formats::kNone) continue;
       ++hit;
-      if (old_.near(place(v), normal(v), std::nullopt, 0.25 * kNear * diagonal_).triangle == kNoIndex) continue;
+      if (old_.near(place(v), normal(v), std::nullopt, 0.25 * kNear * diagonal_).triangle == formats::kNone) continue;
       ++on;
       if (by_uv.distance <= kNear * diagonal_) ++agree;
     }
@@ -213,7 +213,7 @@ class Matcher {
       const Triangle& c = new_mesh_.triangles[t];
       const Place a = old_.withUv(place(c[0]), uv(c[0]));
       const Place b = old_.withUv(place(c[1]), uv(c[1]));
-      if (a.triangle == kNoIndex || b.triangle == kNoIndex) continue;
+      if (a.triangle == formats::kNone || b.triangle == formats::kNone) continue;
       const double now = (place(c[1]) - place(c[0])).norm();
       const double then = (old_.pointOf(b.triangle, b.corner) - old_.pointOf(a.triangle, a.corner)).norm();
       ++asked;
@@ -227,40 +227,40 @@ class Matcher {
     const std::optional<Vector2d> own_uv = match_.uvs_kept ? std::optional(uv(v)) : std::nullopt;
     // First within what a rounding moves it, so that one that stayed costs little.
     Place near = old_.near(x, normal(v), own_uv, kSame * diagonal_);
-    if (near.triangle == kNoIndex || near.uv_distance > kSameUv) {
+    if (near.triangle == formats::kNone || near.uv_distance > kSameUv) {
       const Place wide = old_.near(x, normal(v), own_uv, kNear * diagonal_);
-      if (wide.triangle != kNoIndex) near = wide;
+      if (wide.triangle != formats::kNone) near = wide;
     }
     const bool same = near.distance <= kSame * diagonal_ && near.uv_distance <= kSameUv;
     if (own_uv && !same) {
       // One that was moved a little kept its UV; further off it counts where nothing else is.
       const Place by_uv = old_.withUv(x, *own_uv);
-      const bool nothing_else =
-          near.triangle == kNoIndex || (near.uv_distance > 10 * kSameUv && near.distance > kOnSurface * diagonal_);
-      if (by_uv.triangle != kNoIndex && (nothing_else || by_uv.distance <= kNear * diagonal_)) {
-        return {MatchRule::uv, by_uv.triangle, by_uv.corner, by_uv.distance, kNoIndex};
+      const bool nothing_else = near.triangle == formats::kNone ||
+                                (near.uv_distance > 10 * kSameUv && near.distance > kOnSurface * diagonal_);
+      if (by_uv.triangle != formats::kNone && (nothing_else || by_uv.distance <= kNear * diagonal_)) {
+        return {MatchRule::uv, by_uv.triangle, by_uv.corner, by_uv.distance, formats::kNone};
       }
     }
-    if (near.triangle == kNoIndex) return {};
+    if (near.triangle == formats::kNone) return {};
     return {near.distance <= kSame * diagonal_ ? MatchRule::same : MatchRule::position, near.triangle, near.corner,
-            near.distance, kNoIndex};
+            near.distance, formats::kNone};
   }
 
   // Glasses on a face are near it, and no part of it.
   void leaveNewParts(const Topology& topology) {
     std::vector<double> all;
     std::vector<std::vector<double>> of_part(topology.parts.size());
-    std::vector<std::uint32_t> part(match_.vertices.size(), kNoIndex);
+    std::vector<std::uint32_t> part(match_.vertices.size(), formats::kNone);
     for (std::size_t t = 0; t < new_mesh_.triangles.size(); ++t) {
-      if (topology.part_of_triangle[t] == kNoIndex) continue;
+      if (topology.part_of_triangle[t] == formats::kNone) continue;
       for (const std::uint32_t v : new_mesh_.triangles[t]) part[v] = topology.part_of_triangle[t];
     }
     const auto distance = [&](std::uint32_t v) {
       const SourceMatch::Vertex& m = match_.vertices[v];
-      return m.rule == MatchRule::uv ? 0 : m.triangle == kNoIndex ? kNear * diagonal_ : m.distance;
+      return m.rule == MatchRule::uv ? 0 : m.triangle == formats::kNone ? kNear * diagonal_ : m.distance;
     };
     for (std::uint32_t v = 0; v < part.size(); ++v) {
-      if (part[v] == kNoIndex) continue;
+      if (part[v] == formats::kNone) continue;
       all.push_back(distance(v));
       of_part[part[v]].push_back(all.back());
     }
@@ -274,15 +274,15 @@ class Matcher {
     std::vector<std::uint8_t> is_new(of_part.size(), 0);
     for (std::size_t p = 0; p < of_part.size(); ++p) is_new[p] = median(of_part[p]) > limit ? 1 : 0;
     for (std::uint32_t v = 0; v < part.size(); ++v) {
-      if (part[v] != kNoIndex && is_new[part[v]] != 0) match_.vertices[v] = {};
+      if (part[v] != formats::kNone && is_new[part[v]] != 0) match_.vertices[v] = {};
     }
   }
 
   void fillNeighbours() {
     const std::size_t points = new_mesh_.welded_positions.size();
-    std::vector<std::uint32_t> vertex_of(points, kNoIndex);
+    std::vector<std::uint32_t> vertex_of(points, formats::kNone);
     for (std::uint32_t v = 0; v < match_.vertices.size(); ++v) {
-      if (match_.vertices[v].triangle != kNoIndex) vertex_of[new_mesh_.welded[v]] = v;
+      if (match_.vertices[v].triangle != formats::kNone) vertex_of[new_mesh_.welded[v]] = v;
     }
     std::vector<std::vector<std::uint32_t>> edges(points);
     for (std::size_t t = 0; t < new_mesh_.triangles.size(); ++t) {
@@ -296,7 +296,7 @@ class Matcher {
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
     std::vector<double> distance(points, kInfinity);
     for (std::uint32_t p = 0; p < points; ++p) {
-      if (vertex_of[p] == kNoIndex) continue;
+      if (vertex_of[p] == formats::kNone) continue;
       distance[p] = 0;
       queue.emplace(0.0, p);
     }
@@ -314,7 +314,7 @@ class Matcher {
     }
     for (std::uint32_t v = 0; v < match_.vertices.size(); ++v) {
       SourceMatch::Vertex& m = match_.vertices[v];
-      if (m.triangle != kNoIndex || vertex_of[new_mesh_.welded[v]] == kNoIndex) continue;
+      if (m.triangle != formats::kNone || vertex_of[new_mesh_.welded[v]] == formats::kNone) continue;
       m.rule = MatchRule::neighbour;
       m.neighbour = vertex_of[new_mesh_.welded[v]];
     }
@@ -337,8 +337,8 @@ const char* matchRuleName(MatchRule rule) {
 std::vector<double> SourceMatch::carry(const std::vector<double>& old_weights, const VisualMesh& old_mesh) const {
   std::vector<double> weights(vertices.size(), 0);
   for (std::size_t v = 0; v < vertices.size(); ++v) {
-    const Vertex& m = vertices[v].neighbour == kNoIndex ? vertices[v] : vertices[vertices[v].neighbour];
-    if (m.triangle == kNoIndex) continue;
+    const Vertex& m = vertices[v].neighbour == formats::kNone ? vertices[v] : vertices[vertices[v].neighbour];
+    if (m.triangle == formats::kNone) continue;
     for (std::size_t k = 0; k < 3; ++k) weights[v] += m.corner[k] * old_weights[old_mesh.triangles[m.triangle][k]];
   }
   return weights;
@@ -351,7 +351,7 @@ std::vector<std::pair<Vector3d, Vector3d>> pairsByUv(const VisualMesh& old_mesh,
   const std::size_t step = std::max<std::size_t>(1, new_mesh.positions.size() / kUvSamples);
   for (std::size_t v = 0; v < new_mesh.positions.size(); v += step) {
     const Place at = old.withUv(new_mesh.positions[v], new_mesh.uvs[v].cast<double>());
-    if (at.triangle != kNoIndex) pairs.emplace_back(old.pointOf(at.triangle, at.corner), new_mesh.positions[v]);
+    if (at.triangle != formats::kNone) pairs.emplace_back(old.pointOf(at.triangle, at.corner), new_mesh.positions[v]);
   }
   if (2 * pairs.size() * step < new_mesh.positions.size()) pairs.clear();
   return pairs;

@@ -30,10 +30,10 @@ const char* matchRuleName(MatchRule rule);
 struct SourceMatch {
   struct Vertex {
     MatchRule rule = MatchRule::none;
-    std::uint32_t triangle = kNoIndex;         ///< of the old mesh; none for rules neighbour and none
+    std::uint32_t triangle = formats::kNone;   ///< of the old mesh; none for rules neighbour and none
     std::array<double, 3> corner = {0, 0, 0};  ///< barycentric
     double distance = 0;                       ///< m, from the old place, of rules same, position and uv
-    std::uint32_t neighbour = kNoIndex;        ///< visual vertex of the new mesh, of rule neighbour
+    std::uint32_t neighbour = formats::kNone;  ///< visual vertex of the new mesh, of rule neighbour
   };
   std::vector<Vertex> vertices;  ///< per visual vertex of the new mesh
   bool uvs_kept = false;         ///< both have UVs, and most of them are the same

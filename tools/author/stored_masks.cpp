@@ -110,7 +110,7 @@ std::pair<bool, StoredWeights> readStoredMask(const std::filesystem::path& file,
   std::vector<double> welded(mesh.welded_positions.size(), 0);
   for (std::size_t p = 0; p < welded.size(); ++p) {
     const auto hit = tree.closest(mesh.welded_positions[p], kNear * mesh.diagonal);
-    if (hit.triangle == kNoIndex) {
+    if (hit.triangle == formats::kNone) {
       ++result.unknown;
       continue;
     }

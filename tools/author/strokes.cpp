@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "runtime/geometry/smoothstep.h"
 #include "tools/author/json_text.h"
-#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -25,7 +25,7 @@ constexpr int kSmoothRounds = 10;
 // 1 up to the edge, falling to 0 over `falloff` outside.
 double ramp(double outside, double falloff) {
   if (outside <= 0) return 1;
-  return falloff > 0 ? smoothstep(1 - outside / falloff) : 0;
+  return falloff > 0 ? geometry::smoothstep(1 - outside / falloff) : 0;
 }
 
 bool isPoint(const Json& p) {

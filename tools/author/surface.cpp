@@ -89,7 +89,7 @@ std::vector<double> Surface::distances(std::vector<double> start, Front kind) co
 std::vector<double> Surface::distancesFrom(std::span<const SurfacePoint> places) const {
   std::vector<double> start(mesh_.welded_positions.size(), kInfinity);
   for (const SurfacePoint& place : places) {
-    if (place.triangle == kNoIndex) continue;
+    if (place.triangle == formats::kNone) continue;
     for (const std::uint32_t p : triangles_[place.triangle]) {
       start[p] = std::min(start[p], (mesh_.welded_positions[p] - place.position).norm());
     }
@@ -180,7 +180,7 @@ SurfacePoint Surface::along(const Vector3d& origin, const Vector3d& direction) c
       if (distance > 0 && distance < best.distance) best = {tree_.order()[i], origin + distance * direction, distance};
     }
   }
-  return best.triangle == kNoIndex ? SurfacePoint{} : best;
+  return best.triangle == formats::kNone ? SurfacePoint{} : best;
 }
 
 std::uint32_t Surface::nearestCorner(const SurfacePoint& at) const {
@@ -192,7 +192,7 @@ std::uint32_t Surface::nearestCorner(const SurfacePoint& at) const {
 }
 
 std::vector<Vector3d> Surface::path(const SurfacePoint& from, const SurfacePoint& to) const {
-  if (from.triangle == kNoIndex || to.triangle == kNoIndex) return {};
+  if (from.triangle == formats::kNone || to.triangle == formats::kNone) return {};
   const std::vector<double> distance = distancesFrom({&to, 1});
   std::vector<Vector3d> places = {from.position};
   std::uint32_t at = nearestCorner(from);

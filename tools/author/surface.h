@@ -20,7 +20,7 @@ namespace sinew::tools {
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct SurfacePoint {
-  std::uint32_t triangle = kNoIndex;  ///< of VisualMesh::triangles
+  std::uint32_t triangle = formats::kNone;  ///< of VisualMesh::triangles
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   double distance = 0;  ///< metres from what was asked for
 };

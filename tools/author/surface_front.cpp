@@ -29,7 +29,7 @@ void SurfaceFront::offer(std::uint32_t point, double distance) {
 
 void SurfaceFront::add(const SurfacePoint& place, double from, double limit) {
   limit_ = limit;
-  if (place.triangle == kNoIndex) return;
+  if (place.triangle == formats::kNone) return;
   for (const std::uint32_t p : surface_.triangles_[place.triangle])
     offer(p, from + (surface_.mesh_.welded_positions[p] - place.position).norm());
 }

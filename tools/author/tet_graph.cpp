@@ -51,7 +51,7 @@ TetDistances spread(const TetGraph& graph, std::span<const std::pair<double, std
                     std::span<const std::uint8_t> inside) {
   const std::size_t count = graph.first.size() - 1;
   TetDistances result{std::vector<double>(count, std::numeric_limits<double>::infinity()),
-                      std::vector<std::uint32_t>(count, kNoIndex)};
+                      std::vector<std::uint32_t>(count, formats::kNone)};
   using Entry = std::tuple<double, std::uint32_t, std::uint32_t>;  // distance, source, vertex
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> front;
   const auto offer = [&](double d, std::uint32_t source, std::uint32_t v) {

@@ -22,8 +22,9 @@ TetGraph makeTetGraph(const PhysicalMesh& mesh);
 
 /// Shortest ways along edges.
 struct TetDistances {
-  std::vector<double> distance;        ///< metres; infinite where no way leads
-  std::vector<std::uint32_t> nearest;  ///< the source whose distance it is (of equal ones the lowest); kNoIndex: none
+  std::vector<double> distance;  ///< metres; infinite where no way leads
+  std::vector<std::uint32_t>
+      nearest;  ///< the source whose distance it is (of equal ones the lowest); formats::kNone: none
 };
 
 /// From all `sources` at once.

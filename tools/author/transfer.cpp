@@ -468,7 +468,7 @@ class Carrier {
       if (!(weights[v] > 0)) continue;
       const SourceMatch::Vertex& m = match_.vertices[v];
       ++entry.matched[std::size_t(m.rule)];
-      if (m.triangle == kNoIndex) continue;
+      if (m.triangle == formats::kNone) continue;
       ++placed;
       squared += m.distance * m.distance;
       entry.largest = std::max(entry.largest, m.distance);

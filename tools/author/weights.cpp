@@ -11,9 +11,9 @@
 #include <optional>
 #include <utility>
 
+#include "runtime/geometry/smoothstep.h"
 #include "tools/author/regions.h"
 #include "tools/author/surface.h"
-#include "tools/core/ramp.h"
 #include "tools/core/text.h"
 
 namespace sinew::tools {
@@ -115,7 +115,8 @@ class PieceClusters {
       const std::uint32_t from = nearest.nearest[global(v)];
       Piece* strongest = pieces.data();
       for (Piece& piece : pieces) {
-        if (from != kNoIndex && piece.weight[from - body_.first_vertex] > strongest->weight[from - body_.first_vertex])
+        if (from != formats::kNone &&
+            piece.weight[from - body_.first_vertex] > strongest->weight[from - body_.first_vertex])
           strongest = &piece;
       }
       strongest->weight[v] = 1;
@@ -172,7 +173,7 @@ class PieceClusters {
       const double d = reach.distance[global(v)];
       if (!std::isfinite(d)) continue;
       const double before =
-          std::exchange(piece.weight[v], std::max(piece.weight[v], largest * smoothstep(1 - d / overlap)));
+          std::exchange(piece.weight[v], std::max(piece.weight[v], largest * geometry::smoothstep(1 - d / overlap)));
       if (before < half && piece.weight[v] - before > kMinimumShare * largest) said.widens = true;
     }
   }
@@ -183,7 +184,7 @@ class PieceClusters {
       double sum = 0;
       for (const Piece& piece : pieces) sum += piece.weight[v];
       for (Piece& piece : pieces) {
-        piece.weight[v] *= smoothstep((piece.weight[v] / sum - kMinimumShare) / (kFullShare - kMinimumShare));
+        piece.weight[v] *= geometry::smoothstep((piece.weight[v] / sum - kMinimumShare) / (kFullShare - kMinimumShare));
       }
     }
   }
@@ -192,11 +193,11 @@ class PieceClusters {
   // behind the lip. Pieces apart that weigh next to nothing beside the largest leave the cluster, where others cover
   // them.
   std::size_t dropStrays(Piece& piece, const std::vector<Piece>& pieces) const {
-    std::vector<std::uint32_t> run(body_.vertex_count, kNoIndex);
+    std::vector<std::uint32_t> run(body_.vertex_count, formats::kNone);
     std::vector<double> mass;
     std::vector<std::uint32_t> stack;
     for (std::uint32_t start = 0; start < body_.vertex_count; ++start) {
-      if (!(piece.weight[start] > 0) || run[start] != kNoIndex) continue;
+      if (!(piece.weight[start] > 0) || run[start] != formats::kNone) continue;
       const auto number = std::uint32_t(mass.size());
       mass.push_back(0);
       run[start] = number;
@@ -207,7 +208,7 @@ class PieceClusters {
         mass.back() += piece.weight[v];
         for (std::uint32_t e = graph_.first[global(v)]; e < graph_.first[global(v) + 1]; ++e) {
           const std::uint32_t n = graph_.neighbour[e] - body_.first_vertex;
-          if (!(piece.weight[n] > 0) || run[n] != kNoIndex) continue;
+          if (!(piece.weight[n] > 0) || run[n] != formats::kNone) continue;
           run[n] = number;
           stack.push_back(n);
         }
@@ -217,7 +218,7 @@ class PieceClusters {
     const double least = kStray * *std::max_element(mass.begin(), mass.end());
     std::size_t dropped = 0;
     for (std::uint32_t v = 0; v < body_.vertex_count; ++v) {
-      if (run[v] == kNoIndex || mass[run[v]] >= least) continue;
+      if (run[v] == formats::kNone || mass[run[v]] >= least) continue;
       double sum = 0;
       for (const Piece& other : pieces) sum += other.weight[v];
       if (!(sum > piece.weight[v])) continue;
@@ -327,7 +328,7 @@ class TetWalk {
   explicit TetWalk(const PhysicalMesh& mesh) : mesh_(mesh), across_(mesh.tetrahedra.size()) {
     std::vector<std::pair<std::array<std::uint32_t, 3>, std::uint32_t>> faces;
     for (std::uint32_t t = 0; t < mesh.tetrahedra.size(); ++t) {
-      across_[t].fill(kNoIndex);
+      across_[t].fill(formats::kNone);
       for (std::uint32_t k = 0; k < 4; ++k) {
         const auto& v = mesh.tetrahedra[t];
         std::array<std::uint32_t, 3> face = {v[(k + 1) % 4], v[(k + 2) % 4], v[(k + 3) % 4]};
@@ -349,7 +350,7 @@ class TetWalk {
       const auto worst =
           std::size_t(std::min_element(place.weights.begin(), place.weights.end()) - place.weights.begin());
       const std::uint32_t next = across_[place.tetrahedron][worst];
-      if (place.weights[worst] >= 0 || next == kNoIndex) break;
+      if (place.weights[worst] >= 0 || next == formats::kNone) break;
       place = {next, weights(x, next), 0};
     }
     return place;
@@ -380,7 +381,7 @@ void judge(const WeightTransfer& transfer, const std::vector<ClusterSource>& clu
   std::vector<std::string> riding;
   for (std::size_t c = 0; c < clusters.size(); ++c) {
     const ClusterSource& cluster = clusters[c];
-    if (cluster.recipe_cluster == kNoIndex) continue;
+    if (cluster.recipe_cluster == formats::kNone) continue;
     if (cluster.vertices.size() < kFewMembers) small.push_back(cluster.name);
     if (!hangsTogether(transfer.graph(), cluster)) apart.push_back(cluster.name);
     for (std::size_t other = 0; other < c; ++other) {
@@ -552,7 +553,7 @@ std::vector<double> WeightTransfer::operator()(std::span<const double> visual) c
   std::vector<double> weights(taken_from_.size(), 0);
   for (std::size_t p = 0; p < weights.size(); ++p) {
     const std::uint32_t from = taken_from_[p];
-    if (from != kNoIndex) weights[p] = sum[from] / total_[from];
+    if (from != formats::kNone) weights[p] = sum[from] / total_[from];
   }
   return weights;
 }

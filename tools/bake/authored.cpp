@@ -54,7 +54,7 @@ void addChannels(const AuthoredWeights& authored, const WeightTransfer& transfer
   if (content.mechanics.empty()) content.mechanics.assign(content.clusters.size(), formats::kPlainMechanics);
   for (std::size_t c = 0; c < sources.size(); ++c) {
     const std::uint32_t number = sources[c].recipe_cluster;
-    if (number == kNoIndex || authored.clusters[number].channel.empty()) continue;
+    if (number == formats::kNone || authored.clusters[number].channel.empty()) continue;
     const RecipeCluster& cluster = authored.clusters[number];
     const Vector3d fibre =
         fibreOf(cluster, authored.origins[number], authored.insertions[number], sources[c], transfer, mesh);

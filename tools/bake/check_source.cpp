@@ -37,7 +37,7 @@ class SourceCheck {
   SourceCheck(const VisualMesh& mesh, const Topology& topology, const CheckOptions& options)
       : mesh_(mesh), topology_(topology), options_(options), findings_(mesh.findings) {
     // The smallest source vertex at each point stands for it.
-    source_at_.assign(mesh.welded_positions.size(), kNoIndex);
+    source_at_.assign(mesh.welded_positions.size(), formats::kNone);
     for (std::size_t v = 0; v < mesh.welded.size(); ++v) {
       std::uint32_t& at = source_at_[mesh.welded[v]];
       at = std::min(at, mesh.source_vertex[v]);
@@ -265,7 +265,7 @@ class SourceCheck {
   }
 
   void holes() {
-    std::vector<std::uint32_t> part_at(mesh_.welded_positions.size(), kNoIndex);
+    std::vector<std::uint32_t> part_at(mesh_.welded_positions.size(), formats::kNone);
     for (std::uint32_t p = 0; p < topology_.parts.size(); ++p) {
       if (topology_.parts[p].closed) continue;
       for (const std::uint32_t t : topology_.parts[p].triangles) {
@@ -278,7 +278,7 @@ class SourceCheck {
     };
     std::vector<Hole> holes, cracks, flaps;
     for (const auto& rim : topology_.boundary_loops) {
-      if (part_at[rim[0]] == kNoIndex || is_sheet_[part_at[rim[0]]]) continue;
+      if (part_at[rim[0]] == formats::kNone || is_sheet_[part_at[rim[0]]]) continue;
       Eigen::AlignedBox3d box;
       for (const std::uint32_t point : rim) box.extend(mesh_.welded_positions[point]);
       const std::array<std::uint32_t, 2> last = {std::min(rim.front(), rim.back()), std::max(rim.front(), rim.back())};

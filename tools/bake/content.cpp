@@ -52,7 +52,7 @@ std::vector<formats::PhysicalVertex> physicalVertices(const PhysicalMesh& mesh, 
   std::vector<formats::PhysicalVertex> vertices(mass.size());
   for (std::size_t v = 0; v < mass.size(); ++v) vertices[v] = {toFloat(mesh.positions[v]), float(mass[v])};
   for (const ClusterSource& cluster : clusters) {
-    if (cluster.rider == kNoIndex) continue;
+    if (cluster.rider == formats::kNone) continue;
     float lightest = std::numeric_limits<float>::infinity();
     for (const std::uint32_t v : cluster.vertices) lightest = std::min(lightest, vertices[v].mass);
     for (std::uint32_t k = 0; k < 4; ++k) vertices[cluster.rider + k].mass = kRiderMass * lightest;
@@ -153,14 +153,14 @@ void addVisual(const VisualMesh& mesh, formats::PackageContent& content) {
     std::array<float, 4> color = material.base_color;
     for (float& channel : color) channel = std::clamp(channel, 0.0F, 1.0F);
     content.materials.push_back({content.addText(material.name), color,
-                                 material.texture == kNoIndex ? formats::kNone : texture_index[material.texture],
+                                 material.texture == formats::kNone ? formats::kNone : texture_index[material.texture],
                                  material.double_sided ? std::uint32_t(formats::kMaterialDoubleSided) : 0U});
   }
   for (const SubMeshSource& sub : mesh.sub_meshes) {
     const std::string name = sub.mesh.empty() || sub.mesh == sub.node ? sub.node
                              : sub.node.empty()                       ? sub.mesh
                                                                       : sub.node + "/" + sub.mesh;
-    content.sub_meshes.push_back({content.addText(name), sub.material == kNoIndex ? formats::kNone : sub.material,
+    content.sub_meshes.push_back({content.addText(name), sub.material == formats::kNone ? formats::kNone : sub.material,
                                   sub.first_triangle, sub.triangle_count, 0});
   }
   for (const GroupSource& group : mesh.groups) {

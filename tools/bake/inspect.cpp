@@ -234,8 +234,8 @@ ordered_json inspectSource(const VisualMesh& mesh, const Topology& topology) {
     json["materials"].push_back(
         {{"name", material.name},
          {"base_color", material.base_color},
-         {"texture",
-          material.texture == kNoIndex ? ordered_json(nullptr) : ordered_json(mesh.textures[material.texture].name)}});
+         {"texture", material.texture == formats::kNone ? ordered_json(nullptr)
+                                                        : ordered_json(mesh.textures[material.texture].name)}});
   }
   json["joints"] = mesh.joints;
   json["attributes"] = ordered_json::array();

@@ -73,14 +73,14 @@ ClusterConstants clusterConstants(std::span<const ClusterSource> sources,
   ClusterConstants result;
   std::vector<double> total_weight(vertices.size(), 0);
   for (const ClusterSource& source : sources) {
-    if (source.rider != kNoIndex) continue;
+    if (source.rider != formats::kNone) continue;
     for (std::size_t i = 0; i < source.vertices.size(); ++i) total_weight[source.vertices[i]] += source.weights[i];
   }
   std::vector<std::string> flat;
   std::vector<std::string> poor;
   for (const ClusterSource& source : sources) {
     const ClusterOptions& own = source.options ? *source.options : options;
-    const bool rides = source.rider != kNoIndex;
+    const bool rides = source.rider != formats::kNone;
     formats::Cluster cluster{};
     cluster.mode = source.mode;
     cluster.piece = source.piece;

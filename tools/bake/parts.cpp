@@ -163,7 +163,7 @@ std::vector<std::uint8_t> ridingVertices(std::span<const VisualWeights> parts, c
 std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& authored, const VisualMesh& mesh,
                                   const Topology& topology, std::vector<Finding>& findings) {
   std::vector<RidingPart> parts;
-  std::vector<std::uint32_t> taken(topology.parts.size(), kNoIndex);
+  std::vector<std::uint32_t> taken(topology.parts.size(), formats::kNone);
   std::size_t left = topology.parts.size();
   for (std::uint32_t p = 0; p < recipe.parts.size(); ++p) {
     const RecipePart& source = recipe.parts[p];
@@ -176,7 +176,7 @@ std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& a
       best = std::max(best, fraction);
       if (fraction > kStray && fraction < 1 - kStray) cut.push_back(topology.parts[s].triangles.front());
       if (fraction < kMostOfPart) continue;
-      if (taken[s] != kNoIndex) {
+      if (taken[s] != formats::kNone) {
         recipe.text->fail(
             source.from.pointer,
             "part " + source.name + " takes a loose part that part " + recipe.parts[taken[s]].name + " has already",
@@ -210,7 +210,7 @@ std::vector<RidingPart> findParts(const Recipe& recipe, const AuthoredWeights& a
   }
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     const std::uint32_t s = topology.part_of_triangle[t];
-    if (s == kNoIndex || taken[s] == kNoIndex) continue;
+    if (s == formats::kNone || taken[s] == formats::kNone) continue;
     RidingPart& part = parts[taken[s]];
     part.triangles.push_back(t);
     part.vertices.insert(part.vertices.end(), mesh.triangles[t].begin(), mesh.triangles[t].end());

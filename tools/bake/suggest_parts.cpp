@@ -80,7 +80,7 @@ std::vector<Finding> suggestParts(const VisualMesh& mesh, const Topology& topolo
     const double diagonal = box.diagonal().norm();
     if (sticksOut(box, host_box)) continue;
     const bool close = std::all_of(part.triangles.begin(), part.triangles.end(), [&](std::uint32_t t) {
-      return host.closest(mesh.welded_positions[mesh.weldedTriangle(t)[0]], kFar * diagonal).triangle != kNoIndex;
+      return host.closest(mesh.welded_positions[mesh.weldedTriangle(t)[0]], kFar * diagonal).triangle != formats::kNone;
     });
     if (!close) continue;
     const Named named = nameOf(mesh, topology, p);

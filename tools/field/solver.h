@@ -3,8 +3,10 @@
 
 #include <tbb/parallel_for.h>
 
+#include <memory>
 #include <vector>
 
+#include "tools/field/cholesky.h"
 #include "tools/field/elastic.h"
 
 namespace sinew::tools::field {
@@ -30,10 +32,7 @@ MatrixXd byColumns(const MatrixXd& matrix, const Part& part) {
   return result;
 }
 
-/// Answers of the piece to forces, with some nodes fixed: (H + shift M)^-1 on the others. A multifrontal Cholesky
-/// factor (Duff and Reid 1983) in an order by nested dissection (George 1973): nodes are cut in about halves by planes
-/// or by distances along the mesh, and the nodes on a cut are eliminated after both halves, so that nearly all work is
-/// on dense blocks.
+/// Answers of the piece to forces, with some nodes fixed: (H + shift M)^-1 on the others.
 class Solver {
  public:
   /// @param fixed f: nodes that do not move
@@ -43,24 +42,9 @@ class Solver {
   /// @param forces 3f x c, N @return 3f x c, metres; 0 at fixed nodes
   MatrixXd solve(const MatrixXd& forces) const;
 
-  /// Numbers in the factor.
-  double entries() const;
-
  private:
-  // Nodes that are eliminated together, and the later ones that they touch then.
-  struct Front {
-    std::vector<std::uint32_t> own, later;
-    std::vector<std::size_t> children;  // into fronts_, all before this one
-    MatrixXd diagonal, below;           // L of own x own, later x own
-  };
-
-  // among: f, all 0 before and after.
-  std::size_t dissect(const Elastic& elastic, std::vector<std::uint32_t> nodes, std::vector<char>& among);
-  void setLater(const Elastic& elastic, const std::vector<bool>& fixed);
-  void factorize(const Elastic& elastic, double shift);
-
-  std::vector<Front> fronts_;       // children first
-  std::vector<std::size_t> place_;  // of each node in the order of elimination
+  std::vector<Index> nodes_;  // that are not fixed
+  std::unique_ptr<Cholesky> factor_;
 };
 
 }  // namespace sinew::tools::field

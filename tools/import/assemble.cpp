@@ -57,8 +57,8 @@ class Assembler {
     materials();
     mesh_.joints = std::move(scene_.joints);
     for (RawNode& node : scene_.nodes)
-      mesh_.nodes.push_back(
-          {node.name, node.parent == kNoIndex ? "" : scene_.nodes[node.parent].name, std::move(node.properties_json)});
+      mesh_.nodes.push_back({node.name, node.parent == formats::kNone ? "" : scene_.nodes[node.parent].name,
+                             std::move(node.properties_json)});
     return std::move(mesh_);
   }
 
@@ -154,7 +154,7 @@ class Assembler {
       if (!raw.face_part.empty() && !std::is_sorted(raw.face_part.begin(), raw.face_part.end()))
         std::stable_sort(order.begin(), order.end(),
                          [&](std::uint32_t a, std::uint32_t b) { return raw.face_part[a] < raw.face_part[b]; });
-      std::vector<std::uint32_t> visual(raw.vertex_point.size(), kNoIndex);
+      std::vector<std::uint32_t> visual(raw.vertex_point.size(), formats::kNone);
       std::vector<std::uint32_t> used;
       for (std::size_t from = 0; from < face_count;) {
         const std::uint32_t part = raw.face_part.empty() ? 0 : raw.face_part[order[from]];
@@ -163,7 +163,7 @@ class Assembler {
         used.clear();
         for (std::size_t k = from; k < to; ++k)
           for (std::uint32_t c = begin[order[k]]; c < begin[order[k] + 1] && !isLeftOut(first_face + order[k]); ++c)
-            if (std::uint32_t& seen = visual[raw.corners[c]]; seen == kNoIndex)
+            if (std::uint32_t& seen = visual[raw.corners[c]]; seen == formats::kNone)
               seen = 0, used.push_back(raw.corners[c]);
         std::sort(used.begin(), used.end());
         for (std::uint32_t v : used) {
@@ -173,7 +173,7 @@ class Assembler {
           mesh_.positions.push_back(points_[mesh_.source_vertex.back()]);
         }
         SubMeshSource sub;
-        sub.node = raw.node == kNoIndex ? "" : scene_.nodes[raw.node].name;
+        sub.node = raw.node == formats::kNone ? "" : scene_.nodes[raw.node].name;
         sub.mesh = raw.parts[part].name;
         sub.material = raw.parts[part].material;
         sub.first_triangle = std::uint32_t(mesh_.triangles.size());
@@ -199,14 +199,14 @@ class Assembler {
             mesh_.triangles.push_back(t);
             mesh_.triangle_face.push_back(first_face + f);
             if (!raw.face_groups.empty())
-              triangle_groups_.resize(mesh_.triangles.size() - 1, kNoIndex),
+              triangle_groups_.resize(mesh_.triangles.size() - 1, formats::kNone),
                   triangle_groups_.push_back(raw.face_groups[f]);
           }
           if (repeats) repeated.push_back(first_face + f);
         }
         sub.triangle_count = std::uint32_t(mesh_.triangles.size()) - sub.first_triangle;
         if (sub.triangle_count > 0) mesh_.sub_meshes.push_back(std::move(sub));
-        for (std::uint32_t v : used) visual[v] = kNoIndex;
+        for (std::uint32_t v : used) visual[v] = formats::kNone;
         from = to;
       }
       first_face += std::uint32_t(face_count);
@@ -299,13 +299,13 @@ class Assembler {
     mesh_.welded = std::move(weld.of);
     // A seam: one point, several visual vertices. A merge: one point, several source vertices.
     std::vector<std::uint32_t> vertices_at(mesh_.welded_positions.size(), 0);
-    std::vector<std::uint32_t> source_at(mesh_.welded_positions.size(), kNoIndex);
+    std::vector<std::uint32_t> source_at(mesh_.welded_positions.size(), formats::kNone);
     std::vector<std::uint32_t> merged;
     for (std::uint32_t v = 0; v < mesh_.welded.size(); ++v) {
       const std::uint32_t point = mesh_.welded[v];
       ++vertices_at[point];
       const std::uint32_t source = mesh_.source_vertex[v];
-      if (source_at[point] == kNoIndex) source_at[point] = source;
+      if (source_at[point] == formats::kNone) source_at[point] = source;
       if (source_at[point] != source) merged.push_back(source);
     }
     std::sort(merged.begin(), merged.end());
@@ -535,9 +535,9 @@ class Assembler {
       if (raw.morphs.empty()) continue;
       // A vertex is one visual vertex, and its copies at creases behind it, only where no two parts share it, which
       // holds for all readers with morphs.
-      visual.assign(raw.vertex_point.size(), kNoIndex);
+      visual.assign(raw.vertex_point.size(), formats::kNone);
       for (std::uint32_t v = 0; v < origin_.size(); ++v)
-        if (origin_[v].mesh == m && visual[origin_[v].vertex] == kNoIndex) visual[origin_[v].vertex] = v;
+        if (origin_[v].mesh == m && visual[origin_[v].vertex] == formats::kNone) visual[origin_[v].vertex] = v;
       const Eigen::Matrix3d linear = (to_world_ * raw.transform).topLeftCorner<3, 3>();
       for (const RawMorph& morph : raw.morphs) {
         const auto [at, fresh] = number.try_emplace(morph.name, names.size());
@@ -567,11 +567,11 @@ class Assembler {
 
   void groups() {
     if (scene_.groups.empty()) return;
-    triangle_groups_.resize(mesh_.triangles.size(), kNoIndex);
+    triangle_groups_.resize(mesh_.triangles.size(), formats::kNone);
     mesh_.groups.resize(scene_.groups.size());
     for (std::size_t g = 0; g < scene_.groups.size(); ++g) mesh_.groups[g].name = scene_.groups[g];
     for (std::uint32_t t = 0; t < mesh_.triangles.size(); ++t) {
-      if (triangle_groups_[t] == kNoIndex) continue;
+      if (triangle_groups_[t] == formats::kNone) continue;
       for (std::uint32_t g : scene_.group_sets[triangle_groups_[t]]) {
         if (!mesh_.groups[g].triangles.empty() && mesh_.groups[g].triangles.back() == t) continue;
         mesh_.groups[g].triangles.push_back(t);

@@ -293,12 +293,12 @@ class AssimpConverter {
       std::uint32_t parent;
       Eigen::Matrix4d global;
     };
-    std::vector<Visit> stack = {{source_.mRootNode, kNoIndex, root_}};
+    std::vector<Visit> stack = {{source_.mRootNode, formats::kNone, root_}};
     while (!stack.empty()) {
       const Visit visit = stack.back();
       stack.pop_back();
       if (scene_.nodes.size() >= kMaxNodes) throw ReadError("has more than a million nodes");
-      const bool is_root = visit.parent == kNoIndex;
+      const bool is_root = visit.parent == formats::kNone;
       const Eigen::Matrix4d global = is_root && format_ != "mesh"
                                          ? visit.global
                                          : Eigen::Matrix4d(visit.global * matrixOf(visit.node->mTransformation));
@@ -395,19 +395,19 @@ class AssimpConverter {
 
     // Vertices of this mesh: distinct among those at one point. `chosen` keeps which of assimp's vertices each one is.
     const std::uint32_t first = std::uint32_t(out.vertex_point.size());
-    std::vector<std::uint32_t> vertex_of(n, kNoIndex);
+    std::vector<std::uint32_t> vertex_of(n, formats::kNone);
     std::vector<unsigned> chosen;
     std::vector<std::uint32_t> next;
     std::unordered_map<std::uint32_t, std::uint32_t> head;
     const std::uint32_t part = std::uint32_t(out.parts.size());
     out.parts.push_back({textOf(mesh.mName), material(mesh.mMaterialIndex)});
     const auto vertexOf = [&](unsigned v) {
-      if (vertex_of[v] != kNoIndex) return vertex_of[v];
+      if (vertex_of[v] != formats::kNone) return vertex_of[v];
       const std::uint32_t point = pointOf(mesh.mVertices[v], out);
-      const auto [at, fresh] = head.try_emplace(point, kNoIndex);
+      const auto [at, fresh] = head.try_emplace(point, formats::kNone);
       std::uint32_t k = at->second;
-      while (k != kNoIndex && !same(chosen[k], v)) k = next[k];
-      if (k == kNoIndex) {
+      while (k != formats::kNone && !same(chosen[k], v)) k = next[k];
+      if (k == formats::kNone) {
         k = std::uint32_t(chosen.size());
         chosen.push_back(v);
         next.push_back(at->second);
@@ -486,8 +486,8 @@ class AssimpConverter {
   }
 
   std::uint32_t material(unsigned index) {
-    if (index >= source_.mNumMaterials) return kNoIndex;
-    const auto [at, fresh] = material_number_.try_emplace(index, kNoIndex);
+    if (index >= source_.mNumMaterials) return formats::kNone;
+    const auto [at, fresh] = material_number_.try_emplace(index, formats::kNone);
     if (!fresh) return at->second;
     const aiMaterial& source = *source_.mMaterials[index];
     RawMaterial out;
@@ -506,10 +506,10 @@ class AssimpConverter {
     if (source.Get(AI_MATKEY_TWOSIDED, two_sided) == AI_SUCCESS) out.double_sided = two_sided != 0;
     aiString path;
     for (const aiTextureType type : {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE})
-      if (out.texture == kNoIndex && source.GetTexture(type, 0, &path) == AI_SUCCESS && path.length > 0)
+      if (out.texture == formats::kNone && source.GetTexture(type, 0, &path) == AI_SUCCESS && path.length > 0)
         out.texture = texture(path);
     // assimp invents a material where the file has none.
-    if (out.name == AI_DEFAULT_MATERIAL_NAME && out.texture == kNoIndex) return kNoIndex;
+    if (out.name == AI_DEFAULT_MATERIAL_NAME && out.texture == formats::kNone) return formats::kNone;
     at->second = std::uint32_t(scene_.materials.size());
     scene_.materials.push_back(std::move(out));
     return at->second;

@@ -63,7 +63,7 @@ std::uint32_t GltfMaterials::textureOf(const GltfValue& reference) {
   if (const GltfValue extensions = texture.get("extensions"); !source && extensions)
     for (const char* name : {"EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"})
       if (const GltfValue own = extensions.get(name); own && !source) source = own.get("source");
-  if (!source) return kNoIndex;
+  if (!source) return formats::kNone;
   const GltfValue images = top_.get("images");
   const std::uint64_t image_index = source.index("image", images.size());
   const auto [at, fresh] = texture_of_image_.try_emplace(image_index, std::uint32_t(scene_.textures.size()));

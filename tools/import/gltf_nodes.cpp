@@ -91,7 +91,7 @@ GltfNodes gltfNodes(const GltfValue& top, RawScene& scene) {
   GltfNodes nodes;
   nodes.values = top.get("nodes");
   const std::size_t count = nodes.values.size();
-  std::vector<std::uint32_t> parent(count, kNoIndex);
+  std::vector<std::uint32_t> parent(count, formats::kNone);
   std::vector<Eigen::Matrix4d> local(count);
   for (std::uint32_t n = 0; n < count; ++n) {
     const GltfValue node = nodes.values.at(n);
@@ -99,7 +99,7 @@ GltfNodes gltfNodes(const GltfValue& top, RawScene& scene) {
     const GltfValue children = node.get("children");
     for (std::size_t k = 0; k < children.size(); ++k) {
       const std::uint64_t child = children.at(k).index("node", count);
-      if (parent[child] != kNoIndex)
+      if (parent[child] != formats::kNone)
         children.at(k).fail("node " + std::to_string(child) + " hangs on two nodes, or on one twice");
       parent[child] = n;
     }
@@ -110,14 +110,14 @@ GltfNodes gltfNodes(const GltfValue& top, RawScene& scene) {
   for (std::uint32_t n = 0; n < count; ++n) {
     std::vector<std::uint32_t> chain;
     std::uint32_t at = n;
-    while (at != kNoIndex && done[at] == 0) {
+    while (at != formats::kNone && done[at] == 0) {
       if (chain.size() >= count) nodes.values.at(n).fail("nodes form a cycle");
       chain.push_back(at);
       at = parent[at];
     }
     for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
       nodes.global[*it] =
-          parent[*it] == kNoIndex ? local[*it] : Eigen::Matrix4d(nodes.global[parent[*it]] * local[*it]);
+          parent[*it] == formats::kNone ? local[*it] : Eigen::Matrix4d(nodes.global[parent[*it]] * local[*it]);
       done[*it] = 1;
     }
   }
@@ -132,20 +132,20 @@ GltfNodes gltfNodes(const GltfValue& top, RawScene& scene) {
     }
   } else {
     for (std::uint32_t n = 0; n < count; ++n)
-      if (parent[n] == kNoIndex) stack.push_back(n);
+      if (parent[n] == formats::kNone) stack.push_back(n);
   }
   std::reverse(stack.begin(), stack.end());
-  nodes.number.assign(count, kNoIndex);
+  nodes.number.assign(count, formats::kNone);
   while (!stack.empty()) {
     const std::uint32_t n = stack.back();
     stack.pop_back();
-    if (nodes.number[n] != kNoIndex) continue;  // named twice as a root, or a root below another
+    if (nodes.number[n] != formats::kNone) continue;  // named twice as a root, or a root below another
     nodes.number[n] = std::uint32_t(scene.nodes.size());
     nodes.order.push_back(n);
     const GltfValue node = nodes.values.at(n);
     RawNode raw;
     raw.name = nodes.name(n);
-    raw.parent = parent[n] == kNoIndex ? kNoIndex : nodes.number[parent[n]];
+    raw.parent = parent[n] == formats::kNone ? formats::kNone : nodes.number[parent[n]];
     raw.properties_json = properties(top, node);
     scene.nodes.push_back(std::move(raw));
     const GltfValue children = node.get("children");

@@ -16,7 +16,7 @@ namespace sinew::tools {
 struct GltfNodes {
   GltfValue values{nullptr, "/nodes"};
   std::vector<Eigen::Matrix4d> global;  ///< of each node: to the scene
-  std::vector<std::uint32_t> number;    ///< of each node: into RawScene::nodes; kNoIndex: not in the file's scene
+  std::vector<std::uint32_t> number;    ///< of each node: into RawScene::nodes; formats::kNone: not in the file's scene
   std::vector<std::uint32_t> order;     ///< the scene's nodes, parents first
   std::size_t zero_rotations = 0;       ///< nodes with a rotation of four zeros; taken as none
 

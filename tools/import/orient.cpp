@@ -169,12 +169,12 @@ Turned orientFaces(VisualMesh& mesh) {
     i = j;
   }
   std::vector<Part> parts;
-  std::vector<std::uint32_t> part_of(triangle_count, kNoIndex);
+  std::vector<std::uint32_t> part_of(triangle_count, formats::kNone);
   std::vector<std::uint8_t> side_of(triangle_count, 0);
   for (std::uint32_t t = 0; t < triangle_count; ++t) {
     if (degenerate[t]) continue;
     const std::uint32_t root = sets.find(t, side_of[t]);
-    if (part_of[root] == kNoIndex) {
+    if (part_of[root] == formats::kNone) {
       part_of[root] = std::uint32_t(parts.size());
       parts.emplace_back();
     }

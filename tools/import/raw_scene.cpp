@@ -164,7 +164,7 @@ void requireBelow(const std::vector<std::uint32_t>& values, std::size_t bound, c
 bool emptyOr(std::size_t size, std::size_t expected) { return size == 0 || size == expected; }
 
 void validateMesh(const RawScene& scene, const RawMesh& mesh, std::uint64_t first_source_vertex) {
-  require(mesh.node == kNoIndex || mesh.node < scene.nodes.size(), "a mesh on a node that does not exist");
+  require(mesh.node == formats::kNone || mesh.node < scene.nodes.size(), "a mesh on a node that does not exist");
   if (!mesh.transform.allFinite()) throw ReadError("the transform of mesh \"" + mesh.name + "\" is not finite");
   const std::size_t vertices = mesh.vertex_point.size();
   for (std::size_t i = 0; i < mesh.points.size(); ++i)
@@ -204,9 +204,10 @@ void validateMesh(const RawScene& scene, const RawMesh& mesh, std::uint64_t firs
   require(!mesh.parts.empty() || mesh.face_size.empty(), "faces without a part");
   requireBelow(mesh.face_part, mesh.parts.size(), "a face of a part that does not exist");
   for (std::uint32_t set : mesh.face_groups)
-    require(set == kNoIndex || set < scene.group_sets.size(), "a face of groups that do not exist");
+    require(set == formats::kNone || set < scene.group_sets.size(), "a face of groups that do not exist");
   for (const RawPart& part : mesh.parts)
-    require(part.material == kNoIndex || part.material < scene.materials.size(), "a material that does not exist");
+    require(part.material == formats::kNone || part.material < scene.materials.size(),
+            "a material that does not exist");
   std::uint64_t covered = 0;
   for (const SourceMeshRange& range : mesh.ranges) {
     require(range.first_source_vertex == covered, "runs of source vertices with gaps");
@@ -239,9 +240,10 @@ void validateRawScene(const RawScene& scene) {
           "an impossible unit");
   require(scene.up_axis < 3, "an impossible up axis");
   for (std::size_t i = 0; i < scene.nodes.size(); ++i)
-    require(scene.nodes[i].parent == kNoIndex || scene.nodes[i].parent < i, "nodes out of order");
+    require(scene.nodes[i].parent == formats::kNone || scene.nodes[i].parent < i, "nodes out of order");
   for (const RawMaterial& material : scene.materials) {
-    require(material.texture == kNoIndex || material.texture < scene.textures.size(), "a texture that does not exist");
+    require(material.texture == formats::kNone || material.texture < scene.textures.size(),
+            "a texture that does not exist");
     for (float channel : material.base_color) require(std::isfinite(channel), "a colour that is not finite");
   }
   for (const auto& set : scene.group_sets) requireBelow(set, scene.groups.size(), "a group that does not exist");
@@ -319,7 +321,7 @@ void joinCorners(const std::vector<RawCorner>& corners, const std::vector<Eigen:
     std::uint32_t part, uv, normal, next, vertex;
   };
   // Chains of the distinct combinations at each point. Chains are short: as many as seams meet in a point.
-  std::vector<std::uint32_t> head(mesh.points.size(), kNoIndex);
+  std::vector<std::uint32_t> head(mesh.points.size(), formats::kNone);
   std::vector<std::uint32_t> entry_point;
   std::vector<Entry> entries;
   entries.reserve(mesh.points.size());
@@ -331,10 +333,10 @@ void joinCorners(const std::vector<RawCorner>& corners, const std::vector<Eigen:
     for (std::uint32_t k = 0; k < mesh.face_size[f]; ++k, ++c) {
       const RawCorner& corner = corners[c];
       std::uint32_t at = head[corner.point];
-      while (at != kNoIndex &&
+      while (at != formats::kNone &&
              (entries[at].part != part || entries[at].uv != corner.uv || entries[at].normal != corner.normal))
         at = entries[at].next;
-      if (at == kNoIndex) {
+      if (at == formats::kNone) {
         at = std::uint32_t(entries.size());
         entries.push_back({part, corner.uv, corner.normal, head[corner.point], 0});
         entry_point.push_back(corner.point);
@@ -350,9 +352,10 @@ void joinCorners(const std::vector<RawCorner>& corners, const std::vector<Eigen:
     if (entry_point[a] != entry_point[b]) return entry_point[a] < entry_point[b];
     return a < b;
   });
-  const bool any_uv = std::any_of(entries.begin(), entries.end(), [](const Entry& e) { return e.uv != kNoIndex; });
+  const bool any_uv =
+      std::any_of(entries.begin(), entries.end(), [](const Entry& e) { return e.uv != formats::kNone; });
   const bool any_normal =
-      std::any_of(entries.begin(), entries.end(), [](const Entry& e) { return e.normal != kNoIndex; });
+      std::any_of(entries.begin(), entries.end(), [](const Entry& e) { return e.normal != formats::kNone; });
   mesh.vertex_point.resize(entries.size());
   if (any_uv) mesh.uvs.assign(entries.size(), Eigen::Vector2f::Zero());
   if (any_normal) mesh.normals.assign(entries.size(), Eigen::Vector3f::Zero());
@@ -360,8 +363,8 @@ void joinCorners(const std::vector<RawCorner>& corners, const std::vector<Eigen:
     Entry& entry = entries[order[v]];
     entry.vertex = v;
     mesh.vertex_point[v] = entry_point[order[v]];
-    if (entry.uv != kNoIndex) mesh.uvs[v] = uvs[entry.uv];
-    if (entry.normal != kNoIndex) mesh.normals[v] = normals[entry.normal];
+    if (entry.uv != formats::kNone) mesh.uvs[v] = uvs[entry.uv];
+    if (entry.normal != formats::kNone) mesh.normals[v] = normals[entry.normal];
   }
   for (std::uint32_t& corner : mesh.corners) corner = entries[corner].vertex;
 }

@@ -29,7 +29,7 @@ class ReadError : public std::runtime_error {
 /// A run of faces of one name and material within a RawMesh (OBJ object and material, glTF primitive, ...).
 struct RawPart {
   std::string name;
-  std::uint32_t material = kNoIndex;  ///< into RawScene::materials
+  std::uint32_t material = formats::kNone;  ///< into RawScene::materials
 };
 
 struct RawMorph {
@@ -42,7 +42,7 @@ struct RawMorph {
 /// choice of normal, UV, colour and skin.
 struct RawMesh {
   std::string name;
-  std::uint32_t node = kNoIndex;                            ///< into RawScene::nodes
+  std::uint32_t node = formats::kNone;                      ///< into RawScene::nodes
   Eigen::Matrix4d transform = Eigen::Matrix4d::Identity();  ///< mesh to scene; affine
   std::vector<SourceMeshRange> ranges;                      ///< runs of points; empty = one run of the mesh's name
 
@@ -68,7 +68,7 @@ struct RawMesh {
 struct RawMaterial {
   std::string name;
   std::array<float, 4> base_color = {0.8F, 0.8F, 0.8F, 1.0F};
-  std::uint32_t texture = kNoIndex;  ///< into RawScene::textures
+  std::uint32_t texture = formats::kNone;  ///< into RawScene::textures
   bool double_sided = false;
 };
 
@@ -80,7 +80,7 @@ struct RawTexture {
 
 struct RawNode {
   std::string name;
-  std::uint32_t parent = kNoIndex;
+  std::uint32_t parent = formats::kNone;
   std::string properties_json = "{}";
 };
 
@@ -131,8 +131,8 @@ void cleanTexts(RawScene& scene);
 /// one for each distinct (part, point, UV, normal), ordered by part, then point, then first use.
 struct RawCorner {
   std::uint32_t point = 0;
-  std::uint32_t uv = kNoIndex;
-  std::uint32_t normal = kNoIndex;
+  std::uint32_t uv = formats::kNone;
+  std::uint32_t normal = formats::kNone;
 };
 
 /// Fills vertex_point, normals, uvs and corners of `mesh` from `corners` (polygon after polygon, as in mesh.face_size).

@@ -62,7 +62,7 @@ class GltfReader {
     for (std::uint32_t node : nodes_.order) instance(node);
     std::size_t left_out = 0;
     for (std::size_t n = 0; n < nodes_.number.size(); ++n)
-      if (nodes_.number[n] == kNoIndex && nodes_.values.at(n).get("mesh")) ++left_out;
+      if (nodes_.number[n] == formats::kNone && nodes_.values.at(n).get("mesh")) ++left_out;
     if (left_out > 0)
       info("dropped-nodes", left_out,
            std::to_string(left_out) + " nodes with a mesh are not in the file's scene and were left out");
@@ -345,12 +345,12 @@ class GltfReader {
       const Pool& pool = pool_at->second;
 
       const std::vector<std::uint32_t> indices = triangleIndices(primitive, pool.count);
-      std::vector<std::uint32_t> vertex_of(pool.count, kNoIndex);
+      std::vector<std::uint32_t> vertex_of(pool.count, formats::kNone);
       std::vector<std::uint32_t> used;
       for (std::uint32_t i : indices) vertex_of[i] = 0;
       const std::uint32_t first_vertex = std::uint32_t(mesh.vertex_point.size());
       for (std::uint32_t i = 0; i < vertex_of.size(); ++i) {
-        if (vertex_of[i] == kNoIndex) continue;
+        if (vertex_of[i] == formats::kNone) continue;
         vertex_of[i] = first_vertex + std::uint32_t(used.size());
         used.push_back(i);
         mesh.vertex_point.push_back(pool.first_point + i);
@@ -361,7 +361,7 @@ class GltfReader {
       mesh.face_size.insert(mesh.face_size.end(), indices.size() / 3, 3U);
       mesh.face_part.insert(mesh.face_part.end(), indices.size() / 3, std::uint32_t(mesh.parts.size()));
       const GltfValue material_user = primitive.get("material");
-      const std::uint32_t its_material = material_user ? materials_.number(material_user) : kNoIndex;
+      const std::uint32_t its_material = material_user ? materials_.number(material_user) : formats::kNone;
       mesh.parts.push_back({mesh.name, its_material});
 
       vertexAttributes(attributes, pool, used, first_vertex, its_material, attribute_number, mesh);
@@ -412,7 +412,7 @@ class GltfReader {
       mesh.normals.resize(total, Eigen::Vector3f::Zero());
       for (std::size_t k = 0; k < used.size(); ++k) mesh.normals[first + k] = at3(values, used[k]).cast<float>();
     }
-    const GltfTextureUse use = its_material == kNoIndex ? GltfTextureUse{} : materials_.use(its_material);
+    const GltfTextureUse use = its_material == formats::kNone ? GltfTextureUse{} : materials_.use(its_material);
     if (const GltfValue user = attributes.get(("TEXCOORD_" + std::to_string(use.uv_set)).c_str())) {
       const std::vector<float> values = buffers_.attribute(user, pool.count, {2});
       mesh.uvs.resize(total, Eigen::Vector2f::Zero());

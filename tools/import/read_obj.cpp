@@ -91,7 +91,7 @@ class ObjReader {
       object(std::string(cursor_.lineRest()));
     } else if (key == "usemtl") {
       material_ = materialNumber(std::string(cursor_.lineRest()));
-      part_ = kNoIndex;
+      part_ = formats::kNone;
     } else if (key == "mtllib") {
       library(std::string(cursor_.lineRest()));
     } else if (key == "l" || key == "p") {
@@ -185,22 +185,22 @@ class ObjReader {
         left.remove_prefix(slash + 1);
       }
       const std::int64_t point = resolve(index[0], mesh_.points.size());
-      if (index[0] == 0 || point < 0 || point > std::int64_t(kNoIndex) - 1)
+      if (index[0] == 0 || point < 0 || point > std::int64_t(formats::kNone) - 1)
         throw ReadError("face " + std::to_string(face_number_) + " names vertex " + std::to_string(index[0]) +
                         ", which does not exist (" + lineOf(cursor_) + ")");
       // Later statements may still define what this one names, so the upper bound is checked at the end.
       const auto optional = [](std::int64_t written, std::size_t count) {
-        if (written == 0) return kNoIndex;
+        if (written == 0) return formats::kNone;
         const std::int64_t at = resolve(written, count);
-        return at < 0 || at > std::int64_t(kNoIndex) - 1 ? kNoIndex - 1 : std::uint32_t(at);
+        return at < 0 || at > std::int64_t(formats::kNone) - 1 ? formats::kNone - 1 : std::uint32_t(at);
       };
       corners_.push_back({std::uint32_t(point), optional(index[1], uvs_.size()), optional(index[2], normals_.size())});
       highest_point_ = std::max(highest_point_, std::uint64_t(point) + 1);
       if (highest_point_ == std::uint64_t(point) + 1) highest_line_ = cursor_.line(), highest_face_ = face_number_;
     }
     const std::size_t size = corners_.size() - start;
-    if (part_ == kNoIndex) part_ = partNumber();
-    if (group_set_ == kNoIndex && !group_names_.empty()) group_set_ = groupSetNumber();
+    if (part_ == formats::kNone) part_ = partNumber();
+    if (group_set_ == formats::kNone && !group_names_.empty()) group_set_ = groupSetNumber();
     if (size < 3) {  // keeps its number
       corners_.resize(start);
       small_faces_.push_back(face_number_);
@@ -213,7 +213,7 @@ class ObjReader {
 
   void groups() {
     group_names_.clear();
-    group_set_ = kNoIndex;
+    group_set_ = formats::kNone;
     while (!cursor_.atLineEnd()) group_names_.emplace_back(cursor_.word());
   }
 
@@ -223,7 +223,7 @@ class ObjReader {
     closeRange();
     mesh_.ranges.push_back({name.empty() ? stem_ : name, first, 0});
     object_ = std::move(name);
-    part_ = kNoIndex;
+    part_ = formats::kNone;
   }
   void closeRange() {
     if (mesh_.ranges.empty()) return;
@@ -233,7 +233,7 @@ class ObjReader {
   }
 
   std::uint32_t materialNumber(const std::string& name) {
-    if (name.empty()) return kNoIndex;
+    if (name.empty()) return formats::kNone;
     const auto [at, fresh] = material_by_name_.try_emplace(name, std::uint32_t(scene_.materials.size()));
     if (fresh) {
       RawMaterial material;
@@ -319,13 +319,13 @@ class ObjReader {
 
   void materials(std::string_view text) {
     TextCursor lines(text, true);
-    std::uint32_t current = kNoIndex;
+    std::uint32_t current = formats::kNone;
     for (; !lines.atEnd(); lines.nextLine()) {
       const std::string key = lowerCase(lines.word());
       if (key == "newmtl") {
         current = materialNumber(std::string(lines.lineRest()));
-        if (current != kNoIndex) material_known_[current] = true;
-      } else if (current != kNoIndex && key == "kd") {
+        if (current != formats::kNone) material_known_[current] = true;
+      } else if (current != formats::kNone && key == "kd") {
         std::array<double, 3> rgb = {0.8, 0.8, 0.8};
         std::size_t n = 0;
         while (n < 3 && !lines.atLineEnd()) {
@@ -335,11 +335,11 @@ class ObjReader {
         }
         if (n == 1) rgb[1] = rgb[2] = rgb[0];
         for (std::size_t k = 0; k < 3 && n > 0; ++k) scene_.materials[current].base_color[k] = float(rgb[k]);
-      } else if (current != kNoIndex && (key == "d" || key == "tr")) {
+      } else if (current != formats::kNone && (key == "d" || key == "tr")) {
         const auto value = parseNumber(lines.word());
         if (value && std::isfinite(*value))
           scene_.materials[current].base_color[3] = float(key == "d" ? *value : 1.0 - *value);
-      } else if (current != kNoIndex && key == "map_kd") {
+      } else if (current != formats::kNone && key == "map_kd") {
         const std::string path = textureName(lines.lineRest());
         if (path.empty()) continue;
         const auto [at, fresh] = texture_by_path_.try_emplace(path, std::uint32_t(scene_.textures.size()));
@@ -359,8 +359,9 @@ class ObjReader {
       mesh_.ranges.insert(mesh_.ranges.begin(), {stem_, 0, mesh_.ranges.front().first_source_vertex});
     std::uint64_t bad_indices = 0;
     for (RawCorner& corner : corners_) {
-      if (corner.uv != kNoIndex && corner.uv >= uvs_.size()) corner.uv = kNoIndex, ++bad_indices;
-      if (corner.normal != kNoIndex && corner.normal >= normals_.size()) corner.normal = kNoIndex, ++bad_indices;
+      if (corner.uv != formats::kNone && corner.uv >= uvs_.size()) corner.uv = formats::kNone, ++bad_indices;
+      if (corner.normal != formats::kNone && corner.normal >= normals_.size())
+        corner.normal = formats::kNone, ++bad_indices;
     }
     if (bad_indices > 0)
       scene_.findings.push_back(
@@ -417,19 +418,19 @@ class ObjReader {
   void dropUnusedMaterials() {
     std::vector<bool> used(scene_.materials.size(), false);
     for (const RawPart& part : mesh_.parts)
-      if (part.material != kNoIndex) used[part.material] = true;
+      if (part.material != formats::kNone) used[part.material] = true;
     std::vector<std::string> unknown;
     std::vector<RawMaterial> materials;
     std::vector<RawTexture> textures;
-    std::vector<std::uint32_t> material_to(scene_.materials.size(), kNoIndex);
-    std::vector<std::uint32_t> texture_to(scene_.textures.size(), kNoIndex);
+    std::vector<std::uint32_t> material_to(scene_.materials.size(), formats::kNone);
+    std::vector<std::uint32_t> texture_to(scene_.textures.size(), formats::kNone);
     for (std::size_t m = 0; m < used.size(); ++m) {
       if (!used[m]) continue;
       RawMaterial material = scene_.materials[m];
       if (!material_known_[m]) unknown.push_back(material.name);
-      if (material.texture != kNoIndex) {
+      if (material.texture != formats::kNone) {
         std::uint32_t& to = texture_to[material.texture];
-        if (to == kNoIndex) {
+        if (to == formats::kNone) {
           to = std::uint32_t(textures.size());
           textures.push_back(scene_.textures[material.texture]);
         }
@@ -439,7 +440,7 @@ class ObjReader {
       materials.push_back(std::move(material));
     }
     for (RawPart& part : mesh_.parts)
-      if (part.material != kNoIndex) part.material = material_to[part.material];
+      if (part.material != formats::kNone) part.material = material_to[part.material];
     scene_.materials = std::move(materials);
     scene_.textures = std::move(textures);
     reportUnknown(unknown);
@@ -460,9 +461,9 @@ class ObjReader {
   std::vector<std::string> group_names_;
   std::vector<std::uint32_t> small_faces_;
   std::string object_;
-  std::uint32_t material_ = kNoIndex;
-  std::uint32_t part_ = kNoIndex;
-  std::uint32_t group_set_ = kNoIndex;
+  std::uint32_t material_ = formats::kNone;
+  std::uint32_t part_ = formats::kNone;
+  std::uint32_t group_set_ = formats::kNone;
   std::uint32_t face_number_ = 0;
   std::uint64_t highest_point_ = 0;
   std::uint64_t highest_line_ = 0;

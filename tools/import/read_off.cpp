@@ -98,7 +98,7 @@ RawScene readOff(std::string_view text, const std::string& stem) {
   const auto [uv, color, normal, first_count] = takeHeader(cursor, scene.findings);
   RawMesh mesh;
   mesh.name = stem;
-  mesh.parts.push_back({stem, kNoIndex});
+  mesh.parts.push_back({stem, formats::kNone});
   const std::uint64_t vertices = count(cursor, "vertices", first_count);
   const std::uint64_t faces = count(cursor, "faces");
   // The number of edges, which many files leave out or get wrong: on this line, or alone on the next.

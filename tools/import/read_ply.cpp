@@ -134,7 +134,7 @@ class PlyReader {
  public:
   PlyReader(std::string_view bytes, const std::string& stem) : stem_(stem) {
     mesh_.name = stem;
-    mesh_.parts.push_back({stem, kNoIndex});
+    mesh_.parts.push_back({stem, formats::kNone});
     header(bytes);
   }
 
@@ -191,7 +191,7 @@ class PlyReader {
         Element element;
         element.name = std::string(lines.word());
         const auto count = parseInteger(lines.word());
-        if (element.name.empty() || !count || *count < 0 || *count >= std::int64_t(kNoIndex))
+        if (element.name.empty() || !count || *count < 0 || *count >= std::int64_t(formats::kNone))
           throw ReadError("has an element without a proper name and count" + place);
         for (const Element& other : elements_)
           if (other.name == element.name) throw ReadError("has two elements named " + element.name + place);
@@ -437,7 +437,7 @@ class PlyReader {
     if (!(index >= 0 && index < double(vertex_count_)))
       throw ReadError(body.place() + " names vertex " + std::to_string(std::int64_t(std::clamp(index, -9e15, 9e15))) +
                       " of " + std::to_string(vertex_count_));
-    return {std::uint32_t(index), kNoIndex, kNoIndex};
+    return {std::uint32_t(index), formats::kNone, formats::kNone};
   }
 
   void closeFace(std::size_t start) {

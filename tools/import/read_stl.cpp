@@ -44,13 +44,13 @@ std::uint32_t readBinary(std::string_view bytes, std::uint32_t count, RawMesh& m
 // Keywords of any case. Returns whether the last solid is ended: else the file may have been cut off.
 bool readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
   TextCursor cursor(text);
-  std::uint32_t part = kNoIndex;
+  std::uint32_t part = formats::kNone;
   std::map<std::string, std::uint32_t> part_by_name;
   bool ended = false, in_facet = false;
   const auto begin = [&](std::string_view rest) {
     const std::string name = rest.empty() ? stem : std::string(rest);
     const auto [at, fresh] = part_by_name.try_emplace(name, std::uint32_t(mesh.parts.size()));
-    if (fresh) mesh.parts.push_back({name, kNoIndex});
+    if (fresh) mesh.parts.push_back({name, formats::kNone});
     part = at->second;
     ended = false;
   };
@@ -75,7 +75,7 @@ bool readText(std::string_view text, const std::string& stem, RawMesh& mesh) {
     } else if (key == "endloop") {
       if (mesh.points.size() != 3 * (mesh.face_size.size() + 1))
         throw ReadError("has a facet that is no triangle" + place);
-      if (part == kNoIndex) begin("");
+      if (part == formats::kNone) begin("");
       mesh.face_size.push_back(3);
       mesh.face_part.push_back(part);
       in_facet = false;
@@ -116,7 +116,7 @@ RawScene readStl(std::string_view bytes, const std::string& stem) {
   }
   const std::uint64_t promised = kHeaderBytes + std::uint64_t(count) * kTriangleBytes;
   if (bytes.size() >= kHeaderBytes && (bytes.size() == promised || (!says_text && bytes.size() > promised))) {
-    mesh.parts.push_back({stem, kNoIndex});
+    mesh.parts.push_back({stem, formats::kNone});
     if (const std::uint32_t colored = readBinary(bytes, count, mesh); colored > 0)
       scene.findings.push_back({"dropped-colors",
                                 Severity::info,

@@ -69,7 +69,7 @@ class Analysis {
   // A copy is a triangle with the points of an earlier triangle, or part of a polygon with the points of an earlier
   // polygon: a doubled quad may have been cut along its other diagonal.
   void findDuplicates() {
-    original_.assign(triangle_count_, kNoIndex);
+    original_.assign(triangle_count_, formats::kNone);
     findEqual(
         triangle_count_,
         [&](std::size_t t, std::vector<std::uint32_t>& key) {
@@ -94,12 +94,12 @@ class Analysis {
           },
           [&](std::size_t copy, std::size_t first) {
             for (std::uint32_t t = first_of_run[copy]; t < first_of_run[copy + 1]; ++t) {
-              if (original_[t] == kNoIndex && distinct_[t]) original_[t] = first_of_run[first];
+              if (original_[t] == formats::kNone && distinct_[t]) original_[t] = first_of_run[first];
             }
           });
     }
     for (std::size_t t = 0; t < triangle_count_; ++t) {
-      if (original_[t] == kNoIndex) continue;
+      if (original_[t] == formats::kNone) continue;
       active_[t] = 0;
       result_.duplicate_triangles.push_back(std::uint32_t(t));
     }
@@ -126,7 +126,7 @@ class Analysis {
       std::uint32_t item;
     };
     std::vector<std::uint32_t> begin(mesh_.welded_positions.size() + 1, 0);
-    std::vector<std::uint32_t> smallest(count, kNoIndex);
+    std::vector<std::uint32_t> smallest(count, formats::kNone);
     std::vector<std::uint64_t> rest(count, 0);
     for (std::size_t i = 0; i < count; ++i) {
       sortedKey(i, key);
@@ -139,7 +139,7 @@ class Analysis {
     std::vector<Entry> entries(begin.back());
     std::vector<std::uint32_t> cursor(begin.begin(), begin.end() - 1);
     for (std::size_t i = 0; i < count; ++i) {
-      if (smallest[i] != kNoIndex) entries[cursor[smallest[i]]++] = {rest[i], std::uint32_t(i)};
+      if (smallest[i] != formats::kNone) entries[cursor[smallest[i]]++] = {rest[i], std::uint32_t(i)};
     }
     for (std::size_t p = 0; p + 1 < begin.size(); ++p) {
       const std::span<Entry> bucket(entries.data() + begin[p], begin[p + 1] - begin[p]);
@@ -179,7 +179,7 @@ class Analysis {
       sorted[cursor[low]++] = std::uint64_t(high) << 32 | c;
     }
     half_edges_.resize(sorted.size());
-    edge_of_.assign(corners, kNoIndex);
+    edge_of_.assign(corners, formats::kNone);
     edge_begin_.reserve(sorted.size() / 2 + 1);
     for (std::size_t p = 0; p + 1 < begin.size(); ++p) {
       std::sort(sorted.begin() + begin[p], sorted.begin() + begin[p + 1]);
@@ -277,11 +277,11 @@ class Analysis {
       double area[2] = {0, 0};
     };
     std::vector<Patch> patches;
-    std::vector<std::uint32_t> patch_of(triangle_count_, kNoIndex);
+    std::vector<std::uint32_t> patch_of(triangle_count_, formats::kNone);
     std::vector<std::uint8_t> against(triangle_count_, 0);
     std::vector<std::uint32_t> stack;
     for (std::uint32_t seed = 0; seed < triangle_count_; ++seed) {
-      if (!active_[seed] || patch_of[seed] != kNoIndex) continue;
+      if (!active_[seed] || patch_of[seed] != formats::kNone) continue;
       const std::uint32_t patch = std::uint32_t(patches.size());
       patches.emplace_back();
       patch_of[seed] = patch;
@@ -294,7 +294,7 @@ class Analysis {
           if (half.size() != 2) continue;
           const std::uint32_t other = half[0] == c ? half[1] : half[0];
           const std::uint8_t side = std::uint8_t(against[t] ^ (point(other) == point(c) ? 1 : 0));
-          if (patch_of[other / 3] == kNoIndex) {
+          if (patch_of[other / 3] == formats::kNone) {
             patch_of[other / 3] = patch;
             against[other / 3] = side;
             stack.push_back(other / 3);
@@ -325,7 +325,7 @@ class Analysis {
       }
     }
 
-    result_.part_of_triangle.assign(triangle_count_, kNoIndex);
+    result_.part_of_triangle.assign(triangle_count_, formats::kNone);
     for (std::uint32_t t = 0; t < triangle_count_; ++t) {
       if (!active_[t]) continue;
       result_.part_of_triangle[t] = part_of_patch[patch_of[t]];
@@ -386,13 +386,13 @@ class Analysis {
         fans_.join(nextCorner(a), same_way ? nextCorner(b) : b);
       }
     }
-    std::vector<std::uint32_t> fan_at(mesh_.welded_positions.size(), kNoIndex);
+    std::vector<std::uint32_t> fan_at(mesh_.welded_positions.size(), formats::kNone);
     std::vector<std::uint8_t> several(mesh_.welded_positions.size(), 0);
     for (std::uint32_t c = 0; c < 3 * triangle_count_; ++c) {
       if (!active_[c / 3]) continue;
       std::uint32_t& fan = fan_at[point(c)];
       const std::uint32_t here = fans_.find(c);
-      if (fan == kNoIndex) {
+      if (fan == formats::kNone) {
         fan = here;
       } else if (fan != here) {
         several[point(c)] = 1;
@@ -419,7 +419,7 @@ class Analysis {
     }
     std::sort(ends.begin(), ends.end(),
               [](const End& a, const End& b) { return a.fan != b.fan ? a.fan < b.fan : a.end < b.end; });
-    std::vector<std::uint32_t> partner(2 * edge_count, kNoIndex);
+    std::vector<std::uint32_t> partner(2 * edge_count, formats::kNone);
     for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
       if (ends[i].fan != ends[i + 1].fan) continue;
       partner[ends[i].end] = ends[i + 1].end;
@@ -434,18 +434,18 @@ class Analysis {
     const auto trace = [&](std::uint32_t start) {
       std::vector<std::uint32_t> loop;
       std::uint32_t end = start;
-      while (end != kNoIndex && !seen[end / 2]) {
+      while (end != formats::kNone && !seen[end / 2]) {
         seen[end / 2] = 1;
         loop.push_back(pointOf(end));
         const std::uint32_t far = end ^ 1U;
         end = partner[far];
-        if (end == kNoIndex) loop.push_back(pointOf(far));
+        if (end == formats::kNone) loop.push_back(pointOf(far));
       }
       splitLoop(loop);
     };
     // Rims with loose ends first: started in the middle they would come out in two pieces.
     for (std::uint32_t end = 0; end < partner.size(); ++end) {
-      if (partner[end] == kNoIndex && !seen[end / 2]) trace(end);
+      if (partner[end] == formats::kNone && !seen[end / 2]) trace(end);
     }
     for (std::uint32_t b = 0; b < edge_count; ++b) {
       if (!seen[b]) trace(2 * b);
@@ -454,17 +454,17 @@ class Analysis {
 
   // A walk along the surface's rim passes twice through a point where two holes touch: a loop for each.
   void splitLoop(const std::vector<std::uint32_t>& walk) {
-    place_in_loop_.resize(mesh_.welded_positions.size(), kNoIndex);
+    place_in_loop_.resize(mesh_.welded_positions.size(), formats::kNone);
     std::vector<std::uint32_t> open;
     const auto close = [&](std::size_t first) {
-      for (std::size_t i = first; i < open.size(); ++i) place_in_loop_[open[i]] = kNoIndex;
+      for (std::size_t i = first; i < open.size(); ++i) place_in_loop_[open[i]] = formats::kNone;
       if (open.size() - first > 1) {
         result_.boundary_loops.emplace_back(open.begin() + std::ptrdiff_t(first), open.end());
       }
       open.resize(first);
     };
     for (const std::uint32_t p : walk) {
-      if (place_in_loop_[p] != kNoIndex) close(place_in_loop_[p]);
+      if (place_in_loop_[p] != formats::kNone) close(place_in_loop_[p]);
       place_in_loop_[p] = std::uint32_t(open.size());
       open.push_back(p);
     }

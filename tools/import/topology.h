@@ -25,8 +25,9 @@ struct SurfacePart {
 /// - not a triangle of zero area, unless leaving it out would open a hole (the cap of a T-junction);
 /// - not a later copy of a face, unless leaving it out would open a hole (the surface runs out and back there).
 struct Topology {
-  std::vector<std::uint32_t> part_of_triangle;  ///< kNoIndex for degenerate ones left out; a copy's is its original's
-  std::vector<SurfacePart> parts;               ///< connected over shared edges of welded points, by first triangle
+  std::vector<std::uint32_t>
+      part_of_triangle;            ///< formats::kNone for degenerate ones left out; a copy's is its original's
+  std::vector<SurfacePart> parts;  ///< connected over shared edges of welded points, by first triangle
   std::vector<std::array<std::uint32_t, 2>> boundary_edges;      ///< welded points, ascending
   std::vector<std::array<std::uint32_t, 2>> non_manifold_edges;  ///< more than two faces
   std::vector<std::array<std::uint32_t, 2>> flipped_edges;       ///< two faces that run along it in the same direction

@@ -51,7 +51,7 @@ void Triangulator::cut(std::span<const Eigen::Vector3d> corners, std::vector<Tri
   std::uint32_t left = n;
   std::uint32_t start = 0;
   while (left > 3) {
-    std::uint32_t best = kNoIndex;
+    std::uint32_t best = formats::kNone;
     double best_shape = -1;
     std::uint32_t fallback = start;
     double fallback_area = -1e300;
@@ -79,7 +79,7 @@ void Triangulator::cut(std::span<const Eigen::Vector3d> corners, std::vector<Tri
       best = at, best_shape = quality;
       if (!choose) break;
     }
-    if (best == kNoIndex) best = fallback;  // self-crossing or out of work: any corner ends the job
+    if (best == formats::kNone) best = fallback;  // self-crossing or out of work: any corner ends the job
     triangles.push_back({previous_[best], best, next_[best]});
     next_[previous_[best]] = next_[best];
     previous_[next_[best]] = previous_[best];

@@ -13,15 +13,13 @@
 
 namespace sinew::tools {
 
-inline constexpr std::uint32_t kNoIndex = formats::kNone;
-
 using Triangle = std::array<std::uint32_t, 3>;
 
 /// A material as the source had it.
 struct MaterialSource {
   std::string name;
   std::array<float, 4> base_color = {0.8F, 0.8F, 0.8F, 1.0F};  ///< linear RGBA
-  std::uint32_t texture = kNoIndex;                            ///< into VisualMesh::textures
+  std::uint32_t texture = formats::kNone;                      ///< into VisualMesh::textures
   bool double_sided = false;
 };
 
@@ -36,7 +34,7 @@ struct TextureSource {
 struct SubMeshSource {
   std::string node;
   std::string mesh;
-  std::uint32_t material = kNoIndex;
+  std::uint32_t material = formats::kNone;
   std::uint32_t first_triangle = 0;
   std::uint32_t triangle_count = 0;
 };

@@ -25,7 +25,7 @@ class CellTable {
  public:
   explicit CellTable(std::size_t expected) : slots_(std::bit_ceil(expected * 2 + 16)) {}
 
-  /// The head of the cell's chain, kNoIndex where it has none yet.
+  /// The head of the cell's chain, formats::kNone where it has none yet.
   std::uint32_t find(const Cell& cell) const {
     const Slot& slot = slots_[locate(cell)];
     return slot.head;
@@ -39,14 +39,14 @@ class CellTable {
  private:
   struct Slot {
     Cell cell{};
-    std::uint32_t head = kNoIndex;
+    std::uint32_t head = formats::kNone;
   };
   std::size_t locate(const Cell& cell) const {
     const std::size_t mask = slots_.size() - 1;
     std::uint64_t h = 0;
     for (std::int64_t c : cell) h = mix(h ^ std::uint64_t(c));
     std::size_t at = std::size_t(h) & mask;
-    while (slots_[at].head != kNoIndex && slots_[at].cell != cell) at = (at + 1) & mask;
+    while (slots_[at].head != formats::kNone && slots_[at].cell != cell) at = (at + 1) & mask;
     return at;
   }
   std::vector<Slot> slots_;
@@ -81,7 +81,7 @@ Weld weldPositions(const std::vector<Eigen::Vector3d>& positions, double toleran
       for (int a = 0; a < 3; ++a)
         cell[std::size_t(a)] = std::bit_cast<std::int64_t>(positions[i][a] == 0 ? 0.0 : positions[i][a]);
       const std::uint32_t at = table.find(cell);
-      if (at == kNoIndex) {
+      if (at == formats::kNone) {
         found(i, cell);
       } else {
         weld.of[i] = at;
@@ -99,17 +99,17 @@ Weld weldPositions(const std::vector<Eigen::Vector3d>& positions, double toleran
     const Eigen::Vector3d& p = positions[i];
     const Cell first = cellOf(p - reach);
     const Cell last = cellOf(p + reach);
-    std::uint32_t nearest = kNoIndex;
+    std::uint32_t nearest = formats::kNone;
     double nearest_distance = tolerance * tolerance;
     for (std::int64_t z = first[2]; z <= last[2]; ++z)
       for (std::int64_t y = first[1]; y <= last[1]; ++y)
         for (std::int64_t x = first[0]; x <= last[0]; ++x)
-          for (std::uint32_t at = table.find({x, y, z}); at != kNoIndex; at = next[at]) {
+          for (std::uint32_t at = table.find({x, y, z}); at != formats::kNone; at = next[at]) {
             const double distance = (weld.points[at] - p).squaredNorm();
             if (distance < nearest_distance || (distance == nearest_distance && at < nearest))
               nearest = at, nearest_distance = distance;
           }
-    if (nearest == kNoIndex) {
+    if (nearest == formats::kNone) {
       found(i, cellOf(p));
     } else {
       weld.of[i] = nearest;

@@ -39,6 +39,13 @@ void limit(decltype(RLIMIT_CPU) resource, std::uint64_t value, std::uint64_t gra
   setrlimit(resource, &bound);
 }
 
+// Libraries' own maps are in it: some reserve room for each core.
+std::uint64_t addressSpace() {
+  std::uint64_t pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  return pages * std::uint64_t(sysconf(_SC_PAGESIZE));
+}
+
 void limitSelf() {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   prctl(PR_SET_DUMPABLE, 0);
@@ -49,7 +56,7 @@ void limitSelf(std::uint64_t megabytes, double seconds) {
   limitSelf();
   limit(RLIMIT_CPU, std::uint64_t(std::ceil(seconds)), 1);
   limit(RLIMIT_FSIZE, 0);  // the worker writes no file; a pipe is none
-  if (!kSanitized) limit(RLIMIT_AS, megabytes << 20);
+  if (!kSanitized) limit(RLIMIT_AS, addressSpace() + (megabytes << 20));
 }
 
 class DescriptorSink : public ByteSink {
@@ -139,12 +146,6 @@ void limitSoftly(decltype(RLIMIT_CPU) resource, std::uint64_t value) {
   if (getrlimit(resource, &bound) != 0) return;
   bound.rlim_cur = std::min<rlim_t>(value, bound.rlim_max);
   setrlimit(resource, &bound);
-}
-
-std::uint64_t addressSpace() {
-  std::uint64_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  return pages * std::uint64_t(sysconf(_SC_PAGESIZE));
 }
 
 // \return false where the stream ends.

@@ -42,7 +42,7 @@ Sides::Sides(std::span<const Eigen::Vector3f> positions, std::span<const Triangl
       camera.pitch = pitch;
       // Orthographic, a pixel's middle inside a triangle, the nearest wins.
       depth.assign(std::size_t(kPixels) * kPixels, -std::numeric_limits<float>::infinity());
-      owner.assign(depth.size(), kNoIndex);
+      owner.assign(depth.size(), formats::kNone);
       const Eigen::Vector3f right = camera.right() * scale;
       const Eigen::Vector3f up = camera.up() * scale;
       const Eigen::Vector3f back = camera.back();
@@ -79,7 +79,7 @@ Sides::Sides(std::span<const Eigen::Vector3f> positions, std::span<const Triangl
       }
       std::fill(pixels.begin(), pixels.end(), 0);
       for (const std::uint32_t t : owner) {
-        if (t != kNoIndex) ++pixels[t];
+        if (t != formats::kNone) ++pixels[t];
       }
       View& view = views_.emplace_back();
       view.side = {yaw, pitch};

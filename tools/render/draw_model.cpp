@@ -210,7 +210,7 @@ DrawModel makeDrawModel(const formats::PackageView& package) {
     part.triangle_count = s.triangle_count;
     const bool has_material = s.material != formats::kNone;
     const formats::Material material = has_material ? package.materials()[s.material] : formats::Material{};
-    finishPart(model, part, has_material, material.base_color, has_material ? material.texture : kNoIndex);
+    finishPart(model, part, has_material, material.base_color, has_material ? material.texture : formats::kNone);
     model.parts.push_back(part);
   }
   coverAllTriangles(model);
@@ -253,7 +253,7 @@ DrawModel joinedModel(std::span<const formats::PackageView* const> packages, flo
     }
     for (DrawPart part : next.parts) {
       part.first_triangle += triangles;
-      if (part.texture != kNoIndex) part.texture += first_texture;
+      if (part.texture != formats::kNone) part.texture += first_texture;
       joined.parts.push_back(part);
     }
   }
@@ -296,7 +296,7 @@ DrawModel makeDrawModel(const VisualMesh& mesh) {
     DrawPart part;
     part.first_triangle = s.first_triangle;
     part.triangle_count = s.triangle_count;
-    const bool has_material = s.material != kNoIndex;
+    const bool has_material = s.material != formats::kNone;
     const MaterialSource material = has_material ? mesh.materials[s.material] : MaterialSource{};
     finishPart(model, part, has_material, material.base_color, material.texture);
     model.parts.push_back(part);

@@ -22,7 +22,7 @@ struct DrawPart {
   std::uint32_t first_triangle = 0;
   std::uint32_t triangle_count = 0;
   Eigen::Vector3f base_color = Eigen::Vector3f::Ones();  ///< linear RGB, multiplied with texture or vertex colour
-  std::uint32_t texture = kNoIndex;                      ///< into DrawModel::textures
+  std::uint32_t texture = formats::kNone;                ///< into DrawModel::textures
   bool vertex_colors = false;
   bool one_sided = false;  ///< not seen from behind
 };

@@ -34,7 +34,7 @@ DrawModel bareModel(const VisualMesh& mesh) {
   model.colors.assign(model.positions.size(), {kBare[0], kBare[1], kBare[2], 1});
   model.textures.clear();
   for (DrawPart& part : model.parts) {
-    part.texture = kNoIndex;
+    part.texture = formats::kNone;
     part.base_color = Eigen::Vector3f::Ones();
     part.vertex_colors = true;
   }

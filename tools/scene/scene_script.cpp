@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/scene/scene_script.h"
+#include "runtime/geometry/smoothstep.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <initializer_list>
-
-#include "tools/core/ramp.h"
 
 namespace sinew::tools {
 namespace {
@@ -467,7 +466,7 @@ std::pair<std::size_t, double> placeOf(std::span<const Key> keys, double time) {
   std::size_t k = 0;
   while (k + 1 < keys.size() && keys[k + 1].time <= time) ++k;
   if (k + 1 == keys.size()) return {k, 0};
-  return {k, smoothstep((time - keys[k].time) / (keys[k + 1].time - keys[k].time))};
+  return {k, geometry::smoothstep((time - keys[k].time) / (keys[k + 1].time - keys[k].time))};
 }
 
 bool matches(std::string_view pattern, std::string_view name) {

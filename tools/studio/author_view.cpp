@@ -138,7 +138,7 @@ void AuthorView::dragHandle(const Look& look, bool left, Document& document, Stu
     Eigen::Vector3d to = held_->from + dragOffset(camera_, drawn(held_->from), look.ray.cast<float>()).cast<double>() *
                                            double(model_.diagonal);
     // A centre on the surface stays there.
-    const bool on_surface = held_->kind == HandleKind::center && hover_.triangle != kNoIndex;
+    const bool on_surface = held_->kind == HandleKind::center && hover_.triangle != formats::kNone;
     if (on_surface) to = hover_.position;
     held_->value = dragged(held_->gizmo, held_->kind, to);
     if (held_->gizmo.pointer.empty()) {
@@ -201,7 +201,7 @@ PickedPoint AuthorView::pointAt(const SurfacePoint& at) const {
 
 bool AuthorView::press(const Look& look, Document& document, StudioState& state) {
   const bool loops = state.tool == Tool::paint && state.brush.shape == BrushShape::lasso;
-  if (hover_.triangle == kNoIndex && !loops) return false;
+  if (hover_.triangle == formats::kNone && !loops) return false;
   if (state.tool == Tool::pick) {
     state.picked = pointAt(hover_);
     return true;
@@ -278,7 +278,7 @@ Annotation AuthorView::marks(const ViewLayout& layout, const Document& document,
   };
   if (!paint_.loop().empty()) path(paint_.loop(), true, kBrushColor);
   const bool is_round = state.brush.shape != BrushShape::lasso;
-  if (state.tool == Tool::paint && is_round && hover_.triangle != kNoIndex) {
+  if (state.tool == Tool::paint && is_round && hover_.triangle != formats::kNone) {
     const bool flat = state.brush.shape == BrushShape::screen;
     const Eigen::Vector3d normal = flat ? camera_.back().cast<double>() : normalAt(*source_, hover_);
     ring(hover_.position, normal, double(state.brush.radius), kBrushColor);

@@ -91,7 +91,7 @@ void PaintTool::frame(const SurfacePoint& at, const Look& look, bool down, bool 
       document.say("a loop is dragged around what is to be painted");
       return;
     }
-  } else if (down && moved && stroke_.radius < kFillRadius && at.triangle != kNoIndex) {
+  } else if (down && moved && stroke_.radius < kFillRadius && at.triangle != formats::kNone) {
     stroke_.points.push_back(at.position);
     stroke_.pressures.push_back(look.pressure);
     brush_->add(at.position, look.pressure);

@@ -1,20 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/study/error.h"
 
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
-#include <numbers>
 
 #include "sinew/runtime/report.h"
 #include "tools/bake/bake.h"
 #include "tools/core/error.h"
 #include "tools/scene/scene_script.h"
+#include "tools/study/error_judge.h"
 #include "tools/study/explicit_solid.h"
 #include "tools/study/peers.h"
 #include "tools/study/scripted.h"
@@ -28,8 +25,6 @@ using Eigen::Vector3f;
 constexpr std::array<std::string_view, kMethodCount> kMethods = {
     "sinew", "report", "xpbd", "stiffness warping", "bullet fem", "bullet fem, implicit", "bullet links"};
 constexpr double kSeconds = 1.5;
-constexpr double kEndSeconds = 0.25;
-constexpr double kLost = 10;  // diagonals
 // Of the work that the reference may take: that of linear elements, which are played three times and more. Beyond, the
 // reference is this runtime itself, of the most functions, so iterated and stepped.
 constexpr double kLinearWork = 0.1;
@@ -135,255 +130,6 @@ MotionScene sceneOf(std::string_view name) {
   scene.hold = *hold;
   return scene;
 }
-
-// Where the reference went and what counts of it.
-class Judge {
- public:
-  Judge(const MotionScene& scene, const MotionBody& body, const std::vector<std::uint8_t>& counts, Motion reference,
-        const formats::PackageView& package, double diagonal)
-      : body_(body),
-        reference_(std::move(reference)),
-        first_(std::size_t(std::lround(scene.comparedFrom() / kFrameSeconds))),
-        diagonal_(diagonal) {
-    for (std::uint32_t v = 0; v < body.surface.size(); ++v) {
-      if (counts[v] == 0) continue;
-      vertices_.push_back(v);
-      area_ += body.areas[v];
-    }
-    if (scene.free) {
-      lying_ = reference_.frames;
-      while (scene.ground && first_ + 1 < lying_.size() && lowest(lying_[first_]) > scene.ground->height) ++first_;
-      reference_ = withoutRigid(std::move(reference_));
-    }
-    double square = 0, weight = 0;
-    for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
-      double here = 0;
-      for (const std::uint32_t v : vertices_) {
-        const double way = (reference_.frames[frame][v].cast<double>() - body.surface[v]).norm();
-        here += body.areas[v] * way * way;
-        if (way > largest_) {
-          largest_ = way;
-          widest_ = frame;
-        }
-      }
-      square += here;
-      weight += area_;
-    }
-    rms_ = std::sqrt(square / weight);
-    end_ = meanOfEnd(reference_);
-    double end = 0;
-    for (const std::uint32_t v : vertices_) end += body.areas[v] * (end_[v] - body.surface[v]).squaredNorm();
-    end_rms_ = std::sqrt(end / area_);
-    setTriangles(package);
-    if (scene.release) {
-      before_ = reference_.frames[first_ - 1];
-      swing_ = swingOf(reference_);
-    }
-  }
-
-  double rms() const { return rms_ / diagonal_; }
-  double largest() const { return largest_ / diagonal_; }
-  std::optional<double> turned() const {
-    return lying_.empty() ? std::nullopt : std::optional(degreesOf(rigidOf(lying_.back()).linear()));
-  }
-  std::uint32_t compared() const { return std::uint32_t(vertices_.size()); }
-  const std::vector<Vector3f>& shape() const { return reference_.frames[widest_]; }
-  std::optional<double> frequency() const { return swing_ ? std::optional(swing_->frequency) : std::nullopt; }
-  std::vector<double> areas() const {
-    std::vector<double> result(body_.surface.size(), 0);
-    for (const std::uint32_t v : vertices_) result[v] = body_.areas[v];
-    return result;
-  }
-
-  void judge(Motion motion, ErrorRow& row) const {
-    row.lost = !motion.finite || motion.frames.size() < reference_.frames.size();
-    if (row.lost) return;
-    if (!lying_.empty()) {
-      row.astray = apart(motion.frames, lying_);
-      row.lost = !(*row.astray * rms_ < kLost * diagonal_);
-      if (row.lost) return;
-      row.turned = degreesOf(rigidOf(lying_.back()).linear().transpose() * rigidOf(motion.frames.back()).linear());
-      motion = withoutRigid(std::move(motion));
-    }
-    row.shape = motion.frames[widest_];
-    double square = 0, weight = 0, furthest = 0;
-    for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
-      for (const std::uint32_t v : vertices_) {
-        const double off = double((motion.frames[frame][v] - reference_.frames[frame][v]).norm());
-        square += body_.areas[v] * off * off;
-        furthest = std::max(furthest, off);
-      }
-      weight += area_;
-    }
-    row.lost = !(furthest < kLost * diagonal_);
-    row.path = std::sqrt(square / weight) / rms_;
-    row.largest = furthest / largest_;
-    const std::vector<Vector3d> end = meanOfEnd(motion);
-    double off = 0;
-    for (const std::uint32_t v : vertices_) off += body_.areas[v] * (end[v] - end_[v]).squaredNorm();
-    // A body let go swings about its rest: its end is measured by how far it went.
-    row.end = std::sqrt(off / area_) / std::max(end_rms_, swing_ ? rms_ : 0);
-    if (!triangles_.empty()) {
-      for (std::size_t frame = first_; frame < reference_.frames.size(); ++frame) {
-        row.volume = std::max(row.volume,
-                              std::abs(volumeOf(motion.frames[frame]) - volumeOf(reference_.frames[frame])) / volume_);
-      }
-    }
-    if (!swing_) return;
-    if (const std::optional<Swing> swing = swingOf(motion)) {
-      row.frequency = swing->frequency / swing_->frequency;
-      row.decay = swing->decay / swing_->decay;
-    }
-  }
-
-  // Judged by this reference's means: rms difference of two paths.
-  double apart(const Motion& one, const Motion& other) const {
-    if (lying_.empty()) return apart(one.frames, other.frames);
-    return apart(withoutRigid(one).frames, withoutRigid(other).frames);
-  }
-
- private:
-  struct Swing {
-    double frequency, decay;  // Hz, 1/s
-  };
-
-  using Frames = std::vector<std::vector<Vector3f>>;
-
-  double apart(const Frames& one, const Frames& other) const {
-    double square = 0, weight = 0;
-    for (std::size_t frame = first_; frame < std::min(one.size(), other.size()); ++frame) {
-      for (const std::uint32_t v : vertices_) {
-        square += body_.areas[v] * double((one[frame][v] - other[frame][v]).squaredNorm());
-      }
-      weight += area_;
-    }
-    return std::sqrt(square / weight) / rms_;
-  }
-
-  static double degreesOf(const Eigen::Matrix3d& turn) {
-    return Eigen::AngleAxisd(turn).angle() * 180 / std::numbers::pi;
-  }
-
-  float lowest(const std::vector<Vector3f>& frame) const {
-    float low = frame[vertices_.front()][1];
-    for (const std::uint32_t v : vertices_) low = std::min(low, frame[v][1]);
-    return low;
-  }
-
-  // The rigid motion that takes the rest shape to a frame and leaves the least, by area (Kabsch 1976).
-  Eigen::Isometry3d rigidOf(const std::vector<Vector3f>& frame) const {
-    Vector3d rest_centre = Vector3d::Zero(), centre = Vector3d::Zero();
-    for (const std::uint32_t v : vertices_) {
-      rest_centre += body_.areas[v] / area_ * body_.surface[v];
-      centre += body_.areas[v] / area_ * frame[v].cast<double>();
-    }
-    Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
-    for (const std::uint32_t v : vertices_) {
-      moment += body_.areas[v] * (frame[v].cast<double>() - centre) * (body_.surface[v] - rest_centre).transpose();
-    }
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(moment, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Vector3d sign = Vector3d::Ones();
-    sign[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-    Eigen::Isometry3d rigid = Eigen::Isometry3d::Identity();
-    rigid.linear() = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
-    rigid.translation() = centre - rigid.linear() * rest_centre;
-    return rigid;
-  }
-
-  Motion withoutRigid(Motion motion) const {
-    for (std::vector<Vector3f>& frame : motion.frames) {
-      const Eigen::Isometry3d back = rigidOf(frame).inverse();
-      for (Vector3f& x : frame) x = (back * x.cast<double>()).cast<float>();
-    }
-    return motion;
-  }
-
-  std::vector<Vector3d> meanOfEnd(const Motion& motion) const {
-    const auto frames = std::size_t(std::lround(kEndSeconds / kFrameSeconds));
-    std::vector<Vector3d> mean(body_.surface.size(), Vector3d::Zero());
-    for (std::size_t frame = motion.frames.size() - frames; frame < motion.frames.size(); ++frame) {
-      for (const std::uint32_t v : vertices_) mean[v] += motion.frames[frame][v].cast<double>() / double(frames);
-    }
-    return mean;
-  }
-
-  // Part of the way that it had when it was let go, by its crossings of zero and its extremes between them.
-  std::optional<Swing> swingOf(const Motion& motion) const {
-    std::vector<double> s;
-    double norm = 0;
-    for (const std::uint32_t v : vertices_)
-      norm += body_.areas[v] * (before_[v].cast<double>() - body_.surface[v]).squaredNorm();
-    for (std::size_t frame = first_; frame < motion.frames.size(); ++frame) {
-      double sum = 0;
-      for (const std::uint32_t v : vertices_) {
-        sum += body_.areas[v] * (motion.frames[frame][v].cast<double>() - body_.surface[v])
-                                    .dot(before_[v].cast<double>() - body_.surface[v]);
-      }
-      s.push_back(sum / norm);
-    }
-    std::vector<double> crossings;
-    std::vector<std::pair<double, double>> extremes;  // time, log of the size
-    double most = 0, when = 0;
-    for (std::size_t i = 1; i < s.size(); ++i) {
-      if (std::abs(s[i]) > most) {
-        most = std::abs(s[i]);
-        when = double(i);
-      }
-      if ((s[i - 1] > 0) == (s[i] > 0)) continue;
-      crossings.push_back(double(i) - s[i] / (s[i] - s[i - 1]));
-      if (crossings.size() > 1 && most > 1e-3) extremes.emplace_back(when * kFrameSeconds, std::log(most));
-      most = 0;
-    }
-    if (crossings.size() < 3 || extremes.size() < 2) return {};
-    const double halves = double(crossings.size() - 1);
-    const double time = (crossings.back() - crossings.front()) * kFrameSeconds;
-    double t = 0, y = 0, tt = 0, ty = 0;
-    for (const auto& [at, size] : extremes) {
-      t += at, y += size, tt += at * at, ty += at * size;
-    }
-    const auto n = double(extremes.size());
-    return Swing{0.5 * halves / time, -(n * ty - t * y) / (n * tt - t * t)};
-  }
-
-  void setTriangles(const formats::PackageView& package) {
-    std::map<std::pair<std::uint32_t, std::uint32_t>, int> open;
-    std::map<std::array<float, 3>, std::uint32_t> places;  // vertices that were split at seams are one
-    const auto place = [&](std::uint32_t v) {
-      return places.try_emplace(package.visualPositions()[v], v).first->second;
-    };
-    for (const auto& c : package.visualTriangles()) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t a = place(c[k]), b = place(c[(k + 1) % 3]);
-        open[std::minmax(a, b)] += a < b ? 1 : -1;
-      }
-    }
-    if (std::any_of(open.begin(), open.end(), [](const auto& edge) { return edge.second != 0; })) return;
-    for (const auto& c : package.visualTriangles()) triangles_.push_back({c[0], c[1], c[2]});
-    std::vector<Vector3f> rest;
-    for (const Vector3d& x : body_.surface) rest.push_back(x.cast<float>());
-    volume_ = volumeOf(rest);
-    if (!(volume_ > 0)) triangles_.clear();
-  }
-  double volumeOf(const std::vector<Vector3f>& x) const {
-    double six = 0;
-    for (const auto& c : triangles_) {
-      six += x[c[0]].cast<double>().dot(x[c[1]].cast<double>().cross(x[c[2]].cast<double>()));
-    }
-    return six / 6;
-  }
-
-  const MotionBody& body_;
-  Motion reference_;
-  std::size_t first_, widest_ = 0;
-  double diagonal_;
-  std::vector<std::uint32_t> vertices_;
-  double area_ = 0, rms_ = 0, largest_ = 0, end_rms_ = 0, volume_ = 0;
-  std::vector<Vector3d> end_;
-  std::vector<Vector3f> before_;
-  Frames lying_;  // of what is not held: the reference as it lies
-  std::vector<std::array<std::uint32_t, 3>> triangles_;
-  std::optional<Swing> swing_;
-};
 
 void markFronts(ErrorStudy& study) {
   const auto beats = [](const ErrorRow& one, const ErrorRow& other) {
@@ -623,7 +369,7 @@ void measureScene(const std::string& name, const Plan& plan, const ErrorOptions&
     study.notes.push_back(name + ": the reference is lost");
     return;
   }
-  const Judge judge(scene, body, counts, reference.motion, package, study.diagonal);
+  const ErrorJudge judge(scene, body, counts, reference.motion, package, study.diagonal);
   result.compared = judge.compared();
   result.tetrahedra = reference.tetrahedra;
   result.step_seconds = reference.step_seconds;
@@ -737,123 +483,6 @@ const ErrorRow* bestOfOthers(const ErrorStudy& study, std::uint32_t scene, doubl
     if (row != nullptr && (best == nullptr || row->path < best->path)) best = row;
   }
   return best;
-}
-
-nlohmann::ordered_json errorJson(const ErrorStudy& study) {
-  nlohmann::ordered_json json = {{"study", "error"},
-                                 {"input", study.input},
-                                 {"material", {{"young", study.material.young}, {"poisson", study.material.poisson}}},
-                                 {"diagonal", study.diagonal},
-                                 {"vertices", study.vertices},
-                                 {"tetrahedra", study.tetrahedra},
-                                 {"notes", study.notes}};
-  json["scenes"] = nlohmann::ordered_json::array();
-  for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
-    const ErrorScene& scene = study.scenes[s];
-    nlohmann::ordered_json one = {
-        {"name", scene.name},
-        {"gravity", scene.gravity},
-        {"seconds", scene.seconds},
-        {"compared_vertices", scene.compared},
-        {"reference",
-         {{"tetrahedra", scene.tetrahedra},
-          {"step_seconds", scene.step_seconds},
-          {"seconds", scene.reference_seconds},
-          {"rms_displacement", scene.rms},
-          {"largest_displacement", scene.largest},
-          {"quadratic", scene.linear.has_value()},
-          {"self", scene.self.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(scene.self)},
-          {"from_linear", scene.linear ? nlohmann::ordered_json(*scene.linear) : nullptr},
-          {"change_refined", scene.refined ? nlohmann::ordered_json(*scene.refined) : nullptr},
-          {"change_shorter_steps", scene.shorter},
-          {"change_neo_hookean", scene.neo_hookean},
-          {"change_own_law", scene.own_law},
-          {"turned_deg", scene.turned ? nlohmann::ordered_json(*scene.turned) : nullptr},
-          {"change_firmer_ground", scene.penalty ? nlohmann::ordered_json(*scene.penalty) : nullptr},
-          {"frequency_hz", scene.frequency ? nlohmann::ordered_json(*scene.frequency) : nullptr}}}};
-    one["results"] = nlohmann::ordered_json::array();
-    for (const ErrorRow& row : study.rows) {
-      if (row.scene != s) continue;
-      nlohmann::ordered_json r = {{"method", nameOf(row.method)},
-                                  {"knobs", row.knobs},
-                                  {"vertices", row.vertices},
-                                  {"milliseconds_per_frame", row.milliseconds},
-                                  {"lost", row.lost},
-                                  {"slow", row.slow}};
-      if (!row.lost && !row.slow) {
-        r["path"] = row.path;
-        r["end"] = row.end;
-        r["largest"] = row.largest;
-        r["volume"] = row.volume;
-        if (row.frequency) r["frequency_ratio"] = *row.frequency;
-        if (row.decay) r["decay_ratio"] = *row.decay;
-        if (row.astray) r["astray"] = *row.astray;
-        if (row.turned) r["turned_deg"] = *row.turned;
-        r["front"] = row.front;
-        r["own_front"] = row.own_front;
-      }
-      one["results"].push_back(std::move(r));
-    }
-    json["scenes"].push_back(std::move(one));
-  }
-  return json;
-}
-
-std::string errorText(const ErrorStudy& study) {
-  std::array<char, 512> line{};
-  std::string text;
-  const auto print = [&](const char* format, auto... values) {
-    std::snprintf(line.data(), line.size(), format, values...);
-    text += line.data();
-  };
-  print("%s: %u physical vertices, %u tetrahedra, E %.3g Pa, nu %.2g\n", study.input.c_str(), study.vertices,
-        study.tetrahedra, study.material.young, study.material.poisson);
-  for (std::uint32_t s = 0; s < study.scenes.size(); ++s) {
-    const ErrorScene& scene = study.scenes[s];
-    print("\n%s: reference %u tetrahedra, %.2g ms steps, moved %.2f %% of the diagonal (rms). ", scene.name.c_str(),
-          scene.tetrahedra, 1e3 * scene.step_seconds, 100 * scene.rms);
-    if (!scene.self.empty()) {
-      print("ITSELF (%s): too large for finite elements; ", scene.self.c_str());
-    } else if (scene.linear) {
-      print("Quadratic; linear elements are off by %.0f %%, ", 100 * *scene.linear);
-    } else {
-      print("LINEAR elements, too stiff: too large for quadratic ones; ");
-    }
-    if (scene.self.empty()) {
-      if (scene.refined) print("each cut into eight changed them by %.2g %%, ", 100 * *scene.refined);
-      print("half the steps change %.2g %%, the neo-Hookean law %.1f %%, Sinew's own %.1f %%", 100 * scene.shorter,
-            100 * scene.neo_hookean, 100 * scene.own_law);
-    }
-    text += "\n";
-    if (scene.penalty) print("  a ground twice as firm changes %.2g %%\n", 100 * *scene.penalty);
-    if (scene.turned) {
-      print("  astray: path with the rigid motion; turned: degrees, against the reference at its end, which has %.0f\n",
-            *scene.turned);
-    }
-    if (scene.lawMatters()) text += "  strains are so large that the law of elasticity matters: compare with care\n";
-    print("  %-20s  %-38s  %8s  %7s  %7s  %7s  %7s  %6s  %6s\n", "method", "knobs", "ms/frame", "path, %", "end, %",
-          "most, %", "vol., %", "freq.", "decay");
-    for (const ErrorRow& row : study.rows) {
-      if (row.scene != s) continue;
-      print("%c %-20s  %-38s  %8.3f",
-            row.front       ? '*'
-            : row.own_front ? '.'
-                            : ' ',
-            nameOf(row.method).data(), row.knobs.c_str(), row.milliseconds);
-      if (row.lost || row.slow) {
-        text += row.slow ? "  too slow\n" : "  lost\n";
-        continue;
-      }
-      print("  %7.1f  %7.1f  %7.1f  %7.2f", 100 * row.path, 100 * row.end, 100 * row.largest, 100 * row.volume);
-      if (row.frequency) print("  %6.3f  %6.2f", *row.frequency, *row.decay);
-      if (row.astray) print("  astray %6.1f, turned %3.0f", 100 * *row.astray, *row.turned);
-      text += "\n";
-    }
-  }
-  for (const std::string& note : study.notes) text += "note: " + note + "\n";
-  return text +
-         "\nErrors are shares of the reference's rms displacement (not moving: 100). path: over all frames. end: mean "
-         "shape of the last quarter of a second.\n* nothing is nearer for less time; . nothing of this method is\n";
 }
 
 }  // namespace sinew::tools

@@ -32,7 +32,7 @@ Image drawRow(std::span<const RowPicture> row, Camera camera, const RowOptions& 
       for (const auto& c : one.colors) model.colors.push_back({c[0], c[1], c[2], 1});
       for (DrawPart& part : model.parts) {
         part.vertex_colors = true;
-        part.texture = kNoIndex;
+        part.texture = formats::kNone;
         part.base_color = Eigen::Vector3f::Ones();
       }
     }

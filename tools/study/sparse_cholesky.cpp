@@ -18,18 +18,16 @@ SparseCholesky::SparseCholesky(const BlockPattern& pattern) {
     }
   }
   matrix_.finalize();
-  factor_.cholmod().print = 0;  // a matrix that is not positive definite is an answer
-  factor_.analyzePattern(matrix_);
+  factor_ = std::make_unique<field::Cholesky>(matrix_);
 }
 
 bool SparseCholesky::factorize(const std::vector<Eigen::Matrix3d>& blocks) {
   const double* const from = blocks.data()->data();
   double* to = matrix_.valuePtr();
   for (const std::size_t source : source_) *to++ = from[source];
-  factor_.factorize(matrix_);
-  return factor_.info() == Eigen::Success;
+  return factor_->factorize(matrix_);
 }
 
-Eigen::MatrixXd SparseCholesky::solve(const Eigen::MatrixXd& right) const { return factor_.solve(right); }
+Eigen::MatrixXd SparseCholesky::solve(const Eigen::MatrixXd& right) const { return factor_->solve(right); }
 
 }  // namespace sinew::tools

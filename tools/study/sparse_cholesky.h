@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <Eigen/CholmodSupport>
 #include <Eigen/SparseCore>
 #include <cstdint>
+#include <memory>
 #include <vector>
+
+#include "tools/field/cholesky.h"
 
 namespace sinew::tools {
 
@@ -17,7 +19,7 @@ struct BlockPattern {
   std::size_t columns() const { return first.size() - 1; }
 };
 
-/// Cholesky factors of matrices of one pattern, by CHOLMOD.
+/// Cholesky factors of matrices of one pattern of blocks.
 class SparseCholesky {
  public:
   explicit SparseCholesky(const BlockPattern& pattern);
@@ -31,7 +33,7 @@ class SparseCholesky {
  private:
   Eigen::SparseMatrix<double> matrix_;  // the lower triangle
   std::vector<std::size_t> source_;     // of its values: numbers in the blocks
-  Eigen::CholmodSupernodalLLT<Eigen::SparseMatrix<double>, Eigen::Lower> factor_;
+  std::unique_ptr<field::Cholesky> factor_;
 };
 
 }  // namespace sinew::tools

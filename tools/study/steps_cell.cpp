@@ -8,7 +8,7 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "tools/core/ramp.h"
+#include "runtime/geometry/smoothstep.h"
 #include "tools/study/packages.h"
 #include "tools/study/steps.h"
 
@@ -332,7 +332,7 @@ class CellRun {
 
   // Moves the pin set to where it is at a time: smoothly sideways and about the vertical.
   void move(double time) {
-    const double part = smoothstep(time / kMoveSeconds);
+    const double part = geometry::smoothstep(time / kMoveSeconds);
     RigidTransform to;
     to.position = narrow(Vector3d(wideOf(held_at_.position) + part * kMovedWay * diagonal_ * Vector3d::UnitX()));
     to.rotation = narrow(Eigen::AngleAxisd(part * kMovedTurn, Vector3d::UnitY()).toRotationMatrix());

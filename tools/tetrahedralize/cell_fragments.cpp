@@ -88,10 +88,10 @@ SurfaceParts surfaceParts(const SolidPiece& piece) {
     sets.join(t[0], t[2]);
   }
   SurfaceParts parts;
-  std::vector<std::uint32_t> number(piece.positions.size(), kNoIndex);
+  std::vector<std::uint32_t> number(piece.positions.size(), formats::kNone);
   for (const auto& t : piece.triangles) {
     std::uint32_t& n = number[sets.find(t[0])];
-    if (n == kNoIndex) {
+    if (n == formats::kNone) {
       n = std::uint32_t(parts.volume.size());
       parts.volume.push_back(0);
     }
@@ -324,12 +324,12 @@ class CellCutter {
   // Whether a triangle of the cell lies between two points of it.
   bool blocked(const Vector3d& a, const Vector3d& b) const {
     double nearest = 1;
-    return crossing(a, b, true, nearest) != kNoIndex;
+    return crossing(a, b, true, nearest) != formats::kNone;
   }
   // The first triangle of the cell that the segment crosses, or any one of them, and where (fraction).
   std::uint32_t crossing(const Vector3d& a, const Vector3d& b, bool any, double& nearest) const {
     constexpr double kEnd = 1e-7;  // a segment starts on triangles
-    std::uint32_t first = kNoIndex;
+    std::uint32_t first = formats::kNone;
     const Vector3d d = b - a;
     for (std::uint32_t n = 0; n < planes_.size(); ++n) {
       const auto& [normal, corners] = planes_[n];
@@ -365,7 +365,7 @@ class CellCutter {
       return ra != rb ? ra < rb : local_[a].area > local_[b].area;
     });
     std::size_t run = 0;
-    std::uint32_t last = kNoIndex;
+    std::uint32_t last = formats::kNone;
     std::erase_if(lookouts_, [&](std::uint32_t n) {
       const std::uint32_t root = sets.find(n);
       run = root == last ? run + 1 : 0;
@@ -430,7 +430,7 @@ class CellCutter {
       const Vector3d inwards = mine.middle - length * mine.normal.normalized();
       double at = 1;
       const std::uint32_t n = crossing(mine.middle, inwards, false, at);
-      if (n == kNoIndex || local_[n].normal.dot(inwards - mine.middle) <= 0) continue;
+      if (n == formats::kNone || local_[n].normal.dot(inwards - mine.middle) <= 0) continue;
       const Vector3d met = mine.middle + at * (inwards - mine.middle);
       if (barycentric(met).minCoeff() >= -kTouch && between(mine.middle, met)) sets.join(m, n);
     }

@@ -278,11 +278,11 @@ FilledPiece fillWithStuffing(const SolidPiece& piece, std::uint32_t target, cons
 std::vector<std::uint32_t> trianglesAtJoints(const SolidPiece& piece, const TetMesh& mesh, double reach) {
   std::vector<std::uint32_t> component;
   if (geometry::connectedComponents(mesh, geometry::JoinedBy::faces, component) < 2) return {};
-  std::vector<std::uint32_t> of_vertex(mesh.positions.size(), kNoIndex);
+  std::vector<std::uint32_t> of_vertex(mesh.positions.size(), formats::kNone);
   std::vector<char> is_joint(mesh.positions.size(), 0);
   for (std::size_t t = 0; t < component.size(); ++t) {
     for (const std::uint32_t v : mesh.tetrahedra[t]) {
-      if (of_vertex[v] == kNoIndex) of_vertex[v] = component[t];
+      if (of_vertex[v] == formats::kNone) of_vertex[v] = component[t];
       if (of_vertex[v] != component[t]) is_joint[v] = 1;
     }
   }

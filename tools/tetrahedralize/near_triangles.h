@@ -22,16 +22,16 @@ void forNearTriangles(std::span<const Eigen::Vector3d> points, std::span<const g
   const geometry::TriangleBvh bvh(points, triangles);
   const auto& nodes = bvh.nodes();
   // Nodes whose triangles are all of one label can be skipped as a whole.
-  std::vector<std::uint32_t> only(nodes.size(), kNoIndex);
+  std::vector<std::uint32_t> only(nodes.size(), formats::kNone);
   for (std::size_t n = nodes.size(); n-- > 0;) {
     const auto& node = nodes[n];
     if (node.right != 0) {
-      only[n] = only[n + 1] == only[node.right] ? only[n + 1] : kNoIndex;
+      only[n] = only[n + 1] == only[node.right] ? only[n + 1] : formats::kNone;
       continue;
     }
     only[n] = label[bvh.order()[node.first]];
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
-      if (label[bvh.order()[i]] != only[n]) only[n] = kNoIndex;
+      if (label[bvh.order()[i]] != only[n]) only[n] = formats::kNone;
     }
   }
   for (std::uint32_t i = 0; i < triangles.size(); ++i) {
@@ -46,7 +46,7 @@ void forNearTriangles(std::span<const Eigen::Vector3d> points, std::span<const g
     bvh.tree().descend(
         [&](const auto& node, std::uint32_t index) {
           return node.first + node.count > i && node.box.intersects(box) &&
-                 (only[index] == kNoIndex || !same(only[index], my_label));
+                 (only[index] == formats::kNone || !same(only[index], my_label));
         },
         [&](std::uint32_t j) {
           const std::uint32_t other = label[bvh.order()[j]];

@@ -66,7 +66,7 @@ void joinNestedGroups(const WeldedSurface& surface, std::vector<PartGroup>& grou
   for (const std::uint32_t a : solids) {
     const std::vector<Vector3d> points = samplePoints(surface, groups[a], 7);
     double around = 0;
-    std::uint32_t innermost = kNoIndex;
+    std::uint32_t innermost = formats::kNone;
     for (const std::uint32_t b : solids) {
       if (a == b || !groups[b].bounds.contains(groups[a].bounds)) continue;
       if (std::abs(groups[b].enclosure.volume) <= std::abs(groups[a].enclosure.volume)) continue;
@@ -74,12 +74,12 @@ void joinNestedGroups(const WeldedSurface& surface, std::vector<PartGroup>& grou
       for (const Vector3d& p : points) mean += groups[b].winding.at(p) / double(points.size());
       // A group inside out as a whole, within no other, is turned below, so its sign counts as turned.
       around += std::round(mean);
-      if (std::abs(mean) > 0.5 && (innermost == kNoIndex || std::abs(groups[b].enclosure.volume) <
-                                                                std::abs(groups[innermost].enclosure.volume))) {
+      if (std::abs(mean) > 0.5 && (innermost == formats::kNone || std::abs(groups[b].enclosure.volume) <
+                                                                      std::abs(groups[innermost].enclosure.volume))) {
         innermost = b;
       }
     }
-    if (innermost != kNoIndex && std::abs(around) > 0.5) {
+    if (innermost != formats::kNone && std::abs(around) > 0.5) {
       sets.join(a, innermost);
     } else if (groups[a].enclosure.volume < 0) {
       // Outermost, or in a cavity, and inside out.
@@ -178,7 +178,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
                     const ParallelFor& parallel_for) {
   PieceSet set;
   const auto part_count = static_cast<std::uint32_t>(topology.parts.size());
-  set.part_piece.assign(part_count, kNoIndex);
+  set.part_piece.assign(part_count, formats::kNone);
   if (part_count == 0) return set;
   const WeldedSurface surface = weldedSurface(mesh, topology);
 
@@ -236,7 +236,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
   for (std::uint32_t g = 0; g < group_count && any; ++g) {
     if (groups[g].enclosure.encloses) continue;
     double nearest = std::numeric_limits<double>::infinity();
-    std::uint32_t target = kNoIndex;
+    std::uint32_t target = formats::kNone;
     const std::vector<Vector3d> points = samplePoints(surface, groups[g], 64);
     for (std::uint32_t h = 0; h < group_count; ++h) {
       if (!groups[h].enclosure.encloses) continue;
@@ -248,7 +248,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
         }
       }
     }
-    if (target == kNoIndex)
+    if (target == formats::kNone)
       target = std::uint32_t(
           std::find_if(groups.begin(), groups.end(), [](const PartGroup& x) { return x.enclosure.encloses; }) -
           groups.begin());
@@ -262,7 +262,8 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
   // 5. Pieces, in the order of their first part.
   std::vector<std::vector<std::uint32_t>> piece_groups(group_count);
   for (std::uint32_t g = 0; g < group_count; ++g) piece_groups[nested.find(g)].push_back(g);
-  std::vector<std::uint32_t> number(surface.points.size(), kNoIndex);  // of a point in its piece; cleared after each
+  std::vector<std::uint32_t> number(surface.points.size(),
+                                    formats::kNone);  // of a point in its piece; cleared after each
   for (const auto& list : piece_groups) {
     if (list.empty()) continue;
     SolidPiece piece;
@@ -301,7 +302,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
       geometry::Triangle local{};
       for (std::size_t i = 0; i < 3; ++i) {
         std::uint32_t& n = number[t[i]];
-        if (n == kNoIndex) {
+        if (n == formats::kNone) {
           n = static_cast<std::uint32_t>(piece.positions.size());
           piece.positions.emplace_back(surface.points[t[i]] - bounds.center());
           piece.points.push_back(t[i]);
@@ -315,7 +316,7 @@ PieceSet findPieces(const VisualMesh& mesh, const Topology& topology, double joi
                     2;
     }
     for (const Triangle& t : triangles) {
-      for (const std::uint32_t v : t) number[v] = kNoIndex;
+      for (const std::uint32_t v : t) number[v] = formats::kNone;
     }
     piece.winding = WindingNumber(piece.positions, piece.triangles, piece.balanced);
     measureVolume(piece, divergence_volume, parallel_for);

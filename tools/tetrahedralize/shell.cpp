@@ -78,13 +78,13 @@ std::string complaint(const PlainSurface& surface, std::uint32_t& triangle) {
     i = end;
   }
   std::vector<std::uint32_t> faces(surface.positions.size(), 0);
-  std::vector<std::uint32_t> fan(surface.positions.size(), kNoIndex);
+  std::vector<std::uint32_t> fan(surface.positions.size(), formats::kNone);
   for (std::uint32_t t = 0; t < surface.triangles.size(); ++t) {
     triangle = t;
     for (std::uint32_t i = 0; i < 3; ++i) {
       if (++faces[surface.triangles[t][i]] > kCrowd) return crowdComplaint();
       std::uint32_t& first = fan[surface.triangles[t][i]];
-      if (first == kNoIndex) first = fans.find(3 * t + i);
+      if (first == formats::kNone) first = fans.find(3 * t + i);
       if (first != fans.find(3 * t + i)) return "has a point where faces meet without a common edge";
     }
   }
@@ -214,7 +214,7 @@ std::uint32_t joinParts(const PlainSurface& surface, double mean_edge, double ro
       double least = std::numeric_limits<double>::infinity();
       for (const std::uint32_t p : points) {
         const auto hit = bvh.closest(surface.positions[p], least + kJoinedBand * mean_edge);
-        if (hit.triangle == kNoIndex) continue;
+        if (hit.triangle == formats::kNone) continue;
         const double distance = std::sqrt(hit.squared_distance);
         least = std::min(least, distance);
         near.push_back({distance, {p, number[hit.triangle]}});

@@ -89,13 +89,13 @@ class Copies {
   // Cells of air fall away, unless they hold the piece together.
   void dropAir() {
     for (std::uint32_t t = 0; t < count_; ++t) air_[t] = cells_[t].triangles.empty() && !cells_[t].solid ? 1 : 0;
-    std::vector<std::uint32_t> holder(std::size_t(copies_) * 4, kNoIndex);
+    std::vector<std::uint32_t> holder(std::size_t(copies_) * 4, formats::kNone);
     for (std::uint32_t t = 0; t < count_; ++t) {
       if (air_[t] != 0) continue;
       for (std::uint32_t copy = first_copy_[t]; copy < first_copy_[t + 1]; ++copy) {
         for (std::uint32_t k = 0; k < 4; ++k) {
           std::uint32_t& h = holder[corners_.find(4 * copy + k)];
-          if (h == kNoIndex) h = copy;
+          if (h == formats::kNone) h = copy;
           pieces_.join(h, copy);
         }
       }
@@ -178,12 +178,12 @@ class Copies {
       ++joined;
       --number_;
     }
-    std::vector<std::uint32_t> holder(number_ > 1 ? lattice_.positions.size() : 0, kNoIndex);
+    std::vector<std::uint32_t> holder(number_ > 1 ? lattice_.positions.size() : 0, formats::kNone);
     for (std::uint32_t corner = 0; corner < 4 * count_ && number_ > 1; ++corner) {
       const std::uint32_t t = corner / 4, k = corner % 4;
       if (air_[t] != 0 || dropped_[first_copy_[t]] != 0) continue;
       std::uint32_t& held = holder[lattice_.tetrahedra[t][k]];
-      if (held == kNoIndex) held = 4 * first_copy_[t] + k;
+      if (held == formats::kNone) held = 4 * first_copy_[t] + k;
       if (!pieces_.join(held / 4, first_copy_[t])) continue;
       corners_.join(held, 4 * first_copy_[t] + k);
       ++joined;
@@ -205,8 +205,8 @@ class Copies {
   // The first copy's vertices keep the lattice's numbers.
   void makeMesh(SplitMesh& result) {
     result.mesh.positions = lattice_.positions;
-    std::vector<std::uint32_t> vertex(std::size_t(copies_) * 4, kNoIndex);
-    tetrahedron_of_.assign(copies_, kNoIndex);
+    std::vector<std::uint32_t> vertex(std::size_t(copies_) * 4, formats::kNone);
+    tetrahedron_of_.assign(copies_, formats::kNone);
     std::vector<char> taken(lattice_.positions.size(), 0);
     for (std::uint32_t t = 0; t < count_; ++t) {
       if (air_[t] != 0) continue;
@@ -218,10 +218,10 @@ class Copies {
         for (std::uint32_t k = 0; k < 4; ++k) {
           std::uint32_t& v = vertex[corners_.find(4 * copy + k)];
           const std::uint32_t original = lattice_.tetrahedra[t][k];
-          if (v == kNoIndex && taken[original] == 0) {
+          if (v == formats::kNone && taken[original] == 0) {
             taken[original] = 1;
             v = original;
-          } else if (v == kNoIndex) {
+          } else if (v == formats::kNone) {
             v = std::uint32_t(result.mesh.positions.size());
             result.mesh.positions.push_back(Vector3d(lattice_.positions[original]));
             ++result.vertices;
@@ -254,16 +254,16 @@ class Copies {
 
   // Where the points of the surface lie. To be called once there are tetrahedra.
   std::vector<std::uint32_t> homes() const {
-    std::vector<std::uint32_t> home(piece_.positions.size(), kNoIndex);
+    std::vector<std::uint32_t> home(piece_.positions.size(), formats::kNone);
     for (std::uint32_t t = 0; t < count_; ++t) {
       if (air_[t] != 0) continue;
       for (const auto& [point, fragment] : cells_[t].points) {
-        if (home[point] == kNoIndex) home[point] = tetrahedron_of_[first_copy_[t] + fragment];
+        if (home[point] == formats::kNone) home[point] = tetrahedron_of_[first_copy_[t] + fragment];
       }
     }
     // Points outside: where their own triangles enter the cells, the nearest place.
     std::vector<double> nearest(home.size(), std::numeric_limits<double>::infinity());
-    for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = home[p] == kNoIndex ? nearest[p] : -1;
+    for (std::uint32_t p = 0; p < nearest.size(); ++p) nearest[p] = home[p] == formats::kNone ? nearest[p] : -1;
     for (std::uint32_t t = 0; t < count_; ++t) {
       if (air_[t] != 0) continue;
       const Tetrahedron& v = lattice_.tetrahedra[t];

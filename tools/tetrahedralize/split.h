@@ -16,8 +16,8 @@ struct SplitMesh {
   /// Per tetrahedron: fraction of it inside its own fragment of solid, where it has copies; else negative.
   std::vector<double> inside;
   /// Per position of the piece: the tetrahedron it lies in, of several copies the one of its own fragment. Outside all
-  /// of them: the nearest that a triangle of its own passes through, so never across a gap; kNoIndex where there is
-  /// none.
+  /// of them: the nearest that a triangle of its own passes through, so never across a gap; formats::kNone where there
+  /// is none.
   std::vector<std::uint32_t> home;
   double volume = 0;           ///< of the lattice that is left, m^3: copies of one cell count once
   std::uint32_t cells = 0;     ///< tetrahedra that have copies now

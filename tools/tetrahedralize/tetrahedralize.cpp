@@ -345,7 +345,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
   }
   PhysicalMesh result;
   result.part_piece = set.part_piece;
-  result.home.assign(mesh.welded_positions.size(), kNoIndex);
+  result.home.assign(mesh.welded_positions.size(), formats::kNone);
   // Only delaunay works on the surface itself.
   std::vector<char> crosses_itself(set.pieces.size(), 0);
   if (options.method == TetrahedraMethod::delaunay) {
@@ -353,7 +353,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
     const auto pairs = findSelfIntersections(mesh, topology, kMostPairs, false);
     for (const auto& pair : pairs) {
       const std::uint32_t part = topology.part_of_triangle[pair.first];
-      if (part != kNoIndex) crosses_itself[set.part_piece[part]] = 1;
+      if (part != formats::kNone) crosses_itself[set.part_piece[part]] = 1;
     }
     if (pairs.size() >= kMostPairs) std::fill(crosses_itself.begin(), crosses_itself.end(), char(1));
   }
@@ -460,7 +460,7 @@ PhysicalMesh tetrahedralize(const VisualMesh& mesh, const Topology& topology, co
                   "Move them apart, or join them by faces, where sinew check reports self-intersections.");
     }
     for (std::size_t p = 0; p < split.home.size(); ++p) {
-      if (split.home[p] != kNoIndex) result.home[piece.points[p]] = physical.first_tetrahedron + split.home[p];
+      if (split.home[p] != formats::kNone) result.home[piece.points[p]] = physical.first_tetrahedron + split.home[p];
     }
     result.pieces.push_back(std::move(physical));
   }

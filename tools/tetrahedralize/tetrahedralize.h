@@ -59,8 +59,8 @@ struct PhysicalMesh {
   TetrahedraQuality quality;
   std::vector<std::uint32_t> part_piece;  ///< piece of each surface part (loose sheets: the nearest piece)
   /// Per welded point: the tetrahedron it lies in, of several copies in one place the one on its own side of the gap;
-  /// outside all of them the nearest that one of its own triangles passes through. kNoIndex where there is none, for
-  /// points of loose sheets and of pieces filled by delaunay. May be empty: nothing is known.
+  /// outside all of them the nearest that one of its own triangles passes through. formats::kNone where there is none,
+  /// for points of loose sheets and of pieces filled by delaunay. May be empty: nothing is known.
   std::vector<std::uint32_t> home;
   std::vector<Finding> findings;  ///< method chosen and why, volume ratio, fattened thin parts, sheets attached, ...
 

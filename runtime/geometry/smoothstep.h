@@ -1,9 +1,9 @@
-// SPDX-License-Identifier: GPL-3.0-or-later
+// SPDX-License-Identifier: MIT
 #pragma once
 
 #include <algorithm>
 
-namespace sinew::tools {
+namespace sinew::geometry {
 
 /// 3 t² - 2 t³ of t clamped to 0..1: from 0 to 1 with level ends.
 template <class Float>
@@ -12,4 +12,4 @@ constexpr Float smoothstep(Float t) {
   return t * t * (3 - 2 * t);
 }
 
-}  // namespace sinew::tools
+}  // namespace sinew::geometry
